@@ -5,6 +5,7 @@ pub(crate) mod access;
 pub(crate) mod paper;
 pub(crate) mod query;
 pub(crate) mod recipe;
+pub(crate) mod shop;
 pub(crate) mod stick_out;
 
 use std::path::PathBuf;
@@ -32,6 +33,7 @@ pub(crate) enum Command {
     Paper(paper::PaperArguments),
     Query(query::QueryArguments),
     Recipe(recipe::RecipeArguments),
+    Shop(shop::ShopArguments),
     StickOut(stick_out::StickOutArguments),
     Train(TrainArguments),
 }

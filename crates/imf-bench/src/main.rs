@@ -3,6 +3,7 @@
 //! ```text
 //! cargo run --release -p imf-bench -- access      what of a surface a tool reaches, beside the direct test
 //! cargo run --release -p imf-bench -- exact       exact sections beside scipy, and how their cost grows
+//! cargo run --release -p imf-bench -- shop        the fewest set-ups of whole parts
 //! cargo run --release -p imf-bench -- train       training steps beside PyTorch
 //! cargo run --release -p imf-bench -- gpu         what a GPU does beside the CPU
 //! cargo run --release -p imf-bench -- query       poses a second beside collision libraries
@@ -26,10 +27,12 @@ mod interpolation;
 mod measurement;
 mod paper;
 mod planar;
+mod prismatic;
 mod query;
 mod recipe;
 mod revolved;
 mod rivals;
+mod shop;
 mod stick_out;
 mod train;
 
@@ -56,6 +59,7 @@ fn run(cli: &Cli, rank: Rank) -> anyhow::Result<()> {
         Command::Paper(arguments) => paper::run(&session, arguments),
         Command::Query(arguments) => query::run(&session, arguments),
         Command::Recipe(arguments) => recipe::run(&session, arguments),
+        Command::Shop(arguments) => shop::run(&session, arguments),
         Command::StickOut(arguments) => stick_out::run(&session, arguments),
         Command::Train(arguments) => train::run(&session, arguments),
     }

@@ -1,15 +1,21 @@
 //! The fewest sets that cover a stated fraction of a weighted universe, with a proof or with the gap that is left.
 //!
 //! Weighted partial set cover, solved exactly: elements with the same sets are merged, sets inside others dropped, a greedy
-//! cover is made, and a depth-first search shows for one number of sets after the other that it is too small, or finds a
-//! cover. Weights are whole numbers inside, so that bounds are exact.
+//! cover is made smaller by exchanges, and a search shows for one number of sets after the other that it is too small, or finds
+//! a cover. Weights are whole numbers inside, so that bounds are exact.
 
+mod bits;
+mod bound;
+mod branches;
+mod groups;
+mod local;
+mod pairs;
+mod reduced;
 mod search;
 
-use std::collections::HashMap;
-
 use crate::control::Control;
-use search::Search;
+use bits::Bits;
+use reduced::Reduced;
 
 /// Which elements each set holds, and what each element weighs.
 #[derive(Clone, Debug, Default)]
@@ -24,14 +30,14 @@ pub struct CoverProblem {
 pub struct CoverSettings {
     /// The fraction to cover of the weight that all sets together cover, above 0 and at most 1.
     pub fraction: f64,
-    /// Places of the search that are looked at before it gives up the proof.
-    pub places: u64,
+    /// Steps of the search before it gives up the proof. In one 64 elements of two sets are compared.
+    pub steps: u64,
 }
 
 impl Default for CoverSettings {
     fn default() -> Self {
-        // Of 1,000 sets and 2,000 elements these take some ten seconds.
-        Self { fraction: 1.0, places: 100_000 }
+        // Of 1,000 sets and 2,000 elements these take some ten seconds on two cores.
+        Self { fraction: 1.0, steps: 20_000_000_000 }
     }
 }
 
@@ -50,6 +56,12 @@ impl Cover {
     pub fn is_proven(&self) -> bool {
         self.at_least == self.sets.len()
     }
+}
+
+/// Why a search ended without an answer.
+enum Stop {
+    Cancelled,
+    Steps,
 }
 
 /// The weights together, as a whole number: fine enough for areas, far from overflow.
@@ -93,8 +105,16 @@ impl CoverProblem {
     /// The weight that these sets cover together.
     #[must_use]
     pub fn covered(&self, sets: &[usize]) -> f64 {
-        let held = |element: &usize| sets.iter().any(|&set| self.holds(set, *element));
-        (0..self.weights.len()).filter(held).map(|element| self.weights[element]).sum()
+        bits::ones(&self.union(sets.iter().copied())).map(|element| self.weights[element]).sum()
+    }
+
+    /// The elements that these sets hold together.
+    fn union(&self, sets: impl Iterator<Item = usize>) -> Vec<u64> {
+        let mut union = vec![0u64; self.weights.len().div_ceil(64)];
+        for set in sets {
+            union.iter_mut().zip(&self.sets[set]).for_each(|(union, held)| *union |= held);
+        }
+        union
     }
 
     /// The weight that each of these sets covers and no other of them.
@@ -110,29 +130,78 @@ impl CoverProblem {
         alone
     }
 
-    /// The fewest sets that cover the fraction of what all sets cover; `None` where the control asks to stop. The result
-    /// depends on nothing but problem and settings.
+    /// The fewest sets that cover the fraction of what all sets cover; `None` where the control asks to stop. Of sets that do as
+    /// well the first is taken. The result depends on nothing but problem and settings.
     #[must_use]
     pub fn fewest(&self, settings: &CoverSettings, control: Control<'_>) -> Option<Cover> {
-        let reduced = Reduced::new(self, settings.fraction);
-        let mut search = Search::new(&reduced, settings.places, control);
-        let mut best = search.greedy();
-        let mut at_least = usize::from(!best.is_empty());
+        let Some(mut reduced) = self.reduced(settings.fraction) else {
+            return Some(Cover { sets: Vec::new(), at_least: 0 });
+        };
+        let mut steps = settings.steps;
+        let mut best = local::exchanged(&reduced, local::greedy(&reduced), &mut steps, control)?;
+        let mut at_least = 1;
         while at_least < best.len() {
-            match search.cover_of(at_least) {
-                Some(Ok(cover)) => best = cover,
-                Some(Err(search::Stop::Cancelled)) => return None,
-                Some(Err(search::Stop::Places)) => break,
-                None => at_least += 1,
+            let (verdict, taken) = bound::by_prices(&mut reduced, at_least);
+            steps = steps.saturating_sub(taken);
+            if matches!(verdict, bound::Verdict::None) {
+                at_least += 1;
+                continue;
+            }
+            match branches::cover_of(&reduced, at_least, &mut steps, control) {
+                Ok(Some(cover)) => best = cover,
+                Ok(None) => at_least += 1,
+                Err(Stop::Cancelled) => return None,
+                Err(Stop::Steps) => break,
             }
         }
-        let mut sets: Vec<usize> = best.into_iter().map(|set| reduced.names[set]).collect();
+        let mut sets: Vec<usize> = best.into_iter().map(|set| set as usize).collect();
+        self.first_of_equals(&mut sets);
         self.largest_gain_first(&mut sets);
         Some(Cover { sets, at_least })
     }
 
+    /// The problem in whole numbers and with nothing in it that does not matter; `None` where nothing is to be covered.
+    fn reduced(&self, fraction: f64) -> Option<Reduced> {
+        let total: f64 = self.weights.iter().sum();
+        let scale = if total > 0.0 { WHOLE / total } else { 0.0 };
+        let whole: Vec<u64> = self.weights.iter().map(|w| (w * scale).round() as u64).collect();
+        let held =
+            |&element: &usize| whole[element] > 0 && (0..self.sets()).any(|set| self.holds(set, element));
+        let held: Vec<usize> = (0..whole.len()).filter(held).collect();
+        let weights: Vec<u64> = held.iter().map(|&element| whole[element]).collect();
+        // What rounding takes from a fraction, a unit of each element, may stay; of all nothing may.
+        let of = |coverable: u64| ((1.0 - fraction.max(0.0)) * coverable as f64) as u64 + held.len() as u64;
+        let slack = if fraction >= 1.0 { 0 } else { of(weights.iter().sum()) };
+        let mut rows_of = Bits::new(self.sets(), held.len());
+        for set in 0..self.sets() {
+            let rows = (0..held.len()).filter(|&row| self.holds(set, held[row]));
+            rows.for_each(|row| rows_of.set(set, row));
+        }
+        if held.is_empty() {
+            return None;
+        }
+        Reduced::new(weights, Vec::new(), slack, (0..self.sets() as u32).collect(), rows_of)
+    }
+
+    /// Exchanges each set for the first with which they cover no less.
+    fn first_of_equals(&self, sets: &mut [usize]) {
+        for at in 0..sets.len() {
+            let others = sets.iter().enumerate().filter(|(other, _)| *other != at);
+            let others = self.union(others.map(|(_, &set)| set));
+            let gain = |set: usize| -> f64 {
+                let new: Vec<u64> =
+                    others.iter().zip(&self.sets[set]).map(|(others, held)| held & !others).collect();
+                bits::ones(&new).map(|element| self.weights[element]).sum()
+            };
+            let own = gain(sets[at]);
+            if let Some(first) = (0..sets[at]).find(|&candidate| gain(candidate) >= own) {
+                sets[at] = first;
+            }
+        }
+    }
+
     /// Sorts sets so that each adds the most to those before it.
-    fn largest_gain_first(&self, sets: &mut [usize]) {
+    pub(crate) fn largest_gain_first(&self, sets: &mut [usize]) {
         sets.sort_unstable();
         let mut covered = vec![0u64; self.weights.len().div_ceil(64)];
         for at in 0..sets.len() {
@@ -151,85 +220,6 @@ impl CoverProblem {
             covered.iter_mut().zip(&self.sets[sets[at]]).for_each(|(all, new)| *all |= new);
         }
     }
-}
-
-/// The problem with nothing in it that does not matter.
-struct Reduced {
-    /// By element: its weight as a whole number, above 0.
-    weights: Vec<u64>,
-    /// By element: the sets that hold it.
-    holders: Vec<Vec<u32>>,
-    /// By set: its elements.
-    elements: Vec<Vec<u32>>,
-    /// By set: its index in the problem.
-    names: Vec<usize>,
-    /// The weight that may stay uncovered.
-    slack: u64,
-}
-
-impl Reduced {
-    fn new(problem: &CoverProblem, fraction: f64) -> Self {
-        let total: f64 = problem.weights.iter().sum();
-        let scale = if total > 0.0 { WHOLE / total } else { 0.0 };
-        let whole: Vec<u64> = problem.weights.iter().map(|w| (w * scale).round() as u64).collect();
-        let names = undominated(&problem.sets);
-        // Elements that the same sets hold are one.
-        let mut by_holders: HashMap<Vec<u32>, u64> = HashMap::new();
-        for (element, &weight) in whole.iter().enumerate().filter(|(_, weight)| **weight > 0) {
-            let holders: Vec<u32> =
-                (0..names.len()).filter(|&s| problem.holds(names[s], element)).map(|s| s as u32).collect();
-            if !holders.is_empty() {
-                *by_holders.entry(holders).or_default() += weight;
-            }
-        }
-        let mut rows: Vec<(Vec<u32>, u64)> = by_holders.into_iter().collect();
-        rows.sort_by(|a, b| a.0.len().cmp(&b.0.len()).then_with(|| a.0.cmp(&b.0)));
-        let coverable: u64 = rows.iter().map(|(_, weight)| weight).sum();
-        // The slack of rounding goes to the one who wants all: nothing may stay uncovered.
-        let slack = if fraction >= 1.0 { 0 } else { ((1.0 - fraction.max(0.0)) * coverable as f64) as u64 };
-        if slack == 0 {
-            rows = without_implied(rows);
-        }
-        let mut elements = vec![Vec::new(); names.len()];
-        for (element, (holders, _)) in rows.iter().enumerate() {
-            holders.iter().for_each(|&set| elements[set as usize].push(element as u32));
-        }
-        let (holders, weights) = rows.into_iter().unzip();
-        Self { weights, holders, elements, names, slack }
-    }
-}
-
-/// Indices of the sets that lie within no other; of equal ones the first.
-fn undominated(sets: &[Vec<u64>]) -> Vec<usize> {
-    let size = |set: &[u64]| set.iter().map(|word| word.count_ones()).sum::<u32>();
-    let mut order: Vec<(u32, usize)> =
-        sets.iter().enumerate().map(|(index, set)| (size(set), index)).collect();
-    order.sort_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
-    let mut kept: Vec<usize> = Vec::new();
-    for (_, index) in order.into_iter().filter(|(size, _)| *size > 0) {
-        let inside = |other: &usize| sets[index].iter().zip(&sets[*other]).all(|(a, b)| a & !b == 0);
-        if !kept.iter().any(inside) {
-            kept.push(index);
-        }
-    }
-    kept
-}
-
-/// Where all must be covered, an element is covered with any whose sets are among its own; rows with few sets first.
-fn without_implied(rows: Vec<(Vec<u32>, u64)>) -> Vec<(Vec<u32>, u64)> {
-    let sets = rows.iter().flat_map(|(sets, _)| sets).max().map_or(0, |last| *last as usize + 1);
-    let mut kept: Vec<(Vec<u32>, u64)> = Vec::new();
-    let mut words: Vec<Vec<u64>> = Vec::new();
-    for row in rows {
-        let mut own = vec![0u64; sets.div_ceil(64)];
-        row.0.iter().for_each(|&set| own[set as usize / 64] |= 1 << (set % 64));
-        let implies = |one: &Vec<u64>| one.iter().zip(&own).all(|(one, own)| one & !own == 0);
-        if !words.iter().any(implies) {
-            words.push(own);
-            kept.push(row);
-        }
-    }
-    kept
 }
 
 #[cfg(test)]

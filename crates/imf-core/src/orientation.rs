@@ -8,7 +8,8 @@ mod limits;
 mod set;
 mod spread;
 
-pub use limits::Limits;
+pub use limits::{Limits, TiltingAxis};
+pub(crate) use set::AXES;
 pub use set::{OrientationSet, OrientationSetError};
 
 use glam::{DMat3, DQuat, DVec3};

@@ -9,7 +9,9 @@
 #[doc(hidden)]
 pub mod bracket;
 mod screw_gear;
-pub(crate) mod shell;
+/// Surfaces from faces and walls, of which `imf-bench` makes parts too.
+#[doc(hidden)]
+pub mod shell;
 mod teapot;
 mod teapot_patches;
 

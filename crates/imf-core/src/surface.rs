@@ -24,7 +24,7 @@ pub use crib::crib_access;
 pub use culprits::{LeastOverlap, culprits, least_overlaps};
 pub use patches::SurfacePatch;
 pub use samples::{SurfaceSample, SurfaceSamples};
-pub use setups::{ChosenSetup, PartSetup, SetupPlan, fewest_setups};
+pub use setups::{ChosenSetup, PartSetup, SetupPlan, fewest_setups, ways_up};
 pub use stick_out::{StickOut, StickOutTool, least_stick_outs};
 pub use surroundings::{SolidBody, Surroundings};
 

@@ -10,6 +10,7 @@ mod paper;
 mod query;
 mod recipe;
 mod refusals;
+mod shop;
 mod stick_out;
 
 /// The binary that is run.

@@ -233,6 +233,7 @@ fn bad_input_is_refused_with_a_remedy() {
     refuse(&["--map", "0,0,0", "--map-step", "0"], &["--map-step"]);
     refuse(&["--fixture", "vice.obj"], &["vice.obj", "no mesh file"]);
     refuse(&["--stock", "bar.obj"], &["bar.obj"]);
+    refuse(&["--setups", "--fixture", "clamp.obj"], &["belongs to one set-up", "--limits"]);
     refuse(&["--stock", "box:-2"], &["--stock", "negative"]);
     refuse(&["--clearance=-1"], &["clearance of the holder", "not -1"]);
     refuse(&["--contact=-1"], &["contact", "not -1"]);
@@ -269,4 +270,32 @@ fn the_fewest_set_ups_are_proven_and_fewer_do_for_less() {
     let asked = (100.0 * best - 0.5).to_string();
     let (fewer, covered, _) = set_ups(&["--cover", &asked]);
     assert!(fewer == 1 && covered >= 0.01 * (100.0 * best - 0.5), "{fewer} {covered}");
+}
+
+/// A table that turns a quarter reaches the slot's ends where the part is turned for it, and says by how much.
+#[test]
+fn a_part_is_turned_to_what_the_rotary_axes_reach() {
+    let folder = workshop();
+    let set_ups =
+        |range: &str| folder.json(&arguments(&["--tool", "long.toml", "--setups", range]))["setups"].clone();
+    let (whole, quarter) = (set_ups("ac:0:90:0:360"), set_ups("ac:0:90:20:110"));
+    assert!(quarter["candidates"].as_u64() > whole["candidates"].as_u64(), "{quarter}");
+    assert!(quarter["setups"].as_array().unwrap().len() >= whole["setups"].as_array().unwrap().len());
+    for (row, turns) in [(&whole, [0.0, 360.0]), (&quarter, [20.0, 110.0])] {
+        assert_eq!(row["proven"], true);
+        for setup in row["setups"].as_array().unwrap() {
+            assert!(setup["transform"].as_str().unwrap().starts_with("rotate:"), "{setup}");
+            let rotary = &setup["rotary"];
+            assert_eq!(rotary["tilting"], "A");
+            let end = |name: &str, at: usize| rotary[name][at].as_f64().unwrap();
+            assert!(
+                0.0 <= end("tilt", 0) && end("tilt", 0) <= end("tilt", 1) && end("tilt", 1) <= 90.0,
+                "{rotary}"
+            );
+            assert!(
+                turns[0] <= end("turn", 0) && end("turn", 0) <= end("turn", 1) && end("turn", 1) <= turns[1],
+                "{rotary}"
+            );
+        }
+    }
 }

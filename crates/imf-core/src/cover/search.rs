@@ -1,263 +1,184 @@
-//! Greedy covers, and the search that shows that no smaller one exists.
+//! The search for a cover of a number of sets, or for the proof that there is none.
 
-use super::Reduced;
+use super::Stop;
+use super::bits::{count, first, has, ones, remove};
+use super::bound::{Verdict, by_prices};
+use super::groups::Groups;
+use super::reduced::Reduced;
 use crate::control::Control;
 
-/// Why a search ended without an answer.
-pub(super) enum Stop {
-    Cancelled,
-    Places,
-}
+/// Steps between two looks at the control.
+const BREATH: u64 = 1 << 22;
+/// Rows from which groups are begun.
+const STARTS: usize = 8;
+/// Rows of which the one with the fewest sets left is looked for.
+pub(super) const ROWS: usize = 48;
 
-/// Places between two looks at the control.
-const BREATH: u64 = 1 << 12;
+/// A cover, none, or no answer.
+pub(super) type Found = Result<Option<Vec<u32>>, Stop>;
 
+/// Looks for covers within a number of steps, operations on words of 64 bits.
 pub(super) struct Search<'a> {
-    problem: &'a Reduced,
     control: Control<'a>,
-    /// Places left to look at.
-    places: u64,
-    /// By element: how many chosen sets hold it, and whether it is given up.
-    held: Vec<u32>,
-    given_up: Vec<bool>,
-    /// By element: its sets that are not ruled out.
-    available: Vec<u32>,
-    /// By set: the weight of its open elements, those neither held nor given up; and whether it is ruled out.
-    gain: Vec<u64>,
-    ruled_out: Vec<bool>,
-    /// The weight of all open elements.
-    open: u64,
-    slack: u64,
-    chosen: Vec<usize>,
-    /// By set: the last bound in which it held one of the elements apart; and the number of that bound.
-    marks: Vec<u64>,
-    mark: u64,
+    /// Steps left, and when the control is asked again.
+    pub(super) steps: u64,
+    next_look: u64,
 }
 
 impl<'a> Search<'a> {
-    pub(super) fn new(problem: &'a Reduced, places: u64, control: Control<'a>) -> Self {
-        let gain = problem.elements.iter().map(|all| all.iter().map(|&e| problem.weights[e as usize]).sum());
-        Self {
-            control,
-            places,
-            held: vec![0; problem.weights.len()],
-            given_up: vec![false; problem.weights.len()],
-            available: problem.holders.iter().map(|sets| sets.len() as u32).collect(),
-            gain: gain.collect(),
-            ruled_out: vec![false; problem.elements.len()],
-            open: problem.weights.iter().sum(),
-            slack: problem.slack,
-            chosen: Vec::new(),
-            marks: vec![0; problem.elements.len()],
-            mark: 0,
-            problem,
-        }
+    pub(super) fn new(steps: u64, control: Control<'a>) -> Self {
+        Self { control, steps, next_look: steps }
     }
 
-    /// The set that adds most, again and again; then without those that are not needed any more.
-    pub(super) fn greedy(&mut self) -> Vec<usize> {
-        while self.open > self.slack {
-            let best = (0..self.gain.len()).max_by_key(|&set| (self.gain[set], usize::MAX - set));
-            self.choose(best.expect("every open element has a set"));
-        }
-        for set in self.chosen.clone() {
-            self.release(set);
-            if self.open > self.slack {
-                self.choose(set);
+    pub(super) fn spend(&mut self, steps: u64) -> Result<(), Stop> {
+        self.steps = self.steps.saturating_sub(steps);
+        if self.steps <= self.next_look {
+            self.next_look = self.steps.saturating_sub(BREATH);
+            if self.control.is_cancelled() {
+                return Err(Stop::Cancelled);
             }
         }
-        let found = self.chosen.clone();
-        found.iter().for_each(|&set| self.release(set));
-        found
+        if self.steps == 0 { Err(Stop::Steps) } else { Ok(()) }
     }
 
-    /// A cover of `count` sets, or `None` where there is none.
-    pub(super) fn cover_of(&mut self, count: usize) -> Option<Result<Vec<usize>, Stop>> {
-        let found = self.descend(count);
-        let chosen = std::mem::take(&mut self.chosen);
-        chosen.iter().for_each(|&set| self.uncount(set));
-        match found {
-            Ok(true) => Some(Ok(chosen)),
-            Ok(false) => None,
-            Err(stop) => Some(Err(stop)),
+    /// A cover by at most `left` sets, or `None` where there is none.
+    pub(super) fn cover(&mut self, mut problem: Reduced, left: usize) -> Found {
+        if problem.needed() == 0 {
+            return Ok(Some(Vec::new()));
         }
-    }
-
-    /// True with the cover in `chosen`; else all is as before, unless it stopped.
-    fn descend(&mut self, left: usize) -> Result<bool, Stop> {
-        if self.open <= self.slack {
-            return Ok(true);
+        if left <= 2 {
+            let groups = self.groups(&problem)?;
+            let found = self.pair(&problem, &groups, &first(problem.rows()), &problem.all_sets(), left)?;
+            return Ok(found.map(|sets| sets.into_iter().map(|set| problem.names[set]).collect()));
         }
-        if self.places == 0 {
-            return Err(Stop::Places);
-        }
-        self.places -= 1;
-        if self.places.is_multiple_of(BREATH) && self.control.is_cancelled() {
-            return Err(Stop::Cancelled);
-        }
-        let needed = self.open - self.slack;
-        let gains = self.largest_gains(left);
-        // Their gains together are too little, or more elements than that need a set of their own.
-        if gains.iter().sum::<u64>() < needed || self.apart(left) {
-            return Ok(false);
-        }
-        let others: u64 = gains.iter().take(left.saturating_sub(1)).sum();
-        let Some(element) = self.hardest() else { return Ok(false) };
-        let weight = self.problem.weights[element];
-        let mut sets: Vec<usize> = self.problem.holders[element]
-            .iter()
-            .map(|&s| s as usize)
-            .filter(|&s| !self.ruled_out[s])
-            .collect();
-        sets.sort_by_key(|&set| (u64::MAX - self.gain[set], set));
-        let mut tried = Vec::with_capacity(sets.len());
-        let mut found = false;
+        let mut available = problem.all_sets();
+        let sets = self.branches(&mut problem, left, &mut available)?;
+        let groups = if left == 3 && !sets.is_empty() { Some(self.groups(&problem)?) } else { None };
         for set in sets {
-            // The sets that follow gain no more.
-            if self.gain[set] + others < needed {
-                break;
-            }
-            self.choose(set);
-            found = self.descend(left - 1)?;
-            if found {
-                break;
-            }
-            self.release(set);
-            // Covers with this set were all looked at.
-            self.rule_out(set);
-            tried.push(set);
-        }
-        if !found && weight <= self.slack {
-            self.give_up(element);
-            found = self.descend(left)?;
-            self.take_back(element);
-        }
-        tried.into_iter().for_each(|set| self.allow(set));
-        Ok(found)
-    }
-
-    fn rule_out(&mut self, set: usize) {
-        self.ruled_out[set] = true;
-        self.problem.elements[set].iter().for_each(|&element| self.available[element as usize] -= 1);
-    }
-
-    fn allow(&mut self, set: usize) {
-        self.ruled_out[set] = false;
-        self.problem.elements[set].iter().for_each(|&element| self.available[element as usize] += 1);
-    }
-
-    /// The largest gains of so many sets that are not ruled out.
-    fn largest_gains(&self, count: usize) -> Vec<u64> {
-        let mut largest = Vec::with_capacity(count + 1);
-        for (set, &gain) in self.gain.iter().enumerate() {
-            if self.ruled_out[set]
-                || (largest.len() == count && largest.last().is_none_or(|&least| gain <= least))
-            {
-                continue;
-            }
-            let at = largest.partition_point(|&other| other >= gain);
-            largest.insert(at, gain);
-            largest.truncate(count);
-        }
-        largest
-    }
-
-    /// True where more than `left` open elements need a set of their own.
-    fn apart(&mut self, left: usize) -> bool {
-        self.mark += 1;
-        let mut apart = Vec::new();
-        for element in 0..self.problem.weights.len() {
-            if !self.is_open(element) {
-                continue;
-            }
-            let holders = &self.problem.holders[element];
-            if holders.iter().any(|&s| !self.ruled_out[s as usize] && self.marks[s as usize] == self.mark) {
-                continue;
-            }
-            holders.iter().for_each(|&set| self.marks[set as usize] = self.mark);
-            apart.push(self.problem.weights[element]);
-        }
-        if apart.len() <= left {
-            return false;
-        }
-        // As many as can be of them stay uncovered.
-        apart.sort_unstable();
-        let mut slack = self.slack;
-        let uncovered = apart.iter().take_while(|&&weight| {
-            let fits = weight <= slack;
-            slack = slack.saturating_sub(weight);
-            fits
-        });
-        apart.len() - uncovered.count() > left
-    }
-
-    fn is_open(&self, element: usize) -> bool {
-        self.held[element] == 0 && !self.given_up[element]
-    }
-
-    /// The open element with the fewest sets; one that must be covered before one that need not.
-    fn hardest(&self) -> Option<usize> {
-        let open = (0..self.problem.weights.len()).filter(|&element| self.is_open(element));
-        open.min_by_key(|&element| {
-            let weight = self.problem.weights[element];
-            (weight <= self.slack, self.available[element], u64::MAX - weight)
-        })
-    }
-
-    fn choose(&mut self, set: usize) {
-        self.chosen.push(set);
-        for &element in &self.problem.elements[set] {
-            let element = element as usize;
-            if self.is_open(element) {
-                self.close(element);
-            }
-            self.held[element] += 1;
-        }
-    }
-
-    /// Takes a chosen set out, wherever it stands.
-    fn release(&mut self, set: usize) {
-        self.chosen.retain(|&other| other != set);
-        self.uncount(set);
-    }
-
-    fn uncount(&mut self, set: usize) {
-        for &element in &self.problem.elements[set] {
-            let element = element as usize;
-            self.held[element] -= 1;
-            if self.is_open(element) {
-                self.reopen(element);
+            // Covers with this set are all looked at now.
+            remove(&mut available, set);
+            let found = match &groups {
+                Some(groups) => self.rest_by_two(&problem, groups, set, &available)?,
+                None => self.below(&problem, set, &available, left)?,
+            };
+            if found.is_some() {
+                return Ok(found);
             }
         }
+        Ok(None)
     }
 
-    fn give_up(&mut self, element: usize) {
-        self.close(element);
-        self.slack -= self.problem.weights[element];
-        self.given_up[element] = true;
+    fn below(&mut self, problem: &Reduced, set: usize, available: &[u64], left: usize) -> Found {
+        let Some(rest) = problem.after(set, available) else { return Ok(None) };
+        self.spend(rest.steps)?;
+        let found = self.cover(rest, left - 1)?;
+        Ok(found.map(|mut sets| {
+            sets.push(problem.names[set]);
+            sets
+        }))
     }
 
-    fn take_back(&mut self, element: usize) {
-        self.given_up[element] = false;
-        self.slack += self.problem.weights[element];
-        if self.is_open(element) {
-            self.reopen(element);
+    /// Sets of which one is in every cover; those that are in none are taken out of the available ones.
+    pub(super) fn branches(
+        &mut self,
+        problem: &mut Reduced,
+        left: usize,
+        available: &mut [u64],
+    ) -> Result<Vec<usize>, Stop> {
+        let group = self.group(problem, &first(problem.rows()), available, STARTS)?;
+        let few = count(group.iter().copied());
+        // Where little is left to be tried prices are dearer than trying.
+        if left == 3 && few * few * 64 < 4 * problem.rows() * problem.rows_of.words() {
+            return Ok(ones(&group).collect());
         }
+        let (verdict, steps) = by_prices(problem, left);
+        self.spend(steps)?;
+        let Verdict::OneOf { sets, useless } = verdict else { return Ok(Vec::new()) };
+        useless.into_iter().for_each(|set| remove(available, set));
+        if sets.len() <= few {
+            return Ok(sets);
+        }
+        let size = |set: usize| count(problem.rows_of.row(set).iter().copied());
+        let mut sets: Vec<usize> = ones(&group).filter(|&set| has(available, set)).collect();
+        sets.sort_by_key(|&set| (usize::MAX - size(set), set));
+        Ok(sets)
     }
 
-    fn close(&mut self, element: usize) {
-        let weight = self.problem.weights[element];
-        self.open -= weight;
-        for &set in &self.problem.holders[element] {
-            self.gain[set as usize] -= weight;
+    /// The available sets that hold any of some open rows which may not all stay uncovered, as few as are soon found: one
+    /// of them is in every cover.
+    pub(super) fn group(
+        &mut self,
+        problem: &Reduced,
+        open: &[u64],
+        available: &[u64],
+        starts: usize,
+    ) -> Result<Vec<u64>, Stop> {
+        // Rows come with the fewest sets first, but some sets may be ruled out.
+        let rows: Vec<(Vec<u64>, u64)> = ones(open)
+            .take(if problem.slack > 0 { 4 * ROWS } else { ROWS })
+            .map(|row| {
+                let sets =
+                    problem.sets_of.row(row).iter().zip(available).map(|(set, open)| set & open).collect();
+                (sets, problem.weights[row])
+            })
+            .collect();
+        let sizes: Vec<usize> = rows.iter().map(|(sets, _)| count(sets.iter().copied())).collect();
+        let mut looked = rows.len() * available.len();
+        let mut order: Vec<usize> = (0..rows.len()).collect();
+        order.sort_by_key(|&row| (sizes[row], row));
+        let mut best: Option<(usize, Vec<u64>)> = None;
+        for &start in order.iter().take(starts) {
+            let mut union = rows[start].0.clone();
+            let mut together = rows[start].1;
+            let mut rest: Vec<usize> = (0..rows.len()).filter(|&row| row != start).collect();
+            while together <= problem.slack && !rest.is_empty() {
+                looked += rest.len() * available.len();
+                let new = |row: usize| count(rows[row].0.iter().zip(&union).map(|(set, union)| set & !union));
+                let sizes: Vec<usize> = rest.iter().map(|&row| new(row)).collect();
+                let least = *sizes.iter().min().expect("a row is left");
+                if least > 0 {
+                    let at = (0..rest.len())
+                        .filter(|&at| sizes[at] == least)
+                        .max_by_key(|&at| rows[rest[at]].1)
+                        .expect("one is the least");
+                    union.iter_mut().zip(&rows[rest[at]].0).for_each(|(union, set)| *union |= set);
+                    together += rows[rest[at]].1;
+                    rest.swap_remove(at);
+                } else {
+                    // What lies within costs nothing.
+                    let within = (0..rest.len()).filter(|&at| sizes[at] == 0);
+                    together += within.map(|at| rows[rest[at]].1).sum::<u64>();
+                    rest = (0..rest.len()).filter(|&at| sizes[at] > 0).map(|at| rest[at]).collect();
+                }
+                if best.as_ref().is_some_and(|(size, _)| count(union.iter().copied()) >= *size) {
+                    break;
+                }
+            }
+            if together > problem.slack {
+                let size = count(union.iter().copied());
+                if best.as_ref().is_none_or(|(least, _)| size < *least) {
+                    best = Some((size, union));
+                }
+            }
         }
+        self.spend(looked as u64)?;
+        Ok(best.map_or_else(|| available.to_vec(), |(_, union)| union))
     }
 
-    fn reopen(&mut self, element: usize) {
-        let weight = self.problem.weights[element];
-        self.open += weight;
-        for &set in &self.problem.holders[element] {
-            self.gain[set as usize] += weight;
-        }
+    fn groups(&mut self, problem: &Reduced) -> Result<Groups, Stop> {
+        let groups = Groups::new(problem);
+        self.spend(groups.steps)?;
+        Ok(groups)
+    }
+
+    /// A set is chosen, at most two others may follow.
+    fn rest_by_two(&mut self, problem: &Reduced, groups: &Groups, set: usize, available: &[u64]) -> Found {
+        let open: Vec<u64> = first(problem.rows())
+            .iter()
+            .zip(problem.rows_of.row(set))
+            .map(|(all, held)| all & !held)
+            .collect();
+        let found = self.pair(problem, groups, &open, available, 2)?;
+        Ok(found.map(|sets| sets.into_iter().chain([set]).map(|set| problem.names[set]).collect()))
     }
 }

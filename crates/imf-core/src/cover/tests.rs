@@ -34,23 +34,92 @@ fn by_trying_all(problem: &CoverProblem, fraction: f64) -> usize {
 #[test]
 fn covers_are_the_smallest_that_trying_all_finds() {
     let mut numbers = Numbers(7);
-    let mut beyond_greedy = 0;
-    for round in 0..120 {
-        let problem = random(&mut numbers, 8 + round % 17, 3 + round % 9, 2 + round as u64 % 4);
-        for fraction in [1.0, 0.95, 0.8, 0.5] {
+    for round in 0..400 {
+        let mut problem = random(&mut numbers, 6 + round % 27, 3 + round % 10, 2 + round as u64 % 5);
+        if round % 3 == 0 {
+            let first = problem.sets[0].clone();
+            problem.sets.insert(problem.sets.len() / 2, first);
+        }
+        for fraction in [1.0, 0.97, 0.9, 0.7, 0.4] {
             let settings = CoverSettings { fraction, ..CoverSettings::default() };
             let cover = problem.fewest(&settings, Control::quiet()).unwrap();
             assert!(cover.is_proven());
             assert_eq!(cover.sets.len(), by_trying_all(&problem, fraction), "{round} {fraction} {problem:?}");
             let all: Vec<usize> = (0..problem.sets()).collect();
             assert!(problem.covered(&cover.sets) >= fraction * problem.covered(&all) - 1e-9);
-            let none = CoverSettings { places: 0, ..settings };
-            let greedy = problem.fewest(&none, Control::quiet()).unwrap();
-            assert!(greedy.at_least <= cover.sets.len() && cover.sets.len() <= greedy.sets.len());
-            beyond_greedy += usize::from(cover.sets.len() < greedy.sets.len());
         }
     }
-    assert!(beyond_greedy > 0, "the search was never needed");
+}
+
+/// The search alone, without covers that exchanges find: every number of sets is refused or found rightly.
+#[test]
+fn the_search_refuses_fewer_sets_than_there_must_be_and_finds_as_many() {
+    let mut numbers = Numbers(3);
+    let mut sizes = [0; 8];
+    for round in 0..60 {
+        let problem = random(&mut numbers, 60, 14, 4 + round % 5);
+        for fraction in [1.0, 0.9] {
+            let (least, reduced) = (by_trying_all(&problem, fraction), problem.reduced(fraction).unwrap());
+            sizes[least.min(7)] += 1;
+            for count in 1..=least + 1 {
+                let found = branches::cover_of(&reduced, count, &mut u64::MAX.clone(), Control::quiet());
+                let Ok(found) = found else { panic!("{round} {fraction} {count} stopped") };
+                assert_eq!(found.is_some(), count >= least, "{round} {fraction} {count} of {least}");
+                if let Some(sets) = found {
+                    let sets: Vec<usize> = sets.into_iter().map(|set| set as usize).collect();
+                    let all: Vec<usize> = (0..problem.sets()).collect();
+                    assert!(sets.len() <= count);
+                    assert!(problem.covered(&sets) >= fraction * problem.covered(&all) - 1e-9);
+                }
+            }
+        }
+    }
+    // Deep enough for prices and for branches of branches.
+    assert!(sizes[5..].iter().sum::<i32>() > 10, "{sizes:?}");
+}
+
+#[test]
+fn where_the_steps_end_the_gap_is_told_and_holds() {
+    let problem = caps(300, 80, 50.0);
+    let settings = CoverSettings::default();
+    let proven = problem.fewest(&settings, Control::quiet()).unwrap();
+    assert!(proven.is_proven());
+    let mut gaps = 0;
+    for steps in [0, 100_000, 1_000_000, 10_000_000, 40_000_000] {
+        let cover = problem.fewest(&CoverSettings { steps, ..settings }, Control::quiet()).unwrap();
+        assert!(
+            cover.at_least <= proven.sets.len() && cover.sets.len() >= proven.sets.len(),
+            "{steps} {cover:?}"
+        );
+        gaps += usize::from(!cover.is_proven());
+    }
+    assert!(gaps > 0, "the search was never needed");
+}
+
+#[test]
+#[cfg(feature = "parallel")]
+fn any_number_of_threads_finds_the_same() {
+    let problem = caps(300, 80, 50.0);
+    for (fraction, steps) in [(1.0, 5_000_000), (1.0, 100_000_000), (0.95, 5_000_000), (0.95, 100_000_000)] {
+        let settings = CoverSettings { fraction, steps };
+        let on = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| problem.fewest(&settings, Control::quiet()).unwrap())
+        };
+        let one = on(1);
+        assert!([2, 3, 7].into_iter().all(|threads| on(threads) == one), "{fraction} {steps}");
+    }
+}
+
+#[test]
+fn of_sets_that_do_as_well_the_first_is_taken() {
+    let mut problem = CoverProblem::new(vec![1.0; 6]);
+    problem.add([0, 1, 2]);
+    problem.add([0, 1, 2, 3]);
+    problem.add([3, 4, 5]);
+    problem.add([2, 3, 4, 5]);
+    let cover = problem.fewest(&CoverSettings::default(), Control::quiet()).unwrap();
+    assert_eq!(cover.sets, [0, 2]);
 }
 
 #[test]

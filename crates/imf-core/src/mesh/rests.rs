@@ -1,4 +1,4 @@
-//! Whether a part stands by itself on a plane.
+//! Whether a part stands by itself on a plane, and on how much of its surface.
 
 use glam::{DVec2, DVec3};
 
@@ -12,13 +12,11 @@ impl Mesh {
     /// lies above the inside of the convex hull of the vertices that touch the floor.
     #[must_use]
     pub fn rests_on(&self, down: DVec3) -> bool {
-        let Some((lower, upper)) = self.bounds() else { return false };
         let (u, v) = down.any_orthonormal_pair();
         let flat = |p: DVec3| DVec2::new(p.dot(u), p.dot(v));
-        let corners = || self.triangles.iter().flatten().map(|&index| self.vertices[index as usize]);
-        let floor = corners().map(|p| p.dot(down)).fold(f64::NEG_INFINITY, f64::max);
-        let level = LEVEL * (upper - lower).length();
-        let touching = corners().filter(|p| p.dot(down) >= floor - level).map(flat).collect();
+        let (floor, level) = self.floor(down);
+        let corners = self.triangles.iter().flatten().map(|&index| self.vertices[index as usize]);
+        let touching = corners.filter(|p| p.dot(down) >= floor - level).map(flat).collect();
         let hull = hull(touching);
         let centre = flat(self.centre_of_mass());
         hull.len() > 2
@@ -26,6 +24,23 @@ impl Mesh {
                 let (a, b) = (hull[at], hull[(at + 1) % hull.len()]);
                 (b - a).perp_dot(centre - a) > level * (b - a).length()
             })
+    }
+
+    /// Area of the surface that lies on the floor, with the unit vector `down` pointing to it, in the mesh's unit squared.
+    #[must_use]
+    pub fn floor_area(&self, down: DVec3) -> f64 {
+        let (floor, level) = self.floor(down);
+        let corners = (0..self.triangles.len()).map(|triangle| self.corners(triangle));
+        let lying = corners.filter(|corners| corners.iter().all(|p| p.dot(down) >= floor - level));
+        // A sum of nothing is −0.
+        lying.map(|[a, b, c]| 0.5 * (b - a).cross(c - a).length()).sum::<f64>() + 0.0
+    }
+
+    /// How far the floor lies along `down`, and how much higher still touches it.
+    fn floor(&self, down: DVec3) -> (f64, f64) {
+        let corners = self.triangles.iter().flatten().map(|&index| self.vertices[index as usize]);
+        let floor = corners.map(|p| p.dot(down)).fold(f64::NEG_INFINITY, f64::max);
+        (floor, LEVEL * self.bounds().map_or(0.0, |(lower, upper)| (upper - lower).length()))
     }
 
     /// The centre of the enclosed volume; that of the vertices' box where no volume is enclosed.
@@ -77,9 +92,11 @@ mod tests {
         let cube = unit_cube();
         for down in [DVec3::X, -DVec3::X, DVec3::Y, -DVec3::Y, DVec3::Z, -DVec3::Z] {
             assert!(cube.rests_on(down), "{down}");
+            assert_eq!(cube.floor_area(down), 1.0, "{down}");
         }
         for down in [DVec3::new(1.0, 1.0, 0.0), DVec3::new(1.0, 1.0, 1.0), DVec3::new(0.1, 0.0, 1.0)] {
             assert!(!cube.rests_on(down.normalize()), "{down}");
+            assert_eq!(cube.floor_area(down.normalize()), 0.0, "{down}");
         }
     }
 

@@ -6,6 +6,8 @@
 //! tool stands relative to the part; for a table whose angles count the other way, exchange the signs of the ranges.
 //! Limits speak of directions: how the tool is rolled about its own axis is left free.
 
+mod turns;
+
 use std::fmt;
 
 use glam::{DQuat, DVec3};
@@ -13,6 +15,7 @@ use glam::{DQuat, DVec3};
 use super::set::numbers;
 use super::spread::{direction_orientation, fibonacci};
 use super::{Orientation, OrientationSetError};
+use turns::branches;
 
 /// Angles this far outside a range still count as inside, in degrees: ends of ranges are meant to be reached.
 const SLACK: f64 = 1e-7;
@@ -99,14 +102,7 @@ impl Limits {
             }
             Self::Rotary { tilting, tilt, turn } => {
                 let flat = direction.x.hypot(direction.y);
-                let tilted = flat.atan2(direction.z).to_degrees();
-                let longitude = direction.y.atan2(direction.x).to_degrees();
-                // A positive A tilts towards −y, a positive B towards +x; a negative angle to the other side.
-                let ahead = match tilting {
-                    TiltingAxis::A => longitude + 90.0,
-                    TiltingAxis::B => longitude,
-                };
-                [(tilted, ahead), (-tilted, ahead + 180.0)].iter().any(|&(angle, azimuth)| {
+                branches(tilting, direction).iter().any(|&[angle, azimuth]| {
                     holds_turned(tilt, angle) && (flat < 1e-12 || holds_turned(turn, azimuth))
                 })
             }

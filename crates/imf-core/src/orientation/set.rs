@@ -63,7 +63,7 @@ pub struct OrientationSet {
 type Part<'a> = &'a mut dyn FnMut() -> Result<Vec<DVec3>, OrientationSetError>;
 
 /// From above first, as most parts are set up.
-const AXES: [DVec3; 6] = [DVec3::Z, DVec3::NEG_Z, DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y];
+pub(crate) const AXES: [DVec3; 6] = [DVec3::Z, DVec3::NEG_Z, DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y];
 
 /// More orientations than this are refused as a slip of the keyboard.
 const MOST: usize = 10_000_000;

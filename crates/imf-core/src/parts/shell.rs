@@ -12,7 +12,7 @@ use crate::mesh::weld::Welder;
 
 /// The world axis that a plane of loops is perpendicular to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Axis {
+pub enum Axis {
     /// Planes at constant x; a loop's coordinates are (y, z).
     X,
     /// Planes at constant y; a loop's coordinates are (z, x).
@@ -23,7 +23,7 @@ pub(crate) enum Axis {
 
 /// The side of its plane that a flat face looks to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Facing {
+pub enum Facing {
     /// Towards smaller coordinates on the axis.
     Down,
     /// Towards larger coordinates on the axis.
@@ -32,7 +32,7 @@ pub(crate) enum Facing {
 
 impl Axis {
     /// The point of the plane at `height` with the plane's coordinates `p`.
-    pub(crate) fn point(self, p: DVec2, height: f64) -> DVec3 {
+    pub fn point(self, p: DVec2, height: f64) -> DVec3 {
         match self {
             Self::X => DVec3::new(height, p.x, p.y),
             Self::Y => DVec3::new(p.y, height, p.x),
@@ -41,20 +41,20 @@ impl Axis {
     }
 
     /// A loop of the plane at `height`.
-    pub(crate) fn place(self, outline: &[DVec2], height: f64) -> Vec<DVec3> {
+    pub fn place(self, outline: &[DVec2], height: f64) -> Vec<DVec3> {
         outline.iter().map(|&p| self.point(p, height)).collect()
     }
 }
 
 /// A mesh under construction, whose equal positions are one vertex.
 #[derive(Default)]
-pub(crate) struct Shell {
+pub struct Shell {
     welder: Welder,
 }
 
 impl Shell {
     /// The finished mesh.
-    pub(crate) fn into_mesh(self) -> Mesh {
+    pub fn into_mesh(self) -> Mesh {
         self.welder.finish()
     }
 
@@ -78,14 +78,7 @@ impl Shell {
     }
 
     /// Adds a flat face: the loop `outer` less the loops `holes`, all of any sense, in the plane at `height`.
-    pub(crate) fn face(
-        &mut self,
-        axis: Axis,
-        height: f64,
-        facing: Facing,
-        outer: &[DVec2],
-        holes: &[&[DVec2]],
-    ) {
+    pub fn face(&mut self, axis: Axis, height: f64, facing: Facing, outer: &[DVec2], holes: &[&[DVec2]]) {
         let mut corners = outer.to_vec();
         let mut starts = Vec::with_capacity(holes.len());
         for hole in holes {
@@ -110,7 +103,7 @@ impl Shell {
     ///
     /// # Panics
     /// If the lines differ in length.
-    pub(crate) fn strip(&mut self, from: &[DVec3], to: &[DVec3]) {
+    pub fn strip(&mut self, from: &[DVec3], to: &[DVec3]) {
         assert_eq!(from.len(), to.len(), "a strip runs between lines of equal length");
         for i in 1..from.len() {
             self.quad(from[i - 1], from[i], to[i], to[i - 1]);
@@ -122,32 +115,32 @@ impl Shell {
     ///
     /// # Panics
     /// If the loops are empty or differ in length.
-    pub(crate) fn band(&mut self, from: &[DVec3], to: &[DVec3]) {
+    pub fn band(&mut self, from: &[DVec3], to: &[DVec3]) {
         self.strip(from, to);
         let last = from.len() - 1;
         self.quad(from[last], from[0], to[0], to[last]);
     }
 
     /// Adds the outside of the body that a counter-clockwise loop sweeps between two heights, without its ends.
-    pub(crate) fn post(&mut self, axis: Axis, outline: &[DVec2], heights: [f64; 2]) {
+    pub fn post(&mut self, axis: Axis, outline: &[DVec2], heights: [f64; 2]) {
         self.band(&axis.place(outline, heights[0]), &axis.place(outline, heights[1]));
     }
 
     /// Adds the inside of the hole that a counter-clockwise loop sweeps between two heights, without its ends.
-    pub(crate) fn hole(&mut self, axis: Axis, outline: &[DVec2], heights: [f64; 2]) {
+    pub fn hole(&mut self, axis: Axis, outline: &[DVec2], heights: [f64; 2]) {
         self.band(&axis.place(outline, heights[1]), &axis.place(outline, heights[0]));
     }
 }
 
 /// A whole circle, counter-clockwise.
-pub(crate) fn circle(centre: DVec2, radius: f64, segments: usize) -> Vec<DVec2> {
+pub fn circle(centre: DVec2, radius: f64, segments: usize) -> Vec<DVec2> {
     let step = 360.0 / segments as f64;
     (0..segments).map(|i| centre + radius * DVec2::from_angle((i as f64 * step).to_radians())).collect()
 }
 
 /// A box from the origin to `size`, with the loop `pocket` cut into its top as deep as `depth`, or right through.
 #[cfg(test)]
-pub(crate) fn pocketed(size: DVec3, pocket: &[DVec2], depth: f64) -> Mesh {
+pub fn pocketed(size: DVec3, pocket: &[DVec2], depth: f64) -> Mesh {
     let outer = [DVec2::ZERO, DVec2::new(size.x, 0.0), DVec2::new(size.x, size.y), DVec2::new(0.0, size.y)];
     let floor = size.z - depth;
     let mut shell = Shell::default();
@@ -164,8 +157,7 @@ pub(crate) fn pocketed(size: DVec3, pocket: &[DVec2], depth: f64) -> Mesh {
 }
 
 /// A rectangle with round corners, counter-clockwise: `segments` to a quarter circle.
-#[cfg(test)]
-pub(crate) fn rounded_rectangle(lower: DVec2, upper: DVec2, radius: f64, segments: usize) -> Vec<DVec2> {
+pub fn rounded_rectangle(lower: DVec2, upper: DVec2, radius: f64, segments: usize) -> Vec<DVec2> {
     let (low, high) = (lower + radius, upper - radius);
     let centres = [low, DVec2::new(high.x, low.y), high, DVec2::new(low.x, high.y)];
     let quarter = |(i, centre): (usize, DVec2)| {
@@ -177,7 +169,7 @@ pub(crate) fn rounded_rectangle(lower: DVec2, upper: DVec2, radius: f64, segment
 
 /// Area of a loop by the shoelace formula: positive for a counter-clockwise one.
 #[cfg(test)]
-pub(crate) fn area(outline: &[DVec2]) -> f64 {
+pub fn area(outline: &[DVec2]) -> f64 {
     (0..outline.len()).map(|i| outline[i].perp_dot(outline[(i + 1) % outline.len()])).sum::<f64>() / 2.0
 }
 

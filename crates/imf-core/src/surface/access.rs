@@ -35,6 +35,13 @@ impl SurfaceAccess {
         directions.iter().any(|&direction| self.is_free(sample, direction))
     }
 
+    /// True where a sample is reached from any of these directions, 64 a word, the lowest first.
+    pub(crate) fn is_free_within(&self, sample: usize, directions: &[u64]) -> bool {
+        let words = self.directions.div_ceil(64);
+        let own = &self.free[sample * words..(sample + 1) * words];
+        own.iter().zip(directions).any(|(own, asked)| own & asked != 0)
+    }
+
     /// Number of directions.
     #[must_use]
     pub fn directions(&self) -> usize {

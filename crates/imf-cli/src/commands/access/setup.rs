@@ -73,6 +73,11 @@ pub(super) struct Setup {
 
 impl Setup {
     pub(super) fn new(session: &Session, arguments: &AccessArguments) -> Result<Self> {
+        ensure!(
+            arguments.setups.is_none() || arguments.scene.fixture.is_empty(),
+            "a fixture belongs to one set-up, and here it would go with the part into every one: leave --fixture out for --setups, \
+             or ask for one set-up with the fixture, its directions by --limits"
+        );
         let limits = arguments.limits.as_deref().map(Limits::parse).transpose()?;
         let mut reading = arguments.scene.read(session, true)?;
         let mesh = reading.part.mesh.transformed(&reading.transform);

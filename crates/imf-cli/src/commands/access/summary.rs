@@ -177,7 +177,7 @@ impl Summary {
             map_directions: directions(setup),
             stock,
             surface: surface.map(|surface| surface.row(setup)),
-            setups: surface.and_then(|surface| surface.setups_row(setup)),
+            setups: surface.and_then(Surface::setups_row),
             unreached: surface.map_or_else(Vec::new, |surface| surface.unreached(setup)),
             stick_outs: surface.map_or_else(Vec::new, |surface| surface.stick_out_rows(setup)),
             seconds,

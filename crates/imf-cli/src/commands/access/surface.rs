@@ -234,8 +234,8 @@ impl Surface {
         }
     }
 
-    pub(super) fn setups_row(&self, setup: &Setup) -> Option<SetupsRow> {
-        self.setups.as_ref().map(|found| found.row(self, &setup.suggested))
+    pub(super) fn setups_row(&self) -> Option<SetupsRow> {
+        self.setups.as_ref().map(|found| found.row(self))
     }
 
     pub(super) fn stick_out_rows(&self, setup: &Setup) -> Vec<StickOutRow> {

@@ -1,21 +1,23 @@
 //! The fewest set-ups: candidates, the answer, and what it says to people.
 
-use std::fmt::Write as _;
+use std::fmt::{self, Write as _};
 
-use anyhow::Result;
+use anyhow::{Result, ensure};
 use glam::DVec3;
 use imf_core::cover::CoverSettings;
 use imf_core::mesh::MachiningDirection;
-use imf_core::orientation::{Limits, Orientation};
-use imf_core::surface::{ChosenSetup, PartSetup, SetupPlan, Verdict, fewest_setups};
+use imf_core::orientation::{Limits, Orientation, TiltingAxis};
+use imf_core::surface::{ChosenSetup, PartSetup, SetupPlan, Verdict, fewest_setups, ways_up};
 use serde::Serialize;
 
 use super::{Setup, Surface};
 use crate::interrupt::Interrupted;
 use crate::session::Session;
 
-/// Directions this near to one another are one.
-const SAME: f64 = 5e-4;
+/// More candidates than this take too long to compare.
+const MOST: usize = 20_000;
+/// Degrees by which a direction may lie beyond the end of a range.
+const SLACK: f64 = 1e-5;
 
 /// What set-ups are looked for.
 #[derive(Clone, Copy)]
@@ -28,34 +30,15 @@ pub(in crate::commands::access) struct SetupQuestion {
     pub(in crate::commands::access) every_direction: bool,
 }
 
-const AXES: [DVec3; 6] = [DVec3::Z, DVec3::NEG_Z, DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y];
-
-/// Ways up that a vise and the part suggest: the axes, and both ways along the part's own directions.
-fn ways_up(suggested: &[MachiningDirection]) -> Vec<DVec3> {
-    let of_part = suggested.iter().flat_map(|suggested| [suggested.direction, -suggested.direction]);
-    let mut ways: Vec<DVec3> = Vec::new();
-    for way in AXES.into_iter().chain(of_part) {
-        if ways.iter().all(|known| known.distance(way) > SAME) {
-            ways.push(way);
-        }
-    }
-    ways
-}
-
 /// A set of directions, and every way up as a direction that the tool may come from.
 pub(in crate::commands::access) fn with_ways_up(set: &str, suggested: &[MachiningDirection]) -> String {
-    let named = |way: &DVec3| {
-        let suggested = suggested.iter().map(|suggested| suggested.direction);
-        AXES.into_iter().chain(suggested).any(|known| known.distance(*way) <= SAME)
-    };
-    let ways = ways_up(suggested).into_iter();
-    let others = ways.filter(|way| !named(way)).filter_map(Orientation::from_direction);
-    let others: Vec<String> = others.map(|o| format!("{},{}", o.theta, o.phi)).collect();
-    let first = if set.starts_with("axes+normals") { "" } else { "axes+normals+" };
-    match others.is_empty() {
-        true => format!("{first}{set}"),
-        false => format!("{}+{first}{set}", others.join(";")),
-    }
+    let own = |way: &DVec3| suggested.iter().any(|suggested| suggested.direction == *way);
+    let opposite = ways_up(suggested).into_iter().filter(|way| own(&-*way) && !own(way));
+    let opposite = opposite.filter_map(Orientation::from_direction);
+    let opposite: Vec<String> = opposite.map(|o| format!("{},{}", o.theta, o.phi)).collect();
+    let rest = set.strip_prefix("axes+normals").map_or(set, |rest| rest.trim_start_matches('+'));
+    let terms = ["axes+normals", &opposite.join(";"), rest];
+    terms.into_iter().filter(|term| !term.is_empty()).collect::<Vec<_>>().join("+")
 }
 
 /// The answer.
@@ -66,6 +49,8 @@ pub(super) struct Setups {
     fraction: f64,
     /// By sample: the first chosen set-up that reaches it, counted from 1; 0 for none.
     pub(super) by_sample: Vec<u32>,
+    /// By chosen set-up, where the machine has rotary axes.
+    rotary: Vec<Option<RotaryRow>>,
 }
 
 impl Setups {
@@ -81,9 +66,15 @@ impl Setups {
         } else {
             ways_up(&setup.suggested)
         };
-        let candidates =
-            ways.into_iter().map(|up| PartSetup::new(&setup.mesh, up, orientations, &question.range));
-        let mut candidates: Vec<PartSetup> = candidates.collect();
+        let mut candidates: Vec<PartSetup> = Vec::new();
+        for up in ways {
+            candidates.extend(PartSetup::all(&setup.mesh, up, orientations, &question.range));
+            ensure!(
+                candidates.len() <= MOST,
+                "more than {MOST} set-ups are candidates, since what this machine reaches depends on how the part is turned on its table: \
+                 give fewer --orientations"
+            );
+        }
         // Of set-ups that reach the same the first is taken: one that stands by itself.
         candidates.sort_by_key(|candidate| !candidate.rests);
         let tools: Vec<_> = surface.tools.iter().map(|(access, ..)| access).collect();
@@ -102,8 +93,27 @@ impl Setups {
             };
             plan.setups.iter().position(reaches).map_or(0, |at| at as u32 + 1)
         };
-        let by_sample = (0..samples.len()).map(first).collect();
-        Ok(Self { plan, candidates, range: question.range, fraction: question.fraction, by_sample })
+        let by_sample: Vec<u32> = (0..samples.len()).map(first).collect();
+        let rotary = plan.setups.iter().enumerate().map(|(at, chosen)| {
+            let candidate = &candidates[chosen.candidate];
+            let angles = |&index: &usize| {
+                let direction = candidate.rotation() * orientations[index].direction();
+                Some((index, question.range.angles(direction.normalize(), SLACK)?))
+            };
+            let mut angles: Vec<(usize, [f64; 2])> = candidate.directions.iter().filter_map(angles).collect();
+            angles.sort_by(|(_, a), (_, b)| {
+                a[0].abs().total_cmp(&b[0].abs()).then(a[1].abs().total_cmp(&b[1].abs()))
+            });
+            // Each sample by the direction that tilts least.
+            let own = (0..samples.len()).filter(|&sample| by_sample[sample] == at as u32 + 1);
+            let needed = own.filter_map(|sample| {
+                let free = |direction: usize| tools.iter().any(|tool| tool.is_free(sample, direction));
+                angles.iter().find(|(direction, _)| free(*direction)).map(|(_, angles)| *angles)
+            });
+            RotaryRow::around(&question.range, needed)
+        });
+        let rotary = rotary.collect();
+        Ok(Self { plan, candidates, range: question.range, fraction: question.fraction, by_sample, rotary })
     }
 
     /// Of the chosen set-ups.
@@ -111,21 +121,19 @@ impl Setups {
         self.plan.setups.iter().map(|chosen| self.candidates[chosen.candidate].up)
     }
 
-    pub(super) fn row(&self, surface: &Surface, suggested: &[MachiningDirection]) -> SetupsRow {
+    pub(super) fn row(&self, surface: &Surface) -> SetupsRow {
         let total = surface.samples.area();
-        let rest_area = |down: DVec3| {
-            let face = suggested.iter().find(|s| s.direction.distance(down) < SAME);
-            face.map_or(0.0, |face| face.flat_area)
-        };
-        let chosen = self.plan.setups.iter().map(|chosen| {
+        let chosen = self.plan.setups.iter().zip(&self.rotary).map(|(chosen, rotary)| {
             let candidate = &self.candidates[chosen.candidate];
             let up = Orientation::from_direction(candidate.up).unwrap_or(Orientation::new(0.0, 0.0));
             SetupRow {
                 up: (candidate.up + 0.0).to_array(),
                 theta: up.theta,
                 phi: up.phi,
+                transform: rotation(candidate),
                 rests: candidate.rests,
-                lower_face: rest_area(-candidate.up),
+                lower_face: candidate.floor_area,
+                rotary: *rotary,
                 reached: chosen.area / total,
                 alone: chosen.alone / total,
             }
@@ -152,6 +160,52 @@ impl Setups {
     }
 }
 
+/// How the part is turned from where it is into a set-up, as `--transform` reads it.
+fn rotation(setup: &PartSetup) -> String {
+    let (axis, angle) = setup.rotation().to_axis_angle();
+    let number = |value: f64| (1e6 * value).round() / 1e6 + 0.0;
+    let [x, y, z] = axis.to_array().map(number);
+    match number(angle.to_degrees()) {
+        0.0 => "rotate:0,0,1:0".into(),
+        angle => format!("rotate:{x},{y},{z}:{angle}"),
+    }
+}
+
+/// What a set-up needs of the machine's rotary axes, in degrees: the range of angles when each point is machined with the least
+/// tilt.
+#[derive(Clone, Copy, Debug, Serialize)]
+struct RotaryRow {
+    /// A or B.
+    tilting: char,
+    tilt: [f64; 2],
+    /// C.
+    turn: [f64; 2],
+}
+
+impl RotaryRow {
+    fn around(range: &Limits, angles: impl Iterator<Item = [f64; 2]>) -> Option<Self> {
+        let Limits::Rotary { tilting, .. } = range else { return None };
+        let tilting = match tilting {
+            TiltingAxis::A => 'A',
+            TiltingAxis::B => 'B',
+        };
+        let wider = |range: Option<Self>, [tilt, turn]: [f64; 2]| {
+            let known = range.unwrap_or(Self { tilting, tilt: [tilt; 2], turn: [turn; 2] });
+            let with = |[low, high]: [f64; 2], angle: f64| [low.min(angle), high.max(angle)];
+            Some(Self { tilt: with(known.tilt, tilt), turn: with(known.turn, turn), ..known })
+        };
+        angles.fold(None, wider)
+    }
+}
+
+impl fmt::Display for RotaryRow {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [[a, b], [c, d]] =
+            [self.tilt, self.turn].map(|range| range.map(|angle| (10.0 * angle).round() / 10.0 + 0.0));
+        write!(f, "{} from {a}° to {b}°, C from {c}° to {d}°", self.tilting)
+    }
+}
+
 /// One set-up; fractions are of the surface's area.
 #[derive(Debug, Serialize)]
 struct SetupRow {
@@ -159,10 +213,14 @@ struct SetupRow {
     up: [f64; 3],
     theta: f64,
     phi: f64,
+    /// What turns the part so.
+    transform: String,
     /// The part stands so by itself.
     rests: bool,
-    /// Area of the flat faces that it stands on.
+    /// Area of the surface that it stands on.
     lower_face: f64,
+    /// Where the machine has rotary axes.
+    rotary: Option<RotaryRow>,
     reached: f64,
     /// Reached in no other of the chosen set-ups.
     alone: f64,
@@ -223,11 +281,15 @@ impl SetupsRow {
             };
             let _ = writeln!(
                 text,
-                "  {}  ({i:.3}, {j:.3}, {k:.3}) up: reaches {}, alone {}; {rest}",
+                "  {}  ({i:.3}, {j:.3}, {k:.3}) up, {}: reaches {}, alone {}; {rest}",
                 index + 1,
+                row.transform,
                 percent(row.reached),
                 percent(row.alone)
             );
+            if let Some(rotary) = &row.rotary {
+                let _ = writeln!(text, "     {rotary}");
+            }
         }
         let left = [
             ("from directions that these set-ups do not give", self.left.reached_from_other_directions),
