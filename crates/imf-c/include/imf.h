@@ -7,13 +7,13 @@
 //         fprintf(stderr, "%s\n", imf_last_error());
 //         return 1;
 //     }
-//     ImfPose pose = imf_pose_along(10.0f, 20.0f, 30.0f, 0.0f, 0.0f, 1.0f);
+//     ImfPose pose = imf_pose_along(10.0, 20.0, 30.0, 0.0, 0.0, 1.0);
 //     ImfDecision decision;
 //     imf_classify(field, &pose, 1, &decision);
 //     imf_close(field);
 //
-// Lengths are in the unit of the field's scene (imf_info). A field may be asked by several threads at once; it must not be
-// closed while one asks. imf_last_error says why a call failed; what it has written until then means nothing. Pointers must
+// Lengths are in the unit of the field's scene (imf_info). Several threads may call with one field at once; it must not be
+// closed while one does. imf_last_error says why a call failed; what it has written until then means nothing. Pointers must
 // be aligned and point to as many elements as the call says; what is read and what is written must not overlap. A pointer to no
 // element (a count of 0) may be NULL.
 //
@@ -48,9 +48,9 @@ typedef enum {
 
 // What a field's values are. Either falls towards freedom.
 typedef enum {
-  // The share of the tool's volume that lies in the obstacle, 0 to 1.
+  // The fraction of the tool's volume that lies in the obstacle, 0 to 1.
   IMF_QUANTITY_OVERLAP = 0,
-  // How far the tool must be moved to be free, in the scene's unit; below 0 how far it may be moved. Held within eight
+  // How far the tool must be moved to be free, in the scene's unit; below 0 how far it may be moved. Clamped within eight
   // pitches.
   IMF_QUANTITY_DEPTH = 1,
 } ImfQuantity;
@@ -202,10 +202,10 @@ ImfStatus imf_info(const ImfField *field, ImfInfo *info);
 // Closes a field; NULL is passed over.
 //
 // # Safety
-// field is NULL, or was opened, not closed yet, and is asked by no thread any more.
+// field is NULL, or was opened, not closed yet, and no thread calls with it any more.
 void imf_close(ImfField *field);
 
-// The overlap, 0 to 1, of every pose: the share of the tool's volume that lies in the obstacle; of a field of depth the depth
+// The overlap, 0 to 1, of every pose: the fraction of the tool's volume that lies in the obstacle; of a field of depth the depth
 // (ImfInfo.quantity). NaN for invalid poses.
 //
 // # Safety

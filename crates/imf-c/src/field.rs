@@ -195,7 +195,7 @@ pub unsafe extern "C" fn imf_info(field: *const ImfField, info: *mut ImfInfo) ->
 /// Closes a field; NULL is passed over.
 ///
 /// # Safety
-/// field is NULL, or was opened, not closed yet, and is asked by no thread any more.
+/// field is NULL, or was opened, not closed yet, and no thread calls with it any more.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn imf_close(field: *mut ImfField) {
     if !field.is_null() {

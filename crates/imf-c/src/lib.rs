@@ -1,7 +1,8 @@
 //! The C interface: fields that answer poses, for planners that are not written in Rust.
 //!
 //! It owns the boundary between C and [`imf_core::field`], and computes nothing itself: values, gradients, decisions
-//! and proofs are those of the Rust calls, bit for bit. Conventions of the boundary:
+//! and proofs are those of the Rust calls, bit for bit. Fields come from files; toolpaths are checked in Rust ([`imf_core::check`](mod@imf_core::check)) or
+//! by the command, while [`imf_check_motion`] proves single motions, which takes no tolerance. Conventions of the boundary:
 //!
 //! - every function that can fail returns an [`ImfStatus`]; [`imf_last_error`] has the message of this thread's last failure;
 //! - results go to memory of the caller; a field is the only thing that is opened and closed;

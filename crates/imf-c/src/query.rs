@@ -51,7 +51,7 @@ unsafe fn each<T: Copy, C: Copy + From<T>>(
     })
 }
 
-/// The overlap, 0 to 1, of every pose: the share of the tool's volume that lies in the obstacle; of a field of depth the depth
+/// The overlap, 0 to 1, of every pose: the fraction of the tool's volume that lies in the obstacle; of a field of depth the depth
 /// (ImfInfo.quantity). NaN for invalid poses.
 ///
 /// # Safety

@@ -33,9 +33,9 @@ pub enum ImfDecision {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ImfQuantity {
-    /// The share of the tool's volume that lies in the obstacle, 0 to 1.
+    /// The fraction of the tool's volume that lies in the obstacle, 0 to 1.
     Overlap = 0,
-    /// How far the tool must be moved to be free, in the scene's unit; below 0 how far it may be moved. Held within eight
+    /// How far the tool must be moved to be free, in the scene's unit; below 0 how far it may be moved. Clamped within eight
     /// pitches.
     Depth = 1,
 }

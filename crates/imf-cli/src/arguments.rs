@@ -1,5 +1,5 @@
-//! The command line: the commands, what all of them can be told, and what the small ones are asked; what the others are
-//! asked has a file each.
+//! The command line: the commands, the options of all of them, and the arguments of the small ones; those of the others have a
+//! file each.
 
 pub(crate) mod access;
 pub(crate) mod check;

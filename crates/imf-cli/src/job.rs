@@ -50,7 +50,7 @@ use log::{LOG, Log, Row};
 
 /// What a training comes to.
 pub const FIELD: &str = "field.safetensors";
-/// Steps between two looks at the loss and at Ctrl-C.
+/// Steps between two reports of the loss, at which Ctrl-C is heard.
 pub(crate) const REPORT_EVERY: u64 = 20;
 /// Points that a loss curve has at most, about.
 const CURVE_POINTS: u64 = 400;
@@ -70,7 +70,7 @@ pub struct Settings {
     pub held_out_every: Option<u64>,
 }
 
-/// Runs a plan on an engine from a start: where the samples come from is its own affair.
+/// Runs a plan on an engine from a start, with samples of its own.
 pub(crate) type Loop<'a> = dyn FnMut(&TrainingPlan, &mut dyn TrainingEngine, Start, &mut Observer<'_>) -> Result<Outcome, TrainError>
     + 'a;
 

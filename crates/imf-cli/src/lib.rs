@@ -5,7 +5,8 @@
 //! ```
 //!
 //! Every command, with what it prints, is in the guide (`docs/guide` in the sources). A command is a file in `commands`; its
-//! arguments, in [`arguments`], become validated settings in one step; what computes is in `imf-core` and `imf-gpu`.
+//! arguments, in [`arguments`], become validated settings in one step; what computes is in `imf-core`, `imf-fields`, `imf-train` and
+//! `imf-gpu`. A training with its checkpoints and its log is in [`job`], a field's evaluation with its pictures in [`report`].
 //!
 //! This library part is for the binary `imf` and for the laboratory `imf-bench` alone, whose measurements share the command's
 //! sessions, trainings, reports and pictures. It is no stable interface: programs use `imf-core`.

@@ -94,7 +94,7 @@ pub struct Report {
     dims: [usize; 3],
     pitch: f64,
     unit: String,
-    /// By how much the tool is grown, in `unit`.
+    /// By how much the tool is offset, in `unit`.
     clearance: Clearance,
     /// How deep the cutter may reach below the part's surface, in `unit`.
     contact: Option<f64>,

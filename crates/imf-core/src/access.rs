@@ -1,4 +1,5 @@
-//! What a tool reaches: the results that people ask of the exact field, computed in one pass over the orientations.
+//! What a tool reaches of space: where its sharp points may stand, from which orientations, and what stock its cutter removes there, in one
+//! pass over the orientations. What it reaches of a part's surface is [`surface`](crate::surface).
 //!
 //! Orientations stream: each section is looked at and forgotten, so memory does not grow with their number, except for
 //! the lists of free orientations where they are asked for ([`FreeOrientations`], one bit a voxel and orientation).

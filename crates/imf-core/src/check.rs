@@ -39,13 +39,25 @@ use machine::MachinePairs;
 use motions::{motions, rigid};
 
 /// What is accepted, and how closely the path is followed. Lengths in the unit of the part's grid.
+///
+/// # Example
+/// Ten times as closely as by default, at a pitch of half a millimetre:
+/// ```
+/// use imf_core::check::CheckSettings;
+/// use imf_core::unit::LengthUnit;
+///
+/// let usual = CheckSettings::of_pitch(0.5, LengthUnit::Mm);
+/// let closer = CheckSettings { tolerance: usual.tolerance / 10.0, ..usual };
+/// assert_eq!((closer.tolerance, closer.contact), (0.0125, 0.05));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct CheckSettings {
     /// Room around each kind of element.
     pub clearance: Clearance,
     /// How deep the part may lie in the cutter; 0 accepts nothing, and keeps the cutter's clearance.
     pub contact: f64,
-    /// Farthest that any point of the tool moves between two poses that are checked.
+    /// How closely the path is followed: farthest that any point of the tool moves between two poses that are checked. What the cutter
+    /// may cut is `contact`.
     pub tolerance: f64,
 }
 

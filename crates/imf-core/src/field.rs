@@ -106,7 +106,7 @@ impl Best {
     pub const NONE: Self = Self { value: f32::NAN, orientation: 0, decision: Decision::Colliding };
 }
 
-/// Why an engine stopped; the state it had before is with the caller's last checkpoint.
+/// Why an engine of training or evaluation failed: its device, or what it was given.
 #[derive(Debug, Error)]
 pub enum EngineError {
     /// The device is gone or out of memory, or a call to it failed.

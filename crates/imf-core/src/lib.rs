@@ -20,7 +20,9 @@
 //! | make a scene of part, tool and grid | [`Scene::builder`](scene::Scene::builder) |
 //! | read a mesh and make voxels of it | [`mesh::read`], [`voxelize`](mod@voxelize) |
 //! | describe a tool | [`tool::Tool`]: from a file, or element by element |
-//! | know what a tool reaches | [`surface`], [`access`], [`section::SectionPlan`] |
+//! | know what a tool reaches of the part's surface | [`surface`] |
+//! | know where in space the tip gets, and what stock goes | [`access`] |
+//! | count sections, or their minimum over orientations | [`section::SectionPlan`], [`section::stream_sections`] |
 //! | check a toolpath | [`check`](mod@check), [`toolpath`] |
 //! | query single poses | [`field`]: values, gradients, decisions, of any family |
 //! | move a tool in a planner | [`motion`]: proofs for all poses between two |

@@ -41,7 +41,7 @@ use crate::pose::axis_of;
 use crate::tool::{Assembly, ClearanceError, Element, ElementKind, Segment, SharpPoints, Tool, ToolShape};
 use crate::unit::LengthUnit;
 
-/// Why a surface cannot be asked for.
+/// Why what a tool reaches of a surface cannot be computed.
 #[derive(Debug, Error, PartialEq)]
 pub enum SurfaceError {
     /// The tool has nothing that cuts.

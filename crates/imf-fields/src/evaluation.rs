@@ -1,5 +1,5 @@
-//! A learnt field against the exact one: sections, the inaccessibility measure, and the baseline that any field must
-//! beat, the nearest section that training saw.
+//! A field of any family against the exact one: sections, the inaccessibility measure, and the baseline that any field must
+//! beat, the nearest section that it was made from.
 
 mod exact;
 

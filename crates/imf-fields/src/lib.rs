@@ -8,8 +8,29 @@
 //! trained in `imf-train`, whose settings are here too ([`recipe`]), since a field's file says how it was made.
 //!
 //! # Where to begin
-//! [`field::Field`] is a field from a file of any family, which answers poses and whole grids; [`field::VerifiedField`]
-//! decides by proof as well.
+//! | to | see |
+//! | --- | --- |
+//! | query a field from a file of any family: poses, whole grids | [`field::Field`] |
+//! | have its decisions proven | [`field::VerifiedField`] |
+//! | make a field in seconds | [`harmonic::fit()`] |
+//! | know what a field's decisions are worth | [`calibration`] |
+//! | know its errors | [`evaluation`] |
+//!
+//! What a field answers, in which units, is said once for all families at [`imf_core::field`].
+//!
+//! # Example
+//! ```no_run
+//! use imf_core::field::{Decision, PoseField};
+//! use imf_core::glam::DVec3;
+//! use imf_core::pose::Pose;
+//! use imf_fields::field::VerifiedField;
+//!
+//! let field = VerifiedField::load("bracket.safetensors")?;
+//! let mut decisions = [Decision::Undecided];
+//! field.classify(&[Pose::along(DVec3::new(24.5, 73.5, 100.0), DVec3::Z)], &mut decisions)?;
+//! println!("{:?}", decisions[0]);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 //!
 //! # Features
 //! All are on by default. Without any, a field of every family is loaded from a file, a reader or bytes and queried for values,

@@ -1,5 +1,9 @@
-//! Training and batched evaluation of the sine networks, and exact sections, on the GPU, through wgpu (Vulkan, Metal,
+//! Training of the sine networks, fields of every family, and exact sections, on the GPU, through wgpu (Vulkan, Metal,
 //! Direct3D 12).
+//!
+//! # Where to begin
+//! [`Gpu::open`] opens a device. On it [`GpuField`] answers poses and grids from a field's file as [`imf_fields::field::Field`] does on the
+//! CPU, [`GpuTrainer`] is the training engine, and [`GpuSections`] counts exact sections.
 //!
 //! # Example
 //! One step of a small network, on any device that there is.

@@ -4,7 +4,8 @@
 //! This crate may import `imf-core` and `imf-fields`. A GPU's training engine implements [`training::TrainingEngine`] elsewhere.
 //!
 //! # Where to begin
-//! [`training::run`] is the loop, [`engine::CpuTrainer`] runs its steps, [`distill`] trains the network of a factored field.
+//! [`training::run::train`] is the loop, [`engine::CpuTrainer`] runs its steps on the CPU, [`distill::distil`] trains the network of a
+//! factored field from a harmonic one, [`dataset::generate`] makes samples of exact sections.
 
 pub mod dataset;
 pub mod distill;

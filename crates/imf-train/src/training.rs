@@ -1,5 +1,5 @@
-//! Training: the loss, the optimiser's settings, and the seam between the loop that feeds batches and the engine
-//! that runs a step (CPU here, GPU in `imf-gpu`).
+//! Training: the interface between the loop that feeds batches ([`run`]) and the engine that runs a step (CPU here, GPU in
+//! `imf-gpu`), and where batches come from: memory, files ([`streamed`]) or sections without end ([`online`]).
 
 pub(crate) mod online;
 pub mod permutation;
@@ -12,7 +12,7 @@ use imf_core::field::EngineError;
 use imf_fields::recipe::TrainingState;
 use imf_fields::siren::INPUTS;
 
-/// Where a training step runs: one of the project's four seams.
+/// Where a training step runs: one of the project's four extension points.
 ///
 /// The same state, batches and rates give the same bits on the same engine and machine.
 pub trait TrainingEngine {

@@ -1,4 +1,4 @@
-//! What `imf check` is asked.
+//! The arguments of `imf check`.
 
 use std::path::PathBuf;
 

@@ -33,7 +33,7 @@ impl ClearanceArguments {
         Self { voxels: Some(voxels), ..self.clone() }
     }
 
-    /// The clearance of a tool on a grid of this pitch; a mesh tool has none of voxels, since it cannot be grown.
+    /// The clearance of a tool on a grid of this pitch; a mesh tool has none of voxels, since it cannot be offset.
     pub(crate) fn at(&self, pitch: f64, tool: &Tool) -> Clearance {
         match (self.voxels, &tool.shape) {
             (None, _) => self.clearance(),

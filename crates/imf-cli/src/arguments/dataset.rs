@@ -1,4 +1,4 @@
-//! What `imf dataset` is asked: to make a dataset, or to join or finish what was made of it.
+//! The arguments of `imf dataset`: to make a dataset, or to join or finish what was made of it.
 
 use std::path::PathBuf;
 

@@ -17,7 +17,8 @@ pub(crate) fn after(help: &str) -> String {
     format!("{help}\n\n{}", OrientationSet::FORMS)
 }
 
-/// The orientations that are looked at where none are named: from `part`, or where none is known, from the axes and all around.
+/// The default set: with the part's own directions where a `part` is known, else the axes and all around; whole rotations unless the
+/// tool is `round`.
 pub(crate) fn default_set(round: bool, part: bool) -> &'static str {
     match (round, part) {
         (true, true) => "axes+normals+fibonacci:225",

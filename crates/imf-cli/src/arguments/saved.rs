@@ -1,4 +1,4 @@
-//! What the commands about a field in a file are asked: `imf calibrate`, `imf eval`, `imf query`, `imf export`.
+//! The arguments of the commands about a field in a file: `imf calibrate`, `imf eval`, `imf query`, `imf export`.
 
 use std::path::PathBuf;
 

@@ -183,7 +183,7 @@ fn keep(field: &Path, calibration: Calibration, out: &Path) -> Result<()> {
     Ok(stored.write(out)?)
 }
 
-/// A value of a quantity as a threshold is told: a length in a scene's unit, or a share.
+/// A threshold in words: a length in a scene's unit, or a fraction.
 pub(crate) fn threshold_text(value: f64, quantity: Quantity, unit: impl std::fmt::Display) -> String {
     match quantity {
         Quantity::Depth => format!("{value:.3} {unit}"),

@@ -61,7 +61,7 @@ fn teapot(session: &Session, dims: [usize; 3]) -> Result<Scene> {
     Ok(scene)
 }
 
-/// What a demo's field is asked: 64 random directions that nothing was made from, the IMF over `imf`, and a section that it
+/// What a demo's field is compared at: 64 random directions that nothing was made from, the IMF over `imf`, and a section that it
 /// was made from where there is one that it saw alone.
 fn questions(seed: u64, in_sample: Option<Orientation>, imf: OrientationSet) -> Result<Questions> {
     Ok(Questions {

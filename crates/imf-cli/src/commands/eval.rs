@@ -54,7 +54,7 @@ pub(super) fn require_memory(session: &Session, device: &Device, stored: &FieldF
     session.require_memory(needed, || "the exact field beside the other one; use fewer --threads".into())
 }
 
-/// What is asked; of a field over rotations the random orientations roll too.
+/// What is compared; of a field over rotations the random orientations roll too.
 fn questions(arguments: &EvalArguments, stored: &FieldFile) -> Result<Questions> {
     let EvalArguments { in_sample, out_of_sample, random, seed, threshold, .. } = *arguments;
     let (random, imf) = match stored {

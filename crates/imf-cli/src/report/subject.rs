@@ -33,7 +33,7 @@ pub(super) struct Made {
     /// In titles of panels.
     #[serde(skip)]
     pub(super) shown_as: &'static str,
-    /// What the sections were that it was made from.
+    /// How the field was made from its sections: trained, fitted.
     #[serde(skip)]
     pub(super) participle: &'static str,
 }

@@ -23,7 +23,7 @@ use imf_core::vectorised::vectorised;
 /// Points whose coefficients are kept while all orientations pass by.
 const POINTS: usize = 16 * BLOCK;
 
-/// A field of any family, ready to be asked.
+/// A field of any family, ready for queries.
 pub(super) enum Family {
     /// The paper's network.
     Siren(CpuEvaluator),
