@@ -1,6 +1,7 @@
 //! The part's surface: how much of its area is reached, from where, and what keeps the rest from being reached.
 
 mod blame;
+mod row;
 mod setups;
 mod shown;
 mod stick_out;
@@ -19,8 +20,9 @@ use imf_core::surface::{
     surface_memory_estimate,
 };
 use imf_core::tool::Assembly;
-use serde::Serialize;
 
+pub(super) use row::SurfaceRow;
+use row::{DirectionRow, ObstructedRow};
 pub(super) use setups::{SetupQuestion, SetupsRow, with_ways_up};
 pub(super) use shown::UnreachedPatch;
 use shown::words;
@@ -28,7 +30,6 @@ pub(super) use stick_out::StickOutRow;
 
 use super::setup::Setup;
 use crate::interrupt::Interrupted;
-use crate::output::show_measure;
 use crate::session::Session;
 
 /// At least so many samples; triangles that are halved until they are small enough make up to four times as many.
@@ -337,80 +338,4 @@ fn one_tool(
     let access = access.map_err(interrupted)?;
     stage.finish("");
     Ok((access, tool))
-}
-
-/// One direction, and the share of the surface that it reaches.
-#[derive(Debug, Serialize)]
-pub(super) struct DirectionRow {
-    direction: [f64; 3],
-    share: f64,
-}
-
-/// What of a tool hits what, and how much of the surface is not reached where it does.
-#[derive(Debug, Serialize)]
-struct ObstructedRow {
-    element: String,
-    /// `part`, or a fixture's name.
-    body: String,
-    share: f64,
-}
-
-/// The surface in the summary; shares are of its area.
-#[derive(Debug, Serialize)]
-pub(super) struct SurfaceRow {
-    area: f64,
-    samples: usize,
-    /// Inside other bodies of the part's mesh, and left out of all shares.
-    hidden_area: f64,
-    tolerance: f64,
-    reached: f64,
-    reached_at_twice_the_pitch: f64,
-    difference: f64,
-    /// The cutter fits, and something else of the tool collides.
-    obstructed: f64,
-    /// What collides; several may at once.
-    obstructed_by: Vec<ObstructedRow>,
-    /// The cutter does not fit.
-    gouged: f64,
-    not_faced: f64,
-    best_directions: Vec<DirectionRow>,
-}
-
-impl SurfaceRow {
-    /// Lines for people.
-    pub(super) fn lines(&self, unit: &str) -> String {
-        use std::fmt::Write as _;
-        let mut text = format!(
-            "surface, {} {unit}² (the cutter may cut {:.3} {unit} below it)\n",
-            show_measure(self.area),
-            self.tolerance
-        );
-        let mut row = |name: &str, share: f64, rest: &str| {
-            let _ = writeln!(text, "  {name:34}{:>8.1} %   {rest}", 100.0 * share);
-        };
-        let coarse = format!(
-            "{:.1} % at twice the pitch ({:+.1})",
-            100.0 * self.reached_at_twice_the_pitch,
-            100.0 * self.difference
-        );
-        row(words(Verdict::Reached), self.reached, &coarse);
-        let by = self.obstructed_by.iter().map(|row| {
-            let the = if row.body == "part" { "the " } else { "" };
-            format!("{} at {the}{} {:.1} %", row.element, row.body, 100.0 * row.share)
-        });
-        row(words(Verdict::Obstructed), self.obstructed, &by.collect::<Vec<_>>().join(", "));
-        row(words(Verdict::Gouged), self.gouged, "");
-        row(words(Verdict::NotFaced), self.not_faced, "");
-        for DirectionRow { direction: [i, j, k], share } in &self.best_directions {
-            row(&format!("from ({i:.3}, {j:.3}, {k:.3})"), *share, "");
-        }
-        if self.hidden_area > 0.0 {
-            let _ = writeln!(
-                text,
-                "  left out: {} {unit}² inside other bodies of the part",
-                show_measure(self.hidden_area)
-            );
-        }
-        text
-    }
 }
