@@ -259,7 +259,11 @@ fn the_guarantee_follows_clearance_voxels_and_tolerance() {
     let run = check("pass.csv", path, &["--conservative", "--clearance", "1"]);
     assert_eq!(run.code, Some(0), "{}", run.stderr);
     assert!(run.stdout.contains("holder and shank keep off the mesh itself"), "{}", run.stdout);
-    assert!(run.stdout.contains("at every time, not only at the checked poses, for it"), "{}", run.stdout);
+    assert!(
+        run.stdout.contains("at every time, not only at the checked poses, for the clearance"),
+        "{}",
+        run.stdout
+    );
     let all = ["--conservative", "--contact", "0", "--clearance", "0.87", "--clearance-cutter", "0.87"];
     let run = check("pass.csv", path, &all);
     for said in ["the whole tool keeps off the mesh itself", "nearer by 0.1250", "at least 0.9910"] {

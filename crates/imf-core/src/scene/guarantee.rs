@@ -104,13 +104,13 @@ impl fmt::Display for PathGuarantee {
         if at_poses.strength() < Guarantee::HolderAndShank.strength() {
             return write!(
                 f,
-                "{at_poses}; at every time, not only at the checked poses, of at least {needed:.4}"
+                "{at_poses}; between the checked poses a guarantee takes a clearance of at least {needed:.4} in the part's unit"
             );
         }
         if at_all_times == at_poses {
             return write!(
                 f,
-                "{at_poses}; at every time, not only at the checked poses, for it is also at least {needed:.4}"
+                "{at_poses}; that holds at every time, not only at the checked poses, for the clearance is at least {needed:.4}"
             );
         }
         write!(
@@ -187,7 +187,10 @@ mod tests {
         );
         let far = guarantee(1.0, 0.25);
         assert_eq!(far.at_all_times, Guarantee::Mesh);
-        assert!(far.to_string().contains("at every time, not only at the checked poses, for it"), "{far}");
+        assert!(
+            far.to_string().contains("at every time, not only at the checked poses, for the clearance"),
+            "{far}"
+        );
         assert!(guarantee(1.0, 1.0).to_string().contains("at least 1.3660"));
     }
 

@@ -187,7 +187,7 @@ mod tests {
     fn csv_keeps_every_column() {
         let first = "\"a, b\",1.5,0.25,0.5,free,false\n";
         let header = "name,x,overlap,overlap_exact,decision,outside\n";
-        let expected = format!("{header}{first}c,2,0,1,undecided,true\n{first}");
+        let expected = format!("{header}{first}c,2,NaN,NaN,invalid,true\n{first}");
         assert_eq!(written(false), expected);
     }
 
