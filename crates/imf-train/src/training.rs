@@ -1,5 +1,5 @@
 //! Training: the interface between the loop that feeds batches ([`run`]) and the engine that runs a step (CPU here, GPU in
-//! `imf-gpu`), and where batches come from: memory, files ([`streamed`]) or sections without end ([`online`]).
+//! `imf-gpu`), and where batches come from: memory, files ([`streamed`]) or sections made as they are needed (`online`).
 
 pub(crate) mod online;
 pub mod permutation;
