@@ -5,7 +5,7 @@ use imf_core::grid::Grid;
 use imf_core::mesh::Mesh;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::{Orientation, OrientationSet};
-use imf_core::section::{At, SectionPlan, SectionScratch};
+use imf_core::section::{SectionPlan, SectionScratch, ToolPoints};
 use imf_core::tool::{Element, ElementKind, Segment, SharpPoints, Tool, ToolShape};
 use imf_core::unit::LengthUnit;
 use imf_core::voxelize::voxelize;
@@ -71,7 +71,7 @@ fn axes(spec: &str) -> Vec<Orientation> {
 }
 
 fn cmf(obstacle: &Occupancy, query: &Grid, tool: &Tool, orientation: &Orientation) -> Vec<f32> {
-    let plan = SectionPlan::with_query(obstacle, tool, At::SharpPoints, query).expect("a sound case");
+    let plan = SectionPlan::with_query(obstacle, tool, ToolPoints::SharpPoints, query).expect("a sound case");
     let mut values = vec![f32::NAN; query.len()];
     plan.cmf(orientation, &mut SectionScratch::default(), &mut values).expect("a sound case");
     values
@@ -96,12 +96,12 @@ fn moving_the_obstacle_moves_the_field() {
     let mut random = Random(1);
     for dims in SHAPES {
         let (solid, tool) = (obstacle(&mut random, dims, 1.0), tool(&mut random));
-        let query = solid.grid.grown([2; 3], [3; 3]).unwrap();
+        let query = solid.grid.padded([2; 3], [3; 3]).unwrap();
         let shift = DVec3::new(3.0, -2.0, 5.0);
         let moved = |grid: Grid| Grid { origin: grid.origin + shift, ..grid };
         let other = Occupancy { grid: moved(solid.grid), solid: solid.solid.clone() };
         // The same place in the world, other voxels of the query grid.
-        let wide = moved(query).grown([4; 3], [6; 3]).unwrap();
+        let wide = moved(query).padded([4; 3], [6; 3]).unwrap();
         for orientation in axes("random:4:3") {
             let here = cmf(&solid, &query, &tool, &orientation);
             assert_eq!(here, cmf(&other, &moved(query), &tool, &orientation));
@@ -157,8 +157,8 @@ fn a_buried_tool_overlaps_wholly_and_a_distant_one_not_at_all() {
     for _ in 0..3 {
         let tool = tool(&mut random);
         let reach = (tool.reach() / grid.pitch).ceil() as i64 + 1;
-        let inside = grid.grown([-reach; 3], [-reach; 3]).unwrap();
-        let beside = grid.grown([-(60 + reach), 0, 0], [reach + 5, 0, 0]).unwrap();
+        let inside = grid.padded([-reach; 3], [-reach; 3]).unwrap();
+        let beside = grid.padded([-(60 + reach), 0, 0], [reach + 5, 0, 0]).unwrap();
         for orientation in axes("random:3:9") {
             assert!(cmf(&full, &inside, &tool, &orientation).iter().all(|&v| v == 1.0));
             assert!(cmf(&full, &beside, &tool, &orientation).iter().all(|&v| v == 0.0));
@@ -199,7 +199,7 @@ fn a_box_tool_and_a_box_part_overlap_in_a_box() {
                 .map(|v| turn.transform_point3(DVec3::from_array(v.map(|c| c as f64)) - 0.5) + 0.5);
             let (from, to) = (ends[0].min(ends[1]).round(), ends[0].max(ends[1]).round());
             let total: f64 = (to - from).element_product();
-            let query = grid.grown([3, 0, 2], [1, 4, 0]).unwrap();
+            let query = grid.padded([3, 0, 2], [1, 4, 0]).unwrap();
             for (index, &value) in cmf(&part, &query, &tool, &orientation).iter().enumerate() {
                 let tip = query.voxel(index);
                 let tip = [tip[0] as i64 - 3, tip[1] as i64, tip[2] as i64 - 2];

@@ -17,7 +17,7 @@ use imf_core::occupancy::Occupancy;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
 use imf_core::scene::{Scene, SceneSpec};
-use imf_core::section::{At, DepthPlan, DepthScratch, Quantity, SectionPlan};
+use imf_core::section::{DepthPlan, DepthScratch, Quantity, SectionPlan, ToolPoints};
 use imf_core::tool::Tool;
 use imf_fields::factored::{DistillSettings, FactoredField, FactoredState};
 use imf_fields::harmonic::basis::Domain;
@@ -74,7 +74,7 @@ fn study(study: &Study) -> Result<Vec<Step>, Box<dyn Error>> {
         let is_solid = |index| goal.solid[index] != 0 || (domain.solid[index] != 0 && near(index));
         let solid = (0..goal.solid.len()).map(|index| u8::from(is_solid(index))).collect();
         let part = Occupancy { grid: goal.grid, solid };
-        let plan = SectionPlan::new(&part, &record.tool, At::SharpPoints)?;
+        let plan = SectionPlan::new(&part, &record.tool, ToolPoints::SharpPoints)?;
         let begun = Instant::now();
         let settings = FitSettings {
             quantity: Quantity::Depth,

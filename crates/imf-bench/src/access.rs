@@ -12,7 +12,7 @@ use imf_cli::session::Session;
 use imf_core::control::Control;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::surface::{
-    SurfaceAccess, SurfaceSample, SurfaceSamples, SurfaceTool, Surroundings, default_tolerance,
+    CollisionEnvironment, SurfaceAccess, SurfaceSample, SurfaceSamples, SurfaceTool, default_tolerance,
     surface_access,
 };
 use imf_core::tool::{Element, ElementKind, Segment, SharpPoints, Tool, ToolShape};
@@ -82,7 +82,7 @@ pub(crate) fn run(session: &Session, arguments: &AccessArguments) -> Result<()> 
 
     let tool = ball_end_mill();
     let tolerance = default_tolerance(grid.pitch, LengthUnit::Mm);
-    let body = (&Surroundings::new(&solid.clone().into(), &[]), &tool, tolerance);
+    let body = (&CollisionEnvironment::new(&solid.clone().into(), &[]), &tool, tolerance);
     let ours = |pool: &ThreadPool, tool: &SurfaceTool| -> Result<SurfaceAccess> {
         Ok(pool.install(|| surface_access(tool, &samples, &directions, Control::quiet()))?)
     };

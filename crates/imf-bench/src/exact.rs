@@ -11,8 +11,8 @@ use imf_core::grid::Grid;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
-use imf_core::section::{At, SectionPlan, SectionScratch, imf, stream_sections};
-use imf_core::tool::{RotatedTool, Tool};
+use imf_core::section::{SectionPlan, SectionScratch, ToolPoints, imf, stream_sections};
+use imf_core::tool::{Tool, ToolVoxels};
 use imf_core::voxelize::voxelize;
 use serde::Serialize;
 
@@ -62,7 +62,7 @@ pub(crate) fn run(session: &Session, arguments: &ExactArguments) -> Result<()> {
     let mut machine = Machine::new(session.threads());
     session.note("voxelising the teapot");
     let (scene, tool) = (reference_scene(ReferencePart::Teapot, 1.0)?, Tool::paper());
-    let plan = SectionPlan::new(&scene.obstacle, &tool, At::SharpPoints)?;
+    let plan = SectionPlan::new(&scene.obstacle, &tool, ToolPoints::SharpPoints)?;
     let orientations = OrientationSet::parse(&format!("fibonacci:{SECTIONS}"))?.orientations;
     session.note(&format!("sections: {}", plan.describe()));
     let control = session.control(&|_| {});
@@ -122,7 +122,7 @@ pub(crate) fn run(session: &Session, arguments: &ExactArguments) -> Result<()> {
 struct Trial {
     obstacle: Occupancy,
     reach: usize,
-    tools: Vec<RotatedTool>,
+    tools: Vec<ToolVoxels>,
     counts: Vec<Vec<u32>>,
 }
 
@@ -143,7 +143,7 @@ impl Trial {
         for orientation in orientations {
             let mut counts = vec![0; obstacle.grid.len()];
             plan.counts(orientation, &mut scratch, &mut counts)?;
-            trial.tools.push(RotatedTool::new(tool, orientation, obstacle.grid.pitch)?);
+            trial.tools.push(ToolVoxels::new(tool, orientation, obstacle.grid.pitch)?);
             trial.counts.push(counts);
         }
         ensure!(!trial.tools.is_empty(), "no section to compare");

@@ -15,7 +15,7 @@ use imf_cli::session::Session;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
 use imf_core::scene::Scene;
-use imf_core::section::{At, SectionPlan, stream_sections};
+use imf_core::section::{SectionPlan, ToolPoints, stream_sections};
 use imf_fields::recipe::Precision;
 use imf_gpu::{DeviceChoice, Gpu, Peak};
 use serde::Serialize;
@@ -204,7 +204,7 @@ fn peak(gpu: &Gpu, sizes: &Sizes, part: &mut Part) -> Result<()> {
 /// Sections of `fibonacci:225`, every value of some of them compared.
 fn exact_sections(session: &Session, gpu: &Gpu, sizes: &Sizes, part: &mut Part) -> Result<()> {
     let scene = sizes.scene()?;
-    let plan = SectionPlan::of_scene(&scene, At::Tip)?;
+    let plan = SectionPlan::of_scene(&scene, ToolPoints::Tip)?;
     let control = session.control(&|_| {});
     let orientations = OrientationSet::parse(&format!("fibonacci:{SECTIONS}"))?.orientations;
     let [ours] = least_seconds(

@@ -9,8 +9,8 @@ use glam::DVec3;
 use imf_core::grid::Grid;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::Orientation;
-use imf_core::section::{SectionError, SectionPlan, SectionScratch, share};
-use imf_core::tool::{RotatedTool, Tool, ToolError};
+use imf_core::section::{SectionError, SectionPlan, SectionScratch, overlap_fraction};
+use imf_core::tool::{Tool, ToolError, ToolVoxels};
 
 /// The layer `index` at right angles to `axis` as a part of its own: the other two axes in their order become x and y.
 ///
@@ -47,7 +47,7 @@ fn lying(theta: f64) -> Orientation {
 /// # Errors
 /// A tool that holds no pixel, or is too large.
 pub(crate) fn silhouette(tool: &Tool, theta: f64, pitch: f64) -> Result<Vec<[i32; 2]>, ToolError> {
-    let rotated = RotatedTool::new(tool, &lying(theta), pitch)?;
+    let rotated = ToolVoxels::new(tool, &lying(theta), pitch)?;
     let [nx, ny, nz] = rotated.dims;
     let middle = usize::try_from(-rotated.lower[2]).unwrap_or(usize::MAX);
     let mut pixels = Vec::new();
@@ -85,14 +85,14 @@ pub(crate) fn section(
     plan.counts(&lying(theta), scratch, &mut counts)?;
     let pixels = silhouette(plan.tool(), theta, grid.pitch)?.len() as u32;
     assert_eq!(cmf.len(), counts.len(), "one value for each pixel");
-    cmf.iter_mut().zip(&counts).for_each(|(value, &count)| *value = share(count, pixels));
+    cmf.iter_mut().zip(&counts).for_each(|(value, &count)| *value = overlap_fraction(count, pixels));
     Ok(())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use imf_core::section::At;
+    use imf_core::section::ToolPoints;
 
     /// Pixels shared by the part and the tool's `silhouette` with the tip at a pixel: the definition.
     fn direct_count(part: &Occupancy, silhouette: &[[i32; 2]], tip: [usize; 2]) -> u32 {
@@ -115,7 +115,7 @@ mod tests {
     #[test]
     fn sections_are_direct_sums_over_pixels() {
         let (part, tool) = (part(), Tool::paper());
-        let plan = SectionPlan::new(&part, &tool, At::Tip).unwrap();
+        let plan = SectionPlan::new(&part, &tool, ToolPoints::Tip).unwrap();
         let mut scratch = SectionScratch::default();
         for theta in [0.0, 12.5, 90.0, 217.0, 360.0] {
             let pixels = silhouette(&tool, theta, 4.0).unwrap();
@@ -124,7 +124,7 @@ mod tests {
             assert!(cmf.iter().any(|&v| v > 0.0));
             for (pixel, &value) in cmf.iter().enumerate() {
                 let count = direct_count(&part, &pixels, [pixel / 13, pixel % 13]);
-                assert_eq!(value, share(count, pixels.len() as u32), "θ = {theta}, pixel {pixel}");
+                assert_eq!(value, overlap_fraction(count, pixels.len() as u32), "θ = {theta}, pixel {pixel}");
             }
         }
     }

@@ -36,7 +36,7 @@ use std::time::Instant;
 
 use anyhow::{Context as _, Result, ensure};
 use imf_cli::engine::Device;
-use imf_cli::output::{OutputFolder, claim, prepare_folder, print, print_json, write_text};
+use imf_cli::output::{OutputFolder, lock_folder, prepare_folder, print, print_json, write_text};
 use imf_cli::progress::show_seconds;
 use imf_cli::session::Session;
 use imf_core::scene::{Scene, SceneRecord};
@@ -75,7 +75,7 @@ fn run_recipe(session: &Session, arguments: &RunArguments) -> Result<()> {
     let begun = Instant::now();
     let source = changed(arguments).with_context(|| format!("the recipe {}", arguments.recipe))?;
     OutputFolder::check(&arguments.out)?;
-    let _claim = claim(&arguments.out)?;
+    let _lock = lock_folder(&arguments.out)?;
     let device = Device::open(&arguments.device.device, session)?;
     let runner = Runner {
         session,

@@ -7,14 +7,14 @@ use glam::DVec3;
 use imf_cli::output::prepare_folder;
 use imf_cli::session::Session;
 use imf_core::control::Control;
-use imf_core::cover::CoverSettings;
 use imf_core::grid::Grid;
 use imf_core::mesh::Mesh;
 use imf_core::orientation::{Limits, Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
+use imf_core::set_cover::CoverSettings;
 use imf_core::surface::{
-    PartSetup, SurfaceAccess, SurfaceSample, SurfaceSamples, SurfaceTool, Surroundings, default_tolerance,
-    fewest_setups, surface_access,
+    CollisionEnvironment, PartSetup, SurfaceAccess, SurfaceSample, SurfaceSamples, SurfaceTool,
+    default_tolerance, fewest_setups, surface_access,
 };
 use imf_core::tool::{Element, ElementKind, Segment, SharpPoints, Tool, ToolShape};
 use imf_core::unit::LengthUnit;
@@ -112,7 +112,7 @@ impl Asked {
         chosen.shuffle(&mut ChaCha8Rng::seed_from_u64(0));
         chosen.truncate(points);
         let samples: Vec<SurfaceSample> = chosen.into_iter().map(|index| samples[index]).collect();
-        let surroundings = Surroundings::new(&solid.into(), &[]);
+        let surroundings = CollisionEnvironment::new(&solid.into(), &[]);
         let tool = SurfaceTool::new(
             &surroundings,
             &flat_end_mill().into(),

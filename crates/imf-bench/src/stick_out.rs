@@ -10,7 +10,7 @@ use imf_core::control::Control;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::surface::{
-    StickOut, StickOutTool, SurfaceSample, SurfaceSamples, SurfaceTool, Surroundings, crib_access,
+    CollisionEnvironment, StickOut, StickOutTool, SurfaceSample, SurfaceSamples, SurfaceTool, crib_access,
     default_tolerance, least_stick_outs, surface_access,
 };
 use imf_core::tool::{Assembly, Clearance, Element, ElementKind, Segment, SharpPoints, Tool, ToolShape};
@@ -79,7 +79,7 @@ struct Asked {
     samples: Vec<SurfaceSample>,
     directions: Vec<Orientation>,
     solid: Arc<Occupancy>,
-    surroundings: Surroundings,
+    surroundings: CollisionEnvironment,
     tolerance: f64,
 }
 
@@ -100,7 +100,7 @@ pub(crate) fn run(session: &Session, arguments: &StickOutArguments) -> Result<()
         pool: ThreadPoolBuilder::new().num_threads(THREADS).build()?,
         samples,
         directions: OrientationSet::parse(&format!("fibonacci:{}", arguments.directions))?.orientations,
-        surroundings: Surroundings::new(&solid.clone().into(), &[]),
+        surroundings: CollisionEnvironment::new(&solid.clone().into(), &[]),
         solid,
         tolerance: default_tolerance(grid.pitch, LengthUnit::Mm),
     };

@@ -6,15 +6,15 @@ pub(crate) mod check;
 pub mod clearance;
 pub(crate) mod dataset;
 pub(crate) mod either;
+pub(crate) mod explicit;
 pub(crate) mod field;
 pub(crate) mod fixture;
-pub(crate) mod given;
 pub mod harmonic;
+pub(crate) mod inputs;
 mod network;
 pub mod numbers;
 pub(crate) mod orientations;
 pub(crate) mod quantity;
-pub(crate) mod reading;
 pub(crate) mod saved;
 pub mod scene;
 pub(crate) mod train;
@@ -69,7 +69,7 @@ pub struct GlobalArguments {
     /// Memory to stay within, such as 2GiB; four fifths of what is free by default
     #[arg(long, global = true, help_heading = EVERYWHERE, value_name = "SIZE", value_parser = crate::session::parse_size, allow_negative_numbers = true)]
     pub(crate) memory: Option<u64>,
-    /// Answers as JSON on standard output
+    /// Results as JSON on standard output
     #[arg(long, global = true, help_heading = EVERYWHERE)]
     pub(crate) json: bool,
     /// No progress and no remarks, only results and errors

@@ -18,9 +18,9 @@ use rayon::prelude::*;
 use crate::ranks::Rank;
 use crate::session::Session;
 
-/// How often a field is asked for values over its whole grid.
+/// How many evaluations over the whole grid follow.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub enum Calls {
+pub enum Workload {
     /// A section, or a minimum.
     One,
     /// One after the other.
@@ -31,15 +31,15 @@ pub enum Calls {
 const DECIDED_AT_ONCE: usize = 256;
 
 /// A field, and where it is evaluated.
-pub struct Evaluated {
+pub struct DeviceField {
     /// The field.
     pub field: Box<dyn GridField>,
-    /// The device's name for people.
+    /// Display name of the device.
     pub by: String,
     on_gpu: bool,
 }
 
-impl Evaluated {
+impl DeviceField {
     /// Values of poses, on all threads or on the GPU.
     pub fn values(&self, poses: &[Pose], values: &mut [f32]) -> Result<(), FieldError> {
         match self.on_gpu {
@@ -69,7 +69,7 @@ pub enum Device {
 impl Device {
     /// Opens what `--device` names. `auto` takes a discrete or integrated GPU, else the CPU engine.
     pub fn open(name: &str, session: &Session) -> Result<Self> {
-        let alone = session.rank().of() == 1;
+        let alone = session.rank().size() == 1;
         if name.eq_ignore_ascii_case("cpu") || (!alone && name.eq_ignore_ascii_case("auto")) {
             return Ok(Self::Cpu);
         }
@@ -97,7 +97,7 @@ impl Device {
         Self::open(if asked { name } else { "cpu" }, session)
     }
 
-    /// One line for people.
+    /// Human-readable, one line.
     pub(crate) fn describe(&self, session: &Session) -> String {
         match self {
             Self::Cpu => format!("CPU, {} threads", session.threads()),
@@ -114,13 +114,13 @@ impl Device {
     }
 
     /// Bytes of this machine's memory that a field's coefficients take once more when it is evaluated over its grid.
-    pub(crate) fn copied_bytes(&self, stored: &FieldFile, calls: Calls) -> u64 {
+    pub(crate) fn copied_bytes(&self, stored: &FieldFile, calls: Workload) -> u64 {
         let axes = match (stored, self) {
             (FieldFile::Siren(_), _) => 0,
             // They are there already.
             (FieldFile::Harmonic(_), Self::Cpu) => 0,
             (FieldFile::Harmonic(file), Self::Gpu(_)) => file.field.axis_count(),
-            (FieldFile::Factored(_), Self::Cpu) if calls == Calls::One => 0,
+            (FieldFile::Factored(_), Self::Cpu) if calls == Workload::One => 0,
             (FieldFile::Factored(file), _) => file.field.coefficient_count(),
         };
         let axes = match self {
@@ -132,7 +132,7 @@ impl Device {
 
     /// A field on this device. For many calls over the whole grid a factored field's network runs once at every voxel, now on the
     /// CPU, at the first call on a GPU.
-    pub fn field(&self, session: &Session, file: &FieldFile, calls: Calls) -> Result<Evaluated> {
+    pub fn field(&self, session: &Session, file: &FieldFile, calls: Workload) -> Result<DeviceField> {
         let by = match (file, self) {
             (FieldFile::Siren(model), Self::Cpu) => {
                 CpuEvaluator::new(model.shape, &model.state.parameters)?.describe()
@@ -142,10 +142,10 @@ impl Device {
         let on_gpu = matches!(self, Self::Gpu(_));
         let field: Box<dyn GridField> = match self {
             Self::Gpu(gpu) => Box::new(GpuField::new(gpu, file.clone())?),
-            Self::Cpu if calls == Calls::Many => Box::new(Field::new(file.clone())?.expanded()),
+            Self::Cpu if calls == Workload::Many => Box::new(Field::new(file.clone())?.expanded()),
             Self::Cpu => Box::new(Field::new(file.clone())?),
         };
-        Ok(Evaluated { field, by, on_gpu })
+        Ok(DeviceField { field, by, on_gpu })
     }
 
     /// Bytes of this machine's memory, or of the GPU's, that an engine takes, about.

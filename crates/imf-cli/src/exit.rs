@@ -1,4 +1,4 @@
-//! What a command comes to: its exit code, and one message that says why.
+//! The outcome of a command: its exit code, and one message with the reason.
 
 use std::process::ExitCode;
 
@@ -13,12 +13,12 @@ use imf_train::dataset::DatasetError;
 
 use crate::commands::check::CollisionFound;
 use crate::interrupt::{self, Interrupted, NOTHING_FINISHED};
-use crate::output::tell;
+use crate::output::eprint_line;
 use crate::ranks::{Membership, Rank};
 
 /// The work failed: bad input, a device, a disk.
 const FAILED: u8 = 1;
-/// What was given makes no sense, as of a wrong argument.
+/// Invalid arguments or input.
 const REFUSED: u8 = 2;
 /// `imf check` found a collision.
 const COLLISION: u8 = 3;
@@ -31,7 +31,7 @@ pub fn code_of(joins_ranks: bool, work: impl FnOnce(Rank) -> anyhow::Result<()>)
     let membership = match Membership::join(joins_ranks) {
         Ok(membership) => membership,
         Err(error) => {
-            tell(format_args!("imf: error: {}", message(&error)));
+            eprint_line(format_args!("imf: error: {}", message(&error)));
             return ExitCode::from(FAILED);
         }
     };
@@ -42,20 +42,20 @@ pub fn code_of(joins_ranks: bool, work: impl FnOnce(Rank) -> anyhow::Result<()>)
         Err(error) if error.is::<CollisionFound>() => COLLISION,
         Err(error) if error.is::<Interrupted>() => {
             if rank.is_first() {
-                tell(format_args!("imf: {error}"));
+                eprint_line(format_args!("imf: {error}"));
             }
             INTERRUPTED
         }
         Err(error) if was_cancelled(&error) => {
             if rank.is_first() {
-                tell(format_args!("imf: interrupted: {NOTHING_FINISHED}"));
+                eprint_line(format_args!("imf: interrupted: {NOTHING_FINISHED}"));
             }
             INTERRUPTED
         }
         Err(error) => {
             membership.let_the_first_speak();
-            let who = if rank.of() > 1 { format!(" of rank {}", rank.number()) } else { String::new() };
-            tell(format_args!("imf: error{who}: {}", message(&error)));
+            let who = if rank.size() > 1 { format!(" of rank {}", rank.number()) } else { String::new() };
+            eprint_line(format_args!("imf: error{who}: {}", message(&error)));
             if is_bad_input(&error) { REFUSED } else { FAILED }
         }
     };
@@ -109,7 +109,7 @@ fn remedy(cause: &(dyn std::error::Error + 'static)) -> Option<&'static str> {
         _ => {}
     }
     if let Some(OnnxError::Rotations(_)) = cause.downcast_ref() {
-        return Some("ask it by imf query");
+        return Some("query it with imf query");
     }
     matches!(cause.downcast_ref(), Some(DatasetError::Shares { .. })).then_some("imf dataset merge")
 }
@@ -119,7 +119,7 @@ const TOOL_FILE: &str = "--tool mill.toml; for a 6 mm ball end mill in a 24 mm h
      then [cutter] with shape = \"ball\", diameter = 6.0, length = 20.0, then [shank] with diameter = 6.0, then [[holder]] with \
      diameter = 24.0, length = 40.0, each on its own line; or --tool paper";
 
-/// Work that stopped at the user's wish without anything to keep.
+/// Work that the user cancelled with nothing to save.
 fn was_cancelled(error: &anyhow::Error) -> bool {
     let section = error.chain().any(|cause| {
         let evaluation = cause.downcast_ref::<EvaluationError>();

@@ -8,11 +8,11 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
 
-use crate::output::tell;
+use crate::output::eprint_line;
 use thiserror::Error;
 
 /// Signals closer together than this are one.
-const SAME_WISH: Duration = Duration::from_millis(500);
+const DEBOUNCE: Duration = Duration::from_millis(500);
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
@@ -26,31 +26,31 @@ static LAST_WORDS: Mutex<Cow<'static, str>> = Mutex::new(Cow::Borrowed(NOTHING_F
 /// read it.
 const AFTER_REPORTS: &str = "IMF_INTERRUPT_AFTER_REPORTS";
 
-/// Work stopped because the user asked for it; the text says what is kept.
+/// Work that the user cancelled; the text says what is saved.
 #[derive(Debug, Error)]
 #[error("interrupted: {0}")]
 pub struct Interrupted(pub String);
 
-/// Starts listening for Ctrl-C (and a polite kill); `aloud` where this process answers it in words.
+/// Starts listening for Ctrl-C and SIGTERM; `aloud` where this process prints a message.
 pub(crate) fn listen(aloud: bool) -> Result<()> {
     let mut first: Option<Instant> = None;
     ctrlc::set_handler(move || {
         if KEEPING.load(Ordering::Relaxed) == 0 {
             if aloud {
                 let words = LAST_WORDS.lock().unwrap_or_else(PoisonError::into_inner);
-                tell(format_args!("\nimf: interrupted: {words}"));
+                eprint_line(format_args!("\nimf: interrupted: {words}"));
             }
             std::process::exit(i32::from(crate::exit::INTERRUPTED));
         }
         INTERRUPTED.store(true, Ordering::Relaxed);
         match first {
-            // Wrappers send the signal to the program and to its group: one wish, not two.
-            Some(time) if time.elapsed() < SAME_WISH => {}
+            // Wrappers send the signal to the program and to its group: one request, not two.
+            Some(time) if time.elapsed() < DEBOUNCE => {}
             Some(_) => std::process::exit(i32::from(crate::exit::INTERRUPTED)),
             None => {
                 first = Some(Instant::now());
                 if aloud {
-                    tell(format_args!(
+                    eprint_line(format_args!(
                         "\nimf: stopping at the next safe place; press Ctrl-C again to stop at once"
                     ));
                 }
@@ -60,7 +60,7 @@ pub(crate) fn listen(aloud: bool) -> Result<()> {
     .context("cannot listen for Ctrl-C")
 }
 
-/// What is said where nothing is kept.
+/// The message where nothing is saved.
 pub(crate) const NOTHING_FINISHED: &str = "nothing was finished; run the same command again to start over";
 
 /// While this lives the work itself looks whether the user wants to stop, and keeps what is finished.
@@ -98,10 +98,10 @@ pub fn requested() -> bool {
 /// Counts a report of a training: true once the user wants to stop, or a test does.
 pub(crate) fn requested_at_report() -> bool {
     static REPORTS: AtomicU64 = AtomicU64::new(0);
-    static MOST: OnceLock<u64> = OnceLock::new();
+    static LIMIT: OnceLock<u64> = OnceLock::new();
     if cfg!(debug_assertions) {
         let asked = || std::env::var(AFTER_REPORTS).ok().and_then(|text| text.parse().ok());
-        let most = *MOST.get_or_init(|| asked().unwrap_or(u64::MAX));
+        let most = *LIMIT.get_or_init(|| asked().unwrap_or(u64::MAX));
         if REPORTS.fetch_add(1, Ordering::Relaxed) + 1 >= most {
             return true;
         }

@@ -19,7 +19,7 @@ pub use checkpoint::{Checkpoint, Latest, Progress, latest};
 pub(crate) use checkpoint::{is_unfinished, to_resume};
 pub(crate) use curve::loss_chart;
 pub use data::Data;
-pub use factored::{Distillation, Extent, FactoredStart, Source, symmetry_of};
+pub use factored::{Distillation, DistillationSize, FactoredStart, Source, symmetry_of};
 pub use log::seconds_until;
 pub use memory::Footprint;
 pub use siren5::{continued, fresh_model, plan_defaults, run};
@@ -40,7 +40,7 @@ use imf_train::training::TrainingEngine;
 use imf_train::training::run::{Observer, Outcome, Report, Start, TrainError};
 
 use crate::interrupt::{self, Interrupted};
-use crate::output::claim;
+use crate::output::lock_folder;
 use crate::progress::Stage;
 use crate::session::Session;
 use checkpoint::{PREVIOUS, write_result};
@@ -48,14 +48,14 @@ use checkpoint_files::CheckpointFiles;
 use held_out::HeldOutWatch;
 use log::{LOG, Log, Row};
 
-/// What a training comes to.
+/// File name of the trained field.
 pub const FIELD: &str = "field.safetensors";
 /// Steps between two reports of the loss, at which Ctrl-C is heard.
 pub(crate) const REPORT_EVERY: u64 = 20;
 /// Points that a loss curve has at most, about.
 const CURVE_POINTS: u64 = 400;
 
-/// What happens beside the steps of a training.
+/// Settings of a training but for its steps: checkpoints, messages, held-out poses.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings {
     /// Seconds between checkpoints.
@@ -97,7 +97,7 @@ impl<T: Checkpoint> Training<'_, T> {
     fn run(self, engine: &mut dyn TrainingEngine, by: &mut Loop<'_>) -> Result<(T, Option<f64>)> {
         let Self { session, out, settings, field, plan, samples, resumed, precision, held_out } = self;
         let writing = session.rank().is_first();
-        let _claim = if writing { Some(claim(out)?) } else { None };
+        let _lock = if writing { Some(lock_folder(out)?) } else { None };
         let progress = field.progress();
         let total = plan.total_steps(samples);
         let steps = resumed.then_some(progress.steps);

@@ -2,7 +2,7 @@
 //!
 //! Answers go through `write`, not `println`: a reader that closes the pipe early then ends the command quietly.
 
-mod earlier;
+mod stale;
 
 use std::fs::{self, File, TryLockError};
 use std::io::{Error, ErrorKind, Write as _, stdout};
@@ -15,9 +15,9 @@ use imf_core::tool::ElementKind;
 use serde::Serialize;
 use tempfile::{Builder, NamedTempFile};
 
-pub(crate) use self::earlier::SUMMARY;
-use self::earlier::remove_earlier;
-use crate::session::{Said, Session, said};
+pub(crate) use self::stale::SUMMARY;
+use self::stale::remove_stale;
+use crate::session::{Remarks, Session, remarks};
 
 /// A folder for results. It is made only when there is a result to put into it.
 #[derive(Debug)]
@@ -54,7 +54,7 @@ impl OutputFolder {
     pub(crate) fn begin(&self, session: &Session) -> Result<()> {
         self.create()?;
         remove_all_leftovers(&self.path);
-        let removed = remove_earlier(&self.path)?;
+        let removed = remove_stale(&self.path)?;
         if removed > 0 {
             session
                 .note(&format!("{removed} files of an earlier run in {} are replaced", self.path.display()));
@@ -73,24 +73,24 @@ impl OutputFolder {
     }
 }
 
-/// A folder that this run alone writes to, until it is dropped.
+/// A lock on a folder: this run alone writes to it until the lock is dropped.
 #[must_use = "another run may write to the folder as soon as this is dropped"]
-pub struct Claim {
-    /// Nothing where this run claimed the folder before, and where folders cannot be locked: on Windows, and on some network drives.
+pub struct FolderLock {
+    /// Nothing where this run locked the folder before, and where folders cannot be locked: on Windows, and on some network drives.
     locked: Option<(PathBuf, File)>,
 }
 
-/// The folders that this run has claimed.
-static CLAIMED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+/// The folders that this run has locked.
+static LOCKED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
-fn claimed() -> MutexGuard<'static, Vec<PathBuf>> {
-    CLAIMED.lock().unwrap_or_else(PoisonError::into_inner)
+fn locked_folders() -> MutexGuard<'static, Vec<PathBuf>> {
+    LOCKED.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-impl Drop for Claim {
+impl Drop for FolderLock {
     fn drop(&mut self) {
         if let Some((path, _)) = &self.locked {
-            claimed().retain(|claimed| claimed != path);
+            locked_folders().retain(|locked| locked != path);
         }
     }
 }
@@ -99,17 +99,17 @@ impl Drop for Claim {
 ///
 /// # Errors
 /// Another run that writes to it now.
-pub fn claim(folder: &Path) -> Result<Claim> {
-    let nothing = Ok(Claim { locked: None });
+pub fn lock_folder(folder: &Path) -> Result<FolderLock> {
+    let nothing = Ok(FolderLock { locked: None });
     let (Ok(path), Ok(opened)) = (folder.canonicalize(), File::open(folder)) else { return nothing };
-    let mut all = claimed();
+    let mut all = locked_folders();
     if all.contains(&path) {
         return nothing;
     }
     match opened.try_lock() {
         Ok(()) => {
             all.push(path.clone());
-            Ok(Claim { locked: Some((path, opened)) })
+            Ok(FolderLock { locked: Some((path, opened)) })
         }
         Err(TryLockError::WouldBlock) => bail!(
             "another run of imf is writing to {}: wait for its end, or choose another --out",
@@ -201,30 +201,30 @@ pub(crate) fn standard_output_failed(error: Error) -> anyhow::Error {
 }
 
 /// Writes a line to standard error; a reader that has gone away is no error.
-pub(crate) fn tell(line: std::fmt::Arguments<'_>) {
+pub(crate) fn eprint_line(line: std::fmt::Arguments<'_>) {
     let _ = writeln!(std::io::stderr().lock(), "{line}");
 }
 
-/// Writes an answer to standard output: as JSON where that is asked for, or in words.
-pub(crate) fn answer(session: &Session, json: &impl Serialize, words: &str) -> Result<()> {
+/// Prints a result to standard output: as JSON with --json, else as text.
+pub(crate) fn print_result(session: &Session, json: &impl Serialize, words: &str) -> Result<()> {
     if session.json { print_json(json) } else { print(words) }
 }
 
-/// An answer and what was said beside it.
+/// A result with the run's warnings and choices.
 #[derive(Serialize)]
-struct Answer<'a, T> {
+struct JsonResult<'a, T> {
     #[serde(flatten)]
     value: &'a T,
     #[serde(flatten)]
-    said: &'a Said,
+    remarks: &'a Remarks,
 }
 
 /// A value as JSON; an object also has what was said beside it (`warnings`, `choices`).
 fn json_text(value: &impl Serialize) -> Result<String> {
-    let said = said();
-    let is_object = !said.is_empty() && serde_json::to_value(value)?.is_object();
+    let remarks = remarks();
+    let is_object = !remarks.is_empty() && serde_json::to_value(value)?.is_object();
     Ok(if is_object {
-        serde_json::to_string_pretty(&Answer { value, said: &said })?
+        serde_json::to_string_pretty(&JsonResult { value, remarks: &remarks })?
     } else {
         serde_json::to_string_pretty(value)?
     })

@@ -1,13 +1,13 @@
 //! Pictures: slices of fields side by side, curves and bars, as PNG files.
 //!
-//! Axes, curves, bars and grids are drawn by plotters into an RGB image in memory (`paper`), arrays as one square of whole
+//! Axes, curves, bars and grids are drawn by plotters into an RGB image in memory (`canvas`), arrays as one square of whole
 //! pixels for each voxel, with their first axis to the right and their second upwards.
 
 mod axis;
+mod canvas;
 mod chart;
 mod colour;
 mod panel;
-mod paper;
 mod sheet;
 mod views;
 

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::output::tell;
+use crate::output::eprint_line;
 
 /// Time between lines where there is no terminal.
 const LINE_EVERY: Duration = Duration::from_secs(5);
@@ -82,7 +82,7 @@ impl Stage {
             *last = Instant::now();
             let rate = (done - self.before) as f64 / self.start.elapsed().as_secs_f64();
             let left = (self.total.saturating_sub(done)) as f64 / rate.max(1e-9);
-            tell(format_args!(
+            eprint_line(format_args!(
                 "{}: {done} of {} {}, {}/s, {} left {remark}",
                 self.name,
                 self.total,
@@ -104,7 +104,7 @@ impl Stage {
             let done = self.done.load(Ordering::Relaxed);
             let rate = (done - self.before) as f64 / seconds.max(1e-9);
             let comma = if result.is_empty() { "" } else { "; " };
-            tell(format_args!(
+            eprint_line(format_args!(
                 "{}: {done} {} in {} ({}/s){comma}{result}",
                 self.name,
                 self.unit,

@@ -3,11 +3,11 @@
 //! All ranks do the same work up to the steps of the training and after them; rank 0 alone speaks and writes. How they
 //! stop, so that none waits for one that is gone:
 //!
-//! - At Ctrl-C (`mpirun` turns it into SIGTERM for all) every rank notes the wish, and at the next report all ask each other
-//!   whether one of them was told to stop. If so, all leave the loop at that step and end MPI in peace.
+//! - At Ctrl-C (`mpirun` turns it into SIGTERM for all) every rank records the request; at the next report an allreduce says
+//!   whether any rank has one. If so, all leave the loop at that step and finalise MPI.
 //! - A rank that fails says why and ends all others by `MPI_Abort`. What all ranks meet alike, such as a dataset that is not
 //!   there, rank 0 says first and alone: the others wait a moment before they speak.
-//! - A rank that panics or is killed is gone without a farewell, which `mpirun` notices, and ends the others.
+//! - `mpirun` detects a rank that panics or is killed, and ends the others.
 
 #[cfg(feature = "mpi")]
 mod world;
@@ -105,7 +105,7 @@ impl Rank {
     }
 
     /// Processes that train together.
-    pub(crate) fn of(self) -> usize {
+    pub(crate) fn size(self) -> usize {
         self.of
     }
 
@@ -124,16 +124,16 @@ impl Rank {
         most_rows(batch, self.of)
     }
 
-    /// A number of every rank. All ranks must ask.
+    /// Allgather of a number. Collective: all ranks must call it.
     fn all(self, number: u64) -> Result<Vec<u64>, EngineError> {
         #[cfg(feature = "mpi")]
         if self.of > 1 {
-            return imf_train::engine::ranks::Exchange::all(&mut world::Reach::new(self), number);
+            return imf_train::engine::ranks::Exchange::all(&mut world::MpiExchange::new(self), number);
         }
         Ok(vec![number])
     }
 
-    /// True where one rank was told to stop: then all are. All ranks must ask.
+    /// Allreduce (or) of the request to stop. Collective: all ranks must call it.
     pub(crate) fn stop(self, wished: bool) -> Result<bool> {
         let stop = self.all(u64::from(wished))?.contains(&1);
         if stop {
@@ -142,12 +142,12 @@ impl Rank {
         Ok(stop)
     }
 
-    /// The least number of all ranks. All must ask.
+    /// Allreduce (minimum) of a number. Collective: all ranks must call it.
     pub(crate) fn least(self, number: u64) -> Result<u64> {
         Ok(self.all(number)?.into_iter().min().unwrap_or(number))
     }
 
-    /// Fails where `number`, a checksum of `what`, is not the same on all ranks. All must ask.
+    /// Fails where `number`, a checksum of `what`, is not the same on all ranks. Collective: all ranks must call it.
     pub(crate) fn agree(self, what: &str, number: u64) -> Result<()> {
         let all = self.all(number)?;
         if let Some(other) = all.iter().position(|found| *found != all[0]) {
@@ -160,7 +160,7 @@ impl Rank {
     pub(crate) fn trainer(self, cpu: CpuTrainer) -> Box<dyn TrainingEngine> {
         #[cfg(feature = "mpi")]
         if self.of > 1 {
-            let reach = world::Reach::new(self);
+            let reach = world::MpiExchange::new(self);
             return Box::new(imf_train::engine::ranks::RankTrainer::new(cpu, reach));
         }
         Box::new(cpu)

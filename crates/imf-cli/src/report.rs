@@ -12,7 +12,7 @@ use imf_core::control::Control;
 use imf_core::field::GridField;
 use imf_core::grid::Grid;
 use imf_core::orientation::{Orientation, OrientationSet};
-use imf_core::section::{At, Quantity, SectionPlan};
+use imf_core::section::{Quantity, SectionPlan, ToolPoints};
 use imf_core::tool::Clearance;
 use imf_fields::calibration::Calibration;
 use imf_fields::evaluation::{Exact, ImfComparison, grid_imf, grid_sections, nearest_sections};
@@ -21,12 +21,12 @@ use ndarray::Array2;
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::commands::calibrate::Worth;
+use crate::commands::calibrate::DecisionQuality;
 use crate::output::{short, write_json, write_text};
 use crate::picture::{Bar, BarChart, PanelRow, PanelSheet, Scale};
 use crate::session::Session;
 use crate::slices;
-use subject::Made;
+use subject::Provenance;
 
 /// The threshold of overlaps that the paper compares by.
 pub const PAPER_THRESHOLD: f64 = 1e-3;
@@ -60,7 +60,7 @@ impl ThresholdOf {
 }
 
 /// What to evaluate.
-pub struct Questions {
+pub struct EvaluationSettings {
     /// A section that training saw.
     pub in_sample: Option<Orientation>,
     /// A section that training did not see.
@@ -100,7 +100,7 @@ pub struct Report {
     contact: Option<f64>,
     guarantee: String,
     #[serde(flatten)]
-    made: Made,
+    made: Provenance,
     /// Sections that it was made from.
     training_sections: usize,
     evaluation_engine: String,
@@ -134,38 +134,38 @@ pub struct Evaluation {
     plan: SectionPlan,
 }
 
-/// Compares a field with the exact one by the questions' threshold alone: decisions are not measured.
+/// Compares a field with the exact one by the threshold of `eval_settings` alone: decisions are not measured.
 pub fn evaluate_at_threshold(
     session: &Session,
     subject: &Subject<'_>,
     field: &dyn GridField,
     engine: String,
-    questions: &Questions,
+    eval_settings: &EvaluationSettings,
 ) -> Result<Evaluation> {
-    let worth = Worth::Unknown("they were not asked for".into());
-    evaluate(session, subject, field, engine, questions, &worth)
+    let quality = DecisionQuality::Unknown("that was not requested".into());
+    evaluate(session, subject, field, engine, eval_settings, &quality)
 }
 
-/// Compares a field with the exact one; `engine` says what evaluates it, `worth` what its decisions are worth, whose threshold
-/// decides.
+/// Compares a field with the exact one; `engine` says what evaluates it, `quality` the error rates of its decisions, and the
+/// threshold by which poses are classified.
 pub(crate) fn evaluate(
     session: &Session,
     subject: &Subject<'_>,
     field: &dyn GridField,
     engine: String,
-    questions: &Questions,
-    worth: &Worth,
+    eval_settings: &EvaluationSettings,
+    quality: &DecisionQuality,
 ) -> Result<Evaluation> {
-    if questions.random.is_empty() {
+    if eval_settings.random.is_empty() {
         bail!("at least one random orientation is needed");
     }
     let record = &subject.scene.record;
-    let plan = SectionPlan::of_scene(subject.scene, At::Tip)?;
+    let plan = SectionPlan::of_scene(subject.scene, ToolPoints::Tip)?;
     let bare = match record.clearance.is_zero() {
         true => None,
         false => Some(SectionPlan::of_scene(
             &subject.scene.clone().with_clearance(&Clearance::default())?,
-            At::Tip,
+            ToolPoints::Tip,
         )?),
     };
     let quantity = field.quantity();
@@ -173,13 +173,13 @@ pub(crate) fn evaluate(
     session.detail(&format!("sections: {}", plan.describe()));
     let training = subject.seen.as_ref();
     let singles: Vec<Orientation> =
-        [questions.in_sample, questions.out_of_sample].into_iter().flatten().collect();
-    let total = singles.len() + 2 * questions.random.len() + questions.imf.len();
+        [eval_settings.in_sample, eval_settings.out_of_sample].into_iter().flatten().collect();
+    let total = singles.len() + 2 * eval_settings.random.len() + eval_settings.imf.len();
     let stage = session.stage("evaluating", "sections", total as u64);
     let advance = |n| stage.advance(n);
     let control = session.control(&advance);
-    let (tau, threshold_of) = questions.threshold.map_or_else(
-        || ThresholdOf::calibrated(worth.calibration(), quantity.bounds(record.grid.pitch)),
+    let (tau, threshold_of) = eval_settings.threshold.map_or_else(
+        || ThresholdOf::calibrated(quality.calibration(), quantity.bounds(record.grid.pitch)),
         |tau| (tau, ThresholdOf::Question),
     );
 
@@ -194,7 +194,7 @@ pub(crate) fn evaluate(
             format!("section ({}°, {}°), {kind}", degrees(orientation.theta), degrees(orientation.phi));
         rows.push(Row { name, orientations: 1, errors });
     }
-    let random = &questions.random.orientations;
+    let random = &eval_settings.random.orientations;
     let learnt = grid_sections(&exact, random, field, tau, control)?;
     let (validation, learnt) = (learnt.validation(), learnt.overall);
     let nearest = nearest_sections(&exact, random, training, tau, control)?.overall;
@@ -205,10 +205,10 @@ pub(crate) fn evaluate(
         orientations: n,
         errors: nearest,
     });
-    let imf = grid_imf(&exact, &questions.imf.orientations, field, tau, control)?;
+    let imf = grid_imf(&exact, &eval_settings.imf.orientations, field, tau, control)?;
     let measure = if quantity.is_overlap() { "IMF" } else { "minimum depth" };
-    let name = format!("{measure} over {} ({})", questions.imf.len(), questions.imf.spec);
-    rows.push(Row { name, orientations: questions.imf.len(), errors: imf.errors });
+    let name = format!("{measure} over {} ({})", eval_settings.imf.len(), eval_settings.imf.spec);
+    rows.push(Row { name, orientations: eval_settings.imf.len(), errors: imf.errors });
     stage.finish("");
 
     let over = |base: f64| if base > 0.0 { learnt.mse / base } else { f64::INFINITY };
@@ -233,15 +233,15 @@ pub(crate) fn evaluate(
         threshold: tau,
         threshold_of,
         validation,
-        verdict: worth.json(),
-        verdict_text: worth.text(),
+        verdict: quality.json(),
+        verdict_text: quality.text(),
     };
     drop(exact);
     Ok(Evaluation {
         report,
         imf,
-        imf_orientations: questions.imf.len(),
-        random: questions.random.clone(),
+        imf_orientations: eval_settings.imf.len(),
+        random: eval_settings.random.clone(),
         plan,
     })
 }

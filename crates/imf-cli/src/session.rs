@@ -9,13 +9,13 @@ use sysinfo::{MemoryRefreshKind, RefreshKind, System};
 
 use crate::arguments::GlobalArguments;
 use crate::interrupt;
-use crate::output::tell;
+use crate::output::eprint_line;
 use crate::progress::Stage;
 use crate::ranks::Rank;
 
-/// What was said of a run's input, beside its answer: answers in JSON have it too.
+/// Warnings and choices of a run; its results in JSON include them.
 #[derive(Clone, Default, Serialize)]
-pub(crate) struct Said {
+pub(crate) struct Remarks {
     /// What is not as expected.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     warnings: Vec<String>,
@@ -24,17 +24,17 @@ pub(crate) struct Said {
     choices: Vec<String>,
 }
 
-impl Said {
+impl Remarks {
     pub(crate) fn is_empty(&self) -> bool {
         self.warnings.is_empty() && self.choices.is_empty()
     }
 }
 
-static SAID: Mutex<Said> = Mutex::new(Said { warnings: Vec::new(), choices: Vec::new() });
+static REMARKS: Mutex<Remarks> = Mutex::new(Remarks { warnings: Vec::new(), choices: Vec::new() });
 
-/// What this run has said so far.
-pub(crate) fn said() -> MutexGuard<'static, Said> {
-    SAID.lock().unwrap_or_else(PoisonError::into_inner)
+/// Warnings and choices so far.
+pub(crate) fn remarks() -> MutexGuard<'static, Remarks> {
+    REMARKS.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Settings of one run.
@@ -111,32 +111,32 @@ impl Session {
         Ok(())
     }
 
-    /// A remark for people, on standard error.
+    /// A remark on standard error.
     pub fn note(&self, text: &str) {
         if !self.quiet {
-            tell(format_args!("{text}"));
+            eprint_line(format_args!("{text}"));
         }
     }
 
-    /// A remark for those who asked for more.
+    /// A remark that only --verbose shows.
     pub fn detail(&self, text: &str) {
         if self.verbose {
-            tell(format_args!("{text}"));
+            eprint_line(format_args!("{text}"));
         }
     }
 
     /// Something is not as expected, though the work goes on. Shown even when quiet, and once.
     pub fn warn(&self, text: &str) {
-        let warnings = &mut said().warnings;
+        let warnings = &mut remarks().warnings;
         if self.rank.is_first() && !warnings.iter().any(|known| known == text) {
-            tell(format_args!("imf: warning: {text}"));
+            eprint_line(format_args!("imf: warning: {text}"));
             warnings.push(text.to_owned());
         }
     }
 
     /// Something was chosen for the user; the text says what and why.
     pub(crate) fn choose(&self, text: &str) {
-        let choices = &mut said().choices;
+        let choices = &mut remarks().choices;
         if !choices.iter().any(|known| known == text) {
             self.note(text);
             choices.push(text.to_owned());
@@ -159,9 +159,9 @@ impl Session {
     }
 }
 
-/// Threads that any machine may be asked for, and so many for each core where it has more.
-const MOST_THREADS: usize = 1024;
-const MOST_THREADS_A_CORE: usize = 8;
+/// Most threads on any machine, and most for each core where it has many.
+const MAX_THREADS: usize = 1024;
+const MAX_THREADS_A_CORE: usize = 8;
 
 /// Refuses no threads, and more than any machine has a use for: starting them alone would take minutes.
 fn require_threads(threads: usize) -> Result<()> {
@@ -169,7 +169,7 @@ fn require_threads(threads: usize) -> Result<()> {
         bail!("--threads must be at least 1");
     }
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let most = MOST_THREADS.max(MOST_THREADS_A_CORE * cores);
+    let most = MAX_THREADS.max(MAX_THREADS_A_CORE * cores);
     if threads > most {
         bail!(
             "--threads {threads} are more than this machine has a use for: it has {cores} cores, and at most {most} threads are \

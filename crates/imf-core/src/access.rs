@@ -1,8 +1,8 @@
 //! What a tool reaches of space: where its sharp points may stand, from which orientations, and what stock its cutter removes there, in one
 //! pass over the orientations. What it reaches of a part's surface is [`surface`](crate::surface).
 //!
-//! Orientations stream: each section is looked at and forgotten, so memory does not grow with their number, except for
-//! the lists of free orientations where they are asked for ([`FreeOrientations`], one bit a voxel and orientation).
+//! Orientations are streamed: each section is reduced and dropped, so memory does not grow with their number, except for the
+//! optional lists of free orientations ([`FreeOrientations`], one bit a voxel and orientation).
 //! A pose counts as free where its collision measure is at most τ; with τ = 0 that is exact for voxel centres.
 
 mod components;
@@ -24,7 +24,7 @@ use crate::control::Control;
 use crate::orientation::Orientation;
 use crate::section::{Imf, SectionError, SectionPlan, stream_sections};
 
-/// What to find out.
+/// Settings of [`tool_access`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct AccessSettings {
     /// Largest collision measure of a pose that counts as free, in [0, 1].
@@ -40,7 +40,7 @@ pub struct ToolAccess {
     pub imf: Imf,
     /// Number of free orientations of every voxel.
     pub free: Vec<u32>,
-    /// Which they are, where asked for.
+    /// Which orientations these are, if the settings ask for the lists.
     pub lists: Option<FreeOrientations>,
 }
 
@@ -97,8 +97,8 @@ pub fn memory_estimate(
 
 /// Several tools together: a voxel is as accessible as its best tool makes it.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Together {
-    /// Least inaccessibility measure over the tools, with that tool's best orientation.
+pub struct CombinedAccess {
+    /// Minimum inaccessibility measure over the tools, with that tool's best orientation.
     pub imf: Imf,
     /// The tool that has it; the first one at a tie.
     pub tool: Vec<u32>,
@@ -106,14 +106,14 @@ pub struct Together {
     pub free: Vec<u32>,
 }
 
-impl Together {
+impl CombinedAccess {
     /// No tool yet.
     #[must_use]
     pub fn new(voxels: usize) -> Self {
         Self { imf: Imf::new(voxels), tool: vec![u32::MAX; voxels], free: vec![0; voxels] }
     }
 
-    /// Takes another tool into account; tools are to be shown in order.
+    /// Takes another tool into account; tools must be added in order.
     pub fn take(&mut self, tool: usize, access: &ToolAccess) {
         for voxel in 0..self.tool.len() {
             if access.imf.value[voxel] < self.imf.value[voxel] {
@@ -134,7 +134,7 @@ pub(crate) mod tests {
     use crate::grid::Grid;
     use crate::occupancy::Occupancy;
     use crate::orientation::OrientationSet;
-    use crate::section::At;
+    use crate::section::ToolPoints;
     use crate::section::sections;
     use crate::tool::{Element, ElementKind, Segment, SharpPoints, Tool, ToolShape};
     use crate::unit::LengthUnit;
@@ -171,8 +171,8 @@ pub(crate) mod tests {
     #[test]
     fn counts_and_lists_are_those_of_the_single_sections() {
         let obstacle = slotted();
-        let query = obstacle.grid.grown([2, 1, 0], [-1, 3, 2]).unwrap();
-        let plan = SectionPlan::with_query(&obstacle, small_tool(), At::SharpPoints, &query).unwrap();
+        let query = obstacle.grid.padded([2, 1, 0], [-1, 3, 2]).unwrap();
+        let plan = SectionPlan::with_query(&obstacle, small_tool(), ToolPoints::SharpPoints, &query).unwrap();
         let orientations = OrientationSet::parse("fibonacci:23").unwrap().orientations;
         let all = sections(&plan, &orientations, Control::quiet()).unwrap();
         for (tau, threads) in [(0.0, 1), (0.07, 3)] {
@@ -203,10 +203,10 @@ pub(crate) mod tests {
             tool
         };
         let access = [small_tool(), thin].map(|tool| {
-            let plan = SectionPlan::new(&obstacle, &tool, At::SharpPoints).unwrap();
+            let plan = SectionPlan::new(&obstacle, &tool, ToolPoints::SharpPoints).unwrap();
             tool_access(&plan, &orientations, AccessSettings::default(), Control::quiet()).unwrap()
         });
-        let mut together = Together::new(obstacle.grid.len());
+        let mut together = CombinedAccess::new(obstacle.grid.len());
         access.iter().enumerate().for_each(|(tool, access)| together.take(tool, access));
         for voxel in 0..obstacle.grid.len() {
             let (a, b) = (access[0].imf.value[voxel], access[1].imf.value[voxel]);

@@ -1,9 +1,10 @@
 //! Files that appear whole or not at all.
 //!
-//! A file is written under a temporary name in its own folder, flushed to the disk, and renamed. Whoever reads the
-//! final name sees the old content or the new one, never half of either, also after a crash or a power cut.
+//! A file is written under a temporary name in its own folder, flushed to the disk, and renamed. A reader of the final name sees
+//! the old content or the new one, never half of either, also after a crash or a power cut.
 //! On an error the temporary file is removed and the old content stays. A process that is killed cannot remove its
-//! temporary file: [`remove_leftovers`] does so later. While a process writes one it holds a lock on it, by which others know.
+//! temporary file: [`remove_leftovers`] does so later. While a process writes one it holds a lock on it, so that other processes
+//! leave it alone.
 
 use std::ffi::OsString;
 use std::fs::{self, File, TryLockError};

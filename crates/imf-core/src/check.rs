@@ -7,7 +7,7 @@
 //! cutter may be a thin wall, so that none is cut through unseen. With fixtures nothing is accepted.
 //!
 //! A collision's depth is measured from both sides: a solid centre that lies so deep in the element and so deep in the part has a
-//! ball around it in either, and no shorter translation than both radii together parts the two. The depth of a pose is
+//! ball around it in either, so no translation shorter than the sum of both radii separates them. The depth of a pose is
 //! the largest of these sums. The part's surface is taken to lie half-way between solid and empty centres.
 //!
 //! With a machine the motions are its own, its head and table are bodies that move with its axes, and where an axis leaves its
@@ -19,7 +19,7 @@ mod motions;
 mod report;
 
 pub use machine::MachineBodies;
-pub use report::{Against, CheckReport, Collision, LineCollisions, TravelFault};
+pub use report::{CheckReport, Collision, HitBody, LineCollisions, TravelFault};
 
 use std::sync::Arc;
 
@@ -38,7 +38,7 @@ use elements::{Body, Elements};
 use machine::MachinePairs;
 use motions::{motions, rigid};
 
-/// What is accepted, and how closely the path is followed. Lengths in the unit of the part's grid.
+/// Accepted contact, clearances, and how densely the path is sampled. Lengths in the unit of the part's grid.
 ///
 /// # Example
 /// Ten times as closely as by default, at a pitch of half a millimetre:
@@ -61,7 +61,7 @@ pub struct CheckSettings {
     pub tolerance: f64,
 }
 
-/// What finishing passes are off by, in mm: the chords and tolerances of CAM programs are a few hundredths.
+/// Contact that is accepted by default, in mm: chord errors and tolerances of CAM programs are a few hundredths.
 const CONTACT: f64 = 0.05;
 
 impl CheckSettings {
@@ -71,8 +71,8 @@ impl CheckSettings {
         Self { clearance: Clearance::default(), contact: CONTACT / unit.in_mm(), tolerance: pitch / 4.0 }
     }
 
-    /// Every overlap of tool and part that holds a ball of this diameter at any time of a motion is found, wherever voxels and
-    /// poses lie: what is left of it half a step away, and deeper in the cutter than is accepted, still holds a centre.
+    /// Diameter of the smallest ball whose overlap is certain to be detected at any time of a motion: at the nearest checked
+    /// pose, and below the accepted contact, the rest of such an overlap still contains a voxel centre.
     #[must_use]
     pub fn sure_depth(&self, pitch: f64) -> f64 {
         3f64.sqrt() * pitch + 2.0 * self.contact + self.tolerance
@@ -139,7 +139,7 @@ pub enum CheckError {
         /// The tool's name.
         tool: String,
     },
-    /// A tool that was not given.
+    /// A tool number that none of the tools has.
     #[error("line {line}: {}, and the tools that are given have the numbers {given}", number_text(*.number))]
     NoTool {
         /// The line.
@@ -220,7 +220,7 @@ pub enum CheckError {
         /// The contact.
         contact: f64,
     },
-    /// A setting is no length.
+    /// A setting that is not a valid length.
     #[error("the {name} must be {wanted}, not {value}")]
     Setting {
         /// Which.
@@ -259,9 +259,9 @@ fn number_text(number: Option<u32>) -> String {
 /// Checks every motion of a toolpath on all threads of the current pool. One unit of progress is one location.
 ///
 /// `tools` are one tool without a number, for a path of one tool, or tools by number, each of which checks its own stretches;
-/// their lengths are in the grids' unit. Poses of which `is_free` knows that the whole tool, offset by the clearance, is free
-/// of part and fixtures are not counted: where what it knows is proven (`is_free` of a verified field), the report is the same
-/// as with `|_| false`.
+/// their lengths are in the grids' unit. Poses for which `is_free` returns true are skipped: the whole tool, offset by the
+/// clearance, is free of part and fixtures there. If its answers are proven (`is_free` of a verified field), the report is the
+/// same as with `|_| false`.
 ///
 /// # Errors
 /// Settings or tools that make no sense, a location without a tool or, where its tool is not round, without a roll, a motion whose
@@ -276,14 +276,14 @@ pub fn check_toolpath(
 ) -> Result<CheckReport, CheckError> {
     settings.check()?;
     tools.iter().try_for_each(|(_, tool)| tool.check())?;
-    // Every motion is tried before any work is done.
+    // Every motion is validated before any pose is checked.
     let machine = bodies.machine.map(MachineBodies::machine);
     let motions = motions(toolpath, tools, settings, machine)?;
-    let part = Body::new(Arc::new(bodies.part.clone()), Against::Part);
+    let part = Body::new(Arc::new(bodies.part.clone()), HitBody::Part);
     let fixtures: Vec<Body> = bodies
         .fixtures
         .iter()
-        .map(|(name, voxels)| Body::new(Arc::new(voxels.clone()), Against::Fixture(name.clone())))
+        .map(|(name, voxels)| Body::new(Arc::new(voxels.clone()), HitBody::Fixture(name.clone())))
         .collect();
     bodies.machine.map_or(Ok(()), |machine| machine.check(bodies.part.grid.pitch))?;
     let table = bodies.machine.map(MachineBodies::bodies).unwrap_or_default();

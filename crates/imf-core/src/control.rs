@@ -1,4 +1,4 @@
-//! How long work reports its progress and learns that it should stop.
+//! Progress reports and cancellation of long computations.
 
 use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -28,7 +28,7 @@ impl fmt::Debug for Control<'_> {
 static NEVER: AtomicBool = AtomicBool::new(false);
 
 impl Control<'_> {
-    /// Reports to nobody and is never cancelled.
+    /// Ignores progress and is never cancelled.
     #[must_use]
     pub fn quiet() -> Self {
         Self { progress: &|_| {}, cancelled: &NEVER }

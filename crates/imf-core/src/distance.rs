@@ -1,8 +1,8 @@
 //! Exact Euclidean distance transforms of an occupancy, in voxels between voxel centres.
 //!
 //! Separable, as Meijster, Roerdink and Hesselink (2000) and Felzenszwalb and Huttenlocher (2012) have it: the nearest
-//! solid voxel along x by two sweeps, then along y and z by lower envelopes of parabolas, in whole numbers. The
-//! nearest voxel itself is stored as well: a witness is worth more than a length.
+//! solid voxel along x by two sweeps, then along y and z by lower envelopes of parabolas, in whole numbers. The nearest voxel
+//! itself is stored: callers need the witness point as well as the distance.
 //!
 //! Space outside the grid is empty: for a point out there the distance to the obstacle is bounded from below through
 //! the nearest point of the grid, and as seen from within the obstacle the outside is the nearest empty space.
@@ -58,7 +58,7 @@ impl DistanceField {
         self.nearest(index).map(|witness| squared_distance(self.dims, index, witness))
     }
 
-    /// Looks at a point in continuous voxel coordinates (whole numbers at centres), inside the grid or outside.
+    /// Nearest voxel and distance bound at a point in continuous voxel coordinates (whole numbers at centres), inside the grid or outside.
     #[inline]
     #[must_use]
     pub fn probe(&self, point: DVec3) -> Probe {
@@ -76,7 +76,7 @@ impl DistanceField {
     }
 }
 
-/// What a [`DistanceField`] knows about a point.
+/// The result of [`DistanceField::probe`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Probe {
     /// The voxel nearest to the point.
@@ -107,7 +107,7 @@ pub fn squared_depths(obstacle: &Occupancy) -> Vec<u64> {
 /// empty centre, less half a pitch.
 #[must_use]
 pub fn deeper_than(part: &Occupancy, depth: f64) -> Occupancy {
-    // To a billionth, so that a depth of whole pitches is decided by what is meant.
+    // Rounded to a billionth, so that a depth of whole pitches compares as exact.
     let limit = (depth / part.grid.pitch + 0.5 + 1e-9).powi(2);
     let solid = squared_depths(part).iter().map(|&squared| u8::from(squared as f64 > limit)).collect();
     Occupancy { grid: part.grid, solid }

@@ -7,11 +7,11 @@
 //! # Results
 //! - Values are `overlap(x, R)`: the fraction of the tool's volume that lies in the obstacle with the tool's tip at x. Those of
 //!   a field of signed penetration depth ([`Quantity`]) are lengths: how far the tool must be moved to be free, below 0 how
-//!   far it may be moved. Decisions by depth are the sharper ones by far; either falls towards freedom.
+//!   far it may be moved. Depths decide far more poses than overlaps do; both decrease towards free space.
 //! - [`Decision::Free`] and [`Decision::Colliding`] are decisions by a field's calibration; [`Decision::Undecided`] is for an
 //!   exact check to decide. A field without calibration answers `Undecided` everywhere. Exact and verified fields
 //!   decide every pose.
-//! - Outside [`PoseField::bounds`] a model knows nothing: values and gradients are those of the nearest
+//! - Outside [`PoseField::bounds`] a model is not defined: values and gradients are those of the nearest
 //!   point inside (the slope across the face is 0), and the decision is `Undecided`. Exact answers hold everywhere, space
 //!   outside the grid being empty.
 //! - An invalid pose ([`Pose`]) has the value NaN, a gradient of NaN, and is `Colliding`.
@@ -90,7 +90,7 @@ impl Gradient {
         Self { value: f32::NAN, position: Vec3::NAN, direction: Vec3::NAN, rotation: Vec3::NAN };
 }
 
-/// The best way to reach a point.
+/// The best orientation at a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Best {
     /// The minimum of the collision measure, in [0, 1], or of the depth; NaN for a point that is not finite.
@@ -102,7 +102,7 @@ pub struct Best {
 }
 
 impl Best {
-    /// Of what cannot be reached, or is no point.
+    /// The result at an invalid point, or before any orientation is tried.
     pub const NONE: Self = Self { value: f32::NAN, orientation: 0, decision: Decision::Colliding };
 }
 
@@ -117,19 +117,19 @@ pub enum EngineError {
     Shape(String),
 }
 
-/// Why a field does not answer.
+/// Why a query failed.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum FieldError {
-    /// The output slice has not as many places as there are queries.
+    /// The output slice and the queries differ in length.
     #[error("{queries} queries need an output slice as long, not of {results}")]
     Length {
         /// Poses or points.
         queries: usize,
-        /// Places of the output slice.
+        /// Length of the output slice.
         results: usize,
     },
-    /// A minimum over nothing.
+    /// A minimum over no orientation, or over too many.
     #[error("the minimum over {0} orientations: give at least one, and fewer than 2^32")]
     Orientations(usize),
     /// The tool does not fit the grid.
@@ -160,7 +160,7 @@ impl From<SectionError> for FieldError {
     }
 }
 
-/// A field that answers poses, on the thread that calls or on its device.
+/// A field that is evaluated at poses, on the calling thread or on its device.
 ///
 /// # Errors
 /// All methods: an output slice of another length than the queries; an exact field may find that a tool holds no voxel; a
@@ -169,7 +169,7 @@ pub trait PoseField: Send + Sync {
     /// What the values are: a fraction, or a length.
     fn quantity(&self) -> Quantity;
 
-    /// The lower and upper corner of the box, in world units, that the field knows; `None` where it knows all of space.
+    /// The field's domain: lower and upper corner of its box, in world units; `None` where it is all of space.
     fn bounds(&self) -> Option<[DVec3; 2]>;
 
     /// `overlap(x, R)` in [0, 1] of every pose, or its depth.
@@ -278,7 +278,7 @@ pub fn values_on_all_threads(
     })
 }
 
-/// That the output slice has as many places as there are queries: what every field checks first.
+/// Checks that the output slice is as long as the queries; every field does so first.
 ///
 /// # Errors
 /// [`FieldError::Length`]: it has not.

@@ -25,7 +25,7 @@ pub struct Fault {
     pub kind: FaultKind,
     /// The line, from 1, where it is known.
     pub line: Option<usize>,
-    /// Cause and remedy, for people.
+    /// Cause and remedy, human-readable.
     pub cause: String,
 }
 

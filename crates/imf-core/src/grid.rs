@@ -92,12 +92,12 @@ impl Grid {
         Ok(Self { origin: (lower + upper) * 0.5 - size * 0.5, pitch, dims })
     }
 
-    /// The grid with `before` more voxels below and `after` more above along x, y, z; negative numbers take away.
+    /// The grid padded by `before` voxels below and `after` above along x, y, z; negative numbers crop.
     /// Voxels keep their places in the world.
     ///
     /// # Errors
     /// Nothing left, or more than 2³¹ voxels.
-    pub fn grown(&self, before: [i64; 3], after: [i64; 3]) -> Result<Self, GridError> {
+    pub fn padded(&self, before: [i64; 3], after: [i64; 3]) -> Result<Self, GridError> {
         let sizes = [0, 1, 2].map(|axis| self.dims[axis] as i64 + before[axis] + after[axis]);
         let dims = sizes.map(|size| usize::try_from(size).unwrap_or(0));
         if dims.contains(&0) {
@@ -122,7 +122,7 @@ impl Grid {
         }
         let before = first.to_array().map(|v| extra - v as i64);
         let after = [0, 1, 2].map(|axis| last[axis] as i64 + extra - self.dims[axis] as i64);
-        self.grown(before, after)
+        self.padded(before, after)
     }
 
     /// Where voxel (0, 0, 0) of `other` lies in this grid, in voxels; `None` where the voxels of the two do not
@@ -248,14 +248,14 @@ mod tests {
     }
 
     #[test]
-    fn grown_grids_keep_their_voxels_in_place() {
+    fn padded_grids_keep_their_voxels_in_place() {
         let grid = Grid { origin: DVec3::new(0.1, -7.3, 1e3), pitch: 0.3, dims: [3, 4, 5] };
-        let grown = grid.grown([2, 0, -1], [1, 3, 0]).unwrap();
-        assert_eq!(grown.dims, [6, 7, 4]);
-        assert_eq!(grid.offset_of(&grown), Some([-2, 0, 1]));
-        assert_eq!(grown.offset_of(&grid), Some([2, 0, -1]));
-        assert!((grown.centre([2, 0, 0]) - grid.centre([0, 0, 1])).length() < 1e-9);
-        assert!(grid.grown([-3, 0, 0], [0; 3]).is_err());
+        let padded = grid.padded([2, 0, -1], [1, 3, 0]).unwrap();
+        assert_eq!(padded.dims, [6, 7, 4]);
+        assert_eq!(grid.offset_of(&padded), Some([-2, 0, 1]));
+        assert_eq!(padded.offset_of(&grid), Some([2, 0, -1]));
+        assert!((padded.centre([2, 0, 0]) - grid.centre([0, 0, 1])).length() < 1e-9);
+        assert!(grid.padded([-3, 0, 0], [0; 3]).is_err());
         let (lower, upper) = (grid.centre([1, 1, 1]), grid.origin + grid.size() + 0.31);
         let covering = grid.covering(lower, upper, 0).unwrap();
         assert_eq!((grid.offset_of(&covering), covering.dims), (Some([1, 1, 1]), [4, 5, 6]));

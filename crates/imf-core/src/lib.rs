@@ -11,7 +11,7 @@
 //! Exact values are whole numbers of voxels, computed for one rotation at a time ([`section`]) or one pose at a time ([`field`]).
 //! Fields that hold every direction at once are in the crate `imf-fields`, which builds on this one.
 //!
-//! This crate is the truth: it owns geometry, exact counts, what a tool reaches, toolpaths, and the interface of every
+//! This crate is the reference: it owns geometry, exact counts, what a tool reaches, toolpaths, and the interface of every
 //! field ([`field`]). It imports no other crate of the project.
 //!
 //! # Where to begin
@@ -43,8 +43,8 @@
 //! # Errors
 //! Every library function that can fail for its input gives a small error of its own area: [`file_error::FileError`] for files that are
 //! read (file, line, kind, cause and remedy) and `AtomicFileError` for those that are written, [`scene::SceneError`], [`grid::GridError`],
-//! [`tool::ToolError`], [`tool::ClearanceError`], [`orientation::OrientationSetError`] and those of sections, fields and checks. Remarks
-//! that keep nothing from being used come as values ([`scene::SceneWarning`]).
+//! [`tool::ToolError`], [`tool::ClearanceError`], [`orientation::OrientationSetError`] and those of sections, fields and checks.
+//! Warnings are values ([`scene::SceneWarning`]).
 //!
 //! # Example
 //! Where can the built-in tool stand upright on the built-in bracket?
@@ -76,7 +76,6 @@ pub mod access;
 pub mod atomic_file;
 pub mod check;
 pub mod control;
-pub mod cover;
 pub mod distance;
 pub mod field;
 #[cfg(feature = "formats")]
@@ -94,6 +93,7 @@ pub mod parts;
 pub mod pose;
 pub mod scene;
 pub mod section;
+pub mod set_cover;
 pub mod surface;
 pub mod tool;
 pub mod toolpath;

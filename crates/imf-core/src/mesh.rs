@@ -3,18 +3,18 @@
 use glam::{DMat4, DVec3};
 use serde::{Deserialize, Serialize};
 
-mod facing;
+mod face_orientation;
 mod features;
 pub mod read;
 mod refine;
-mod rests;
 pub(crate) mod solid_angle;
+mod stability;
 pub mod topology;
 pub(crate) mod weld;
 #[cfg(feature = "formats")]
 pub mod write;
 
-pub use facing::FaceRepair;
+pub use face_orientation::FaceRepair;
 pub use features::MachiningDirection;
 pub(crate) use features::SAME;
 

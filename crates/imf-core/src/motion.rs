@@ -38,7 +38,7 @@ pub enum MotionResult {
     },
 }
 
-/// Why a motion has no answer.
+/// Why a motion cannot be validated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum MotionError {
     /// An end is an invalid pose.
@@ -61,9 +61,9 @@ pub enum MotionError {
 const OFFSETS: [f64; 3] = [0.5, 0.125, 1.0 / 32.0];
 /// Taken off every proven clearance, in pitches: more than the slack of the tool's predicate.
 const MARGIN: f64 = 2e-4;
-/// Axes from quaternions are off by less.
+/// Upper bound of the rounding error of an axis from a quaternion, in radians.
 const ANGLE: f64 = 1e-11;
-/// Halvings between a pose that does not collide and one that does.
+/// Bisection steps between a pose that does not collide and one that does.
 const HALVINGS: usize = 12;
 
 /// The field, and its tool offset further.
@@ -132,7 +132,7 @@ fn advance(
     let pitch = field.obstacle().grid().pitch;
     let reach = field.reach();
     // Farthest that any point of the tool moves in a unit of time; the tool is round.
-    let speed = way.farthest(reach, 0.0);
+    let speed = way.motion_bound(reach, 0.0);
     // Of positions as large as the ends', of axes at the tool's far end.
     let largest = a.position.abs().max(b.position.abs()).max_element();
     let rounding = 4.0 * f64::EPSILON * largest;
@@ -177,7 +177,7 @@ fn advance(
             break;
         }
         before = time;
-        // The end itself is tried as well; a time never stands still.
+        // The end itself is tested as well; every step advances.
         time = next.max(time.next_up()).min(1.0);
     }
     if free_until < 1.0 {
@@ -194,7 +194,7 @@ fn too_far(field: &ExactField, a: &Pose, b: &Pose) -> MotionResult {
     }
 }
 
-/// The earliest colliding pose that halving finds between a time without and one with a collision.
+/// The earliest colliding pose that bisection finds between a time without and one with a collision.
 fn first(way: &StraightMotion, field: &ExactField, mut low: f64, high: f64, pose: Pose) -> (f64, Pose) {
     let mut found = (high, pose);
     for _ in 0..HALVINGS {

@@ -1,4 +1,4 @@
-//! What a tool must stay out of, as every exact answer takes it.
+//! The obstacle of every exact query: forbidden voxels, and a layer that the cutter may enter.
 
 use std::sync::Arc;
 

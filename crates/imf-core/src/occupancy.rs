@@ -137,7 +137,7 @@ mod tests {
         let solid = (0..grid.len()).map(|i| u8::from(i * i % 7 < 3)).collect();
         let occupancy = Occupancy { grid, solid };
         for (before, after) in [([1, 2, 0], [0, 1, 3]), ([-2, 1, -1], [2, -3, 0]), ([-4, 0, 0], [9, 0, 0])] {
-            let other = grid.grown(before, after).unwrap();
+            let other = grid.padded(before, after).unwrap();
             let moved = occupancy.on(&other).unwrap();
             for index in 0..other.len() {
                 let voxel = other.voxel(index);

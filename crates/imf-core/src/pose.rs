@@ -55,8 +55,8 @@ impl Pose {
     }
 
     /// The pose at a fraction of the way to another, from 0 to 1: the tip goes along the line, and the axis along the great
-    /// circle without rolling; what the roll at the end differs from that is rolled about the tool's own axis, the shorter way
-    /// (half a turn to the left). All three go evenly. `None` where a pose is invalid, or the axes are opposite.
+    /// circle without rolling; the remaining roll is made about the tool's own axis, the shorter way (half a turn counts as
+    /// left). All three are linear in `fraction`. `None` where a pose is invalid, or the axes are opposite.
     #[must_use]
     pub fn interpolate(&self, to: &Self, fraction: f64) -> Option<Self> {
         Some(StraightMotion::new(self, to)?.at(fraction))
@@ -125,7 +125,7 @@ impl StraightMotion {
 
     /// Upper bound of how far any point of a tool moves whose points are at most `reach` away from its tip and, where it is not
     /// round, at most `radius` away from its axis.
-    pub(crate) fn farthest(&self, reach: f64, radius: f64) -> f64 {
+    pub(crate) fn motion_bound(&self, reach: f64, radius: f64) -> f64 {
         self.from.position.distance(self.to.position) + self.angle * reach + self.roll.abs() * radius
     }
 
@@ -210,7 +210,7 @@ mod tests {
         assert!((middle.axis().unwrap() - DVec3::new(1.0, 0.0, 1.0).normalize()).length() < 1e-12);
         let third = motion.at(1.0 / 3.0).axis().unwrap();
         assert!((third.z - 30f64.to_radians().cos()).abs() < 1e-12);
-        assert!((motion.farthest(10.0, 3.0) - 20f64.sqrt() - 5.0 * PI).abs() < 1e-12);
+        assert!((motion.motion_bound(10.0, 3.0) - 20f64.sqrt() - 5.0 * PI).abs() < 1e-12);
         assert_eq!((motion.at(0.0), motion.at(1.0)), (a, b));
         assert_eq!(a.interpolate(&Pose::along(DVec3::ZERO, DVec3::NEG_Z), 0.5), None);
         assert_eq!(a.interpolate(&Pose::along(DVec3::NAN, DVec3::X), 0.5), None);
@@ -226,7 +226,7 @@ mod tests {
             let motion = StraightMotion::new(&a, &b).unwrap();
             let ends = a.axis().unwrap().cross(b.axis().unwrap());
             let steps = 64;
-            let most = motion.farthest(5.0, 3.0) / f64::from(steps);
+            let most = motion.motion_bound(5.0, 3.0) / f64::from(steps);
             for step in 0..steps {
                 let [before, after] = [step, step + 1].map(|s| motion.at(f64::from(s) / f64::from(steps)));
                 let place = |pose: &Pose, point: DVec3| pose.position + pose.rotation * point;
@@ -254,7 +254,7 @@ mod tests {
         let a = Pose::oriented(DVec3::ZERO, &Orientation { roll: 180.0, ..Orientation::new(180.0, 1.0) });
         let b = Pose::oriented(DVec3::ZERO, &Orientation::new(0.0, 1.0));
         let motion = StraightMotion::new(&a, &b).unwrap();
-        assert!((motion.farthest(1.0, 1.0) - 2f64.to_radians()).abs() < 1e-9);
+        assert!((motion.motion_bound(1.0, 1.0) - 2f64.to_radians()).abs() < 1e-9);
         assert!(
             StraightMotion::new(
                 &Pose { rotation: rolled(0.0).quaternion(), ..a },

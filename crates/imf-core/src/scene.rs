@@ -51,7 +51,7 @@ pub enum Resolution {
 
 /// What the grid is chosen around.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Around {
+pub enum GridExtent {
     /// The part; fixtures may stick out.
     #[default]
     Part,
@@ -71,7 +71,7 @@ pub struct Fixture<'a> {
     pub transform: DMat4,
 }
 
-/// What is known of a scene without its voxels.
+/// Metadata of a scene: all but its voxels.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SceneRecord {
     /// Name of the part: a file's name or a reference part.
@@ -109,7 +109,7 @@ pub struct SceneRecord {
 /// A part on its grid, and the tool that is to reach it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
-    /// What is written down.
+    /// Its metadata.
     pub record: SceneRecord,
     /// The solid voxels of part and fixtures.
     pub obstacle: Occupancy,

@@ -7,25 +7,26 @@
 
 mod bit_obstacle;
 mod bit_sliced;
+mod cursor;
 mod depth;
 mod device;
 mod direct;
 mod elements;
 mod fft;
-#[cfg(test)]
-pub(crate) mod fixtures;
 mod overlap;
 mod reading;
-mod run_ends;
+mod run_boundaries;
 mod run_length;
 mod size;
 mod stream;
 mod sweep;
+#[cfg(test)]
+pub(crate) mod test_shapes;
 mod values;
-mod walk;
 
+pub use cursor::SectionCursor;
 pub use depth::{DEPTH_CAP, DepthPlan, DepthScratch, Quantity};
-pub use device::{SectionLayer, StepEnds, StepSpace, SteppedTool};
+pub use device::{BoundaryOffsets, DifferenceLimits, SectionLayer, ToolDifferences};
 pub(crate) use direct::minimum_mean;
 pub use direct::{direct_cmf, direct_count, direct_element_measures};
 pub use elements::{ElementMeasures, ElementPlans, ElementScratch, elements_at_best};
@@ -34,8 +35,7 @@ pub use overlap::Method;
 pub use size::QueryBox;
 pub(crate) use stream::stream_orientations;
 pub use stream::{Imf, imf, sections, stream_depths, stream_sections};
-pub use values::share;
-pub use walk::SectionWalk;
+pub use values::overlap_fraction;
 
 use glam::DVec3;
 use thiserror::Error;
@@ -44,7 +44,7 @@ use crate::grid::Grid;
 use crate::obstacle::Obstacle;
 use crate::orientation::Orientation;
 use crate::scene::Scene;
-use crate::tool::{Assembly, ClearanceError, RotatedTool, Tool, ToolError};
+use crate::tool::{Assembly, ClearanceError, Tool, ToolError, ToolVoxels};
 
 use overlap::OverlapCounter;
 use reading::LowestAround;
@@ -91,9 +91,9 @@ pub enum SectionError {
     Cancelled,
 }
 
-/// Which points of the tool a section's minimum is taken over.
+/// The points of the tool over which a section takes the minimum.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum At {
+pub enum ToolPoints {
     /// The tip alone: the overlap, which fields are made of.
     Tip,
     /// All sharp points: the collision measure.
@@ -139,8 +139,8 @@ fn offset_of_query(obstacle: &Grid, query: &Grid) -> Result<[i64; 3], SectionErr
 /// The voxels where overlaps are counted: those of the query grid, and as many around them as sharp points off the tip reach.
 fn query_box(obstacle: &Grid, query: &Grid, sharp_points: &[DVec3]) -> Result<QueryBox, SectionError> {
     let farthest = sharp_points.iter().map(|k| k.length()).fold(0.0, f64::max);
-    let grow = if farthest > 0.0 { (farthest / obstacle.pitch).ceil() as i64 + 1 } else { 0 };
-    Ok(QueryBox::around(offset_of_query(obstacle, query)?, query.dims, grow))
+    let padding = if farthest > 0.0 { (farthest / obstacle.pitch).ceil() as i64 + 1 } else { 0 };
+    Ok(QueryBox::around(offset_of_query(obstacle, query)?, query.dims, padding))
 }
 
 impl SectionPlan {
@@ -152,7 +152,7 @@ impl SectionPlan {
     pub fn new(
         obstacle: impl Into<Obstacle>,
         assembly: impl Into<Assembly>,
-        at: At,
+        at: ToolPoints,
     ) -> Result<Self, SectionError> {
         let obstacle = obstacle.into();
         let grid = *obstacle.grid();
@@ -163,7 +163,7 @@ impl SectionPlan {
     ///
     /// # Errors
     /// A tool without volume.
-    pub fn of_scene(scene: &Scene, at: At) -> Result<Self, SectionError> {
+    pub fn of_scene(scene: &Scene, at: ToolPoints) -> Result<Self, SectionError> {
         Self::new(scene, scene.record.assembly()?, at)
     }
 
@@ -175,20 +175,20 @@ impl SectionPlan {
     pub fn with_query(
         obstacle: impl Into<Obstacle>,
         assembly: impl Into<Assembly>,
-        at: At,
+        at: ToolPoints,
         query_grid: &Grid,
     ) -> Result<Self, SectionError> {
         let (obstacle, assembly) = (obstacle.into(), assembly.into());
         let tool = match at {
-            At::Tip => assembly.whole().with_tip_only(),
-            At::SharpPoints => assembly.whole().clone(),
+            ToolPoints::Tip => assembly.whole().with_tip_only(),
+            ToolPoints::SharpPoints => assembly.whole().clone(),
         };
         tool.check()?;
         let own = *obstacle.grid();
         let sharp_points = tool.sharp_point_positions(own.pitch);
         let query = query_box(&own, query_grid, &sharp_points)?;
         // A tool too large or too small is refused now rather than at the first section.
-        RotatedTool::new(&tool, &Orientation::default(), own.pitch)?;
+        ToolVoxels::new(&tool, &Orientation::default(), own.pitch)?;
         let noncutting = Cuttable::of(&obstacle, &assembly)
             .map(|layer| OverlapCounter::new(layer.voxels.clone(), layer.noncutting.clone(), query));
         Ok(Self {
@@ -216,7 +216,7 @@ impl SectionPlan {
     /// # Errors
     /// A grid with other voxels than the obstacle's.
     pub fn over(&self, query_grid: &Grid) -> Result<Self, SectionError> {
-        let at = if self.tip_alone() { At::Tip } else { At::SharpPoints };
+        let at = if self.tip_alone() { ToolPoints::Tip } else { ToolPoints::SharpPoints };
         let plan = Self::with_query(&self.obstacle, &self.assembly, at, query_grid)?;
         Ok(plan.with_method(self.whole.method))
     }
@@ -268,7 +268,7 @@ impl SectionPlan {
         self.noncutting.is_some()
     }
 
-    /// One line for people: how sections are computed.
+    /// Human-readable, one line: how sections are computed.
     #[must_use]
     pub fn describe(&self) -> String {
         let estimate = self.whole.usual_estimate(&self.query);
@@ -325,7 +325,7 @@ impl SectionPlan {
     pub fn direct(
         &self,
         orientation: &Orientation,
-        rotated: &RotatedTool,
+        rotated: &ToolVoxels,
         voxel: [usize; 3],
     ) -> Result<f64, ToolError> {
         let at = [0, 1, 2].map(|axis| voxel[axis] as i64 + self.offset[axis]);
@@ -368,7 +368,7 @@ impl SectionPlan {
     ) -> Result<(u32, &'s [u32]), SectionError> {
         let offset = offset_of_query(self.obstacle.grid(), window)?;
         let query = QueryBox::around(offset, window.dims, 0);
-        assert!(self.query.holds(&query), "a window within the plan's grid");
+        assert!(self.query.contains(&query), "a window within the plan's grid");
         let rotated = self.box_counts(orientation, &query, scratch)?;
         Ok((rotated, &scratch.counts))
     }
@@ -391,8 +391,8 @@ impl SectionPlan {
     }
 
     /// The whole tool in an orientation.
-    fn rotated(&self, orientation: &Orientation) -> Result<RotatedTool, ToolError> {
-        RotatedTool::new(self.tool(), orientation, self.obstacle.grid().pitch)
+    fn rotated(&self, orientation: &Orientation) -> Result<ToolVoxels, ToolError> {
+        ToolVoxels::new(self.tool(), orientation, self.obstacle.grid().pitch)
     }
 }
 

@@ -10,30 +10,30 @@ mod access;
 mod contact;
 mod crib;
 mod culprits;
+mod environment;
 mod inside;
 mod patches;
+mod sample_query;
 mod samples;
 mod setups;
 mod skyline;
-mod stance;
 mod stick_out;
-mod surroundings;
 
 pub use access::{SurfaceAccess, surface_access, surface_memory_estimate};
 pub use crib::crib_access;
 pub use culprits::{LeastOverlap, culprits, least_overlaps};
+pub use environment::{CollisionEnvironment, SolidBody};
 pub use patches::SurfacePatch;
 pub use samples::{SurfaceSample, SurfaceSamples};
 pub use setups::{ChosenSetup, PartSetup, SetupPlan, fewest_setups, ways_up};
 pub use stick_out::{StickOut, StickOutTool, least_stick_outs};
-pub use surroundings::{SolidBody, Surroundings};
 
 use glam::{DQuat, DVec3};
 use thiserror::Error;
 
 use contact::Outline;
 use inside::InnerBalls;
-use stance::{Above, Last, Outcome, Stance};
+use sample_query::{Above, Last, Outcome, SampleQuery};
 
 use crate::field::solid::{SolidField, SolidVoxels};
 use crate::orientation::Orientation;
@@ -80,7 +80,7 @@ pub fn default_tolerance(pitch: f64, unit: LengthUnit) -> f64 {
     (0.05 / unit.in_mm()).max(0.1 * pitch)
 }
 
-/// What becomes of one sample.
+/// The verdict on one sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reach {
     /// Reached from so many directions.
@@ -132,7 +132,7 @@ pub struct SurfaceTool {
     name: String,
     shape: Shape,
     tolerance: f64,
-    /// What [`Reach::Obstructed`] may blame: its kind, and it against every body.
+    /// The elements that [`Reach::Obstructed`] can name: kind, and field against each body.
     elements: Vec<(ElementKind, Vec<SolidField>)>,
     /// Most bodies of one element that 64 bits can tell apart.
     bodies: usize,
@@ -163,7 +163,7 @@ struct Revolved {
     rest: Option<SolidField>,
     /// Their outline.
     above: Option<Tool>,
-    /// The cutter with the tolerance around it: what of the surface it may be said to touch.
+    /// The cutter offset by the tolerance: a sample inside it counts as touched.
     touching: SolidField,
     /// Largest radius of the cutter.
     radius: f64,
@@ -178,12 +178,12 @@ const FARTHEST: f64 = 24.0;
 
 /// A direction: the tool's axis, and its rotation.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Turn {
+pub(crate) struct ToolDirection {
     axis: DVec3,
     rotation: DQuat,
 }
 
-impl Turn {
+impl ToolDirection {
     pub(crate) fn new(orientation: &Orientation) -> Self {
         let rotation = orientation.quaternion();
         // An orientation's quaternion has a length.
@@ -192,9 +192,9 @@ impl Turn {
 }
 
 /// By direction, what was last in the way of the cutter, and of shank and holder: of samples side by side it is mostly the same.
-pub(crate) struct Memory(Vec<[Last; 2]>);
+pub(crate) struct ColliderCache(Vec<[Last; 2]>);
 
-impl Memory {
+impl ColliderCache {
     pub(crate) fn new(directions: usize) -> Self {
         Self(vec![[None; 2]; directions])
     }
@@ -206,7 +206,7 @@ impl SurfaceTool {
     /// # Errors
     /// A tool without a cutter, or a tolerance that its cutter is not thick enough for.
     pub fn new(
-        surroundings: &Surroundings,
+        environment: &CollisionEnvironment,
         assembly: &Assembly,
         tolerance: f64,
     ) -> Result<Self, SurfaceError> {
@@ -217,12 +217,12 @@ impl SurfaceTool {
         let name = tool.name.clone();
         let ToolShape::Revolved(parts) = &tool.shape else {
             let ToolShape::Mesh(mesh) = &tool.shape else { return Err(SurfaceError::NoCutter(name)) };
-            let whole = Box::new(SolidField::of_tool(surroundings.keep_out.clone(), tool));
+            let whole = Box::new(SolidField::of_tool(environment.keep_out.clone(), tool));
             let touching = match &tool.sharp_points {
                 SharpPoints::Points(points) => points.clone(),
                 _ => mesh.vertices.clone(),
             };
-            let inner = InnerBalls::new(mesh, surroundings.part.occupancy().grid.pitch);
+            let inner = InnerBalls::new(mesh, environment.part.occupancy().grid.pitch);
             let shape = Shape::Mesh { touching, inner, whole };
             return Ok(Self { name, shape, tolerance, elements: Vec::new(), bodies: 1 });
         };
@@ -237,10 +237,10 @@ impl SurfaceTool {
         let of_cutter =
             |voxels: &SolidVoxels| SolidField::of_elements(voxels.clone(), &eroded).ok_or_else(too_thick);
         let offset = tool.offset_elements(assembly.clearance())?;
-        let bodies = &surroundings.bodies;
+        let bodies = &environment.bodies;
         let mut elements = Vec::new();
-        // The cutter is to blame for fixtures alone: what it would cut of the part is told by itself.
-        let held = surroundings.fixtures.as_ref().map(of_cutter).transpose()?;
+        // The cutter is named for fixtures alone: cutting into the part has a verdict of its own, `Gouged`.
+        let held = environment.fixtures.as_ref().map(of_cutter).transpose()?;
         let at_fixtures = bodies.iter().map(|[centres, _]| of_cutter(centres));
         if held.is_some() {
             elements.push((ElementKind::Cutter, at_fixtures.collect::<Result<Vec<_>, _>>()?));
@@ -251,17 +251,16 @@ impl SurfaceTool {
             elements.extend(alone.collect::<Option<Vec<_>>>().map(|alone| (element[0].kind, alone)));
         }
         let touching = cutter.offset(tolerance);
-        let pitch = surroundings.part.occupancy().grid.pitch;
+        let pitch = environment.part.occupancy().grid.pitch;
         let across = 2.0 * radius / pitch + 2.0;
         let revolved = Revolved {
             end: cutter,
             highest: outline.highest(tolerance),
-            cutter: of_cutter(&surroundings.part)?,
+            cutter: of_cutter(&environment.part)?,
             held,
             above: assembly.noncutting().cloned(),
-            rest: assembly.noncutting().map(|tool| SolidField::of_tool(surroundings.keep_out.clone(), tool)),
-            touching: SolidField::of_elements(surroundings.part.clone(), &[touching])
-                .ok_or_else(too_thick)?,
+            rest: assembly.noncutting().map(|tool| SolidField::of_tool(environment.keep_out.clone(), tool)),
+            touching: SolidField::of_elements(environment.part.clone(), &[touching]).ok_or_else(too_thick)?,
             radius,
             near: (end / pitch + across).min(FARTHEST.max(across)),
             near_across: across,
@@ -284,20 +283,20 @@ impl SurfaceTool {
         set.filter_map(|bit| Some((self.elements.get(bit / self.bodies)?.0, bit % self.bodies)))
     }
 
-    /// What becomes of one sample; `free` is called with every direction from which it is reached.
+    /// The verdict on one sample; `free` is called with every direction from which it is reached.
     pub(crate) fn reach(
         &self,
         sample: &SurfaceSample,
-        turns: &[Turn],
-        memory: &mut Memory,
+        turns: &[ToolDirection],
+        cache: &mut ColliderCache,
         mut free: impl FnMut(usize),
     ) -> Reach {
-        let stance = Stance::new(self, sample);
+        let query = SampleQuery::new(self, sample);
         let (mut reached, mut faced) = (0, false);
         let mut obstructed: Option<(f64, usize, DVec3)> = None;
-        for (index, (turn, [at_cutter, at_rest])) in turns.iter().zip(&mut memory.0).enumerate() {
+        for (index, (turn, [at_cutter, at_rest])) in turns.iter().zip(&mut cache.0).enumerate() {
             let is_free = |tip| self.is_rest_free(tip, turn.axis, at_rest);
-            match stance.from(turn, at_cutter, &mut Above { rest: self.rest(), is_free }) {
+            match query.best_pose(turn, at_cutter, &mut Above { rest: self.rest(), is_free }) {
                 Outcome::Good => {
                     reached += 1;
                     free(index);

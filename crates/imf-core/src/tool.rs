@@ -11,24 +11,24 @@ mod file;
 #[cfg(feature = "formats")]
 mod library;
 mod offset;
-mod posed;
 mod profile;
-mod rotated;
 mod sharp;
 #[cfg(feature = "formats")]
 mod stack;
 mod stick_out;
+mod tool_voxels;
+mod voxel_count;
 
 pub use assembly::Assembly;
 pub(crate) use depth::distance_to_mesh;
 pub use offset::{Clearance, ClearanceError};
-pub(crate) use posed::snapped;
 pub use profile::{Element, ElementKind, Segment};
+pub(crate) use voxel_count::snapped;
 // For sections on a GPU.
-#[doc(hidden)]
-pub use rotated::RotatedTool;
-pub(crate) use rotated::{SLACK, holds};
 pub use sharp::SharpPoints;
+#[doc(hidden)]
+pub use tool_voxels::ToolVoxels;
+pub(crate) use tool_voxels::{SLACK, contains};
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -37,13 +37,13 @@ use thiserror::Error;
 use crate::mesh::Mesh;
 use crate::unit::LengthUnit;
 
-/// The longest tool that is believed, in millimetres.
+/// The longest tool that is accepted, in millimetres.
 const LONGEST_MM: f64 = 20_000.0;
 
 /// A holder with its cutter, in its own unit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Tool {
-    /// Name for people.
+    /// Display name.
     pub name: String,
     /// Unit of every length.
     pub unit: LengthUnit,

@@ -143,7 +143,7 @@ pub enum ToolpathError {
 
 /// What is wrong with a line, before the file's name is known.
 #[derive(Debug)]
-struct Wrong {
+struct LineError {
     line: usize,
     what: String,
 }
@@ -174,7 +174,7 @@ impl Toolpath {
     ) -> Result<Self, ToolpathError> {
         let reading = reading.into();
         let mut path = Self::of_text(text, &reading, name)
-            .map_err(|Wrong { line, what }| ToolpathError::Line { path: name.to_owned(), line, what })?;
+            .map_err(|LineError { line, what }| ToolpathError::Line { path: name.to_owned(), line, what })?;
         if path.locations.is_empty() {
             return Err(ToolpathError::Empty(name.to_owned()));
         }
@@ -188,7 +188,7 @@ impl Toolpath {
         Ok(path)
     }
 
-    fn of_text(text: &str, reading: &PathReading<'_>, name: &str) -> Result<Self, Wrong> {
+    fn of_text(text: &str, reading: &PathReading<'_>, name: &str) -> Result<Self, LineError> {
         if gcode::is_program(text, name) {
             return gcode::parse(text, reading);
         }
@@ -207,11 +207,11 @@ impl Toolpath {
     }
 
     /// Finds the joints of every location that says a direction.
-    fn turn(&mut self, machine: &Machine, reading: &PathReading<'_>) -> Result<(), Wrong> {
+    fn turn(&mut self, machine: &Machine, reading: &PathReading<'_>) -> Result<(), LineError> {
         let mut before: Option<(Option<u32>, Joints)> = None;
         for location in &mut self.locations {
             let line = location.line;
-            let wrong = |what: String| Wrong { line, what };
+            let wrong = |what: String| LineError { line, what };
             if location.machine.is_none() {
                 if location.rolled {
                     return Err(wrong(
@@ -293,8 +293,8 @@ enum Direction {
 }
 
 /// A pose from its numbers, checked; the roll in degrees.
-fn pose(line: usize, position: [f64; 3], direction: Direction, roll: Option<f64>) -> Result<Pose, Wrong> {
-    let wrong = |what: String| Wrong { line, what };
+fn pose(line: usize, position: [f64; 3], direction: Direction, roll: Option<f64>) -> Result<Pose, LineError> {
+    let wrong = |what: String| LineError { line, what };
     let position = DVec3::from_array(position);
     if !position.is_finite() {
         return Err(wrong("a position must be finite".into()));

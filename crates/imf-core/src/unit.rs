@@ -72,7 +72,7 @@ impl FromStr for LengthUnit {
     }
 }
 
-/// The smallest and largest extent that a machined part is believed to have, in millimetres.
+/// The range of plausible extents of a machined part, in millimetres.
 const SANE_EXTENT_MM: (f64, f64) = (0.1, 20_000.0);
 
 /// A part whose size makes no sense in the unit given. Its text says what the size would be in the other units.
@@ -130,7 +130,7 @@ pub fn unit_check(extents: DVec3, unit: LengthUnit) -> Option<ImplausibleSize> {
 
 /// A part shorter than the tool is thick, or longer than this many times that, is told: a cutter of a thousandth of the part would
 /// need a path of years.
-const MOST_PROPORTION: f64 = 1000.0;
+const MAX_PROPORTION: f64 = 1000.0;
 
 /// A part and a tool whose sizes make no sense together. Its text says what the part would measure in other units.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
@@ -164,7 +164,7 @@ impl fmt::Display for ImplausibleProportion {
 /// Whether a part's longest side and the diameter of a tool's thinnest element (both in `unit`) make sense together. Gives the reason if not.
 #[must_use]
 pub fn proportion_check(longest: f64, thickness: f64, unit: LengthUnit) -> Option<ImplausibleProportion> {
-    let sane = longest >= thickness && longest <= MOST_PROPORTION * thickness;
+    let sane = longest >= thickness && longest <= MAX_PROPORTION * thickness;
     (!sane).then_some(ImplausibleProportion { longest, thickness, unit })
 }
 

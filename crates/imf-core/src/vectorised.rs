@@ -1,4 +1,4 @@
-//! Running an expression in the instruction set of the machine.
+//! SIMD dispatch: an expression compiled for each instruction set, the machine's chosen at run time.
 //!
 //! pulp compiles a closure for an instruction set by inlining it into a function that has it. A closure that could be
 //! called twice is called through a shim, and once its body is large the compiler inlines that no longer: the loop then runs

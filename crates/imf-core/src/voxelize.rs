@@ -52,7 +52,7 @@ pub fn voxelize(mesh: &Mesh, grid: &Grid, conservative: bool) -> Occupancy {
 /// As [`voxelize`], reporting rows of voxels along z as they are finished, with the share of what is undecided.
 ///
 /// # Errors
-/// The caller's [`Control`] asked to stop; it is heard between two voxels of an open mesh, between two planes of a closed one.
+/// The caller's [`Control`] asked to stop; it is polled between two voxels of an open mesh, between two planes of a closed one.
 pub fn voxelize_with(
     mesh: &Mesh,
     grid: &Grid,

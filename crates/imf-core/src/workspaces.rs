@@ -1,8 +1,8 @@
-//! Working memory that threads take in turn.
+//! A pool of scratch memory for threads.
 
 use std::sync::{Mutex, PoisonError};
 
-/// Working memories, as many as threads ever needed at once.
+/// A pool with as many scratch memories as threads needed at once.
 pub struct Workspaces<T> {
     free: Mutex<Vec<T>>,
 }

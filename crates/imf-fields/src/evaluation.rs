@@ -216,13 +216,13 @@ mod tests {
     use imf_core::grid::Grid;
     use imf_core::occupancy::Occupancy;
     use imf_core::orientation::OrientationSet;
-    use imf_core::section::At;
+    use imf_core::section::ToolPoints;
     use imf_core::tool::Tool;
 
     fn plan() -> SectionPlan {
         let grid = Grid { origin: DVec3::ZERO, pitch: 8.0, dims: [9, 10, 11] };
         let solid = (0..grid.len()).map(|i| u8::from(i % 7 < 3)).collect();
-        SectionPlan::new(&Occupancy { grid, solid }, Tool::paper(), At::SharpPoints).unwrap()
+        SectionPlan::new(&Occupancy { grid, solid }, Tool::paper(), ToolPoints::SharpPoints).unwrap()
     }
 
     #[test]
@@ -279,7 +279,7 @@ mod tests {
         let tool = Tool::paper().with_tip_only();
         let same = ExactField::new(plan.obstacle(), &tool);
         let none = ExactField::new(Occupancy::empty(*plan.grid()), &tool);
-        let plan = SectionPlan::new(plan.obstacle(), &tool, At::SharpPoints).unwrap();
+        let plan = SectionPlan::new(plan.obstacle(), &tool, ToolPoints::SharpPoints).unwrap();
         let exact = imf(&plan, &set, Control::quiet()).unwrap();
         let mean = exact.value.iter().map(|&v| f64::from(v)).sum::<f64>() / exact.value.len() as f64;
         let found = grid_imf(&(&plan).into(), &set, &same, 0.01, Control::quiet()).unwrap();

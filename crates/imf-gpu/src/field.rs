@@ -237,7 +237,7 @@ impl PoseField for GpuField {
     fn values(&self, poses: &[Pose], values: &mut [f32]) -> Result<(), FieldError> {
         check_lengths(poses.len(), values.len())?;
         let (quantity, pitch) = (self.field.quantity(), self.field.scene().record.grid.pitch);
-        self.unclipped(poses, |place, value| values[place] = quantity.held(value, pitch))
+        self.unclipped(poses, |place, value| values[place] = quantity.clamp(value, pitch))
     }
 
     fn gradients(&self, poses: &[Pose], gradients: &mut [Gradient]) -> Result<(), FieldError> {
@@ -287,7 +287,7 @@ impl PoseField for GpuField {
         for (((point, best), value), orientation) in points.iter().zip(best).zip(least).zip(chosen) {
             *best = if point.is_finite() {
                 let decision = self.field.decide(*point, value);
-                Best { value: quantity.held(value, grid.pitch), orientation, decision }
+                Best { value: quantity.clamp(value, grid.pitch), orientation, decision }
             } else {
                 Best::NONE
             };

@@ -188,7 +188,7 @@ impl OverOrientations {
                     section
                         .iter_mut()
                         .zip(values)
-                        .for_each(|(out, &value)| *out = quantity.held(value, pitch));
+                        .for_each(|(out, &value)| *out = quantity.clamp(value, pitch));
                 }
                 Ok(())
             });

@@ -1,6 +1,6 @@
 //! Exact sections on a GPU: the same whole numbers as on the CPU, and the same values bit for bit.
 //!
-//! The host voxelises the rotated tool and lists its run-length differences ([`imf_core::section::StepSpace`]); the device never
+//! The host voxelises the rotated tool and lists its run-length differences ([`imf_core::section::DifferenceLimits`]); the device never
 //! recomputes a voxel. It takes the differences of neighbouring overlaps from the obstacle's bits, sums them up along
 //! the tool's axis of steps, and hands the overlaps back or keeps the minimum over all orientations. Everything
 //! on the device is whole numbers. Values are made by the host: from counts that are read back, or beforehand for
@@ -39,7 +39,7 @@ use std::sync::{Mutex, PoisonError};
 use imf_core::control::Control;
 use imf_core::field::EngineError;
 use imf_core::orientation::Orientation;
-use imf_core::section::{Imf, SectionError, SectionPlan, share};
+use imf_core::section::{Imf, SectionError, SectionPlan, overlap_fraction};
 use rayon::iter::{IndexedParallelIterator, IntoParallelIterator, ParallelIterator};
 use thiserror::Error;
 
@@ -220,7 +220,8 @@ impl<'a> GpuSections<'a> {
             let turned = self.whole.prepare(part, first, &watched)?;
             for turn in &turned {
                 let normaliser = turn.rotated.as_ref().map_or(1, |rotated| rotated.count);
-                let values: Vec<f32> = turn.watched.iter().map(|&count| share(count, normaliser)).collect();
+                let values: Vec<f32> =
+                    turn.watched.iter().map(|&count| overlap_fraction(count, normaliser)).collect();
                 expected.lower_to(turn.index, &values);
             }
             self.whole.lower_to(&turned)?;

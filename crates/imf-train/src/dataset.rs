@@ -33,7 +33,7 @@ use crate::samples::Samples;
 use imf_core::control::Control;
 use imf_core::orientation::OrientationSet;
 use imf_core::scene::Scene;
-use imf_core::section::{At, SectionPlan, stream_sections};
+use imf_core::section::{SectionPlan, ToolPoints, stream_sections};
 use imf_fields::recipe::Sampling;
 
 /// What [`generate`] did.
@@ -81,7 +81,7 @@ pub fn generate_share(
     sampling.check()?;
     let (mut manifest, otherwise) = Manifest::start(folder, scene, set, sampling, layout)?;
     // A learnt field is made for the tip, and serves every sharp point k when read at x − R k.
-    let plan = SectionPlan::of_scene(scene, At::Tip)?;
+    let plan = SectionPlan::of_scene(scene, ToolPoints::Tip)?;
     let mut done = Generated {
         kept: 0,
         made: 0,

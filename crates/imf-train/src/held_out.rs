@@ -10,7 +10,7 @@ use imf_core::control::Control;
 use imf_core::field::EngineError;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::scene::Scene;
-use imf_core::section::{At, SectionError, SectionPlan, stream_sections};
+use imf_core::section::{SectionError, SectionPlan, ToolPoints, stream_sections};
 use imf_fields::metrics::{ErrorReport, Errors};
 use imf_fields::recipe::HeldOutChoice;
 use imf_fields::siren::EvaluationEngine;
@@ -45,7 +45,7 @@ impl HeldOut {
         control: Control<'_>,
     ) -> Result<Self, SectionError> {
         let orientations = unseen(choice.orientations.clamp(1, choice.poses.max(1)), choice.seed, trained);
-        let plan = SectionPlan::of_scene(scene, At::Tip)?;
+        let plan = SectionPlan::of_scene(scene, ToolPoints::Tip)?;
         let grid = scene.record.grid;
         let share = |index: usize| (index * choice.poses) / orientations.len();
         let drawn =
@@ -112,7 +112,7 @@ mod tests {
     use super::*;
     use crate::fixtures::scene;
     use imf_core::section::direct_count;
-    use imf_core::tool::RotatedTool;
+    use imf_core::tool::ToolVoxels;
 
     const CHOICE: HeldOutChoice = HeldOutChoice { poses: 101, orientations: 7, seed: 3 };
 
@@ -128,7 +128,7 @@ mod tests {
                 .iter()
                 .find(|o| features([0.0; 3], o.angles()[0], o.angles()[1])[3..] == pose[3..])
                 .expect("an orientation of the set");
-            let tool = RotatedTool::new(&scene.record.tool, orientation, 8.0).unwrap();
+            let tool = ToolVoxels::new(&scene.record.tool, orientation, 8.0).unwrap();
             let voxel: Vec<i64> = (0..3)
                 .map(|a| ((f64::from(pose[a]) + 1.0) / 2.0 * scene.record.grid.dims[a] as f64).floor() as i64)
                 .collect();

@@ -3,7 +3,7 @@
 use imf_core::control::Control;
 use imf_core::parts::ReferencePart;
 use imf_core::section::{SectionScratch, direct_count, imf};
-use imf_core::tool::RotatedTool;
+use imf_core::tool::ToolVoxels;
 use imf_train::training::permutation::Permutation;
 use rayon::prelude::*;
 
@@ -27,7 +27,7 @@ fn sections_of_the_papers_teapot_are_direct_sums_and_the_imf_is_their_least() {
     let section = |(scratch, counts): &mut (SectionScratch, Vec<u32>), index: usize| {
         counts.fill(u32::MAX);
         let whole = plan.counts(&set[index], scratch, counts).unwrap();
-        let rotated = RotatedTool::new(plan.tool(), &set[index], plan.grid().pitch).unwrap();
+        let rotated = ToolVoxels::new(plan.tool(), &set[index], plan.grid().pitch).unwrap();
         assert_eq!(whole, rotated.count);
 
         let order = Permutation::new(voxels, 2024, index as u64);

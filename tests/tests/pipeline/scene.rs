@@ -4,7 +4,7 @@ use imf_core::control::Control;
 use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
 use imf_core::scene::{Scene, SceneSpec};
-use imf_core::section::{At, SectionPlan};
+use imf_core::section::{SectionPlan, ToolPoints};
 use imf_core::tool::Tool;
 use imf_fields::recipe::Sampling;
 use imf_train::dataset::{self, Manifest};
@@ -28,7 +28,7 @@ pub(crate) fn bracket() -> Scene {
 
 /// A scene's sections.
 pub(crate) fn plan(scene: &Scene) -> SectionPlan {
-    SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap()
+    SectionPlan::new(&scene.obstacle, &scene.record.tool, ToolPoints::SharpPoints).unwrap()
 }
 
 /// A set of orientations from its text.

@@ -6,7 +6,7 @@ use imf_cli::session::{Session, show_bytes};
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
 use imf_core::scene::SceneSpec;
-use imf_core::section::{At, SectionPlan, imf, stream_sections};
+use imf_core::section::{SectionPlan, ToolPoints, imf, stream_sections};
 use imf_core::tool::Tool;
 use serde::Serialize;
 
@@ -77,7 +77,7 @@ pub(super) fn measure(session: &Session, arguments: &ExactArguments) -> Result<G
                 continue;
             }
             reset_peak_memory();
-            let plan = SectionPlan::new(&obstacle, &paper, At::SharpPoints)?;
+            let plan = SectionPlan::new(&obstacle, &paper, ToolPoints::SharpPoints)?;
             let seconds_per_section = time_sections(session, &plan, &orientations)?;
             growth.sizes.push(Size {
                 side,
@@ -89,7 +89,7 @@ pub(super) fn measure(session: &Session, arguments: &ExactArguments) -> Result<G
         }
     }
     let obstacle = SceneSpec::of_reference(part, &mesh, growth.stream_dims, &paper).scene()?.obstacle;
-    let plan = SectionPlan::new(&obstacle, &paper, At::SharpPoints)?;
+    let plan = SectionPlan::new(&obstacle, &paper, ToolPoints::SharpPoints)?;
     let most = if arguments.full { usize::MAX } else { QUICK_ORIENTATIONS };
     for count in ORIENTATIONS.into_iter().filter(|&count| count <= most) {
         session.note(&format!("IMF over {count} orientations"));

@@ -11,7 +11,7 @@ use imf_core::field::{Gradient, GridField, PoseField};
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::pose::Pose;
 use imf_core::scene::Scene;
-use imf_core::section::{At, SectionPlan, sections};
+use imf_core::section::{SectionPlan, ToolPoints, sections};
 use imf_fields::factored::DistillSettings;
 use imf_fields::file::FieldFile;
 use imf_fields::harmonic::FitSettings;
@@ -62,7 +62,7 @@ pub(super) fn measured(
     sizes: &Sizes,
     part: &mut Part,
 ) -> Result<()> {
-    let (grid, plan) = (scene.record.grid, SectionPlan::of_scene(scene, At::Tip)?);
+    let (grid, plan) = (scene.record.grid, SectionPlan::of_scene(scene, ToolPoints::Tip)?);
     let fit = FitSettings {
         degree: sizes.degree,
         axes: usize::MAX,

@@ -73,13 +73,13 @@ mod tests {
     use glam::DVec3;
     use imf_core::grid::Grid;
     use imf_core::occupancy::Occupancy;
-    use imf_core::section::At;
+    use imf_core::section::ToolPoints;
     use imf_core::tool::Tool;
 
     fn plan() -> SectionPlan {
         let grid = Grid { origin: DVec3::ZERO, pitch: 8.0, dims: [9, 10, 11] };
         let solid = (0..grid.len()).map(|i| u8::from(i % 7 < 3)).collect();
-        SectionPlan::new(&Occupancy { grid, solid }, Tool::paper(), At::SharpPoints).unwrap()
+        SectionPlan::new(&Occupancy { grid, solid }, Tool::paper(), ToolPoints::SharpPoints).unwrap()
     }
 
     #[test]

@@ -4,7 +4,7 @@
 use anyhow::Result;
 use imf_cli::engine::Device;
 use imf_core::orientation::Orientation;
-use imf_core::section::{At, SectionPlan};
+use imf_core::section::{SectionPlan, ToolPoints};
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::coefficients::Precision;
 use serde::{Deserialize, Serialize};
@@ -45,7 +45,7 @@ pub(super) fn measure(bench: &Bench<'_>, recipe: &Recipe, n: usize) -> Result<Ve
         + 2 * (voxels * settings.axes) as u64
         + SectionPlan::memory_estimate(&scene.record.grid, &tool, session.threads());
     session.require_memory(needed, || format!("{} stored sections and a harmonic field of them", n * n))?;
-    let plan = SectionPlan::of_scene(&scene, At::Tip)?;
+    let plan = SectionPlan::of_scene(&scene, ToolPoints::Tip)?;
 
     let [exact_sections, asked] = questions.sections();
     let stage = session.stage("exact sections", "sections", (n * n + exact_sections) as u64);

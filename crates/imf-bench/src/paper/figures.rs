@@ -11,7 +11,7 @@ use imf_core::control::Control;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::Orientation;
 use imf_core::parts::ReferencePart;
-use imf_core::section::{At, SectionPlan, imf, sections};
+use imf_core::section::{SectionPlan, ToolPoints, imf, sections};
 use imf_fields::siren::over_grid;
 use ndarray::{Array2, ArrayView3, Axis};
 
@@ -144,7 +144,7 @@ pub(super) fn fields(
     let grid = scene.record.grid;
     let (axis, middle) = (1, slices::middle(&grid, 1));
     let cut = |values: &[f32]| slices::slice(values, &grid, axis, middle);
-    let plan = SectionPlan::of_scene(scene, At::Tip)?;
+    let plan = SectionPlan::of_scene(scene, ToolPoints::Tip)?;
     let set = &questions.imf[0];
     let stage = bench.session.stage("drawing", "sections", set.len() as u64 + 2);
     let advance = |n| stage.advance(n);

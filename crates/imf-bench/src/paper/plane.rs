@@ -12,7 +12,7 @@ use imf_cli::picture::PanelSheet;
 use imf_cli::progress::show_seconds;
 use imf_cli::slices;
 use imf_core::occupancy::Occupancy;
-use imf_core::section::{At, Imf, SectionError, SectionPlan, SectionScratch};
+use imf_core::section::{Imf, SectionError, SectionPlan, SectionScratch, ToolPoints};
 use imf_core::tool::Tool;
 use imf_fields::metrics::{ErrorReport, Errors};
 use imf_fields::recipe::{Cursor, Sampling, TrainingState};
@@ -69,7 +69,7 @@ struct Sections {
 
 impl Sections {
     fn new(part: Occupancy, tool: &Tool) -> Result<Self> {
-        let plan = SectionPlan::new(&part, tool, At::Tip)?;
+        let plan = SectionPlan::new(&part, tool, ToolPoints::Tip)?;
         let mut scratch = SectionScratch::default();
         let mut least = Imf::new(part.grid.len());
         let mut exact = Vec::new();

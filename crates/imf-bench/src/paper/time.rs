@@ -4,7 +4,7 @@
 use anyhow::{Result, bail};
 use imf_cli::engine::Device;
 use imf_core::orientation::{Orientation, OrientationSet};
-use imf_core::section::{At, SectionError, SectionPlan, stream_sections};
+use imf_core::section::{SectionError, SectionPlan, ToolPoints, stream_sections};
 use imf_fields::siren::over_grid;
 use imf_gpu::GpuSections;
 use serde::{Deserialize, Serialize};
@@ -35,7 +35,7 @@ fn measure(bench: &Bench<'_>, run: &Run) -> Result<Measured> {
     let model = run.model()?;
     let grid = model.scene.record.grid;
     let set = OrientationSet::parse(SECTIONS)?.orientations;
-    let plan = SectionPlan::of_scene(&model.scene, At::Tip)?;
+    let plan = SectionPlan::of_scene(&model.scene, ToolPoints::Tip)?;
     let stage = session.stage("timing", "sections", 3 * set.len() as u64);
     let advance = |n| stage.advance(n);
     let control = session.control(&advance);

@@ -1,13 +1,13 @@
 //! What every field is compared at, so that the networks of recipes and what stands beside them have the same rows.
 
 use anyhow::{Result, bail};
-use imf_cli::engine::{Calls, Device, Evaluated};
+use imf_cli::engine::{Device, DeviceField, Workload};
 use imf_cli::output::short;
 use imf_cli::report::{self, Subject};
 use imf_cli::session::Session;
 use imf_core::control::Control;
 use imf_core::orientation::{Orientation, OrientationSet};
-use imf_core::section::{At, Imf, SectionPlan, imf};
+use imf_core::section::{Imf, SectionPlan, ToolPoints, imf};
 use imf_fields::evaluation::{field_imf, field_sections, grid_imf};
 use imf_fields::file::FieldFile;
 use imf_fields::metrics::ErrorReport;
@@ -106,7 +106,7 @@ impl Questions {
         folder: &Path,
     ) -> Result<Vec<Answer>> {
         let Some((first, others)) = self.imf.split_first() else { bail!("evaluation.imf names no set") };
-        let questions = report::Questions {
+        let questions = report::EvaluationSettings {
             in_sample: Some(self.in_sample),
             out_of_sample: Some(self.out_of_sample),
             random: self.random.clone(),
@@ -114,7 +114,7 @@ impl Questions {
             threshold: Some(self.threshold),
         };
         let file = FieldFile::Siren(Box::new(model.clone()));
-        let Evaluated { field, by, .. } = device.field(session, &file, Calls::Many)?;
+        let DeviceField { field, by, .. } = device.field(session, &file, Workload::Many)?;
         let subject = Subject::of_model(model);
         let evaluation = report::evaluate_at_threshold(session, &subject, &*field, by, &questions)?;
         evaluation.write(folder, &subject, &*field)?;
@@ -122,7 +122,7 @@ impl Questions {
             bail!("a report of {} rows", evaluation.report.rows.len());
         };
         let mut errors = vec![in_sample.errors, out_of_sample.errors, first.errors];
-        let plan = SectionPlan::of_scene(&model.scene, At::Tip)?;
+        let plan = SectionPlan::of_scene(&model.scene, ToolPoints::Tip)?;
         for set in others {
             let stage = session.stage("evaluating", "sections", set.len() as u64);
             let advance = |n| stage.advance(n);

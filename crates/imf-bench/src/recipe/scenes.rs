@@ -6,7 +6,7 @@ use anyhow::Result;
 use imf_cli::arguments::clearance::{ClearanceArguments, ContactArguments};
 use imf_cli::arguments::scene::SceneArguments;
 use imf_cli::session::Session;
-use imf_core::scene::{Around, Scene};
+use imf_core::scene::{GridExtent, Scene};
 
 use super::definition::SceneSettings;
 
@@ -42,7 +42,7 @@ impl Scenes {
             allow_coarse: true,
             tool: vec![settings.tool],
             fixture: Vec::new(),
-            around: Around::Part,
+            around: GridExtent::Part,
             clearance: ClearanceArguments::from(settings.clearance),
         };
         let contact = ContactArguments::from(settings.contact);

@@ -7,7 +7,7 @@ use imf_core::glam::DVec3;
 use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
 use imf_core::scene::{Scene, SceneSpec};
-use imf_core::section::{At, Quantity, SectionPlan};
+use imf_core::section::{Quantity, SectionPlan, ToolPoints};
 use imf_core::tool::{Clearance, Tool};
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::coefficients::Precision;
@@ -46,7 +46,7 @@ pub(crate) fn harmonic_of(quantity: Quantity, scene: &Scene, folder: &Path) -> P
         precision: Precision::F32,
         ..FitSettings::default()
     };
-    let plan = SectionPlan::of_scene(scene, At::Tip).unwrap();
+    let plan = SectionPlan::of_scene(scene, ToolPoints::Tip).unwrap();
     let field = fit(&plan, Domain::Directions, &settings, Control::quiet()).unwrap();
     let path = folder.join(format!("harmonic-{quantity:?}.safetensors"));
     HarmonicFile { field, scene: scene.clone(), settings, calibration: None }.write(&path).unwrap();

@@ -62,7 +62,7 @@ pub(crate) struct AccessArguments {
     /// The stock that a cutter covers at some free pose
     #[arg(long)]
     pub(crate) removable: bool,
-    /// What is cut: box, box:MARGIN around the part, or a file in the part's frame, set up with it; asks for --removable
+    /// What is cut: box, box:MARGIN around the part, or a file in the part's frame, set up with it; requires --removable
     #[arg(long, value_name = "STOCK")]
     pub(crate) stock: Option<String>,
     /// Measure of every direction at this point in the world's frame, drawn over longitude and latitude

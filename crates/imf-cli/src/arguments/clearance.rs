@@ -1,4 +1,4 @@
-//! Room that a tool must keep, and how deep its cutter may touch: the same words in every command.
+//! Clearance and contact: the same options in every command.
 
 use anyhow::{Result, ensure};
 use clap::Args;
@@ -10,7 +10,7 @@ const HEADING: &str = "Clearance, in the part's unit";
 /// Room around each kind of element, in the part's unit.
 #[derive(Args, Clone, Default)]
 pub struct ClearanceArguments {
-    /// Room that holder and shank must keep: they are grown by it
+    /// Room that holder and shank must keep: they are offset by it
     #[arg(help_heading = HEADING, long, default_value_t = 0.0, value_name = "LENGTH")]
     clearance: f64,
     /// Room that the holder must keep, instead of --clearance

@@ -6,7 +6,7 @@ use anyhow::Result;
 use clap::Args;
 
 use super::clearance::ContactArguments;
-use super::given::Given;
+use super::explicit::ExplicitOptions;
 use super::quantity::FieldQuantity;
 use super::scene::SceneArguments;
 
@@ -25,7 +25,7 @@ use super::scene::SceneArguments;
 ))]
 pub(crate) struct FieldArguments {
     #[command(flatten)]
-    given: Given,
+    explicit: ExplicitOptions,
     #[command(flatten)]
     pub(crate) scene: SceneArguments,
     #[command(flatten)]
@@ -71,16 +71,16 @@ impl FieldArguments {
         if !is_saved {
             if self.quantity == FieldQuantity::Depth {
                 let whose = "overlaps, and --quantity depth asks for lengths";
-                self.given.refuse_option("elements", whose)?;
-                self.given.refuse_option("check", whose)?;
+                self.explicit.refuse_option("elements", whose)?;
+                self.explicit.refuse_option("check", whose)?;
             }
-            return self.given.refuse_option("refine", "saved fields, and a part is counted exactly");
+            return self.explicit.refuse_option("refine", "saved fields, and a part is counted exactly");
         }
         let whose = format!("a part, and {} is a saved field, which was made with its own", self.scene.part);
-        self.given.refuse::<SceneArguments>(&whose)?;
-        self.given.refuse::<ContactArguments>(&whose)?;
-        self.given.refuse_option("quantity", &whose)?;
-        self.given.refuse_option("elements", &whose)?;
-        self.given.refuse_option("check", &whose)
+        self.explicit.refuse::<SceneArguments>(&whose)?;
+        self.explicit.refuse::<ContactArguments>(&whose)?;
+        self.explicit.refuse_option("quantity", &whose)?;
+        self.explicit.refuse_option("elements", &whose)?;
+        self.explicit.refuse_option("check", &whose)
     }
 }

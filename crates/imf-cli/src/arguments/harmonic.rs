@@ -9,7 +9,7 @@ use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::coefficients::Precision;
 
 use super::clearance::ContactArguments;
-use super::given::Given;
+use super::explicit::ExplicitOptions;
 use super::quantity::QuantityArguments;
 use super::scene::SceneArguments;
 
@@ -20,7 +20,7 @@ use super::scene::SceneArguments;
                   The file is for imf query, imf field, imf check and imf train factored.")]
 pub(crate) struct HarmonicArguments {
     #[command(flatten)]
-    pub(crate) given: Given,
+    pub(crate) explicit: ExplicitOptions,
     #[command(flatten)]
     pub(crate) scene: SceneArguments,
     #[command(flatten)]
@@ -40,7 +40,7 @@ pub(crate) struct HarmonicArguments {
     /// Principal components that are saved of the harmonics' coefficients; by default 128, and all with --target-mse
     #[arg(long, value_name = "N", value_parser = super::numbers::parse_count)]
     components: Option<usize>,
-    /// Leave out measuring what the field's decisions are worth (imf calibrate), which takes a few seconds
+    /// Leave out the calibration of the field's decisions (imf calibrate), which takes a few seconds
     #[arg(long)]
     pub(crate) no_calibrate: bool,
 }

@@ -2,7 +2,7 @@
 
 use super::numbers::parse_omega;
 
-/// A network as it was asked for.
+/// A network's shape as typed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Network {
     pub(super) layers: Option<(usize, usize)>,

@@ -6,7 +6,7 @@ use serde::de::DeserializeOwned;
 use serde_json::Value;
 
 /// Inputs are from −1 to 1: above it a sine turns several times within a voxel of a grid of a thousand, and nothing is learnt.
-const MOST_OMEGA: f32 = 1e4;
+const MAX_OMEGA: f32 = 1e4;
 
 /// A command whose options take numbers below 0, as do those of its subcommands: whoever reads the number says why it cannot be.
 pub fn with_negative_numbers(command: Command) -> Command {
@@ -52,8 +52,8 @@ pub(super) fn parse_rate(text: &str) -> Result<f32, String> {
 /// A frequency factor.
 pub(super) fn parse_omega(text: &str) -> Result<f32, String> {
     match text.parse::<f32>() {
-        Ok(omega) if omega > 0.0 && omega <= MOST_OMEGA => Ok(omega),
-        _ => Err(format!("a frequency factor above 0 and up to {MOST_OMEGA}, such as 30")),
+        Ok(omega) if omega > 0.0 && omega <= MAX_OMEGA => Ok(omega),
+        _ => Err(format!("a frequency factor above 0 and up to {MAX_OMEGA}, such as 30")),
     }
 }
 
@@ -65,7 +65,7 @@ mod tests {
     fn ends_of_ranges_are_where_they_are_said_to_be() {
         assert_eq!((parse_threshold("0"), parse_threshold("0.999")), (Ok(0.0), Ok(0.999)));
         assert_eq!((parse_count("1"), parse_rate("1e38")), (Ok(1), Ok(1e38)));
-        assert_eq!(parse_omega("10000"), Ok(MOST_OMEGA));
+        assert_eq!(parse_omega("10000"), Ok(MAX_OMEGA));
         for text in ["nan", "inf", "-inf", "-1", "", "x"] {
             assert!(parse_threshold(text).is_err() && parse_count(text).is_err(), "{text}");
             assert!(parse_rate(text).is_err() && parse_omega(text).is_err(), "{text}");

@@ -1,4 +1,4 @@
-//! What the values of a field that is made are, and what its scene has where that was left open: the same for every family.
+//! The quantity of a new field, and the clearance and margin that its scene has by default: the same for every family.
 
 use std::str::FromStr as _;
 
@@ -6,7 +6,7 @@ use clap::{Args, ValueEnum};
 use imf_core::parts::ReferencePart;
 use imf_core::section::Quantity;
 
-use super::given::Given;
+use super::explicit::ExplicitOptions;
 use super::scene::SceneArguments;
 
 /// What a field's values are.
@@ -32,7 +32,7 @@ impl From<FieldQuantity> for Quantity {
 #[derive(Args, Clone, Copy)]
 pub(crate) struct QuantityArguments {
     /// What the field's values are; by default depth, and overlap for the paper's question, a built-in part with the tool paper. A field
-    /// of depth is of the tool with its shank and holder grown by two voxels, where no clearance is given; the cutter may touch. Around a
+    /// of depth is of the tool with its shank and holder offset by two voxels, where no clearance is given; the cutter may touch. Around a
     /// part of your own there are six empty voxels, where neither --margin nor --dims is given
     #[arg(long, value_enum)]
     quantity: Option<FieldQuantity>,
@@ -58,12 +58,16 @@ impl QuantityArguments {
 }
 
 /// The scene of a field of such values, with the clearance and the margin that it has where none was given.
-pub(crate) fn scene_of(quantity: Quantity, given: &Given, scene: &SceneArguments) -> SceneArguments {
+pub(crate) fn scene_of(
+    quantity: Quantity,
+    explicit: &ExplicitOptions,
+    scene: &SceneArguments,
+) -> SceneArguments {
     let mut scene = scene.clone();
-    if !quantity.is_overlap() && !CLEARANCES.iter().any(|name| given.has(name)) {
+    if !quantity.is_overlap() && !CLEARANCES.iter().any(|name| explicit.has(name)) {
         scene.clearance = scene.clearance.of_voxels(CLEARANCE);
     }
-    if !is_built_in(&scene) && scene.dims.is_none() && !given.has("margin") {
+    if !is_built_in(&scene) && scene.dims.is_none() && !explicit.has("margin") {
         scene.margin = MARGIN;
     }
     scene

@@ -10,12 +10,12 @@ use imf_fields::field::calibrate::CalibrationSettings;
 use super::FieldDeviceArguments;
 use super::numbers::parse_threshold;
 
-/// Measure what a field's decisions are worth, choose its thresholds for free and colliding, and keep both in its file
+/// Choose a field's thresholds for free and colliding, measure the error rates of its decisions, and save both in its file
 #[derive(Args)]
 #[command(after_help = "Example:\n  imf train harmonic part.obj --tool mill.toml \
                   --no-calibrate --out part.safetensors\n  imf calibrate part.safetensors\n  imf calibrate \
                   part.safetensors --verify --seed 1\n\nA colliding pose is one of the tool as it is, a clear pose one \
-                  where the tool grown by its clearance is free: what lies between may be answered either way.")]
+                  where the tool offset by its clearance is free: what lies between may be answered either way.")]
 pub(crate) struct CalibrateArguments {
     /// Field: a model, a harmonic or a factored field
     pub(crate) field: PathBuf,

@@ -6,14 +6,14 @@ use clap::builder::{PossibleValuesParser, TypedValueParser as _};
 use glam::DMat4;
 use imf_core::grid::Grid;
 use imf_core::mesh::topology::MeshReport;
-use imf_core::scene::{Around, Bodies, Scene, SceneSpec, SceneWarning};
+use imf_core::scene::{Bodies, GridExtent, Scene, SceneSpec, SceneWarning};
 use imf_core::section::{DEPTH_CAP, ElementPlans, Quantity, SectionPlan};
 use imf_core::tool::Tool;
 use imf_core::unit::LengthUnit;
 
 use super::clearance::{ClearanceArguments, ContactArguments, clearance_text};
 use super::fixture::{FixtureArgument, parse_fixture};
-use super::reading::Reading;
+use super::inputs::SceneInputs;
 use super::transform::parse_transform;
 use crate::output::short;
 use crate::session::{Session, show_bytes};
@@ -62,15 +62,15 @@ pub struct SceneArguments {
     pub fixture: Vec<FixtureArgument>,
     /// What the grid is chosen around: the part (and the margin), or part and fixtures
     #[arg(help_heading = HEADING, long, default_value = "part", value_parser = around())]
-    pub around: Around,
+    pub around: GridExtent,
     /// Room that the tool must keep.
     #[command(flatten)]
     pub clearance: ClearanceArguments,
 }
 
-fn around() -> impl clap::builder::TypedValueParser<Value = Around> {
+fn around() -> impl clap::builder::TypedValueParser<Value = GridExtent> {
     PossibleValuesParser::new(["part", "all"])
-        .map(|name| if name == "all" { Around::All } else { Around::Part })
+        .map(|name| if name == "all" { GridExtent::All } else { GridExtent::Part })
 }
 
 fn parse_pitch(text: &str) -> Result<f64, String> {
@@ -115,8 +115,8 @@ impl SceneArguments {
                 clippy::redundant_closure_for_method_calls,
                 reason = "the method's path is of one lifetime, and the spec with its progress has a shorter one"
             )]
-            let (scene, bodies) = voxelising(session, spec, &grid, |spec| spec.scene_alone())?;
-            let scene = self.announced(session, spec, scene, &bodies)?;
+            let (scene, bodies) = voxelise_with_progress(session, spec, &grid, |spec| spec.scene_alone())?;
+            let scene = self.announce(session, spec, scene, &bodies)?;
             Ok(match depth {
                 Some(depth) => scene.with_contact(&bodies, depth),
                 None => scene,
@@ -129,23 +129,24 @@ impl SceneArguments {
     pub(crate) fn scene_among(
         &self,
         session: &Session,
-        reading: &Reading,
+        inputs: &SceneInputs,
         contact: &ContactArguments,
         elements: bool,
         quantity: Quantity,
     ) -> Result<(Scene, Bodies)> {
-        self.of_reading(session, reading, |spec, _| {
+        self.of_reading(session, inputs, |spec, _| {
             let grid = spec.grid()?;
             let (tool, depth) = self.offset_tool(spec, contact)?;
             // Depths know poses around the grid as well.
             let around = if quantity.is_overlap() { 0 } else { DEPTH_CAP as i64 };
             let reach = tool.reach_from_sharp_points(grid.pitch) + around as f64 * grid.pitch;
             let wide = spec.wide_grid(&grid, reach)?;
-            let query = grid.grown([around; 3], [around; 3])?;
+            let query = grid.padded([around; 3], [around; 3])?;
             require_memory_for_sections(session, &wide, &query, &tool, depth.is_some(), elements)?;
             warn_of_fixtures_out_of_reach(session, spec, &wide)?;
-            let (scene, bodies) = voxelising(session, spec, &wide, |spec| spec.scene_and_bodies(reach))?;
-            let scene = self.announced(session, spec, scene, &bodies)?;
+            let (scene, bodies) =
+                voxelise_with_progress(session, spec, &wide, |spec| spec.scene_and_bodies(reach))?;
+            let scene = self.announce(session, spec, scene, &bodies)?;
             Ok(match depth {
                 Some(depth) => (scene.with_contact(&bodies, depth), bodies),
                 None => (scene, bodies),
@@ -153,12 +154,12 @@ impl SceneArguments {
         })
     }
 
-    /// Part and fixtures on the grid, what is known of the mesh, and the unit: no tool is asked for.
+    /// Part and fixtures on the grid, the mesh's report, and the unit: no tool is needed.
     pub(crate) fn voxels(&self, session: &Session) -> Result<(Bodies, MeshReport, LengthUnit, String)> {
         self.with_spec(session, false, |spec, report| {
             let grid = spec.grid()?;
             require_memory_for_voxels(session, spec, &grid, 0)?;
-            let bodies = voxelising(session, spec, &grid, |spec| spec.bodies(&grid))?;
+            let bodies = voxelise_with_progress(session, spec, &grid, |spec| spec.bodies(&grid))?;
             warn_of(session, &spec.warnings(&bodies)?);
             Ok((bodies, report.clone(), spec.unit, spec.part.to_owned()))
         })
@@ -172,8 +173,8 @@ impl SceneArguments {
             // Beside the voxels, counts and distances of the part and of the fixtures.
             require_memory_for_voxels(session, spec, &wide, 16)?;
             let (scene, bodies) =
-                voxelising(session, spec, &wide, |spec| spec.scene_and_bodies(f64::INFINITY))?;
-            Ok((self.announced(session, spec, scene, &bodies)?, bodies))
+                voxelise_with_progress(session, spec, &wide, |spec| spec.scene_and_bodies(f64::INFINITY))?;
+            Ok((self.announce(session, spec, scene, &bodies)?, bodies))
         })
     }
 
@@ -201,16 +202,16 @@ impl SceneArguments {
     fn of_reading<T>(
         &self,
         session: &Session,
-        reading: &Reading,
+        inputs: &SceneInputs,
         make: impl FnOnce(&SceneSpec<'_>, &MeshReport) -> Result<T>,
     ) -> Result<T> {
         let unused = Tool::paper();
-        let tool = match reading.tools.as_slice() {
+        let tool = match inputs.tools.as_slice() {
             [tool] => tool,
             [] => &unused,
             _ => bail!("one --tool at a time (imf access takes several)"),
         };
-        make(&self.spec(session, reading, &reading.fixtures(), tool), &reading.report)
+        make(&self.spec(session, inputs, &inputs.fixtures(), tool), &inputs.report)
     }
 
     /// The tool in the part's unit, offset by its clearance, and how deep its cutter may touch.
@@ -220,8 +221,8 @@ impl SceneArguments {
         Ok((tool, contact.depth([spec.tool])?))
     }
 
-    /// Grows the tool and says what the scene is.
-    fn announced(
+    /// Offsets the tool and describes the scene.
+    fn announce(
         &self,
         session: &Session,
         spec: &SceneSpec<'_>,
@@ -242,7 +243,7 @@ impl SceneArguments {
             scene.record.unit,
             scene.obstacle.count(),
             scene.record.tool.name,
-            grown.map_or_else(String::new, |grown| format!(" grown by a clearance ({grown})")),
+            grown.map_or_else(String::new, |grown| format!(" offset by a clearance ({grown})")),
             if self.conservative {
                 "every voxel that the surface touches is solid"
             } else {
@@ -259,7 +260,7 @@ pub(crate) fn warn_of(session: &Session, warnings: &[SceneWarning]) {
 }
 
 /// Voxelises with progress where it takes its time; `grid` is the largest that there will be.
-pub(crate) fn voxelising<T, E: Into<anyhow::Error>>(
+pub(crate) fn voxelise_with_progress<T, E: Into<anyhow::Error>>(
     session: &Session,
     spec: &SceneSpec<'_>,
     grid: &Grid,

@@ -17,7 +17,7 @@ use serde_json::{Map, Value};
 
 use super::clearance::ContactArguments;
 use super::either::Either;
-use super::given::Given;
+use super::explicit::ExplicitOptions;
 use super::harmonic::HarmonicArguments;
 use super::network::{Network, parse_network};
 use super::numbers::{parse_count, parse_rate};
@@ -52,7 +52,7 @@ pub(crate) enum TrainFamily {
 )]
 pub(crate) struct FactoredArguments {
     #[command(flatten)]
-    pub(crate) given: Given,
+    pub(crate) explicit: ExplicitOptions,
     #[command(flatten)]
     pub(crate) scene: SceneArguments,
     #[command(flatten)]
@@ -97,7 +97,7 @@ pub(crate) struct FactoredArguments {
 )]
 pub(crate) struct Siren5Arguments {
     #[command(flatten)]
-    pub(crate) given: Given,
+    pub(crate) explicit: ExplicitOptions,
     #[command(flatten)]
     pub(crate) scene: SceneArguments,
     #[command(flatten)]
@@ -118,7 +118,7 @@ pub(crate) struct Siren5Arguments {
                         As imf train siren5 DATASET --from MODEL: by default 5 epochs from a learning rate of 1e-4.")]
 pub(crate) struct FinetuneArguments {
     #[command(flatten)]
-    pub(crate) given: Given,
+    pub(crate) explicit: ExplicitOptions,
     /// Model to start from
     pub(crate) model: PathBuf,
     /// Folder of the dataset
@@ -149,7 +149,7 @@ pub(crate) struct RunArguments {
     /// number or part of a name from `imf info`; by default cpu for a factored field, auto for siren5
     #[arg(long, value_name = "DEVICE")]
     device: Option<String>,
-    /// Leave out measuring what the field's decisions are worth (imf calibrate), which takes a few seconds
+    /// Leave out the calibration of the field's decisions (imf calibrate), which takes a few seconds
     #[arg(long)]
     pub(crate) no_calibrate: bool,
     /// Another setting, see below; may be repeated
@@ -293,7 +293,7 @@ impl FactoredArguments {
 }
 
 impl FactoredSettings {
-    /// What the weights are to be moved by, where that was asked.
+    /// The optimiser, where one was given.
     pub(crate) fn optimiser(&self) -> Option<Optimiser> {
         self.optimiser.map(|name| match name {
             OptimiserName::Soap => Optimiser::Soap(SoapConfig::default()),
@@ -319,7 +319,7 @@ impl StartArguments {
 
 /// How siren5 is trained, and what of it was given.
 pub(crate) struct Siren5Training<'a> {
-    pub(crate) given: &'a Given,
+    pub(crate) explicit: &'a ExplicitOptions,
     pub(crate) run: &'a RunArguments,
     pub(crate) set: Siren5Settings,
     pub(crate) plan: TrainingPlan,
@@ -328,7 +328,7 @@ pub(crate) struct Siren5Training<'a> {
 impl<'a> Siren5Training<'a> {
     /// From random weights, or from those of another network.
     pub(crate) fn new(
-        given: &'a Given,
+        explicit: &'a ExplicitOptions,
         run: &'a RunArguments,
         samples: &SampleArguments,
         from_another: bool,
@@ -355,7 +355,7 @@ impl<'a> Siren5Training<'a> {
         };
         plan.check()?;
         ensure!(set.held_out_every != Some(0), "--set held_out_every=0: give at least 1");
-        Ok(Self { given, run, set, plan })
+        Ok(Self { explicit, run, set, plan })
     }
 
     /// Poses to watch the error at.
@@ -378,7 +378,7 @@ impl<'a> Siren5Training<'a> {
         let others = differs.iter().filter(|(_, differs)| *differs);
         others
             .filter_map(|&(name, _)| match name {
-                name if self.given.has(name) => Some(format!("--{name}")),
+                name if self.explicit.has(name) => Some(format!("--{name}")),
                 name if self.is_set(name) => Some(format!("--set {name}")),
                 _ => None,
             })

@@ -1,10 +1,10 @@
 //! `imf access`: what tools reach around a part among its fixtures, in one run over the orientations.
 
-mod blocked;
+mod collisions;
 mod crib;
 mod files;
 mod pictures;
-mod setup;
+mod run;
 mod summary;
 mod surface;
 
@@ -12,8 +12,8 @@ use std::time::Instant;
 
 use anyhow::{Context, Result};
 use imf_core::access::{
-    AccessMap, AccessSettings, Removable, RemovableError, Space, Together, ToolAccess, access_map, cutter_of,
-    removable, tool_access,
+    AccessMap, AccessSettings, CombinedAccess, Removable, RemovableError, Space, ToolAccess, access_map,
+    cutter_of, removable, tool_access,
 };
 use imf_core::section::{ElementMeasures, ElementPlans, SectionError, elements_at_best};
 
@@ -22,10 +22,10 @@ use crate::interrupt::Interrupted;
 use crate::output::{OutputFile, OutputFolder, SUMMARY, print, print_json, write_json};
 use crate::session::Session;
 
-use setup::Setup;
+use run::AccessRun;
 use summary::Summary;
 
-/// Everything that a run found, beside the set-up it was found for.
+/// Everything that a run found.
 struct Findings {
     /// By tool, in the order given.
     tools: Vec<ToolAccess>,
@@ -34,7 +34,7 @@ struct Findings {
     /// By tool: the same against the fixtures alone; nothing where there are none, or where more than the tip is sharp: the
     /// elements are then read at the sharp point that is best for all that is solid.
     at_fixtures: Vec<Option<ElementMeasures>>,
-    together: Together,
+    together: CombinedAccess,
     space: Space,
     /// By tool, on the stock's grid: what its cutter can remove.
     removable: Vec<Removable>,
@@ -47,23 +47,23 @@ pub(crate) fn run(session: &Session, arguments: &AccessArguments) -> Result<()> 
     if !arguments.crib.is_empty() {
         return crib::run(session, arguments);
     }
-    let setup = Setup::new(session, arguments)?;
+    let run = AccessRun::new(session, arguments)?;
     let folder = OutputFolder::check(&arguments.out)?;
     let page = arguments.html.as_deref().map(OutputFile::check).transpose()?;
     let surface =
-        setup.surface.as_ref().map(|asked| surface::Surface::find(session, &setup, asked)).transpose()?;
-    let findings = find(session, &setup)?;
+        run.surface.as_ref().map(|asked| surface::Surface::find(session, &run, asked)).transpose()?;
+    let findings = find(session, &run)?;
     folder.begin(session)?;
-    let mut written = files::write(&setup, &findings, &arguments.out)?;
+    let mut written = files::write(&run, &findings, &arguments.out)?;
     if let Some(surface) = &surface {
-        let files = surface.write(&setup, &arguments.out)?;
+        let files = surface.write(&run, &arguments.out)?;
         written.extend(files.into_iter().chain(["surface.png"]).map(String::from));
     }
-    written.extend(pictures::draw(&setup, &findings, &arguments.out)?);
+    written.extend(pictures::draw(&run, &findings, &arguments.out)?);
     written.push(SUMMARY.into());
-    let summary = Summary::new(&setup, &findings, surface.as_ref(), begun.elapsed().as_secs_f64(), written);
+    let summary = Summary::new(&run, &findings, surface.as_ref(), begun.elapsed().as_secs_f64(), written);
     if let Some(surface) = &surface {
-        let view = surface.view(&setup, &summary.unreached, summary.table());
+        let view = surface.view(&run, &summary.unreached, summary.table());
         view.draw_sides(&arguments.out.join("surface.png"))?;
         if let Some(page) = &page {
             let path = page.begin()?;
@@ -76,14 +76,14 @@ pub(crate) fn run(session: &Session, arguments: &AccessArguments) -> Result<()> 
     if session.json { print_json(&summary) } else { print(&summary.table()) }
 }
 
-fn find(session: &Session, setup: &Setup) -> Result<Findings> {
-    let orientations = &setup.orientations.orientations;
-    let settings = AccessSettings { tau: setup.tau, lists: setup.lists };
-    let mut together = Together::new(setup.query.len());
+fn find(session: &Session, run: &AccessRun) -> Result<Findings> {
+    let orientations = &run.orientations.orientations;
+    let settings = AccessSettings { tau: run.tau, lists: run.lists };
+    let mut together = CombinedAccess::new(run.query.len());
     let (mut tools, mut elements, mut at_fixtures) = (Vec::new(), Vec::new(), Vec::new());
     let (mut swept, mut maps) = (Vec::new(), Vec::new());
-    for (index, assembly) in setup.tools.iter().enumerate() {
-        let plans = ElementPlans::new(&setup.obstacle, assembly, &setup.query)?;
+    for (index, assembly) in run.tools.iter().enumerate() {
+        let plans = ElementPlans::new(&run.obstacle, assembly, &run.query)?;
         let plan = plans.whole();
         let tool = assembly.whole();
         session.detail(&format!("{}: {}", tool.name, plan.describe()));
@@ -102,9 +102,9 @@ fn find(session: &Session, setup: &Setup) -> Result<Findings> {
         stage.finish("");
         let tip_alone = plan.tip_alone();
         drop(plans);
-        let fixtures = setup.fixtures_alone.as_ref().filter(|_| tip_alone);
+        let fixtures = run.fixtures_alone.as_ref().filter(|_| tip_alone);
         let found = fixtures.map(|fixtures| -> Result<ElementMeasures> {
-            let plans = ElementPlans::new(fixtures, assembly, &setup.query)?;
+            let plans = ElementPlans::new(fixtures, assembly, &run.query)?;
             let stage =
                 session.stage(&format!("fixtures, {}", tool.name), "orientations", orientations.len() as u64);
             let advance = |n| stage.advance(n);
@@ -115,7 +115,7 @@ fn find(session: &Session, setup: &Setup) -> Result<Findings> {
         });
         at_fixtures.push(found.transpose()?);
         tools.push(access);
-        if let (Some(stock), Some(cutter)) = (&setup.stock, cutter_of(assembly.tool())) {
+        if let (Some(stock), Some(cutter)) = (&run.stock, cutter_of(assembly.tool())) {
             // Each orientation twice: tips on voxel centres, and anywhere.
             let stage = session.stage(
                 &format!("removable, {}", tool.name),
@@ -125,27 +125,27 @@ fn find(session: &Session, setup: &Setup) -> Result<Findings> {
             let advance = |n| stage.advance(n);
             let control = session.control(&advance);
             let found =
-                removable(&setup.obstacle, assembly, &stock.solid, &cutter, orientations, setup.tau, control);
+                removable(&run.obstacle, assembly, &stock.solid, &cutter, orientations, run.tau, control);
             swept.push(found.map_err(|error| match error {
                 RemovableError::Section(error) => interrupted(error),
                 other => other.into(),
             })?);
             stage.finish("");
         }
-        if let Some((point, cells)) = setup.map {
+        if let Some((point, cells)) = run.map {
             let stage =
                 session.stage(&format!("map, {}", tool.name), "directions", (cells[0] * cells[1]) as u64);
             let advance = |n| stage.advance(n);
-            let map = access_map(&setup.obstacle, assembly, point, cells, session.control(&advance));
+            let map = access_map(&run.obstacle, assembly, point, cells, session.control(&advance));
             let map = map.map_err(interrupted)?;
-            maps.push(match &setup.limits {
+            maps.push(match &run.limits {
                 Some(limits) => map.within(limits),
                 None => map,
             });
             stage.finish("");
         }
     }
-    let space = Space::new(&setup.solid, &together.imf.value, setup.tau);
+    let space = Space::new(&run.solid, &together.imf.value, run.tau);
     Ok(Findings { tools, elements, at_fixtures, together, space, removable: swept, maps })
 }
 

@@ -1,4 +1,4 @@
-//! `imf calibrate`: what a field's decisions are worth, kept in its file.
+//! `imf calibrate`: thresholds of a field's decisions and their error rates, saved in its file.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -14,7 +14,7 @@ use serde_json::{Value, json};
 
 use crate::arguments::saved::CalibrateArguments;
 use crate::interrupt::{self, Interrupted};
-use crate::output::{OutputFile, answer};
+use crate::output::{OutputFile, print_result};
 use crate::session::{Session, show_bytes};
 
 pub(crate) fn run(session: &Session, arguments: &CalibrateArguments) -> Result<()> {
@@ -73,18 +73,18 @@ pub(crate) fn run(session: &Session, arguments: &CalibrateArguments) -> Result<(
         "field": arguments.field, "verified": arguments.verify, "keeps_its_goals": calibration.keeps_its_goals(),
         "calibration": calibration, "verdict": calibration.verdict(),
     });
-    answer(session, &json, &format!("{}Verdict: {}.", text(&calibration), calibration.verdict()))
+    print_result(session, &json, &format!("{}Verdict: {}.", text(&calibration), calibration.verdict()))
 }
 
-/// What a field's decisions are worth, or why that is not known.
-pub(crate) enum Worth {
+/// Error rates of a field's decisions, or why they are not known.
+pub(crate) enum DecisionQuality {
     /// Measured.
     Known(Box<Calibration>),
     /// Not, because.
     Unknown(String),
 }
 
-impl Worth {
+impl DecisionQuality {
     /// What was measured.
     pub(crate) fn calibration(&self) -> Option<&Calibration> {
         match self {
@@ -111,14 +111,14 @@ impl Worth {
 }
 
 /// Most random poses that are drawn to choose thresholds by where few of them collide.
-const MOST_POSES: usize = 4_000_000;
+const MAX_POSES: usize = 4_000_000;
 
-/// Measures what a field's decisions are worth: by more poses where too few collide to show the rate that is asked for; `kept` is
-/// what an interruption leaves.
-pub(crate) fn measured(session: &Session, field: &Field, kept: &str) -> Result<Worth> {
+/// Measures the error rates of a field's decisions, with more poses where too few collide to resolve the required rate; `kept`
+/// says what an interruption leaves.
+pub(crate) fn measure_decisions(session: &Session, field: &Field, kept: &str) -> Result<DecisionQuality> {
     if matches!(field.scene().record.bare_tool().shape, ToolShape::Mesh(_)) {
         let why = "a mesh tool is voxelised at every pose, which may take hours (imf calibrate does it)";
-        return Ok(Worth::Unknown(why.into()));
+        return Ok(DecisionQuality::Unknown(why.into()));
     }
     let mut settings = CalibrationSettings::default();
     interrupt::leave(kept.to_owned().into());
@@ -130,35 +130,35 @@ pub(crate) fn measured(session: &Session, field: &Field, kept: &str) -> Result<W
                 return Err(Interrupted(kept.to_owned()).into());
             }
             Err(CalibrationError::TooFew { colliding, .. })
-                if settings.uniform < MOST_POSES && colliding > 0 =>
+                if settings.uniform < MAX_POSES && colliding > 0 =>
             {
                 stage.finish("too few poses collide; more are drawn");
                 // Of zero errors the bound is below the goal from 4.6 over it on; a tenth more for chance.
                 let more = 1.1 * 4.61 / settings.goals.false_free / colliding as f64;
-                settings.uniform = ((settings.uniform as f64 * more.max(1.1)) as usize).min(MOST_POSES);
+                settings.uniform = ((settings.uniform as f64 * more.max(1.1)) as usize).min(MAX_POSES);
             }
             Err(error) => {
                 stage.finish("not calibrated");
-                return Ok(Worth::Unknown(error.to_string()));
+                return Ok(DecisionQuality::Unknown(error.to_string()));
             }
             Ok(calibration) => {
                 stage.finish(if calibration.keeps_its_goals() { "goals kept" } else { "goals missed" });
-                return Ok(Worth::Known(Box::new(calibration)));
+                return Ok(DecisionQuality::Known(Box::new(calibration)));
             }
         }
     }
 }
 
-/// Measures what the decisions of a field just written are worth, and keeps it in its file: the end of making or training
-/// one. Where that cannot be told the file stays as it is.
-pub(super) fn afterwards(session: &Session, path: &Path, wanted: bool) -> Result<Worth> {
+/// Calibrates a field just written and saves the calibration in its file: the last step of making or training one. Where that is
+/// not possible the file stays as it is.
+pub(super) fn calibrate_written(session: &Session, path: &Path, wanted: bool) -> Result<DecisionQuality> {
     if !wanted {
-        return Ok(Worth::Unknown("they were not to be (imf calibrate does it)".into()));
+        return Ok(DecisionQuality::Unknown("that was skipped (imf calibrate does it)".into()));
     }
     // The file's bytes, and the field that they become.
     let (needed, limit) = (2 * std::fs::metadata(path)?.len(), session.memory_limit());
     if needed > limit {
-        return Ok(Worth::Unknown(format!(
+        return Ok(DecisionQuality::Unknown(format!(
             "that takes about {} of memory, and {} may be used; imf calibrate does it where there is more",
             show_bytes(needed),
             show_bytes(limit)
@@ -166,17 +166,18 @@ pub(super) fn afterwards(session: &Session, path: &Path, wanted: bool) -> Result
     }
     let field = Field::load(path)?;
     if let Some(known) = field.calibration() {
-        return Ok(Worth::Known(Box::new(*known)));
+        return Ok(DecisionQuality::Known(Box::new(*known)));
     }
-    let worth = measured(session, &field, &format!("{} is written; imf calibrate goes on", path.display()))?;
+    let quality =
+        measure_decisions(session, &field, &format!("{} is written; imf calibrate goes on", path.display()))?;
     drop(field);
-    if let Some(&calibration) = worth.calibration() {
+    if let Some(&calibration) = quality.calibration() {
         keep(path, calibration, path)?;
     }
-    Ok(worth)
+    Ok(quality)
 }
 
-/// Writes a field with what its decisions are worth.
+/// Writes a field with error rates of its decisions.
 fn keep(field: &Path, calibration: Calibration, out: &Path) -> Result<()> {
     let mut stored = FieldFile::read(field)?;
     stored.set_calibration(calibration);

@@ -2,7 +2,7 @@
 
 mod files;
 mod picture;
-mod words;
+mod text;
 
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -24,7 +24,7 @@ use thiserror::Error;
 use crate::arguments::check::{CheckArguments, Frame, NumberedTool};
 use crate::arguments::scene::SceneArguments;
 use crate::interrupt::Interrupted;
-use crate::output::{OutputFolder, answer};
+use crate::output::{OutputFolder, print_result};
 use crate::session::Session;
 
 /// The answer is "it collides", or "it leaves the travel": said on standard output already, left to the exit code.
@@ -33,7 +33,7 @@ use crate::session::Session;
 pub(crate) struct CollisionFound;
 
 /// What was checked, beside what was found.
-struct Checked<'a> {
+struct CheckRun<'a> {
     arguments: &'a CheckArguments,
     record: &'a SceneRecord,
     /// In the part's unit.
@@ -62,8 +62,8 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
         None => None,
     };
     let lengths: Vec<_> = tools.iter().map(|(number, tool)| (*number, tool.length())).collect();
-    let reading = PathReading { unit: record.unit, machine: machine.as_ref(), lengths: &lengths };
-    let toolpath = Toolpath::read(&arguments.toolpath, reading)?.placed(&set_up);
+    let inputs = PathReading { unit: record.unit, machine: machine.as_ref(), lengths: &lengths };
+    let toolpath = Toolpath::read(&arguments.toolpath, inputs)?.placed(&set_up);
     toolpath.remarks.iter().for_each(|remark| session.note(remark));
     if let ([(None, tool)], [Some(number)]) = (tools.as_slice(), toolpath.tools().as_slice()) {
         session
@@ -74,16 +74,16 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
         Some(machine) => Some(MachineBodies::new(machine, record.grid.pitch, session.control(&|_| {}))?),
         None => None,
     };
-    let guarded = match &arguments.field {
+    let verified = match &arguments.field {
         Some(path) => {
             ensure!(tools.len() == 1, "--field knows one tool, and {} are given: leave it out", tools.len());
-            Some(guarded(path, &scene, &bodies, &settings)?)
+            Some(load_verified(path, &scene, &bodies, &settings)?)
         }
         None => None,
     };
     let proven = AtomicU64::new(0);
     let is_free = |pose: &Pose| {
-        let free = guarded.as_ref().is_some_and(|field| field.is_free(pose));
+        let free = verified.as_ref().is_some_and(|field| field.is_free(pose));
         proven.fetch_add(u64::from(free), Ordering::Relaxed);
         free
     };
@@ -98,9 +98,9 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
         other => named(other, arguments),
     })?;
     stage.finish(&format!("{} poses", report.poses));
-    if guarded.is_some() {
+    if verified.is_some() {
         let free = proven.into_inner();
-        session.note(&format!("{free} of {} poses were proven free by the guarded field", report.poses));
+        session.note(&format!("{free} of {} poses were proven free by the verified field", report.poses));
     }
     let mut written = Vec::new();
     if let Some(folder) = &out {
@@ -118,12 +118,12 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
     if set_up != DMat4::IDENTITY {
         report.colliding.iter_mut().flat_map(|line| &mut line.collisions).for_each(|hit| hit.place(&back));
     }
-    let checked = Checked { arguments, record, tools, machine: machine.as_ref(), report };
+    let checked = CheckRun { arguments, record, tools, machine: machine.as_ref(), report };
     let mut json = checked.json();
     if let Some(folder) = &out {
         files::write(&checked, &mut json, written, folder, session)?;
     }
-    answer(session, &json, &words::text(&checked))?;
+    print_result(session, &json, &text::text(&checked))?;
     if checked.fails() { Err(CollisionFound.into()) } else { Ok(()) }
 }
 
@@ -157,7 +157,7 @@ fn thickness(tool: &Tool) -> f64 {
     elements.iter().map(Element::max_radius).fold(f64::INFINITY, f64::min)
 }
 
-impl Checked<'_> {
+impl CheckRun<'_> {
     fn fails(&self) -> bool {
         !(self.report.colliding.is_empty() && self.report.out_of_travel.is_empty())
     }
@@ -186,8 +186,13 @@ impl Checked<'_> {
     }
 }
 
-/// A field's guard of the very part, fixtures and tool that are checked.
-fn guarded(path: &Path, scene: &Scene, bodies: &Bodies, settings: &CheckSettings) -> Result<VerifiedField> {
+/// The verified field of the very part, fixtures and tool that are checked.
+fn load_verified(
+    path: &Path,
+    scene: &Scene,
+    bodies: &Bodies,
+    settings: &CheckSettings,
+) -> Result<VerifiedField> {
     let model = Field::load(path)?;
     let known = model.scene();
     let name = path.display();
@@ -197,7 +202,7 @@ fn guarded(path: &Path, scene: &Scene, bodies: &Bodies, settings: &CheckSettings
         known.record.bare_tool().name,
         scene.record.bare_tool().name
     );
-    // What is not in the field's voxels its guard would not see.
+    // Verification would miss what is not in the field's voxels.
     let holds = |body: &Occupancy| {
         known
             .obstacle
@@ -209,7 +214,7 @@ fn guarded(path: &Path, scene: &Scene, bodies: &Bodies, settings: &CheckSettings
         "{name} is of other voxels than those that are checked: leave out --field, or choose the part, grid, set-up and \
          fixtures that it was made for (imf info {name})"
     );
-    // Contact is the check's affair: the guard proves that nothing at all is touched.
+    // Contact is handled by the check: verification proves that nothing at all is touched.
     let mut whole = known.clone();
     whole.record.contact = None;
     whole.layer = None;

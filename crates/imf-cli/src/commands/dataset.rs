@@ -17,7 +17,7 @@ use crate::arguments::dataset::{
 };
 use crate::arguments::either::Either;
 use crate::interrupt::{self, Interrupted};
-use crate::output::{Claim, claim, prepare_folder, print, print_json};
+use crate::output::{FolderLock, lock_folder, prepare_folder, print, print_json};
 use crate::session::Session;
 
 pub(crate) fn run(session: &Session, arguments: &DatasetArguments) -> Result<()> {
@@ -34,7 +34,7 @@ fn make_new(session: &Session, arguments: &DatasetMakeArguments) -> Result<()> {
     let scene = arguments.scene.scene_with(session, &arguments.contact)?;
     prepare_folder(&arguments.out)?;
     let layout = arguments.layout();
-    let _claim = claimed(&arguments.out, &layout)?;
+    let _lock = lock_if_whole(&arguments.out, &layout)?;
     make(session, &arguments.out, &scene, &set, &sampling, &layout)
 }
 
@@ -45,13 +45,13 @@ fn finish(session: &Session, arguments: &DatasetFinishArguments) -> Result<()> {
     let scene = manifest.scene(folder)?;
     prepare_folder(folder)?;
     let layout = Layout { share: arguments.shard, ..Layout::default() };
-    let _claim = claimed(folder, &layout)?;
+    let _lock = lock_if_whole(folder, &layout)?;
     make(session, folder, &scene, &manifest.orientations, &manifest.sampling, &layout)
 }
 
 /// A folder that is made whole is this run's own; shares are made beside each other.
-fn claimed(folder: &Path, layout: &Layout) -> Result<Option<Claim>> {
-    layout.share.is_none().then(|| claim(folder)).transpose()
+fn lock_if_whole(folder: &Path, layout: &Layout) -> Result<Option<FolderLock>> {
+    layout.share.is_none().then(|| lock_folder(folder)).transpose()
 }
 
 fn make(
@@ -62,7 +62,7 @@ fn make(
     sampling: &Sampling,
     layout: &Layout,
 ) -> Result<()> {
-    let generated = sampled(session, folder, scene, set, sampling, layout)?;
+    let generated = sample_sections(session, folder, scene, set, sampling, layout)?;
     if session.json {
         return print_json(&json!({
             "folder": folder, "sections": set.len(), "samples": generated.samples,
@@ -88,7 +88,7 @@ fn make(
 }
 
 /// Makes what a folder lacks of a dataset, or of a share of it.
-pub(super) fn sampled(
+pub(super) fn sample_sections(
     session: &Session,
     folder: &Path,
     scene: &Scene,

@@ -16,11 +16,11 @@ use imf_fields::file::FieldFile;
 
 pub use self::siren::SHAPE;
 use crate::arguments::{DemoArguments, NetworkFamily};
-use crate::commands::calibrate::afterwards;
+use crate::commands::calibrate::calibrate_written;
 use crate::job::FIELD;
-use crate::output::{answer, prepare_folder};
+use crate::output::{prepare_folder, print_result};
 use crate::progress::show_seconds;
-use crate::report::{PAPER_THRESHOLD, Questions};
+use crate::report::{EvaluationSettings, PAPER_THRESHOLD};
 use crate::session::Session;
 
 pub(crate) fn run(session: &Session, arguments: &DemoArguments) -> Result<()> {
@@ -29,11 +29,11 @@ pub(crate) fn run(session: &Session, arguments: &DemoArguments) -> Result<()> {
     let report = match arguments.family {
         NetworkFamily::Factored => {
             let scene = teapot(session, ReferencePart::Teapot.dims())?;
-            factored::made(session, arguments, &scene)?
+            factored::make_report(session, arguments, &scene)?
         }
         NetworkFamily::Siren5 => {
             let scene = teapot(session, siren::DIMS)?;
-            siren::made(session, arguments, &scene)?
+            siren::make_report(session, arguments, &scene)?
         }
     };
     let words = format!(
@@ -42,7 +42,7 @@ pub(crate) fn run(session: &Session, arguments: &DemoArguments) -> Result<()> {
         arguments.out.display(),
         show_seconds(begun.elapsed().as_secs_f64())
     );
-    answer(session, &report, &words)
+    print_result(session, &report, &words)
 }
 
 /// The paper's teapot and tool at a resolution.
@@ -63,8 +63,12 @@ fn teapot(session: &Session, dims: [usize; 3]) -> Result<Scene> {
 
 /// What a demo's field is compared at: 64 random directions that nothing was made from, the IMF over `imf`, and a section that it
 /// was made from where there is one that it saw alone.
-fn questions(seed: u64, in_sample: Option<Orientation>, imf: OrientationSet) -> Result<Questions> {
-    Ok(Questions {
+fn eval_settings(
+    seed: u64,
+    in_sample: Option<Orientation>,
+    imf: OrientationSet,
+) -> Result<EvaluationSettings> {
+    Ok(EvaluationSettings {
         in_sample,
         out_of_sample: Some(Orientation::new(12.0, 6.0)),
         random: OrientationSet::parse(&format!("random:64:{}", seed.wrapping_add(1)))?,
@@ -74,9 +78,9 @@ fn questions(seed: u64, in_sample: Option<Orientation>, imf: OrientationSet) -> 
     })
 }
 
-/// The field that was just written, with what its decisions are worth.
+/// The field that was just written, with error rates of its decisions.
 fn decided(session: &Session, out: &Path) -> Result<FieldFile> {
     let path = out.join(FIELD);
-    afterwards(session, &path, true)?;
+    calibrate_written(session, &path, true)?;
     Ok(FieldFile::read(&path)?)
 }

@@ -8,10 +8,10 @@ use imf_fields::file::FieldFile;
 use imf_fields::harmonic::basis::Basis;
 
 use crate::arguments::saved::EvalArguments;
-use crate::commands::calibrate::{Worth, measured};
-use crate::engine::{Calls, Device, Evaluated};
-use crate::output::{answer, prepare_folder};
-use crate::report::{Questions, Subject, evaluate};
+use crate::commands::calibrate::{DecisionQuality, measure_decisions};
+use crate::engine::{Device, DeviceField, Workload};
+use crate::output::{prepare_folder, print_result};
+use crate::report::{EvaluationSettings, Subject, evaluate};
 use crate::session::Session;
 
 /// Orientations of the IMF by default, of a field that has no training set: as many as the paper's.
@@ -24,24 +24,24 @@ pub(crate) fn run(session: &Session, arguments: &EvalArguments) -> Result<()> {
     let stored = FieldFile::read(&arguments.model)?;
     let device = Device::for_field(&arguments.device.device, session, &stored)?;
     require_memory(session, &device, &stored)?;
-    let questions = questions(arguments, &stored)?;
+    let eval_settings = eval_settings(arguments, &stored)?;
     let subject = Subject::of_stored(&stored)?;
-    let worth = worth_of(session, &stored)?;
-    let Evaluated { field, by, .. } = device.field(session, &stored, Calls::Many)?;
+    let quality = decision_quality(session, &stored)?;
+    let DeviceField { field, by, .. } = device.field(session, &stored, Workload::Many)?;
     session.note(&format!("evaluating on {by}"));
-    let evaluation = evaluate(session, &subject, &*field, by, &questions, &worth)?;
+    let evaluation = evaluate(session, &subject, &*field, by, &eval_settings, &quality)?;
     if let Some(folder) = &arguments.out {
         evaluation.write(folder, &subject, &*field)?;
         session.note(&format!("wrote {}", folder.join("report.md").display()));
     }
-    answer(session, &evaluation.report, &evaluation.report.table())
+    print_result(session, &evaluation.report, &evaluation.report.table())
 }
 
-/// What the field's decisions are worth: as its file says, else measured for the report.
-pub(super) fn worth_of(session: &Session, stored: &FieldFile) -> Result<Worth> {
+/// Error rates of the field's decisions: from its file, else measured for the report.
+pub(super) fn decision_quality(session: &Session, stored: &FieldFile) -> Result<DecisionQuality> {
     match stored.calibration() {
-        Some(known) => Ok(Worth::Known(Box::new(*known))),
-        None => measured(session, &Field::new(stored.clone())?, "no report was made"),
+        Some(known) => Ok(DecisionQuality::Known(Box::new(*known))),
+        None => measure_decisions(session, &Field::new(stored.clone())?, "no report was made"),
     }
 }
 
@@ -50,12 +50,12 @@ pub(super) fn require_memory(session: &Session, device: &Device, stored: &FieldF
     let record = &stored.scene().record;
     let needed = SectionPlan::memory_estimate(&record.grid, &record.tool, session.threads())
         + 40 * record.grid.len() as u64 * session.threads() as u64
-        + device.copied_bytes(stored, Calls::Many);
+        + device.copied_bytes(stored, Workload::Many);
     session.require_memory(needed, || "the exact field beside the other one; use fewer --threads".into())
 }
 
 /// What is compared; of a field over rotations the random orientations roll too.
-fn questions(arguments: &EvalArguments, stored: &FieldFile) -> Result<Questions> {
+fn eval_settings(arguments: &EvalArguments, stored: &FieldFile) -> Result<EvaluationSettings> {
     let EvalArguments { in_sample, out_of_sample, random, seed, threshold, .. } = *arguments;
     let (random, imf) = match stored {
         FieldFile::Siren(model) => {
@@ -66,7 +66,13 @@ fn questions(arguments: &EvalArguments, stored: &FieldFile) -> Result<Questions>
         FieldFile::Factored(file) => by_functions(&file.field.basis, random, seed)?,
     };
     let imf = arguments.imf.as_deref().map_or(Ok(imf), OrientationSet::parse)?;
-    Ok(Questions { in_sample: Some(in_sample), out_of_sample: Some(out_of_sample), random, imf, threshold })
+    Ok(EvaluationSettings {
+        in_sample: Some(in_sample),
+        out_of_sample: Some(out_of_sample),
+        random,
+        imf,
+        threshold,
+    })
 }
 
 /// Random orientations, and those of the IMF.

@@ -15,7 +15,7 @@ use imf_core::mesh::MachiningDirection;
 use imf_core::obstacle::Obstacle;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::scene::Scene;
-use imf_core::section::{At, DepthPlan, ElementPlans, Quantity, SectionPlan};
+use imf_core::section::{DepthPlan, ElementPlans, Quantity, SectionPlan, ToolPoints};
 use imf_core::unit::LengthUnit;
 use imf_fields::calibration::{Calibration, Verdict};
 use imf_fields::file::FieldFile;
@@ -23,8 +23,8 @@ use imf_fields::harmonic::basis::Domain;
 use serde_json::{Value, json};
 
 use self::check::Check;
-use self::counting::Streamed;
-use self::saved::Saved;
+use self::counting::StreamOutcome;
+use self::saved::SavedField;
 use super::calibrate::threshold_text;
 use super::notes;
 use crate::arguments::field::FieldArguments;
@@ -46,13 +46,13 @@ pub(crate) fn run(session: &Session, arguments: &FieldArguments) -> Result<()> {
 
 fn of_part(session: &Session, arguments: &FieldArguments, folder: OutputFolder) -> Result<()> {
     // Before anything is voxelised, a part's own directions from its surface as it is set up.
-    let reading = arguments.scene.read(session, true)?;
-    let of_part = || reading.part.mesh.transformed(&reading.transform).machining_directions();
+    let inputs = arguments.scene.read(session, true)?;
+    let of_part = || inputs.part.mesh.transformed(&inputs.transform).machining_directions();
     let directions = |text: &str| Directions::of_part(text, of_part);
     let named = arguments.orientations.as_deref().map(directions).transpose()?;
     let quantity = Quantity::from(arguments.quantity);
     let (scene, bodies) =
-        arguments.scene.scene_among(session, &reading, &arguments.contact, arguments.elements, quantity)?;
+        arguments.scene.scene_among(session, &inputs, &arguments.contact, arguments.elements, quantity)?;
     let round = scene.record.bare_tool().is_axisymmetric();
     let Directions { set, suggested } = match named {
         Some(named) => named,
@@ -67,7 +67,7 @@ fn of_part(session: &Session, arguments: &FieldArguments, folder: OutputFolder) 
         None => bodies.obstacle().into(),
     };
     let assembly = scene.record.assembly()?;
-    let plan = SectionPlan::with_query(&obstacle, &assembly, At::SharpPoints, &scene.record.grid)?;
+    let plan = SectionPlan::with_query(&obstacle, &assembly, ToolPoints::SharpPoints, &scene.record.grid)?;
     if let (Device::Gpu(_), Quantity::Depth) = (&device, quantity) {
         bail!("depths of a part are counted by the CPU: leave --device out");
     }
@@ -81,7 +81,7 @@ fn of_part(session: &Session, arguments: &FieldArguments, folder: OutputFolder) 
         bail!("--elements needs a tool of cutter, shank and holder, and the tool '{name}' is a mesh");
     }
     let (elements, check) = (elements.as_ref(), Check::new(arguments.check));
-    let values = Values::Counted(Counted { plan: &plan, depth: depth.as_ref(), elements, check });
+    let values = Values::Exact(ExactSections { plan: &plan, depth: depth.as_ref(), elements, check });
     let work =
         Work { session, folder, scene: &scene, device: &device, values, set: &set, suggested: &suggested };
     work.run(arguments.imf)
@@ -96,7 +96,7 @@ fn of_saved(session: &Session, arguments: &FieldArguments, path: &Path, folder: 
     if stored.basis().is_some_and(|basis| basis.domain() == Domain::Rotations) {
         note_of_rolls(session, &set);
     }
-    let field = Saved::new(stored, arguments.refine)?;
+    let field = SavedField::new(stored, arguments.refine)?;
     notes::of_scene(session, &scene.record);
     if let FieldFile::Siren(model) = field.stored() {
         notes::of_training(session, path, model);
@@ -133,12 +133,12 @@ struct Work<'a> {
 
 /// Where values come from.
 enum Values<'a> {
-    Counted(Counted<'a>),
-    Saved(&'a Saved),
+    Exact(ExactSections<'a>),
+    Saved(&'a SavedField),
 }
 
 /// Exact sections.
-struct Counted<'a> {
+struct ExactSections<'a> {
     plan: &'a SectionPlan,
     /// Where depths are asked for, not overlaps.
     depth: Option<&'a DepthPlan>,
@@ -154,14 +154,14 @@ impl Work<'_> {
     }
 
     /// What counts, where something does.
-    fn counted(&self) -> Option<&Counted<'_>> {
+    fn counted(&self) -> Option<&ExactSections<'_>> {
         match &self.values {
-            Values::Counted(counted) => Some(counted),
+            Values::Exact(counted) => Some(counted),
             Values::Saved(_) => None,
         }
     }
 
-    /// Sections of elements, where they are asked for.
+    /// Sections of elements, where requested.
     fn elements(&self) -> Option<&ElementPlans> {
         self.counted().and_then(|counted| counted.elements)
     }
@@ -187,8 +187,8 @@ impl Work<'_> {
     fn measure(&self) -> Measure {
         let quantity = match &self.values {
             Values::Saved(field) => field.stored().quantity(),
-            Values::Counted(Counted { depth: None, .. }) => Quantity::Overlap,
-            Values::Counted(_) => Quantity::Depth,
+            Values::Exact(ExactSections { depth: None, .. }) => Quantity::Overlap,
+            Values::Exact(_) => Quantity::Depth,
         };
         Measure::of(quantity, self.scene.record.unit)
     }
@@ -203,12 +203,12 @@ impl Work<'_> {
                 // Sections have no value below the lowest.
                 known.and_then(|known| known.free_up_to).filter(|&free| f64::from(free) >= lowest)
             }
-            Values::Counted(_) => Some(0.0),
+            Values::Exact(_) => Some(0.0),
         }
     }
 
     /// What [`Work::tau`] is and why, of a saved field.
-    fn threshold_text(&self, field: &Saved) -> String {
+    fn threshold_text(&self, field: &SavedField) -> String {
         match (field.stored().calibration(), self.tau()) {
             (None, _) => {
                 "not calibrated, so that nothing is called accessible: imf calibrate chooses a threshold"
@@ -227,7 +227,7 @@ impl Work<'_> {
         }
     }
 
-    /// Threshold and verdict of a saved field, for people.
+    /// Threshold and verdict of a saved field, as text.
     fn trust(&self) -> Option<String> {
         let Values::Saved(field) = self.values else { return None };
         let verdict = field.stored().calibration().map_or_else(String::new, |known| {
@@ -284,14 +284,14 @@ impl Work<'_> {
     fn guarantee(&self) -> String {
         match self.values {
             Values::Saved(field) => field.guarantee(),
-            Values::Counted(_) => self.scene.record.guarantee().to_string(),
+            Values::Exact(_) => self.scene.record.guarantee().to_string(),
         }
     }
 
     /// What values are, for a note beside a picture.
     fn exactness(&self) -> &'static str {
         match self.values {
-            Values::Counted(_) => "exact for voxel centres",
+            Values::Exact(_) => "exact for voxel centres",
             Values::Saved(field) => field.exactness(),
         }
     }
@@ -348,7 +348,7 @@ impl Outside {
     }
 }
 
-/// An orientation for people.
+/// An orientation as text.
 fn angles_text(orientation: &Orientation) -> String {
     let Orientation { theta, phi, roll } = orientation;
     let roll = if *roll == 0.0 { String::new() } else { format!(", ψ = {roll:.1}°") };

@@ -15,13 +15,13 @@ use imf_fields::file::FieldFile;
 use serde_json::Value;
 
 use crate::arguments::InfoArguments;
-use crate::output::{aligned, answer};
+use crate::output::{aligned, print_result};
 use crate::session::Session;
 
 /// A name and a value.
 type Line = (&'static str, String);
 
-/// The answer, for people and for scripts.
+/// The description, as text and as JSON.
 struct Description {
     /// Names and values, aligned when they are printed.
     lines: Vec<Line>,
@@ -31,7 +31,7 @@ struct Description {
 pub(crate) fn run(session: &Session, arguments: &InfoArguments) -> Result<()> {
     let Some(what) = &arguments.what else { return devices::run(session) };
     let Description { lines, json } = describe(session, what, arguments.unit)?;
-    answer(session, &json, &aligned(&lines))
+    print_result(session, &json, &aligned(&lines))
 }
 
 /// Decides by what is there: a folder, else the ending of a file; a name of which there is no file is built in.

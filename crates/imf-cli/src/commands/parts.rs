@@ -9,7 +9,7 @@ use imf_core::parts::ReferencePart;
 use serde_json::json;
 
 use crate::arguments::PartsArguments;
-use crate::output::{OutputFolder, answer, table};
+use crate::output::{OutputFolder, print_result, table};
 use crate::session::Session;
 
 pub(crate) fn run(session: &Session, arguments: &PartsArguments) -> Result<()> {
@@ -45,7 +45,7 @@ pub(crate) fn run(session: &Session, arguments: &PartsArguments) -> Result<()> {
         }));
     }
     let table = table(&["file", "triangles", "surface", "extents", "grid", "whose"], &rows);
-    answer(session, &answers, &table)
+    print_result(session, &answers, &table)
 }
 
 /// The comment at the head of a part's file.

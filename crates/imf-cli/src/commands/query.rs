@@ -1,10 +1,10 @@
-//! `imf query`: poses from a CSV file, answered by a learnt or harmonic field, and by counting where that is asked for.
+//! `imf query`: evaluates a field at poses from a CSV file, and counts exactly with --exact.
 //!
 //! Poses are read, answered and written in chunks: memory does not grow with their number. A file of poses is read twice, first to
 //! find what is wrong with it before anything is answered.
 
-mod answers;
 mod poses;
+mod results;
 
 use std::io::{Error as IoError, Write, stdout};
 
@@ -17,11 +17,11 @@ use imf_core::pose::Pose;
 use imf_core::section::{DEPTH_CAP, Quantity};
 use imf_fields::file::FieldFile;
 
-use self::answers::{AnswerWriter, Answers};
 use self::poses::Poses;
+use self::results::{ResultChunk, ResultWriter};
 use super::notes;
 use crate::arguments::saved::QueryArguments;
-use crate::engine::{Calls, Device, Evaluated};
+use crate::engine::{Device, DeviceField, Workload};
 use crate::interrupt::{self, Interrupted};
 use crate::output::{OutputFile, short, standard_output_failed};
 use crate::session::Session;
@@ -41,11 +41,11 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
     let device = Device::for_field(name, session, &file)?;
     let quantity = file.quantity();
     if let (Device::Gpu(_), FieldFile::Harmonic(_)) = (&device, &file) {
-        session.require_memory(device.copied_bytes(&file, Calls::Many), || {
+        session.require_memory(device.copied_bytes(&file, Workload::Many), || {
             "the field's coefficients at every voxel on the device; take --device cpu".into()
         })?;
     }
-    let field = device.field(session, &file, Calls::One).with_context(|| format!("--device {name}"))?;
+    let field = device.field(session, &file, Workload::One).with_context(|| format!("--device {name}"))?;
     let scene = file.scene();
     let record = &scene.record;
     if let FieldFile::Siren(model) = &file {
@@ -53,7 +53,7 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
         notes::of_training(session, &arguments.model, model);
     }
     notes::of_scene(session, record);
-    if poses.rolls() && forgets_roll(&file) {
+    if poses.rolls() && ignores_roll(&file) {
         session.note(&format!(
             "a network of the paper's kind knows no roll, which counts for the tool '{}': its overlaps are the same at every \
              roll, and --exact reads the column roll",
@@ -104,7 +104,7 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
 }
 
 /// True where the roll changes what the tool overlaps, and the field is of directions alone.
-fn forgets_roll(file: &FieldFile) -> bool {
+fn ignores_roll(file: &FieldFile) -> bool {
     matches!(file, FieldFile::Siren(_)) && !file.scene().record.bare_tool().with_tip_only().is_axisymmetric()
 }
 
@@ -112,7 +112,7 @@ struct Work {
     /// The field was made for its voxels.
     grid: Grid,
     quantity: Quantity,
-    field: Evaluated,
+    field: DeviceField,
     exact: Option<ExactField>,
     sharp_points: Option<Vec<DVec3>>,
 }
@@ -128,7 +128,7 @@ impl Work {
         whole: bool,
     ) -> Result<()> {
         let size = if self.exact.is_some() { EXACT_CHUNK } else { CHUNK };
-        let mut answers = Answers::default();
+        let mut answers = ResultChunk::default();
         // Before the header: poses that cannot be read at all leave no half of an answer.
         poses.read(size, &mut answers.records, &mut answers.poses)?;
         let measure = match (self.quantity, &self.sharp_points) {
@@ -138,7 +138,7 @@ impl Work {
             (Quantity::Overlap, None) => "overlap",
         };
         let mut writer =
-            AnswerWriter::start(poses.header(), measure, self.exact.is_some(), session.json, out)?;
+            ResultWriter::start(poses.header(), measure, self.exact.is_some(), session.json, out)?;
         let _keeping = interrupt::keep();
         let stage = session.stage("answering", "poses", count.unwrap_or(0));
         let (mut answered, mut outside) = (0u64, 0u64);
@@ -187,7 +187,7 @@ impl Work {
         Ok(())
     }
 
-    /// True where the field is asked beyond what it was made for, with any of the sharp points.
+    /// True where the pose, or one of its sharp points, lies outside the field's domain.
     fn is_outside(&self, pose: &Pose) -> bool {
         let sharp_points = self.sharp_points.as_deref().unwrap_or(&[DVec3::ZERO]);
         sharp_points.iter().any(|&sharp| !self.grid.is_between_centres(pose.position - pose.rotation * sharp))

@@ -6,7 +6,7 @@ use imf_core::field_files::{NamedField, write_npy, write_vti};
 use serde_json::json;
 
 use crate::arguments::VoxelizeArguments;
-use crate::output::{OutputFolder, aligned, answer, short, show_measure};
+use crate::output::{OutputFolder, aligned, print_result, short, show_measure};
 use crate::session::Session;
 use crate::slices::{MidPlaneSheet, MidPlanes};
 
@@ -72,5 +72,5 @@ pub(crate) fn run(session: &Session, arguments: &VoxelizeArguments) -> Result<()
         ("mesh", surface),
         ("written", format!("{}, {}, {}", npy.display(), vti.display(), png.display())),
     ];
-    answer(session, &json, &aligned(&lines))
+    print_result(session, &json, &aligned(&lines))
 }

@@ -1,4 +1,4 @@
-//! What a training of any family goes on from: the last checkpoint of a folder, or the one before.
+//! Checkpoints from which a training of any family resumes: the last of a folder, or the one before.
 //!
 //! Both are whole and have a checksum. Where the last is damaged, the one before serves, and the steps between are repeated to the
 //! same bits.
@@ -43,7 +43,7 @@ pub struct Progress {
 
 /// A field in training, as its checkpoints hold it.
 pub trait Checkpoint: Clone {
-    /// Its family for people, and the command that goes on with it.
+    /// Display name of its family, and the command that resumes it.
     const FAMILY: [&str; 2];
 
     /// Reads and checks one.
@@ -68,7 +68,7 @@ pub trait Checkpoint: Clone {
     fn finish(&mut self);
     /// True where no steps are left.
     fn is_finished(&self) -> bool;
-    /// What a finished training comes to.
+    /// The field of a finished training.
     fn result(&self, precision: Precision) -> Self;
     /// True for the same field, however calibrated.
     fn is_same(&self, other: &Self) -> bool;
@@ -232,7 +232,7 @@ fn is_newer(error: &Error) -> bool {
     matches!(error.downcast_ref(), Some(FieldFileError::Newer { .. }))
 }
 
-/// What an output folder holds to go on from, where that is asked for. Refuses to begin where a training is unfinished, and to
+/// The checkpoint to resume from, where `resume` is set. Refuses to begin where a training is unfinished, and to
 /// go on where there is none, or one of the other family.
 pub(crate) fn to_resume<T: Checkpoint>(out: &Path, resume: bool) -> Result<Option<Latest<T>>> {
     let current = out.join(CURRENT);
@@ -293,7 +293,7 @@ impl<T: Checkpoint> Latest<T> {
     }
 }
 
-/// Writes what a finished training comes to. The field of an earlier one is kept beside it.
+/// Writes the field of a finished training. The field of an earlier one is kept beside it.
 pub(super) fn write_result<T: Checkpoint>(session: &Session, out: &Path, result: &T) -> Result<()> {
     let path = out.join(FIELD);
     keep_former(session, &path)?;

@@ -135,7 +135,7 @@ impl Data {
     }
 }
 
-/// A dataset that nobody waited for until it was read.
+/// The reading of a dataset was interrupted.
 fn interruption(error: DatasetError) -> anyhow::Error {
     match error {
         DatasetError::Section(SectionError::Cancelled) => {

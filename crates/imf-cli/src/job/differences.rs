@@ -22,7 +22,7 @@ fn compare(name: &str, there: &Value, here: &Value, found: &mut Vec<String>) {
         value => value.to_string(),
     };
     match (there, here) {
-        // Those of other names within are lengths, schedules, optimisers of another kind: they are told as they are.
+        // Those of other names within are lengths, schedules, optimisers of another kind: they are shown as they are.
         (Value::Object(there_all), Value::Object(here_all))
             if there_all.keys().eq(here_all.keys()) || name.is_empty() =>
         {

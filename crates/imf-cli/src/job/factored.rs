@@ -1,6 +1,6 @@
 //! Trainings of a factored field: from a harmonic field's coefficients, or from a scene's sections as they come; afresh, from
-//! another field's network, or from the checkpoint in the output folder. What is asked is held against that before
-//! anything is computed: first the settings, then the scene and what its functions are chosen by.
+//! another field's network, or from the checkpoint in the output folder. The request is compared with that before anything is
+//! computed: first the settings, then the scene and what its functions are chosen by.
 
 use std::path::{Path, PathBuf};
 
@@ -73,17 +73,17 @@ impl Source<'_> {
         }
     }
 
-    fn extent(&self) -> Extent {
+    fn extent(&self) -> DistillationSize {
         let (by_sections, domain) = match self {
             Self::Harmonic(file) => (false, file.field.basis.domain()),
             Self::Sections { source, .. } => (true, source.domain()),
         };
-        Extent { by_sections, fit: self.fit().0, domain, voxels: self.target().grid().len() }
+        DistillationSize { by_sections, fit: self.fit().0, domain, voxels: self.target().grid().len() }
     }
 }
 
 /// How large a distillation becomes: known before its source is made.
-pub struct Extent {
+pub struct DistillationSize {
     /// By exact sections, not by a harmonic field.
     pub by_sections: bool,
     /// Of the harmonic field, or of the choice of functions.
@@ -94,7 +94,7 @@ pub struct Extent {
     pub voxels: usize,
 }
 
-impl Extent {
+impl DistillationSize {
     /// Refuses what does not fit into memory, the choice of its functions by sections with it; `smaller` says what takes less.
     ///
     /// # Errors
@@ -171,9 +171,9 @@ impl<'a> FactoredStart<'a> {
         Ok(())
     }
 
-    /// With the optimiser that was asked for, if any. A resumed training keeps its own where none was, its rates where none were
-    /// asked for, which stand in `settings`, and how often its output layer is solved for.
-    pub(crate) fn settled(
+    /// The settings with the optimiser given, if any. A resumed training keeps its own optimiser and rates where none are given,
+    /// and the interval at which its output layer is solved.
+    pub(crate) fn resolve_settings(
         &self,
         rate: Option<f32>,
         optimiser: Option<Optimiser>,
@@ -189,8 +189,8 @@ impl<'a> FactoredStart<'a> {
         }
     }
 
-    /// The network's symmetry as far as that is settled: as the checkpoint has it, or none where none is wanted. `None` where a
-    /// field is to be asked what there is.
+    /// The network's symmetry where it is known already: that of the checkpoint, or none where none is wanted. `None` where it is
+    /// to be detected in the field.
     pub(crate) fn symmetry(&self, wanted: bool) -> Option<Symmetry> {
         match (wanted, self.found()) {
             (false, _) => Some(Symmetry::default()),

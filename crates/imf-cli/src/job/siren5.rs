@@ -24,7 +24,7 @@ use super::{Loop, REPORT_EVERY, Settings, Training};
 use crate::arguments::train::Siren5Training;
 use crate::engine::Device;
 use crate::interrupt;
-use crate::output::claim;
+use crate::output::lock_folder;
 use crate::ranks::started_together;
 use crate::session::Session;
 
@@ -73,7 +73,7 @@ fn footprint(
     Footprint::new(session, device, model.shape, &record.plan, &model.scene.record, batch, held_out)
 }
 
-/// Trains with an epoch of so many samples, which `by` has; memory was asked for.
+/// Trains with an epoch of so many samples, which `by` has; memory was reserved before.
 fn train_to_the_end(
     session: &Session,
     device: &Device,
@@ -92,7 +92,7 @@ fn train_to_the_end(
     }
     // After this no rank reads what the first may write.
     rank.agree("training", fingerprint(&model)?)?;
-    let _claim = if rank.is_first() { Some(claim(out)?) } else { None };
+    let _lock = if rank.is_first() { Some(lock_folder(out)?) } else { None };
     let held_out = if rank.is_first() { HeldOutWatch::new(session, &model)? } else { None };
     let mut engine = device.trainer(rank, model.shape, &plan, batch, model.state.clone())?;
     let _keeping = interrupt::keep();
@@ -135,7 +135,7 @@ fn fingerprint(model: &Model) -> Result<u64> {
 /// Refuses to train alone in the company of processes that would all do the same, and write to one folder.
 pub(crate) fn require_togetherness(session: &Session) -> Result<()> {
     match started_together() {
-        Some(count) if session.rank().of() == 1 => bail!(
+        Some(count) if session.rank().size() == 1 => bail!(
             "{count} processes were started together, and each would train by itself: add --mpi (in a build with the feature mpi) to share the work, or start one"
         ),
         _ => Ok(()),

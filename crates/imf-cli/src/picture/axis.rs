@@ -12,7 +12,7 @@ use plotters::coord::ranged1d::{BoldPoints, KeyPointHint, NoDefaultFormatting, R
 use plotters::coord::types::RangedCoordf64;
 use plotters::style::RGBColor;
 
-use super::paper::{Area, FAINT_INK, INK, text, width};
+use super::canvas::{Area, FAINT_INK, INK, text, width};
 
 /// Size of the numbers along axes.
 pub(super) const TICK_SIZE: f64 = 15.0;

@@ -9,7 +9,7 @@ use plotters::element::{Circle, PathElement, Rectangle};
 use plotters::style::{Color as _, RGBColor};
 
 use super::axis::{Axis, AxisScale, BELOW, GRIDS, NAME_SIZE, plot};
-use super::paper::{INK, Lines, MARGIN, PAPER, bold, on_paper, save, text, width, write};
+use super::canvas::{BACKGROUND, INK, Lines, MARGIN, bold, on_canvas, save, text, width, write};
 
 const WIDTH: u32 = 960;
 const HEIGHT: u32 = 540;
@@ -75,7 +75,7 @@ impl Chart {
         let across = Axis::around(self.x_scale, points().map(|point| point.0), 0.01);
         let up = Axis::around(self.value_scale, points().map(|point| point.1), 0.04);
         let title = Lines::new(&self.title, bold(TITLE_SIZE), WIDTH - 2 * MARGIN);
-        on_paper((WIDTH, HEIGHT), |area| {
+        on_canvas((WIDTH, HEIGHT), |area| {
             title.draw(area, (MARGIN, MARGIN))?;
             let top = MARGIN + title.height() + 8;
             let area = area.clone().shrink((MARGIN, top), (WIDTH - 2 * MARGIN, HEIGHT - top - MARGIN / 2));
@@ -99,7 +99,7 @@ impl Chart {
             chart
                 .configure_series_labels()
                 .position(SeriesLabelPosition::UpperRight)
-                .background_style(PAPER.mix(0.85))
+                .background_style(BACKGROUND.mix(0.85))
                 .border_style(GRIDS[0])
                 .label_font(text(NAME_SIZE, INK))
                 .draw()?;
@@ -151,7 +151,7 @@ impl BarChart {
         let title = Lines::new(&self.title, bold(TITLE_SIZE), inside + right);
         let top = MARGIN + title.height() + 8;
         let height = ROW_HEIGHT.saturating_mul(self.bars.len() as u32).saturating_add(BELOW);
-        on_paper((2 * MARGIN + inside + right, height.saturating_add(top + MARGIN / 2)), |area| {
+        on_canvas((2 * MARGIN + inside + right, height.saturating_add(top + MARGIN / 2)), |area| {
             title.draw(area, (MARGIN, MARGIN))?;
             let plotted = area.clone().shrink((MARGIN, top), (inside, height));
             let room = [rows.room(), BELOW];
@@ -173,7 +173,7 @@ impl BarChart {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::picture::paper::pixel;
+    use crate::picture::canvas::pixel;
 
     fn chart(points: Vec<(f64, f64)>) -> Chart {
         Chart {
@@ -196,7 +196,7 @@ mod tests {
         let picture = chart.draw().unwrap();
         assert_eq!(picture.dimensions(), (WIDTH, HEIGHT));
         assert!(count(&picture) > 800);
-        assert_eq!(*picture.get_pixel(WIDTH - 1, HEIGHT - 1), pixel(PAPER));
+        assert_eq!(*picture.get_pixel(WIDTH - 1, HEIGHT - 1), pixel(BACKGROUND));
         chart.series[0].markers = true;
         assert!(count(&chart.draw().unwrap()) > count(&picture));
     }
@@ -228,7 +228,7 @@ mod tests {
         let many = Chart { title, series: (0..12).map(one).collect(), ..chart(vec![]) };
         let image = many.draw().unwrap();
         let edge = |x: u32| !(MARGIN / 2..WIDTH - MARGIN / 2).contains(&x);
-        assert!(image.enumerate_pixels().all(|(x, _, found)| !edge(x) || *found == pixel(PAPER)));
+        assert!(image.enumerate_pixels().all(|(x, _, found)| !edge(x) || *found == pixel(BACKGROUND)));
     }
 
     fn bars(values: &[f64]) -> BarChart {

@@ -131,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_free_is_told_from_the_least_that_collides() {
+    fn what_is_free_differs_from_the_least_that_collides() {
         let scale = Scale::measure(0.5, "").with_free(0.0);
         assert_eq!((scale.colour(0.0), scale.colour(1e-9)), (FREE, Rgb([0x44, 0x01, 0x54])));
         assert_eq!(scale.swatches(), [(FREE, "free: nothing collides".to_owned())]);

@@ -6,13 +6,13 @@ use ndarray::ArrayView2;
 use plotters::element::{BitMapElement, Rectangle};
 
 use super::axis::{Axis, BELOW, NAME_SIZE, plot};
+use super::canvas::{Area, INK, Lines, text};
 use super::colour::Scale;
-use super::paper::{Area, INK, Lines, text};
 
 /// Room between a panel and its title.
 const ABOVE: u32 = 5;
 /// Titles are broken where they are wider than their panel, but not more than that.
-const LEAST_TITLE: u32 = 180;
+const MIN_TITLE: u32 = 180;
 const PART_COLOUR: Rgb<u8> = Rgb([158, 158, 158]);
 
 /// Where a slice lies in the world.
@@ -124,7 +124,7 @@ impl Panel<'_> {
     }
 
     fn title(&self, side: u32) -> Lines {
-        let most = (self.values.dim().0 as u32 * side).max(LEAST_TITLE);
+        let most = (self.values.dim().0 as u32 * side).max(MIN_TITLE);
         Lines::new(&self.title, text(NAME_SIZE, INK), most)
     }
 
@@ -178,7 +178,7 @@ mod tests {
     use ndarray::{Array2, array};
 
     use super::*;
-    use crate::picture::paper::{on_paper, pixel};
+    use crate::picture::canvas::{on_canvas, pixel};
 
     fn panel(values: &Array2<f32>) -> Panel<'_> {
         Panel {
@@ -204,7 +204,7 @@ mod tests {
             }
         }
         let (room, above, (width, height)) = (panel.room(4), panel.above(4), panel.size(4));
-        let drawn = on_paper((width, above + height), |area| panel.draw(area, (0, above), 4)).unwrap();
+        let drawn = on_canvas((width, above + height), |area| panel.draw(area, (0, above), 4)).unwrap();
         assert_eq!(image::imageops::crop_imm(&drawn, room, above, 12, 8).to_image(), image);
         assert_eq!(*drawn.get_pixel(room - 1, above + 2), pixel(INK), "frame");
     }

@@ -6,15 +6,15 @@ use anyhow::{Result, ensure};
 use image::RgbImage;
 
 use super::axis::{Axis, NAME_SIZE, TICK_SIZE, plot};
+use super::canvas::{Area, FAINT_INK, INK, Lines, MARGIN, bold, on_canvas, save, text, write};
 use super::chart::TITLE_SIZE;
 use super::colour::Scale;
 use super::panel::{Panel, show};
-use super::paper::{Area, FAINT_INK, INK, Lines, MARGIN, bold, on_paper, save, text, write};
 
 /// The longest side of the largest panel in pixels, where a voxel is at least one pixel.
 const FITTED_SIDE: u32 = 360;
 /// Width that there is at least for lines of text and colour bars.
-const LEAST_WIDTH: u32 = 420;
+const MIN_WIDTH: u32 = 420;
 const GAP: u32 = 14;
 /// Length of a colour bar.
 const BAR_LENGTH: u32 = 360;
@@ -64,7 +64,7 @@ impl PanelSheet<'_> {
             columns.resize(columns.len().max(index + 1), 0);
             columns[index] = columns[index].max(panel.size(side).0 + GAP);
         }
-        let inside = columns.iter().sum::<u32>().max(LEAST_WIDTH);
+        let inside = columns.iter().sum::<u32>().max(MIN_WIDTH);
         let mut scales: Vec<&Scale> = Vec::new();
         for scale in panels().map(|panel| &panel.scale) {
             if !scales.contains(&scale) {
@@ -89,7 +89,7 @@ impl PanelSheet<'_> {
         let rows_height: u32 = rows.iter().map(row_height).sum();
         let notes_height: u32 = notes.iter().map(Lines::height).sum();
         let height = title.height() + GAP + rows_height + bars + notes_height;
-        on_paper((inside + 2 * MARGIN, height + 2 * MARGIN), |area| {
+        on_canvas((inside + 2 * MARGIN, height + 2 * MARGIN), |area| {
             let mut top = MARGIN;
             title.draw(area, (MARGIN, top))?;
             top += title.height() + GAP;
@@ -190,8 +190,8 @@ mod tests {
 
     use super::*;
     use crate::picture::Axes;
+    use crate::picture::canvas::{BACKGROUND, pixel};
     use crate::picture::colour::NOT_FINITE;
-    use crate::picture::paper::{PAPER, pixel};
 
     fn axes(second: &str) -> Axes {
         Axes { names: ["x".into(), second.into()], unit: "mm".into(), start: [-1.0, 0.0], pitch: 0.5 }
@@ -244,7 +244,7 @@ mod tests {
         let (long, short) = (long.draw().unwrap(), sheet(vec![row]).draw().unwrap());
         assert_eq!(long.width(), short.width());
         let edge = |x: u32| !(MARGIN / 2..long.width() - MARGIN / 2).contains(&x);
-        assert!(long.enumerate_pixels().all(|(x, _, found)| !edge(x) || *found == pixel(PAPER)));
+        assert!(long.enumerate_pixels().all(|(x, _, found)| !edge(x) || *found == pixel(BACKGROUND)));
     }
 
     #[test]
@@ -260,7 +260,7 @@ mod tests {
         let side = sheet(vec![row()]).side();
         let found = image.pixels().filter(|&&pixel| pixel == NOT_FINITE).count() as u32;
         assert_eq!(found, 2 * side * side);
-        assert_eq!(*image.get_pixel(0, image.height() - 1), pixel(PAPER));
+        assert_eq!(*image.get_pixel(0, image.height() - 1), pixel(BACKGROUND));
     }
 
     #[test]

@@ -6,14 +6,14 @@ use anyhow::Result;
 use image::{Rgb, RgbImage};
 
 use super::axis::{NAME_SIZE, TICK_SIZE};
+use super::canvas::{FAINT_INK, INK, Lines, MARGIN, bold, on_canvas, save, text, write};
 use super::chart::TITLE_SIZE;
 use super::panel::show;
-use super::paper::{FAINT_INK, INK, Lines, MARGIN, bold, on_paper, save, text, write};
 
 const GAP: u32 = 16;
 const SWATCH: u32 = 14;
 /// Room for a picture's name.
-const LEAST_COLUMN: u32 = 90;
+const MIN_COLUMN: u32 = 90;
 
 /// Colours with their names.
 pub(crate) type Swatches = Vec<(Rgb<u8>, String)>;
@@ -49,7 +49,7 @@ impl ViewSheet {
         // A column is as wide as its widest picture.
         let mut columns: Vec<u32> = Vec::new();
         for ((_, image), at) in self.rows.iter().flat_map(|row| row.views.iter().zip(0..)) {
-            columns.resize(columns.len().max(at + 1), LEAST_COLUMN);
+            columns.resize(columns.len().max(at + 1), MIN_COLUMN);
             columns[at] = columns[at].max(image.width() + GAP);
         }
         let inside = columns.iter().sum::<u32>().max(420);
@@ -67,7 +67,7 @@ impl ViewSheet {
             .zip(&heads)
             .map(|(row, head)| head.height() + name_height + tall(row) + GAP + below(row));
         let height = title.height() + GAP + rows.sum::<u32>();
-        on_paper((inside + 2 * MARGIN, height + 2 * MARGIN), |area| {
+        on_canvas((inside + 2 * MARGIN, height + 2 * MARGIN), |area| {
             let mut top = MARGIN;
             title.draw(area, (MARGIN, top))?;
             top += title.height() + GAP;

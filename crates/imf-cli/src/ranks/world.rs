@@ -11,7 +11,7 @@ use mpi::traits::{Communicator as _, CommunicatorCollectives as _};
 
 use super::Rank;
 
-/// MPI, started; nobody else may start it.
+/// An initialised MPI; there is only one.
 pub(super) struct World {
     universe: Universe,
 }
@@ -50,8 +50,8 @@ pub(super) fn abort(code: u8) -> ! {
     SimpleCommunicator::world().abort(i32::from(code))
 }
 
-/// The way to the other ranks; MPI ends all of them where it fails.
-pub(super) struct Reach {
+/// Communication with the other ranks; MPI aborts all of them on failure.
+pub(super) struct MpiExchange {
     world: SimpleCommunicator,
     rank: Rank,
     /// Values dealt to, and received from, each rank, and where they begin.
@@ -59,7 +59,7 @@ pub(super) struct Reach {
     taken: (Vec<i32>, Vec<i32>),
 }
 
-impl Reach {
+impl MpiExchange {
     pub(super) fn new(rank: Rank) -> Self {
         let none = (Vec::new(), Vec::new());
         Self { world: SimpleCommunicator::world(), rank, given: none.clone(), taken: none }
@@ -83,7 +83,7 @@ impl Reach {
     }
 }
 
-impl Exchange for Reach {
+impl Exchange for MpiExchange {
     fn rank(&self) -> usize {
         self.rank.number
     }

@@ -15,14 +15,14 @@ pub struct Subject<'a> {
     pub(crate) scene: &'a Scene,
     /// Orientations of the sections that it was made from.
     pub(super) seen: Cow<'a, [Orientation]>,
-    pub(super) made: Made,
+    pub(super) made: Provenance,
     /// Where there is a curve of the training's loss.
     pub(super) training: Option<&'a TrainingRecord>,
 }
 
 /// How a field was made, for the report.
 #[derive(Clone, Debug, Serialize)]
-pub(super) struct Made {
+pub(super) struct Provenance {
     family: &'static str,
     /// Numbers that make up the field: weights, or coefficients of all voxels.
     parameters: usize,
@@ -46,7 +46,7 @@ struct Training {
     training_engine: String,
 }
 
-impl Made {
+impl Provenance {
     /// In words, for the head of the report.
     pub(super) fn describe(&self, sections: usize) -> String {
         format!("{}, made from {sections} exact sections", self.how)
@@ -66,7 +66,7 @@ impl<'a> Subject<'a> {
         Self {
             scene: &model.scene,
             seen: Cow::Borrowed(&record.orientations.orientations),
-            made: Made {
+            made: Provenance {
                 family: "siren5",
                 parameters,
                 training: Some(Training {
@@ -99,7 +99,7 @@ impl<'a> Subject<'a> {
                     Domain::Rotations => "rotation",
                 };
                 let how = format!(
-                    "harmonic field of degree {}, {} functions of the {of} along {} axes, {:.0} MB",
+                    "harmonic field of degree {}, {} basis functions of the {of}, {} principal components, {:.0} MB",
                     field.basis.degree(),
                     field.basis.len(),
                     field.axis_count(),
@@ -122,7 +122,7 @@ impl<'a> Subject<'a> {
         Ok(Self {
             scene: stored.scene(),
             seen: Cow::Owned(basis.fitted_set(report.sections)?),
-            made: Made { family, parameters, training: None, how, shown_as, participle },
+            made: Provenance { family, parameters, training: None, how, shown_as, participle },
             training: None,
         })
     }

@@ -75,7 +75,7 @@ impl Report {
         match self.clearance.is_zero() {
             true => calls,
             false => format!(
-                "{calls}; false-free of the tool as it is, false-colliding of the tool grown by its clearance"
+                "{calls}; false-free of the tool as it is, false-colliding of the tool offset by its clearance"
             ),
         }
     }

@@ -107,6 +107,7 @@ impl Table {
         }
         html.push_str("</tr>\n");
         for row in &self.rows {
+            debug_assert_eq!(row.cells.len(), self.columns.len(), "{}", self.title);
             let place = row.place.map_or_else(String::new, |place| format!(" data-place=\"{place}\""));
             let _ = write!(html, "<tr{place}>");
             for (cell, (_, number)) in row.cells.iter().zip(&self.columns) {

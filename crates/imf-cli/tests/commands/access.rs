@@ -119,7 +119,7 @@ fn every_output_is_there_and_agrees_with_the_summary() {
 }
 
 #[test]
-fn blocked_space_is_told_apart_by_elements_that_sum_to_the_measure() {
+fn unreached_space_is_split_by_elements_that_sum_to_the_measure() {
     let folder = workshop();
     let tools = ["--tool", "short.toml", "--tool", "long.toml", "--orientations", "fibonacci:14"];
     let summary = folder.json(&arguments(&tools));

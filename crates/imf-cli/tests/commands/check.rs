@@ -28,7 +28,7 @@ fn a_finishing_pass_is_free_and_says_what_was_accepted() {
     let run = check("pass.cl", "GOTO/-12,0,19.46,0,0,1\nGOTO/12,0,19.46\n", &[]);
     assert_eq!(run.code, Some(0), "{}", run.stderr);
     assert!(run.stdout.starts_with("no collision: 2 lines"), "{}", run.stdout);
-    for said in ["accepted: the part up to 0.05 mm deep in the cutter", "of more than 2.0821 mm depth"] {
+    for said in ["accepted: the part up to 0.05 mm deep in the cutter", "deeper than 2.0821 mm"] {
         assert!(run.stdout.contains(said), "{}", run.stdout);
     }
     // At twice the pitch the same length is accepted.
@@ -63,10 +63,10 @@ fn a_collision_names_its_line_element_depth_and_place_and_leaves_3() {
     // Its face is 5 below the top.
     assert!((holder["depth"].as_f64().unwrap() - 5.0).abs() < 0.51, "{holder}");
     assert_eq!(holder["position"], serde_json::json!([-17.0, 0.0, -20.0]));
-    // Just out of it, and nearer than is asked.
+    // Just out of it, and nearer than is required.
     let run = check("near.csv", "x,y,z\n-17,0,-14\n", &["--clearance", "2"]);
     assert!(
-        run.stdout.contains("line 2: holder 1 comes within 1 mm of the part, 2 mm asked"),
+        run.stdout.contains("line 2: holder 1 comes within 1 mm of the part, 2 mm required"),
         "{}",
         run.stdout
     );

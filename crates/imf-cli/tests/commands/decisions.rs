@@ -1,4 +1,4 @@
-//! What a field's decisions are worth: `imf calibrate`, and `imf check` with the guarded field.
+//! Error rates of a field's decisions: `imf calibrate`, and `imf check` with the verified field.
 
 use serde_json::Value;
 
@@ -36,10 +36,10 @@ fn a_calibrated_field_tells_what_it_is_worth_and_proves_what_a_check_may_leave_o
     folder.write("path.csv", "x,y,z,i,j,k\n-40,-80,90,0,0,1\n-40,-80,60,0,0,1\n29,0,0,0,0,1\n");
     let check = [&["check"], &SCENE[..1], &["path.csv"], &SCENE[1..]].concat();
     let plain = folder.run(&check);
-    let guarded = folder.run(&[&check[..], &["--field", "field.safetensors"]].concat());
-    assert_eq!((plain.code, guarded.code), (Some(3), Some(3)), "{}", guarded.stderr);
-    assert_eq!(plain.stdout, guarded.stdout);
-    assert!(guarded.stderr.contains("were proven free by the guarded field"), "{}", guarded.stderr);
+    let verified = folder.run(&[&check[..], &["--field", "field.safetensors"]].concat());
+    assert_eq!((plain.code, verified.code), (Some(3), Some(3)), "{}", verified.stderr);
+    assert_eq!(plain.stdout, verified.stdout);
+    assert!(verified.stderr.contains("were proven free by the verified field"), "{}", verified.stderr);
     let other = [&check[..], &["--field", "field.safetensors", "--margin", "3"]].concat();
     folder.run(&other).is_refusal(&["field.safetensors"], &other);
 }

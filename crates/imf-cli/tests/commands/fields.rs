@@ -2,7 +2,9 @@
 
 use imf_core::control::Control;
 use imf_core::orientation::OrientationSet;
-use imf_core::section::{At, DepthPlan, DepthScratch, SectionPlan, direct_element_measures, imf, sections};
+use imf_core::section::{
+    DepthPlan, DepthScratch, SectionPlan, ToolPoints, direct_element_measures, imf, sections,
+};
 
 use crate::folder::Folder;
 use crate::model::model;
@@ -21,7 +23,7 @@ fn sections_are_the_librarys_and_checked() {
     let set = "0,0;12,6;200,100";
     let summary = folder.json(&arguments(&["--orientations", set, "--check", "20", "--out", "out"]));
     let scene = model().scene;
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap();
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, ToolPoints::SharpPoints).unwrap();
     let orientations = OrientationSet::parse(set).unwrap().orientations;
     let expected = sections(&plan, &orientations, Control::quiet()).unwrap();
     for (index, expected) in expected.iter().enumerate() {
@@ -51,7 +53,7 @@ fn depths_of_a_part_are_the_librarys_and_named_with_their_unit() {
         |more: &[&'static str]| arguments(&[&["--orientations", set, "--quantity", "depth"], more].concat());
     let summary = folder.json(&ask(&["--out", "out"]));
     let scene = model().scene;
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap();
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, ToolPoints::SharpPoints).unwrap();
     let plan = DepthPlan::of(&plan).unwrap();
     let orientations = OrientationSet::parse(set).unwrap().orientations;
     let mut least = vec![f32::INFINITY; scene.record.grid.len()];
@@ -168,7 +170,7 @@ fn the_imf_keeps_its_best_orientation() {
     ]));
     assert!(run.stdout.contains("45 of 45 compared voxels equal"), "{}", run.stdout);
     let scene = model().scene;
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap();
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, ToolPoints::SharpPoints).unwrap();
     let set = OrientationSet::parse("fibonacci:9").unwrap();
     let expected = imf(&plan, &set.orientations, Control::quiet()).unwrap();
     assert!(folder.npy::<f32>("out/imf.npy").iter().eq(&expected.value));

@@ -2,7 +2,7 @@
 
 use imf_core::control::Control;
 use imf_core::orientation::OrientationSet;
-use imf_core::section::{At, SectionPlan, sections};
+use imf_core::section::{SectionPlan, ToolPoints, sections};
 use imf_fields::harmonic::file::HarmonicFile;
 
 use crate::folder::Folder;
@@ -32,7 +32,7 @@ fn sections_are_near_the_exact_ones_and_the_file_gives_them_again() {
     fitted(&folder);
     let summary = folder.json(&["field", "field.safetensors", "--orientations", set, "--out", "out"]);
     let scene = model().scene;
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap();
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, ToolPoints::SharpPoints).unwrap();
     let orientations = OrientationSet::parse(set).unwrap().orientations;
     let exact = sections(&plan, &orientations, Control::quiet()).unwrap();
     let file = HarmonicFile::read(&folder.path("field.safetensors")).unwrap();
@@ -54,7 +54,7 @@ fn sections_are_near_the_exact_ones_and_the_file_gives_them_again() {
 
     let info = folder.json(&["info", "field.safetensors"]);
     assert_eq!((&info["kind"], &info["settings"]["degree"]), (&"harmonic".into(), &6.into()));
-    assert!(folder.succeed(&["info", "field.safetensors"]).stdout.contains("49 functions of degree 6"));
+    assert!(folder.succeed(&["info", "field.safetensors"]).stdout.contains("49 basis functions of degree 6"));
     // At a voxel's centre a pose is answered as its section is.
     let grid = *plan.grid();
     let voxel = grid.index([2, 7, 8]);
@@ -74,7 +74,7 @@ const SIDE: &str = "name = \"side\"\nunit = \"mm\"\nstick_out = 35.0\nsharp_poin
     [cutter]\nshape = \"ball\"\ndiameter = 10.0\nlength = 35.0\n[[holder]]\ndiameter = 29.0\nlength = 48.0\n";
 
 #[test]
-fn a_field_that_is_kept_is_of_the_tip_whatever_points_are_sharp() {
+fn a_saved_field_is_of_the_tip_whatever_points_are_sharp() {
     let folder = Folder::new();
     folder.write("side.toml", SIDE);
     let fit = ["train", "harmonic", "bracket", "--dims", "8,24,15", "--tool", "side.toml", "--degree", "10"];
@@ -301,7 +301,7 @@ fn eval_says_of_both_families_what_plain_sums_say() {
     let small = ["train", "factored", "field.safetensors", "--network", "2x32", "--set", "batch=128"];
     folder.succeed(&[&small[..], &["--steps", "600", "--rate", "4e-3", "--out", "small"]].concat());
     let scene = model().scene;
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap();
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, ToolPoints::SharpPoints).unwrap();
     let random = OrientationSet::parse("random:20:3").unwrap().orientations;
     let harmonic = HarmonicFile::read(&folder.path("field.safetensors")).unwrap();
     let factored =

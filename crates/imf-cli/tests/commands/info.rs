@@ -139,7 +139,7 @@ fn a_clearance_is_recorded_in_datasets_and_models_and_said() {
     let clearance = serde_json::json!({ "holder": 4.0, "shank": 4.0, "cutter": 1.0 });
     assert_eq!(dataset["scene"]["clearance"], clearance);
     assert!(folder.succeed(&["info", "data"]).stdout.contains("holder 4, shank 4, cutter 1 mm"));
-    // The samples are the grown tool's, and so is the scene that a model takes over.
+    // The samples are the offset tool's, and so is the scene that a model takes over.
     let (manifest, scene, _) = imf_train::dataset::load(&folder.path("data")).unwrap();
     assert_eq!(manifest.scene.bare_tool(), &imf_core::tool::Tool::paper());
     assert_eq!(scene.record.tool, scene.record.bare_tool().with_clearance(&scene.record.clearance).unwrap());
@@ -152,7 +152,7 @@ fn a_clearance_is_recorded_in_datasets_and_models_and_said() {
     assert_eq!(folder.json(&["info", "m.safetensors"])["scene"]["clearance"], clearance);
     folder.write("poses.csv", "x,y,z,theta,phi\n1,2,3,40,50\n");
     let run = folder.succeed(&["query", "m.safetensors", "poses.csv", "--exact"]);
-    assert!(run.stderr.contains("grown by a clearance (holder 4, shank 4, cutter 1 mm)"), "{}", run.stderr);
+    assert!(run.stderr.contains("offset by a clearance (holder 4, shank 4, cutter 1 mm)"), "{}", run.stderr);
 }
 
 #[test]

@@ -54,7 +54,7 @@ fn exact(model: &Model) -> [f32; 3] {
 }
 
 #[test]
-fn answers_stand_behind_the_columns_that_were_asked_with() {
+fn results_follow_the_columns_of_the_input() {
     let (folder, model) = folder_of(POSES);
     let run = folder.succeed(&[&ASK[..], &["--exact", "--out", "a.csv"]].concat());
     assert!(run.stdout.is_empty());

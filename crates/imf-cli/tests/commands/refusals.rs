@@ -127,7 +127,7 @@ fn meshes_that_do_not_say_what_is_inside() {
     folder.write("turned.obj", vertices.join("\n") + "\n" + &turned);
     let answer = folder.json(&["voxelize", "turned.obj", "--pitch", "10", "--out", "out"]);
     assert_eq!((&answer["solid_voxels"], &answer["undecided_share"]), (&1000.into(), &0.0.into()));
-    assert_eq!(answer["warnings"][0], "turned.obj: 6 of 12 triangles faced the wrong way and were turned");
+    assert_eq!(answer["warnings"][0], "turned.obj: 6 of 12 triangles faced the wrong way and were flipped");
 }
 
 #[test]

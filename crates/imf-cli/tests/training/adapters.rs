@@ -96,7 +96,7 @@ fn a_harmonic_field_is_distilled_on_the_adapter_and_goes_on_there() {
 
 #[test]
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
-fn harmonic_and_factored_fields_are_evaluated_and_asked_on_the_adapter_as_on_the_cpu() {
+fn harmonic_and_factored_fields_are_evaluated_and_queried_on_the_adapter_as_on_the_cpu() {
     let work = Workdir::new();
     let on_adapter = format!("--device {}", device());
     work.imf("train harmonic teapot --dims 15,19,31 --degree 4 --out field.safetensors").done();

@@ -8,11 +8,11 @@ mod binary;
 mod damage;
 mod demo;
 mod interruption;
-mod kept;
 mod long_runs;
 mod part;
 mod pipeline;
 mod precision;
+mod saved;
 mod shares;
 mod streaming;
 

@@ -1,7 +1,7 @@
 //! `imf train` of a part: one command does what the commands of its family do one by one, and goes on where it stopped.
 
 use imf_core::control::Control;
-use imf_core::section::{At, SectionPlan};
+use imf_core::section::{SectionPlan, ToolPoints};
 use imf_fields::factored::file::FactoredFile;
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::file::HarmonicFile;
@@ -30,7 +30,7 @@ fn a_part_becomes_the_field_that_fit_and_distillation_make_one_by_one() {
 
     // From the harmonic field that the library fits by the settings that the file says.
     let file = FactoredFile::read(&work.path("field/field.safetensors")).unwrap();
-    let plan = SectionPlan::of_scene(&file.scene, At::Tip).unwrap();
+    let plan = SectionPlan::of_scene(&file.scene, ToolPoints::Tip).unwrap();
     let field = fit(&plan, Domain::Directions, &file.fit, Control::quiet()).unwrap();
     let harmonic = HarmonicFile { field, scene: file.scene, settings: file.fit, calibration: None };
     harmonic.write(&work.path("harmonic.safetensors")).unwrap();
@@ -176,7 +176,7 @@ fn an_interrupted_part_goes_on_to_the_bytes_of_one_in_one_go() {
 
 #[test]
 #[cfg(unix)]
-fn sections_alone_teach_a_part_and_go_on_where_they_stopped() {
+fn sections_alone_train_a_part_and_go_on_where_they_stopped() {
     let work = Workdir::new();
     let train = format!("train {PART} --degree 4 {NETWORK} --online 30 --set checkpoint_every=0.02 --steps");
     let made = work.imf(&format!("{train} 1500 --out whole --json")).done().json();
@@ -226,7 +226,7 @@ fn what_is_finished_says_so_at_once_and_where_it_is() {
         again.stderr.contains("; wrote field/field.safetensors")
     };
     assert!(!resumed(""), "a field was written once more");
-    // What its decisions are worth was measured afterwards, and stays.
+    // Error rates of its decisions were measured afterwards, and stay.
     work.imf(&format!("calibrate {field} --poses 4096 --boundary 1024 --false-free 0.1")).done();
     let calibrated = work.bytes(field);
     assert!(!resumed("") && work.bytes(field) == calibrated);
@@ -262,7 +262,7 @@ fn a_folder_with_the_other_familys_training_is_told_apart() {
 }
 
 #[test]
-fn memory_is_asked_for_before_functions_are_chosen() {
+fn memory_is_checked_before_functions_are_chosen() {
     let work = Workdir::new();
     // Of what 1000 sections make of a batch; the choice alone would fit.
     let train = format!("train {PART} {NETWORK} --online 1000 --memory 16MiB --out field");
@@ -275,7 +275,7 @@ fn memory_is_asked_for_before_functions_are_chosen() {
 
 #[test]
 #[cfg(unix)]
-fn a_pool_that_fills_heeds_ctrl_c_between_two_sections() {
+fn a_pool_that_fills_polls_for_ctrl_c_between_two_sections() {
     let work = Workdir::new();
     // A thousand sections take seconds.
     let train = "train bracket --dims 24,73,43 --degree 2 --network 1x16 --online 1000 --out field";
@@ -342,7 +342,7 @@ fn options_of_the_other_family_are_none_and_subjects_that_are_none_are_refused_b
         let run = work.imf(&format!("train {line} --out model"));
         assert_eq!(run.code, Some(2), "{line}: {}", run.stderr);
     }
-    let of_part = ["is of a part", "made with its own"];
+    let of_part = ["applies only to a part", "made with its own"];
     for (line, option, words) in [
         ("siren5 data", "--pitch 2", of_part),
         ("siren5 data", "--tool paper", of_part),

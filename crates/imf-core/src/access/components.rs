@@ -1,11 +1,10 @@
-//! Connected pieces of a set of voxels: two voxels belong together where a path leads from one to the other through
-//! faces (6-connectivity), without leaving the set.
+//! Connected components of a set of voxels under face adjacency (6-connectivity).
 
 use serde::Serialize;
 
 use crate::grid::Grid;
 
-/// One connected piece.
+/// One connected component.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Component {
     /// Number of its voxels.

@@ -1,4 +1,4 @@
-//! What a body covers while it visits a set of voxels: the union of its copies, 64 voxels at a time.
+//! Binary dilation of a set of voxels by a body: the union of the body's copies, 64 voxels at a time.
 //!
 //! The set is one bit a voxel, all lines along z of a plane x behind one another at one distance:
 //!
@@ -14,7 +14,7 @@
 use pulp::Arch;
 
 use crate::grid::{Grid, GridError};
-use crate::tool::RotatedTool;
+use crate::tool::ToolVoxels;
 use crate::vectorised::vectorised;
 
 /// A run of solid voxels of the body along z: offsets from the body's last plane, line and voxel to the run's last,
@@ -27,7 +27,7 @@ struct Run {
     more: usize,
 }
 
-fn runs_of(body: &RotatedTool) -> Vec<Run> {
+fn runs_of(body: &ToolVoxels) -> Vec<Run> {
     let [nx, ny, nz] = body.dims;
     let mut runs = Vec::new();
     for (row, line) in body.solid.chunks_exact(nz).enumerate() {
@@ -51,8 +51,8 @@ fn runs_of(body: &RotatedTool) -> Vec<Run> {
 ///
 /// # Errors
 /// More voxels than can be indexed.
-pub(super) fn meeting_positions(body: &RotatedTool, target: &Grid) -> Result<Grid, GridError> {
-    target.grown(body.upper().map(i64::from), body.lower.map(|lower| -i64::from(lower)))
+pub(super) fn meeting_positions(body: &ToolVoxels, target: &Grid) -> Result<Grid, GridError> {
+    target.padded(body.upper().map(i64::from), body.lower.map(|lower| -i64::from(lower)))
 }
 
 /// What was covered so far, and the working memory of one thread.
@@ -91,14 +91,14 @@ impl Dilation {
     ///
     /// # Panics
     /// If there is not one count for each of those positions.
-    pub(super) fn cover(&mut self, body: &RotatedTool, counts: &[u32], most: u32) {
+    pub(super) fn cover(&mut self, body: &ToolVoxels, counts: &[u32], most: u32) {
         let positions = [0, 1, 2].map(|a| self.target.dims[a] + body.dims[a] - 1);
         assert_eq!(counts.len(), positions.iter().product::<usize>(), "one count for each meeting position");
         vectorised!(self.arch, self.cover_all(body, counts, positions, most));
     }
 
     #[inline(always)]
-    fn cover_all(&mut self, body: &RotatedTool, counts: &[u32], [px, py, pz]: [usize; 3], most: u32) {
+    fn cover_all(&mut self, body: &ToolVoxels, counts: &[u32], [px, py, pz]: [usize; 3], most: u32) {
         let Self { target, covered, visited, widened, swept, .. } = self;
         let [nx, ny, nz] = target.dims;
         // Behind a plane there is room for the bits of a line's last word.
@@ -181,10 +181,10 @@ fn or_shifted(source: &[u64], bits: usize, target: &mut [u64]) {
 mod tests {
     use super::*;
     use crate::access::tests::{slotted, small_tool};
-    use crate::section::fixtures::orientations;
+    use crate::section::test_shapes::orientations;
 
     /// The definition: every voxel of the body at every position.
-    fn direct(body: &RotatedTool, target: &Grid, counts: &[u32], most: u32) -> Vec<u8> {
+    fn direct(body: &ToolVoxels, target: &Grid, counts: &[u32], most: u32) -> Vec<u8> {
         let positions = meeting_positions(body, target).unwrap();
         let shift = target.offset_of(&positions).unwrap();
         let mut expected = vec![0; target.len()];
@@ -209,11 +209,11 @@ mod tests {
         for (before, after) in
             [([1, -2, 2], [-3, 2, 5]), ([-2, -4, 0], [-3, -3, 52]), ([-4, -4, 0], [-3, -3, 61])]
         {
-            let target = slotted().grid.grown(before, after).unwrap();
+            let target = slotted().grid.padded(before, after).unwrap();
             let mut both = Dilation::new(&target);
             let mut either = vec![0; target.len()];
             for (index, orientation) in orientations("random:4:2").iter().enumerate() {
-                let mut body = RotatedTool::new(&small_tool(), orientation, 1.0).unwrap();
+                let mut body = ToolVoxels::new(&small_tool(), orientation, 1.0).unwrap();
                 if index == 3 {
                     // Several runs on a line, and a body that does not hold its origin.
                     body.solid.iter_mut().step_by(3).for_each(|s| *s = 0);

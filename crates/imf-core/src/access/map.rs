@@ -7,7 +7,7 @@ use crate::obstacle::Obstacle;
 use crate::orientation::{Limits, Orientation};
 use crate::parallel;
 use crate::section::{Cuttable, SectionError, minimum_mean};
-use crate::tool::{Assembly, RotatedTool};
+use crate::tool::{Assembly, ToolVoxels};
 
 /// Collision measures over cells of longitude θ and latitude 90° − φ of the tool's axis.
 #[derive(Clone, Debug, PartialEq)]
@@ -78,7 +78,7 @@ pub fn access_map(
             return Err(SectionError::Cancelled);
         }
         let orientation = AccessMap::orientation(cells, cell / cells[1], cell % cells[1]);
-        let rotated = RotatedTool::new(tool, &orientation, grid.pitch)?;
+        let rotated = ToolVoxels::new(tool, &orientation, grid.pitch)?;
         let rest = layer.map(|layer| layer.rotated(&orientation)).transpose()?.flatten();
         let layer = layer.zip(rest.as_ref()).map(|(layer, rest)| (&**layer.voxels, rest));
         (control.progress)(1);
@@ -92,7 +92,7 @@ pub fn access_map(
 mod tests {
     use super::*;
     use crate::access::tests::{slotted, small_tool};
-    use crate::section::{At, SectionPlan, SectionScratch, direct_cmf};
+    use crate::section::{SectionPlan, SectionScratch, ToolPoints, direct_cmf};
     use crate::tool::{SharpPoints, Tool};
 
     #[test]
@@ -132,8 +132,8 @@ mod tests {
             let centre = obstacle.grid.centre(at);
             let map = |point| access_map(&obstacle, &tool, point, cells, Control::quiet()).unwrap().values;
             let (there, between) = (map(centre), map(centre + step * obstacle.grid.pitch));
-            let plan = SectionPlan::new(&obstacle, &tool, At::Tip).unwrap();
-            let whole = SectionPlan::new(&obstacle, &tool, At::SharpPoints).unwrap();
+            let plan = SectionPlan::new(&obstacle, &tool, ToolPoints::Tip).unwrap();
+            let whole = SectionPlan::new(&obstacle, &tool, ToolPoints::SharpPoints).unwrap();
             let mut cmf = vec![0.0; obstacle.grid.len()];
             for cell in 0..12 {
                 let orientation = AccessMap::orientation(cells, cell / 3, cell % 3);

@@ -17,8 +17,10 @@ use crate::grid::{Grid, GridError};
 use crate::obstacle::Obstacle;
 use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
-use crate::section::{At, SectionError, SectionPlan, SectionScratch, share, stream_orientations};
-use crate::tool::{Assembly, Clearance, ElementKind, RotatedTool, Tool, ToolError, ToolShape};
+use crate::section::{
+    SectionError, SectionPlan, SectionScratch, ToolPoints, overlap_fraction, stream_orientations,
+};
+use crate::tool::{Assembly, Clearance, ElementKind, Tool, ToolError, ToolShape, ToolVoxels};
 
 /// Why the removable volume cannot be found.
 #[derive(Debug, Error)]
@@ -73,7 +75,7 @@ pub fn position_grid(stock: &Grid, tool: &Tool) -> Result<Grid, RemovableError> 
 /// With room for the cutter offset by [`ROUNDING`].
 fn around(stock: &Grid, cutter: &Tool) -> Result<Grid, GridError> {
     let reach = (cutter.reach() / stock.pitch).ceil().min(1e9) as i64 + 3;
-    stock.grown([reach; 3], [reach; 3])
+    stock.padded([reach; 3], [reach; 3])
 }
 
 /// Bytes that [`removable`] takes for `tool`, which is `bare` or offset from it: known before anything is allocated.
@@ -114,7 +116,7 @@ pub fn removable(
     let (obstacle, assembly) = (obstacle.into(), assembly.into());
     let slack = ROUNDING * stock.grid.pitch;
     // A cutter too thin for the grid is refused before the work begins.
-    RotatedTool::new(cutter, &Orientation::default(), stock.grid.pitch)?;
+    ToolVoxels::new(cutter, &Orientation::default(), stock.grid.pitch)?;
     let mut sweep =
         Sweep { obstacle, tool: Some(assembly.clone()), cutter, stock, orientations, tau, widest: None };
     let covered = sweep.run(control)?;
@@ -130,7 +132,7 @@ pub fn removable(
     };
     let before = low.map(|v| -(v as i64));
     let after = [0, 1, 2].map(|axis| high[axis] as i64 + 1 - stock.grid.dims[axis] as i64);
-    let around = stock.grid.grown(before, after)?;
+    let around = stock.grid.padded(before, after)?;
     if let Some(left) = left.on(&around) {
         // The tool at a pose holds no more than the tool offset as much at the centre next to it.
         sweep.widest = (tau > 0.0)
@@ -164,7 +166,7 @@ impl Sweep<'_> {
         let Self { obstacle, tool, cutter, stock, orientations, .. } = self;
         let positions = around(&stock.grid, cutter)?;
         let plan = match tool {
-            Some(tool) => match SectionPlan::with_query(obstacle, tool, At::Tip, &positions) {
+            Some(tool) => match SectionPlan::with_query(obstacle, tool, ToolPoints::Tip, &positions) {
                 Err(SectionError::Tool(ToolError::TooSmall { .. })) => None,
                 plan => Some(plan?),
             },
@@ -173,7 +175,7 @@ impl Sweep<'_> {
         let start = || (SectionScratch::default(), Dilation::new(&stock.grid));
         let visit = |(scratch, dilation): &mut (SectionScratch, Dilation), index: usize| {
             let orientation = &orientations[index];
-            let body = RotatedTool::new(cutter, orientation, positions.pitch)?;
+            let body = ToolVoxels::new(cutter, orientation, positions.pitch)?;
             let meeting = meeting_positions(&body, &stock.grid)?;
             let counted = match &plan {
                 Some(plan) => match plan.counts_in(orientation, &meeting, scratch) {
@@ -202,15 +204,14 @@ impl Sweep<'_> {
     }
 
     fn whole(&self, orientation: &Orientation) -> Result<Option<u32>, ToolError> {
-        let rotated =
-            |widest: &Assembly| RotatedTool::new(widest.whole(), orientation, self.stock.grid.pitch);
+        let rotated = |widest: &Assembly| ToolVoxels::new(widest.whole(), orientation, self.stock.grid.pitch);
         Ok(self.widest.as_ref().map(rotated).transpose()?.map(|widest| widest.count))
     }
 }
 
 /// The largest count whose collision measure, as sections give it, is at most `tau`; none where even 0 is too much.
 fn most_free(whole: u32, tau: f64) -> Option<u32> {
-    let free = |count: u32| f64::from(share(count, whole)) <= tau;
+    let free = |count: u32| f64::from(overlap_fraction(count, whole)) <= tau;
     // The measure grows with the count.
     let (mut low, mut high) = (0, u64::from(whole) + 1);
     while low < high {
@@ -232,7 +233,7 @@ mod tests {
     use crate::orientation::OrientationSet;
     use crate::parts::shell::{Axis, Facing, Shell, area, circle, pocketed, rounded_rectangle};
     use crate::section::direct_count;
-    use crate::section::fixtures::orientations;
+    use crate::section::test_shapes::orientations;
     use crate::tool::{Element, Segment};
     use crate::voxelize::voxelize;
 
@@ -242,7 +243,7 @@ mod tests {
         // A cavity that nothing reaches.
         let cavity = obstacle.grid.index([3, 3, 4]);
         obstacle.solid[cavity] = 0;
-        let mut stock = Occupancy::empty(obstacle.grid.grown([0, 1, 0], [0, -2, 2]).unwrap());
+        let mut stock = Occupancy::empty(obstacle.grid.padded([0, 1, 0], [0, -2, 2]).unwrap());
         let there = obstacle.on(&stock.grid).unwrap();
         stock.solid.iter_mut().zip(&there.solid).for_each(|(s, &part)| *s = 1 - part);
         let set = orientations("0,0;40,25;200,90;0,180");
@@ -251,8 +252,8 @@ mod tests {
             let mut expected = vec![0u8; stock.grid.len()];
             let shift = obstacle.grid.offset_of(&stock.grid).unwrap();
             for orientation in &set {
-                let whole = RotatedTool::new(&tool, orientation, 1.0).unwrap();
-                let body = RotatedTool::new(&cutter, orientation, 1.0).unwrap();
+                let whole = ToolVoxels::new(&tool, orientation, 1.0).unwrap();
+                let body = ToolVoxels::new(&cutter, orientation, 1.0).unwrap();
                 for index in (0..stock.grid.len()).filter(|&i| stock.solid[i] == 1) {
                     let voxel = stock.grid.voxel(index);
                     // Every pose at which some voxel of the cutter lies on this voxel.

@@ -6,7 +6,7 @@ use std::sync::{Arc, OnceLock};
 use glam::DVec3;
 
 use super::motions::Motion;
-use super::{Against, CheckError, CheckSettings, Collision};
+use super::{CheckError, CheckSettings, Collision, HitBody};
 use crate::distance::squared_depths;
 use crate::field::solid::SolidField;
 use crate::occupancy::Occupancy;
@@ -16,13 +16,13 @@ use crate::tool::{Element, ElementKind, Tool, ToolShape, distance_to_mesh};
 /// Something that may be hit.
 pub(super) struct Body {
     voxels: Arc<Occupancy>,
-    against: Against,
+    against: HitBody,
     /// By voxel, how deep its centre lies below the surface; made at the first collision.
     depths: OnceLock<Vec<f32>>,
 }
 
 impl Body {
-    pub(super) fn new(voxels: Arc<Occupancy>, against: Against) -> Self {
+    pub(super) fn new(voxels: Arc<Occupancy>, against: HitBody) -> Self {
         Self { voxels, against, depths: OnceLock::new() }
     }
 
@@ -41,8 +41,8 @@ impl Body {
     }
 }
 
-/// An element whose depth is measured.
-pub(super) struct Measured {
+/// An element with its shape, for measuring depths.
+pub(super) struct DepthElement {
     pub(super) name: String,
     pub(super) clearance: f64,
     pub(super) shape: Shape,
@@ -57,7 +57,7 @@ pub(super) enum Shape {
 /// Elements that are decided together, and the body that they must not hit.
 pub(super) struct Group<'a> {
     pub(super) field: SolidField,
-    pub(super) elements: Vec<Measured>,
+    pub(super) elements: Vec<DepthElement>,
     pub(super) body: &'a Body,
 }
 
@@ -65,7 +65,7 @@ pub(super) struct Group<'a> {
 pub(super) struct Elements<'a>(Vec<Group<'a>>);
 
 /// The deepest centre in an element.
-struct Deepest {
+struct DeepestCentre {
     depth: f64,
     in_tool: f64,
     voxel: usize,
@@ -84,12 +84,12 @@ impl<'a> Elements<'a> {
         if offset.is_empty() {
             return Ok(Self::whole(part, fixtures, tool));
         }
-        let measured = |element: &Element| Measured {
+        let measured = |element: &Element| DepthElement {
             name: element.kind.to_string(),
             clearance: clearance.of(element.kind),
             shape: Shape::Revolved(vec![(element.clone(), true)]),
         };
-        let mut wanted: Vec<(&Body, Vec<Element>, Vec<Measured>)> = Vec::new();
+        let mut wanted: Vec<(&Body, Vec<Element>, Vec<DepthElement>)> = Vec::new();
         let mut stay_out = offset.clone();
         if settings.contact > 0.0
             && let Some((cutter, exposed)) = tool.cutter()
@@ -104,7 +104,7 @@ impl<'a> Elements<'a> {
                 .filter(is_seen)
                 .ok_or_else(|| CheckError::Contact { tool: tool.name.clone(), contact: settings.contact })?;
             let shape = Shape::Revolved(vec![(cutter, exposed)]);
-            let whole = Measured { name: ElementKind::Cutter.to_string(), clearance: 0.0, shape };
+            let whole = DepthElement { name: ElementKind::Cutter.to_string(), clearance: 0.0, shape };
             wanted.push((part, vec![deep], vec![whole]));
             stay_out.retain(|element| element.kind != ElementKind::Cutter);
         }
@@ -136,7 +136,7 @@ impl<'a> Elements<'a> {
         };
         let group = |body: &'a Body| Group {
             field: SolidField::of_tool(body.voxels.clone(), tool),
-            elements: vec![Measured { name: "tool".into(), clearance: 0.0, shape: shape() }],
+            elements: vec![DepthElement { name: "tool".into(), clearance: 0.0, shape: shape() }],
             body,
         };
         Self(std::iter::once(part).chain(fixtures).map(group).collect())
@@ -225,7 +225,14 @@ impl Track {
     }
 
     /// Keeps the deepest pose, the first of equals.
-    fn take(&mut self, element: &Measured, body: &Body, fraction: f64, pose: &Pose, found: &Deepest) {
+    fn take(
+        &mut self,
+        element: &DepthElement,
+        body: &Body,
+        fraction: f64,
+        pose: &Pose,
+        found: &DeepestCentre,
+    ) {
         self.depth = found.depth;
         if self.worst.as_ref().is_some_and(|worst| worst.depth >= found.depth) {
             return;
@@ -249,14 +256,14 @@ impl Track {
     }
 }
 
-impl Measured {
+impl DepthElement {
     /// `None` where it holds no solid centre.
-    fn deepest(&self, body: &Body, pose: &Pose) -> Option<Deepest> {
-        let mut found = Deepest { depth: -1.0, in_tool: 0.0, voxel: 0, voxels: 0 };
+    fn deepest(&self, body: &Body, pose: &Pose) -> Option<DeepestCentre> {
+        let mut found = DeepestCentre { depth: -1.0, in_tool: 0.0, voxel: 0, voxels: 0 };
         match &self.shape {
             Shape::Revolved(elements) => {
                 for (element, exposed) in elements {
-                    element.held(&body.voxels, pose, |voxel, height, radius| {
+                    element.visit_inside(&body.voxels, pose, |voxel, height, radius| {
                         found.take(voxel, element.depth(height, radius, *exposed), body.depth(voxel));
                     });
                 }
@@ -264,7 +271,7 @@ impl Measured {
             Shape::Mesh(tool) => {
                 // The distance to a mesh changes no faster than the point moves.
                 let mut known = (DVec3::ZERO, f64::INFINITY);
-                let visited = tool.held_by_mesh(&body.voxels, pose, |mesh, voxel, place| {
+                let visited = tool.visit_inside_mesh(&body.voxels, pose, |mesh, voxel, place| {
                     let in_body = body.depth(voxel);
                     if known.1 + known.0.distance(place) + in_body > found.depth {
                         known = (place, distance_to_mesh(mesh, place));
@@ -280,7 +287,7 @@ impl Measured {
     }
 }
 
-impl Deepest {
+impl DeepestCentre {
     fn take(&mut self, voxel: usize, in_tool: f64, in_body: f64) {
         self.voxels += 1;
         if in_tool + in_body > self.depth {

@@ -8,9 +8,9 @@ use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
 
-use super::elements::{Body, Group, Measured, Shape, Step, Track};
+use super::elements::{Body, DepthElement, Group, Shape, Step, Track};
 use super::motions::{Motion, poses_needed};
-use super::{Against, CheckError, CheckSettings, Collision};
+use super::{CheckError, CheckSettings, Collision, HitBody};
 use crate::control::{Cancelled, Control};
 use crate::field::solid::SolidField;
 use crate::machine::{Ball, Machine, MachineSolid, OutOfTravel, Side, SolidShape, box_mesh};
@@ -73,7 +73,7 @@ impl MachineBodies {
 
     pub(super) fn bodies(&self) -> Vec<(usize, Body)> {
         let of = |(name, level, voxels): &(String, usize, Occupancy)| {
-            (*level, Body::new(Arc::new(voxels.clone()), Against::Machine(name.clone())))
+            (*level, Body::new(Arc::new(voxels.clone()), HitBody::Machine(name.clone())))
         };
         self.table.iter().map(of).collect()
     }
@@ -181,7 +181,7 @@ impl<'a> MachinePairs<'a> {
         let mut found = Vec::new();
         let mut counts = Vec::new();
         for pair in &self.pairs {
-            let farthest = way.farthest(&pair.ball, pair.level);
+            let farthest = way.motion_bound(&pair.ball, pair.level);
             let count = poses_needed(farthest, self.tolerance, line)?;
             let mut tracks = pair.group.tracks();
             for index in 1..=count {
@@ -273,7 +273,7 @@ impl HeadBody {
                 (SolidField::of_tool(voxels, tool), Shape::Mesh(tool.clone()), around)
             }
         };
-        let elements = vec![Measured { name: self.name.clone(), clearance: self.clearance, shape }];
+        let elements = vec![DepthElement { name: self.name.clone(), clearance: self.clearance, shape }];
         let group = Group { field, elements, body };
         Ok(Pair { group, ball: self.ball, frame: self.frame, level, in_world, around })
     }

@@ -5,7 +5,7 @@ use glam::{DMat4, DVec3};
 use super::*;
 use crate::grid::Grid;
 use crate::machine::{Joints, Machine, MachineMotion, MachineSolid, RotaryAxis, Side, SolidShape};
-use crate::section::fixtures::{line, revolved};
+use crate::section::test_shapes::{line, revolved};
 use crate::tool::ElementKind;
 use crate::toolpath::{Location, MachinePoint, MoveKind};
 
@@ -97,7 +97,7 @@ type Inside = Box<dyn Fn(DVec3) -> f64>;
 
 struct Pair {
     element: String,
-    against: Against,
+    against: HitBody,
     levels: (usize, usize),
     centres: Vec<DVec3>,
     inside: usize,
@@ -137,10 +137,10 @@ fn pairs(machine: &Machine, bodies: &MachineBodies, part: &Occupancy) -> (Vec<In
             .map(|i| grid.centre(grid.voxel(i)) + offset)
             .collect()
     };
-    let mut others = vec![(Against::Part, top.1, centres(part, machine.part_zero()))];
+    let mut others = vec![(HitBody::Part, top.1, centres(part, machine.part_zero()))];
     for solid in machine.solids.iter().filter(|solid| solid.side == Side::Table) {
         let voxels = solid.voxels(1.0, Control::quiet()).unwrap();
-        others.push((Against::Machine(solid.name.clone()), solid.level, centres(&voxels, DVec3::ZERO)));
+        others.push((HitBody::Machine(solid.name.clone()), solid.level, centres(&voxels, DVec3::ZERO)));
     }
     assert_eq!(bodies.coarsest_pitch(), Some(1.0));
     let mut pairs = Vec::new();

@@ -9,7 +9,7 @@ use crate::tool::Tool;
 use crate::toolpath::{CutterStatement, Location, MoveKind, Toolpath};
 
 /// More poses than this on one motion are a slip of units.
-const MOST: f64 = 1e8;
+const MAX_POSES: f64 = 1e8;
 
 /// How the tool gets from one location to the next.
 enum Way<'a> {
@@ -63,7 +63,7 @@ pub(super) fn rigid(motion: &DMat4) -> Pose {
 /// So many poses that nothing moves farther than the tolerance from one to the next.
 pub(super) fn poses_needed(farthest: f64, tolerance: f64, line: usize) -> Result<u64, CheckError> {
     let poses = (farthest / tolerance - 1e-9).ceil().max(1.0);
-    if poses <= MOST { Ok(poses as u64) } else { Err(CheckError::TooLong { line, poses, tolerance }) }
+    if poses <= MAX_POSES { Ok(poses as u64) } else { Err(CheckError::TooLong { line, poses, tolerance }) }
 }
 
 /// The way to every location; to one that the path begins at, that pose alone. Of a path for a machine the ways are the machine's.
@@ -97,7 +97,7 @@ pub(super) fn motions<'a>(
                 let straight = after.tip_goes_straight;
                 let way = MachineMotion::new(machine, before.joints, after.joints, after.length, straight);
                 let ball = way.tool_ball(reach);
-                let farthest = way.farthest(&ball, machine.axes_of(Side::Table));
+                let farthest = way.motion_bound(&ball, machine.axes_of(Side::Table));
                 (Way::Machine(way, rigid(&toolpath.set_up)), farthest)
             }
             (None, None, None) => {
@@ -106,7 +106,7 @@ pub(super) fn motions<'a>(
                 if radius > 0.0 && way.rolls_over() {
                     return Err(CheckError::RollsOver { line: to.line });
                 }
-                let farthest = way.farthest(reach, radius);
+                let farthest = way.motion_bound(reach, radius);
                 (Way::Straight(way), farthest)
             }
             _ => return Err(CheckError::Machine { line: to.line }),

@@ -7,7 +7,7 @@ use crate::field::ExactField;
 use crate::grid::Grid;
 use crate::mesh::tests::unit_cube;
 use crate::orientation::{Orientation, OrientationSet};
-use crate::section::fixtures::{line, revolved};
+use crate::section::test_shapes::{line, revolved};
 use crate::tool::{ElementKind, Segment, ToolShape};
 
 /// A slab with a groove, thin walls on it, and loose voxels.

@@ -9,7 +9,7 @@ use crate::toolpath::{MoveKind, Toolpath};
 /// What was hit.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Against {
+pub enum HitBody {
     /// The part.
     Part,
     /// A fixture, by its name.
@@ -24,7 +24,7 @@ pub struct Collision {
     /// The element's name; `tool` for a mesh.
     pub element: String,
     /// What it hits.
-    pub against: Against,
+    pub against: HitBody,
     /// Room that the element, which is offset by it, was to keep.
     pub clearance: f64,
     /// Largest depth of all poses looked at: no shorter translation parts the element, offset by its clearance, from the body.

@@ -7,7 +7,7 @@ use crate::field::ExactField;
 use crate::grid::Grid;
 use crate::orientation::OrientationSet;
 use crate::scene::{Guarantee, PathGuarantee};
-use crate::section::fixtures::revolved;
+use crate::section::test_shapes::revolved;
 use crate::tool::{ElementKind, Segment, ToolShape};
 use crate::unit::LengthUnit;
 
@@ -77,7 +77,7 @@ fn a_cutter_that_goes_too_deep_collides_as_deep_as_it_goes() {
     let lines: Vec<usize> = report.colliding.iter().map(|l| l.line).collect();
     assert_eq!(lines, [3, 4]);
     let collision = &report.colliding[0].collisions[0];
-    assert_eq!((collision.element.as_str(), &collision.against), ("cutter", &Against::Part));
+    assert_eq!((collision.element.as_str(), &collision.against), ("cutter", &HitBody::Part));
     assert_eq!((collision.position, collision.fraction), ([0.5, 0.5, 16.0], 1.0));
     // The ball's own middle is a centre's height above the part; on the axis both depths add up to the truth.
     assert!((collision.depth - 4.0).abs() < 1e-5, "{collision:?}");
@@ -184,7 +184,7 @@ fn contact_with_fixtures_is_never_accepted() {
     let report = check(Some(&post), text, &settings);
     let found: Vec<_> =
         report.colliding[0].collisions.iter().map(|c| (c.element.as_str(), c.against.clone())).collect();
-    assert_eq!(found, [("cutter", Against::Fixture("post".into()))], "{report:?}");
+    assert_eq!(found, [("cutter", HitBody::Fixture("post".into()))], "{report:?}");
 }
 
 #[test]

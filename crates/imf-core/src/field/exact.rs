@@ -13,7 +13,7 @@ use crate::obstacle::Obstacle;
 use crate::orientation::Orientation;
 use crate::pose::Pose;
 use crate::scene::Scene;
-use crate::section::{At, Imf, Quantity, SectionPlan, SectionScratch, imf};
+use crate::section::{Imf, Quantity, SectionPlan, SectionScratch, ToolPoints, imf};
 use crate::tool::{Assembly, Clearance, ClearanceError, ToolError};
 use crate::workspaces::Workspaces;
 
@@ -139,7 +139,7 @@ impl ExactField {
         if let Some(plan) = self.plan.get() {
             return Ok(plan);
         }
-        let plan = SectionPlan::new(&self.obstacle, &self.assembly, At::Tip)?;
+        let plan = SectionPlan::new(&self.obstacle, &self.assembly, ToolPoints::Tip)?;
         Ok(self.plan.get_or_init(|| plan))
     }
 }

@@ -64,7 +64,7 @@ mod tests {
     use crate::orientation::Orientation;
     use crate::parts::ReferencePart;
     use crate::scene::SceneSpec;
-    use crate::section::{At, DepthPlan, DepthScratch, SectionPlan};
+    use crate::section::{DepthPlan, DepthScratch, SectionPlan, ToolPoints};
     use crate::tool::Tool;
 
     #[test]
@@ -73,7 +73,7 @@ mod tests {
         let spec = SceneSpec::of_reference(ReferencePart::Bracket, &mesh, [11, 35, 21], &tool);
         let scene = spec.scene().unwrap();
         let (grid, exact) = (scene.record.grid, ExactField::new(&scene, scene.record.bare_tool()));
-        let plan = DepthPlan::of(&SectionPlan::of_scene(&scene, At::Tip).unwrap()).unwrap();
+        let plan = DepthPlan::of(&SectionPlan::of_scene(&scene, ToolPoints::Tip).unwrap()).unwrap();
         let mut section = vec![0.0; grid.len()];
         for orientation in
             [Orientation::default(), Orientation::new(25.0, 55.0), Orientation::new(200.0, 120.0)]

@@ -1,4 +1,4 @@
-//! The minimum over rotations and sharp points, pose by pose: the way that serves every field.
+//! The minimum over rotations and sharp points, pose by pose, for any field.
 
 use glam::{DQuat, DVec3};
 

@@ -6,10 +6,10 @@
 //! is counted, up to the first voxel found. Tools that are meshes are counted by the definition.
 
 mod inscribed;
+mod lateral_separation;
 mod oriented;
 mod runs;
 mod segment;
-mod side_step;
 mod sphere_tree;
 mod voxels;
 
@@ -23,8 +23,8 @@ use crate::tool::{Element, Segment, Tool, ToolError, ToolShape, snapped};
 use inscribed::InscribedSpheres;
 use oriented::OrientedTools;
 use runs::{Within, count, first_solid};
-use segment::{Placed, PlacedSegment};
-pub(crate) use sphere_tree::Cleared;
+use segment::{PlacedSegment, VoxelPose};
+pub(crate) use sphere_tree::FreeBall;
 use sphere_tree::{OPEN, SphereTree, Verdict};
 pub(crate) use voxels::SolidVoxels;
 
@@ -49,7 +49,7 @@ pub(crate) struct SolidField {
 
 enum Shape {
     Bodies(Vec<Body>),
-    /// Counted by the definition.
+    /// ExactSections by the definition.
     Definition(Box<Tool>, OrientedTools),
 }
 
@@ -71,7 +71,7 @@ struct Part {
 const FARTHEST: f64 = 1e12;
 
 /// Bodies with more segments than this are counted by the definition.
-const MOST_SEGMENTS: usize = 64;
+const MAX_SEGMENTS: usize = 64;
 
 impl Body {
     /// `None` for a profile that the runs cannot solve: one that is not convex piece by piece, or has too many.
@@ -92,7 +92,7 @@ impl Body {
             .map(|s| s.scaled(1.0 / pitch))
             .map(|segment| Part { segment, widest: segment.max_radius() + 1e-4 })
             .collect();
-        (convex && profile.len() <= MOST_SEGMENTS).then_some(Self { profile, parts })
+        (convex && profile.len() <= MAX_SEGMENTS).then_some(Self { profile, parts })
     }
 }
 
@@ -185,7 +185,7 @@ impl SolidField {
             let orientation = Pose::new(DVec3::ZERO, rotation).orientation();
             return Ok(oriented.of(tool, &orientation, pitch)?.count);
         }
-        let placed = Placed { tip: DVec3::ZERO, direction, pitch };
+        let placed = VoxelPose { tip: DVec3::ZERO, direction, pitch };
         let all = |body: &Body| -> u32 {
             let reach = |p: &Part| p.segment.range().1.abs().max(p.segment.range().0.abs()) + p.widest;
             let reach = body.parts.iter().map(reach).fold(0.0, f64::max);
@@ -213,16 +213,16 @@ impl SolidField {
     fn bodies_collide(
         &self,
         bodies: &[Body],
-        placed: Placed,
-        cleared: Option<&Cleared>,
+        placed: VoxelPose,
+        free_ball: Option<&FreeBall>,
         mut last: Option<&mut Option<[f64; 3]>>,
     ) -> bool {
-        let holds = |voxel: [f64; 3]| bodies.iter().any(|body| placed.holds(&body.profile, voxel));
-        if !placed.tip.is_finite() || last.as_ref().is_some_and(|last| last.is_some_and(holds)) {
+        let contains = |voxel: [f64; 3]| bodies.iter().any(|body| placed.contains(&body.profile, voxel));
+        if !placed.tip.is_finite() || last.as_ref().is_some_and(|last| last.is_some_and(contains)) {
             return true;
         }
         let mut open = [0; OPEN];
-        match self.spheres(bodies).decide(placed, bodies, self.voxels.distances(), cleared, &mut open) {
+        match self.spheres(bodies).decide(placed, bodies, self.voxels.distances(), free_ball, &mut open) {
             Verdict::Free => false,
             Verdict::Colliding(voxel) => {
                 if let Some(last) = last {
@@ -244,7 +244,7 @@ impl SolidField {
     }
 
     /// A piece that the spheres left open.
-    fn open_piece<'a>(&self, bodies: &'a [Body], placed: Placed, index: u32) -> PlacedSegment<'a> {
+    fn open_piece<'a>(&self, bodies: &'a [Body], placed: VoxelPose, index: u32) -> PlacedSegment<'a> {
         let piece = self.spheres(bodies).piece(index);
         let body = &bodies[piece.body];
         let (world, part) = (&body.profile[piece.segment], &body.parts[piece.segment]);
@@ -256,34 +256,34 @@ impl SolidField {
     }
 
     /// [`SolidField::collides`] with the tip at a position and the axis along a unit vector, for poses that follow one
-    /// another: `last` is a voxel that was in the way before, and is tried first. No solid centre within `cleared` may lie
+    /// another: `last` is a voxel that was in the way before, and is tried first. No solid centre within `free_ball` may lie
     /// in the tool.
     #[inline]
     pub(crate) fn meets(
         &self,
         tip: DVec3,
         axis: DVec3,
-        cleared: Option<&Cleared>,
+        free_ball: Option<&FreeBall>,
         last: Option<&mut Option<[f64; 3]>>,
     ) -> bool {
         match &self.shape {
-            Shape::Bodies(bodies) => self.bodies_collide(bodies, self.standing(tip, axis), cleared, last),
+            Shape::Bodies(bodies) => self.bodies_collide(bodies, self.voxel_pose(tip, axis), free_ball, last),
             Shape::Definition(..) => self.collides(&Pose::along(tip, axis)),
         }
     }
 
     /// True where the tool holds a point, given in continuous voxel coordinates; false of a mesh.
     #[inline]
-    pub(crate) fn holds(&self, tip: DVec3, axis: DVec3, point: [f64; 3]) -> bool {
-        let placed = self.standing(tip, axis);
-        self.bodies().iter().any(|body| placed.holds(&body.profile, point))
+    pub(crate) fn contains(&self, tip: DVec3, axis: DVec3, point: [f64; 3]) -> bool {
+        let placed = self.voxel_pose(tip, axis);
+        self.bodies().iter().any(|body| placed.contains(&body.profile, point))
     }
 
     /// Number of the tool's bodies that hold a point, given in continuous voxel coordinates: summed over the solid voxels it is
     /// [`SolidField::count`]. 0 of a mesh, and at an invalid pose.
     pub(crate) fn bodies_around(&self, pose: &Pose, point: [f64; 3]) -> usize {
         let Some(placed) = self.placed(pose) else { return 0 };
-        self.bodies().iter().filter(|body| placed.holds(&body.profile, point)).count()
+        self.bodies().iter().filter(|body| placed.contains(&body.profile, point)).count()
     }
 
     /// A point of the world in continuous voxel coordinates.
@@ -291,15 +291,15 @@ impl SolidField {
         self.voxels.occupancy().grid.continuous(point).to_array()
     }
 
-    /// What it is asked about.
+    /// The obstacle's voxels.
     pub(crate) fn voxels(&self) -> &SolidVoxels {
         &self.voxels
     }
 
     #[inline]
-    fn standing(&self, tip: DVec3, direction: DVec3) -> Placed {
+    fn voxel_pose(&self, tip: DVec3, direction: DVec3) -> VoxelPose {
         let grid = &self.voxels.occupancy().grid;
-        Placed { tip: snapped(grid, tip), direction, pitch: grid.pitch }
+        VoxelPose { tip: snapped(grid, tip), direction, pitch: grid.pitch }
     }
 
     /// [`ExactField::clearance_bound`](super::ExactField::clearance_bound) of this obstacle.
@@ -324,8 +324,8 @@ impl SolidField {
 
     /// `None` for an invalid pose.
     #[inline]
-    fn placed(&self, pose: &Pose) -> Option<Placed> {
-        Some(self.standing(pose.position, pose.axis()?))
+    fn placed(&self, pose: &Pose) -> Option<VoxelPose> {
+        Some(self.voxel_pose(pose.position, pose.axis()?))
     }
 
     /// Largest distance of any of the tool's points from its tip, in world units.
@@ -333,7 +333,7 @@ impl SolidField {
         self.reach
     }
 
-    fn body_count(&self, body: &Body, placed: Placed, stop: bool) -> u32 {
+    fn body_count(&self, body: &Body, placed: VoxelPose, stop: bool) -> u32 {
         if !placed.tip.is_finite() {
             return 0;
         }
@@ -348,7 +348,7 @@ fn bodies_of(elements: &[Element], pitch: f64) -> Option<Vec<Body>> {
 }
 
 /// Every segment of a body in a pose.
-fn body_segments(body: &Body, placed: Placed) -> impl Iterator<Item = PlacedSegment<'_>> {
+fn body_segments(body: &Body, placed: VoxelPose) -> impl Iterator<Item = PlacedSegment<'_>> {
     body.profile.iter().zip(&body.parts).map(move |(world, part)| {
         let (from, to) = part.segment.range();
         PlacedSegment::new(placed, world, &part.segment, part.widest, from, to)

@@ -81,7 +81,7 @@ impl<'a> MachineMotion<'a> {
 
     /// Upper bound of how far any point of a ball on the head moves as seen from what stands on the first `level` rotary axes of the
     /// table. Evenly divided times divide it evenly.
-    pub(crate) fn farthest(&self, ball: &Ball, level: usize) -> f64 {
+    pub(crate) fn motion_bound(&self, ball: &Ball, level: usize) -> f64 {
         let turned = |side: Side, level: usize| -> Vec<f64> {
             let by = |place: usize| (self.to.rotary[place] - self.from.rotary[place]).abs().to_radians();
             self.machine.chain(side).take(level).map(|(place, _)| by(place)).collect()

@@ -46,7 +46,7 @@ pub enum SolidShape {
 }
 
 /// Voxels of one body; a larger one has coarser voxels.
-const MOST_VOXELS: f64 = 8e6;
+const MAX_VOXELS: f64 = 8e6;
 
 impl MachineSolid {
     pub(super) fn scaled(&self, factor: f64) -> Self {
@@ -86,13 +86,13 @@ impl MachineSolid {
     pub fn voxels(&self, pitch: f64, control: Control<'_>) -> Result<Occupancy, Cancelled> {
         let (lower, upper) = self.bounds();
         let cells = ((upper - lower) / pitch + 2.0).to_array().into_iter().product::<f64>();
-        let pitch = pitch * (cells / MOST_VOXELS).cbrt().max(1.0);
+        let pitch = pitch * (cells / MAX_VOXELS).cbrt().max(1.0);
         let dims = ((upper - lower) / pitch).map(f64::ceil).to_array().map(|n| (n as usize).max(1));
         let span = DVec3::from_array(dims.map(|n| n as f64)) * pitch;
         let grid = Grid { origin: 0.5 * (lower + upper) - 0.5 * span, pitch, dims };
-        let filled = |holds: &dyn Fn(DVec3) -> bool| Occupancy {
+        let filled = |contains: &dyn Fn(DVec3) -> bool| Occupancy {
             grid,
-            solid: (0..grid.len()).map(|index| u8::from(holds(grid.centre(grid.voxel(index))))).collect(),
+            solid: (0..grid.len()).map(|index| u8::from(contains(grid.centre(grid.voxel(index))))).collect(),
         };
         Ok(match &self.shape {
             SolidShape::Cylinder { base, top, diameter } => {

@@ -240,7 +240,7 @@ fn nothing_moves_farther_than_is_said_on_either_kind_of_motion() {
                     for table in 0..=machine.axes_of(Side::Table) {
                         let ball = Ball { centre: DVec3::new(10.0, -5.0, -40.0), radius: 35.0, level: head };
                         let steps = 50;
-                        let most = motion.farthest(&ball, table) / f64::from(steps);
+                        let most = motion.motion_bound(&ball, table) / f64::from(steps);
                         let at = |step: i32, point: DVec3| {
                             by_matrices(
                                 &machine,

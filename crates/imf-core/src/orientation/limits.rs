@@ -4,7 +4,7 @@
 //! A/C: `d = R_z(C) R_x(A) ẑ = (sin C sin A, −cos C sin A, cos A)`; B/C: `d = R_z(C) R_y(B) ẑ = (cos C sin B,
 //! sin C sin B, cos B)`. At 0/0 the tool stands along +z. It does not matter whether head or table turns, only how the
 //! tool stands relative to the part; for a table whose angles count the other way, exchange the signs of the ranges.
-//! Limits speak of directions: how the tool is rolled about its own axis is left free.
+//! Limits apply to directions; the roll about the tool's own axis is unrestricted.
 
 mod turns;
 
@@ -103,7 +103,8 @@ impl Limits {
             Self::Rotary { tilting, tilt, turn } => {
                 let flat = direction.x.hypot(direction.y);
                 branches(tilting, direction).iter().any(|&[angle, azimuth]| {
-                    holds_turned(tilt, angle) && (flat < 1e-12 || holds_turned(turn, azimuth))
+                    contains_modulo_turns(tilt, angle)
+                        && (flat < 1e-12 || contains_modulo_turns(turn, azimuth))
                 })
             }
         }
@@ -172,7 +173,7 @@ impl Limits {
 }
 
 /// True if `angle` plus some number of whole turns lies in the range.
-fn holds_turned(range: [f64; 2], angle: f64) -> bool {
+fn contains_modulo_turns(range: [f64; 2], angle: f64) -> bool {
     let first = ((range[0] - SLACK - angle) / 360.0).ceil();
     angle + 360.0 * first <= range[1] + SLACK
 }

@@ -1,4 +1,4 @@
-//! Sets of orientations, as people write them down.
+//! Sets of orientations, and their text form.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -20,7 +20,7 @@ pub enum OrientationSetError {
     /// The text is none of the known forms.
     #[error("'{0}' is no orientation set. {forms}", forms = OrientationSet::FORMS)]
     Form(String),
-    /// The part's own directions are asked for where no part is known.
+    /// The text names the part's own directions, and no part is known.
     #[error(
         "'normals' are directions that the surface of a part suggests, and no surface is known here: name them, or take \
          axes+fibonacci:N"
@@ -66,10 +66,10 @@ type Part<'a> = &'a mut dyn FnMut() -> Result<Vec<DVec3>, OrientationSetError>;
 pub(crate) const AXES: [DVec3; 6] = [DVec3::Z, DVec3::NEG_Z, DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y];
 
 /// More orientations than this are refused as a slip of the keyboard.
-const MOST: usize = 10_000_000;
+const MAX_ORIENTATIONS: usize = 10_000_000;
 
 impl OrientationSet {
-    /// The texts of sets, for people.
+    /// The grammar of sets, for help and messages.
     pub const FORMS: &str = "Sets of directions, joined by + (a direction that comes again is left out): axes (±x, ±y, ±z), \
         normals (of the part's large flat faces, and both ways along its cylinders' axes), fibonacci:N (spread evenly), \
         cone:X,Y,Z:HALF_ANGLE:N (an axis first, the others around it), ac:A0:A1:C0:C1:NA:NC and bc:… (of two rotary axes, \
@@ -131,8 +131,8 @@ impl OrientationSet {
     fn term(spec: &str, part: Part<'_>) -> Result<Vec<Orientation>, OrientationSetError> {
         let fail = |what: &str| OrientationSetError::Value { spec: spec.to_owned(), what: what.to_owned() };
         let count = |text: &str| match text.parse::<usize>() {
-            Ok(n) if (1..=MOST).contains(&n) => Ok(n),
-            _ => Err(fail(&format!("'{text}' is no number of orientations from 1 to {MOST}"))),
+            Ok(n) if (1..=MAX_ORIENTATIONS).contains(&n) => Ok(n),
+            _ => Err(fail(&format!("'{text}' is no number of orientations from 1 to {MAX_ORIENTATIONS}"))),
         };
         let parts: Vec<&str> = spec.split(':').collect();
         Ok(match parts.as_slice() {
@@ -140,8 +140,8 @@ impl OrientationSet {
             ["normals"] => part()?.into_iter().map(direction_orientation).collect(),
             ["grid", n] => {
                 let n = count(n)?;
-                if n.saturating_mul(n) > MOST {
-                    return Err(fail(&format!("{n} × {n} is more than {MOST} orientations")));
+                if n.saturating_mul(n) > MAX_ORIENTATIONS {
+                    return Err(fail(&format!("{n} × {n} is more than {MAX_ORIENTATIONS} orientations")));
                 }
                 grid(n)
             }
@@ -157,8 +157,10 @@ impl OrientationSet {
             ["cone", _, _, n] => Limits::parse(&parts[..3].join(":"))?.cone(count(n)?),
             ["ac" | "bc", _, _, _, _, n_tilt, n_turn] => {
                 let (n_tilt, n_turn) = (count(n_tilt)?, count(n_turn)?);
-                if n_tilt.saturating_mul(n_turn) > MOST {
-                    return Err(fail(&format!("{n_tilt} × {n_turn} is more than {MOST} orientations")));
+                if n_tilt.saturating_mul(n_turn) > MAX_ORIENTATIONS {
+                    return Err(fail(&format!(
+                        "{n_tilt} × {n_turn} is more than {MAX_ORIENTATIONS} orientations"
+                    )));
                 }
                 Limits::parse(&parts[..5].join(":"))?.directions(n_tilt, n_turn)
             }
@@ -291,9 +293,9 @@ mod tests {
 
     #[test]
     fn the_papers_grid_holds_its_out_of_sample_pair_at_30_only() {
-        let holds = |n: usize| set(&format!("grid:{n}")).iter().any(|o| o.theta == 12.0 && o.phi == 6.0);
+        let contains = |n: usize| set(&format!("grid:{n}")).iter().any(|o| o.theta == 12.0 && o.phi == 6.0);
         assert_eq!(set("grid:15").len(), 225);
-        assert!(!holds(15) && holds(30));
+        assert!(!contains(15) && contains(30));
     }
 
     #[test]
@@ -332,7 +334,7 @@ mod tests {
     }
 
     #[test]
-    fn directions_of_the_part_are_asked_for_where_the_text_names_them() {
+    fn directions_of_the_part_are_requested_where_the_text_names_them() {
         let mut asked = 0;
         let mut part = || {
             asked += 1;

@@ -1,10 +1,10 @@
-//! A scene step by step, with what should be known of it as values.
+//! A builder of scenes, which returns its warnings as values.
 
 use std::path::Path;
 
 use glam::DMat4;
 
-use super::{Around, ChosenPitch, Fixture, Resolution, Scene, SceneError, SceneSpec, SceneWarning};
+use super::{ChosenPitch, Fixture, GridExtent, Resolution, Scene, SceneError, SceneSpec, SceneWarning};
 use crate::control::Control;
 use crate::mesh::Mesh;
 use crate::mesh::read::{MeshFile, read_mesh_file};
@@ -13,12 +13,12 @@ use crate::parts::ReferencePart;
 use crate::tool::{Clearance, Tool};
 use crate::unit::{LengthUnit, unit_check};
 
-/// A scene that was built, and what should be known of it.
+/// A scene and its warnings.
 #[derive(Clone, Debug)]
 pub struct BuiltScene {
     /// The scene.
     pub scene: Scene,
-    /// Nothing that keeps it from being used.
+    /// Warnings; the scene can be used all the same.
     pub warnings: Vec<SceneWarning>,
     /// Of the voxel centres in or near the part, the share at which its mesh does not say whether they are inside
     /// ([`Voxelized::undecided`](crate::voxelize::Voxelized)); 0 for a closed mesh.
@@ -59,7 +59,7 @@ pub struct SceneBuilder<'a> {
     clearance: Clearance,
     contact: Option<f64>,
     fixtures: Vec<(String, Mesh, DMat4)>,
-    around: Around,
+    around: GridExtent,
     control: Control<'a>,
 }
 
@@ -78,7 +78,7 @@ impl Scene {
             clearance: Clearance::default(),
             contact: None,
             fixtures: Vec::new(),
-            around: Around::Part,
+            around: GridExtent::Part,
             control: Control::quiet(),
         }
     }
@@ -144,7 +144,7 @@ impl<'a> SceneBuilder<'a> {
         Self { allow_coarse, ..self }
     }
 
-    /// Who hears of every row of voxels that is finished, and may stop the work.
+    /// Receives progress, one unit a row of voxels, and may cancel.
     pub fn control<'b>(self, control: Control<'b>) -> SceneBuilder<'b>
     where
         'a: 'b,
@@ -169,7 +169,7 @@ impl<'a> SceneBuilder<'a> {
     }
 
     /// What the grid is chosen around.
-    pub fn around(self, around: Around) -> Self {
+    pub fn around(self, around: GridExtent) -> Self {
         Self { around, ..self }
     }
 

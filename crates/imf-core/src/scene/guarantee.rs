@@ -1,4 +1,4 @@
-//! What a "free" of the exact field is worth for the mesh itself.
+//! What "free" of the exact field guarantees for the mesh itself.
 //!
 //! Where every voxel that the surface touches is solid, every point of the part lies in a solid voxel, at most √3/2 pitch
 //! from its centre. An element offset by that much that holds no solid centre therefore keeps off the mesh itself.

@@ -1,4 +1,4 @@
-//! A pitch for those who name none: fine enough for the tool, coarse enough for an answer within a minute or so.
+//! The default pitch: fine enough for the tool, coarse enough for a result within a minute or so.
 
 use std::fmt;
 
@@ -15,8 +15,8 @@ const ALONG_PART: f64 = 48.0;
 const ACROSS_PART: f64 = 4.0;
 /// Voxels along the longest side, and in all, for a first answer within a minute or so: 225 directions around a part on 177,000 voxels
 /// with its surface took 9 s of one core, and time grows with the voxels.
-const MOST_ALONG: f64 = 200.0;
-const MOST_VOXELS: f64 = 1e6;
+const MAX_ALONG: f64 = 200.0;
+const MAX_VOXELS: f64 = 1e6;
 /// How many times as many may be taken rather than have the tool pass between the voxels.
 const MORE: f64 = 8.0;
 
@@ -65,7 +65,7 @@ impl ChosenPitch {
         let mut pitch = rounded(wanted, false);
         let voxels = |pitch: f64| (extents / pitch).ceil().max(DVec3::ONE).element_product();
         let is_bounded = |pitch: f64, more: f64| {
-            longest / pitch <= MOST_ALONG * more && voxels(pitch) <= MOST_VOXELS * more && fits(pitch)
+            longest / pitch <= MAX_ALONG * more && voxels(pitch) <= MAX_VOXELS * more && fits(pitch)
         };
         while !is_bounded(pitch, 1.0) && longest / pitch > 1.0 {
             pitch = rounded(pitch * 1.05, true);
@@ -134,7 +134,7 @@ mod tests {
         assert_eq!(chosen([150.0, 90.0, 3.0], 0), (0.75, PitchReason::Sheet(3.0)));
         assert_eq!(chosen([640.0, 10.0, 10.0], 0), (3.3, PitchReason::Bounded));
         let (pitch, reason) = chosen([400.0, 400.0, 400.0], 0);
-        assert!(reason == PitchReason::Bounded && (400.0 / pitch).ceil().powi(3) <= MOST_VOXELS);
+        assert!(reason == PitchReason::Bounded && (400.0 / pitch).ceil().powi(3) <= MAX_VOXELS);
         // A cutter of 1 mm would pass between voxels of 2 mm.
         assert_eq!(chosen([400.0, 20.0, 20.0], 1), (0.7, PitchReason::Coarsest(1.0)));
         // Nothing within reason sees a cutter of 0.1 mm there: the scene refuses it.

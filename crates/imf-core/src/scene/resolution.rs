@@ -1,4 +1,4 @@
-//! What a grid cannot see of tool and part, one rule for every question.
+//! Which tools and parts a grid resolves: one rule for all queries.
 
 use std::f64::consts::SQRT_2;
 use std::fmt;
@@ -14,7 +14,7 @@ use crate::tool::Tool;
 use crate::unit::{Length, LengthUnit, proportion_check};
 use crate::voxelize::voxelize_with;
 
-/// Voxels across a tool from which on it is seen: between the columns of centres there is room for a cylinder of the
+/// Voxels across a tool at which it is resolved: between the columns of centres there is room for a cylinder of the
 /// diagonal of a voxel's face.
 pub(super) const VOXELS_THICK: f64 = SQRT_2;
 
@@ -27,7 +27,7 @@ const THIN: usize = 3;
 /// hemisphere without its disc 0.8, and all their solid voxels are right. Triangles that share no corners and of which a fifth
 /// face the wrong way have 0.98, and lose up to a quarter of the solid; half of them, 1.0 and nearly all of it. A box without two opposite
 /// sides (0.96) or a shallow tray without its lid (0.99) may as well be a sheet.
-pub(super) const MOST_UNDECIDED: f64 = 0.9;
+pub(super) const MAX_UNDECIDED: f64 = 0.9;
 
 /// A tool of which an element passes between the centres of voxels.
 #[derive(Clone, Debug, PartialEq)]
@@ -45,7 +45,7 @@ pub struct CoarseTool {
 }
 
 impl CoarseTool {
-    /// The largest pitch at which the element is seen.
+    /// The largest pitch that resolves the element.
     #[must_use]
     pub fn most(&self) -> f64 {
         self.thickness / VOXELS_THICK
@@ -79,7 +79,7 @@ impl SceneSpec<'_> {
         let (lower, upper) = self.part_bounds()?;
         let proportion = proportion_check((upper - lower).max_element(), thickness, self.unit);
         let mut warnings: Vec<SceneWarning> = proportion.map(SceneWarning::Proportion).into_iter().collect();
-        // As good as equal is equal.
+        // Equal up to rounding is equal.
         if thickness * (1.0 + 1e-9) < VOXELS_THICK * grid.pitch {
             let (tool, pitch, unit) = (tool.name.clone(), grid.pitch, self.unit);
             let coarse = CoarseTool { tool, element, thickness, pitch, unit };
@@ -140,9 +140,9 @@ impl SceneSpec<'_> {
         Ok(warnings)
     }
 
-    /// Refuses a grid that drops voxels which the surface touches, by growing it: with `conservative` a face on the grid's own makes
+    /// Refuses a grid that drops voxels which the surface touches, by padding it: with `conservative` a face on the grid's own makes
     /// the voxels on both sides solid. Fixtures count where they lie within the grid.
-    pub(super) fn grown_for_touch(&self, grid: &Grid) -> Result<Grid, SceneError> {
+    pub(super) fn padded_for_touch(&self, grid: &Grid) -> Result<Grid, SceneError> {
         let (lower, upper) = (grid.origin, grid.origin + grid.size());
         let near = DVec3::splat(1e-5 * grid.pitch);
         let within =
@@ -157,7 +157,7 @@ impl SceneSpec<'_> {
                 }
             }
         }
-        Ok(grid.grown(before, after)?)
+        Ok(grid.padded(before, after)?)
     }
 }
 

@@ -2,9 +2,9 @@
 
 use glam::{DMat4, DVec3};
 
-use super::resolution::MOST_UNDECIDED;
+use super::resolution::MAX_UNDECIDED;
 use super::stored::crc32;
-use super::{Around, Bodies, Fixture, Resolution, Scene, SceneError, SceneRecord};
+use super::{Bodies, Fixture, GridExtent, Resolution, Scene, SceneError, SceneRecord};
 use crate::control::Control;
 use crate::grid::Grid;
 use crate::mesh::Mesh;
@@ -39,8 +39,8 @@ pub struct SceneSpec<'a> {
     /// What holds the part.
     pub fixtures: &'a [Fixture<'a>],
     /// What the grid is chosen around.
-    pub around: Around,
-    /// Hears of every row of voxels of part and fixtures, and may stop the work.
+    pub around: GridExtent,
+    /// Receives progress, one unit a row of voxels of part and fixtures, and may cancel.
     pub control: Control<'a>,
 }
 
@@ -59,12 +59,12 @@ impl<'a> SceneSpec<'a> {
             allow_coarse: true,
             tool,
             fixtures: &[],
-            around: Around::Part,
+            around: GridExtent::Part,
             control: Control::quiet(),
         }
     }
 
-    /// The grid that the scene will have. With [`Around::All`] and [`Resolution::Dims`] the pitch is the smallest at
+    /// The grid that the scene will have. With [`GridExtent::All`] and [`Resolution::Dims`] the pitch is the smallest at
     /// which everything fits. With `conservative` it holds every voxel that the surface touches: a pitch's grid has a voxel more on
     /// a side where a surface lies on its face, that of so many voxels a pitch larger by 10⁻⁴.
     ///
@@ -72,13 +72,13 @@ impl<'a> SceneSpec<'a> {
     /// A mesh without triangles, or a grid that cannot be made.
     pub fn grid(&self) -> Result<Grid, SceneError> {
         let (mut lower, mut upper) = self.part_bounds()?;
-        for (_, low, high) in self.fixture_boxes()?.into_iter().filter(|_| self.around == Around::All) {
+        for (_, low, high) in self.fixture_boxes()?.into_iter().filter(|_| self.around == GridExtent::All) {
             (lower, upper) = (lower.min(low), upper.max(high));
         }
         match self.resolution {
             Resolution::Pitch(pitch) => {
                 let grid = Grid::with_pitch(lower, upper, pitch, self.margin)?;
-                if self.conservative { self.grown_for_touch(&grid) } else { Ok(grid) }
+                if self.conservative { self.padded_for_touch(&grid) } else { Ok(grid) }
             }
             Resolution::Dims(dims) => {
                 let room = if self.conservative && self.margin == 0 {
@@ -204,9 +204,9 @@ impl<'a> SceneSpec<'a> {
         let body = |name: &str, mesh: &Mesh, transform: &DMat4| {
             let mesh = mesh.transformed(transform);
             let Voxelized { solid, undecided } = voxelize_with(&mesh, grid, self.conservative, self.control)?;
-            if undecided > MOST_UNDECIDED {
+            if undecided > MAX_UNDECIDED {
                 let name = name.to_owned();
-                return Err(SceneError::Undecided { name, share: undecided, most: MOST_UNDECIDED });
+                return Err(SceneError::Undecided { name, share: undecided, most: MAX_UNDECIDED });
             }
             Ok((mesh, solid, undecided))
         };

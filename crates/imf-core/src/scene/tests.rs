@@ -17,7 +17,7 @@ fn spec<'a>(cube: &'a Mesh, tool: &'a Tool, fixtures: &'a [Fixture<'a>]) -> Scen
         allow_coarse: false,
         tool,
         fixtures,
-        around: Around::Part,
+        around: GridExtent::Part,
         control: Control::quiet(),
     }
 }
@@ -33,7 +33,7 @@ fn fixtures_are_apart_and_part_of_the_obstacle() {
     let fixtures = [clamp(&cube)];
     let narrow = spec(&cube, &tool, &fixtures);
     assert!(matches!(narrow.scene(), Err(SceneError::FixtureOutside(name)) if name == "clamp"));
-    let wide = SceneSpec { around: Around::All, ..narrow };
+    let wide = SceneSpec { around: GridExtent::All, ..narrow };
     let scene = wide.scene().unwrap();
     assert_eq!(scene.record.grid.dims, [32, 8, 10]);
     assert_eq!((scene.obstacle.count(), scene.fixtures.count()), (512 + 256, 256));
@@ -44,7 +44,7 @@ fn fixtures_are_apart_and_part_of_the_obstacle() {
 fn a_fixture_on_the_grids_face_makes_the_same_scene_alone_and_among_bodies() {
     let (cube, tool) = (unit_cube(), Tool::paper());
     let fixtures = [clamp(&cube)];
-    let spec = SceneSpec { around: Around::All, conservative: true, ..spec(&cube, &tool, &fixtures) };
+    let spec = SceneSpec { around: GridExtent::All, conservative: true, ..spec(&cube, &tool, &fixtures) };
     let alone = spec.scene().unwrap();
     let (among, bodies) = spec.scene_and_bodies(100.0).unwrap();
     assert_eq!(among, alone);
@@ -152,12 +152,12 @@ fn conservative_grids_hold_every_voxel_that_the_surface_touches() {
     let dims = wall(Resolution::Dims([20, 20, 2]), 0);
     let scene = dims.scene().unwrap();
     assert_eq!((scene.record.grid.dims, scene.obstacle.count()), ([20, 20, 2], 800));
-    let wider = scene.record.grid.grown([2; 3], [2; 3]).unwrap();
+    let wider = scene.record.grid.padded([2; 3], [2; 3]).unwrap();
     assert_eq!(dims.bodies(&wider).unwrap().part.count(), 800);
 }
 
 #[test]
-fn fixtures_that_overlap_the_part_are_told_with_the_volume() {
+fn fixtures_that_overlap_the_part_are_warned_about_with_the_volume() {
     let (cube, tool) = (unit_cube(), Tool::paper());
     let clamp = clamp(&cube);
     let sunk = [Fixture {
@@ -166,7 +166,7 @@ fn fixtures_that_overlap_the_part_are_told_with_the_volume() {
     }];
     for conservative in [false, true] {
         let told = |fixtures: &[Fixture<'_>]| {
-            let spec = SceneSpec { conservative, around: Around::All, ..spec(&cube, &tool, fixtures) };
+            let spec = SceneSpec { conservative, around: GridExtent::All, ..spec(&cube, &tool, fixtures) };
             let (_, bodies) = spec.scene_alone().unwrap();
             spec.warnings(&bodies).unwrap()
         };
@@ -179,7 +179,7 @@ fn fixtures_that_overlap_the_part_are_told_with_the_volume() {
 }
 
 #[test]
-fn what_the_grid_cannot_see_is_refused_or_told() {
+fn what_the_grid_cannot_resolve_is_refused_or_warned_about() {
     let (cube, tool) = (unit_cube(), Tool::paper());
     let scaled = |edge: f64, pitch: f64| SceneSpec {
         transform: DMat4::from_scale(DVec3::splat(edge)),
@@ -237,7 +237,7 @@ fn a_mesh_that_does_not_say_what_is_inside_is_refused_and_one_with_a_hole_is_not
 }
 
 #[test]
-fn voxelising_tells_its_rows_and_stops_when_asked() {
+fn voxelising_reports_its_rows_and_can_be_cancelled() {
     use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
     let (cube, tool) = (unit_cube(), Tool::paper());
     let fixtures = [clamp(&cube)];
@@ -246,7 +246,7 @@ fn voxelising_tells_its_rows_and_stops_when_asked() {
         rows.fetch_add(n, Ordering::Relaxed);
     };
     let control = Control { progress: &progress, cancelled: &stop };
-    let spec = SceneSpec { around: Around::All, control, ..spec(&cube, &tool, &fixtures) };
+    let spec = SceneSpec { around: GridExtent::All, control, ..spec(&cube, &tool, &fixtures) };
     let scene = spec.scene().unwrap();
     let [x, y, _] = scene.record.grid.dims;
     assert_eq!(rows.load(Ordering::Relaxed), (2 * x * y) as u64);

@@ -1,4 +1,4 @@
-//! What should be known of a scene, though nothing keeps it from being used.
+//! Warnings about a scene that can be used all the same.
 
 use std::fmt;
 
@@ -7,7 +7,7 @@ use crate::mesh::FaceRepair;
 use crate::tool::Tool;
 use crate::unit::{ImplausibleProportion, Length, LengthUnit};
 
-/// What should be known of a scene.
+/// A warning about a scene.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum SceneWarning {
@@ -32,12 +32,12 @@ pub enum SceneWarning {
         /// How many.
         bodies: usize,
     },
-    /// Triangles that faced the wrong way and were turned.
-    Turned {
+    /// Triangles that faced the wrong way and were flipped.
+    Flipped {
         /// The part or fixture.
         part: String,
-        /// How many were turned.
-        turned: usize,
+        /// How many were flipped.
+        flipped: usize,
         /// How many there are.
         triangles: usize,
     },
@@ -90,12 +90,12 @@ impl SceneWarning {
     /// Those of what was done to a mesh's triangles, of which there are so many.
     #[must_use]
     pub fn of_repair(part: &str, repair: &FaceRepair, triangles: usize) -> Vec<Self> {
-        let FaceRepair { joined, doubled, turned, one_sided, nested } = *repair;
+        let FaceRepair { joined, doubled, flipped, one_sided, nested } = *repair;
         let name = || part.to_owned();
         let all = [
             (joined > 0).then(|| Self::Joined { part: name(), corners: joined }),
             (doubled > 0).then(|| Self::Doubled { part: name(), triangles: doubled }),
-            (turned > 0).then(|| Self::Turned { part: name(), turned, triangles }),
+            (flipped > 0).then(|| Self::Flipped { part: name(), flipped, triangles }),
             (one_sided > 0).then(|| Self::OneSided { part: name(), triangles: one_sided }),
             (nested > 0).then(|| Self::Nested { part: name(), bodies: nested }),
         ];
@@ -137,8 +137,8 @@ impl fmt::Display for SceneWarning {
                     ),
                 }
             ),
-            Self::Turned { part, turned, triangles } => {
-                write!(f, "{part}: {turned} of {triangles} triangles faced the wrong way and were turned")
+            Self::Flipped { part, flipped, triangles } => {
+                write!(f, "{part}: {flipped} of {triangles} triangles faced the wrong way and were flipped")
             }
             Self::OneSided { part, triangles } => write!(
                 f,

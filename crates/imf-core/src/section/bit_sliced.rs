@@ -185,7 +185,7 @@ pub(super) fn add(arch: Arch, bytes: &[u8], addresses: &[u32], digits: &mut Digi
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::section::fixtures::archs;
+    use crate::section::test_shapes::archs;
 
     fn bytes(length: usize) -> Vec<u8> {
         (0..length as u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 13) as u8).collect()

@@ -6,7 +6,8 @@
 //! and crosses zero with slope one, where an overlap leaves zero slowly, shallow contact having almost no volume. So
 //! an error of a tenth of a voxel in a learnt depth moves its decisions by a tenth of a voxel.
 //!
-//! Half a voxel is what whole positions cannot tell. Depths are clamped to eight pitches (`DEPTH_CAP`); positions as far around the
+//! Positions on voxel centres resolve a depth to half a voxel. Depths are clamped to eight pitches (`DEPTH_CAP`); positions as
+//! far around the
 //! grid count as well, so that its faces make no difference.
 
 use pulp::Arch;
@@ -32,7 +33,7 @@ impl Quantity {
     /// A value as fields give it on a grid of this pitch: clamped to [`Quantity::bounds`].
     #[inline]
     #[must_use]
-    pub fn held(self, value: f32, pitch: f64) -> f32 {
+    pub fn clamp(self, value: f32, pitch: f64) -> f32 {
         match self {
             Self::Overlap => value.clamp(0.0, 1.0),
             Self::Depth => {
@@ -42,7 +43,7 @@ impl Quantity {
         }
     }
 
-    /// What no value lies below and above, on a grid of this pitch.
+    /// Lower and upper bound of the values, on a grid of this pitch.
     #[must_use]
     pub fn bounds(self, pitch: f64) -> [f64; 2] {
         match self {
@@ -188,7 +189,7 @@ mod tests {
     use crate::parts::ReferencePart;
     use crate::pose::Pose;
     use crate::scene::{Scene, SceneSpec};
-    use crate::section::At;
+    use crate::section::ToolPoints;
     use crate::tool::{Clearance, Tool};
     use glam::DVec3;
 
@@ -201,7 +202,7 @@ mod tests {
     }
 
     fn depths(scene: &Scene, orientation: &Orientation) -> Vec<f32> {
-        let plan = DepthPlan::of(&SectionPlan::of_scene(scene, At::Tip).unwrap()).unwrap();
+        let plan = DepthPlan::of(&SectionPlan::of_scene(scene, ToolPoints::Tip).unwrap()).unwrap();
         let mut depths = vec![f32::NAN; scene.record.grid.len()];
         plan.depths(orientation, &mut DepthScratch::default(), &mut depths).unwrap();
         depths

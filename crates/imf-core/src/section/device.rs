@@ -1,6 +1,6 @@
-//! Overlaps counted on a device, as a GPU: what it needs of a plan and of a tool in an orientation, and values from its counts.
+//! Overlaps counted on a device such as a GPU: its inputs for a plan and for a tool in an orientation, and values from its counts.
 //!
-//! It is the same arithmetic as `run_length`, handed out instead of done: at every voxel p of a box the difference of
+//! It is the arithmetic of `run_length`, prepared for a device instead of computed here: at every voxel p of a box the difference of
 //! two neighbouring overlaps is `overlap(p + 1) − overlap(p) = Σ O[p + covered] − Σ O[p + uncovered]`, where p + 1 is
 //! the next voxel along the axis. Upwards the differences below a voxel sum up to its overlap, downwards those from the
 //! voxel on to its negative. Where no difference is taken the overlap is zero.
@@ -8,17 +8,17 @@
 use super::direct::spot_check;
 use super::overlap::OverlapCounter;
 use super::reading::LowestAround;
-use super::run_ends::{Axis, Offsets, RunEnds};
+use super::run_boundaries::{Axis, Offsets, RunBoundaries};
 use super::size::{CircularSize, ClippedTool, QueryBox};
 use super::sweep::Sweep;
 use super::{SectionError, SectionPlan};
 use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
-use crate::tool::{RotatedTool, Tool};
+use crate::tool::{Tool, ToolVoxels};
 
-/// Run ends, sorted by x, then y, then z.
+/// Run boundaries, sorted by x, then y, then z.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct StepEnds {
+pub struct BoundaryOffsets {
     /// Offset of the first plane of `starts` along x, from the tip's voxel.
     pub first_plane: i64,
     /// `[planes + 1]`: where the ends of each plane begin in `offsets`.
@@ -27,9 +27,9 @@ pub struct StepEnds {
     pub offsets: Vec<[i64; 3]>,
 }
 
-/// What a device needs of a tool in one orientation to count its overlaps over a box of voxels.
+/// Run-length differences of a tool in one orientation over a box of voxels, for a device.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct SteppedTool {
+pub struct ToolDifferences {
     /// Axis along which the tool is stepped: 0 for x, 1 for y, 2 for z.
     pub axis: usize,
     /// Whether a difference leads to the next voxel, or back from it.
@@ -37,14 +37,14 @@ pub struct SteppedTool {
     /// Voxels where differences are taken, in the obstacle's grid.
     pub steps: QueryBox,
     /// What a step covers.
-    pub covered: StepEnds,
+    pub covered: BoundaryOffsets,
     /// What a step uncovers.
-    pub uncovered: StepEnds,
+    pub uncovered: BoundaryOffsets,
 }
 
 /// Sizes that hold for a plan's whole query box, and thus for every part of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct StepSpace {
+pub struct DifferenceLimits {
     /// Dimensions of the obstacle's grid.
     pub obstacle: [usize; 3],
     /// The tool's reach in voxels.
@@ -64,10 +64,10 @@ pub struct SectionLayer<'a> {
     /// What must stay out of it, in the grid's unit.
     pub tool: &'a Tool,
     /// Sizes.
-    pub space: StepSpace,
+    pub space: DifferenceLimits,
 }
 
-impl StepSpace {
+impl DifferenceLimits {
     fn new(obstacle: [usize; 3], query: QueryBox, reach: f64) -> Self {
         let size = CircularSize::new(obstacle, query, reach);
         // Along the axis of the steps the tool is tried from where it does not meet the obstacle yet.
@@ -81,14 +81,14 @@ impl StepSpace {
     /// Prepares a tool for `query`, the plan's query box or a part of it, by the cheapest axis along which there are at
     /// most `most` differences. Nothing if there is none.
     #[must_use]
-    pub fn step(&self, tool: &RotatedTool, query: &QueryBox, most: usize) -> Option<SteppedTool> {
+    pub fn step(&self, tool: &ToolVoxels, query: &QueryBox, most: usize) -> Option<ToolDifferences> {
         let clipped = ClippedTool::new(tool, &CircularSize::new(self.obstacle, *query, self.reach as f64));
-        let nothing = || SteppedTool {
+        let nothing = || ToolDifferences {
             axis: 0,
             upwards: true,
             steps: QueryBox { lower: query.lower, dims: [0; 3] },
-            covered: StepEnds::new(&Offsets::default()),
-            uncovered: StepEnds::new(&Offsets::default()),
+            covered: BoundaryOffsets::new(&Offsets::default()),
+            uncovered: BoundaryOffsets::new(&Offsets::default()),
         };
         if clipped.dims[0] == 0 {
             return Some(nothing());
@@ -98,22 +98,22 @@ impl StepSpace {
             return Some(nothing());
         }
         let ranges = Axis::ALL.map(|axis| sweep.range(axis, query));
-        let mut ends = RunEnds::default();
+        let mut ends = RunBoundaries::default();
         ends.collect(&clipped, sweep.axis);
-        Some(SteppedTool {
+        Some(ToolDifferences {
             axis: sweep.axis.index(),
             upwards: sweep.upwards,
             steps: QueryBox {
                 lower: ranges.clone().map(|range| range.start),
                 dims: ranges.map(|range| (range.end - range.start) as usize),
             },
-            covered: StepEnds::new(&ends.covered),
-            uncovered: StepEnds::new(&ends.uncovered),
+            covered: BoundaryOffsets::new(&ends.covered),
+            uncovered: BoundaryOffsets::new(&ends.uncovered),
         })
     }
 }
 
-impl StepEnds {
+impl BoundaryOffsets {
     fn new(ends: &Offsets) -> Self {
         Self { first_plane: ends.lower[0], starts: ends.plane_starts(), offsets: ends.iter().collect() }
     }
@@ -126,14 +126,14 @@ impl SectionPlan {
         self.layer_of(&self.whole)
     }
 
-    /// The same for what a part of the tool must stay out of as well, where there is such a thing.
+    /// The same for the cuttable layer against shank and holder; `None` where the plan has none.
     #[must_use]
     pub fn cuttable_layer(&self) -> Option<SectionLayer<'_>> {
         self.noncutting.as_ref().map(|counter| self.layer_of(counter))
     }
 
     fn layer_of<'a>(&self, OverlapCounter { obstacle, tool, .. }: &'a OverlapCounter) -> SectionLayer<'a> {
-        let space = StepSpace::new(obstacle.grid.dims, self.query, tool.reach() / obstacle.grid.pitch);
+        let space = DifferenceLimits::new(obstacle.grid.dims, self.query, tool.reach() / obstacle.grid.pitch);
         SectionLayer { obstacle, tool, space }
     }
 
@@ -149,8 +149,8 @@ impl SectionPlan {
     pub fn cmf_of_counts(
         &self,
         orientation: &Orientation,
-        (rotated, mut counts): (&RotatedTool, Vec<u32>),
-        cuttable: Option<(&RotatedTool, &[u32])>,
+        (rotated, mut counts): (&ToolVoxels, Vec<u32>),
+        cuttable: Option<(&ToolVoxels, &[u32])>,
         cmf: &mut [f32],
     ) -> Result<(), SectionError> {
         assert_eq!(counts.len(), self.query.len(), "one count for each voxel of the query box");

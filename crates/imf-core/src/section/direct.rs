@@ -7,12 +7,12 @@ use super::{Cuttable, SectionError};
 use crate::obstacle::Obstacle;
 use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
-use crate::tool::{Assembly, Element, ElementKind, RotatedTool, SLACK, Tool, ToolError, ToolShape, holds};
+use crate::tool::{Assembly, Element, ElementKind, SLACK, Tool, ToolError, ToolShape, ToolVoxels, contains};
 
 /// Voxels that are solid both in the obstacle and in the rotated tool with its tip on `voxel`, which may lie outside
 /// the obstacle's grid (space there is empty).
 #[must_use]
-pub fn direct_count(obstacle: &Occupancy, tool: &RotatedTool, voxel: [i64; 3]) -> u32 {
+pub fn direct_count(obstacle: &Occupancy, tool: &ToolVoxels, voxel: [i64; 3]) -> u32 {
     tool.count_in(obstacle, voxel)
 }
 
@@ -27,7 +27,7 @@ pub fn direct_cmf(
     orientation: &Orientation,
     voxel: [usize; 3],
 ) -> Result<f64, ToolError> {
-    let rotated = RotatedTool::new(tool, orientation, obstacle.grid.pitch)?;
+    let rotated = ToolVoxels::new(tool, orientation, obstacle.grid.pitch)?;
     let sharp_points = tool.sharp_point_positions(obstacle.grid.pitch);
     let at = DVec3::from_array(voxel.map(|v| v as f64));
     Ok(minimum_mean(obstacle, &rotated, None, &sharp_points, orientation, at))
@@ -38,8 +38,8 @@ pub fn direct_cmf(
 /// voxels from the centre of the obstacle's first one, and may lie outside its grid.
 pub(crate) fn minimum_mean(
     forbidden: &Occupancy,
-    rotated: &RotatedTool,
-    layer: Option<(&Occupancy, &RotatedTool)>,
+    rotated: &ToolVoxels,
+    layer: Option<(&Occupancy, &ToolVoxels)>,
     sharp_points: &[DVec3],
     orientation: &Orientation,
     at: DVec3,
@@ -101,7 +101,7 @@ pub(super) fn element_measures(
     voxel: [i64; 3],
 ) -> Result<Vec<(ElementKind, f64)>, ToolError> {
     let (grid, layer) = (obstacle.grid(), Cuttable::of(obstacle, assembly));
-    let normaliser = f64::from(RotatedTool::new(tool, orientation, grid.pitch)?.count);
+    let normaliser = f64::from(ToolVoxels::new(tool, orientation, grid.pitch)?.count);
     let rest = layer.map(|layer| elements_of(layer.noncutting)).unwrap_or_default();
     let whole = elements_of(tool);
     let kinds = kinds_of(whole.iter().chain(rest));
@@ -121,7 +121,7 @@ pub(super) fn element_measures(
                     (false, false) => continue,
                 };
                 let owner =
-                    elements.iter().find(|e| holds(&e.profile, orientation.direction(), point, slack));
+                    elements.iter().find(|e| contains(&e.profile, orientation.direction(), point, slack));
                 if let Some(place) = owner.and_then(|owner| kinds.iter().position(|&k| k == owner.kind)) {
                     measures[place] += weight / normaliser;
                 }
@@ -169,7 +169,7 @@ impl Spot {
 }
 
 /// A few voxels of the query box, other ones for every orientation.
-pub(super) fn spots(obstacle: &Occupancy, rotated: &RotatedTool, query: &QueryBox) -> [Spot; 3] {
+pub(super) fn spots(obstacle: &Occupancy, rotated: &ToolVoxels, query: &QueryBox) -> [Spot; 3] {
     let seed = u64::from(rotated.count).wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ rotated.solid.len() as u64;
     [0u64, 1, 2].map(|spot| {
         let mixed = (seed ^ (spot << 17)).wrapping_mul(0xBF58_476D_1CE4_E5B9) >> 20;
@@ -182,7 +182,7 @@ pub(super) fn spots(obstacle: &Occupancy, rotated: &RotatedTool, query: &QueryBo
 /// Compares a few voxels of the query box with direct sums.
 pub(super) fn spot_check(
     obstacle: &Occupancy,
-    rotated: &RotatedTool,
+    rotated: &ToolVoxels,
     query: &QueryBox,
     counts: &[u32],
 ) -> Result<(), SectionError> {

@@ -7,9 +7,11 @@ use std::sync::{Mutex, PoisonError};
 
 use super::direct::{elements_of, kinds_of};
 use super::overlap::OverlapCounter;
-use super::reading::{Line, Reading};
+use super::reading::{Line, SharpPointReader};
 use super::values::mean;
-use super::{At, Cuttable, Imf, SectionError, SectionPlan, SectionScratch, query_box, stream_orientations};
+use super::{
+    Cuttable, Imf, SectionError, SectionPlan, SectionScratch, ToolPoints, query_box, stream_orientations,
+};
 use crate::control::Control;
 use crate::grid::Grid;
 use crate::obstacle::Obstacle;
@@ -54,7 +56,7 @@ impl ElementPlans {
         query_grid: &Grid,
     ) -> Result<Self, SectionError> {
         let (obstacle, assembly) = (obstacle.into(), assembly.into());
-        let whole = SectionPlan::with_query(&obstacle, &assembly, At::SharpPoints, query_grid)?;
+        let whole = SectionPlan::with_query(&obstacle, &assembly, ToolPoints::SharpPoints, query_grid)?;
         let cuttable = Cuttable::of(&obstacle, &assembly).map(|layer| (layer.voxels, layer.noncutting));
         let pairs: Vec<_> = [(&obstacle.forbidden, assembly.whole())].into_iter().chain(cuttable).collect();
         let counters = |kind: ElementKind| {
@@ -143,7 +145,7 @@ impl ElementPlans {
         minimum.extend((0..voxels).map(|voxel| if wanted(voxel) { f32::INFINITY } else { 0.0 }));
         at.clear();
         at.resize(voxels, 0);
-        let reading = Reading::new(plan, orientation, normaliser, (total, &mut section.around));
+        let reading = SharpPointReader::new(plan, orientation, normaliser, (total, &mut section.around));
         let (mut starts, mut reads) = (Vec::new(), Line::default());
         for (line, place) in plan.lines() {
             let (minimum, at) = (&mut minimum[line.clone()], &mut at[line.clone()]);

@@ -12,14 +12,14 @@ use super::SectionError;
 use super::bit_obstacle::BitObstacle;
 use super::direct::{Spot, spot_check, spots};
 use super::fft::{self, Convolver};
-use super::run_length::{self, RunLengthCounter, Walk};
+use super::run_length::{self, Cursor, RunLengthCounter};
 use super::size::{CircularSize, ClippedTool, QueryBox};
 use super::sweep::{Order, Sweep};
 use crate::grid::Grid;
 use crate::obstacle::Obstacle;
 use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
-use crate::tool::{Assembly, RotatedTool, Tool, ToolError};
+use crate::tool::{Assembly, Tool, ToolError, ToolVoxels};
 
 /// How overlaps are counted. Both methods give the same whole numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -47,9 +47,9 @@ pub(super) struct OverlapCounter {
     double: OnceLock<Convolver<f64>>,
 }
 
-/// Where a tool stands that is counted plane by plane of a box, and voxels that are compared with direct sums.
-pub(super) struct OverlapWalk {
-    walk: Walk,
+/// State of a count that advances plane by plane through a box, and voxels that are compared with direct sums.
+pub(super) struct OverlapCursor {
+    cursor: Cursor,
     spots: [Spot; 3],
 }
 
@@ -57,7 +57,7 @@ pub(super) struct OverlapWalk {
 #[derive(Default)]
 pub(super) struct Scratch {
     run_length: run_length::Scratch,
-    walk: Walk,
+    cursor: Cursor,
     single: fft::Scratch<f32>,
     double: fft::Scratch<f64>,
 }
@@ -77,7 +77,7 @@ const POINT_SECONDS: f64 = 2.2e-10;
 /// Transforms in f64 take so many times as long; memory, not arithmetic, holds both up.
 const DOUBLE_FACTOR: f64 = 1.4;
 /// Bytes of shifted copies of the obstacle that addresses of 32 bits reach.
-const MOST_COPY_BYTES: u64 = 1 << 31;
+const MAX_COPY_BYTES: u64 = 1 << 31;
 
 /// Estimated seconds of a section by either method.
 #[derive(Clone, Copy, Debug)]
@@ -107,7 +107,7 @@ impl Estimate {
             _ => 1,
         }];
         let mut run_length = loads * load_seconds * growth + query.len() as f64 * VOXEL_SECONDS;
-        if bytes > MOST_COPY_BYTES {
+        if bytes > MAX_COPY_BYTES {
             run_length = f64::INFINITY;
         }
         let points: f64 = size.n.iter().map(|&n| n as f64).product();
@@ -124,8 +124,8 @@ impl Estimate {
 const SLANT: Orientation = Orientation { theta: 25.0, phi: 55.0, roll: 0.0 };
 
 /// The tool in an orientation in general position, or upright where it holds no voxel centre there.
-fn slanted(tool: &Tool, pitch: f64) -> Option<RotatedTool> {
-    [SLANT, Orientation::default()].iter().find_map(|o| RotatedTool::new(tool, o, pitch).ok())
+fn slanted(tool: &Tool, pitch: f64) -> Option<ToolVoxels> {
+    [SLANT, Orientation::default()].iter().find_map(|o| ToolVoxels::new(tool, o, pitch).ok())
 }
 
 impl OverlapCounter {
@@ -145,12 +145,12 @@ impl OverlapCounter {
     }
 
     /// The tool in an orientation; `None` where it is too thin to hold a voxel centre.
-    pub(super) fn rotated(&self, orientation: &Orientation) -> Result<Option<RotatedTool>, ToolError> {
+    pub(super) fn rotated(&self, orientation: &Orientation) -> Result<Option<ToolVoxels>, ToolError> {
         rotated_if_thick(&self.tool, orientation, self.obstacle.grid.pitch)
     }
 
     /// True where f32 is precise enough for the transforms.
-    fn fits_single(&self, tool: &RotatedTool) -> bool {
+    fn fits_single(&self, tool: &ToolVoxels) -> bool {
         self.size.error_bound::<f32>(self.obstacle_count, tool.count as usize) < 0.5
     }
 
@@ -160,7 +160,7 @@ impl OverlapCounter {
 
     fn estimate(
         &self,
-        tool: &RotatedTool,
+        tool: &ToolVoxels,
         query: &QueryBox,
         clipped: &ClippedTool<'_>,
         sweep: &Sweep,
@@ -188,7 +188,7 @@ impl OverlapCounter {
     /// Overlaps over a box into `counts`, a few voxels compared with direct sums.
     pub(super) fn count(
         &self,
-        tool: &RotatedTool,
+        tool: &ToolVoxels,
         query: &QueryBox,
         scratch: &mut Scratch,
         counts: &mut [u32],
@@ -196,10 +196,10 @@ impl OverlapCounter {
         let clipped = ClippedTool::new(tool, &self.size);
         let sweep = self.sweep(&clipped, query, Order::Any);
         if self.uses_run_length(self.estimate(tool, query, &clipped, &sweep)) {
-            let Scratch { run_length, walk, .. } = scratch;
+            let Scratch { run_length, cursor, .. } = scratch;
             let counter = self.run_length();
-            counter.start(&clipped, sweep, run_length, walk);
-            counter.advance(walk, query, query.range(0), run_length, counts);
+            counter.start(&clipped, sweep, run_length, cursor);
+            counter.advance(cursor, query, query.range(0), run_length, counts);
         } else {
             self.convolve(tool, &clipped, query, scratch, counts);
         }
@@ -208,7 +208,7 @@ impl OverlapCounter {
 
     fn convolve(
         &self,
-        tool: &RotatedTool,
+        tool: &ToolVoxels,
         clipped: &ClippedTool<'_>,
         query: &QueryBox,
         scratch: &mut Scratch,
@@ -244,37 +244,37 @@ impl OverlapCounter {
         self.run_length.get_or_init(|| RunLengthCounter::new(self.arch, &self.obstacle, &self.size))
     }
 
-    /// A tool before the first plane of a box, to be counted by its run ends.
-    pub(super) fn begin(&self, tool: &RotatedTool, query: &QueryBox, scratch: &mut Scratch) -> OverlapWalk {
+    /// A tool before the first plane of a box, to be counted by its run boundaries.
+    pub(super) fn begin(&self, tool: &ToolVoxels, query: &QueryBox, scratch: &mut Scratch) -> OverlapCursor {
         let clipped = ClippedTool::new(tool, &self.size);
-        let (sweep, mut walk) = (self.sweep(&clipped, query, Order::PlanesUpwards), Walk::default());
-        self.run_length().start(&clipped, sweep, &mut scratch.run_length, &mut walk);
-        OverlapWalk { walk, spots: spots(&self.obstacle, tool, query) }
+        let (sweep, mut cursor) = (self.sweep(&clipped, query, Order::PlanesUpwards), Cursor::default());
+        self.run_length().start(&clipped, sweep, &mut scratch.run_length, &mut cursor);
+        OverlapCursor { cursor, spots: spots(&self.obstacle, tool, query) }
     }
 
     /// Overlaps over the next planes of the box, counted from its first one, into `counts`.
     pub(super) fn advance(
         &self,
-        OverlapWalk { walk, spots }: &mut OverlapWalk,
+        OverlapCursor { cursor, spots }: &mut OverlapCursor,
         (query, planes): (&QueryBox, &Range<usize>),
         scratch: &mut Scratch,
         counts: &mut [u32],
     ) -> Result<(), SectionError> {
         let QueryBox { lower: [lower, ..], dims: [_, ny, nz] } = *query;
         let range = lower + planes.start as i64..lower + planes.end as i64;
-        self.run_length().advance(walk, query, range, &mut scratch.run_length, counts);
+        self.run_length().advance(cursor, query, range, &mut scratch.run_length, counts);
         let first = planes.start * ny * nz;
         let mut own = spots.iter().filter(|spot| (first..first + counts.len()).contains(&spot.index));
         own.try_for_each(|spot| spot.check(counts[spot.index - first]))
     }
 
     /// Bytes of what [`OverlapCounter::begin`] gives, by estimate.
-    pub(super) fn walk_bytes(&self, query: &QueryBox) -> u64 {
+    pub(super) fn cursor_bytes(&self, query: &QueryBox) -> u64 {
         slanted(&self.tool, self.obstacle.grid.pitch)
-            .map_or(0, |tool| Walk::memory(&ClippedTool::new(&tool, &self.size), query))
+            .map_or(0, |tool| Cursor::memory(&ClippedTool::new(&tool, &self.size), query))
     }
 
-    /// One line for people: the method for the tool in this orientation, and what it was weighed against.
+    /// Human-readable, one line: the method for the tool in this orientation, and the alternative's estimate.
     pub(super) fn describe(&self, estimate: Estimate) -> String {
         let [x, y, z] = self.size.n;
         let run_length = ("run-length counting".to_owned(), estimate.run_length);
@@ -310,7 +310,7 @@ impl<'a> Cuttable<'a> {
     }
 
     /// What must stay out of the voxels, rotated; `None` where it is too thin to hold a voxel centre in this orientation.
-    pub(crate) fn rotated(&self, orientation: &Orientation) -> Result<Option<RotatedTool>, ToolError> {
+    pub(crate) fn rotated(&self, orientation: &Orientation) -> Result<Option<ToolVoxels>, ToolError> {
         rotated_if_thick(self.noncutting, orientation, self.voxels.grid.pitch)
     }
 }
@@ -320,8 +320,8 @@ fn rotated_if_thick(
     tool: &Tool,
     orientation: &Orientation,
     pitch: f64,
-) -> Result<Option<RotatedTool>, ToolError> {
-    match RotatedTool::new(tool, orientation, pitch) {
+) -> Result<Option<ToolVoxels>, ToolError> {
+    match ToolVoxels::new(tool, orientation, pitch) {
         Err(ToolError::TooSmall { .. }) => Ok(None),
         rotated => rotated.map(Some),
     }

@@ -45,7 +45,7 @@ fn lower_to_next(values: &mut [u32], step: usize) {
 struct PointBox {
     /// No voxel of theirs lies before it, from the voxel of the grid that is read.
     lowest: [i64; 3],
-    holds: Range<usize>,
+    contains: Range<usize>,
 }
 
 /// Working memory of a line.
@@ -59,7 +59,7 @@ pub(super) struct Line {
 }
 
 /// Counts of an orientation, read at sharp points off the tip.
-pub(super) struct Reading<'a> {
+pub(super) struct SharpPointReader<'a> {
     plan: &'a SectionPlan,
     counts: &'a [u32],
     normaliser: u32,
@@ -73,7 +73,7 @@ pub(super) struct Reading<'a> {
     points: Vec<usize>,
 }
 
-impl<'a> Reading<'a> {
+impl<'a> SharpPointReader<'a> {
     pub(super) fn new(
         plan: &'a SectionPlan,
         orientation: &Orientation,
@@ -96,12 +96,12 @@ impl<'a> Reading<'a> {
             let before = index.checked_sub(1).map(|before| place(points[before]));
             if before != Some(place(point)) {
                 if before.map(|(coarse, _)| coarse) != Some(place(point).0) {
-                    boxes.push(PointBox { lowest: at, holds: smaller.len()..smaller.len() });
+                    boxes.push(PointBox { lowest: at, contains: smaller.len()..smaller.len() });
                 }
-                smaller.push(PointBox { lowest: at, holds: index..index });
-                boxes.last_mut().into_iter().for_each(|last| last.holds.end += 1);
+                smaller.push(PointBox { lowest: at, contains: index..index });
+                boxes.last_mut().into_iter().for_each(|last| last.contains.end += 1);
             }
-            smaller.last_mut().into_iter().for_each(|last| last.holds.end += 1);
+            smaller.last_mut().into_iter().for_each(|last| last.contains.end += 1);
             for last in [boxes.last_mut(), smaller.last_mut()].into_iter().flatten() {
                 last.lowest = [0, 1, 2].map(|axis| last.lowest[axis].min(at[axis]));
             }
@@ -127,16 +127,16 @@ impl<'a> Reading<'a> {
             order.extend(0..self.boxes.len());
         }
         for place in 0..order.len() {
-            let PointBox { lowest, holds } = &self.boxes[order[place]];
+            let PointBox { lowest, contains } = &self.boxes[order[place]];
             if !self.may_lower(2, at, *lowest, limits) {
                 continue;
             }
             let mut lowered = false;
-            for PointBox { lowest, holds } in &self.smaller[holds.clone()] {
+            for PointBox { lowest, contains } in &self.smaller[contains.clone()] {
                 if !self.may_lower(1, at, *lowest, limits) {
                     continue;
                 }
-                for &point in &self.points[holds.clone()] {
+                for &point in &self.points[contains.clone()] {
                     // The first corner is the lowest one: its weight is never 0.
                     if self.may_lower(0, at, self.corners[point][0].0, limits) {
                         let first = first.as_deref_mut();

@@ -1,7 +1,7 @@
-//! Run-length difference counting: stepping the tool by a voxel changes the overlap by what its run ends cover and uncover.
+//! Run-length difference counting: stepping the tool by a voxel changes the overlap by what its run boundaries cover and uncover.
 //!
 //! Far enough along the axis the tool has left the obstacle and its overlap is zero; from there the differences are
-//! summed up. All is whole numbers, so nothing is rounded. The sums over run ends are taken for thousands of voxels
+//! summed up. All is whole numbers, so nothing is rounded. The sums over run boundaries are taken for thousands of voxels
 //! at once (`bit_sliced`), from the obstacle's bits (`bit_obstacle`).
 
 use std::ops::Range;
@@ -10,7 +10,7 @@ use pulp::Arch;
 
 use super::bit_obstacle::BitObstacle;
 use super::bit_sliced::{DIGITS, Digits, TILE_BITS, ZERO, add, spread, subtract};
-use super::run_ends::{Axis, ByLine, RunEnds};
+use super::run_boundaries::{Axis, ByLine, RunBoundaries};
 use super::size::{CircularSize, ClippedTool, QueryBox};
 use super::sweep::Sweep;
 use crate::occupancy::Occupancy;
@@ -22,9 +22,9 @@ pub(super) struct RunLengthCounter {
     obstacle: BitObstacle,
 }
 
-/// Where a tool stands that is counted plane by plane of a query box.
+/// State of a count that advances plane by plane through a query box.
 #[derive(Clone, Default)]
-pub(super) struct Walk {
+pub(super) struct Cursor {
     /// `None` where the tool meets nothing.
     sweep: Option<Sweep>,
     /// Addresses at which is read what steps cover and what they uncover, relative to a tile's; they wrap.
@@ -35,11 +35,11 @@ pub(super) struct Walk {
     previous: Vec<i32>,
 }
 
-impl Walk {
+impl Cursor {
     /// Bytes of one, by estimate.
     pub(super) fn memory(tool: &ClippedTool<'_>, query: &QueryBox) -> u64 {
         let [_, ny, nz] = query.dims;
-        let ends = RunEnds::count(tool).into_iter().max().unwrap_or(0);
+        let ends = RunBoundaries::count(tool).into_iter().max().unwrap_or(0);
         let table = 2 * (tool.dims[0] + 1) * (tool.dims[1] + 1);
         4 * (table + 2 * ends + ny * nz) as u64
     }
@@ -47,7 +47,7 @@ impl Walk {
 
 /// Working memory of one thread.
 pub(super) struct Scratch {
-    ends: RunEnds,
+    ends: RunBoundaries,
     /// Addresses that one tile reads.
     reads: Vec<u32>,
     digits: Box<[Digits; 2]>,
@@ -58,7 +58,7 @@ pub(super) struct Scratch {
 impl Default for Scratch {
     fn default() -> Self {
         Self {
-            ends: RunEnds::default(),
+            ends: RunBoundaries::default(),
             reads: Vec::new(),
             digits: Box::new([ZERO, ZERO]),
             plane: Vec::new(),
@@ -73,32 +73,38 @@ impl RunLengthCounter {
 
     /// Puts a tool before the first plane of a query box. Where planes are taken one after the other, the sweep is one of
     /// [`Order::PlanesUpwards`](super::sweep::Order::PlanesUpwards).
-    pub(super) fn start(&self, tool: &ClippedTool<'_>, sweep: Sweep, scratch: &mut Scratch, walk: &mut Walk) {
-        walk.sweep = (tool.dims[0] > 0 && sweep.steps() > 0).then_some(sweep);
-        if walk.sweep.is_none() {
+    pub(super) fn start(
+        &self,
+        tool: &ClippedTool<'_>,
+        sweep: Sweep,
+        scratch: &mut Scratch,
+        cursor: &mut Cursor,
+    ) {
+        cursor.sweep = (tool.dims[0] > 0 && sweep.steps() > 0).then_some(sweep);
+        if cursor.sweep.is_none() {
             return;
         }
         let ends = &mut scratch.ends;
         ends.collect(tool, sweep.axis);
-        for (addresses, offsets) in walk.addresses.iter_mut().zip([&ends.covered, &ends.uncovered]) {
+        for (addresses, offsets) in cursor.addresses.iter_mut().zip([&ends.covered, &ends.uncovered]) {
             offsets.map_into(addresses, |offset| self.obstacle.offset_address(offset) as u32);
         }
-        walk.next = i64::MIN;
-        walk.previous.clear();
+        cursor.next = i64::MIN;
+        cursor.previous.clear();
     }
 
     /// Overlaps over the next planes of the query box into `counts`: planes upwards from one
     /// call to the next, or all at once.
     pub(super) fn advance(
         &self,
-        walk: &mut Walk,
+        cursor: &mut Cursor,
         query: &QueryBox,
         planes: Range<i64>,
         scratch: &mut Scratch,
         counts: &mut [u32],
     ) {
         counts.fill(0);
-        let Some(sweep) = walk.sweep else { return };
+        let Some(sweep) = cursor.sweep else { return };
         let [xs, ys, zs] = Axis::ALL.map(|axis| sweep.range(axis, query));
         let lines = (ys.end - ys.start) as usize;
         let length = (zs.end - zs.start) as usize;
@@ -107,22 +113,22 @@ impl RunLengthCounter {
         // A difference upwards leads to the next plane.
         let ahead = i64::from(along_x && sweep.upwards);
         let xs = if along_x && sweep.upwards {
-            walk.next.max(xs.start)..xs.end.min(planes.end - ahead)
+            cursor.next.max(xs.start)..xs.end.min(planes.end - ahead)
         } else if along_x {
             xs
         } else {
             planes.clone()
         };
-        walk.next = xs.end.max(walk.next);
+        cursor.next = xs.end.max(cursor.next);
         if along_x {
-            walk.previous.resize(lines * length, 0);
+            cursor.previous.resize(lines * length, 0);
         }
         let mut window = *query;
         (window.lower[0], window.dims[0]) = (planes.start, (planes.end - planes.start) as usize);
         for step in 0..(xs.end - xs.start).max(0) {
             let x = if along_x && !sweep.upwards { xs.end - 1 - step } else { xs.start + step };
-            self.differences(x, &ys, &zs, &walk.addresses, scratch);
-            let (plane, previous) = (&mut scratch.plane, &mut walk.previous);
+            self.differences(x, &ys, &zs, &cursor.addresses, scratch);
+            let (plane, previous) = (&mut scratch.plane, &mut cursor.previous);
             vectorised!(self.arch, {
                 match sweep.axis {
                     Axis::X => add_up(previous, plane, sweep.upwards),

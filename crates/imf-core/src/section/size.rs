@@ -7,7 +7,7 @@ use rustfft::FftNum;
 use rustfft::num_traits::Float;
 
 use crate::grid::Grid;
-use crate::tool::{RotatedTool, Tool};
+use crate::tool::{Tool, ToolVoxels};
 
 /// A box of voxels relative to the obstacle's grid; it may start below voxel 0. Arrays over it are C-ordered.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -19,13 +19,13 @@ pub struct QueryBox {
 }
 
 impl QueryBox {
-    /// The box of `dims` voxels whose first stands at `offset` in the obstacle's grid, grown by `grow` on each side.
-    pub(super) fn around(offset: [i64; 3], dims: [usize; 3], grow: i64) -> Self {
-        Self { lower: offset.map(|o| o - grow), dims: dims.map(|d| d + 2 * grow as usize) }
+    /// The box of `dims` voxels whose first stands at `offset` in the obstacle's grid, padded by `padding` on each side.
+    pub(super) fn around(offset: [i64; 3], dims: [usize; 3], padding: i64) -> Self {
+        Self { lower: offset.map(|o| o - padding), dims: dims.map(|d| d + 2 * padding as usize) }
     }
 
     /// True where every voxel of the other box is one of this.
-    pub(super) fn holds(&self, other: &Self) -> bool {
+    pub(super) fn contains(&self, other: &Self) -> bool {
         (0..3)
             .map(|a| (self.range(a), other.range(a)))
             .all(|(own, its)| its.start >= own.start && its.end <= own.end)
@@ -127,7 +127,7 @@ impl Precision for f64 {}
 /// The part of a rotated tool that can matter: offsets beyond it meet no obstacle from any voxel of the query box. A box of
 /// the tool's voxels, read where they lie.
 pub(super) struct ClippedTool<'a> {
-    tool: &'a RotatedTool,
+    tool: &'a ToolVoxels,
     skip: [usize; 3],
     /// Offset of the first voxel of the box from the tip's voxel.
     pub(super) lower: [i64; 3],
@@ -136,7 +136,7 @@ pub(super) struct ClippedTool<'a> {
 }
 
 impl<'a> ClippedTool<'a> {
-    pub(super) fn new(tool: &'a RotatedTool, size: &CircularSize) -> Self {
+    pub(super) fn new(tool: &'a ToolVoxels, size: &CircularSize) -> Self {
         let upper = tool.upper();
         let lower = [0, 1, 2].map(|a| i64::from(tool.lower[a]).max(size.first[a]));
         let last = [0, 1, 2].map(|a| i64::from(upper[a]).min(size.last[a]));
@@ -160,7 +160,7 @@ impl<'a> ClippedTool<'a> {
     }
 }
 
-/// The least product of 2, 3, 5 and 7 that is at least `n`, and even where asked.
+/// The smallest product of 2, 3, 5 and 7 that is at least `n`, and even if `even`.
 fn fast_length(n: usize, even: bool) -> usize {
     (n.max(2)..)
         .find(|&candidate| {

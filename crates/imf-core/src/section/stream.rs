@@ -1,4 +1,4 @@
-//! Streaming over orientations: sections are made, visited and forgotten, so memory does not grow with their number.
+//! Streaming over orientations: sections are computed, visited and dropped, so memory does not grow with their number.
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -35,9 +35,9 @@ impl Imf {
         }
     }
 
-    /// Clamps values as fields give them on a grid of this pitch ([`Quantity::held`]).
-    pub fn hold(&mut self, quantity: Quantity, pitch: f64) {
-        self.value.iter_mut().for_each(|value| *value = quantity.held(*value, pitch));
+    /// Clamps values as fields give them on a grid of this pitch ([`Quantity::clamp`]).
+    pub fn clamp(&mut self, quantity: Quantity, pitch: f64) {
+        self.value.iter_mut().for_each(|value| *value = quantity.clamp(*value, pitch));
     }
 
     /// Takes the result of other orientations of the same set into account.

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::bit_sliced::TILE_BITS;
-use super::run_ends::{Axis, RunEnds};
+use super::run_boundaries::{Axis, RunBoundaries};
 use super::size::{ClippedTool, QueryBox};
 
 /// In which order the differences are summed up.
@@ -14,7 +14,7 @@ pub(super) struct Sweep {
     /// Voxels along the axis where a difference to the next one is taken.
     lower: i64,
     upper: i64,
-    /// Run ends along the axis.
+    /// Run boundaries along the axis.
     ends: usize,
 }
 
@@ -28,7 +28,7 @@ pub(super) enum Order {
 }
 
 impl Sweep {
-    /// The cheapest sweep of a tool with these run ends.
+    /// The cheapest sweep of a tool with these run boundaries.
     pub(super) fn choose(
         tool: &ClippedTool<'_>,
         obstacle: [usize; 3],
@@ -68,7 +68,7 @@ impl Sweep {
         order: Order,
         fits: impl Fn(&Self) -> bool,
     ) -> Option<Self> {
-        let ends = RunEnds::count(tool);
+        let ends = RunBoundaries::count(tool);
         let upper = tool.upper();
         let sweeps = Axis::ALL.into_iter().filter_map(|axis| {
             let a = axis.index();
@@ -94,7 +94,7 @@ impl Sweep {
         if axis == self.axis { self.lower..self.upper.max(self.lower) } else { query.range(axis.index()) }
     }
 
-    /// Tile-wide loads that the sweep makes, by estimate: run ends spread evenly over the tool's box, lines of the
+    /// Tile-wide loads that the sweep makes, by estimate: run boundaries spread evenly over the tool's box, lines of the
     /// obstacle nowhere empty.
     pub(super) fn loads(
         &self,

@@ -1,6 +1,6 @@
-use super::fixtures::{archs, cmf, counts, cylinder, orientations, scattered};
 use super::overlap::Estimate;
 use super::size::{CircularSize, ClippedTool};
+use super::test_shapes::{archs, cmf, counts, cylinder, orientations, scattered};
 use super::*;
 use crate::control::Control;
 use crate::occupancy::Occupancy;
@@ -11,7 +11,7 @@ const DIMS: [usize; 3] = [13, 11, 17];
 const SHAPES: [[usize; 3]; 3] = [DIMS, [1, 13, 11], [10, 12, 1]];
 
 fn plan(obstacle: &Occupancy, tool: &Tool, method: Method) -> SectionPlan {
-    SectionPlan::new(obstacle, tool, At::SharpPoints).unwrap().with_method(method)
+    SectionPlan::new(obstacle, tool, ToolPoints::SharpPoints).unwrap().with_method(method)
 }
 
 /// Sections by every method and every instruction set are direct sums.
@@ -26,7 +26,7 @@ fn every_method_counts_like_direct(obstacle: &Occupancy, tool: &Tool, orientatio
 }
 
 fn counts_equal_direct(plan: &SectionPlan, orientation: &Orientation) {
-    let rotated = RotatedTool::new(plan.tool(), orientation, plan.grid().pitch).unwrap();
+    let rotated = ToolVoxels::new(plan.tool(), orientation, plan.grid().pitch).unwrap();
     for (index, count) in counts(plan, orientation).0.into_iter().enumerate() {
         let voxel = plan.grid().voxel(index).map(|v| v as i64);
         let expected = direct_count(&plan.obstacle().forbidden, &rotated, voxel);
@@ -81,7 +81,7 @@ fn runs_and_counts_beyond_a_byte_and_beyond_sixteen_bits_are_exact() {
     let (obstacle, tool) = (solid([64, 50, 50]), cylinder(60.0, 70.0));
     for method in [Method::RunLength, Method::Fft] {
         let (counts, _) = counts(&plan(&obstacle, &tool, method), &set[3]);
-        let rotated = RotatedTool::new(&tool, &set[3], 1.0).unwrap();
+        let rotated = ToolVoxels::new(&tool, &set[3], 1.0).unwrap();
         assert!(counts.iter().any(|&count| count > 70_000));
         for (index, &count) in counts.iter().enumerate().step_by(1_371) {
             let voxel = obstacle.grid.voxel(index).map(|v| v as i64);
@@ -126,7 +126,7 @@ fn mesh_tools_with_holes_and_sharp_points_off_the_grid_are_direct_sums() {
 fn the_estimate_prefers_run_lengths_for_slender_tools_and_transforms_for_fat_ones() {
     let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [58, 76, 121] };
     let obstacle = Occupancy { grid, solid: vec![1; grid.len()] };
-    let plan = SectionPlan::new(&obstacle, Tool::paper(), At::SharpPoints).unwrap();
+    let plan = SectionPlan::new(&obstacle, Tool::paper(), ToolPoints::SharpPoints).unwrap();
     assert!(plan.describe().starts_with("run-length counting ("), "{}", plan.describe());
     let slow = plan.whole.describe(Estimate { run_length: 2.0, fft: 1.0 });
     assert!(slow.starts_with("real FFT 120×160×210"), "{slow}");
@@ -140,7 +140,7 @@ fn many_sharp_points_are_read_by_boxes_and_stay_the_minimum_of_all() {
         let obstacle = scattered(dims, 3);
         for radius in [1.4, 3.2] {
             let tool = Tool { sharp_points: SharpPoints::Boundary(None), ..cylinder(radius, 19.0) };
-            let plan = SectionPlan::new(&obstacle, &tool, At::SharpPoints).unwrap();
+            let plan = SectionPlan::new(&obstacle, &tool, ToolPoints::SharpPoints).unwrap();
             for orientation in orientations("fibonacci:5+axes") {
                 let cmf = cmf(&plan, &orientation);
                 for voxel in (0..obstacle.grid.len()).step_by(37) {
@@ -239,7 +239,7 @@ fn the_papers_scene_fits_f32_and_its_estimate_is_near_the_truth() {
 #[test]
 fn both_precisions_of_the_transform_give_the_same_whole_numbers() {
     let obstacle = scattered(DIMS, 1);
-    let rotated = RotatedTool::new(&cylinder(3.0, 9.0), &Orientation::new(33.0, 71.0), 1.0).unwrap();
+    let rotated = ToolVoxels::new(&cylinder(3.0, 9.0), &Orientation::new(33.0, 71.0), 1.0).unwrap();
     let query = QueryBox::around([0; 3], DIMS, 0);
     let size = CircularSize::new(DIMS, query, 10.0);
     let clipped = ClippedTool::new(&rotated, &size);
@@ -266,16 +266,16 @@ fn a_query_grid_of_its_own_sees_the_whole_obstacle() {
         ([0, 0, 60], [0, 0, -70]),
     ];
     for (before, after) in grids {
-        let query = obstacle.grid.grown(before, after).unwrap();
+        let query = obstacle.grid.padded(before, after).unwrap();
         // The same obstacle on a grid that holds the query grid too, where the definition reads every voxel.
-        let all = obstacle.grid.grown(before.map(|b| b.max(0)), after.map(|a| a.max(0))).unwrap();
+        let all = obstacle.grid.padded(before.map(|b| b.max(0)), after.map(|a| a.max(0))).unwrap();
         let (whole, shift) = (obstacle.on(&all).unwrap(), all.offset_of(&query).unwrap());
         for tool in [&cylinder(2.0, 9.0), &sharp] {
-            let plan = SectionPlan::with_query(&obstacle, tool, At::SharpPoints, &query).unwrap();
+            let plan = SectionPlan::with_query(&obstacle, tool, ToolPoints::SharpPoints, &query).unwrap();
             for orientation in orientations("random:3:8") {
                 let (counts, total) = counts(&plan, &orientation);
                 let cmf = cmf(&plan, &orientation);
-                let rotated = RotatedTool::new(tool, &orientation, 1.0).unwrap();
+                let rotated = ToolVoxels::new(tool, &orientation, 1.0).unwrap();
                 assert_eq!(total, rotated.count);
                 for index in 0..query.len() {
                     let voxel = query.voxel(index);
@@ -289,23 +289,23 @@ fn a_query_grid_of_its_own_sees_the_whole_obstacle() {
         }
     }
     let moved = Grid { origin: obstacle.grid.origin + 0.5, ..obstacle.grid };
-    let refusal = SectionPlan::with_query(&obstacle, &sharp, At::SharpPoints, &moved).err().unwrap();
+    let refusal = SectionPlan::with_query(&obstacle, &sharp, ToolPoints::SharpPoints, &moved).err().unwrap();
     assert!(refusal.to_string().contains("whole voxels"), "{refusal}");
 }
 
 #[test]
 fn a_window_of_the_plans_grid_has_its_counts() {
     let obstacle = scattered(DIMS, 1);
-    let query = obstacle.grid.grown([9, 8, 10], [8, 9, 11]).unwrap();
+    let query = obstacle.grid.padded([9, 8, 10], [8, 9, 11]).unwrap();
     let cases = [([-12, -3, -20], [-5, -20, -4]), ([0; 3], [0; 3]), ([0, -27, 0], [-29, 0, 0])];
     for tool in [cylinder(2.0, 9.0), cylinder(1.5, 30.0)] {
         for method in [Method::RunLength, Method::Fft, Method::Fastest] {
-            let plan = SectionPlan::with_query(&obstacle, &tool, At::SharpPoints, &query).unwrap();
+            let plan = SectionPlan::with_query(&obstacle, &tool, ToolPoints::SharpPoints, &query).unwrap();
             let (plan, mut scratch) = (plan.with_method(method), SectionScratch::default());
             for orientation in orientations("random:4:8") {
                 let (all, total) = counts(&plan, &orientation);
                 for (before, after) in cases {
-                    let window = query.grown(before, after).unwrap();
+                    let window = query.padded(before, after).unwrap();
                     let (whole, counts) = plan.counts_in(&orientation, &window, &mut scratch).unwrap();
                     assert_eq!((whole, counts.len()), (total, window.len()));
                     for (index, &count) in counts.iter().enumerate() {

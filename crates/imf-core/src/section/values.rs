@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::reading::{Line, LowestAround, Reading};
+use super::reading::{Line, LowestAround, SharpPointReader};
 use super::{SectionPlan, direct};
 use crate::orientation::Orientation;
 
@@ -20,11 +20,11 @@ impl SectionPlan {
         assert_eq!(cmf.len(), self.grid.len(), "one value for each voxel of the grid");
         if self.tip_alone() {
             for (value, &count) in cmf.iter_mut().zip(counts) {
-                *value = share(count, normaliser);
+                *value = overlap_fraction(count, normaliser);
             }
             return;
         }
-        let reading = Reading::new(self, orientation, normaliser, (counts, around));
+        let reading = SharpPointReader::new(self, orientation, normaliser, (counts, around));
         let mut line = Line::default();
         cmf.fill(f32::INFINITY);
         for (range, at) in self.lines() {
@@ -76,6 +76,6 @@ pub(super) fn mean(counts: &[u32], starts: &[(usize, f64)], z: usize) -> f32 {
 /// The collision measure of so many shared voxels of a tool that has `normaliser`, rounded as every section is.
 #[inline]
 #[must_use]
-pub fn share(count: u32, normaliser: u32) -> f32 {
+pub fn overlap_fraction(count: u32, normaliser: u32) -> f32 {
     ((1.0 / f64::from(normaliser)) * f64::from(count)).min(1.0) as f32
 }

@@ -1,6 +1,6 @@
 //! What one tool reaches of a whole surface, on all threads.
 
-use super::{Memory, Reach, SurfaceError, SurfaceSample, SurfaceTool, Turn};
+use super::{ColliderCache, Reach, SurfaceError, SurfaceSample, SurfaceTool, ToolDirection};
 use crate::control::Control;
 use crate::orientation::Orientation;
 use crate::parallel;
@@ -76,19 +76,19 @@ pub fn surface_access(
     control: Control<'_>,
 ) -> Result<SurfaceAccess, SurfaceError> {
     let words = directions.len().div_ceil(64);
-    let turns: Vec<Turn> = directions.iter().map(Turn::new).collect();
+    let turns: Vec<ToolDirection> = directions.iter().map(ToolDirection::new).collect();
     let parts = parallel::try_map(samples.len().div_ceil(CHUNK), |chunk| {
         let samples = &samples[chunk * CHUNK..samples.len().min((chunk + 1) * CHUNK)];
         let mut free = vec![0u64; samples.len() * words];
         let mut reach = Vec::with_capacity(samples.len());
-        let mut memory = Memory::new(turns.len());
+        let mut cache = ColliderCache::new(turns.len());
         for (index, sample) in samples.iter().enumerate() {
             if control.is_cancelled() {
                 return Err(SurfaceError::Cancelled);
             }
             let row = &mut free[index * words..(index + 1) * words];
             let free = |direction: usize| row[direction / 64] |= 1 << (direction % 64);
-            reach.push(tool.reach(sample, &turns, &mut memory, free));
+            reach.push(tool.reach(sample, &turns, &mut cache, free));
         }
         (control.progress)(samples.len() as u64);
         Ok((reach, free))

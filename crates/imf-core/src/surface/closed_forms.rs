@@ -25,7 +25,7 @@ const SAMPLES: usize = 1500;
 /// A part at a pitch, for several tools.
 struct Part {
     samples: Vec<SurfaceSample>,
-    surroundings: Surroundings,
+    environment: CollisionEnvironment,
     pitch: f64,
 }
 
@@ -41,12 +41,12 @@ impl Part {
         let grid = Grid::with_pitch(lower - shift, upper + shift, pitch, 1).unwrap();
         let solid = Arc::new(voxelize(mesh, &grid, false));
         let samples = SurfaceSamples::new(mesh, &solid, samples).samples;
-        Self { samples, surroundings: Surroundings::new(&solid.into(), &[]), pitch }
+        Self { samples, environment: CollisionEnvironment::new(&solid.into(), &[]), pitch }
     }
 
     fn found(&self, tool: &Tool, directions: &str) -> Found<'_> {
         let tolerance = default_tolerance(self.pitch, LengthUnit::Mm);
-        let tool = SurfaceTool::new(&self.surroundings, &tool.into(), tolerance).unwrap();
+        let tool = SurfaceTool::new(&self.environment, &tool.into(), tolerance).unwrap();
         let directions = OrientationSet::parse(directions).unwrap().orientations;
         let reach = surface_access(&tool, &self.samples, &directions, Control::quiet()).unwrap().reach;
         Found { samples: &self.samples, tool, reach }

@@ -1,4 +1,4 @@
-//! Where a tool stands when its cutter touches a point of a surface: its contact poses.
+//! Contact poses: poses of a tool at which its cutter touches a point of a surface.
 //!
 //! At a point with outward normal n the cutter touches with that point of its outline whose own outward normal is −n: one
 //! point of a ball, the rim of a flat end or, with the axis along n, any point of its bottom; the flank, at any height,
@@ -38,7 +38,7 @@ impl Slope {
         self.sine * other.cosine - self.cosine * other.sine
     }
 
-    /// True between two others, ends and what is as good as an end included.
+    /// True between two others, the ends included, up to rounding.
     fn is_between(self, from: Self, to: Self) -> bool {
         self.beyond(from) >= -SAME && self.beyond(to) <= SAME
     }
@@ -57,7 +57,7 @@ enum Piece {
     Edge { height: f64, radius: f64, from: Slope, to: Slope },
 }
 
-/// What touches.
+/// The part of the outline that touches.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Touch {
     /// One point of the outline, on the side that faces the surface.
@@ -86,26 +86,26 @@ impl Outline {
         let end = segments.last()?.range().1;
         let above = elements.iter().filter(|e| !cutting(e)).find_map(|e| e.profile.first());
         let neck = above.filter(|s| s.range().0 <= end).map_or(0.0, |s| s.radius(end));
-        let mut walk = Walk { pieces: Vec::new(), slope: Slope::DOWN, convex: true };
+        let mut builder = OutlineBuilder { pieces: Vec::new(), slope: Slope::DOWN, convex: true };
         let (mut height, mut radius) = (segments[0].range().0, 0.0);
         for segment in &segments {
             let (low, high) = segment.range();
             if low >= high {
                 continue;
             }
-            walk.step(height, [radius, segment.radius(low)]);
+            builder.step(height, [radius, segment.radius(low)]);
             let piece = piece(segment);
             let (begins, ends) = match piece {
                 Piece::Flank { slope, .. } | Piece::Level { slope, .. } => (slope, slope),
                 Piece::Round { from, to, .. } | Piece::Edge { from, to, .. } => (from, to),
             };
-            walk.turn(begins, low, segment.radius(low));
-            walk.pieces.push(piece);
-            (height, radius, walk.slope) = (high, segment.radius(high), ends);
+            builder.turn(begins, low, segment.radius(low));
+            builder.pieces.push(piece);
+            (height, radius, builder.slope) = (high, segment.radius(high), ends);
         }
-        let convex = walk.convex;
+        let convex = builder.convex;
         if radius > neck {
-            walk.step(height, [radius, neck]);
+            builder.step(height, [radius, neck]);
         }
         let all = elements.iter().flat_map(|e| &e.profile);
         let mut widest = 0.0;
@@ -115,7 +115,7 @@ impl Outline {
             undercuts |= segment.radius(low).min(segment.radius(high)) < widest * (1.0 - SAME);
             widest = segment.max_radius().max(widest);
         }
-        Some(Self { pieces: walk.pieces, undercuts, convex })
+        Some(Self { pieces: builder.pieces, undercuts, convex })
     }
 
     /// True where the cutter's upper end sticks out beyond what stands on it.
@@ -179,15 +179,15 @@ impl Outline {
     }
 }
 
-/// The pieces so far, on the way up an outline.
-struct Walk {
+/// Builds the pieces of an outline from the tip upwards.
+struct OutlineBuilder {
     pieces: Vec<Piece>,
     /// Where the last piece ended.
     slope: Slope,
     convex: bool,
 }
 
-impl Walk {
+impl OutlineBuilder {
     /// A level ring where the outline steps outward or inward, with the edge before it.
     fn step(&mut self, height: f64, [radius, next]: [f64; 2]) {
         if (radius - next).abs() <= SAME * radius.max(next) {
@@ -238,7 +238,7 @@ fn piece(segment: &Segment) -> Piece {
 
 /// The frame of a contact: the axis, and the direction across it in which the surface lies.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Facing {
+pub(super) struct ContactFrame {
     pub(super) axis: DVec3,
     /// Unit vector across the axis from the tool towards the surface; zero where the surface is level.
     pub(super) across: DVec3,
@@ -246,7 +246,7 @@ pub(super) struct Facing {
     pub(super) slope: Slope,
 }
 
-impl Facing {
+impl ContactFrame {
     /// Of a surface with an outward unit normal, for a tool with this axis from tip to holder; `None` where the sine of the
     /// inward normal is above `highest`.
     pub(super) fn new(normal: DVec3, axis: DVec3, highest: f64) -> Option<Self> {
@@ -347,13 +347,13 @@ mod tests {
     #[test]
     fn the_touching_point_of_the_tool_lies_on_the_surface() {
         let (normal, axis) = (DVec3::new(0.3, -0.5, 0.8).normalize(), DVec3::new(-0.2, 0.1, 0.9).normalize());
-        let facing = Facing::new(normal, axis, 1.0).unwrap();
+        let facing = ContactFrame::new(normal, axis, 1.0).unwrap();
         let point = DVec3::new(4.0, 5.0, 6.0);
         // Of a ball the centre lies one radius outside, whatever the axis.
         let Slope { sine, cosine } = facing.slope;
         let tip = facing.tip(point, 2.0 + 2.0 * sine, 2.0 * cosine);
         assert!((tip + axis * 2.0 - (point + normal * 2.0)).length() < 1e-12);
-        assert_eq!(Facing::new(DVec3::Z, DVec3::Z, 1.0).unwrap().across, DVec3::ZERO);
-        assert!(Facing::new(DVec3::Z, DVec3::NEG_Z, 0.5).is_none());
+        assert_eq!(ContactFrame::new(DVec3::Z, DVec3::Z, 1.0).unwrap().across, DVec3::ZERO);
+        assert!(ContactFrame::new(DVec3::Z, DVec3::NEG_Z, 0.5).is_none());
     }
 }

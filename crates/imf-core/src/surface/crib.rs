@@ -4,8 +4,8 @@
 //! there, the smaller ones first: what holds all of one that collides does too. Of a sample one direction that a tool reaches it from is enough, and the one that served the sample before is tried
 //! first. The verdicts are those of [`surface_access`](super::surface_access), tool by tool.
 
-use super::stance::{Above, Last, Stance};
-use super::{Shape, SurfaceError, SurfaceSample, SurfaceTool, Turn, Verdict};
+use super::sample_query::{Above, Last, SampleQuery};
+use super::{Shape, SurfaceError, SurfaceSample, SurfaceTool, ToolDirection, Verdict};
 use crate::control::Control;
 use crate::orientation::Orientation;
 use crate::parallel;
@@ -25,7 +25,7 @@ pub fn crib_access(
     directions: &[Orientation],
     control: Control<'_>,
 ) -> Result<Vec<Vec<Verdict>>, SurfaceError> {
-    let turns: Vec<Turn> = directions.iter().map(Turn::new).collect();
+    let turns: Vec<ToolDirection> = directions.iter().map(ToolDirection::new).collect();
     let mut verdicts = vec![Vec::with_capacity(samples.len()); tools.len()];
     for group in same_cutters(tools) {
         let members: Vec<&SurfaceTool> = group.iter().map(|&tool| &tools[tool]).collect();
@@ -99,7 +99,7 @@ impl Nested {
 struct Work<'a> {
     members: &'a [&'a SurfaceTool],
     nested: &'a Nested,
-    turns: &'a [Turn],
+    turns: &'a [ToolDirection],
     /// Poses so far, and by tool the last one at which it collided.
     poses: u64,
     collided: Vec<u64>,
@@ -112,7 +112,7 @@ struct Work<'a> {
 }
 
 impl<'a> Work<'a> {
-    fn new(members: &'a [&'a SurfaceTool], nested: &'a Nested, turns: &'a [Turn]) -> Self {
+    fn new(members: &'a [&'a SurfaceTool], nested: &'a Nested, turns: &'a [ToolDirection]) -> Self {
         let (at_cutter, at_rest) = (vec![None; turns.len()], vec![None; members.len()]);
         let collided = vec![0; members.len()];
         Self { members, nested, turns, poses: 0, collided, at_cutter, at_rest, served: 0 }
@@ -122,7 +122,7 @@ impl<'a> Work<'a> {
         let mut verdicts = vec![Verdict::NotFaced; self.members.len()];
         let nested = self.nested;
         let mut open = nested.order.clone();
-        let stance = Stance::new(self.members[0], sample);
+        let query = SampleQuery::new(self.members[0], sample);
         let first = self.served;
         let order = std::iter::once(first).chain((0..self.turns.len()).filter(|&turn| turn != first));
         for index in order.filter(|&turn| turn < self.turns.len()) {
@@ -130,12 +130,12 @@ impl<'a> Work<'a> {
                 (&self.turns[index], &mut self.at_cutter[index], &mut self.at_rest);
             let (members, poses, collided) = (self.members, &mut self.poses, &mut self.collided);
             let before = open.len();
-            if stance.has_ring(turn) {
+            if query.has_ring(turn) {
                 // Each steps away from what it hits itself.
                 open.retain(|&tool| {
                     let is_free = |tip| members[tool].is_rest_free(tip, turn.axis, &mut at_rest[tool]);
                     let outcome =
-                        stance.from(turn, at_cutter, &mut Above { rest: members[tool].rest(), is_free });
+                        query.best_pose(turn, at_cutter, &mut Above { rest: members[tool].rest(), is_free });
                     verdicts[tool] = verdicts[tool].min(outcome.verdict());
                     verdicts[tool] != Verdict::Reached
                 });
@@ -154,7 +154,7 @@ impl<'a> Work<'a> {
                     });
                     open.is_empty()
                 };
-                let outcome = stance.from(turn, at_cutter, &mut Above { rest: None, is_free });
+                let outcome = query.best_pose(turn, at_cutter, &mut Above { rest: None, is_free });
                 // What is still open went as the cutter did.
                 for &tool in &open {
                     verdicts[tool] = verdicts[tool].min(outcome.verdict());
@@ -181,7 +181,7 @@ mod tests {
     use crate::grid::Grid;
     use crate::orientation::OrientationSet;
     use crate::parts::shell::{pocketed, rounded_rectangle};
-    use crate::surface::{SurfaceSamples, Surroundings, surface_access};
+    use crate::surface::{CollisionEnvironment, SurfaceSamples, surface_access};
     use crate::tool::{Element, ElementKind, Segment, SharpPoints, ToolShape};
     use crate::unit::LengthUnit;
     use crate::voxelize::voxelize;
@@ -241,10 +241,10 @@ mod tests {
             let [x, y, z] = clamp.voxel(index);
             *s = u8::from(x < 4 && y < 8 && z > 20);
         }
-        let surroundings = Surroundings::new(&solid.into(), &[Arc::new(held).into()]);
+        let environment = CollisionEnvironment::new(&solid.into(), &[Arc::new(held).into()]);
         let tools: Vec<SurfaceTool> = crib()
             .into_iter()
-            .map(|tool| SurfaceTool::new(&surroundings, &tool.into(), 0.1).unwrap())
+            .map(|tool| SurfaceTool::new(&environment, &tool.into(), 0.1).unwrap())
             .collect();
         // A slimmer shank is another shoulder of the cutter, or none.
         assert_eq!(same_cutters(&tools).iter().map(Vec::len).collect::<Vec<_>>(), [1, 4, 1, 4, 1, 4, 1, 4]);

@@ -8,8 +8,8 @@
 
 use glam::{DQuat, DVec3};
 
-use super::contact::{Facing, Touch};
-use super::{Revolved, Shape, SurfaceError, SurfaceSample, SurfaceTool, Turn};
+use super::contact::{ContactFrame, Touch};
+use super::{Revolved, Shape, SurfaceError, SurfaceSample, SurfaceTool, ToolDirection};
 use crate::control::Control;
 use crate::field::solid::SolidField;
 use crate::grid::Grid;
@@ -60,7 +60,7 @@ impl SurfaceTool {
     }
 
     /// The tips of a direction's contact poses.
-    fn contact_tips(&self, sample: &SurfaceSample, turn: &Turn, mut visit: impl FnMut(DVec3)) {
+    fn contact_tips(&self, sample: &SurfaceSample, turn: &ToolDirection, mut visit: impl FnMut(DVec3)) {
         let tool = match &self.shape {
             Shape::Revolved(tool) => tool,
             Shape::Mesh { touching, .. } => {
@@ -71,11 +71,11 @@ impl SurfaceTool {
                 return;
             }
         };
-        let Some(facing) = Facing::new(sample.normal, turn.axis, tool.highest) else { return };
+        let Some(frame) = ContactFrame::new(sample.normal, turn.axis, tool.highest) else { return };
         let u = turn.axis.any_orthonormal_vector();
         let v = turn.axis.cross(u);
-        tool.outline.touches(facing.slope, self.tolerance, |touch| match touch {
-            Touch::Point { height, radius } => visit(facing.tip(sample.point, height, radius)),
+        tool.outline.touches(frame.slope, self.tolerance, |touch| match touch {
+            Touch::Point { height, radius } => visit(frame.tip(sample.point, height, radius)),
             Touch::Ring { height, inner, outer } => {
                 let middle = sample.point - turn.axis * height;
                 if inner == 0.0 {
@@ -89,7 +89,7 @@ impl SurfaceTool {
         });
     }
 
-    fn least_overlap(&self, sample: &SurfaceSample, turns: &[Turn]) -> Option<LeastOverlap> {
+    fn least_overlap(&self, sample: &SurfaceSample, turns: &[ToolDirection]) -> Option<LeastOverlap> {
         let mut least: Option<LeastOverlap> = None;
         for (direction, turn) in turns.iter().enumerate() {
             self.contact_tips(sample, turn, |tip| {
@@ -141,7 +141,7 @@ pub fn least_overlaps(
     directions: &[Orientation],
     control: Control<'_>,
 ) -> Result<Vec<Option<LeastOverlap>>, SurfaceError> {
-    let turns: Vec<Turn> = directions.iter().map(Turn::new).collect();
+    let turns: Vec<ToolDirection> = directions.iter().map(ToolDirection::new).collect();
     let chunks: Vec<&[usize]> = chosen.chunks(CHUNK).collect();
     let found = parallel::try_map(chunks.len(), |chunk| {
         let of_one = |&sample: &usize| {
@@ -215,7 +215,7 @@ pub fn culprits(
 mod tests {
     use std::sync::Arc;
 
-    use super::super::{Reach, SolidBody, SurfaceSamples, Surroundings, surface_access};
+    use super::super::{CollisionEnvironment, Reach, SolidBody, SurfaceSamples, surface_access};
     use super::*;
     use crate::occupancy::Occupancy;
     use crate::orientation::OrientationSet;
@@ -251,7 +251,7 @@ mod tests {
             sharp_points: SharpPoints::Tip,
             overall_length: None,
         };
-        let around = Surroundings::new(&SolidBody::from(Arc::new(solid.clone())), &[]);
+        let around = CollisionEnvironment::new(&SolidBody::from(Arc::new(solid.clone())), &[]);
         SurfaceTool::new(&around, &short.into(), 0.1).unwrap()
     }
 

@@ -63,7 +63,7 @@ mod tests {
     use super::*;
     use crate::field::solid::SolidField;
     use crate::orientation::OrientationSet;
-    use crate::section::fixtures::scattered;
+    use crate::section::test_shapes::scattered;
     use crate::surface::closed_forms::solids::{extruded, of_mesh};
     use std::sync::Arc;
 

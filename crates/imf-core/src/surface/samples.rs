@@ -17,7 +17,7 @@ pub struct SurfaceSample {
     /// Its area.
     pub area: f64,
     /// Sine of half the angle by which the mesh turns at the smooth edges of the triangle that it lies on, at most: a facet
-    /// stands for a curved surface whose own normal may differ by so much. 0 on a plane.
+    /// approximates a curved surface, whose true normal may differ by so much. 0 on a plane.
     pub bend: f64,
 }
 

@@ -5,10 +5,10 @@ use glam::{DQuat, DVec3};
 
 use super::{SurfaceAccess, SurfaceSample};
 use crate::control::Control;
-use crate::cover::{CoverProblem, CoverSettings};
 use crate::mesh::{MachiningDirection, Mesh, SAME};
 use crate::orientation::{AXES, Limits, Orientation};
 use crate::parallel;
+use crate::set_cover::{CoverProblem, CoverSettings};
 
 /// Ways up that a vise and the part suggest: the axes, then the part's own directions, then their opposites; none twice.
 #[must_use]
@@ -59,7 +59,7 @@ impl PartSetup {
         let mut starts: Vec<f64> = partial.map(|turn| turn[0]).collect();
         starts.sort_by(f64::total_cmp);
         starts.dedup();
-        let (rests, floor_area) = (part.rests_on(-up), part.floor_area(-up));
+        let (rests, floor_area) = (part.is_stable_on(-up), part.floor_area(-up));
         let setup = |turn: f64| {
             let reached = (0..turns.len()).filter(|&direction| end(&turns[direction], turn).is_some());
             Self { up, turn, directions: reached.collect(), rests, floor_area }
@@ -97,8 +97,8 @@ impl PartSetup {
 fn end(turns: &[[f64; 2]], turn: f64) -> Option<f64> {
     let ends = turns.iter().flat_map(|&[from, to]| {
         let whole = to - from >= 360.0;
-        let holds = move |shift: &f64| (from - SLACK..=to + SLACK).contains(&(turn + shift));
-        let ends = [0.0, 360.0, -360.0].into_iter().filter(holds).map(move |shift| to - shift);
+        let contains = move |shift: &f64| (from - SLACK..=to + SLACK).contains(&(turn + shift));
+        let ends = [0.0, 360.0, -360.0].into_iter().filter(contains).map(move |shift| to - shift);
         ends.map(move |end| if whole { f64::INFINITY } else { end.max(turn) })
     });
     ends.max_by(f64::total_cmp)
@@ -222,7 +222,9 @@ mod tests {
     use crate::grid::Grid;
     use crate::mesh::tests::unit_cube;
     use crate::orientation::OrientationSet;
-    use crate::surface::{SurfaceSamples, SurfaceTool, Surroundings, default_tolerance, surface_access};
+    use crate::surface::{
+        CollisionEnvironment, SurfaceSamples, SurfaceTool, default_tolerance, surface_access,
+    };
     use crate::tool::{Element, ElementKind, Segment, SharpPoints, Tool, ToolShape};
     use crate::unit::LengthUnit;
     use crate::voxelize::voxelize;
@@ -252,10 +254,10 @@ mod tests {
         let grid = Grid::with_pitch(DVec3::splat(-0.4), DVec3::new(40.3, 30.3, 15.3), 1.0, 1).unwrap();
         let solid = Arc::new(voxelize(&block, &grid, false));
         let samples = SurfaceSamples::new(&block, &solid, 600).samples;
-        let surroundings = Surroundings::new(&solid.into(), &[]);
+        let environment = CollisionEnvironment::new(&solid.into(), &[]);
         let directions = OrientationSet::parse("0,0;0,180;0,90;180,90;90,90;270,90").unwrap().orientations;
         let tool =
-            SurfaceTool::new(&surroundings, &tool.into(), default_tolerance(1.0, LengthUnit::Mm)).unwrap();
+            SurfaceTool::new(&environment, &tool.into(), default_tolerance(1.0, LengthUnit::Mm)).unwrap();
         let access = surface_access(&tool, &samples, &directions, Control::quiet()).unwrap();
         let limits = Limits::parse(limits).unwrap();
         let setups: Vec<PartSetup> =
@@ -330,9 +332,9 @@ mod tests {
                 for degrees in 0..3600 {
                     let turn = DQuat::from_rotation_z((0.1 * f64::from(degrees)).to_radians());
                     let there = reached(turn * upright);
-                    let holds =
+                    let contains =
                         |setup: &PartSetup| there.iter().all(|index| setup.directions.contains(index));
-                    assert!(setups.iter().any(holds), "{limits} {up} {degrees}: {there:?}");
+                    assert!(setups.iter().any(contains), "{limits} {up} {degrees}: {there:?}");
                 }
                 // And each reaches what it says, but for what lies on the very end of a range.
                 for setup in &setups {

@@ -311,7 +311,7 @@ mod tests {
         Body::new([line(-1.0, 2.0, 1.5, 3.5), line(2.0, 4.0, 3.5, 2.0), round].into_iter()).unwrap()
     }
 
-    fn holds(body: &Body, height: f64, radius: f64) -> bool {
+    fn contains(body: &Body, height: f64, radius: f64) -> bool {
         body.segments
             .iter()
             .any(|s| (s.range().0..s.range().1).contains(&height) && s.radius(height) >= radius)
@@ -346,7 +346,7 @@ mod tests {
         for step in 0..600 {
             let radius = f64::from(step) * 0.01;
             let lowest =
-                (0..8000).map(|h| f64::from(h) * 1e-3 - 1.0).find(|&h| holds(&body, h, radius)).unwrap();
+                (0..8000).map(|h| f64::from(h) * 1e-3 - 1.0).find(|&h| contains(&body, h, radius)).unwrap();
             assert!(body.rise(radius) <= lowest + 1e-9 && body.rise(radius) > lowest - 2e-3, "{radius}");
             assert!(body.rise_at_least(radius) <= body.rise(radius), "{radius}");
         }
@@ -383,7 +383,7 @@ mod tests {
                     centres.iter().all(|&centre| {
                         let from_tip = centre - tip;
                         let height = from_tip.dot(axis);
-                        !holds(&body, height - stands, (from_tip - axis * height).length())
+                        !contains(&body, height - stands, (from_tip - axis * height).length())
                     })
                 };
                 let expected = (0..30_000).map(|i| 1.0 + 1e-3 * f64::from(i)).find(|&s| free(s)).unwrap();

@@ -8,9 +8,9 @@
 
 use glam::DVec3;
 
+use super::sample_query::{Above, Last, Outcome, SampleQuery};
 use super::skyline::{Body, Skyline, Waiting, boundary};
-use super::stance::{Above, Last, Outcome, Stance};
-use super::{Shape, SurfaceError, SurfaceSample, SurfaceTool, Surroundings, Turn, Verdict};
+use super::{CollisionEnvironment, Shape, SurfaceError, SurfaceSample, SurfaceTool, ToolDirection, Verdict};
 use crate::control::Control;
 use crate::field::solid::SolidField;
 use crate::orientation::Orientation;
@@ -95,24 +95,24 @@ impl StickOutTool {
     /// # Errors
     /// As [`SurfaceTool::new`]; a tool without a holder.
     pub fn new(
-        surroundings: &Surroundings,
+        environment: &CollisionEnvironment,
         assembly: &Assembly,
         tolerance: f64,
     ) -> Result<Self, SurfaceError> {
         let (given, clearance) = (assembly.tool(), assembly.clearance());
         let no_holder = || SurfaceError::NoHolder(given.name.clone());
-        let mut tool = SurfaceTool::new(surroundings, assembly, tolerance)?;
+        let mut tool = SurfaceTool::new(environment, assembly, tolerance)?;
         let Shape::Revolved(revolved) = &mut tool.shape else { return Err(no_holder()) };
         let shortest = given.shortest_stick_out().ok_or_else(no_holder)?;
         let fixed = given.with_stick_out(shortest).ok_or_else(no_holder)?.without_holder();
         let fixed = fixed.offset(clearance)?;
         let as_set = revolved.rest.take().ok_or_else(no_holder)?;
         revolved.rest =
-            fixed.noncutting().map(|shank| SolidField::of_tool(surroundings.keep_out.clone(), shank));
+            fixed.noncutting().map(|shank| SolidField::of_tool(environment.keep_out.clone(), shank));
         let holder = given.holder().ok_or_else(no_holder)?.with_clearance(clearance)?;
         let ToolShape::Revolved(elements) = &holder.shape else { return Err(no_holder()) };
         let outline = elements.iter().flat_map(|element| element.profile.iter().copied());
-        let solid = surroundings.keep_out.occupancy();
+        let solid = environment.keep_out.occupancy();
         let pitch = solid.grid.pitch;
         // No answer is beyond what is solid, seen from a tip that touches it.
         let farthest = solid.grid.size().length() + given.reach();
@@ -120,11 +120,11 @@ impl StickOutTool {
         let bared = (0..=pieces).map(|piece| {
             let profile = given.extension(0.0, PIECE * pitch * f64::from(piece).exp2()).into_iter().collect();
             let piece = Element { kind: ElementKind::Shank, profile }.offset(clearance.shank);
-            SolidField::of_elements(surroundings.keep_out.clone(), &[piece])
+            SolidField::of_elements(environment.keep_out.clone(), &[piece])
         });
         Ok(Self {
             holder: Body::new(outline).ok_or_else(no_holder)?,
-            at_holder: SolidField::of_tool(surroundings.keep_out.clone(), &holder),
+            at_holder: SolidField::of_tool(environment.keep_out.clone(), &holder),
             bared: bared.collect::<Option<_>>().ok_or_else(no_holder)?,
             shortest,
             longest: given.overall_length.unwrap_or(f64::INFINITY),
@@ -241,8 +241,8 @@ pub fn least_stick_outs(
     directions: &[Orientation],
     control: Control<'_>,
 ) -> Result<Vec<StickOut>, SurfaceError> {
-    let stances = parallel::map(samples.len(), |sample| Stance::new(&tool.tool, &samples[sample]));
-    let turns: Vec<Turn> = directions.iter().map(Turn::new).collect();
+    let stances = parallel::map(samples.len(), |sample| SampleQuery::new(&tool.tool, &samples[sample]));
+    let turns: Vec<ToolDirection> = directions.iter().map(ToolDirection::new).collect();
     let mut found = vec![StickOut::NotFaced; samples.len()];
     for (block, turns) in turns.chunks(DIRECTIONS).enumerate() {
         let skylines =
@@ -254,7 +254,7 @@ pub fn least_stick_outs(
                 if control.is_cancelled() {
                     return Err(SurfaceError::Cancelled);
                 }
-                let stance = &stances[chunk * CHUNK + sample];
+                let query = &stances[chunk * CHUNK + sample];
                 for (index, (turn, skyline)) in turns.iter().zip(&skylines).enumerate() {
                     // None is shorter.
                     if best.length() <= tool.shortest {
@@ -274,7 +274,7 @@ pub fn least_stick_outs(
                             }
                             best.length() <= enough
                         };
-                        stance.from(turn, at_cutter, &mut Above { rest, is_free })
+                        query.best_pose(turn, at_cutter, &mut Above { rest, is_free })
                     };
                     let outcome = match search(tool.tool.rest(), tool.shortest, best) {
                         Outcome::Good | Outcome::Obstructed(_) => StickOut::Obstructed,
@@ -284,7 +284,7 @@ pub fn least_stick_outs(
                     if outcome.verdict() < best.verdict() {
                         *best = outcome;
                     }
-                    if best.length() > tool.given && stance.has_ring(turn) {
+                    if best.length() > tool.given && query.has_ring(turn) {
                         // Places to which the tool as it is would step aside.
                         search(Some(&tool.as_set), tool.given, best);
                     }

@@ -5,13 +5,13 @@ use std::sync::Arc;
 use glam::{DMat4, DQuat, DVec3};
 
 use super::closed_forms::solids::{ball, extruded, flat, line, tapered, tool};
-use super::contact::Facing;
+use super::contact::ContactFrame;
 use super::*;
 use crate::control::Control;
 use crate::grid::Grid;
 use crate::mesh::Mesh;
 use crate::occupancy::Occupancy;
-use crate::tool::{Clearance, Tool, holds};
+use crate::tool::{Clearance, Tool, contains};
 use crate::voxelize::voxelize;
 
 /// Numbers in [0, 1).
@@ -66,7 +66,7 @@ struct Definition {
 
 impl Definition {
     fn any(&self, body: usize, element: &Element, tip: DVec3, axis: DVec3) -> bool {
-        let held = |&centre: &DVec3| holds(&element.profile, axis, centre - tip, self.slack);
+        let held = |&centre: &DVec3| contains(&element.profile, axis, centre - tip, self.slack);
         self.bodies[body].iter().any(held)
     }
 
@@ -87,12 +87,12 @@ impl Definition {
     fn outcome(&self, sample: &SurfaceSample, axis: DVec3) -> Option<(Outcome, Vec<(ElementKind, usize)>)> {
         let mut best = (Outcome::NoContact, Vec::new());
         let highest = self.outline.highest(self.tolerance);
-        let Some(facing) = Facing::new(sample.normal, axis, highest) else { return Some(best) };
+        let Some(frame) = ContactFrame::new(sample.normal, axis, highest) else { return Some(best) };
         let mut touches = Vec::new();
-        self.outline.touches(facing.slope, self.tolerance, |touch| touches.push(touch));
+        self.outline.touches(frame.slope, self.tolerance, |touch| touches.push(touch));
         for touch in touches {
             let contact::Touch::Point { height, radius } = touch else { return None };
-            let tip = facing.tip(sample.point, height, radius);
+            let tip = frame.tip(sample.point, height, radius);
             let found = if self.any(0, &self.cutter, tip, axis) {
                 (Outcome::Gouged, Vec::new())
             } else {
@@ -153,12 +153,13 @@ fn verdicts_are_those_of_every_voxel_against_every_element() {
             slack: crate::tool::SLACK * pitch * pitch,
         };
         let [body, fixture] = solids.map(SolidBody::from);
-        let surroundings = Surroundings::new(&body, &[fixture]);
+        let environment = CollisionEnvironment::new(&body, &[fixture]);
         let assembly = Tool::offset(tool, &clearance).unwrap();
-        let fast = SurfaceTool::new(&surroundings, &assembly, tolerance).unwrap();
+        let fast = SurfaceTool::new(&environment, &assembly, tolerance).unwrap();
         let found = surface_access(&fast, &samples, &directions, Control::quiet()).unwrap();
 
-        let axes: Vec<DVec3> = directions.iter().map(|direction| Turn::new(direction).axis).collect();
+        let axes: Vec<DVec3> =
+            directions.iter().map(|direction| ToolDirection::new(direction).axis).collect();
         for (index, sample) in samples.iter().enumerate() {
             assert_eq!(sample.bend, 0.0, "a box has flat faces");
             let outcomes = axes.iter().map(|&axis| definition.outcome(sample, axis));
@@ -171,9 +172,9 @@ fn verdicts_are_those_of_every_voxel_against_every_element() {
                 assert_eq!(free, *outcome == Outcome::Good, "{seed} {index} {direction}: {outcome:?}");
             }
             let reached = outcomes.iter().filter(|(outcome, _)| *outcome == Outcome::Good).count();
-            let facing = |direction: usize| sample.normal.dot(axes[direction]);
+            let frame = |direction: usize| sample.normal.dot(axes[direction]);
             let obstructed = (0..axes.len()).filter(|&d| matches!(outcomes[d].0, Outcome::Obstructed(_)));
-            let nearest = obstructed.max_by(|&a, &b| facing(a).total_cmp(&facing(b)));
+            let nearest = obstructed.max_by(|&a, &b| frame(a).total_cmp(&frame(b)));
             let gouged = outcomes.iter().any(|(outcome, _)| *outcome == Outcome::Gouged);
             match (found.reach[index], nearest) {
                 (Reach::Reached { directions }, _) => {

@@ -2,8 +2,8 @@
 
 use glam::{DMat4, DVec3};
 
-use super::posed::{mesh_voxels, snapped};
-use super::rotated::{SLACK, bounds, line_through_cylinder};
+use super::tool_voxels::{SLACK, bounds, line_through_cylinder};
+use super::voxel_count::{mesh_voxels, snapped};
 use super::{Element, ElementKind, Segment, Tool, ToolShape};
 use crate::grid::Grid;
 use crate::mesh::Mesh;
@@ -49,7 +49,12 @@ impl Tool {
 impl Element {
     /// Visits the obstacle's solid voxels whose centres lie in the element at a pose, each with its height on the element's axis
     /// and its distance from it, by the predicate that defines the tool. Nothing at an invalid pose.
-    pub(crate) fn held(&self, obstacle: &Occupancy, pose: &Pose, mut visit: impl FnMut(usize, f64, f64)) {
+    pub(crate) fn visit_inside(
+        &self,
+        obstacle: &Occupancy,
+        pose: &Pose,
+        mut visit: impl FnMut(usize, f64, f64),
+    ) {
         let Some(axis) = pose.axis() else { return };
         let (Some(first), Some(last)) = (self.profile.first(), self.profile.last()) else { return };
         let grid = &obstacle.grid;
@@ -127,7 +132,7 @@ fn outline(segment: &Segment, height: f64, radius: f64) -> f64 {
 impl Tool {
     /// Visits the obstacle's solid voxels whose centres lie in a mesh tool at a pose, each with its place relative to the tip, and
     /// gives the mesh turned as there. `None` for other tools, an invalid pose, and a mesh too large to be made of voxels.
-    pub(crate) fn held_by_mesh(
+    pub(crate) fn visit_inside_mesh(
         &self,
         obstacle: &Occupancy,
         pose: &Pose,

@@ -15,7 +15,7 @@ use super::Tool;
 use super::stack::{Stack, end_mill, line, pointed, top};
 use crate::file_error::Fault;
 
-/// What is wrong with `FILE#`: an empty name would be answered by whatever tool happens to have none.
+/// The message for `FILE#`: an empty name would match any tool without a name.
 const NAMELESS: &str = "no tool is named behind the #";
 
 /// Names that a message lists.

@@ -357,8 +357,7 @@ mod tests {
         let clearance = Clearance { holder: 1.0, shank: 1.0, cutter: 2.0 };
         let offset = Tool::paper().with_clearance(&clearance).unwrap();
         let rotated =
-            super::super::RotatedTool::new(&offset, &crate::orientation::Orientation::default(), 1.0)
-                .unwrap();
+            super::super::ToolVoxels::new(&offset, &crate::orientation::Orientation::default(), 1.0).unwrap();
         assert_eq!(rotated.lower, [-15, -15, -2]);
         assert!((f64::from(rotated.count) / offset.volume() - 1.0).abs() < 0.02);
     }

@@ -4,7 +4,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::profile::{self, Element, ElementKind, Segment};
-use super::{SLACK, Tool, ToolShape, holds};
+use super::{SLACK, Tool, ToolShape, contains};
 
 /// The points of a tool at which it cuts: the collision measure is the minimum over them.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -79,7 +79,7 @@ impl SharpPoints {
 fn boundary(elements: &[Element], pitch: f64) -> Vec<DVec3> {
     let slack = SLACK * pitch * pitch;
     let at = |voxel: [i64; 3]| DVec3::from_array(voxel.map(|i| i as f64)) * pitch;
-    let in_tool = |voxel| elements.iter().any(|e| holds(&e.profile, DVec3::Z, at(voxel), slack));
+    let in_tool = |voxel| elements.iter().any(|e| contains(&e.profile, DVec3::Z, at(voxel), slack));
     let cutter: Vec<&Element> = elements.iter().filter(|e| e.kind == ElementKind::Cutter).collect();
     let mut points = vec![DVec3::ZERO];
     for element in cutter {
@@ -95,7 +95,7 @@ fn boundary(elements: &[Element], pitch: f64) -> Vec<DVec3> {
                     next[side / 2] += if side.is_multiple_of(2) { -1 } else { 1 };
                     next
                 });
-                let inside = holds(&element.profile, DVec3::Z, at(voxel), slack);
+                let inside = contains(&element.profile, DVec3::Z, at(voxel), slack);
                 if inside && voxel != [0; 3] && !neighbours.all(in_tool) {
                     points.push(at(voxel));
                 }
@@ -111,7 +111,7 @@ mod tests {
 
     use super::*;
     use crate::orientation::Orientation;
-    use crate::tool::{Clearance, RotatedTool};
+    use crate::tool::{Clearance, ToolVoxels};
     use crate::unit::LengthUnit;
 
     #[test]
@@ -131,7 +131,7 @@ mod tests {
     fn boundary_points_are_the_voxels_of_the_cutter_that_touch_what_is_not_tool() {
         let tool = Tool { sharp_points: SharpPoints::Boundary(None), ..Tool::paper() };
         for pitch in [1.0, 1.7] {
-            let voxels = RotatedTool::new(&tool, &Orientation::default(), pitch).unwrap();
+            let voxels = ToolVoxels::new(&tool, &Orientation::default(), pitch).unwrap();
             let solid: HashSet<[i64; 3]> = voxels.offsets().collect();
             let open = |&[x, y, z]: &[i64; 3]| {
                 let beside = |step| [[x + step, y, z], [x, y + step, z], [x, y, z + step]];

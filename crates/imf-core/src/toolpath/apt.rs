@@ -8,14 +8,14 @@
 
 use std::str::FromStr;
 
-use super::{CutterStatement, Direction, Location, MoveKind, Toolpath, Wrong, pose};
+use super::{CutterStatement, Direction, LineError, Location, MoveKind, Toolpath, pose};
 use crate::unit::LengthUnit;
 
 /// Words that neither move the tool nor change what its coordinates mean.
 const STILL: &str = "AUXFUN CLEARP COOLNT DELAY DISPLY DWELL END END-OF-PATH FEDRAT FINI INTOL LEADER MACHIN MULTAX OPSKIP OPSTOP \
                      OUTTOL PAINT PARTNO PPRINT REMARK SELCTL SELECT SEQNO SPINDL STOP TOLER TPRINT";
 
-/// Words that move the tool along a way of their own.
+/// Words that move the tool along a path that is not in the file.
 const MOVING: &str = "CIRCLE CYCLE GOBACK GODOWN GOFWD GOHOME GOLFT GORGT GOUP RETRCT SPLINE THREAD";
 
 /// Words that change where later coordinates lie.
@@ -26,7 +26,7 @@ fn is_of(list: &str, word: &str) -> bool {
     list.split_ascii_whitespace().any(|known| known == word)
 }
 
-/// What has been said so far.
+/// State of the interpreter.
 struct State {
     locations: Vec<Location>,
     axis: [f64; 3],
@@ -36,7 +36,7 @@ struct State {
     tool: Option<u32>,
     /// Loaded since the last location.
     loaded: bool,
-    /// What the tool was last said to be, by word.
+    /// The last description of the tool, by word.
     described: Vec<(String, String)>,
     /// A description that differs from the one before, since the last location.
     differs: Option<(usize, String)>,
@@ -45,7 +45,7 @@ struct State {
     described_since: Vec<CutterStatement>,
 }
 
-pub(super) fn parse(text: &str, unit: LengthUnit) -> Result<Toolpath, Wrong> {
+pub(super) fn parse(text: &str, unit: LengthUnit) -> Result<Toolpath, LineError> {
     let mut state = State {
         locations: Vec::new(),
         axis: [0.0, 0.0, 1.0],
@@ -65,11 +65,11 @@ pub(super) fn parse(text: &str, unit: LengthUnit) -> Result<Toolpath, Wrong> {
 }
 
 impl State {
-    fn take(&mut self, line: usize, statement: &str, unit: LengthUnit) -> Result<(), Wrong> {
+    fn take(&mut self, line: usize, statement: &str, unit: LengthUnit) -> Result<(), LineError> {
         let (word, rest) = statement.split_once('/').unwrap_or((statement, ""));
         // PARTNO, PPRINT and their like may be followed by text without a slash.
         let word = word.split_whitespace().next().unwrap_or_default().to_ascii_uppercase();
-        let wrong = |what: String| Wrong { line, what };
+        let wrong = |what: String| LineError { line, what };
         match word.as_str() {
             "" => {}
             "GOTO" | "FROM" => {
@@ -175,9 +175,9 @@ impl State {
         Ok(())
     }
 
-    fn go_to(&mut self, line: usize, position: [f64; 3]) -> Result<(), Wrong> {
+    fn go_to(&mut self, line: usize, position: [f64; 3]) -> Result<(), LineError> {
         if let Some((line, word)) = self.differs.take().filter(|_| !self.loaded) {
-            return Err(Wrong {
+            return Err(LineError {
                 line,
                 what: format!(
                     "{word} describes another tool, and no number is loaded: write LOADTL/ and the number"

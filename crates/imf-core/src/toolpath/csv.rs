@@ -4,7 +4,7 @@
 //! begin with `#` and empty lines are skipped. Every column must be known: one that is not might turn the tool. With a machine there
 //! may be a column for each of its rotary axes, and the tip goes straight in the part's frame.
 
-use super::{Direction, Location, MachinePoint, MoveKind, PathReading, Toolpath, Wrong, pose};
+use super::{Direction, LineError, Location, MachinePoint, MoveKind, PathReading, Toolpath, pose};
 use crate::machine::{Joints, Machine};
 
 /// What a column holds.
@@ -66,7 +66,7 @@ struct Header {
     titles: Vec<String>,
 }
 
-pub(super) fn parse(text: &str, reading: &PathReading<'_>) -> Result<Toolpath, Wrong> {
+pub(super) fn parse(text: &str, reading: &PathReading<'_>) -> Result<Toolpath, LineError> {
     let mut header: Option<Header> = None;
     let mut locations = Vec::new();
     for (index, text) in text.lines().enumerate() {
@@ -76,7 +76,9 @@ pub(super) fn parse(text: &str, reading: &PathReading<'_>) -> Result<Toolpath, W
             continue;
         }
         match &header {
-            None => header = Some(Header::read(text, reading.machine).map_err(|what| Wrong { line, what })?),
+            None => {
+                header = Some(Header::read(text, reading.machine).map_err(|what| LineError { line, what })?);
+            }
             Some(header) => locations.push(header.location(line, text, reading)?),
         }
     }
@@ -143,20 +145,20 @@ impl Header {
         self.columns.iter().position(|&own| own == column)
     }
 
-    fn location(&self, line: usize, text: &str, reading: &PathReading<'_>) -> Result<Location, Wrong> {
-        let wrong = |what: String| Wrong { line, what };
+    fn location(&self, line: usize, text: &str, reading: &PathReading<'_>) -> Result<Location, LineError> {
+        let wrong = |what: String| LineError { line, what };
         let fields = fields(text, self.separator);
         if fields.len() != self.titles.len() {
             return Err(wrong(format!("{} fields below a header of {}", fields.len(), self.titles.len())));
         }
-        let number = |column: Column| -> Result<Option<f64>, Wrong> {
+        let number = |column: Column| -> Result<Option<f64>, LineError> {
             let Some(place) = self.place(column) else { return Ok(None) };
             let (field, title) = (fields[place], &self.titles[place]);
             let hint = if field.contains(',') { " (decimals have a point)" } else { "" };
             let value = field.parse::<f64>();
             value.map(Some).map_err(|_| wrong(format!("{title} is '{field}', not a number{hint}")))
         };
-        let need = |column: Column| Ok::<_, Wrong>(number(column)?.unwrap_or(0.0));
+        let need = |column: Column| Ok::<_, LineError>(number(column)?.unwrap_or(0.0));
         let position = [need(Column::Position(0))?, need(Column::Position(1))?, need(Column::Position(2))?];
         let direction = if self.place(Column::Axis(0)).is_some() {
             Direction::Axis([need(Column::Axis(0))?, need(Column::Axis(1))?, need(Column::Axis(2))?])

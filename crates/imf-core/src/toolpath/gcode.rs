@@ -16,7 +16,7 @@ mod words;
 
 use glam::{DQuat, DVec3};
 
-use super::{Location, MachinePoint, MoveKind, PathReading, Toolpath, Wrong};
+use super::{LineError, Location, MachinePoint, MoveKind, PathReading, Toolpath};
 use crate::machine::{Joints, Machine};
 use crate::pose::Pose;
 use arc::Arc;
@@ -76,7 +76,7 @@ struct Program<'a> {
     remarked: Vec<&'static str>,
 }
 
-pub(super) fn parse(text: &str, reading: &PathReading<'_>) -> Result<Toolpath, Wrong> {
+pub(super) fn parse(text: &str, reading: &PathReading<'_>) -> Result<Toolpath, LineError> {
     let axes = reading.machine.map_or(0, |machine| machine.rotary.len());
     let mut program = Program {
         reading: *reading,
@@ -99,7 +99,7 @@ pub(super) fn parse(text: &str, reading: &PathReading<'_>) -> Result<Toolpath, W
         remarked: Vec::new(),
     };
     for (index, line) in text.lines().enumerate() {
-        let wrong = |what: String| Wrong { line: index + 1, what };
+        let wrong = |what: String| LineError { line: index + 1, what };
         let words = words::words(line).map_err(wrong)?;
         let block = Block::new(&words, reading.machine).map_err(wrong)?;
         program.take(index + 1, &block).map_err(wrong)?;
@@ -108,7 +108,7 @@ pub(super) fn parse(text: &str, reading: &PathReading<'_>) -> Result<Toolpath, W
         }
     }
     if let (None, Some((line, number))) = (program.tool, program.called) {
-        return Err(Wrong { line, what: format!("T{number} calls a tool, and no M6 changes to it") });
+        return Err(LineError { line, what: format!("T{number} calls a tool, and no M6 changes to it") });
     }
     Ok(program.path)
 }

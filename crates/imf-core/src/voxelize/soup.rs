@@ -46,7 +46,7 @@ fn a_soup_has_the_voxels_of_the_joined_mesh() {
                 let voxels = voxelize_with(&repaired, &grid, false, Control::quiet()).unwrap();
                 assert!(voxels.solid == wanted, "jitter {jitter}, turned {turned}: {repair:?}");
                 assert_eq!(voxels.undecided, 0.0);
-                assert!(repair.joined > 0 && (repair.turned > 0) == (turned > 0.0), "{repair:?}");
+                assert!(repair.joined > 0 && (repair.flipped > 0) == (turned > 0.0), "{repair:?}");
             }
         }
     }

@@ -132,7 +132,7 @@ impl Field {
     /// Values as they are answered.
     pub(super) fn hold(&self, best: &mut [Best]) {
         let (quantity, pitch) = (self.quantity(), self.scene.record.grid.pitch);
-        best.iter_mut().for_each(|best| best.value = quantity.held(best.value, pitch));
+        best.iter_mut().for_each(|best| best.value = quantity.clamp(best.value, pitch));
     }
 
     /// The decision of an unclipped value of this field with the tip at a point, for those who have values by other ways.
@@ -161,7 +161,7 @@ impl PoseField for Field {
     fn values(&self, poses: &[Pose], values: &mut [f32]) -> Result<(), FieldError> {
         self.values_unclipped(poses, values)?;
         let (quantity, pitch) = (self.quantity(), self.scene.record.grid.pitch);
-        values.iter_mut().for_each(|value| *value = quantity.held(*value, pitch));
+        values.iter_mut().for_each(|value| *value = quantity.clamp(*value, pitch));
         Ok(())
     }
 

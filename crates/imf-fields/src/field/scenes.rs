@@ -23,7 +23,7 @@ use imf_core::control::Control;
 use imf_core::parts::ReferencePart;
 use imf_core::pose::Pose;
 use imf_core::scene::{Scene, SceneSpec};
-use imf_core::section::{At, SectionPlan};
+use imf_core::section::{SectionPlan, ToolPoints};
 use imf_core::tool::{Clearance, Tool};
 
 /// A coarse bracket and a tool, offset all around by a clearance in voxels.
@@ -49,7 +49,8 @@ pub(crate) fn harmonic_file(scene: &Scene, degree: usize) -> HarmonicFile {
     let tool = &scene.record.tool;
     let domain = if tool.with_tip_only().is_axisymmetric() { Domain::Directions } else { Domain::Rotations };
     let field =
-        fit(&SectionPlan::of_scene(scene, At::Tip).unwrap(), domain, &settings, Control::quiet()).unwrap();
+        fit(&SectionPlan::of_scene(scene, ToolPoints::Tip).unwrap(), domain, &settings, Control::quiet())
+            .unwrap();
     HarmonicFile { field, scene: scene.clone(), settings, calibration: None }
 }
 

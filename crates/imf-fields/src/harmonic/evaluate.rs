@@ -224,7 +224,7 @@ pub(crate) fn sections_of(source: &dyn VoxelCoefficients, weights: &DirectionWei
 pub(crate) fn minimum_of(source: &dyn VoxelCoefficients, weights: &DirectionWeights) -> Imf {
     let mut least = Imf::new(source.voxels());
     lower_to(source, weights, 0, &mut least, Control::quiet());
-    least.hold(source.quantity(), source.pitch());
+    least.clamp(source.quantity(), source.pitch());
     least
 }
 
@@ -246,7 +246,7 @@ pub(crate) fn minimum_over(
             return Err(FieldError::Cancelled);
         }
     }
-    least.hold(source.quantity(), source.pitch());
+    least.clamp(source.quantity(), source.pitch());
     Ok(least)
 }
 
@@ -290,7 +290,7 @@ pub(super) fn whole_sections(
             let columns = chunk.len();
             for (column, piece) in pieces[chunk].iter_mut().enumerate() {
                 let values = values[column..].iter().step_by(columns);
-                piece.iter_mut().zip(values).for_each(|(out, &value)| *out = quantity.held(value, pitch));
+                piece.iter_mut().zip(values).for_each(|(out, &value)| *out = quantity.clamp(value, pitch));
             }
         }
     });

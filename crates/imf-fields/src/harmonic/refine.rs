@@ -190,14 +190,15 @@ mod tests {
     use imf_core::grid::Grid;
     use imf_core::occupancy::Occupancy;
     use imf_core::orientation::OrientationSet;
-    use imf_core::section::At;
     use imf_core::section::SectionPlan;
+    use imf_core::section::ToolPoints;
     use imf_core::tool::Tool;
 
     fn field(domain: Domain, degree: usize) -> HarmonicField {
         let grid = Grid { origin: DVec3::ZERO, pitch: 8.0, dims: [8, 9, 7] };
         let solid = (0..grid.len()).map(|i| u8::from(i % 7 < 3 || i % 11 == 2)).collect();
-        let plan = SectionPlan::new(&Occupancy { grid, solid }, Tool::paper(), At::SharpPoints).unwrap();
+        let plan =
+            SectionPlan::new(&Occupancy { grid, solid }, Tool::paper(), ToolPoints::SharpPoints).unwrap();
         let settings = FitSettings { degree, axes: 40, ..FitSettings::default() };
         fit(&plan, domain, &settings, Control::quiet()).unwrap()
     }

@@ -11,7 +11,7 @@ use imf_core::control::Control;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
 use imf_core::scene::{Scene, SceneSpec};
-use imf_core::section::{At, Imf, SectionPlan, sections};
+use imf_core::section::{Imf, SectionPlan, ToolPoints, sections};
 use imf_core::tool::Tool;
 
 fn scene() -> Scene {
@@ -27,7 +27,7 @@ fn scene() -> Scene {
 
 fn plan() -> SectionPlan {
     let scene = scene();
-    SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap()
+    SectionPlan::new(&scene.obstacle, &scene.record.tool, ToolPoints::SharpPoints).unwrap()
 }
 
 /// Sections of a field, `[orientation][voxel]`.
@@ -193,7 +193,7 @@ fn fewer_axes_and_half_precision_cost_what_is_stated() {
 fn coefficients_agree_with_the_definition() {
     let scene = scene();
     let tool = &scene.record.tool;
-    let plan = SectionPlan::new(&scene.obstacle, tool, At::SharpPoints).unwrap();
+    let plan = SectionPlan::new(&scene.obstacle, tool, ToolPoints::SharpPoints).unwrap();
     let field = made(&plan, &FitSettings { sections_per_function: 16.0, ..settings() });
     let grid = plan.grid();
     let mut scratch = Vec::new();
@@ -303,7 +303,7 @@ fn tools_that_are_not_of_revolution_have_fields_over_rotations() {
             * DMat4::from_scale(DVec3::new(24.0, 12.0, 50.0))),
     );
     scene.record.tool = Tool { shape: imf_core::tool::ToolShape::Mesh(side), ..Tool::paper() };
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap();
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, ToolPoints::SharpPoints).unwrap();
     let settings = FitSettings { degree: 4, axes: 60, sections_per_function: 3.0, ..settings() };
     let field = fit(&plan, Domain::Rotations, &settings, Control::quiet()).unwrap();
     assert_eq!(field.report.functions, 165);

@@ -81,7 +81,7 @@ impl GridCoefficients {
             Ok(voxels.hold(&part))
         })?;
         let (quantity, pitch) = source.quantity();
-        found.hold(quantity, pitch);
+        found.clamp(quantity, pitch);
         Ok(found)
     }
 }

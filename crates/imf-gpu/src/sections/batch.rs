@@ -1,7 +1,7 @@
 //! Jobs that are submitted together: their blocks, and the lists that they share.
 
 use imf_core::field::EngineError;
-use imf_core::section::{QueryBox, StepEnds, SteppedTool, share};
+use imf_core::section::{BoundaryOffsets, QueryBox, ToolDifferences, overlap_fraction};
 
 use super::bits::BitLayout;
 use crate::shader::{COUNT_DIGITS, COUNT_PLACES, LINEAR_GROUP};
@@ -16,7 +16,7 @@ const MOST_WORK: u64 = 2_000_000_000;
 
 /// One orientation over one slab, ready for the device.
 pub(super) struct SlabJob {
-    tool: SteppedTool,
+    tool: ToolDifferences,
     covered: Vec<u32>,
     uncovered: Vec<u32>,
 }
@@ -24,7 +24,7 @@ pub(super) struct SlabJob {
 impl SlabJob {
     /// # Errors
     /// More run-length differences than a count's digits hold.
-    pub(super) fn new(tool: SteppedTool, layout: &BitLayout) -> Result<Self, EngineError> {
+    pub(super) fn new(tool: ToolDifferences, layout: &BitLayout) -> Result<Self, EngineError> {
         let (covered, uncovered) = (layout.distances(&tool.covered), layout.distances(&tool.uncovered));
         let (ends, most) = (covered.len() + uncovered.len(), (1 << COUNT_DIGITS) - 1);
         if ends > most {
@@ -115,7 +115,7 @@ impl Batch {
             orientation: orientation as u32,
         });
         if let Some(count) = values_of {
-            self.shares.extend((0..=count).map(|overlap| share(overlap, count).to_bits()));
+            self.shares.extend((0..=count).map(|overlap| overlap_fraction(overlap, count).to_bits()));
         }
         self.differences += prepared.steps();
         self.work += prepared.work();
@@ -124,7 +124,7 @@ impl Batch {
     }
 
     /// Adds a list of run-length differences; returns where its starts begin.
-    fn list(&mut self, ends: &StepEnds, distances: &[u32]) -> u32 {
+    fn list(&mut self, ends: &BoundaryOffsets, distances: &[u32]) -> u32 {
         let (starts, first) = (self.starts.len() as u32, self.ends.len() as u32);
         self.starts.extend(ends.starts.iter().map(|start| first + start));
         self.ends.extend_from_slice(distances);

@@ -8,7 +8,7 @@
 
 use imf_core::field::EngineError;
 use imf_core::occupancy::Occupancy;
-use imf_core::section::{StepEnds, StepSpace};
+use imf_core::section::{BoundaryOffsets, DifferenceLimits};
 
 use crate::shader::COUNT_PLACES;
 
@@ -24,7 +24,7 @@ pub(super) struct BitLayout {
 impl BitLayout {
     /// # Errors
     /// More bits than addresses of 32 bits reach.
-    pub(super) fn new(space: &StepSpace) -> Result<Self, EngineError> {
+    pub(super) fn new(space: &DifferenceLimits) -> Result<Self, EngineError> {
         let line = space.spacing[2].next_multiple_of(32) as u64;
         let plane = space.spacing[1] as u64 * line;
         // A line more than a plane: a line above the first one is read from its zeros behind.
@@ -66,7 +66,7 @@ impl BitLayout {
     }
 
     /// Distances in bits from a voxel to those of its run-length differences; they wrap.
-    pub(super) fn distances(&self, ends: &StepEnds) -> Vec<u32> {
+    pub(super) fn distances(&self, ends: &BoundaryOffsets) -> Vec<u32> {
         let [plane, line] = [i64::from(self.plane), i64::from(self.line)];
         ends.offsets.iter().map(|&[x, y, z]| (x * plane + y * line + z) as u32).collect()
     }

@@ -4,8 +4,8 @@ use imf_core::field::EngineError;
 use imf_core::grid::Grid;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::Orientation;
-use imf_core::section::{Imf, QueryBox, SectionError, SectionLayer, StepSpace, direct_count};
-use imf_core::tool::{RotatedTool, Tool, ToolError};
+use imf_core::section::{DifferenceLimits, Imf, QueryBox, SectionError, SectionLayer, direct_count};
+use imf_core::tool::{Tool, ToolError, ToolVoxels};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 
 use super::GpuSectionError;
@@ -29,7 +29,7 @@ pub(super) struct Layer<'a> {
     /// Whether the tool may be so thin that it holds no voxel centre in some orientations.
     may_be_thin: bool,
     query: QueryBox,
-    space: StepSpace,
+    space: DifferenceLimits,
     layout: BitLayout,
     slabs: Vec<QueryBox>,
     /// Differences of one submission, in elements.
@@ -54,7 +54,7 @@ pub(super) struct Layer<'a> {
 pub(super) struct OrientedTool {
     pub(super) index: usize,
     /// `None` where a tool that may be thin holds no voxel centre: it overlaps nothing.
-    pub(super) rotated: Option<RotatedTool>,
+    pub(super) rotated: Option<ToolVoxels>,
     /// One for each slab.
     jobs: Vec<SlabJob>,
     /// Overlaps at the watched voxels, by direct sums.
@@ -143,7 +143,7 @@ impl<'a> Layer<'a> {
     ) -> Result<Vec<OrientedTool>, GpuSectionError> {
         let turn = |place: usize| -> Result<OrientedTool, GpuSectionError> {
             let index = first + place;
-            let rotated = match RotatedTool::new(self.tool, &orientations[place], self.grid().pitch) {
+            let rotated = match ToolVoxels::new(self.tool, &orientations[place], self.grid().pitch) {
                 Err(ToolError::TooSmall { .. }) if self.may_be_thin => {
                     return Ok(OrientedTool {
                         index,

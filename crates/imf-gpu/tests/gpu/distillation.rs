@@ -1,7 +1,7 @@
 //! Factored fields trained on the adapter: by the definition's gradient, to the CPU's error, and to the same bits again.
 
 use imf_core::control::Control;
-use imf_core::section::{At, Quantity, SectionPlan};
+use imf_core::section::{Quantity, SectionPlan, ToolPoints};
 use imf_fields::factored::reference::loss_and_gradient;
 use imf_fields::factored::{DistillSettings, FactoredShape, FactoredState, INPUTS, Symmetry};
 use imf_fields::harmonic::basis::Domain;
@@ -18,7 +18,8 @@ use crate::tolerances::GRADIENT_LINEAR;
 
 fn teacher() -> HarmonicField {
     let scene = scene();
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).expect("a plan");
+    let plan =
+        SectionPlan::new(&scene.obstacle, &scene.record.tool, ToolPoints::SharpPoints).expect("a plan");
     let settings = FitSettings {
         quantity: Quantity::Overlap,
         degree: 5,

@@ -8,8 +8,8 @@ use imf_core::occupancy::Occupancy;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
 use imf_core::scene::Bodies;
-use imf_core::section::{At, SectionError, SectionPlan, imf, sections};
-use imf_core::tool::{Element, ElementKind, RotatedTool, Segment, SharpPoints, Tool, ToolShape};
+use imf_core::section::{SectionError, SectionPlan, ToolPoints, imf, sections};
+use imf_core::tool::{Element, ElementKind, Segment, SharpPoints, Tool, ToolShape, ToolVoxels};
 use imf_core::voxelize::voxelize;
 use imf_gpu::{Gpu, GpuLimits, GpuSectionError, GpuSections};
 
@@ -94,7 +94,8 @@ fn every_value_is_the_cpus_at_sizes_that_are_no_multiple_of_anything() {
         (5.0, [67, 2, 3]),
         (7.0, [4, 3, 259]),
     ] {
-        let plan = SectionPlan::new(scattered(grid(pitch, dims)), Tool::paper(), At::SharpPoints).unwrap();
+        let plan =
+            SectionPlan::new(scattered(grid(pitch, dims)), Tool::paper(), ToolPoints::SharpPoints).unwrap();
         agree(&plan, &orientations(), 40_000).unwrap();
     }
 }
@@ -111,7 +112,7 @@ fn sharp_points_and_tools_without_symmetry_agree() {
         wedge(),
         Tool { sharp_points: points([4.0, 0.5, 1.0]), ..wedge() },
     ] {
-        let plan = SectionPlan::new(&obstacle, &tool, At::SharpPoints).unwrap();
+        let plan = SectionPlan::new(&obstacle, &tool, ToolPoints::SharpPoints).unwrap();
         let device = open();
         let device = GpuSections::new(&device, &plan).unwrap();
         assert_eq!(device.keeps_minimum(), tool.sharp_points == SharpPoints::Tip);
@@ -137,7 +138,8 @@ fn query_grids_inside_across_and_beside_the_obstacle_agree() {
         for axis in 0..3 {
             query.origin[axis] += 4.0 * f64::from(offset[axis]);
         }
-        let plan = SectionPlan::with_query(&obstacle, Tool::paper(), At::SharpPoints, &query).unwrap();
+        let plan =
+            SectionPlan::with_query(&obstacle, Tool::paper(), ToolPoints::SharpPoints, &query).unwrap();
         agree(&plan, &orientations(), 40_000).unwrap();
     }
 }
@@ -166,16 +168,16 @@ fn a_layer_that_only_the_cutter_may_enter_is_counted_for_the_rest() {
         let cutter = Element { kind: ElementKind::Cutter, ..elements[0].clone() };
         let thin = of(vec![holder.clone()]);
         let pitch = grid.pitch;
-        let holds = |o: &Orientation| RotatedTool::new(&thin, o, pitch).is_ok();
+        let holds = |o: &Orientation| ToolVoxels::new(&thin, o, pitch).is_ok();
         assert!(!orientations().iter().all(holds), "thin in some orientation");
         for tool in [tool.clone(), of(vec![cutter.clone(), holder])] {
-            let plan = SectionPlan::new(&obstacle, &tool, At::SharpPoints).unwrap();
+            let plan = SectionPlan::new(&obstacle, &tool, ToolPoints::SharpPoints).unwrap();
             assert!(plan.has_layer());
             assert!(!GpuSections::new(&open(), &plan).unwrap().keeps_minimum());
             agree(&plan, &orientations(), 40_000).unwrap();
         }
         // A tool that is all cutter: nothing of it must stay out of the layer.
-        let plan = SectionPlan::new(&obstacle, of(vec![cutter]), At::SharpPoints).unwrap();
+        let plan = SectionPlan::new(&obstacle, of(vec![cutter]), ToolPoints::SharpPoints).unwrap();
         assert!(!plan.has_layer());
         agree(&plan, &orientations(), 40_000).unwrap();
     }
@@ -186,8 +188,12 @@ fn a_layer_that_only_the_cutter_may_enter_is_counted_for_the_rest() {
 fn nothing_and_everything_solid_agree() {
     let grid = grid(4.0, [9, 14, 12]);
     for obstacle in [Occupancy::empty(grid), Occupancy { grid, solid: vec![1; grid.len()] }] {
-        agree(&SectionPlan::new(&obstacle, Tool::paper(), At::SharpPoints).unwrap(), &orientations(), 40_000)
-            .unwrap();
+        agree(
+            &SectionPlan::new(&obstacle, Tool::paper(), ToolPoints::SharpPoints).unwrap(),
+            &orientations(),
+            40_000,
+        )
+        .unwrap();
     }
 }
 
@@ -203,7 +209,7 @@ fn the_reference_parts_agree() {
         let pitch = 3.0;
         let dims = (scale * (upper - lower) / pitch).ceil().to_array().map(|n| n as usize);
         let obstacle = voxelize(&mesh, &Grid { origin: scale * lower, pitch, dims }, false);
-        let plan = SectionPlan::new(&obstacle, Tool::paper(), At::SharpPoints).unwrap();
+        let plan = SectionPlan::new(&obstacle, Tool::paper(), ToolPoints::SharpPoints).unwrap();
         agree(&plan, &OrientationSet::parse("fibonacci:40").unwrap().orientations, 600_000).unwrap();
     }
 }
@@ -211,7 +217,8 @@ fn the_reference_parts_agree() {
 #[test]
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
 fn limits_and_cancellation_are_reported() {
-    let plan = SectionPlan::new(scattered(grid(4.0, [13, 11, 17])), Tool::paper(), At::SharpPoints).unwrap();
+    let plan =
+        SectionPlan::new(scattered(grid(4.0, [13, 11, 17])), Tool::paper(), ToolPoints::SharpPoints).unwrap();
     let gpu = open();
     let tiny = GpuLimits { storage_binding: 1024, buffer: 1 << 30, workgroups: 3 };
     let message = GpuSections::new(&gpu.clone().with_limits(tiny), &plan).err().unwrap().to_string();

@@ -24,7 +24,7 @@ fn samples_are_values_of_the_exact_sections() {
     let (manifest, read_scene, samples) = load(folder.path()).unwrap();
     assert_eq!(read_scene, scene());
     assert_eq!(samples.len() as u64, generated.samples);
-    let plan = SectionPlan::new(&scene().obstacle, &scene().record.tool, At::SharpPoints).unwrap();
+    let plan = SectionPlan::new(&scene().obstacle, &scene().record.tool, ToolPoints::SharpPoints).unwrap();
     let exact = sections(&plan, &manifest.orientations.orientations, Control::quiet()).unwrap();
     for (section, cmf) in exact.iter().enumerate() {
         let range = samples.starts[section]..samples.starts[section + 1];

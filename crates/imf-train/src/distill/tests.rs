@@ -14,7 +14,7 @@ use imf_core::control::Control;
 use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
 use imf_core::scene::{Scene, SceneSpec};
-use imf_core::section::{At, Imf, Quantity, SectionPlan};
+use imf_core::section::{Imf, Quantity, SectionPlan, ToolPoints};
 use imf_core::tool::Tool;
 use imf_fields::factored::file::FactoredFile;
 use imf_fields::factored::targets::Targets;
@@ -57,7 +57,7 @@ const FIT: FitSettings = FitSettings {
 };
 
 fn harmonic(scene: &Scene) -> HarmonicField {
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap();
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, ToolPoints::SharpPoints).unwrap();
     fit(&plan, Domain::Directions, &FIT, Control::quiet()).unwrap()
 }
 

@@ -7,19 +7,19 @@ mod tools;
 use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
-use imf_core::cover::{CoverProblem, CoverSettings};
 use imf_core::field_files::write_ply;
 use imf_core::orientation::{Limits, OrientationSet};
+use imf_core::set_cover::{CoverProblem, CoverSettings};
 use imf_core::surface::{
     Reach, SurfaceError, SurfaceSamples, SurfaceTool, Verdict, crib_access, surface_access,
 };
 use imf_core::tool::ElementKind;
 
-use super::setup;
-use super::surface::{SAMPLES, SurfaceSetup, rgb};
+use super::run::surface;
+use super::surface::{SAMPLES, SurfaceSettings, rgb};
 use crate::arguments::access::AccessArguments;
 use crate::arguments::orientations::{Directions, default_for};
-use crate::arguments::scene::{voxelising, warn_of};
+use crate::arguments::scene::{voxelise_with_progress, warn_of};
 use crate::interrupt::Interrupted;
 use crate::output::{OutputFolder, SUMMARY, print, print_json, write_json, write_text};
 use crate::session::Session;
@@ -64,23 +64,23 @@ pub(super) fn run(session: &Session, arguments: &AccessArguments) -> Result<()> 
 impl Crib {
     fn find(session: &Session, arguments: &AccessArguments) -> Result<Self> {
         let (tools, mut undecided) = tools::read(&arguments.crib)?;
-        let mut reading = arguments.scene.read(session, false)?;
-        reading.tools = tools;
-        let first = reading.tools.first().context("no tool of the crib can be used")?;
-        let mesh = reading.part.mesh.transformed(&reading.transform);
-        let text = arguments.orientations.as_deref().unwrap_or_else(|| default_for(&reading.tools));
+        let mut inputs = arguments.scene.read(session, false)?;
+        inputs.tools = tools;
+        let first = inputs.tools.first().context("no tool of the crib can be used")?;
+        let mesh = inputs.part.mesh.transformed(&inputs.transform);
+        let text = arguments.orientations.as_deref().unwrap_or_else(|| default_for(&inputs.tools));
         let mut orientations = Directions::of_part(text, || mesh.machining_directions())?.set;
         if let Some(limits) = arguments.limits.as_deref().map(Limits::parse).transpose()? {
             orientations = orientations.within(&limits)?;
         }
-        let unit = reading.part.unit;
+        let unit = inputs.part.unit;
         let clearance = arguments.scene.clearance.clearance();
-        let fixtures = reading.fixtures();
-        let spec = arguments.scene.spec(session, &reading, &fixtures, first);
-        let query = spec.grid()?.grown([1; 3], [1; 3])?;
+        let fixtures = inputs.fixtures();
+        let spec = arguments.scene.spec(session, &inputs, &fixtures, first);
+        let query = spec.grid()?.padded([1; 3], [1; 3])?;
         // By the grid, what is too thin or out of all proportion; the rest by its own reach.
         let mut kept = Vec::new();
-        for tool in &reading.tools {
+        for tool in &inputs.tools {
             match spec.check_tool(tool, &query) {
                 Ok(_) => kept.push(tool.in_unit(unit).offset(&clearance)?),
                 Err(error) => undecided.push(Undecided::new(&tool.name, &error)),
@@ -92,14 +92,15 @@ impl Crib {
         session.require_memory(needed, || {
             format!("{} voxels and {} tools; use a larger --pitch", grid.len(), kept.len())
         })?;
-        let bodies = voxelising(session, &spec, &grid, |spec| spec.bodies(&grid))?;
+        let bodies = voxelise_with_progress(session, &spec, &grid, |spec| spec.bodies(&grid))?;
         warn_of(session, &spec.warnings(&bodies)?);
-        let made = voxelising(session, &spec, &grid, |spec| setup::surface(spec, &bodies, arguments, None))?;
-        let SurfaceSetup { tolerance, solid, surroundings, .. } = made;
+        let made =
+            voxelise_with_progress(session, &spec, &grid, |spec| surface(spec, &bodies, arguments, None))?;
+        let SurfaceSettings { tolerance, solid, environment, .. } = made;
         let samples = SurfaceSamples::new(&mesh, &solid, SAMPLES);
         let (mut tools, mut among) = (Vec::new(), Vec::new());
         for assembly in &kept {
-            match SurfaceTool::new(&surroundings, assembly, tolerance) {
+            match SurfaceTool::new(&environment, assembly, tolerance) {
                 Ok(tool) => {
                     tools.push(CribTool::new(assembly.tool()));
                     among.push(tool);
@@ -120,7 +121,7 @@ impl Crib {
         let verdicts = verdicts.map_err(interrupted)?;
         stage.finish("");
         let mut crib = Self {
-            part: reading.part.name.clone(),
+            part: inputs.part.name.clone(),
             unit: unit.to_string(),
             pitch: grid.pitch,
             orientations,

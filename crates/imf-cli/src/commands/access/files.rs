@@ -6,7 +6,7 @@ use anyhow::Result;
 use imf_core::field_files::{NamedField, write_npy, write_vti};
 
 use super::Findings;
-use super::setup::{Setup, Stock};
+use super::run::{AccessRun, Stock};
 use crate::output::{element_name, write_text};
 
 /// What a voxel of the removable field is; 0 where no stock is.
@@ -16,12 +16,12 @@ pub(super) const OBSTACLE: u8 = 3;
 pub(super) const UNDECIDED: u8 = 4;
 
 /// Writes the fields and gives back the files' names.
-pub(super) fn write(setup: &Setup, findings: &Findings, folder: &Path) -> Result<Vec<String>> {
-    let dims = setup.query.dims;
-    let many = setup.tools.len() > 1;
+pub(super) fn write(run: &AccessRun, findings: &Findings, folder: &Path) -> Result<Vec<String>> {
+    let dims = run.query.dims;
+    let many = run.tools.len() > 1;
     // 0 empty, 1 part, 2 fixture.
-    let solid: Vec<u8> = setup.solid.solid.iter().zip(&setup.held.solid).map(|(s, h)| s + (s & h)).collect();
-    let by_tool: Vec<String> = (0..setup.tools.len()).map(|t| format!("imf_tool_{t}")).collect();
+    let solid: Vec<u8> = run.solid.solid.iter().zip(&run.held.solid).map(|(s, h)| s + (s & h)).collect();
+    let by_tool: Vec<String> = (0..run.tools.len()).map(|t| format!("imf_tool_{t}")).collect();
     let by_element: Vec<(String, &[f32])> = findings
         .elements
         .iter()
@@ -51,17 +51,17 @@ pub(super) fn write(setup: &Setup, findings: &Findings, folder: &Path) -> Result
     for (name, values) in &by_element {
         fields.push(NamedField::new(name, &values[..]));
     }
-    write_vti(folder.join("imf.vti"), &setup.query, &fields)?;
+    write_vti(folder.join("imf.vti"), &run.query, &fields)?;
     let mut written = vec!["imf.vti".to_owned()];
     for field in &fields {
         let file = format!("{}.npy", field.name);
         write_npy(folder.join(&file), dims, field.values)?;
         written.push(file);
     }
-    write_text(&folder.join("orientations.csv"), &orientation_list(setup))?;
+    write_text(&folder.join("orientations.csv"), &orientation_list(run))?;
     written.push("orientations.csv".into());
-    if let Some(stock) = &setup.stock {
-        written.extend(write_removable(setup, stock, findings, folder)?);
+    if let Some(stock) = &run.stock {
+        written.extend(write_removable(run, stock, findings, folder)?);
     }
     for (index, access) in findings.tools.iter().enumerate() {
         if let Some(lists) = &access.lists {
@@ -85,13 +85,18 @@ pub(super) fn named(name: &str, extension: &str, tool: usize, many: bool) -> Str
     if many { format!("{name}_tool_{tool}.{extension}") } else { format!("{name}.{extension}") }
 }
 
-fn write_removable(setup: &Setup, stock: &Stock, findings: &Findings, folder: &Path) -> Result<Vec<String>> {
+fn write_removable(
+    run: &AccessRun,
+    stock: &Stock,
+    findings: &Findings,
+    folder: &Path,
+) -> Result<Vec<String>> {
     let grid = &stock.solid.grid;
-    let classes = removable_classes(setup, stock, findings);
+    let classes = removable_classes(run, stock, findings);
     write_npy(folder.join("removable.npy"), grid.dims, &classes[..])?;
-    let by_tool: Vec<String> = (0..setup.tools.len()).map(|t| format!("removable_tool_{t}")).collect();
+    let by_tool: Vec<String> = (0..run.tools.len()).map(|t| format!("removable_tool_{t}")).collect();
     let mut fields = vec![NamedField::new("removable", &classes[..])];
-    if setup.tools.len() > 1 {
+    if run.tools.len() > 1 {
         for (name, found) in by_tool.iter().zip(&findings.removable) {
             fields.push(NamedField::new(name, &found.covered[..]));
         }
@@ -102,8 +107,8 @@ fn write_removable(setup: &Setup, stock: &Stock, findings: &Findings, folder: &P
 
 /// For every voxel of the stock's grid: 0 no stock, 1 stock out of reach, 2 stock that some tool removes, 3 part or fixture, 4 stock
 /// of which this pitch does not decide.
-pub(super) fn removable_classes(setup: &Setup, stock: &Stock, findings: &Findings) -> Vec<u8> {
-    let held = setup.obstacle.whole().on(&stock.solid.grid).unwrap_or_else(|| stock.solid.clone());
+pub(super) fn removable_classes(run: &AccessRun, stock: &Stock, findings: &Findings) -> Vec<u8> {
+    let held = run.obstacle.whole().on(&stock.solid.grid).unwrap_or_else(|| stock.solid.clone());
     (0..stock.solid.solid.len())
         .map(|v| {
             if held.solid[v] != 0 {
@@ -120,7 +125,7 @@ pub(super) fn removable_classes(setup: &Setup, stock: &Stock, findings: &Finding
 }
 
 /// A list that `--orientations` reads again; line n + 2 is orientation n.
-fn orientation_list(setup: &Setup) -> String {
-    let lines = setup.orientations.orientations.iter().map(|o| format!("{},{},{}\n", o.theta, o.phi, o.roll));
+fn orientation_list(run: &AccessRun) -> String {
+    let lines = run.orientations.orientations.iter().map(|o| format!("{},{},{}\n", o.theta, o.phi, o.roll));
     std::iter::once("theta,phi,roll\n".to_owned()).chain(lines).collect()
 }

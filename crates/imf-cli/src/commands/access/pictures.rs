@@ -10,83 +10,84 @@ use ndarray::Array2;
 
 use super::Findings;
 use super::files::{OBSTACLE, OUT_OF_REACH, REMOVABLE, UNDECIDED, named, removable_classes};
-use super::setup::Setup;
+use super::run::AccessRun;
 use crate::picture::{Axes, Mask, MaskStyle, Panel, PanelRow, PanelSheet, Scale};
 use crate::slices;
 
 /// Draws the pictures and gives back the files' names.
-pub(super) fn draw(setup: &Setup, findings: &Findings, folder: &Path) -> Result<Vec<String>> {
-    draw_slices(setup, findings, &folder.join("slices.png"))?;
+pub(super) fn draw(run: &AccessRun, findings: &Findings, folder: &Path) -> Result<Vec<String>> {
+    draw_slices(run, findings, &folder.join("slices.png"))?;
     let mut written = vec!["slices.png".to_owned()];
-    if draw_removable(setup, findings, &folder.join("removable.png"))? {
+    if draw_removable(run, findings, &folder.join("removable.png"))? {
         written.push("removable.png".into());
     }
-    for (index, tool) in setup.tools.iter().enumerate().take(findings.maps.len()) {
-        let file = named("map", "png", index, setup.tools.len() > 1);
-        draw_map(setup, findings, index, &tool.tool().name, &folder.join(&file))?;
+    for (index, tool) in run.tools.iter().enumerate().take(findings.maps.len()) {
+        let file = named("map", "png", index, run.tools.len() > 1);
+        draw_map(run, findings, index, &tool.tool().name, &folder.join(&file))?;
         written.push(file);
     }
     Ok(written)
 }
 
-fn title(setup: &Setup) -> String {
-    let tools: Vec<&str> = setup.tools.iter().map(|tool| tool.tool().name.as_str()).collect();
-    format!("{}, tools: {}", setup.part, tools.join(", "))
+fn title(run: &AccessRun) -> String {
+    let tools: Vec<&str> = run.tools.iter().map(|tool| tool.tool().name.as_str()).collect();
+    format!("{}, tools: {}", run.part, tools.join(", "))
 }
 
-fn draw_slices(setup: &Setup, findings: &Findings, path: &Path) -> Result<()> {
-    let grid = &setup.query;
-    let poses = (setup.orientations.len() * setup.tools.len()) as f32;
+fn draw_slices(run: &AccessRun, findings: &Findings, path: &Path) -> Result<()> {
+    let grid = &run.query;
+    let poses = (run.orientations.len() * run.tools.len()) as f32;
     let share: Vec<f32> = findings.together.free.iter().map(|&n| 100.0 * n as f32 / poses).collect();
     // What collides anyway is hidden, and must not set the scale.
     let outside = |value: &dyn Fn(usize) -> f32| -> Vec<f32> {
-        let solid = setup.solid.solid.iter().enumerate();
+        let solid = run.solid.solid.iter().enumerate();
         solid.map(|(voxel, &solid)| if solid == 0 { value(voxel) } else { 0.0 }).collect()
     };
     let least = outside(&|voxel| findings.together.imf.value[voxel]);
-    let many = setup.tools.len() > 1;
-    let names: Vec<&str> = setup.tools.iter().map(|tool| tool.tool().name.as_str()).collect();
+    let many = run.tools.len() > 1;
+    let names: Vec<&str> = run.tools.iter().map(|tool| tool.tool().name.as_str()).collect();
     let classes = [&["no tool gets there"][..], &names[..]].concat();
-    let tool = outside(&|voxel| match f64::from(findings.together.imf.value[voxel]) <= setup.tau {
+    let tool = outside(&|voxel| match f64::from(findings.together.imf.value[voxel]) <= run.tau {
         true => (findings.together.tool[voxel] + 1) as f32,
         false => 0.0,
     });
     let cuts: Vec<_> = (0..3)
         .map(|axis| {
-            let varied = |values: &[f32]| slices::most_varied(values, &setup.solid, axis);
+            let varied = |values: &[f32]| slices::most_varied(values, &run.solid, axis);
             let index =
                 varied(&least).or_else(|| varied(&share)).unwrap_or_else(|| slices::middle(grid, axis));
             let cut = |values: &[f32]| slices::slice(values, grid, axis, index);
-            let solid = slices::mask(&setup.solid, axis, index);
+            let solid = slices::mask(&run.solid, axis, index);
             (axis, index, [cut(&least), cut(&share), cut(&tool)], solid)
         })
         .collect();
     let all = |field: usize| cuts.iter().map(|(_, _, cut, _)| cut[field].view()).collect::<Vec<_>>();
-    let measure = Scale::measure_of(&all(0), "inaccessibility measure IMF: share of the tool that collides");
-    let measure = measure.with_free(setup.tau);
+    let measure =
+        Scale::measure_of(&all(0), "inaccessibility measure IMF: fraction of the tool that collides");
+    let measure = measure.with_free(run.tau);
     let free = Scale::measure_of(&all(1), "free poses in %");
     let tools = Scale::classes(&classes);
     let rows = cuts
         .iter()
         .map(|(axis, index, [least, share, tool], solid)| {
-            let axes = slices::axes(grid, setup.unit, *axis);
+            let axes = slices::axes(grid, run.unit, *axis);
             let panel =
                 |title: &str, values, scale| filled(slices::panel(title, values, solid, scale, &axes));
-            let mut panels = vec![panel("least overlap", least, &measure), panel("freedom", share, &free)];
+            let mut panels = vec![panel("minimum overlap", least, &measure), panel("freedom", share, &free)];
             if many {
                 panels.push(panel("best tool", tool, &tools));
             }
-            PanelRow { title: plane(grid, setup, *axis, *index), panels }
+            PanelRow { title: plane(grid, run, *axis, *index), panels }
         })
         .collect();
     PanelSheet {
-        title: title(setup),
+        title: title(run),
         rows,
         notes: vec![format!(
-            "{} ({}), τ = {}; grey: part and fixtures; slices where the least overlap varies most",
-            count(setup.orientations.len(), "orientation"),
-            setup.orientations.spec,
-            setup.tau
+            "{} ({}), τ = {}; grey: part and fixtures; slices where the minimum overlap varies most",
+            count(run.orientations.len(), "orientation"),
+            run.orientations.spec,
+            run.tau
         )],
         pixels_per_voxel: None,
     }
@@ -95,12 +96,12 @@ fn draw_slices(setup: &Setup, findings: &Findings, path: &Path) -> Result<()> {
 }
 
 /// False where there is no stock to draw.
-fn draw_removable(setup: &Setup, findings: &Findings, path: &Path) -> Result<bool> {
-    let Some(stock) = &setup.stock else { return Ok(false) };
+fn draw_removable(run: &AccessRun, findings: &Findings, path: &Path) -> Result<bool> {
+    let Some(stock) = &run.stock else { return Ok(false) };
     let grid = &stock.solid.grid;
     // What is left first, then by the first tool that removes it; the part hides its own voxels.
     let by_tool = |voxel: usize| findings.removable.iter().position(|found| found.covered[voxel] != 0);
-    let classes = removable_classes(setup, stock, findings);
+    let classes = removable_classes(run, stock, findings);
     let values = classes.iter().enumerate().map(|(voxel, &class)| match (class, by_tool(voxel)) {
         (REMOVABLE, Some(tool)) => (tool + 3) as f32,
         (UNDECIDED, _) => 2.0,
@@ -119,7 +120,7 @@ fn draw_removable(setup: &Setup, findings: &Findings, path: &Path) -> Result<boo
         })
         .collect();
     let mut names = vec!["no stock".to_owned(), "out of reach".into(), "not decided at this pitch".into()];
-    match &setup.tools[..] {
+    match &run.tools[..] {
         [_] => names.push("a cutter removes it".into()),
         tools => names.extend(tools.iter().map(|tool| format!("removed by {}", tool.tool().name))),
     }
@@ -127,18 +128,18 @@ fn draw_removable(setup: &Setup, findings: &Findings, path: &Path) -> Result<boo
     let rows = cuts
         .iter()
         .map(|(axis, index, values, solid)| {
-            let axes = slices::axes(grid, setup.unit, *axis);
+            let axes = slices::axes(grid, run.unit, *axis);
             let panel = filled(slices::panel("stock", values, solid, &scale, &axes));
-            PanelRow { title: plane(grid, setup, *axis, *index), panels: vec![panel] }
+            PanelRow { title: plane(grid, run, *axis, *index), panels: vec![panel] }
         })
         .collect();
     let notes = vec![format!("Stock: {}; grey: part and fixtures", stock.name)];
-    PanelSheet { title: title(setup), rows, notes, pixels_per_voxel: None }.save(path)?;
+    PanelSheet { title: title(run), rows, notes, pixels_per_voxel: None }.save(path)?;
     Ok(true)
 }
 
-fn draw_map(setup: &Setup, findings: &Findings, index: usize, tool: &str, path: &Path) -> Result<()> {
-    let (map, Some((point, _))) = (&findings.maps[index], setup.map) else { return Ok(()) };
+fn draw_map(run: &AccessRun, findings: &Findings, index: usize, tool: &str, path: &Path) -> Result<()> {
+    let (map, Some((point, _))) = (&findings.maps[index], run.map) else { return Ok(()) };
     let values =
         Array2::from_shape_fn((map.cells[0], map.cells[1]), |(i, j)| map.values[i * map.cells[1] + j]);
     let axes = Axes {
@@ -147,27 +148,27 @@ fn draw_map(setup: &Setup, findings: &Findings, index: usize, tool: &str, path: 
         start: [0.0, -90.0],
         pitch: 180.0 / map.cells[1] as f64,
     };
-    let label = "collision measure CMF: share of the tool that collides";
-    let scale = Scale::measure_of(&[values.view()], label).with_free(setup.tau);
+    let label = "collision measure CMF: fraction of the tool that collides";
+    let scale = Scale::measure_of(&[values.view()], label).with_free(run.tau);
     let name = format!("directions of {tool}, tip to holder");
     let outside = values.mapv(|value| u8::from(value.is_nan()));
-    let mask = setup.limits.map(|_| Mask { voxels: outside.view(), style: MaskStyle::Fill });
+    let mask = run.limits.map(|_| Mask { voxels: outside.view(), style: MaskStyle::Fill });
     let panel = Panel { title: name, values: values.view(), mask, scale, axes };
     let side = (720 / map.cells[0]).clamp(1, 40) as u32;
     PanelSheet {
-        title: format!("{} at ({}, {}, {}) {}", setup.part, point.x, point.y, point.z, setup.unit),
+        title: format!("{} at ({}, {}, {}) {}", run.part, point.x, point.y, point.z, run.unit),
         rows: vec![PanelRow { title: String::new(), panels: vec![panel] }],
         notes: vec![format!(
             "{:.1} % of {} are free (τ = {}){}{}",
-            100.0 * map.free_share(setup.tau),
-            directions(setup),
-            setup.tau,
-            if inside(setup, point) {
+            100.0 * map.free_share(run.tau),
+            directions(run),
+            run.tau,
+            if inside(run, point) {
                 "; the point lies in part or fixture, so that the tip collides at once"
             } else {
                 ""
             },
-            if setup.limits.is_some() { "; grey: out of the machine's limits" } else { "" }
+            if run.limits.is_some() { "; grey: out of the machine's limits" } else { "" }
         )],
         pixels_per_voxel: Some(side),
     }
@@ -176,8 +177,8 @@ fn draw_map(setup: &Setup, findings: &Findings, index: usize, tool: &str, path: 
 }
 
 /// Which directions a map is of.
-pub(super) fn directions(setup: &Setup) -> &'static str {
-    if setup.limits.is_some() { "the directions within the machine's limits" } else { "all directions" }
+pub(super) fn directions(run: &AccessRun) -> &'static str {
+    if run.limits.is_some() { "the directions within the machine's limits" } else { "all directions" }
 }
 
 /// The panel with its solid voxels in grey.
@@ -188,13 +189,13 @@ fn filled(mut panel: Panel<'_>) -> Panel<'_> {
     panel
 }
 
-fn plane(grid: &Grid, setup: &Setup, axis: usize, index: usize) -> String {
-    format!("plane {}", slices::layer_title(grid, setup.unit, axis, index))
+fn plane(grid: &Grid, run: &AccessRun, axis: usize, index: usize) -> String {
+    format!("plane {}", slices::layer_title(grid, run.unit, axis, index))
 }
 
 /// True where the voxel that holds a point of the world is solid.
-fn inside(setup: &Setup, point: DVec3) -> bool {
-    let solid = &setup.obstacle.forbidden;
+fn inside(run: &AccessRun, point: DVec3) -> bool {
+    let solid = &run.obstacle.forbidden;
     let place = ((point - solid.grid.origin) / solid.grid.pitch).floor().to_array();
     let held = (0..3).all(|axis| (0.0..solid.grid.dims[axis] as f64).contains(&place[axis]));
     held && solid.solid[solid.grid.index(place.map(|at| at as usize))] != 0

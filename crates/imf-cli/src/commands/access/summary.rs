@@ -8,9 +8,9 @@ use imf_core::tool::Clearance;
 use serde::Serialize;
 
 use super::Findings;
-use super::blocked::{self, BlockedRow};
+use super::collisions::{self, CollisionRow};
 use super::pictures::directions;
-use super::setup::Setup;
+use super::run::AccessRun;
 use super::surface::{SetupsRow, StickOutRow, Surface, SurfaceRow, UnreachedPatch};
 use crate::arguments::clearance::clearance_text;
 use crate::arguments::orientations::suggested_lines;
@@ -42,7 +42,7 @@ struct ToolRow {
     #[serde(skip_serializing_if = "Option::is_none")]
     surface_reached: Option<f64>,
     /// What collides where it does not reach.
-    blocked_by: Vec<BlockedRow>,
+    blocked_by: Vec<CollisionRow>,
     /// Stock that it removes.
     #[serde(skip_serializing_if = "Option::is_none")]
     removable: Option<Volume>,
@@ -88,7 +88,7 @@ pub(super) struct Summary {
     accessible: Region,
     inaccessible: Region,
     /// What of the best tool collides where none reaches.
-    blocked_by: Vec<BlockedRow>,
+    blocked_by: Vec<CollisionRow>,
     tools: Vec<ToolRow>,
     /// The point of the access maps, and their cells along longitude and latitude.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -113,13 +113,13 @@ pub(super) struct Summary {
 
 impl Summary {
     pub(super) fn new(
-        setup: &Setup,
+        run: &AccessRun,
         findings: &Findings,
         surface: Option<&Surface>,
         seconds: f64,
         files: Vec<String>,
     ) -> Self {
-        let measure = |voxels: usize| Volume::new(voxels, setup.query.voxel_volume());
+        let measure = |voxels: usize| Volume::new(voxels, run.query.voxel_volume());
         let region = |volume: Volume, components: &Components| Region {
             volume,
             components: components.pieces.len(),
@@ -127,17 +127,17 @@ impl Summary {
         };
         let space = &findings.space;
         let reached = |imf: &[f32]| {
-            imf.iter().zip(&setup.solid.solid).filter(|&(&v, &s)| s == 0 && f64::from(v) <= setup.tau).count()
+            imf.iter().zip(&run.solid.solid).filter(|&(&v, &s)| s == 0 && f64::from(v) <= run.tau).count()
         };
-        let tools = setup.tools.iter().enumerate().map(|(index, tool)| ToolRow {
+        let tools = run.tools.iter().enumerate().map(|(index, tool)| ToolRow {
             tool: tool.tool().name.clone(),
             accessible: measure(reached(&findings.tools[index].imf.value)),
             surface_reached: surface.map(|surface| surface.reached_by(index)),
-            blocked_by: blocked::by_tool(setup, findings, index),
+            blocked_by: collisions::by_tool(run, findings, index),
             removable: findings.removable.get(index).map(|found| measure(marked(&found.covered))),
-            map_free_share: findings.maps.get(index).map(|map| map.free_share(setup.tau)),
+            map_free_share: findings.maps.get(index).map(|map| map.free_share(run.tau)),
         });
-        let stock = setup.stock.as_ref().map(|stock| {
+        let stock = run.stock.as_ref().map(|stock| {
             let whole = stock.solid.count();
             let count = |by: fn(&Removable) -> &[u8]| {
                 let any = |v: &usize| findings.removable.iter().any(|found| by(found)[*v] != 0);
@@ -155,31 +155,31 @@ impl Summary {
         });
         Self {
             program: format!("imf {}", env!("CARGO_PKG_VERSION")),
-            part: setup.part.clone(),
-            fixtures: setup.fixtures.clone(),
-            unit: setup.unit.to_string(),
-            dims: setup.query.dims,
-            origin: setup.query.origin.to_array(),
-            pitch: setup.query.pitch,
-            orientations: setup.orientations.spec.clone(),
-            orientation_count: setup.orientations.len(),
-            suggested_by_the_part: setup.suggested.clone(),
-            tau: setup.tau,
-            clearance: setup.clearance,
-            contact: setup.contact,
-            guarantee: setup.guarantee.to_string(),
-            solid: measure(setup.solid.count()),
+            part: run.part.clone(),
+            fixtures: run.fixtures.clone(),
+            unit: run.unit.to_string(),
+            dims: run.query.dims,
+            origin: run.query.origin.to_array(),
+            pitch: run.query.pitch,
+            orientations: run.orientations.spec.clone(),
+            orientation_count: run.orientations.len(),
+            suggested_by_the_part: run.suggested.clone(),
+            tau: run.tau,
+            clearance: run.clearance,
+            contact: run.contact,
+            guarantee: run.guarantee.to_string(),
+            solid: measure(run.solid.count()),
             accessible: region(space.accessible_volume(), &space.accessible),
             inaccessible: region(space.inaccessible_volume(), &space.inaccessible),
-            blocked_by: blocked::together(setup, findings),
+            blocked_by: collisions::together(run, findings),
             tools: tools.collect(),
-            map: setup.map.map(|(point, cells)| (point.to_array(), cells)),
-            map_directions: directions(setup),
+            map: run.map.map(|(point, cells)| (point.to_array(), cells)),
+            map_directions: directions(run),
             stock,
-            surface: surface.map(|surface| surface.row(setup)),
+            surface: surface.map(|surface| surface.row(run)),
             setups: surface.and_then(Surface::setups_row),
-            unreached: surface.map_or_else(Vec::new, |surface| surface.unreached(setup)),
-            stick_outs: surface.map_or_else(Vec::new, |surface| surface.stick_out_rows(setup)),
+            unreached: surface.map_or_else(Vec::new, |surface| surface.unreached(run)),
+            stick_outs: surface.map_or_else(Vec::new, |surface| surface.stick_out_rows(run)),
             seconds,
             files,
         }
@@ -206,7 +206,7 @@ impl Summary {
         text
     }
 
-    /// The table for people.
+    /// The table as text.
     pub(super) fn table(&self) -> String {
         let [x, y, z] = self.dims;
         let accessible_to = |tool: &ToolRow| format!("  accessible to {}", tool.tool);

@@ -16,19 +16,19 @@ use imf_core::mesh::Mesh;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::OrientationSet;
 use imf_core::surface::{
-    Reach, SurfaceAccess, SurfaceError, SurfaceSamples, SurfaceTool, Surroundings, Verdict, surface_access,
-    surface_memory_estimate,
+    CollisionEnvironment, Reach, SurfaceAccess, SurfaceError, SurfaceSamples, SurfaceTool, Verdict,
+    surface_access, surface_memory_estimate,
 };
 use imf_core::tool::Assembly;
 
 pub(super) use row::SurfaceRow;
 use row::{DirectionRow, ObstructedRow};
-pub(super) use setups::{SetupQuestion, SetupsRow, with_ways_up};
+pub(super) use setups::{SetupSettings, SetupsRow, with_ways_up};
 pub(super) use shown::UnreachedPatch;
 use shown::words;
 pub(super) use stick_out::StickOutRow;
 
-use super::setup::Setup;
+use super::run::AccessRun;
 use crate::interrupt::Interrupted;
 use crate::session::Session;
 
@@ -37,23 +37,23 @@ pub(super) const SAMPLES: usize = 8_000;
 /// Directions that the summary lists.
 const LISTED: usize = 5;
 
-/// What the surface is asked with.
-pub(super) struct SurfaceSetup {
+/// Settings of a surface's accessibility.
+pub(super) struct SurfaceSettings {
     /// How deep a cutter may cut below the surface, in the part's unit.
     pub(super) tolerance: f64,
     /// Part and fixtures by the rule of voxel centres.
     pub(super) solid: Occupancy,
     /// Part and fixtures as tools meet them.
-    pub(super) surroundings: Surroundings,
+    pub(super) environment: CollisionEnvironment,
     /// The same by the rule of voxel centres at twice the pitch, as one body.
     pub(super) coarse: Arc<Occupancy>,
     /// The fewest set-ups are looked for.
-    pub(super) setups: Option<SetupQuestion>,
+    pub(super) setups: Option<SetupSettings>,
     /// The least stick-outs are looked for.
     pub(super) stick_out: bool,
 }
 
-impl SurfaceSetup {
+impl SurfaceSettings {
     /// Bytes for so many directions and tools, beside the voxels.
     pub(super) fn memory_estimate(directions: usize, tools: usize) -> u64 {
         surface_memory_estimate(8 * SAMPLES, directions) * tools as u64
@@ -90,16 +90,16 @@ pub(super) fn rgb(verdict: Verdict) -> [u8; 3] {
 }
 
 impl Surface {
-    pub(super) fn find(session: &Session, setup: &Setup, asked: &SurfaceSetup) -> Result<Self> {
-        let samples = SurfaceSamples::new(&setup.mesh, &asked.solid, SAMPLES);
-        let orientations = &setup.orientations;
+    pub(super) fn find(session: &Session, run: &AccessRun, asked: &SurfaceSettings) -> Result<Self> {
+        let samples = SurfaceSamples::new(&run.mesh, &asked.solid, SAMPLES);
+        let orientations = &run.orientations;
         let mut tools = Vec::new();
-        for assembly in &setup.tools {
+        for assembly in &run.tools {
             let pitch = asked.solid.grid.pitch;
             tools.push(one_tool(
                 session,
                 assembly,
-                (&asked.surroundings, pitch),
+                (&asked.environment, pitch),
                 asked,
                 &samples,
                 orientations,
@@ -131,17 +131,17 @@ impl Surface {
             blame: blame::Blame::default(),
             stick_outs: Vec::new(),
         };
-        surface.coarse = surface.at_twice_the_pitch(session, setup, asked)?;
-        surface.blame = blame::Blame::find(session, setup, &surface)?;
+        surface.coarse = surface.at_twice_the_pitch(session, run, asked)?;
+        surface.blame = blame::Blame::find(session, run, &surface)?;
         if let Some(question) = &asked.setups {
-            surface.setups = Some(setups::Setups::find(session, setup, question, &surface)?);
+            surface.setups = Some(setups::Setups::find(session, run, question, &surface)?);
         }
-        for assembly in setup.tools.iter().filter(|_| asked.stick_out) {
-            let (surroundings, tolerance) = (&asked.surroundings, asked.tolerance);
+        for assembly in run.tools.iter().filter(|_| asked.stick_out) {
+            let (environment, tolerance) = (&asked.environment, asked.tolerance);
             let samples = &surface.samples;
             let found = stick_out::ToolStickOut::find(
                 session,
-                surroundings,
+                environment,
                 assembly,
                 tolerance,
                 samples,
@@ -153,12 +153,12 @@ impl Surface {
     }
 
     /// The share of the area that any tool reaches among voxels twice as large.
-    fn at_twice_the_pitch(&self, session: &Session, setup: &Setup, asked: &SurfaceSetup) -> Result<f64> {
+    fn at_twice_the_pitch(&self, session: &Session, run: &AccessRun, asked: &SurfaceSettings) -> Result<f64> {
         let mut reached = vec![false; self.samples.samples.len()];
-        let coarse = Surroundings::new(&asked.coarse.clone().into(), &[]);
-        for assembly in &setup.tools {
+        let coarse = CollisionEnvironment::new(&asked.coarse.clone().into(), &[]);
+        for assembly in &run.tools {
             let coarse = (&coarse, asked.coarse.grid.pitch);
-            let (access, _) = one_tool(session, assembly, coarse, asked, &self.samples, &setup.orientations)?;
+            let (access, _) = one_tool(session, assembly, coarse, asked, &self.samples, &run.orientations)?;
             let any = |(all, one): (&mut bool, &Reach)| *all |= matches!(one, Reach::Reached { .. });
             reached.iter_mut().zip(&access.reach).for_each(any);
         }
@@ -211,8 +211,8 @@ impl Surface {
         directions.into_iter().take(LISTED)
     }
 
-    pub(super) fn row(&self, setup: &Setup) -> SurfaceRow {
-        let orientations = &setup.orientations;
+    pub(super) fn row(&self, run: &AccessRun) -> SurfaceRow {
+        let orientations = &run.orientations;
         let of = |verdict: Verdict| self.share(|sample| self.best[sample].0 == verdict);
         let listed = self.best_directions().map(|direction| DirectionRow {
             direction: orientations.orientations[direction].direction().to_array(),
@@ -228,7 +228,7 @@ impl Surface {
             reached_at_twice_the_pitch: self.coarse,
             difference: reached - self.coarse,
             obstructed: of(Verdict::Obstructed),
-            obstructed_by: self.obstructed_by(&setup.fixtures),
+            obstructed_by: self.obstructed_by(&run.fixtures),
             gouged: of(Verdict::Gouged),
             not_faced: of(Verdict::NotFaced),
             best_directions: listed.collect(),
@@ -239,8 +239,8 @@ impl Surface {
         self.setups.as_ref().map(|found| found.row(self))
     }
 
-    pub(super) fn stick_out_rows(&self, setup: &Setup) -> Vec<StickOutRow> {
-        self.stick_outs.iter().map(|found| found.row(&self.samples, &setup.orientations)).collect()
+    pub(super) fn stick_out_rows(&self, run: &AccessRun) -> Vec<StickOutRow> {
+        self.stick_outs.iter().map(|found| found.row(&self.samples, &run.orientations)).collect()
     }
 
     /// The share that one tool reaches by itself.
@@ -249,13 +249,13 @@ impl Surface {
     }
 
     /// Writes `surface.ply`, `surface.vtp` and what each voxel is to blame for, and gives back the files' names.
-    pub(super) fn write(&self, setup: &Setup, folder: &Path) -> Result<Vec<&'static str>> {
+    pub(super) fn write(&self, run: &AccessRun, folder: &Path) -> Result<Vec<&'static str>> {
         let each = |value: &dyn Fn(usize) -> f32| -> Vec<f32> {
             (0..self.best.len()).flat_map(|sample| [value(sample); 3]).collect()
         };
         let directions: Vec<[f32; 3]> = (0..self.best.len())
             .map(|sample| match self.direction(sample) {
-                Some(at) => setup.orientations.orientations[at].direction().as_vec3().to_array(),
+                Some(at) => run.orientations.orientations[at].direction().as_vec3().to_array(),
                 None => [0.0; 3],
             })
             .collect();
@@ -286,11 +286,11 @@ impl Surface {
         values.extend(in_setup.as_ref().map(|values| ("setup", &values[..])));
         let colours: Vec<[u8; 3]> = self.best.iter().flat_map(|(verdict, _)| [rgb(*verdict); 3]).collect();
         let comments = [
-            format!("imf {}: {} in {}", env!("CARGO_PKG_VERSION"), setup.part, setup.unit),
+            format!("imf {}: {} in {}", env!("CARGO_PKG_VERSION"), run.part, run.unit),
             "verdict: 0 reached, 1 obstructed by shank, holder or fixture, 2 the cutter does not fit, 3 no direction faces it"
                 .into(),
             "directions: number that reach it; best: the one that reaches most of the surface, from tip to holder".into(),
-            format!("the cutter may cut {} {} below the surface", self.tolerance, setup.unit),
+            format!("the cutter may cut {} {} below the surface", self.tolerance, run.unit),
         ];
         let mesh: &Mesh = &self.samples.mesh;
         write_ply(folder.join("surface.ply"), mesh, &values, &colours, &comments)?;
@@ -324,12 +324,12 @@ fn interrupted(error: SurfaceError) -> anyhow::Error {
 fn one_tool(
     session: &Session,
     assembly: &Assembly,
-    (surroundings, pitch): (&Surroundings, f64),
-    asked: &SurfaceSetup,
+    (environment, pitch): (&CollisionEnvironment, f64),
+    asked: &SurfaceSettings,
     samples: &SurfaceSamples,
     orientations: &OrientationSet,
 ) -> Result<(SurfaceAccess, SurfaceTool)> {
-    let tool = SurfaceTool::new(surroundings, assembly, asked.tolerance)?;
+    let tool = SurfaceTool::new(environment, assembly, asked.tolerance)?;
     let name = format!("surface, {}, pitch {pitch}", tool.name());
     let stage = session.stage(&name, "samples", samples.samples.len() as u64);
     let advance = |n| stage.advance(n);

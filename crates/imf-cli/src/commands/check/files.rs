@@ -3,10 +3,10 @@
 use std::fmt::Write;
 
 use anyhow::{Context as _, Result};
-use imf_core::check::Against;
+use imf_core::check::HitBody;
 use serde_json::{Value, json};
 
-use super::Checked;
+use super::CheckRun;
 use crate::output::{OutputFolder, SUMMARY, write_json, write_text};
 use crate::session::Session;
 
@@ -15,7 +15,7 @@ const COLUMNS: &str = "line,tool,kind,element,against,depth,depth_in_tool,cleara
 
 /// Writes `collisions.csv` and, naming all files, `summary.json`; says so in the answer as well.
 pub(super) fn write(
-    checked: &Checked<'_>,
+    checked: &CheckRun<'_>,
     json: &mut Value,
     written: Vec<&str>,
     folder: &OutputFolder,
@@ -30,15 +30,15 @@ pub(super) fn write(
     Ok(())
 }
 
-fn table(checked: &Checked<'_>) -> String {
+fn table(checked: &CheckRun<'_>) -> String {
     let mut text = format!("{COLUMNS}\n");
     for line in &checked.report.colliding {
         for hit in &line.collisions {
             let tool = line.tool.map_or_else(String::new, |number| number.to_string());
             let kind = format!("{:?}", line.kind).to_lowercase();
             let against = match &hit.against {
-                Against::Part => "part".to_owned(),
-                Against::Fixture(name) | Against::Machine(name) => {
+                HitBody::Part => "part".to_owned(),
+                HitBody::Fixture(name) | HitBody::Machine(name) => {
                     format!("\"{}\"", name.replace('"', "\"\""))
                 }
             };

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhow::Result;
 use glam::{DMat4, DVec3};
-use imf_core::check::{Against, CheckBodies, CheckReport, Collision};
+use imf_core::check::{CheckBodies, CheckReport, Collision, HitBody};
 use imf_core::grid::Grid;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::Orientation;
@@ -14,7 +14,7 @@ use imf_core::unit::LengthUnit;
 use imf_core::voxelize::voxelize;
 use ndarray::Array2;
 
-use super::words;
+use super::text;
 use crate::output::short;
 use crate::picture::{Axes, Panel, PanelRow, PanelSheet, Scale};
 use crate::slices;
@@ -63,7 +63,7 @@ pub(super) fn draw(
                 ToolShape::Revolved(elements) => elements.iter().map(|own| own.kind.to_string()).collect(),
                 ToolShape::Mesh(_) => vec!["tool".to_owned()],
             };
-            !matches!(hit.against, Against::Machine(_)) && names.contains(&hit.element)
+            !matches!(hit.against, HitBody::Machine(_)) && names.contains(&hit.element)
         };
         let tool = tools.iter().find(|(number, _)| number.is_none() || *number == line.tool).filter(of_tool);
         let Some((_, tool)) = tool.filter(|_| !lines.contains(&line.line) && lines.len() < PLACES) else {
@@ -72,10 +72,10 @@ pub(super) fn draw(
         lines.push(line.line);
         let title = format!(
             "{}: {}, {} {unit} deep in {}",
-            words::place(line),
+            text::place(line),
             hit.element,
             short(hit.depth),
-            words::body(&hit.against)
+            text::body(&hit.against)
         );
         chosen.push((title, hit, *tool));
     }

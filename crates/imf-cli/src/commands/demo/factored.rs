@@ -9,13 +9,13 @@ use imf_fields::factored::file::FactoredFile;
 use imf_fields::harmonic::coefficients::Precision;
 use imf_fields::recipe::{Length, TrainingPlan};
 
-use super::{decided, questions};
+use super::{decided, eval_settings};
 use crate::arguments::DemoArguments;
-use crate::commands::eval::{IMF_ORIENTATIONS, require_memory, worth_of};
+use crate::commands::eval::{IMF_ORIENTATIONS, decision_quality, require_memory};
 use crate::commands::train::factored::{Request, beside};
-use crate::engine::{Calls, Device, Evaluated};
+use crate::engine::{Device, DeviceField, Workload};
 use crate::job::{self, FactoredStart};
-use crate::output::claim;
+use crate::output::lock_folder;
 use crate::report::{Report, Subject, evaluate};
 use crate::session::Session;
 
@@ -24,12 +24,12 @@ const STEPS: u64 = 1_000;
 /// Seconds between checkpoints.
 const CHECKPOINT_EVERY: f64 = 30.0;
 
-pub(super) fn made(session: &Session, arguments: &DemoArguments, scene: &Scene) -> Result<Report> {
+pub(super) fn make_report(session: &Session, arguments: &DemoArguments, scene: &Scene) -> Result<Report> {
     let device = Device::open(&arguments.device.device, session)?;
-    let _claim = claim(&arguments.out)?;
+    let _lock = lock_folder(&arguments.out)?;
     let start = FactoredStart::at(&arguments.out, job::is_unfinished::<FactoredFile>(&arguments.out))?;
     let defaults = DistillSettings::of_length(Length::Steps(arguments.steps.unwrap_or(STEPS)));
-    let defaults = start.settled(None, None, defaults);
+    let defaults = start.resolve_settings(None, None, defaults);
     let symmetry = start.symmetry(true);
     let request = Request {
         quantity: Quantity::Overlap,
@@ -51,9 +51,10 @@ pub(super) fn made(session: &Session, arguments: &DemoArguments, scene: &Scene) 
     drop(file);
     let stored = decided(session, &arguments.out)?;
     require_memory(session, &device, &stored)?;
-    let (subject, questions) = (Subject::of_stored(&stored)?, questions(arguments.seed, None, imf)?);
-    let Evaluated { field, by, .. } = device.field(session, &stored, Calls::Many)?;
-    let evaluation = evaluate(session, &subject, &*field, by, &questions, &worth_of(session, &stored)?)?;
+    let (subject, eval_settings) = (Subject::of_stored(&stored)?, eval_settings(arguments.seed, None, imf)?);
+    let DeviceField { field, by, .. } = device.field(session, &stored, Workload::Many)?;
+    let evaluation =
+        evaluate(session, &subject, &*field, by, &eval_settings, &decision_quality(session, &stored)?)?;
     evaluation.write(&arguments.out, &subject, &*field)?;
     Ok(evaluation.report)
 }

@@ -11,11 +11,11 @@ use imf_fields::recipe::{Length, TrainingPlan};
 use imf_fields::siren::SirenShape;
 use imf_train::dataset::generate;
 
-use super::{decided, questions};
+use super::{decided, eval_settings};
 use crate::arguments::DemoArguments;
 use crate::commands::dataset::interruption;
-use crate::commands::eval::worth_of;
-use crate::engine::{Calls, Device};
+use crate::commands::eval::decision_quality;
+use crate::engine::{Device, Workload};
 use crate::interrupt;
 use crate::job::{self, Data, Settings};
 use crate::report::{Report, Subject, evaluate};
@@ -31,7 +31,7 @@ const SECTIONS: usize = 225;
 /// MSE of 2e-6 at unseen orientations, ω = 30 2e-5.
 pub const SHAPE: SirenShape = SirenShape { width: 128, hidden: 5, skip_after: Some(2), omega: 10.0 };
 
-pub(super) fn made(session: &Session, arguments: &DemoArguments, scene: &Scene) -> Result<Report> {
+pub(super) fn make_report(session: &Session, arguments: &DemoArguments, scene: &Scene) -> Result<Report> {
     let device = Device::open(&arguments.device.device, session)?;
     let set = OrientationSet::parse(&format!("fibonacci:{SECTIONS}"))?;
     let folder = arguments.out.join("dataset");
@@ -64,11 +64,17 @@ pub(super) fn made(session: &Session, arguments: &DemoArguments, scene: &Scene) 
     };
     job::run(session, &device, &data, model, &arguments.out, &settings)?;
 
-    let questions = questions(arguments.seed, set.orientations.first().copied(), set)?;
+    let eval_settings = eval_settings(arguments.seed, set.orientations.first().copied(), set)?;
     let file = decided(session, &arguments.out)?;
-    let (subject, evaluated) = (Subject::of_stored(&file)?, device.field(session, &file, Calls::Many)?);
-    let evaluation =
-        evaluate(session, &subject, &*evaluated.field, evaluated.by, &questions, &worth_of(session, &file)?)?;
+    let (subject, evaluated) = (Subject::of_stored(&file)?, device.field(session, &file, Workload::Many)?);
+    let evaluation = evaluate(
+        session,
+        &subject,
+        &*evaluated.field,
+        evaluated.by,
+        &eval_settings,
+        &decision_quality(session, &file)?,
+    )?;
     evaluation.write(&arguments.out, &subject, &*evaluated.field)?;
     Ok(evaluation.report)
 }

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use anyhow::{Result, bail};
 use imf_core::orientation::Orientation;
 use imf_core::section::SectionPlan;
-use imf_core::tool::RotatedTool;
+use imf_core::tool::ToolVoxels;
 use imf_train::training::permutation::Permutation;
 use serde_json::{Value, json};
 
@@ -45,7 +45,7 @@ impl Check {
         }
         let (tool, grid) = (plan.tool(), plan.grid());
         let order = Permutation::new(cmf.len(), SEED, index as u64);
-        let rotated = RotatedTool::new(tool, orientation, grid.pitch)?;
+        let rotated = ToolVoxels::new(tool, orientation, grid.pitch)?;
         for place in 0..self.voxels.min(cmf.len()) {
             let at = order.at(place);
             let voxel = grid.voxel(at);
@@ -64,7 +64,7 @@ impl Check {
         Ok(())
     }
 
-    /// What to say to people; nothing where nothing was to be compared.
+    /// The result as text; nothing where nothing was to be compared.
     pub(super) fn describe(&self) -> Option<String> {
         let agreed = self.agreed.load(Ordering::Relaxed);
         (self.voxels > 0).then(|| format!("{agreed} of {agreed} compared voxels equal their direct sums"))
@@ -85,7 +85,7 @@ mod tests {
     use imf_core::tool::{SharpPoints, Tool};
 
     use super::*;
-    use imf_core::section::At;
+    use imf_core::section::ToolPoints;
 
     #[test]
     fn one_wrong_count_is_found_and_right_ones_are_counted() {
@@ -93,16 +93,19 @@ mod tests {
         let solid = (0..grid.len()).map(|i| u8::from(i % 3 == 0)).collect();
         for sharp_points in [SharpPoints::Tip, SharpPoints::Points(vec![DVec3::new(1.0, 0.0, 3.0)])] {
             let tool = Tool { sharp_points, ..Tool::paper() };
-            let plan =
-                SectionPlan::new(&Occupancy { grid, solid: Vec::clone(&solid) }, &tool, At::SharpPoints)
-                    .unwrap();
+            let plan = SectionPlan::new(
+                &Occupancy { grid, solid: Vec::clone(&solid) },
+                &tool,
+                ToolPoints::SharpPoints,
+            )
+            .unwrap();
             let orientation = Orientation::new(30.0, 50.0);
             let mut cmf = vec![0.0; grid.len()];
             plan.cmf(&orientation, &mut SectionScratch::default(), &mut cmf).unwrap();
             let check = Check::new(1000);
             check.compare(&plan, &orientation, 0, &cmf).unwrap();
             assert_eq!(check.summary()["agreed"], grid.len());
-            let count = RotatedTool::new(&tool, &orientation, grid.pitch).unwrap().count;
+            let count = ToolVoxels::new(&tool, &orientation, grid.pitch).unwrap().count;
             cmf[40] += 1.0 / count as f32;
             let message = check.compare(&plan, &orientation, 0, &cmf).unwrap_err().to_string();
             assert!(message.contains(&format!("{:?}", grid.voxel(40))), "{message}");

@@ -9,12 +9,12 @@ use imf_core::control::Control;
 use imf_core::section::{Imf, SectionError, SectionPlan, stream_depths, stream_sections};
 use imf_gpu::{Gpu, GpuSectionError, GpuSections};
 
-use super::{Counted, Values, Work};
+use super::{ExactSections, Values, Work};
 use crate::engine::Device;
 use crate::interrupt;
 
-/// What a run over all orientations came to.
-pub(super) enum Streamed<V> {
+/// The result of a run over all orientations.
+pub(super) enum StreamOutcome<V> {
     /// What was made of all sections.
     Whole(V),
     /// Stopped by Ctrl-C.
@@ -22,20 +22,20 @@ pub(super) enum Streamed<V> {
 }
 
 impl Work<'_> {
-    /// How sections are computed, for people.
+    /// How sections are computed, as text.
     pub(super) fn computed_by(&self) -> String {
-        let Counted { plan, .. } = match &self.values {
+        let ExactSections { plan, .. } = match &self.values {
             Values::Saved(field) => {
                 return match self.device {
                     Device::Gpu(gpu) => format!("{}, evaluated on {}", field.describe(), gpu.describe()),
                     Device::Cpu => field.describe().to_owned(),
                 };
             }
-            Values::Counted(counted) => counted,
+            Values::Exact(counted) => counted,
         };
         match self.device {
             Device::Cpu => plan.describe(),
-            Device::Gpu(gpu) => format!("run ends on {}", gpu.describe()),
+            Device::Gpu(gpu) => format!("run-length differences on {}", gpu.describe()),
         }
     }
 
@@ -46,10 +46,10 @@ impl Work<'_> {
         ready: impl FnOnce() -> Result<()>,
         start: impl Fn() -> V + Sync,
         visit: impl Fn(&mut V, usize, &[f32]) -> Result<()> + Sync,
-    ) -> Result<Streamed<Vec<V>>> {
-        let Counted { plan, depth, check, .. } = match &self.values {
+    ) -> Result<StreamOutcome<Vec<V>>> {
+        let ExactSections { plan, depth, check, .. } = match &self.values {
             Values::Saved(field) => return field.stream(self, ready, start, visit),
-            Values::Counted(counted) => counted,
+            Values::Exact(counted) => counted,
         };
         let mut device = match self.device {
             Device::Cpu => None,
@@ -82,10 +82,10 @@ impl Work<'_> {
     }
 
     /// The minimum over all orientations.
-    pub(super) fn minimum(&self) -> Result<Streamed<Imf>> {
-        let Counted { plan, check, .. } = match &self.values {
+    pub(super) fn minimum(&self) -> Result<StreamOutcome<Imf>> {
+        let ExactSections { plan, check, .. } = match &self.values {
             Values::Saved(field) => return field.minimum(self),
-            Values::Counted(counted) => counted,
+            Values::Exact(counted) => counted,
         };
         if let Device::Gpu(gpu) = self.device {
             let whole = plan.tip_alone() && !plan.has_layer();
@@ -109,11 +109,11 @@ impl Work<'_> {
             Ok(())
         };
         Ok(match self.stream(|| Ok(()), || Imf::new(voxels), visit)? {
-            Streamed::Interrupted => Streamed::Interrupted,
-            Streamed::Whole(parts) => {
+            StreamOutcome::Interrupted => StreamOutcome::Interrupted,
+            StreamOutcome::Whole(parts) => {
                 let mut whole = Imf::new(voxels);
                 parts.iter().for_each(|part| whole.merge(part));
-                Streamed::Whole(whole)
+                StreamOutcome::Whole(whole)
             }
         })
     }
@@ -127,7 +127,10 @@ impl Work<'_> {
     }
 
     /// Runs `work` with a progress line and a flag that stops it, which Ctrl-C sets as well.
-    fn staged<T>(&self, work: impl FnOnce(Control<'_>, &AtomicBool) -> Result<T>) -> Result<Streamed<T>> {
+    fn staged<T>(
+        &self,
+        work: impl FnOnce(Control<'_>, &AtomicBool) -> Result<T>,
+    ) -> Result<StreamOutcome<T>> {
         let stop = AtomicBool::new(false);
         let stage = self.session.stage("exact sections", "sections", self.set.len() as u64);
         let advance = |sections| {
@@ -139,9 +142,9 @@ impl Work<'_> {
         match work(Control { progress: &advance, cancelled: &stop }, &stop) {
             Ok(result) => {
                 stage.finish(&self.computed_by());
-                Ok(Streamed::Whole(result))
+                Ok(StreamOutcome::Whole(result))
             }
-            Err(error) if is_cancelled(&error) => Ok(Streamed::Interrupted),
+            Err(error) if is_cancelled(&error) => Ok(StreamOutcome::Interrupted),
             Err(error) => Err(error),
         }
     }

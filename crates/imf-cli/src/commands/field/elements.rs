@@ -31,13 +31,13 @@ pub(super) struct ElementRow {
 
 /// Working memory of one thread.
 #[derive(Default)]
-pub(super) struct OwnMeasures {
+pub(super) struct ElementBuffers {
     scratch: ElementScratch,
     measures: Vec<Vec<f32>>,
 }
 
-impl OwnMeasures {
-    /// Every element's section of orientation `index`; none where they are not asked for.
+impl ElementBuffers {
+    /// Every element's section of orientation `index`; none unless requested.
     pub(super) fn measure(&mut self, work: &Work<'_>, index: usize) -> Result<Vec<(ElementKind, &[f32])>> {
         let Some(plans) = work.elements() else { return Ok(Vec::new()) };
         let voxels = work.scene.record.grid.len();
@@ -47,7 +47,7 @@ impl OwnMeasures {
     }
 }
 
-/// Every element's measure at the best orientation of each voxel; none where they are not asked for.
+/// Every element's measure at the best orientation of each voxel; none unless requested.
 pub(super) fn at_best(work: &Work<'_>, imf: &Imf) -> Result<Vec<(ElementKind, Vec<f32>)>> {
     let Some(plans) = work.elements() else { return Ok(Vec::new()) };
     let stage = work.session.stage("elements", "orientations", work.set.len() as u64);

@@ -9,7 +9,7 @@ use imf_fields::harmonic::Refined;
 use serde_json::json;
 
 use super::elements::{self, ElementRow};
-use super::{ORIENTATIONS, SUMMARY, Streamed, Values, Work};
+use super::{ORIENTATIONS, SUMMARY, StreamOutcome, Values, Work};
 use crate::arguments::orientations::suggested_lines;
 use crate::interrupt::Interrupted;
 use crate::output::{print, print_json, same_digits, write_json};
@@ -19,14 +19,14 @@ use crate::slices::{MidPlaneSheet, MidPlanes};
 pub(super) fn run(work: &Work<'_>) -> Result<()> {
     let (grid, obstacle) = (&work.scene.record.grid, &work.scene.obstacle);
     let unfinished = || Err(Interrupted("the IMF needs every section; none was written".into()).into());
-    let Streamed::Whole(mut whole) = work.minimum()? else { return unfinished() };
+    let StreamOutcome::Whole(mut whole) = work.minimum()? else { return unfinished() };
     let refined = match work.values {
         Values::Saved(field) => field.refined(work, &whole)?,
-        Values::Counted(_) => None,
+        Values::Exact(_) => None,
     };
     let refined = match refined {
-        Some(Streamed::Interrupted) => return unfinished(),
-        Some(Streamed::Whole(Refined { value, orientation })) => {
+        Some(StreamOutcome::Interrupted) => return unfinished(),
+        Some(StreamOutcome::Whole(Refined { value, orientation })) => {
             whole.value = value;
             Some(orientation)
         }
@@ -86,7 +86,7 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
         return print_json(&summary);
     }
     let reached = match work.values {
-        Values::Counted(_) => "some orientation reaches them freely",
+        Values::Exact(_) => "some orientation reaches them freely",
         Values::Saved(_) => "the field's minimum is at most its threshold there, an estimate",
     };
     let suggested = suggested_lines(work.suggested, &work.scene.record.unit.to_string());

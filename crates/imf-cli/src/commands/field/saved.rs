@@ -14,9 +14,9 @@ use imf_fields::harmonic::{DIRECTIONS_AT_ONCE, HarmonicField, Refined};
 use serde_json::{Value, json};
 
 use super::Work;
-use super::counting::Streamed;
+use super::counting::StreamOutcome;
 use crate::commands::train::harmonic::{describe, errors_text};
-use crate::engine::{Calls, Device};
+use crate::engine::{Device, Workload};
 use crate::interrupt;
 use crate::report::Subject;
 
@@ -29,7 +29,7 @@ const WRITTEN: usize = 7;
 const ORIENTATION: usize = size_of::<Orientation>() / size_of::<f32>();
 
 /// A field of any family and how it is used.
-pub(super) struct Saved {
+pub(super) struct SavedField {
     stored: FieldFile,
     /// The minimum is over all orientations.
     refine: bool,
@@ -38,7 +38,7 @@ pub(super) struct Saved {
     besides: String,
 }
 
-impl Saved {
+impl SavedField {
     /// Of a field from a file, which is of the tool's tip.
     pub(super) fn new(stored: FieldFile, refine: bool) -> Result<Self> {
         if matches!(stored, FieldFile::Siren(_)) && refine {
@@ -51,7 +51,7 @@ impl Saved {
         let mut besides = String::new();
         let record = &stored.scene().record;
         if record.tool.sharp_point_positions(record.grid.pitch) != [DVec3::ZERO] {
-            besides += "; values are of the tool with its tip at the voxel, and imf query --sharp asks of its sharp points";
+            besides += "; values are of the tool with its tip at the voxel, and imf query --sharp evaluates its sharp points";
         }
         if matches!(&stored, FieldFile::Siren(model) if !model.record.finished) {
             besides += "; the network is not trained to its end";
@@ -63,7 +63,7 @@ impl Saved {
         &self.stored
     }
 
-    /// How values are computed, for people.
+    /// How values are computed, as text.
     pub(super) fn describe(&self) -> &str {
         &self.described
     }
@@ -125,10 +125,10 @@ impl Saved {
         ready: impl FnOnce() -> Result<()>,
         start: impl Fn() -> V,
         visit: impl Fn(&mut V, usize, &[f32]) -> Result<()>,
-    ) -> Result<Streamed<Vec<V>>> {
+    ) -> Result<StreamOutcome<Vec<V>>> {
         let voxels = work.scene.record.grid.len();
         let all = &work.set.orientations;
-        let calls = if all.len() > AT_ONCE { Calls::Many } else { Calls::One };
+        let calls = if all.len() > AT_ONCE { Workload::Many } else { Workload::One };
         let together = AT_ONCE.min(all.len());
         self.require_memory(work, work.device.copied_bytes(&self.stored, calls), together, together)?;
         let stage = work.session.stage("sections of the field", "sections", all.len() as u64);
@@ -138,7 +138,7 @@ impl Saved {
         let mut own = start();
         for (batch, orientations) in all.chunks(AT_ONCE).enumerate() {
             if interrupt::requested() {
-                return Ok(Streamed::Interrupted);
+                return Ok(StreamOutcome::Interrupted);
             }
             let sections = &mut values[..voxels * orientations.len()];
             field.sections(orientations, sections)?;
@@ -148,18 +148,18 @@ impl Saved {
             }
         }
         stage.finish("");
-        Ok(Streamed::Whole(vec![own]))
+        Ok(StreamOutcome::Whole(vec![own]))
     }
 
     /// The minimum over all orientations. Looks whether there is memory for what is made of it as well.
-    pub(super) fn minimum(&self, work: &Work<'_>) -> Result<Streamed<Imf>> {
+    pub(super) fn minimum(&self, work: &Work<'_>) -> Result<StreamOutcome<Imf>> {
         let together = work.set.len().min(DIRECTIONS_AT_ONCE);
         // Refining takes the coefficients of every voxel in this machine's memory, and a direction each.
-        let here = if self.refine { Device::Cpu.copied_bytes(&self.stored, Calls::Many) } else { 0 };
+        let here = if self.refine { Device::Cpu.copied_bytes(&self.stored, Workload::Many) } else { 0 };
         let arrays = WRITTEN + if self.refine { ORIENTATION } else { 0 };
         self.require_memory(
             work,
-            here.max(work.device.copied_bytes(&self.stored, Calls::One)),
+            here.max(work.device.copied_bytes(&self.stored, Workload::One)),
             arrays,
             together,
         )?;
@@ -167,13 +167,13 @@ impl Saved {
         let stage = work.session.stage("minimum of the field", "values", values);
         let advance = |values| stage.advance(values);
         let control = work.session.control(&advance);
-        let field = work.device.field(work.session, &self.stored, Calls::One)?.field;
+        let field = work.device.field(work.session, &self.stored, Workload::One)?.field;
         match field.minimum(&work.set.orientations, control) {
-            Err(FieldError::Cancelled) => Ok(Streamed::Interrupted),
+            Err(FieldError::Cancelled) => Ok(StreamOutcome::Interrupted),
             Err(error) => Err(error.into()),
             Ok(minimum) => {
                 stage.finish("");
-                Ok(Streamed::Whole(minimum))
+                Ok(StreamOutcome::Whole(minimum))
             }
         }
     }
@@ -208,8 +208,8 @@ impl Saved {
         4 * (orientations * (functions + 2 * axes)) as u64
     }
 
-    /// The minimum over all orientations, where that is asked for.
-    pub(super) fn refined(&self, work: &Work<'_>, minimum: &Imf) -> Result<Option<Streamed<Refined>>> {
+    /// The minimum over all orientations, where requested.
+    pub(super) fn refined(&self, work: &Work<'_>, minimum: &Imf) -> Result<Option<StreamOutcome<Refined>>> {
         if !self.refine {
             return Ok(None);
         }
@@ -217,11 +217,11 @@ impl Saved {
         let stage = work.session.stage("refining", "voxels", field.grid.len() as u64);
         let advance = |voxels| stage.advance(voxels);
         match field.refined(minimum, &work.set.orientations, work.session.control(&advance)) {
-            Err(SectionError::Cancelled) => Ok(Some(Streamed::Interrupted)),
+            Err(SectionError::Cancelled) => Ok(Some(StreamOutcome::Interrupted)),
             Err(error) => Err(error.into()),
             Ok(refined) => {
                 stage.finish("");
-                Ok(refined.map(Streamed::Whole))
+                Ok(refined.map(StreamOutcome::Whole))
             }
         }
     }

@@ -8,8 +8,8 @@ use imf_core::orientation::Orientation;
 use imf_core::section::ElementPlans;
 use serde_json::{Value, json};
 
-use super::elements::{self, ElementRow, OwnMeasures};
-use super::{Measure, ORIENTATIONS, Outside, SUMMARY, Streamed, Values, Work, angles_text};
+use super::elements::{self, ElementBuffers, ElementRow};
+use super::{Measure, ORIENTATIONS, Outside, SUMMARY, StreamOutcome, Values, Work, angles_text};
 use crate::interrupt::{self, Interrupted};
 use crate::output::{print, print_json, same_digits, table, write_json};
 use crate::picture::MaskStyle;
@@ -25,7 +25,7 @@ const PICTURED: usize = 6;
 const LISTED: usize = 20;
 
 /// What is kept of a section once it is written.
-struct Kept {
+struct WrittenSection {
     index: usize,
     outside: Option<Outside>,
     largest: f32,
@@ -37,9 +37,9 @@ struct Kept {
 
 /// What a thread keeps.
 #[derive(Default)]
-struct Own {
-    kept: Vec<Kept>,
-    measures: OwnMeasures,
+struct ThreadState {
+    kept: Vec<WrittenSection>,
+    measures: ElementBuffers,
 }
 
 pub(super) fn run(work: &Work<'_>) -> Result<()> {
@@ -58,7 +58,7 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
         write_json(&work.folder.file(SUMMARY), &begun)
     };
     let written = AtomicUsize::new(0);
-    let visit = |own: &mut Own, index: usize, cmf: &[f32]| -> Result<()> {
+    let visit = |own: &mut ThreadState, index: usize, cmf: &[f32]| -> Result<()> {
         write_npy(work.folder.file(&format!("{}.npy", name(index))), grid.dims, cmf)?;
         let measured = own.measures.measure(work, index)?;
         let elements = elements::write(work, &name(index), &measured, index == 0)?;
@@ -76,7 +76,7 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
             let of_elements = measured.iter().zip(&elements);
             values.extend(of_elements.map(|((_, values), row)| (row.array.clone(), values.to_vec())));
         }
-        own.kept.push(Kept {
+        own.kept.push(WrittenSection {
             index,
             outside: work.accessible_outside(cmf),
             largest: cmf.iter().copied().fold(f32::NEG_INFINITY, f32::max),
@@ -88,7 +88,7 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
         written.fetch_add(1, Ordering::Relaxed);
         Ok(())
     };
-    let Streamed::Whole(parts) = work.stream(begin, Own::default, visit)? else {
+    let StreamOutcome::Whole(parts) = work.stream(begin, ThreadState::default, visit)? else {
         let (written, all, folder) =
             (written.load(Ordering::Relaxed), set.len(), work.folder.path().display());
         return Err(
@@ -97,7 +97,7 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
     };
     // All sections are written; what is still drawn of them is not kept for.
     drop(keeping);
-    let mut kept: Vec<Kept> = parts.into_iter().flat_map(|own| own.kept).collect();
+    let mut kept: Vec<WrittenSection> = parts.into_iter().flat_map(|own| own.kept).collect();
     kept.sort_by_key(|section| section.index);
     if shared {
         write_shared(work, &kept)?;
@@ -119,7 +119,7 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
     // Rows of orientations that differ in nothing else would look alike.
     let rolls = set.orientations.iter().any(|orientation| orientation.roll != 0.0);
     let accessible = match work.values {
-        Values::Counted(_) => "accessible outside the part",
+        Values::Exact(_) => "accessible outside the part",
         Values::Saved(_) => "called free outside the part",
     };
     let largest = format!("largest {}", measure.short);
@@ -166,7 +166,7 @@ fn files(work: &Work<'_>, shared: bool) -> Vec<String> {
 }
 
 /// All sections as named arrays of one file.
-fn write_shared(work: &Work<'_>, kept: &[Kept]) -> Result<()> {
+fn write_shared(work: &Work<'_>, kept: &[WrittenSection]) -> Result<()> {
     let grid = &work.scene.record.grid;
     let mut fields = Vec::new();
     for (name, values) in kept.iter().flat_map(|section| &section.values) {
@@ -177,7 +177,7 @@ fn write_shared(work: &Work<'_>, kept: &[Kept]) -> Result<()> {
 }
 
 /// Mid-planes of the first sections.
-fn draw(work: &Work<'_>, kept: &mut [Kept]) -> Result<()> {
+fn draw(work: &Work<'_>, kept: &mut [WrittenSection]) -> Result<()> {
     let planes: Vec<MidPlanes> = kept.iter_mut().filter_map(|section| section.planes.take()).collect();
     let mut notes = vec![format!("outlined: the part; {}", work.exactness())];
     if kept.len() > planes.len() {
@@ -196,8 +196,8 @@ fn draw(work: &Work<'_>, kept: &mut [Kept]) -> Result<()> {
     Ok(())
 }
 
-fn list(work: &Work<'_>, kept: &[Kept]) -> Vec<Value> {
-    let entry = |section: &Kept| {
+fn list(work: &Work<'_>, kept: &[WrittenSection]) -> Vec<Value> {
+    let entry = |section: &WrittenSection| {
         json!({
             "index": section.index,
             "orientation": work.set.orientations[section.index],
@@ -212,7 +212,7 @@ fn list(work: &Work<'_>, kept: &[Kept]) -> Vec<Value> {
 }
 
 /// A line of the table, with the roll where any orientation has one.
-fn row(work: &Work<'_>, section: &Kept, rolls: bool) -> Vec<String> {
+fn row(work: &Work<'_>, section: &WrittenSection, rolls: bool) -> Vec<String> {
     let Orientation { theta, phi, roll } = work.set.orientations[section.index];
     let angles = [Some(theta), Some(phi), rolls.then_some(roll)];
     let mut row = vec![section.index.to_string()];

@@ -6,7 +6,7 @@ use imf_gpu::wgpu::DeviceType;
 use imf_gpu::{AdapterSummary, DeviceChoice, Gpu, adapters};
 use serde_json::{Value, json};
 
-use crate::output::answer;
+use crate::output::print_result;
 use crate::session::{Session, show_bytes};
 
 /// What to do where there is no adapter.
@@ -39,7 +39,7 @@ pub(super) fn run(session: &Session) -> Result<()> {
         text += &format!("no GPU adapter was found: {REMEDY}\n");
     }
     let parts = ReferencePart::ALL.map(|part| part.to_string()).join(", ");
-    answer(session, &json, &format!("{text}\nbuilt-in parts: {parts}; tool: paper\n"))
+    print_result(session, &json, &format!("{text}\nbuilt-in parts: {parts}; tool: paper\n"))
 }
 
 fn kind(adapter: &AdapterSummary) -> &'static str {

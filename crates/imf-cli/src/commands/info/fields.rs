@@ -68,7 +68,7 @@ pub(super) fn dataset(folder: &Path) -> Result<Description> {
     Ok(Description { lines, json })
 }
 
-/// A field of any family: what it is, what it is of, how it was made, and what its decisions are worth.
+/// A field of any family: what it is, what it is of, how it was made, and error rates of its decisions.
 pub(super) fn field(path: &Path, file: &FieldFile) -> Result<Description> {
     let bytes = std::fs::metadata(path).with_context(|| format!("cannot read {}", path.display()))?.len();
     let size = show_bytes(bytes);
@@ -154,11 +154,11 @@ fn harmonic(file: &HarmonicFile, size: &str) -> Family {
     let HarmonicFile { field, settings, .. } = file;
     let (report, axes) = (&field.report, field.axis_count());
     let family = format!(
-        "harmonic, {} functions of degree {} along {axes} axes, file of {size}",
+        "harmonic, {} basis functions of degree {}, {axes} principal components, file of {size}",
         report.functions, settings.degree
     );
     let errors = format!(
-        "{}; dropped axes {:.1e}",
+        "{}; dropped components {:.1e}",
         validation_text(&report.validation, field.quantity),
         report.dropped
     );
@@ -201,10 +201,10 @@ fn resumable(resumable: bool) -> Line {
     ("resumable", text.to_owned())
 }
 
-/// What a field's decisions are worth.
+/// Error rates of a field's decisions.
 fn calibration_lines(calibration: Option<&Calibration>) -> Vec<Line> {
     let Some(known) = calibration else {
-        return vec![("decisions", "not calibrated: imf calibrate measures what they are worth".into())];
+        return vec![("decisions", "not calibrated: imf calibrate measures their error rates".into())];
     };
     let threshold = |value: Option<f32>| value.map_or("never".into(), |v| format!("{v:.3e}"));
     vec![
@@ -274,7 +274,7 @@ fn scene_lines(scene: &SceneRecord) -> Vec<Line> {
         lines.push(("contact", format!("the cutter may reach {depth} {unit} below the part's surface")));
     }
     if let Some(text) = clearance_text(&scene.clearance, unit) {
-        lines.push(("clearance", format!("{text}: the field is that of the grown tool")));
+        lines.push(("clearance", format!("{text}: the field is that of the offset tool")));
     }
     lines.push(("guarantee", scene.guarantee().to_string()));
     if scene.transform != DMat4::IDENTITY {

@@ -54,7 +54,7 @@ pub(super) fn mesh_file(session: &Session, path: &Path, given: Option<LengthUnit
         "file": path,
         "unit": unit,
         "mesh": report,
-        "turned_triangles": repair.turned,
+        "turned_triangles": repair.flipped,
         "one_sided_triangles": repair.one_sided,
         "implausible_size": implausible,
     });

@@ -18,8 +18,8 @@ const POSITION: [&str; 3] = ["x", "y", "z"];
 const VECTOR: [&str; 3] = ["i", "j", "k"];
 const ANGLES: [&str; 2] = ["theta", "phi"];
 const ROLL: [&str; 2] = ["roll", "psi"];
-/// Poses that are looked at between two looks for Ctrl-C.
-const PATIENCE: u64 = 1 << 12;
+/// Poses between two checks for Ctrl-C.
+const CHECK_INTERVAL: u64 = 1 << 12;
 
 /// Where the tool's direction stands in a line.
 enum Direction {
@@ -48,7 +48,7 @@ pub(super) fn open(path: &Path) -> Result<(Poses, Option<u64>)> {
             return Err(IoError::from(IoErrorKind::IsADirectory)).with_context(fail);
         }
         let mut count = None;
-        // A pipe tells its poses once.
+        // A pipe can be read only once.
         if metadata.is_file() {
             count = Some(PoseReader::new(&file, name.clone())?.count()?);
             file.rewind().with_context(fail)?;
@@ -172,7 +172,7 @@ impl<R: Read> PoseReader<R> {
         while self.advance()? {
             self.waiting_pose();
             count += 1;
-            if count % PATIENCE == 0 && interrupt::requested() {
+            if count % CHECK_INTERVAL == 0 && interrupt::requested() {
                 return Err(Interrupted("no pose was answered, and nothing was written".into()).into());
             }
         }

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use anyhow::{Context as _, Result, bail};
 use imf_core::scene::Scene;
-use imf_core::section::{At, Quantity, SectionPlan};
+use imf_core::section::{Quantity, SectionPlan, ToolPoints};
 use imf_fields::evaluation::{Exact, grid_sections};
 use imf_fields::factored::DistillSettings;
 use imf_fields::factored::file::FactoredFile;
@@ -26,11 +26,11 @@ use crate::arguments::harmonic::DEFAULT_SECTIONS;
 use crate::arguments::quantity::scene_of;
 use crate::arguments::scene::SceneArguments;
 use crate::arguments::train::FactoredArguments;
-use crate::commands::calibrate::afterwards;
+use crate::commands::calibrate::calibrate_written;
 use crate::commands::field::is_field;
 use crate::engine::Device;
-use crate::job::{Distillation, Extent, FIELD, FactoredStart, Settings, Source, symmetry_of};
-use crate::output::{OutputFolder, answer, claim, require_other};
+use crate::job::{Distillation, DistillationSize, FIELD, FactoredStart, Settings, Source, symmetry_of};
+use crate::output::{OutputFolder, lock_folder, print_result, require_other};
 use crate::session::{Session, show_bytes};
 
 /// Random orientations that a finished network is held against exact sections at.
@@ -41,7 +41,7 @@ const DEGREE: usize = 16;
 const DEGREE_OF_ROTATIONS: usize = 5;
 
 pub(super) fn run(session: &Session, arguments: &FactoredArguments) -> Result<()> {
-    let FactoredArguments { given, scene, contact, quantity, run, start, degree, online, .. } = arguments;
+    let FactoredArguments { explicit, scene, contact, quantity, run, start, degree, online, .. } = arguments;
     let subject = Path::new(&scene.part);
     if FactoredFile::is_one(subject) {
         bail!(
@@ -60,16 +60,16 @@ pub(super) fn run(session: &Session, arguments: &FactoredArguments) -> Result<()
     let is_saved = is_field(subject);
     if is_saved {
         let whose = "a part, and the harmonic field was made with its own";
-        given.refuse::<SceneArguments>(whose)?;
-        given.refuse::<ContactArguments>(whose)?;
-        given.refuse_option("quantity", whose)?;
-        given.refuse_option("degree", whose)?;
-        given.refuse_option("online", whose)?;
+        explicit.refuse::<SceneArguments>(whose)?;
+        explicit.refuse::<ContactArguments>(whose)?;
+        explicit.refuse_option("quantity", whose)?;
+        explicit.refuse_option("degree", whose)?;
+        explicit.refuse_option("online", whose)?;
     }
     let (settings, set) = arguments.settings()?;
     if online.is_some() && (start.from.is_some() || set.symmetry == Some(true)) {
         bail!(
-            "--from and --set symmetry=true are of a harmonic field that is distilled, and exact sections cannot tell of it (--online): \
+            "--from and --set symmetry=true apply only to a harmonic field that is distilled, and exact sections show no symmetry (--online): \
              leave out one of them"
         );
     }
@@ -82,7 +82,7 @@ pub(super) fn run(session: &Session, arguments: &FactoredArguments) -> Result<()
         require_other(source, &folder.file(FIELD))?;
     }
     let device = Device::open(run.device_or("cpu"), session)?;
-    let _before = claim(folder.path())?;
+    let _before = lock_folder(folder.path())?;
     let begun = FactoredStart::at(folder.path(), run.resume)?;
     let mut settings = settings;
     if let Some((path, from)) = &from {
@@ -90,7 +90,7 @@ pub(super) fn run(session: &Session, arguments: &FactoredArguments) -> Result<()
         let DistillSettings { width, hidden, omega, .. } = from.settings;
         settings = DistillSettings { width, hidden, omega, ..settings };
     }
-    settings = begun.settled(run.rate, set.optimiser(), settings);
+    settings = begun.resolve_settings(run.rate, set.optimiser(), settings);
     let symmetry = match &from {
         Some((_, from)) => Some(from.settings.symmetry),
         // Sections cannot tell of it.
@@ -115,17 +115,17 @@ pub(super) fn run(session: &Session, arguments: &FactoredArguments) -> Result<()
             Some(file) => (file, None),
             None => {
                 folder.create()?;
-                let _claim = claim(folder.path())?;
+                let _lock = lock_folder(folder.path())?;
                 request.distilled(session, &device, &field, &begun, from.as_ref().map(|(_, from)| from))?
             }
         }
     } else {
-        let scene = scene_of(quantity, given, scene).scene_with(session, contact)?;
+        let scene = scene_of(quantity, explicit, scene).scene_with(session, contact)?;
         folder.create()?;
-        let _claim = claim(folder.path())?;
+        let _lock = lock_folder(folder.path())?;
         request.of_scene(session, &device, &scene, &begun, from.as_ref().map(|(_, from)| from))?
     };
-    concluded(session, folder.path(), trained, !run.no_calibrate)
+    conclude(session, folder.path(), trained, !run.no_calibrate)
 }
 
 /// What happens beside the steps.
@@ -179,15 +179,15 @@ impl Request {
             return Ok((file, None));
         }
         let by_sections = self.settings.online.is_some();
-        let extent = Extent { by_sections, fit, domain, voxels: scene.record.grid.len() };
+        let extent = DistillationSize { by_sections, fit, domain, voxels: scene.record.grid.len() };
         extent.require(session, &self.settings, self.smaller)?;
-        let plan = SectionPlan::of_scene(scene, At::Tip)?;
+        let plan = SectionPlan::of_scene(scene, ToolPoints::Tip)?;
         if by_sections {
             let source = Box::new(section_source(session, &plan, domain, &fit)?);
             let source = Source::Sections { source, scene, fit };
             return self.trained(session, device, source, start, None);
         }
-        let field = harmonic::fitted(session, scene, &plan, domain, fit, self.smaller)?;
+        let field = harmonic::fit_field(session, scene, &plan, domain, fit, self.smaller)?;
         drop(plan);
         self.distilled(session, device, &field, start, from)
     }
@@ -236,21 +236,21 @@ fn section_source<'a>(
     Ok(source)
 }
 
-/// The end of a training: its error, what the field's decisions are worth, and its closing lines.
-fn concluded(
+/// The end of a training: its error, error rates of the field's decisions, and its closing lines.
+fn conclude(
     session: &Session,
     out: &Path,
     (file, loss): (FactoredFile, Option<f64>),
     calibrate: bool,
 ) -> Result<()> {
     let path = out.join(FIELD);
-    let worth = afterwards(session, &path, calibrate)?;
+    let quality = calibrate_written(session, &path, calibrate)?;
     let (scene, quantity, plan) = (file.scene.clone(), file.field.quantity, file.settings.plan);
     let random = file.field.basis.random_set(VALIDATED, plan.seed)?.orientations;
     let parameters = file.field.parameter_count();
     let (settings, source) = (file.settings, file.report);
     let validation = {
-        let sections = SectionPlan::of_scene(&scene, At::Tip)?;
+        let sections = SectionPlan::of_scene(&scene, ToolPoints::Tip)?;
         let exact = Exact::new(&sections, quantity, None)?;
         let field = Field::new(FieldFile::Factored(Box::new(file)))?;
         let stage = session.stage("validating", "sections", random.len() as u64);
@@ -262,19 +262,19 @@ fn concluded(
     let bytes = std::fs::metadata(&path).with_context(|| format!("cannot read {}", path.display()))?.len();
     let json = json!({
         "field": path, "bytes": bytes, "parameters": parameters, "loss": loss, "settings": settings, "source": source,
-        "quantity": quantity, "validation": validation, "verdict": worth.json(),
+        "quantity": quantity, "validation": validation, "verdict": quality.json(),
     });
     let source = if settings.online.is_some() { "exact sections" } else { "the harmonic field" };
     // None where a finished training was asked to go on.
     let loss =
         loss.map_or_else(String::new, |loss| format!("MSE from {source} in the last steps {loss:.1e}, "));
     let text = format!(
-        "{}: {}, {loss}{}; ask it by: imf query {}\n{}",
+        "{}: {}, {loss}{}; query it with: imf query {}\n{}",
         path.display(),
         show_bytes(bytes),
         validation_text(&validation, quantity),
         path.display(),
-        worth.text()
+        quality.text()
     );
-    answer(session, &json, &text)
+    print_result(session, &json, &text)
 }

@@ -2,7 +2,7 @@
 
 use anyhow::{Result, bail};
 use imf_core::scene::Scene;
-use imf_core::section::{At, Quantity, SectionError, SectionPlan};
+use imf_core::section::{Quantity, SectionError, SectionPlan, ToolPoints};
 use imf_core::tool::Tool;
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::file::HarmonicFile;
@@ -16,22 +16,22 @@ use crate::arguments::harmonic::HarmonicArguments;
 use crate::arguments::quantity::scene_of;
 use crate::commands::calibrate;
 use crate::interrupt::Interrupted;
-use crate::output::{OutputFile, answer};
+use crate::output::{OutputFile, print_result};
 use crate::session::{Session, show_bytes};
 
 pub(super) fn run(session: &Session, arguments: &HarmonicArguments) -> Result<()> {
     let out = OutputFile::check(&arguments.out)?;
     let quantity = arguments.quantity.of(&arguments.scene);
     let scene =
-        scene_of(quantity, &arguments.given, &arguments.scene).scene_with(session, &arguments.contact)?;
+        scene_of(quantity, &arguments.explicit, &arguments.scene).scene_with(session, &arguments.contact)?;
     // A field that is saved is of the tip, which serves every sharp point: turning a tool of revolution about its axis moves
     // its sharp points, not the overlap at its tip.
-    let plan = SectionPlan::of_scene(&scene, At::Tip)?;
+    let plan = SectionPlan::of_scene(&scene, ToolPoints::Tip)?;
     let domain = domain(&scene.record.bare_tool().with_tip_only());
     let settings =
         chosen(session, &plan, arguments.settings(domain, quantity), domain, arguments.target_mse)?;
     let smaller = "use a lower --degree, fewer --components, or a larger --pitch";
-    let file = fitted(session, &scene, &plan, domain, settings, smaller)?;
+    let file = fit_field(session, &scene, &plan, domain, settings, smaller)?;
     drop(plan);
     let path = out.begin()?;
     file.write(path)?;
@@ -39,15 +39,15 @@ pub(super) fn run(session: &Session, arguments: &HarmonicArguments) -> Result<()
         (describe(&file), file.settings, file.field.report, file.field.bytes());
     // Two of a field need not be in memory at once.
     drop(file);
-    let worth = calibrate::afterwards(session, path, !arguments.no_calibrate)?;
+    let quality = calibrate::calibrate_written(session, path, !arguments.no_calibrate)?;
     let json = json!({
         "field": path, "settings": settings, "report": report, "bytes": bytes, "scene": scene.record,
-        "verdict": worth.json(),
+        "verdict": quality.json(),
     });
-    answer(session, &json, &format!("{}: {text}\n{}", path.display(), worth.text()))
+    print_result(session, &json, &format!("{}: {text}\n{}", path.display(), quality.text()))
 }
 
-/// A field and its errors, for people.
+/// A field and its errors, as text.
 pub(in crate::commands) fn describe(file: &HarmonicFile) -> String {
     let report = &file.field.report;
     format!(
@@ -127,7 +127,7 @@ pub(in crate::commands) fn domain(bare: &Tool) -> Domain {
 }
 
 /// The field of a scene, in so many exact sections as the settings ask for; `smaller` says what takes less memory.
-pub fn fitted(
+pub fn fit_field(
     session: &Session,
     scene: &Scene,
     plan: &SectionPlan,

@@ -20,11 +20,11 @@ use crate::arguments::clearance::ContactArguments;
 use crate::arguments::quantity::scene_of;
 use crate::arguments::scene::SceneArguments;
 use crate::arguments::train::{FinetuneArguments, Siren5Arguments, Siren5Training};
-use crate::commands::calibrate::afterwards;
-use crate::commands::dataset::sampled;
+use crate::commands::calibrate::calibrate_written;
+use crate::commands::dataset::sample_sections;
 use crate::engine::Device;
 use crate::job::{self, Data, FIELD, Footprint, Latest, Settings};
-use crate::output::{OutputFolder, answer, claim, require_other};
+use crate::output::{OutputFolder, lock_folder, print_result, require_other};
 use crate::session::Session;
 
 /// Orientations of a part's own samples: as many as the paper's, spread evenly.
@@ -39,23 +39,23 @@ enum Samples<'a> {
 }
 
 pub(super) fn run(session: &Session, arguments: &Siren5Arguments) -> Result<()> {
-    let Siren5Arguments { given, scene, contact, quantity, run, start, samples } = arguments;
+    let Siren5Arguments { explicit, scene, contact, quantity, run, start, samples } = arguments;
     let subject = Path::new(&scene.part);
     let from = match &start.from {
         Some(path) => Some((path.as_path(), start_model(path)?)),
         None => None,
     };
-    let training = Siren5Training::new(given, run, samples, from.is_some())?;
+    let training = Siren5Training::new(explicit, run, samples, from.is_some())?;
     let of = if Manifest::is_in(subject) {
         let made = "a part, and the dataset was made with its own";
-        given.refuse::<SceneArguments>(made)?;
-        given.refuse::<ContactArguments>(made)?;
-        given.refuse_option("quantity", made)?;
+        explicit.refuse::<SceneArguments>(made)?;
+        explicit.refuse::<ContactArguments>(made)?;
+        explicit.refuse_option("quantity", made)?;
         Samples::Dataset(subject)
     } else if subject.is_file() || ReferencePart::from_str(&scene.part).is_ok() {
         if samples.mpi {
             bail!(
-                "--mpi is of a dataset, and {} is a part: make its dataset first (imf dataset)",
+                "--mpi applies only to a dataset, and {} is a part: make its dataset first (imf dataset)",
                 scene.part
             );
         }
@@ -80,9 +80,9 @@ pub(super) fn run(session: &Session, arguments: &Siren5Arguments) -> Result<()> 
 }
 
 pub(crate) fn finetune(session: &Session, arguments: &FinetuneArguments) -> Result<()> {
-    let FinetuneArguments { given, model, dataset, run, samples } = arguments;
+    let FinetuneArguments { explicit, model, dataset, run, samples } = arguments;
     job::require_togetherness(session)?;
-    let training = Siren5Training::new(given, run, samples, true)?;
+    let training = Siren5Training::new(explicit, run, samples, true)?;
     let start = start_model(model)?;
     trained(session, &training, start.shape, &Samples::Dataset(dataset), Some((model, start)))
 }
@@ -117,7 +117,7 @@ fn trained(
     if let Some((path, _)) = from.as_ref().filter(|_| !run.resume) {
         require_other(path, &folder.file(FIELD))?;
     }
-    let _claim = claim(folder.path())?;
+    let _lock = lock_folder(folder.path())?;
     // Before anything is made for a training that cannot go on, or need not.
     let found = job::to_resume::<Model>(folder.path(), run.resume)?;
     let settings = Settings {
@@ -137,7 +137,7 @@ fn trained(
         let Some(found) = &found else { return Ok(false) };
         same(found)?;
         let Some(model) = found.finished(session, folder.path(), Precision::F32)? else { return Ok(false) };
-        concluded(session, folder.path(), &model, !run.no_calibrate)?;
+        conclude(session, folder.path(), &model, !run.no_calibrate)?;
         Ok(true)
     };
     let device = Device::open(run.device_or("auto"), session)?;
@@ -151,7 +151,7 @@ fn trained(
             data
         }
         Samples::OfPart(scene, contact) => {
-            let scene = scene_of(Quantity::Overlap, training.given, scene);
+            let scene = scene_of(Quantity::Overlap, training.explicit, scene);
             let (set, sampling) =
                 (OrientationSet::parse(ORIENTATIONS)?, Sampling { seed: plan.seed, ..Sampling::default() });
             let scene = scene.scene_with(session, contact)?;
@@ -165,9 +165,9 @@ fn trained(
                     .require(session, 0)?;
             }
             folder.create()?;
-            let _claim = claim(folder.path())?;
+            let _lock = lock_folder(folder.path())?;
             let dataset = folder.file("dataset");
-            sampled(session, &dataset, &scene, &set, &sampling, &Layout::default())?;
+            sample_sections(session, &dataset, &scene, &set, &sampling, &Layout::default())?;
             Data::open(&dataset)?
         }
     };
@@ -186,28 +186,28 @@ fn trained(
         (None, None) => job::fresh_model(&data, shape, *plan, TrainingState::new(&shape, plan.seed), None),
     };
     let model = job::run(session, &device, &data, model, folder.path(), &settings)?;
-    concluded(session, folder.path(), &model, !run.no_calibrate)
+    conclude(session, folder.path(), &model, !run.no_calibrate)
 }
 
-/// The end of a training: what the model's decisions are worth, and its closing lines.
-fn concluded(session: &Session, out: &Path, model: &Model, calibrate: bool) -> Result<()> {
+/// The end of a training: error rates of the model's decisions, and its closing lines.
+fn conclude(session: &Session, out: &Path, model: &Model, calibrate: bool) -> Result<()> {
     if !session.rank().is_first() {
         return Ok(());
     }
     let path = out.join(FIELD);
-    let worth = afterwards(session, &path, calibrate)?;
+    let quality = calibrate_written(session, &path, calibrate)?;
     let record = &model.record;
     let json = json!({
         "field": path, "steps": record.steps, "seconds": record.seconds, "loss": record.losses.last().map(|p| p.loss),
         "parameters": model.shape.parameter_count(), "engine": record.engine,
-        "held_out": record.held_out.as_ref().and_then(|held| held.errors.last()), "verdict": worth.json(),
+        "held_out": record.held_out.as_ref().and_then(|held| held.errors.last()), "verdict": quality.json(),
     });
     let text = format!(
         "{}: {} steps; compare with: imf eval {}\n{}",
         path.display(),
         record.steps,
         path.display(),
-        worth.text()
+        quality.text()
     );
-    answer(session, &json, &text)
+    print_result(session, &json, &text)
 }

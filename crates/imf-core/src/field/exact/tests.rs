@@ -3,8 +3,8 @@
 use super::*;
 use crate::parts::ReferencePart;
 use crate::scene::SceneSpec;
-use crate::section::fixtures::{line, orientations, revolved};
 use crate::section::sections;
+use crate::section::test_shapes::{line, orientations, revolved};
 use crate::tool::{ElementKind, Tool, ToolShape};
 
 fn bracket(dims: [usize; 3], tool: &Tool) -> Scene {
@@ -20,7 +20,7 @@ fn at_centres(grid: &Grid, orientation: &Orientation, step: usize) -> Vec<Pose> 
 #[test]
 fn at_voxel_centres_it_is_the_section() {
     let scene = bracket([10, 30, 18], &Tool::paper());
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap();
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, ToolPoints::SharpPoints).unwrap();
     let field = ExactField::new(&scene.obstacle, &scene.record.tool);
     let set = orientations("0,0;90,90;0,180;45,45;37,61;200,100");
     let exact = sections(&plan, &set, Control::quiet()).unwrap();
@@ -56,8 +56,8 @@ fn with_contact_it_is_the_section_with_contact() {
     let grid = scene.record.grid;
     let touching = scene.clone().with_contact(&spec.bodies(&grid).unwrap(), 2.0 * grid.pitch);
     let set = orientations("fibonacci:5");
-    let found =
-        sections(&SectionPlan::of_scene(&touching, At::Tip).unwrap(), &set, Control::quiet()).unwrap();
+    let found = sections(&SectionPlan::of_scene(&touching, ToolPoints::Tip).unwrap(), &set, Control::quiet())
+        .unwrap();
     let field = ExactField::of_scene(&touching, &clearance).unwrap();
     for (orientation, section) in set.iter().zip(&found) {
         let poses = at_centres(&grid, orientation, 1);
@@ -78,7 +78,8 @@ fn with_contact_it_is_the_section_with_contact() {
         assert_eq!(&section_again, section);
     }
     // Contact takes something away, and not everything.
-    let without = sections(&SectionPlan::of_scene(&scene, At::Tip).unwrap(), &set, Control::quiet()).unwrap();
+    let without =
+        sections(&SectionPlan::of_scene(&scene, ToolPoints::Tip).unwrap(), &set, Control::quiet()).unwrap();
     let sum = |all: &[Vec<f32>]| all.iter().flatten().sum::<f32>();
     assert!(sum(&found) < sum(&without) && sum(&found) > 0.0);
 }

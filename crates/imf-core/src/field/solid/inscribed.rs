@@ -8,7 +8,7 @@
 //! nearest empty centre, and from the last point in a solid cell there is r − √3/2 still to go. The two add up, for
 //! r > √3/2; a smaller ball may rest within a solid cell. All lengths in voxels.
 
-use super::segment::Placed;
+use super::segment::VoxelPose;
 use super::{Body, Part};
 use crate::distance::{DistanceField, squared_depths};
 use crate::occupancy::Occupancy;
@@ -49,7 +49,7 @@ impl InscribedSpheres {
     }
 
     /// Lower bound of the length of every translation that frees the tool, in voxels; 0 where none is proven.
-    pub(super) fn bound(&self, placed: Placed, distances: &DistanceField, obstacle: &Occupancy) -> f64 {
+    pub(super) fn bound(&self, placed: VoxelPose, distances: &DistanceField, obstacle: &Occupancy) -> f64 {
         let grid = &obstacle.grid;
         let mut most: f64 = 0.0;
         for &(height, radius) in &self.spheres {
@@ -96,7 +96,7 @@ mod tests {
     use crate::grid::Grid;
     use crate::occupancy::Occupancy;
     use crate::pose::Pose;
-    use crate::section::fixtures::{cylinder, line, orientations, revolved};
+    use crate::section::test_shapes::{cylinder, line, orientations, revolved};
     use crate::tool::{ElementKind, Segment, Tool};
 
     /// A bull nose under a cone and a wide collar.

@@ -6,15 +6,15 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, PoisonError, RwLock};
 
 use crate::orientation::Orientation;
-use crate::tool::{RotatedTool, Tool, ToolError};
+use crate::tool::{Tool, ToolError, ToolVoxels};
 
 /// Memory that they may take; beyond it they are made anew each time.
-const MOST_BYTES: usize = 128 << 20;
+const MAX_BYTES: usize = 128 << 20;
 
 /// A tool's voxels by the orientation's bits.
 #[derive(Default)]
 pub(super) struct OrientedTools {
-    tools: RwLock<HashMap<[u64; 3], Arc<RotatedTool>>>,
+    tools: RwLock<HashMap<[u64; 3], Arc<ToolVoxels>>>,
     bytes: AtomicUsize,
 }
 
@@ -25,15 +25,15 @@ impl OrientedTools {
         tool: &Tool,
         orientation: &Orientation,
         pitch: f64,
-    ) -> Result<Arc<RotatedTool>, ToolError> {
+    ) -> Result<Arc<ToolVoxels>, ToolError> {
         let key = [orientation.theta, orientation.phi, orientation.roll].map(f64::to_bits);
         if let Some(saved) = self.tools.read().unwrap_or_else(PoisonError::into_inner).get(&key) {
             return Ok(saved.clone());
         }
-        let rotated = Arc::new(RotatedTool::new(tool, orientation, pitch)?);
+        let rotated = Arc::new(ToolVoxels::new(tool, orientation, pitch)?);
         let mut tools = self.tools.write().unwrap_or_else(PoisonError::into_inner);
         let bytes = self.bytes.load(Ordering::Relaxed) + rotated.solid.len();
-        if bytes <= MOST_BYTES && tools.insert(key, rotated.clone()).is_none() {
+        if bytes <= MAX_BYTES && tools.insert(key, rotated.clone()).is_none() {
             self.bytes.store(bytes, Ordering::Relaxed);
         }
         Ok(rotated)

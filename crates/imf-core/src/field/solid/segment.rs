@@ -11,7 +11,7 @@
 use glam::DVec3;
 use pulp::Simd;
 
-use crate::tool::{SLACK, Segment, holds};
+use crate::tool::{SLACK, Segment, contains};
 
 /// Lines that are solved together.
 pub(super) const LANES: usize = 8;
@@ -24,9 +24,9 @@ const LEVEL: f64 = 1e-6;
 /// Leading coefficient below which a quadratic is solved by other means.
 const FLAT: f64 = 1e-3;
 
-/// Where a tool stands, in voxels.
+/// A tool's pose in continuous voxel coordinates.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Placed {
+pub(super) struct VoxelPose {
     /// The tip in continuous voxel coordinates.
     pub(super) tip: DVec3,
     /// From the tip along the axis.
@@ -35,12 +35,12 @@ pub(super) struct Placed {
     pub(super) pitch: f64,
 }
 
-impl Placed {
+impl VoxelPose {
     /// The predicate that defines the tool, for one voxel and a profile in world units.
     #[inline]
-    pub(super) fn holds(&self, profile: &[Segment], voxel: [f64; 3]) -> bool {
+    pub(super) fn contains(&self, profile: &[Segment], voxel: [f64; 3]) -> bool {
         let offset = (DVec3::from_array(voxel) - self.tip) * self.pitch;
-        holds(profile, self.direction, offset, SLACK * self.pitch * self.pitch)
+        contains(profile, self.direction, offset, SLACK * self.pitch * self.pitch)
     }
 }
 
@@ -82,7 +82,7 @@ impl Runs {
 
 /// One segment in one pose.
 pub(super) struct PlacedSegment<'a> {
-    pub(super) placed: Placed,
+    pub(super) placed: VoxelPose,
     /// The segment in world units.
     world: &'a Segment,
     /// The segment in voxels.
@@ -112,7 +112,7 @@ impl<'a> PlacedSegment<'a> {
     /// voxels as well.
     #[inline]
     pub(super) fn new(
-        placed: Placed,
+        placed: VoxelPose,
         world: &'a Segment,
         segment: &Segment,
         widest: f64,
@@ -231,7 +231,7 @@ impl<'a> PlacedSegment<'a> {
         let inside = |z: i64| {
             let offset = (DVec3::new(x as f64, y as f64, z as f64) - tip) * self.placed.pitch;
             let slack = SLACK * self.placed.pitch * self.placed.pitch;
-            holds(std::slice::from_ref(self.world), self.placed.direction, offset, slack)
+            contains(std::slice::from_ref(self.world), self.placed.direction, offset, slack)
         };
         // Ends away from centres need no trying.
         if unsure || is_close(low) {

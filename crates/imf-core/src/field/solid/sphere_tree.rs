@@ -8,16 +8,16 @@
 
 use glam::DVec3;
 
-use super::segment::Placed;
-use super::{Body, MOST_SEGMENTS};
+use super::segment::VoxelPose;
+use super::{Body, MAX_SEGMENTS};
 use crate::distance::DistanceField;
 use crate::tool::Segment;
 
 /// Pieces that a pose may leave open.
 pub(super) const OPEN: usize = 48;
-/// Room for the halves that wait: one for each level of the tree, which has no more levels than a body has segments
+/// Depth of the traversal's stack: one entry for each level of the tree, which has no more levels than a body has segments
 /// and its length in voxels has bits.
-const DEPTH: usize = MOST_SEGMENTS + 32;
+const DEPTH: usize = MAX_SEGMENTS + 32;
 /// Added to every bounding radius, in voxels: more than the slack of the tool's predicate and all rounding.
 const MARGIN: f64 = 1e-4;
 
@@ -39,23 +39,23 @@ pub(super) struct Piece {
     pub(super) to: f64,
 }
 
-/// A ball of which somebody has seen that the tool holds no solid centre in it; in voxels.
+/// A ball in which the tool is known to contain no solid centre; in voxels.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Cleared {
+pub(crate) struct FreeBall {
     pub(crate) middle: DVec3,
     pub(crate) radius: f64,
 }
 
-impl Cleared {
+impl FreeBall {
     /// True where another ball lies within.
     #[inline]
-    fn holds(&self, middle: DVec3, radius: f64) -> bool {
+    fn contains(&self, middle: DVec3, radius: f64) -> bool {
         let left = self.radius - radius;
         left > 0.0 && middle.distance_squared(self.middle) <= left * left
     }
 }
 
-/// What the spheres can tell of a pose.
+/// What the sphere tree decides about a pose.
 pub(super) enum Verdict {
     /// No solid voxel in the tool.
     Free,
@@ -109,10 +109,10 @@ impl SphereTree {
     #[inline]
     pub(super) fn decide(
         &self,
-        placed: Placed,
+        placed: VoxelPose,
         bodies: &[Body],
         distances: &DistanceField,
-        cleared: Option<&Cleared>,
+        free_ball: Option<&FreeBall>,
         open: &mut [u32; OPEN],
     ) -> Verdict {
         let [_, ny, nz] = distances.dims().map(|n| n as u32);
@@ -128,7 +128,9 @@ impl SphereTree {
                 let piece = &self.pieces[index as usize];
                 let middle = placed.tip + placed.direction * piece.middle;
                 let probe = distances.probe(middle);
-                if probe.squared > piece.squared || cleared.is_some_and(|c| c.holds(middle, piece.radius)) {
+                if probe.squared > piece.squared
+                    || free_ball.is_some_and(|c| c.contains(middle, piece.radius))
+                {
                     continue;
                 }
                 let Some(witness) = distances.nearest(probe.index) else { return Verdict::Free };
@@ -136,7 +138,7 @@ impl SphereTree {
                     last_witness = witness;
                     let (line, z) = (witness as u32 / nz, witness as u32 % nz);
                     let voxel = [f64::from(line / ny), f64::from(line % ny), f64::from(z)];
-                    if bodies.iter().any(|body| placed.holds(&body.profile, voxel)) {
+                    if bodies.iter().any(|body| placed.contains(&body.profile, voxel)) {
                         return Verdict::Colliding(voxel);
                     }
                 }
@@ -158,7 +160,7 @@ impl SphereTree {
 
     /// Lower bound of the distance from the tool to any solid voxel's centre, in voxels; below zero where the tool may
     /// hold one, and then no lower than minus the depth it may have.
-    pub(super) fn clearance(&self, placed: Placed, distances: &DistanceField) -> f64 {
+    pub(super) fn clearance(&self, placed: VoxelPose, distances: &DistanceField) -> f64 {
         let mut minimum = f64::INFINITY;
         let mut stack = [0_u32; DEPTH];
         for root in 0..self.roots as u32 {

@@ -7,8 +7,8 @@ use crate::grid::Grid;
 use crate::orientation::Orientation;
 use crate::parts::ReferencePart;
 use crate::scene::{Scene, SceneSpec};
-use crate::section::fixtures::{archs, line, orientations, revolved};
-use crate::tool::{Clearance, ElementKind, RotatedTool};
+use crate::section::test_shapes::{archs, line, orientations, revolved};
+use crate::tool::{Clearance, ElementKind, ToolVoxels};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -105,7 +105,7 @@ fn the_normaliser_is_the_rotated_tools_count() {
         (0..300).into_par_iter().for_each(|index| {
             let pose = random_pose(&scene.record.grid, 0, index);
             let orientation = pose.orientation();
-            let expected = RotatedTool::new(&tool, &orientation, scene.record.grid.pitch).unwrap().count;
+            let expected = ToolVoxels::new(&tool, &orientation, scene.record.grid.pitch).unwrap().count;
             assert_eq!(field.normaliser(pose.rotation).unwrap(), expected, "{} {orientation:?}", tool.name);
         });
     }

@@ -4,7 +4,7 @@ use std::sync::{Arc, OnceLock};
 
 use glam::DVec3;
 
-use super::Cleared;
+use super::FreeBall;
 use super::runs::Columns;
 use crate::distance::DistanceField;
 use crate::occupancy::Occupancy;
@@ -43,14 +43,14 @@ impl SolidVoxels {
     /// The ball of a radius, in voxels, around a point on a surface, with the solid centres in it listed that lie outside the
     /// surface's tangent plane: a tool that stays on the plane's outer side, and holds none of these, holds none in the ball.
     /// A centre on the plane may be listed as well. `None` where there are more than `few`.
-    pub(crate) fn cleared(
+    pub(crate) fn free_ball(
         &self,
         point: DVec3,
         normal: DVec3,
         radius: f64,
         few: u32,
         listed: &mut Vec<[f64; 3]>,
-    ) -> Option<Cleared> {
+    ) -> Option<FreeBall> {
         /// What is taken from the plane, and added to the ball, in voxels: more than any rounding.
         const MARGIN: f64 = 1e-6;
         listed.clear();
@@ -103,6 +103,6 @@ impl SolidVoxels {
                 listed.extend(solid.map(|z| [x as f64, y as f64, z as f64]));
             }
         }
-        Some(Cleared { middle, radius })
+        Some(FreeBall { middle, radius })
     }
 }

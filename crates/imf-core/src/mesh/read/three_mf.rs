@@ -26,10 +26,10 @@ use crate::unit::LengthUnit;
 use model::{Body, Model, Role};
 
 /// The most bytes that an archive may unfold to, for each of its own: text of meshes is packed some ten times.
-const MOST_UNFOLDING: u64 = 200;
+const MAX_UNFOLDING: u64 = 200;
 /// The most placed triangles, and the most placements: a few objects can name each other to any number.
-const MOST_TRIANGLES: usize = 1 << 27;
-const MOST_PLACEMENTS: usize = 1 << 20;
+const MAX_TRIANGLES: usize = 1 << 27;
+const MAX_PLACEMENTS: usize = 1 << 20;
 /// The deepest nesting of components.
 const DEEPEST: usize = 64;
 
@@ -48,7 +48,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<(Mesh, LengthUnit), Fault> {
         return Err(Fault::malformed("it is no 3MF file: it does not begin as a ZIP archive does"));
     }
     let mut archive = Archive::new(Cursor::new(bytes)).map_err(|error| no_archive(&error))?;
-    let mut budget = (bytes.len() as u64).saturating_mul(MOST_UNFOLDING);
+    let mut budget = (bytes.len() as u64).saturating_mul(MAX_UNFOLDING);
     let root = root_name(&mut archive, &mut budget)?;
     let mut models = HashMap::new();
     // The root, and the models that items and components name.
@@ -114,7 +114,7 @@ fn unpack(archive: &mut Archive<'_>, name: &str, budget: &mut u64) -> Result<Str
         .map_err(|error| Fault::truncated(format!("{name}: {error}")))?;
     let length = text.len() as u64;
     if length > *budget {
-        return Err(Fault::malformed(format!("{name} unfolds to more than {MOST_UNFOLDING} times the file")));
+        return Err(Fault::malformed(format!("{name} unfolds to more than {MAX_UNFOLDING} times the file")));
     }
     *budget -= length;
     String::from_utf8(text).map_err(|_| Fault::malformed(format!("{name} is no text in UTF-8")))
@@ -130,7 +130,7 @@ impl Placing<'_> {
     /// Appends an object and all that it is made of.
     fn place(&mut self, model: &str, object: u32, transform: &DMat4, depth: usize) -> Result<(), Fault> {
         self.placements += 1;
-        if depth > DEEPEST || self.placements > MOST_PLACEMENTS {
+        if depth > DEEPEST || self.placements > MAX_PLACEMENTS {
             let cause = "its components nest too deeply, in a circle, or are too many";
             return Err(Fault::malformed(cause));
         }
@@ -140,8 +140,8 @@ impl Placing<'_> {
         match &found.body {
             _ if found.role != Role::Part => {}
             Body::Mesh(mesh) => {
-                if self.mesh.triangles.len() + mesh.triangles.len() > MOST_TRIANGLES {
-                    let cause = format!("it places more than {MOST_TRIANGLES} triangles");
+                if self.mesh.triangles.len() + mesh.triangles.len() > MAX_TRIANGLES {
+                    let cause = format!("it places more than {MAX_TRIANGLES} triangles");
                     return Err(Fault::new(FaultKind::TooLarge, cause));
                 }
                 let placed = mesh.transformed(transform);

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::{Limits, SLACK, TiltingAxis, holds_turned};
+use super::{Limits, SLACK, TiltingAxis, contains_modulo_turns};
 
 /// A direction this near to +z or −z has no longitude.
 const FLAT: f64 = 1e-12;
@@ -40,8 +40,9 @@ impl Limits {
                 }
             }
             Self::Rotary { tilting, tilt, turn } => {
-                let reached =
-                    branches(tilting, direction).into_iter().filter(|[angle, _]| holds_turned(tilt, *angle));
+                let reached = branches(tilting, direction)
+                    .into_iter()
+                    .filter(|[angle, _]| contains_modulo_turns(tilt, *angle));
                 let whole = direction.x.hypot(direction.y) < FLAT || turn[1] - turn[0] >= 360.0 - SLACK;
                 let turns = reached.map(|[_, azimuth]| match whole {
                     true => WHOLE,

@@ -47,7 +47,7 @@ pub(in super::super) fn spread(arch: Arch, digits: &Digits, used: usize, from: u
     }
     #[cfg(target_arch = "x86_64")]
     if let Arch::V4(simd) = arch
-        && used <= MOST_SHORT_DIGITS
+        && used <= MAX_SHORT_DIGITS
     {
         return simd.vectorize(SpreadShort { simd, digits, used, from, out });
     }
@@ -72,7 +72,7 @@ fn word_numbers(digits: &Digits, used: usize, word: usize) -> [i32; 32] {
 
 /// Digits of a number that fits 16 bits with its sign.
 #[cfg(target_arch = "x86_64")]
-const MOST_SHORT_DIGITS: usize = 15;
+const MAX_SHORT_DIGITS: usize = 15;
 
 /// [`spread`] with AVX-512: a word of bits is a mask for 32 numbers of 16 bits, so each digit costs one instruction.
 /// A fifth of the time of the general way.

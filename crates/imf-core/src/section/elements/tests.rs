@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::*;
 use crate::occupancy::Occupancy;
 use crate::scene::Bodies;
-use crate::section::fixtures::{self, line, orientations, revolved, scattered};
+use crate::section::test_shapes::{self, line, orientations, revolved, scattered};
 use crate::section::{direct_element_measures, imf};
 use crate::tool::Clearance;
 
@@ -44,7 +44,7 @@ fn agrees(
     let kinds: Vec<ElementKind> = plans.elements().collect();
     let mut measures = vec![vec![f32::NAN; grid.len()]; kinds.len()];
     plans.measures(orientation, &mut ElementScratch::default(), &mut measures).unwrap();
-    let cmf = fixtures::cmf(plans.whole(), orientation);
+    let cmf = test_shapes::cmf(plans.whole(), orientation);
     for voxel in 0..grid.len() {
         let direct = direct_element_measures(&obstacle, &assembly, orientation, grid.voxel(voxel)).unwrap();
         assert_eq!(direct.iter().map(|d| d.0).collect::<Vec<_>>(), kinds);
@@ -108,8 +108,8 @@ fn contact_and_clearance_are_counted_by_their_definition() {
             agrees(&obstacle, &assembly, &orientation);
             // A tip is free where no body holds what is forbidden to it: offset elements one by one.
             let tip = assembly.whole().with_tip_only();
-            let plan = SectionPlan::new(&obstacle, &assembly, At::Tip).unwrap();
-            let (counts, _) = fixtures::counts(&plan, &orientation);
+            let plan = SectionPlan::new(&obstacle, &assembly, ToolPoints::Tip).unwrap();
+            let (counts, _) = test_shapes::counts(&plan, &orientation);
             let field = |occupancy: &Occupancy, cutter: bool, at: DVec3| -> u32 {
                 let wanted = bodies.iter().filter(|b| (b.kind == ElementKind::Cutter) == cutter);
                 wanted

@@ -41,7 +41,7 @@ fn tool(cutter: Vec<Segment>, shank: f64, holder: [Segment; 2]) -> Tool {
 
 struct Part {
     samples: Vec<SurfaceSample>,
-    surroundings: Surroundings,
+    environment: CollisionEnvironment,
     pitch: f64,
 }
 
@@ -52,12 +52,12 @@ impl Part {
         let grid = Grid::with_pitch(lower - shift, upper + shift, pitch, 1).unwrap();
         let solid = Arc::new(voxelize(mesh, &grid, false));
         let samples = SurfaceSamples::new(mesh, &solid, samples).samples;
-        Self { samples, surroundings: Surroundings::new(&solid.into(), &[]), pitch }
+        Self { samples, environment: CollisionEnvironment::new(&solid.into(), &[]), pitch }
     }
 
     fn tool(&self, tool: &Tool, clearance: &Clearance) -> StickOutTool {
         let tolerance = default_tolerance(self.pitch, LengthUnit::Mm);
-        StickOutTool::new(&self.surroundings, &tool.offset(clearance).unwrap(), tolerance).unwrap()
+        StickOutTool::new(&self.environment, &tool.offset(clearance).unwrap(), tolerance).unwrap()
     }
 
     fn find(&self, tool: &StickOutTool, directions: &str) -> Vec<StickOut> {
@@ -75,7 +75,7 @@ fn is_free(
     (tip, axis): (DVec3, DVec3),
 ) -> bool {
     let set = tool.with_stick_out(length).unwrap().offset(clearance).unwrap();
-    let field = SolidField::of_tool(part.surroundings.keep_out.clone(), set.noncutting().unwrap());
+    let field = SolidField::of_tool(part.environment.keep_out.clone(), set.noncutting().unwrap());
     !field.meets(tip, axis, None, None)
 }
 
@@ -156,7 +156,7 @@ fn every_answer_is_free_and_one_voxel_less_is_not() {
     for (tool, clearance) in tools.iter().flat_map(|t| clearances.iter().map(move |c| (t, c))) {
         let prepared = part.tool(tool, clearance);
         for direction in OrientationSet::parse("axes+fibonacci:9").unwrap().orientations {
-            let axis = Turn::new(&direction).axis;
+            let axis = ToolDirection::new(&direction).axis;
             let found = least_stick_outs(&prepared, &part.samples, &[direction], Control::quiet()).unwrap();
             for found in found.iter().step_by(9) {
                 let StickOut::Reached { length, tip, .. } = *found else { continue };
@@ -187,7 +187,7 @@ fn the_best_direction_is_the_best_of_each_alone_and_of_trial() {
     let mut blocked = 0;
     for (index, &direction) in directions.iter().enumerate() {
         let alone = least_stick_outs(&prepared, &part.samples, &[direction], Control::quiet()).unwrap();
-        let axis = Turn::new(&direction).axis;
+        let axis = ToolDirection::new(&direction).axis;
         for (sample, found) in alone.iter().enumerate() {
             if found.length() < least[sample].0 {
                 least[sample] = (found.length(), index as u32);
@@ -231,8 +231,8 @@ fn as_it_is_set_a_tool_reaches_no_more_than_its_stick_out_allows() {
     for cutter in [vec![ball(2.5), line(2.5, 8.0, 2.5, 2.5)], vec![line(0.0, 8.0, 4.0, 4.0)]] {
         let assembly = tool(cutter, 2.0, holder).with_stick_out(11.0).unwrap();
         let assembly = assembly.offset(&Clearance::around_holder_and_shank(0.4)).unwrap();
-        let prepared = StickOutTool::new(&part.surroundings, &assembly, tolerance).unwrap();
-        let as_set = SurfaceTool::new(&part.surroundings, &assembly, tolerance).unwrap();
+        let prepared = StickOutTool::new(&part.environment, &assembly, tolerance).unwrap();
+        let as_set = SurfaceTool::new(&part.environment, &assembly, tolerance).unwrap();
         let (mut reached, mut longer) = (0, 0);
         for &direction in &directions {
             let least = least_stick_outs(&prepared, &part.samples, &[direction], Control::quiet()).unwrap();
@@ -281,6 +281,6 @@ fn a_path_takes_the_length_with_which_all_its_poses_are_free() {
 fn what_has_no_holder_has_no_stick_out() {
     let part = Part::new(&crate::mesh::tests::unit_cube(), 0.25, 12);
     let assembly = Assembly::from(Tool::paper().without_holder());
-    let found = StickOutTool::new(&part.surroundings, &assembly, 0.05);
+    let found = StickOutTool::new(&part.environment, &assembly, 0.05);
     assert_eq!(found.err(), Some(SurfaceError::NoHolder("paper".into())));
 }

@@ -69,7 +69,7 @@ struct Post {
 }
 
 /// More text than any library has.
-const MOST_BYTES: u64 = 1 << 28;
+const MAX_BYTES: u64 = 1 << 28;
 
 /// The tool of a `.json` or `.tools` file that `wanted` names, or its only one.
 pub(super) fn tool(bytes: &[u8], wanted: Option<&str>) -> Result<Tool, Fault> {
@@ -121,8 +121,8 @@ fn unpacked_json(bytes: &[u8]) -> Result<Vec<u8>, String> {
     let name = name.ok_or("the archive holds no JSON")?;
     let file = archive.by_name(&name).map_err(|e| e.to_string())?;
     let mut text = Vec::new();
-    file.take(MOST_BYTES + 1).read_to_end(&mut text).map_err(|e| e.to_string())?;
-    if text.len() as u64 > MOST_BYTES { Err(format!("{name} is larger than 256 MiB")) } else { Ok(text) }
+    file.take(MAX_BYTES + 1).read_to_end(&mut text).map_err(|e| e.to_string())?;
+    if text.len() as u64 > MAX_BYTES { Err(format!("{name} is larger than 256 MiB")) } else { Ok(text) }
 }
 
 /// The unit that a text names.

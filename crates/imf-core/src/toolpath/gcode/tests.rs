@@ -29,11 +29,11 @@ fn trunnion() -> Machine {
     }
 }
 
-fn read(text: &str) -> Result<Toolpath, Wrong> {
+fn read(text: &str) -> Result<Toolpath, LineError> {
     parse(text, &LengthUnit::Mm.into())
 }
 
-fn on(machine: &Machine, text: &str) -> Result<Toolpath, Wrong> {
+fn on(machine: &Machine, text: &str) -> Result<Toolpath, LineError> {
     parse(text, &PathReading { unit: LengthUnit::Mm, machine: Some(machine), lengths: &[(None, 80.0)] })
 }
 

@@ -130,7 +130,7 @@ impl Sample {
         let predicted = product(Matrix::dense(&values, functions), of_voxels);
         let voxels = self.places.len();
         let rows = predicted.chunks_exact(voxels).zip(self.judged.chunks_exact(voxels));
-        let held = |value| self.quantity.held(value, self.pitch);
+        let held = |value| self.quantity.clamp(value, self.pitch);
         let errors: Vec<_> = rows.map(|(p, e)| section_error(p.iter().map(|&p| held(p)), e)).collect();
         let sampled = Validation::of(&errors);
         // Axes left out err beside, at right angles to what is kept.

@@ -16,7 +16,7 @@ use crate::harmonic::basis::IMAGES;
 use crate::parallel::*;
 use imf_core::control::Control;
 use imf_core::orientation::Orientation;
-use imf_core::section::{SectionError, SectionPlan, SectionScratch, SectionWalk};
+use imf_core::section::{SectionCursor, SectionError, SectionPlan, SectionScratch};
 use imf_core::vectorised::vectorised;
 use imf_core::workspaces::Workspaces;
 
@@ -193,14 +193,14 @@ fn planes_at_once([nx, ny, nz]: [usize; 3], sections: usize) -> usize {
 pub(super) fn memory_by_parts(plan: &SectionPlan, dims: [usize; 3], sections: usize) -> Option<u64> {
     let [_, ny, nz] = dims;
     let part = planes_at_once(dims, sections) * ny * nz;
-    plan.walks().then(|| sections as u64 * plan.walk_bytes() + KeptSections::memory(sections, part))
+    plan.has_cursor().then(|| sections as u64 * plan.cursor_bytes() + KeptSections::memory(sections, part))
 }
 
 /// Where the fit stands.
 pub(super) struct Parts<'a> {
     source: &'a Source<'a>,
     set: &'a [Orientation],
-    by_planes: Option<(&'a SectionPlan, Vec<SectionWalk>)>,
+    by_planes: Option<(&'a SectionPlan, Vec<SectionCursor>)>,
     /// Planes of a part.
     planes: usize,
     /// The first plane of the next part.
@@ -226,19 +226,19 @@ impl<'a> Parts<'a> {
             workspaces: KeptWorkspaces::default(),
         };
         if let Source::Overlap(plan) = source
-            && plan.walks()
+            && plan.has_cursor()
         {
-            let walks: Result<Vec<_>, SectionError> = set
+            let cursors: Result<Vec<_>, SectionError> = set
                 .par_iter()
                 .map_init(SectionScratch::default, |scratch, orientation| {
                     if control.is_cancelled() {
                         return Err(SectionError::Cancelled);
                     }
-                    plan.walk(orientation, scratch)
+                    plan.cursor(orientation, scratch)
                 })
                 .collect();
             parts.planes = planes_at_once(plan.grid().dims, set.len());
-            parts.by_planes = Some((*plan, walks?));
+            parts.by_planes = Some((*plan, cursors?));
         }
         Ok(parts)
     }
@@ -256,14 +256,14 @@ impl<'a> Parts<'a> {
         self.next = planes.end;
         let kept = match &mut self.by_planes {
             None => self.kept.insert(KeptSections::count(self.source, self.set, control)?),
-            Some((plan, walks)) => {
+            Some((plan, cursors)) => {
                 let room = self.planes * ny * nz;
                 let count = self.set.len();
                 let kept = self.kept.get_or_insert_with(|| KeptSections::new(self.source, count, room));
-                let make = |walk: &mut SectionWalk, scratch: &mut SourceScratch, values: &mut [u16]| {
-                    scratch.advance(plan, walk, planes.clone(), values)
+                let make = |cursor: &mut SectionCursor, scratch: &mut SourceScratch, values: &mut [u16]| {
+                    scratch.advance(plan, cursor, planes.clone(), values)
                 };
-                kept.fill(planes.len() * ny * nz, walks, &self.workspaces, control, make)?;
+                kept.fill(planes.len() * ny * nz, cursors, &self.workspaces, control, make)?;
                 let done = |planes: usize| (count * planes / nx) as u64;
                 (control.progress)(done(planes.end) - done(planes.start));
                 kept

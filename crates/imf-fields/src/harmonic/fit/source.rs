@@ -7,7 +7,7 @@ use pulp::Arch;
 use imf_core::grid::Grid;
 use imf_core::orientation::Orientation;
 use imf_core::section::{
-    DepthPlan, DepthScratch, Quantity, SectionError, SectionPlan, SectionScratch, SectionWalk,
+    DepthPlan, DepthScratch, Quantity, SectionCursor, SectionError, SectionPlan, SectionScratch,
 };
 use imf_core::vectorised::vectorised;
 
@@ -110,12 +110,12 @@ impl SourceScratch {
     pub(crate) fn advance(
         &mut self,
         plan: &SectionPlan,
-        walk: &mut SectionWalk,
+        cursor: &mut SectionCursor,
         planes: Range<usize>,
         kept: &mut [u16],
     ) -> Result<(), SectionError> {
-        let counts = walk.advance(plan, planes, &mut self.sections)?;
-        keep_counts(self.arch, walk.whole, counts, kept);
+        let counts = cursor.advance(plan, planes, &mut self.sections)?;
+        keep_counts(self.arch, cursor.whole, counts, kept);
         Ok(())
     }
 }

@@ -43,7 +43,7 @@ pub(in crate::harmonic) fn sections_of(
                     let values = values[column..].iter().step_by(columns);
                     for (voxel, &value) in voxels.clone().zip(values) {
                         if let Some(image) = side.image(voxel, crossed) {
-                            section[image] = quantity.held(value, pitch);
+                            section[image] = quantity.clamp(value, pitch);
                         }
                     }
                 }

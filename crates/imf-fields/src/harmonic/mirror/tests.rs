@@ -12,7 +12,7 @@ use imf_core::control::Control;
 use imf_core::field::FieldError;
 use imf_core::obstacle::Obstacle;
 use imf_core::orientation::OrientationSet;
-use imf_core::section::{At, Imf, sections};
+use imf_core::section::{Imf, ToolPoints, sections};
 
 const DIMS: [usize; 3] = [15, 12, 14];
 
@@ -34,7 +34,7 @@ fn obstacle(beyond: usize) -> Occupancy {
 }
 
 fn plan(beyond: usize) -> SectionPlan {
-    SectionPlan::new(obstacle(beyond), small_tool(), At::SharpPoints).unwrap()
+    SectionPlan::new(obstacle(beyond), small_tool(), ToolPoints::SharpPoints).unwrap()
 }
 
 fn made(plan: &SectionPlan, settings: &FitSettings) -> HarmonicField {
@@ -60,13 +60,13 @@ fn planes_are_those_across_which_every_voxel_has_its_image() {
     let place = dented.grid.index([2, 5, 4]);
     dented.solid[place] = 0;
     let tool = small_tool();
-    assert_eq!(across(&SectionPlan::new(&dented, &tool, At::SharpPoints).unwrap()), [false; 3]);
+    assert_eq!(across(&SectionPlan::new(&dented, &tool, ToolPoints::SharpPoints).unwrap()), [false; 3]);
     // With the voxel's image across x, and with that across z.
     for (image, expected) in [([12, 5, 4], [true, false, false]), ([2, 5, 9], [false, false, true])] {
         let mut dented = dented.clone();
         let place = dented.grid.index(image);
         dented.solid[place] = 0;
-        assert_eq!(across(&SectionPlan::new(&dented, &tool, At::SharpPoints).unwrap()), expected);
+        assert_eq!(across(&SectionPlan::new(&dented, &tool, ToolPoints::SharpPoints).unwrap()), expected);
     }
     assert!(Planes::of_plan(&plan(0), Domain::Rotations, Quantity::Overlap).is_empty());
     assert!(Planes::of_plan(&plan(0), Domain::Directions, Quantity::Depth).is_empty());
@@ -82,7 +82,7 @@ fn a_layer_that_the_cutter_may_enter_is_mirrored_as_well_or_nothing_is() {
         voxels.solid[place] = 1;
         let obstacle =
             Obstacle { forbidden: Arc::new(solid.clone()), cuttable: Some(Arc::new(voxels.clone())) };
-        let plan = SectionPlan::new(obstacle, small_tool(), At::SharpPoints).unwrap();
+        let plan = SectionPlan::new(obstacle, small_tool(), ToolPoints::SharpPoints).unwrap();
         assert_eq!(across(&plan), expected);
     }
 }
@@ -221,7 +221,7 @@ fn assert_agree(field: &HarmonicField, set: &[Orientation]) {
     assert!(apart < 2e-6, "{apart}");
     let (least, mut whole) = (minimum_of(field, &weights), Imf::new(field.grid.len()));
     assert!(lower_to_whole(field, &weights, 0, &mut whole, Control::quiet()));
-    whole.hold(field.quantity, field.grid.pitch);
+    whole.clamp(field.quantity, field.grid.pitch);
     for voxel in 0..field.grid.len() {
         let value = least.value[voxel];
         assert!((value - whole.value[voxel]).abs() < 2e-6, "voxel {voxel}");
@@ -290,7 +290,7 @@ fn three_planes_leave_an_eighth() {
         let bar = inside(1, x, 8) && inside(3, y, 7) && inside(3, z, 10);
         cross.solid[place] = u8::from(bar || inside(3, x, 8) && inside(2, y, 7) && inside(4, z, 10));
     }
-    let plan = SectionPlan::new(&cross, small_tool(), At::SharpPoints).unwrap();
+    let plan = SectionPlan::new(&cross, small_tool(), ToolPoints::SharpPoints).unwrap();
     let settings = FitSettings { degree: 5, axes: 36, precision: Precision::F32, ..FitSettings::default() };
     let field = made(&plan, &settings);
     let mirrors = Mirrors::of(&field).unwrap();

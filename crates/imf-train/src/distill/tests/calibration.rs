@@ -42,7 +42,7 @@ fn coarse(part: ReferencePart) -> [FieldFile; 2] {
         held_out: 4,
         ..FitSettings::default()
     };
-    let plan = SectionPlan::of_scene(&scene, At::Tip).unwrap();
+    let plan = SectionPlan::of_scene(&scene, ToolPoints::Tip).unwrap();
     let field = fit(&plan, Domain::Directions, &fitting, Control::quiet()).unwrap();
     let settings = DistillSettings {
         width: 96,

@@ -12,7 +12,7 @@ use imf_fields::siren::ShapeError;
 const ONLINE: OnlineSettings = OnlineSettings { pool: 40, every: 1, seed: 3, lead: 4 };
 
 fn plan(scene: &Scene) -> SectionPlan {
-    SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap()
+    SectionPlan::new(&scene.obstacle, &scene.record.tool, ToolPoints::SharpPoints).unwrap()
 }
 
 #[test]

@@ -105,7 +105,7 @@ fn coefficients_in_the_frame_of_a_place_are_of_the_same_values() {
 
 /// A harmonic of all functions, whose grid the symmetries' planes and lines cross.
 fn all_functions(scene: &Scene) -> HarmonicField {
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, At::SharpPoints).unwrap();
+    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, ToolPoints::SharpPoints).unwrap();
     let settings = FitSettings { axes: usize::MAX, ..FIT };
     fit(&plan, Domain::Directions, &settings, Control::quiet()).unwrap()
 }
@@ -242,7 +242,7 @@ fn obstacle(grid: Grid, is_solid: impl Fn(DVec3) -> bool) -> Occupancy {
 fn symmetry_is_found_where_it_is_and_nowhere_else() {
     let grid = Grid { origin: DVec3::new(3.0, -2.0, 1.0), pitch: 0.5, dims: [20, 23, 26] };
     let fitted = |occupancy: &Occupancy| {
-        let plan = SectionPlan::new(occupancy, Tool::paper(), At::SharpPoints).unwrap();
+        let plan = SectionPlan::new(occupancy, Tool::paper(), ToolPoints::SharpPoints).unwrap();
         let settings = FitSettings { axes: usize::MAX, ..FIT };
         fit(&plan, Domain::Directions, &settings, Control::quiet()).unwrap()
     };

@@ -7,7 +7,7 @@ use anyhow::{Context, Result, ensure};
 use imf_core::tool::{Element, ElementKind, Tool, ToolShape};
 use serde::Serialize;
 
-use crate::arguments::reading::read_tool;
+use crate::arguments::inputs::read_tool;
 
 /// Endings of the files that are tools, in a folder.
 const ENDINGS: [&str; 4] = ["toml", "fctb", "json", "tools"];

@@ -6,7 +6,7 @@ use imf_core::grid::Grid;
 use imf_core::surface::{LeastOverlap, SurfaceError, SurfaceSample, culprits, least_overlaps};
 use imf_core::tool::ElementKind;
 
-use super::{Setup, Surface, Verdict, interrupted};
+use super::{AccessRun, Surface, Verdict, interrupted};
 use crate::session::Session;
 
 /// Samples that are looked into, at most; with more of them every second, third, … one stands for its neighbours.
@@ -22,7 +22,7 @@ pub(super) struct Blame {
 }
 
 impl Blame {
-    pub(super) fn find(session: &Session, setup: &Setup, surface: &Surface) -> Result<Self> {
+    pub(super) fn find(session: &Session, run: &AccessRun, surface: &Surface) -> Result<Self> {
         let samples = &surface.samples.samples;
         let missed: Vec<usize> =
             (0..samples.len()).filter(|&s| surface.best[s].0 != Verdict::Reached).collect();
@@ -38,7 +38,7 @@ impl Blame {
         for (index, (_, tool)) in surface.tools.iter().enumerate() {
             let own: Vec<usize> =
                 looked_into.iter().copied().filter(|&s| surface.best[s].1 == index).collect();
-            let directions = &setup.orientations.orientations;
+            let directions = &run.orientations.orientations;
             let found = least_overlaps(tool, samples, &own, directions, session.control(&advance))
                 .map_err(stopped)?;
             let poses = own

@@ -46,7 +46,7 @@ pub(in crate::commands::access) struct SurfaceRow {
 }
 
 impl SurfaceRow {
-    /// Lines for people.
+    /// The report's lines.
     pub(in crate::commands::access) fn lines(&self, unit: &str) -> String {
         let mut text = format!(
             "surface, {} {unit}² (the cutter may cut {:.3} {unit} below it)\n",

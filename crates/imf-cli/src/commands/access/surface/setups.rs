@@ -1,16 +1,16 @@
-//! The fewest set-ups: candidates, the answer, and what it says to people.
+//! The fewest set-ups: candidates, result and report.
 
 use std::fmt::{self, Write as _};
 
 use anyhow::{Result, ensure};
 use glam::DVec3;
-use imf_core::cover::CoverSettings;
 use imf_core::mesh::MachiningDirection;
 use imf_core::orientation::{Limits, Orientation, TiltingAxis};
+use imf_core::set_cover::CoverSettings;
 use imf_core::surface::{ChosenSetup, PartSetup, SetupPlan, Verdict, fewest_setups, ways_up};
 use serde::Serialize;
 
-use super::{Setup, Surface};
+use super::{AccessRun, Surface};
 use crate::interrupt::Interrupted;
 use crate::session::Session;
 
@@ -21,7 +21,7 @@ const SLACK: f64 = 1e-5;
 
 /// What set-ups are looked for.
 #[derive(Clone, Copy)]
-pub(in crate::commands::access) struct SetupQuestion {
+pub(in crate::commands::access) struct SetupSettings {
     /// What the machine reaches in one set-up, its z axis up.
     pub(in crate::commands::access) range: Limits,
     /// The fraction to cover of what all candidates reach.
@@ -56,19 +56,19 @@ pub(super) struct Setups {
 impl Setups {
     pub(super) fn find(
         session: &Session,
-        setup: &Setup,
-        question: &SetupQuestion,
+        run: &AccessRun,
+        question: &SetupSettings,
         surface: &Surface,
     ) -> Result<Self> {
-        let orientations = &setup.orientations.orientations;
+        let orientations = &run.orientations.orientations;
         let ways: Vec<DVec3> = if question.every_direction {
             orientations.iter().map(Orientation::direction).collect()
         } else {
-            ways_up(&setup.suggested)
+            ways_up(&run.suggested)
         };
         let mut candidates: Vec<PartSetup> = Vec::new();
         for up in ways {
-            candidates.extend(PartSetup::all(&setup.mesh, up, orientations, &question.range));
+            candidates.extend(PartSetup::all(&run.mesh, up, orientations, &question.range));
             ensure!(
                 candidates.len() <= MOST,
                 "more than {MOST} set-ups are candidates, since what this machine reaches depends on how the part is turned on its table: \
@@ -161,8 +161,8 @@ impl Setups {
 }
 
 /// How the part is turned from where it is into a set-up, as `--transform` reads it.
-fn rotation(setup: &PartSetup) -> String {
-    let (axis, angle) = setup.rotation().to_axis_angle();
+fn rotation(run: &PartSetup) -> String {
+    let (axis, angle) = run.rotation().to_axis_angle();
     let number = |value: f64| (1e6 * value).round() / 1e6 + 0.0;
     let [x, y, z] = axis.to_array().map(number);
     match number(angle.to_degrees()) {
@@ -240,7 +240,7 @@ struct LeftRow {
 pub(in crate::commands::access) struct SetupsRow {
     machine: String,
     candidates: usize,
-    /// The fraction asked for, of what all candidates reach.
+    /// The fraction required, of what all candidates reach.
     asked: f64,
     setups: Vec<SetupRow>,
     proven: bool,
@@ -253,7 +253,7 @@ pub(in crate::commands::access) struct SetupsRow {
 }
 
 impl SetupsRow {
-    /// Lines for people.
+    /// The report's lines.
     pub(in crate::commands::access) fn lines(&self, unit: &str) -> String {
         let percent = |share: f64| format!("{:.1} %", 100.0 * share);
         let count = self.setups.len();

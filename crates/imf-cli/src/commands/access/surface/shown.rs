@@ -7,7 +7,7 @@ use imf_core::surface::{Reach, SurfacePatch};
 use serde::Serialize;
 
 use super::blame::remedy;
-use super::{Setup, Surface, Verdict, rgb};
+use super::{AccessRun, Surface, Verdict, rgb};
 use crate::output::show_measure;
 use crate::view::{Colours, Layer, NONE, Place, Table, TableRow, View, distinct};
 
@@ -73,23 +73,23 @@ pub(super) fn words(verdict: Verdict) -> &'static str {
 
 impl Surface {
     /// The largest patches that are not reached.
-    pub(in crate::commands::access) fn unreached(&self, setup: &Setup) -> Vec<UnreachedPatch> {
+    pub(in crate::commands::access) fn unreached(&self, run: &AccessRun) -> Vec<UnreachedPatch> {
         let class = |sample: usize| match self.best[sample].0 {
             Verdict::Reached => None,
             why => Some(why as u32),
         };
         let patches = self.samples.patches(class);
-        patches.iter().take(PLACES).map(|patch| self.patch(patch, setup)).collect()
+        patches.iter().take(PLACES).map(|patch| self.patch(patch, run)).collect()
     }
 
-    fn patch(&self, patch: &SurfacePatch, setup: &Setup) -> UnreachedPatch {
+    fn patch(&self, patch: &SurfacePatch, run: &AccessRun) -> UnreachedPatch {
         let verdict = patch.samples.first().map_or(Verdict::NotFaced, |&sample| self.best[sample].0);
         // The sample that comes nearest to being reached.
         let poses = patch.samples.iter().filter_map(|&s| Some((self.blame.nearest[s]?, self.best[s].1)));
         let nearest = poses.min_by_key(|(at, _)| at.voxels).map(|(at, tool)| {
             let surface_tool = &self.tools[tool].1;
             (
-                setup.orientations.orientations[at.direction as usize].direction(),
+                run.orientations.orientations[at.direction as usize].direction(),
                 surface_tool.collisions(&at),
                 tool,
             )
@@ -98,10 +98,10 @@ impl Surface {
         let in_words = hits.iter().map(|&(kind, body, voxels)| {
             let body = match body {
                 0 => "the part",
-                fixture => setup.fixtures.get(fixture - 1).map_or("a fixture", String::as_str),
+                fixture => run.fixtures.get(fixture - 1).map_or("a fixture", String::as_str),
             };
-            let volume = f64::from(voxels) * setup.query.voxel_volume();
-            format!("{kind} {} {}³ in {body}", show_measure(volume), setup.unit)
+            let volume = f64::from(voxels) * run.query.voxel_volume();
+            format!("{kind} {} {}³ in {body}", show_measure(volume), run.unit)
         });
         UnreachedPatch {
             area: patch.area,
@@ -119,7 +119,7 @@ impl Surface {
     /// The surface with the values of every sample, coloured.
     pub(in crate::commands::access) fn view<'a>(
         &'a self,
-        setup: &Setup,
+        run: &AccessRun,
         unreached: &[UnreachedPatch],
         summary: String,
     ) -> View<'a> {
@@ -173,7 +173,7 @@ impl Surface {
                 name: "stick_out",
                 title: "by stick-out",
                 colours: Colours::Scale {
-                    label: format!("least stick-out in {}", setup.unit),
+                    label: format!("least stick-out in {}", run.unit),
                     none: "no length helps",
                 },
                 values: each(&least),
@@ -184,13 +184,13 @@ impl Surface {
                 name: "blame",
                 title: "by blame",
                 colours: Colours::Scale {
-                    label: format!("area in {}² that it keeps from being reached", setup.unit),
+                    label: format!("area in {}² that it keeps from being reached", run.unit),
                     none: "in the way of nothing",
                 },
                 values: self.samples.samples.iter().map(|sample| self.blame.at(sample)).collect(),
             });
         }
-        let unit = setup.unit;
+        let unit = run.unit;
         let show = |at: [f64; 3]| at.map(|value| format!("{value:.1}")).join(", ");
         let rows = unreached.iter().enumerate().map(|(place, patch)| {
             let [low, high] = patch.bounds.map(DVec3::from_array);
@@ -198,7 +198,7 @@ impl Surface {
             let size = (high - low).to_array().map(|side| format!("{side:.0}")).join(" × ");
             TableRow {
                 place: Some(place),
-                cells: vec![show_measure(patch.area), show(patch.middle), size, why],
+                cells: vec![show_measure(patch.area), show(patch.middle), size, why, patch.would_help.into()],
             }
         });
         let table = Table {
@@ -218,11 +218,11 @@ impl Surface {
         });
         let tools: Vec<&str> = self.tools.iter().map(|(_, tool)| tool.name()).collect();
         View {
-            title: format!("{}, tools: {}", setup.part, tools.join(", ")),
+            title: format!("{}, tools: {}", run.part, tools.join(", ")),
             unit,
             mesh: &self.samples.mesh,
             layers,
-            directions: self.shown_directions(setup),
+            directions: self.shown_directions(run),
             place_name: "places that are not reached",
             places: places.collect(),
             paths: Vec::new(),
@@ -232,12 +232,10 @@ impl Surface {
     }
 
     /// Those of the set-ups, or else those that reach most.
-    fn shown_directions(&self, setup: &Setup) -> Vec<DVec3> {
+    fn shown_directions(&self, run: &AccessRun) -> Vec<DVec3> {
         match &self.setups {
             Some(setups) => setups.ways_up().collect(),
-            None => {
-                self.best_directions().map(|at| setup.orientations.orientations[at].direction()).collect()
-            }
+            None => self.best_directions().map(|at| run.orientations.orientations[at].direction()).collect(),
         }
     }
 }

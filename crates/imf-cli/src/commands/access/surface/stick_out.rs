@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use anyhow::Result;
 use imf_core::orientation::OrientationSet;
 use imf_core::surface::{
-    StickOut, StickOutTool, SurfaceError, SurfaceSamples, Surroundings, Verdict, least_stick_outs,
+    CollisionEnvironment, StickOut, StickOutTool, SurfaceError, SurfaceSamples, Verdict, least_stick_outs,
 };
 use imf_core::tool::Assembly;
 use serde::Serialize;
@@ -26,13 +26,13 @@ pub(super) struct ToolStickOut {
 impl ToolStickOut {
     pub(super) fn find(
         session: &Session,
-        surroundings: &Surroundings,
+        environment: &CollisionEnvironment,
         assembly: &Assembly,
         tolerance: f64,
         samples: &SurfaceSamples,
         orientations: &OrientationSet,
     ) -> Result<Self> {
-        let tool = StickOutTool::new(surroundings, assembly, tolerance)?;
+        let tool = StickOutTool::new(environment, assembly, tolerance)?;
         let stage =
             session.stage(&format!("stick-out, {}", tool.name()), "directions", orientations.len() as u64);
         let advance = |n| stage.advance(n);
@@ -151,7 +151,7 @@ pub(in crate::commands::access) struct StickOutRow {
 }
 
 impl StickOutRow {
-    /// Lines for people.
+    /// The report's lines.
     pub(in crate::commands::access) fn lines(&self, unit: &str) -> String {
         let percent = |share: f64| format!("{:.1} %", 100.0 * share);
         let longest = self.longest.map_or(String::new(), |l| format!(", overall length {l:.1}"));

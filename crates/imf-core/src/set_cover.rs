@@ -25,7 +25,7 @@ pub struct CoverProblem {
     sets: Vec<Vec<u64>>,
 }
 
-/// How far a cover is looked for.
+/// Required coverage, and the limit of the search.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CoverSettings {
     /// The fraction to cover of the weight that all sets together cover, above 0 and at most 1.
@@ -98,7 +98,7 @@ impl CoverProblem {
     /// # Panics
     /// If there is no such set.
     #[must_use]
-    pub fn holds(&self, set: usize, element: usize) -> bool {
+    pub fn contains(&self, set: usize, element: usize) -> bool {
         self.sets[set].get(element / 64).is_some_and(|word| word >> (element % 64) & 1 == 1)
     }
 
@@ -122,7 +122,7 @@ impl CoverProblem {
     pub fn covered_alone(&self, sets: &[usize]) -> Vec<f64> {
         let mut alone = vec![0.0; sets.len()];
         for (element, weight) in self.weights.iter().enumerate() {
-            let mut holders = (0..sets.len()).filter(|&at| self.holds(sets[at], element));
+            let mut holders = (0..sets.len()).filter(|&at| self.contains(sets[at], element));
             if let (Some(only), None) = (holders.next(), holders.next()) {
                 alone[only] += weight;
             }
@@ -166,7 +166,7 @@ impl CoverProblem {
         let scale = if total > 0.0 { WHOLE / total } else { 0.0 };
         let whole: Vec<u64> = self.weights.iter().map(|w| (w * scale).round() as u64).collect();
         let held =
-            |&element: &usize| whole[element] > 0 && (0..self.sets()).any(|set| self.holds(set, element));
+            |&element: &usize| whole[element] > 0 && (0..self.sets()).any(|set| self.contains(set, element));
         let held: Vec<usize> = (0..whole.len()).filter(held).collect();
         let weights: Vec<u64> = held.iter().map(|&element| whole[element]).collect();
         // What rounding takes from a fraction, a unit of each element, may stay; of all nothing may.
@@ -174,7 +174,7 @@ impl CoverProblem {
         let slack = if fraction >= 1.0 { 0 } else { of(weights.iter().sum()) };
         let mut rows_of = Bits::new(self.sets(), held.len());
         for set in 0..self.sets() {
-            let rows = (0..held.len()).filter(|&row| self.holds(set, held[row]));
+            let rows = (0..held.len()).filter(|&row| self.contains(set, held[row]));
             rows.for_each(|row| rows_of.set(set, row));
         }
         if held.is_empty() {
@@ -206,7 +206,7 @@ impl CoverProblem {
         let mut covered = vec![0u64; self.weights.len().div_ceil(64)];
         for at in 0..sets.len() {
             let gain = |set: usize| -> f64 {
-                let new = |e: &usize| self.holds(set, *e) && covered[e / 64] >> (e % 64) & 1 == 0;
+                let new = |e: &usize| self.contains(set, *e) && covered[e / 64] >> (e % 64) & 1 == 0;
                 (0..self.weights.len()).filter(new).map(|e| self.weights[e]).sum()
             };
             let gains: Vec<f64> = sets[at..].iter().map(|&set| gain(set)).collect();

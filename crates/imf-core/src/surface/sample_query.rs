@@ -1,15 +1,15 @@
-//! One sample and one tool: how the tool's contact poses go, direction by direction.
+//! The contact poses of one tool at one sample, tested direction by direction.
 
 use std::f64::consts::TAU;
 
 use glam::DVec3;
 
-use super::contact::{Facing, Touch};
-use super::{Revolved, Shape, SurfaceSample, SurfaceTool, Turn, Verdict};
-use crate::field::solid::{Cleared, SolidField};
+use super::contact::{ContactFrame, Touch};
+use super::{Revolved, Shape, SurfaceSample, SurfaceTool, ToolDirection, Verdict};
+use crate::field::solid::{FreeBall, SolidField};
 use crate::pose::Pose;
 
-/// How a pose, or all poses of a direction, went; the better ones first.
+/// The result of a contact pose, or the best one of a direction; from best to worst.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Outcome {
     Good,
@@ -34,12 +34,12 @@ impl Outcome {
     }
 }
 
-/// Starting places around a level ring, how many of them are followed, and steps from each.
+/// Start points around a level ring, how many of them are refined, and steps of each refinement.
 const STARTS: u32 = 8;
 const TRIES: usize = 3;
 const STEPS: usize = 6;
-/// Steps by which a cutter gives way.
-const GIVES_WAY: usize = 24;
+/// Most steps by which a gouging cutter is moved aside.
+const GOUGE_STEPS: usize = 24;
 /// Points of a mesh tool that are tried.
 const VERTICES: usize = 48;
 /// Solid centres outside the tangent plane that are tried one by one in every direction.
@@ -56,35 +56,36 @@ pub(super) struct Above<'a, G> {
     pub(super) is_free: G,
 }
 
-/// A sample that a tool is put to.
-pub(super) struct Stance<'a> {
+/// Tests the contact poses of a tool at a sample.
+pub(super) struct SampleQuery<'a> {
     tool: &'a SurfaceTool,
     sample: &'a SurfaceSample,
     /// All solid centres in this ball that a cutter could hold are listed.
-    cleared: Option<Cleared>,
+    free_ball: Option<FreeBall>,
     listed: Vec<[f64; 3]>,
 }
 
-impl<'a> Stance<'a> {
+impl<'a> SampleQuery<'a> {
     pub(super) fn new(tool: &'a SurfaceTool, sample: &'a SurfaceSample) -> Self {
-        let mut stance = Self { tool, sample, cleared: None, listed: Vec::new() };
+        let mut query = Self { tool, sample, free_ball: None, listed: Vec::new() };
         if let Shape::Revolved(tool) = &tool.shape
             && tool.outline.convex
         {
             let voxels = tool.cutter.voxels();
             let across = tool.near_across;
-            stance.cleared = [tool.near, 0.5 * (tool.near + across), across].into_iter().find_map(|radius| {
-                voxels.cleared(sample.point, sample.normal, radius, FEW, &mut stance.listed)
-            });
+            query.free_ball =
+                [tool.near, 0.5 * (tool.near + across), across].into_iter().find_map(|radius| {
+                    voxels.free_ball(sample.point, sample.normal, radius, FEW, &mut query.listed)
+                });
         }
-        stance
+        query
     }
 
     /// True where the cutter may touch with a level ring, and the search for its place depends on shank and holder.
-    pub(super) fn has_ring(&self, turn: &Turn) -> bool {
+    pub(super) fn has_ring(&self, turn: &ToolDirection) -> bool {
         let Shape::Revolved(tool) = &self.tool.shape else { return true };
         let mut ring = false;
-        if let Some(facing) = Facing::new(self.sample.normal, turn.axis, tool.highest) {
+        if let Some(facing) = ContactFrame::new(self.sample.normal, turn.axis, tool.highest) {
             tool.outline.touches(facing.slope, self.tool.tolerance, |touch| {
                 ring |= matches!(touch, Touch::Ring { .. });
             });
@@ -93,9 +94,9 @@ impl<'a> Stance<'a> {
     }
 
     /// The best pose of a direction. The search ends at the first pose where the cutter and all above it is free.
-    pub(super) fn from<G: FnMut(DVec3) -> bool>(
+    pub(super) fn best_pose<G: FnMut(DVec3) -> bool>(
         &self,
-        turn: &Turn,
+        turn: &ToolDirection,
         last: &mut Last,
         above: &mut Above<'_, G>,
     ) -> Outcome {
@@ -123,7 +124,7 @@ impl<'a> Stance<'a> {
                 return best(outcomes);
             }
         };
-        let Some(facing) = Facing::new(sample.normal, turn.axis, tool.highest) else {
+        let Some(facing) = ContactFrame::new(sample.normal, turn.axis, tool.highest) else {
             return Outcome::NoContact;
         };
         let mut best = Outcome::NoContact;
@@ -136,7 +137,7 @@ impl<'a> Stance<'a> {
                     let tip = facing.tip(sample.point, height, radius);
                     let outcome = self.at(tool, tip, turn.axis, last, above);
                     if outcome == Outcome::Gouged {
-                        self.aside(tool, tip, turn, last, above)
+                        self.avoid_gouge(tool, tip, turn, last, above)
                     } else {
                         outcome
                     }
@@ -150,13 +151,13 @@ impl<'a> Stance<'a> {
         best
     }
 
-    /// On a facet of a curved surface a cutter that cuts too deep gives way to what it cuts: as far as the surface's own normal
-    /// may differ from the facet's, and with its surface within the tolerance of the sample.
-    fn aside(
+    /// On a facet of a curved surface a gouging cutter is moved aside: as far as the true normal may differ from the facet's, and
+    /// while its surface stays within the tolerance of the sample.
+    fn avoid_gouge(
         &self,
         tool: &Revolved,
         tip: DVec3,
-        turn: &Turn,
+        turn: &ToolDirection,
         last: &mut Last,
         above: &mut Above<'_, impl FnMut(DVec3) -> bool>,
     ) -> Outcome {
@@ -166,20 +167,22 @@ impl<'a> Stance<'a> {
         let most = tool.radius * self.sample.bend + self.tool.tolerance;
         let sample = tool.cutter.voxel_of(self.sample.point);
         let mut now = tip;
-        for _ in 0..GIVES_WAY {
+        for _ in 0..GOUGE_STEPS {
             // Not what others met: the way would depend on them.
             let mut blocker = None;
             if !tool.cutter.meets(now, turn.axis, None, Some(&mut blocker)) {
-                if !tool.touching.holds(now, turn.axis, sample) {
+                if !tool.touching.contains(now, turn.axis, sample) {
                     break;
                 }
                 return self.decide(tool, now, turn.axis, None, last, above);
             }
-            let Some(step) = blocker.and_then(|voxel| tool.cutter.shedding(now, turn.axis, voxel)) else {
+            let Some(step) =
+                blocker.and_then(|voxel| tool.cutter.lateral_separation_from(now, turn.axis, voxel))
+            else {
                 break;
             };
             now += step;
-            if !tool.touching.holds(now, turn.axis, sample) {
+            if !tool.touching.contains(now, turn.axis, sample) {
                 now -= 0.5 * self.tool.tolerance * self.sample.normal;
             }
             if now.distance(tip) > most {
@@ -195,7 +198,7 @@ impl<'a> Stance<'a> {
         &self,
         tool: &Revolved,
         middle: DVec3,
-        turn: &Turn,
+        turn: &ToolDirection,
         [inner, outer]: [f64; 2],
         last: &mut Last,
         above: &mut Above<'_, impl FnMut(DVec3) -> bool>,
@@ -220,15 +223,15 @@ impl<'a> Stance<'a> {
                 return best;
             }
         }
-        let side_step = |offset: DVec3| {
+        let lateral_separation = |offset: DVec3| {
             let pose = Pose::new(middle + offset, turn.rotation);
             let steps = [Some(&tool.cutter), tool.held.as_ref(), rest];
-            let steps = steps.into_iter().flatten().filter_map(|solid| solid.side_step(&pose));
+            let steps = steps.into_iter().flatten().filter_map(|solid| solid.lateral_separation(&pose));
             // The longest.
             steps.max_by(|a, b| a.length_squared().total_cmp(&b.length_squared()))
         };
         let mut steps: Vec<(DVec3, DVec3)> =
-            starts.into_iter().filter_map(|start| Some((start, side_step(start)?))).collect();
+            starts.into_iter().filter_map(|start| Some((start, lateral_separation(start)?))).collect();
         // The places with the least in the way.
         steps.sort_by(|a, b| a.1.length_squared().total_cmp(&b.1.length_squared()));
         for &(start, step) in steps.iter().take(TRIES) {
@@ -240,7 +243,7 @@ impl<'a> Stance<'a> {
                 if best == Outcome::Good {
                     return best;
                 }
-                let Some(next) = side_step(offset) else { break };
+                let Some(next) = lateral_separation(offset) else { break };
                 step = next;
             }
         }
@@ -256,24 +259,24 @@ impl<'a> Stance<'a> {
         last: &mut Last,
         above: &mut Above<'_, impl FnMut(DVec3) -> bool>,
     ) -> Outcome {
-        let among = |&voxel: &[f64; 3]| tool.cutter.holds(tip, axis, voxel);
+        let among = |&voxel: &[f64; 3]| tool.cutter.contains(tip, axis, voxel);
         if self.listed.iter().any(among) {
             return Outcome::Gouged;
         }
-        self.decide(tool, tip, axis, self.cleared.as_ref(), last, above)
+        self.decide(tool, tip, axis, self.free_ball.as_ref(), last, above)
     }
 
-    /// Of a pose at which the cutter may cross the tangent plane nothing is `cleared`.
+    /// `free_ball` is `None` for a pose at which the cutter may cross the tangent plane.
     fn decide(
         &self,
         tool: &Revolved,
         tip: DVec3,
         axis: DVec3,
-        cleared: Option<&Cleared>,
+        free_ball: Option<&FreeBall>,
         last: &mut Last,
         above: &mut Above<'_, impl FnMut(DVec3) -> bool>,
     ) -> Outcome {
-        if tool.cutter.meets(tip, axis, cleared, Some(last)) {
+        if tool.cutter.meets(tip, axis, free_ball, Some(last)) {
             return Outcome::Gouged;
         }
         let held = tool.held.as_ref().is_some_and(|held| held.meets(tip, axis, None, None));

@@ -1,4 +1,4 @@
-//! What blocks the space that is not reached: at the best pose of every voxel, which elements of the tool collide.
+//! Why space is not reached: which elements of the tool collide at the best pose of every voxel.
 //!
 //! "The holder hits" is mended by a longer tool, "the cutter hits" is not: so every element has two volumes, where it
 //! collides at all, and where it is the only one.
@@ -9,11 +9,11 @@ use imf_core::tool::ElementKind;
 use serde::Serialize;
 
 use super::Findings;
-use super::setup::Setup;
+use super::run::AccessRun;
 
 /// One element and the empty voxels that it keeps from being reached.
 #[derive(Debug, PartialEq, Serialize)]
-pub(super) struct BlockedRow {
+pub(super) struct CollisionRow {
     pub(super) element: String,
     /// Where it collides at the best pose.
     pub(super) hits: Volume,
@@ -71,12 +71,12 @@ impl Tally {
         }
     }
 
-    fn rows(&self, voxel_volume: f64, with_fixtures: bool) -> Vec<BlockedRow> {
+    fn rows(&self, voxel_volume: f64, with_fixtures: bool) -> Vec<CollisionRow> {
         let measure = |voxels: usize| Volume::new(voxels, voxel_volume);
         self.kinds
             .iter()
             .zip(self.hits.iter().zip(&self.alone).zip(&self.bodies))
-            .map(|(kind, ((&hits, &alone), bodies))| BlockedRow {
+            .map(|(kind, ((&hits, &alone), bodies))| CollisionRow {
                 element: kind.to_string(),
                 hits: measure(hits),
                 alone: measure(alone),
@@ -87,29 +87,29 @@ impl Tally {
 }
 
 /// Empty voxels whose measure is above τ.
-fn unreached<'a>(setup: &'a Setup, imf: &'a [f32]) -> impl Iterator<Item = usize> + 'a {
-    let blocked = |&v: &usize| setup.solid.solid[v] == 0 && f64::from(imf[v]) > setup.tau;
+fn unreached<'a>(run: &'a AccessRun, imf: &'a [f32]) -> impl Iterator<Item = usize> + 'a {
+    let blocked = |&v: &usize| run.solid.solid[v] == 0 && f64::from(imf[v]) > run.tau;
     (0..imf.len()).filter(blocked)
 }
 
 /// What of one tool keeps it from the voxels that it does not reach; nothing for a mesh.
-pub(super) fn by_tool(setup: &Setup, findings: &Findings, tool: usize) -> Vec<BlockedRow> {
+pub(super) fn by_tool(run: &AccessRun, findings: &Findings, tool: usize) -> Vec<CollisionRow> {
     let mut tally = Tally::new(&[&findings.elements[tool]]);
     if let Some(hits) = hits(findings, tool) {
-        unreached(setup, &findings.tools[tool].imf.value).for_each(|voxel| tally.add(hits, voxel));
+        unreached(run, &findings.tools[tool].imf.value).for_each(|voxel| tally.add(hits, voxel));
     }
-    tally.rows(setup.query.voxel_volume(), findings.at_fixtures.iter().all(Option::is_some))
+    tally.rows(run.query.voxel_volume(), findings.at_fixtures.iter().all(Option::is_some))
 }
 
 /// What of its best tool keeps all tools from every voxel that none reaches.
-pub(super) fn together(setup: &Setup, findings: &Findings) -> Vec<BlockedRow> {
+pub(super) fn together(run: &AccessRun, findings: &Findings) -> Vec<CollisionRow> {
     let mut tally = Tally::new(&findings.elements.iter().collect::<Vec<_>>());
-    for voxel in unreached(setup, &findings.together.imf.value) {
+    for voxel in unreached(run, &findings.together.imf.value) {
         if let Some(hits) = hits(findings, findings.together.tool[voxel] as usize) {
             tally.add(hits, voxel);
         }
     }
-    tally.rows(setup.query.voxel_volume(), findings.at_fixtures.iter().all(Option::is_some))
+    tally.rows(run.query.voxel_volume(), findings.at_fixtures.iter().all(Option::is_some))
 }
 
 #[cfg(test)]

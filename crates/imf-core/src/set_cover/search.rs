@@ -8,7 +8,7 @@ use super::reduced::Reduced;
 use crate::control::Control;
 
 /// Steps between two looks at the control.
-const BREATH: u64 = 1 << 22;
+const CHECK_INTERVAL: u64 = 1 << 22;
 /// Rows from which groups are begun.
 const STARTS: usize = 8;
 /// Rows of which the one with the fewest sets left is looked for.
@@ -33,7 +33,7 @@ impl<'a> Search<'a> {
     pub(super) fn spend(&mut self, steps: u64) -> Result<(), Stop> {
         self.steps = self.steps.saturating_sub(steps);
         if self.steps <= self.next_look {
-            self.next_look = self.steps.saturating_sub(BREATH);
+            self.next_look = self.steps.saturating_sub(CHECK_INTERVAL);
             if self.control.is_cancelled() {
                 return Err(Stop::Cancelled);
             }

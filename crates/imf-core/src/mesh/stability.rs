@@ -11,7 +11,7 @@ impl Mesh {
     /// True where the part, filled evenly, stands by itself with the unit vector `down` pointing to the floor: its centre of mass
     /// lies above the inside of the convex hull of the vertices that touch the floor.
     #[must_use]
-    pub fn rests_on(&self, down: DVec3) -> bool {
+    pub fn is_stable_on(&self, down: DVec3) -> bool {
         let (u, v) = down.any_orthonormal_pair();
         let flat = |p: DVec3| DVec2::new(p.dot(u), p.dot(v));
         let (floor, level) = self.floor(down);
@@ -91,11 +91,11 @@ mod tests {
     fn a_cube_stands_on_its_faces_alone() {
         let cube = unit_cube();
         for down in [DVec3::X, -DVec3::X, DVec3::Y, -DVec3::Y, DVec3::Z, -DVec3::Z] {
-            assert!(cube.rests_on(down), "{down}");
+            assert!(cube.is_stable_on(down), "{down}");
             assert_eq!(cube.floor_area(down), 1.0, "{down}");
         }
         for down in [DVec3::new(1.0, 1.0, 0.0), DVec3::new(1.0, 1.0, 1.0), DVec3::new(0.1, 0.0, 1.0)] {
-            assert!(!cube.rests_on(down.normalize()), "{down}");
+            assert!(!cube.is_stable_on(down.normalize()), "{down}");
             assert_eq!(cube.floor_area(down.normalize()), 0.0, "{down}");
         }
     }
@@ -108,7 +108,7 @@ mod tests {
             shear.z_axis.x = by;
             unit_cube().transformed(&shear)
         };
-        assert!(leaning(0.99).rests_on(-DVec3::Z));
-        assert!(!leaning(1.01).rests_on(-DVec3::Z));
+        assert!(leaning(0.99).is_stable_on(-DVec3::Z));
+        assert!(!leaning(1.01).is_stable_on(-DVec3::Z));
     }
 }

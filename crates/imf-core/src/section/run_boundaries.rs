@@ -1,8 +1,8 @@
-//! Where a rotated tool begins and ends along an axis.
+//! Boundaries of a rotated tool's runs of voxels along an axis.
 //!
 //! Seen along an axis the tool is a set of runs of voxels. One step of the tool along the axis uncovers the voxels at
 //! the runs' beginnings and covers those just past their ends, so that the difference of two neighbouring overlaps is
-//! a sum over run ends alone: a few thousand where the tool has tens of thousands of voxels.
+//! a sum over run boundaries alone: a few thousand where the tool has tens of thousands of voxels.
 
 use std::ops::Range;
 
@@ -91,17 +91,17 @@ impl Offsets {
     }
 }
 
-/// The run ends of a tool along one axis.
+/// The run boundaries of a tool along one axis.
 #[derive(Default)]
-pub(super) struct RunEnds {
+pub(super) struct RunBoundaries {
     /// Just past the runs' ends: what a step covers.
     pub(super) covered: Offsets,
     /// The runs' beginnings: what a step uncovers.
     pub(super) uncovered: Offsets,
 }
 
-impl RunEnds {
-    /// Number of run ends along x, y and z.
+impl RunBoundaries {
+    /// Number of run boundaries along x, y and z.
     pub(super) fn count(tool: &ClippedTool<'_>) -> [usize; 3] {
         let [nx, ny, nz] = tool.dims;
         let empty = vec![0; nz];
@@ -128,7 +128,7 @@ impl RunEnds {
         ends
     }
 
-    /// Finds the run ends along `axis`.
+    /// Finds the run boundaries along `axis`.
     pub(super) fn collect(&mut self, tool: &ClippedTool<'_>, axis: Axis) {
         let [nx, ny, nz] = tool.dims;
         self.covered.clear(tool);

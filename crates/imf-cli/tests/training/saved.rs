@@ -42,10 +42,11 @@ fn options_of_a_part_are_refused_beside_a_saved_field() {
         work.imf(&format!("{sections} --out none {option}")).refused(&words);
     }
     for option in ["--pitch 3", "--contact 1", "--degree 4", "--online"] {
-        work.imf(&format!("train field.safetensors --out none {option}")).refused(&["is of a part"]);
+        work.imf(&format!("train field.safetensors --out none {option}"))
+            .refused(&["applies only to a part"]);
     }
     work.imf("field bracket --orientations 0,0 --imf --refine --out none")
-        .refused(&["--refine is of saved fields"]);
+        .refused(&["--refine applies only to saved fields"]);
     assert_eq!(work.imf(&format!("{sections} --refine --out none")).code, Some(2));
     work.imf(&format!("{sections} --out none --memory 1KiB")).refused(&["values", "--memory"]);
     work.imf("field missing.safetensors --orientations 0,0 --out none").refused(&["missing.safetensors"]);
@@ -144,7 +145,7 @@ fn networks_reach_what_they_nearly_take_for_free() {
     let scene = FieldFile::read(&work.path("siren/field.safetensors")).unwrap().scene().clone();
     let free = values.iter().zip(&scene.obstacle.solid);
     let file = FieldFile::read(&work.path("siren/field.safetensors")).unwrap();
-    // Training measured what the decisions are worth: its threshold counts, and is said.
+    // Training measured error rates of the decisions: its threshold counts, and is said.
     let tau = file.calibration().unwrap().free_up_to.unwrap();
     let free = free.filter(|&(&value, &solid)| solid == 0 && value <= tau).count();
     assert_eq!(summary["accessible_outside"], json!(free));
@@ -196,13 +197,13 @@ fn many_orientations_are_met_in_batches_and_can_be_interrupted() {
 }
 
 #[test]
-fn what_a_kept_field_is_of_is_said() {
+fn what_a_saved_field_is_of_is_printed() {
     let work = Workdir::with_dataset();
     work.imf(&format!("{TRAIN} --steps 50 --out siren --set checkpoint_every=0")).done();
     let field = "train harmonic teapot --dims 9,11,17 --degree 2 --no-calibrate --clearance 2";
     work.imf(&format!("{field} --out grown.safetensors")).done();
     let told = work.imf("field grown.safetensors --orientations 0,0 --out grown").done();
-    assert!(told.stderr.contains("grown by a clearance"), "{}", told.stderr);
+    assert!(told.stderr.contains("offset by a clearance"), "{}", told.stderr);
     let tool = "name = \"side\"\nunit = \"mm\"\nstick_out = 35.0\nsharp_points = [[5.0, 0.0, 20.0]]\n[cutter]\n\
                 shape = \"ball\"\ndiameter = 10.0\nlength = 35.0\n";
     work.write("side.toml", tool.as_bytes());

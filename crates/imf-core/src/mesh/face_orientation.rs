@@ -1,7 +1,7 @@
-//! Triangles that face consistently, as far as the mesh itself says how.
+//! Consistent face orientation (winding), as far as the mesh determines it.
 //!
-//! A *patch* is a set of triangles that hang together by edges which two triangles share: within it one triangle decides for
-//! all. Which of a patch's two sides is outside is what most of its area says, and where that is no clear majority, its signed
+//! A *patch* is a set of triangles connected across edges that exactly two triangles share: the orientation of one determines all
+//! others. Which of a patch's two sides is outside is what most of its area says, and where that is no clear majority, its signed
 //! volume and how deep it lies in others: an outermost shell faces outwards, a shell within it bounds a cavity, and so on.
 //! Nested shells that face alike are solids within solids. A mesh that is consistent already and faces outwards stays as it is, to
 //! the bit.
@@ -34,27 +34,27 @@ pub struct FaceRepair {
     pub joined: usize,
     /// Triangles that were left out, since each was there more than once.
     pub doubled: usize,
-    /// Triangles that were turned.
-    pub turned: usize,
+    /// Triangles that were flipped.
+    pub flipped: usize,
     /// Triangles of patches that have one side alone, as a Möbius strip has; they stay as they were.
     pub one_sided: usize,
     /// Closed shells that lie in another and face as it does: what they bound is solid within solid, not a cavity.
     pub nested: usize,
 }
 
-/// A patch, and how it faces once its minority is turned.
+/// A patch, and how it faces once its minority is flipped.
 #[derive(Clone, Copy)]
 struct Patch {
     /// Areas of its triangles by parity.
     areas: [f64; 2],
-    /// Signed volume about the mesh's centre, its triangles of parity 1 turned.
+    /// Signed volume about the mesh's centre, its triangles of parity 1 flipped.
     volume: f64,
     lower: DVec3,
     upper: DVec3,
     one_sided: bool,
     closed: bool,
-    /// Whether its triangles of parity 0 are turned (and those of parity 1 are not), or the other way round.
-    turned: bool,
+    /// Whether its triangles of parity 0 are flipped (and those of parity 1 are not), or the other way round.
+    flipped: bool,
 }
 
 impl Patch {
@@ -64,14 +64,14 @@ impl Patch {
         self.one_sided || a.max(b) >= CLEAR_MAJORITY * (a + b)
     }
 
-    /// Its signed volume as it is turned now.
+    /// Its signed volume as it is flipped now.
     fn signed_volume(&self) -> f64 {
-        if self.turned { -self.volume } else { self.volume }
+        if self.flipped { -self.volume } else { self.volume }
     }
 }
 
 impl Mesh {
-    /// The same triangles in the same order, turned where need be so that they face consistently and shells face outwards, and what
+    /// The same triangles in the same order, flipped where need be so that they face consistently and shells face outwards, and what
     /// was done. Where every triangle is there twice, one of each is left out; where triangles have edges of their own, vertices closer together than 10⁻⁵ of the mesh's diagonal are joined.
     ///
     /// # Panics
@@ -121,9 +121,9 @@ impl Mesh {
         for (triangle, corners) in self.triangles.iter_mut().enumerate() {
             let patch = &patches[of[triangle] as usize];
             repair.one_sided += usize::from(patch.one_sided);
-            if !patch.one_sided && parity[triangle] != patch.turned {
+            if !patch.one_sided && parity[triangle] != patch.flipped {
                 corners.swap(1, 2);
-                repair.turned += 1;
+                repair.flipped += 1;
             }
         }
         (self, repair)
@@ -155,7 +155,7 @@ fn runs(edges: &[EdgeUse]) -> impl Iterator<Item = &[EdgeUse]> {
     edges.chunk_by(|first, second| first.0 == second.0)
 }
 
-/// The patch of every triangle, its parity (against the patch's root), and the patches, turned as most of their area faces.
+/// The patch of every triangle, its parity (against the patch's root), and the patches, flipped as most of their area faces.
 fn patches(mesh: &Mesh, edges: &[EdgeUse]) -> (Vec<u32>, Vec<bool>, Vec<Patch>) {
     let mut forest = Forest::new(mesh.triangles.len());
     for pair in runs(edges).filter(|run| run.len() == 2) {
@@ -179,7 +179,7 @@ fn patches(mesh: &Mesh, edges: &[EdgeUse]) -> (Vec<u32>, Vec<bool>, Vec<Patch>) 
                 upper: DVec3::NEG_INFINITY,
                 one_sided: forest.one_sided[root],
                 closed: true,
-                turned: false,
+                flipped: false,
             });
         }
         let patch = &mut patches[number[root] as usize];
@@ -195,7 +195,7 @@ fn patches(mesh: &Mesh, edges: &[EdgeUse]) -> (Vec<u32>, Vec<bool>, Vec<Patch>) 
         parity.push(odd);
     }
     for patch in &mut patches {
-        patch.turned = patch.areas[1] > patch.areas[0];
+        patch.flipped = patch.areas[1] > patch.areas[0];
     }
     (of, parity, patches)
 }
@@ -227,7 +227,7 @@ fn close(edges: &[EdgeUse], of: &[u32], parity: &[bool], patches: &mut [Patch]) 
 fn choose_sides(around: &[Vec<usize>], closed: &[usize], patches: &mut [Patch]) {
     // What is open has no inside: as seen from the mesh's centre it faces away.
     for patch in patches.iter_mut().filter(|patch| !patch.closed && !patch.is_clear()) {
-        patch.turned = patch.volume < 0.0;
+        patch.flipped = patch.volume < 0.0;
     }
     let before: Vec<f64> = patches.iter().map(Patch::signed_volume).collect();
     let is_clear: Vec<bool> = patches.iter().map(Patch::is_clear).collect();
@@ -238,7 +238,7 @@ fn choose_sides(around: &[Vec<usize>], closed: &[usize], patches: &mut [Patch]) 
             Some(&outer) => is_clear[outer] && before[outer] < 0.0,
             None => before[shell] < 0.0,
         };
-        patches[shell].turned ^= turn;
+        patches[shell].flipped ^= turn;
     }
 }
 
@@ -254,7 +254,7 @@ fn shells_around(
     for (triangle, &patch) in of.iter().enumerate() {
         triangles[patch as usize].push(triangle);
     }
-    let holds = |outer: usize, inner: usize| {
+    let contains = |outer: usize, inner: usize| {
         let (a, b) = (&patches[outer], &patches[inner]);
         if outer == inner || a.lower.cmpgt(b.lower).any() || a.upper.cmplt(b.upper).any() {
             return false;
@@ -270,7 +270,7 @@ fn shells_around(
         })
     };
     let around = |&inner: &usize| {
-        let mut found: Vec<usize> = closed.iter().copied().filter(|&outer| holds(outer, inner)).collect();
+        let mut found: Vec<usize> = closed.iter().copied().filter(|&outer| contains(outer, inner)).collect();
         found.sort_by(|&a, &b| patches[b].volume.abs().total_cmp(&patches[a].volume.abs()));
         found
     };

@@ -136,7 +136,7 @@ fn where_greedy_takes_a_third_set_two_are_found_and_proven() {
 }
 
 #[test]
-fn what_no_set_holds_is_not_asked_for() {
+fn what_no_set_contains_need_not_be_covered() {
     let mut problem = CoverProblem::new(vec![1.0, 5.0, 2.0]);
     problem.add([]);
     problem.add([0]);

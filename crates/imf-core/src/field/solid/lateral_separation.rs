@@ -1,8 +1,8 @@
-//! How a tool sheds solid voxels by a step across its axis.
+//! Lateral separation: the step across the tool's axis that moves it off a solid voxel.
 
 use glam::DVec3;
 
-use super::segment::Placed;
+use super::segment::VoxelPose;
 use super::{Part, Shape, SolidField};
 use crate::pose::Pose;
 
@@ -12,10 +12,10 @@ const STEP: f64 = 0.5;
 const BEYOND: f64 = 1e-3;
 
 impl SolidField {
-    /// The step across the tool's axis, in world units, that sheds the one solid centre that lies deepest in it as seen from
-    /// the side, of those nearest to the voxels around its axis. `None` where none of these is in the tool, at an invalid
+    /// The lateral step, in world units, that separates the tool from the solid centre that is deepest in it, measured across its
+    /// axis, among those nearest to the voxels around the axis. `None` where none of these is in the tool, at an invalid
     /// pose, and of mesh tools.
-    pub(crate) fn side_step(&self, pose: &Pose) -> Option<DVec3> {
+    pub(crate) fn lateral_separation(&self, pose: &Pose) -> Option<DVec3> {
         let Shape::Bodies(bodies) = &self.shape else { return None };
         let placed = self.placed(pose)?;
         let distances = self.voxels.distances();
@@ -38,7 +38,7 @@ impl SolidField {
                         let Some(witness) = witness.filter(|w| w != last) else { continue };
                         *last = witness;
                         let voxel = self.voxels.occupancy().grid.voxel(witness).map(|v| v as f64);
-                        if placed.holds(&body.profile, voxel) {
+                        if placed.contains(&body.profile, voxel) {
                             let (height, away) = seen_from_the_side(placed, voxel);
                             let depth = radius(&body.parts, height) - away.length();
                             if depth > deepest.0 {
@@ -53,10 +53,10 @@ impl SolidField {
         Some(away.try_normalize()? * (-(depth + BEYOND) * placed.pitch))
     }
 
-    /// The step across the tool's axis that sheds one voxel, in world units; `None` where it lies on the axis, and of a mesh.
-    pub(crate) fn shedding(&self, tip: DVec3, axis: DVec3, voxel: [f64; 3]) -> Option<DVec3> {
+    /// The lateral step that separates the tool from one voxel, in world units; `None` where it lies on the axis, and of a mesh.
+    pub(crate) fn lateral_separation_from(&self, tip: DVec3, axis: DVec3, voxel: [f64; 3]) -> Option<DVec3> {
         let Shape::Bodies(bodies) = &self.shape else { return None };
-        let placed = self.standing(tip, axis);
+        let placed = self.voxel_pose(tip, axis);
         let (height, away) = seen_from_the_side(placed, voxel);
         let deepest = bodies.iter().map(|body| radius(&body.parts, height)).fold(0.0, f64::max);
         Some(away.try_normalize()? * (-(deepest - away.length() + BEYOND) * placed.pitch))
@@ -64,7 +64,7 @@ impl SolidField {
 }
 
 /// Height of a voxel along the axis, and the way from the axis to it.
-fn seen_from_the_side(placed: Placed, voxel: [f64; 3]) -> (f64, DVec3) {
+fn seen_from_the_side(placed: VoxelPose, voxel: [f64; 3]) -> (f64, DVec3) {
     let offset = DVec3::from_array(voxel) - placed.tip;
     let height = offset.dot(placed.direction);
     (height, offset - placed.direction * height)

@@ -14,7 +14,7 @@ use crate::voxelize::voxelize;
 
 /// Which voxels a rotated tool holds, relative to the voxel its tip is on.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct RotatedTool {
+pub struct ToolVoxels {
     /// Offset of the first voxel of the box from the tip's voxel.
     pub lower: [i32; 3],
     /// Voxels of the box along x, y, z.
@@ -39,9 +39,9 @@ pub(super) fn turned(mesh: &Mesh, orientation: &Orientation, pitch: f64) -> Mesh
 }
 
 /// A rotated tool of more voxels than this is refused: it is a slip of units.
-pub(super) const MOST_VOXELS: u64 = 1 << 31;
+pub(super) const MAX_VOXELS: u64 = 1 << 31;
 
-impl RotatedTool {
+impl ToolVoxels {
     /// The tool turned by `orientation`, voxelised at `pitch` (in the tool's own unit).
     ///
     /// A voxel is solid where its centre is inside in the tool frame: `0 ≤ z < length` and
@@ -54,7 +54,7 @@ impl RotatedTool {
         let spans = (upper - lower + 1.0).to_array();
         let dims64 = spans.map(|s| s as u64);
         let voxels = dims64.iter().try_fold(1u64, |product, &d| product.checked_mul(d));
-        if voxels.is_none_or(|n| n > MOST_VOXELS) || lower.abs().max_element() > 1e9 {
+        if voxels.is_none_or(|n| n > MAX_VOXELS) || lower.abs().max_element() > 1e9 {
             return Err(ToolError::TooLarge { name: tool.name.clone(), dims: dims64, pitch });
         }
         let mut rotated = Self {
@@ -126,7 +126,7 @@ impl RotatedTool {
     }
 
     /// Tests voxel centres, line by line along z, within the cylinder around the widest radius. The arithmetic is
-    /// that of [`holds`], operation by operation, so that both agree to the last bit; a whole line at a time.
+    /// that of [`contains`], operation by operation, so that both agree to the last bit; a whole line at a time.
     #[inline(always)]
     fn fill_revolved(&mut self, profile: &[Segment], direction: DVec3, pitch: f64) {
         let span =
@@ -189,7 +189,7 @@ impl RotatedTool {
 }
 
 /// True where the point `p`, relative to the tip and turned with the world, lies in a body of revolution.
-pub(crate) fn holds(profile: &[Segment], direction: DVec3, p: DVec3, slack: f64) -> bool {
+pub(crate) fn contains(profile: &[Segment], direction: DVec3, p: DVec3, slack: f64) -> bool {
     let height = p.dot(direction);
     let Some(segment) = profile.iter().find(|s| s.range().0 <= height && height < s.range().1) else {
         return false;
@@ -303,7 +303,7 @@ mod tests {
         set.extend(OrientationSet::parse("0,0;0,90;90,90;0,180;45,90;0,45").unwrap().orientations);
         for (tool, pitch) in [(&paper, 3.1), (&waisted, 1.0)] {
             for orientation in &set {
-                let rotated = RotatedTool::new(tool, orientation, pitch).unwrap();
+                let rotated = ToolVoxels::new(tool, orientation, pitch).unwrap();
                 let expected = definition(tool, orientation, pitch);
                 assert_eq!(rotated.offsets().collect::<Vec<_>>(), expected, "{orientation:?}");
                 assert_eq!(rotated.count as usize, expected.len());
@@ -313,7 +313,7 @@ mod tests {
 
     #[test]
     fn upright_the_papers_tool_is_29_by_29_by_83_voxels() {
-        let rotated = RotatedTool::new(&Tool::paper(), &Orientation::default(), 1.0).unwrap();
+        let rotated = ToolVoxels::new(&Tool::paper(), &Orientation::default(), 1.0).unwrap();
         assert_eq!(rotated.dims, [29, 29, 83]);
         assert_eq!(rotated.lower, [-14, -14, 0]);
         assert_eq!(rotated.upper(), [14, 14, 82]);
@@ -326,9 +326,9 @@ mod tests {
         let mesh = unit_cube().transformed(&(place * DMat4::from_scale(DVec3::new(4.0, 2.0, 6.0))));
         assert!((mesh.signed_volume() - 48.0).abs() < 1e-9);
         let tool = Tool { shape: ToolShape::Mesh(mesh), ..Tool::paper() };
-        let upright = RotatedTool::new(&tool, &Orientation::default(), 1.0).unwrap();
+        let upright = ToolVoxels::new(&tool, &Orientation::default(), 1.0).unwrap();
         assert_eq!((upright.dims, upright.lower), ([4, 2, 6], [1, -1, 1]));
-        let turned = RotatedTool::new(&tool, &Orientation { theta: 0.0, phi: 90.0, roll: 0.0 }, 1.0).unwrap();
+        let turned = ToolVoxels::new(&tool, &Orientation { theta: 0.0, phi: 90.0, roll: 0.0 }, 1.0).unwrap();
         // R_y(90°): x → −z, z → x.
         assert_eq!((turned.dims, turned.lower), ([6, 2, 4], [1, -1, -4]));
     }
@@ -336,7 +336,7 @@ mod tests {
     #[test]
     fn absurd_sizes_are_refused() {
         let tool = Tool::paper();
-        let made = |tool: &Tool, pitch: f64| RotatedTool::new(tool, &Orientation::default(), pitch);
+        let made = |tool: &Tool, pitch: f64| ToolVoxels::new(tool, &Orientation::default(), pitch);
         assert!(matches!(made(&tool, 1e-3), Err(ToolError::TooLarge { .. })));
         let profile = vec![Segment::Line { from: 0.5, to: 0.9, radius_from: 0.1, radius_to: 0.1 }];
         let shape = ToolShape::Revolved(vec![Element { kind: ElementKind::Cutter, profile }]);

@@ -13,16 +13,16 @@ use imf_core::occupancy::Occupancy;
 use imf_core::orientation::{Limits, OrientationSet};
 use imf_core::scene::{Bodies, Guarantee, SceneError, SceneSpec};
 use imf_core::section::{ElementPlans, SectionPlan};
-use imf_core::surface::{SolidBody, SurfaceError, Surroundings, default_tolerance};
+use imf_core::surface::{CollisionEnvironment, SolidBody, SurfaceError, default_tolerance};
 use imf_core::tool::{Assembly, Clearance, SharpPoints, Tool, ToolShape};
 use imf_core::unit::LengthUnit;
 use imf_core::voxelize::voxelize_with;
 
-use super::surface::{SetupQuestion, SurfaceSetup, with_ways_up};
+use super::surface::{SetupSettings, SurfaceSettings, with_ways_up};
 use crate::arguments::access::AccessArguments;
 use crate::arguments::fixture;
 use crate::arguments::orientations::{Directions, default_for};
-use crate::arguments::scene::{voxelising, warn_of, warn_of_fixtures_out_of_reach};
+use crate::arguments::scene::{voxelise_with_progress, warn_of, warn_of_fixtures_out_of_reach};
 use crate::output::short;
 use crate::session::{Session, show_bytes};
 
@@ -34,7 +34,7 @@ pub(super) struct Stock {
 }
 
 /// What a run is about.
-pub(super) struct Setup {
+pub(super) struct AccessRun {
     pub(super) part: String,
     pub(super) unit: LengthUnit,
     pub(super) clearance: Clearance,
@@ -53,7 +53,7 @@ pub(super) struct Setup {
     pub(super) tau: f64,
     pub(super) lists: bool,
     /// `None` where no tool has a cutter.
-    pub(super) surface: Option<SurfaceSetup>,
+    pub(super) surface: Option<SurfaceSettings>,
     /// A point and the map's cells.
     pub(super) map: Option<(DVec3, [usize; 2])>,
     /// The machine's, where they are given: the orientations are within them.
@@ -71,7 +71,7 @@ pub(super) struct Setup {
     pub(super) stock: Option<Stock>,
 }
 
-impl Setup {
+impl AccessRun {
     pub(super) fn new(session: &Session, arguments: &AccessArguments) -> Result<Self> {
         ensure!(
             arguments.setups.is_none() || arguments.scene.fixture.is_empty(),
@@ -79,11 +79,11 @@ impl Setup {
              or ask for one set-up with the fixture, its directions by --limits"
         );
         let limits = arguments.limits.as_deref().map(Limits::parse).transpose()?;
-        let mut reading = arguments.scene.read(session, true)?;
-        let mesh = reading.part.mesh.transformed(&reading.transform);
-        let text = arguments.orientations.as_deref().unwrap_or_else(|| default_for(&reading.tools));
+        let mut inputs = arguments.scene.read(session, true)?;
+        let mesh = inputs.part.mesh.transformed(&inputs.transform);
+        let text = arguments.orientations.as_deref().unwrap_or_else(|| default_for(&inputs.tools));
         let range = arguments.setups.as_deref().map(Limits::parse).transpose()?;
-        let question = range.map(|range| SetupQuestion {
+        let question = range.map(|range| SetupSettings {
             range,
             fraction: 0.01 * arguments.cover,
             every_direction: arguments.orientations.is_some(),
@@ -101,7 +101,7 @@ impl Setup {
             suggested.retain(|suggested| limits.reach(suggested.direction));
         }
         let orientations = set;
-        for tool in reading.tools.iter().filter(|tool| matches!(tool.shape, ToolShape::Mesh(_))) {
+        for tool in inputs.tools.iter().filter(|tool| matches!(tool.shape, ToolShape::Mesh(_))) {
             if !matches!(tool.sharp_points, SharpPoints::Points(_)) {
                 session.warn(&format!(
                     "{} is a mesh that does not say what of it cuts: whatever touches the surface first counts as touching it, the \
@@ -111,11 +111,11 @@ impl Setup {
                 ));
             }
         }
-        number_names(&mut reading.tools);
-        let unit = reading.part.unit;
+        number_names(&mut inputs.tools);
+        let unit = inputs.part.unit;
         let clearance = arguments.scene.clearance.clearance();
-        let depth = arguments.contact.depth(&reading.tools)?;
-        let tools: Vec<Assembly> = reading
+        let depth = arguments.contact.depth(&inputs.tools)?;
+        let tools: Vec<Assembly> = inputs
             .tools
             .iter()
             .map(|tool| tool.in_unit(unit).offset(&clearance))
@@ -123,11 +123,11 @@ impl Setup {
         if let Some(tool) = tools.iter().find(|t| arguments.stickout && t.tool().stick_out().is_none()) {
             return Err(SurfaceError::NoHolder(tool.tool().name.clone()).into());
         }
-        let fixtures = reading.fixtures();
-        let spec = arguments.scene.spec(session, &reading, &fixtures, tools[0].tool());
+        let fixtures = inputs.fixtures();
+        let spec = arguments.scene.spec(session, &inputs, &fixtures, tools[0].tool());
         let border = [i64::try_from(arguments.border)?; 3];
-        let query = spec.grid()?.grown(border, border)?;
-        for tool in &reading.tools {
+        let query = spec.grid()?.padded(border, border)?;
+        for tool in &inputs.tools {
             warn_of(session, &spec.check_tool(tool, &query)?);
         }
         if tools.iter().all(|tool| tool.tool().is_axisymmetric())
@@ -149,7 +149,7 @@ impl Setup {
             .then(|| {
                 let text = arguments.stock.as_deref().unwrap_or("box");
                 let part_box = spec.part_bounds()?;
-                fixture::Stock::read(text, part_box, &reading.transform, reading.part.unit)
+                fixture::Stock::read(text, part_box, &inputs.transform, inputs.part.unit)
             })
             .transpose()?;
         let stock_grid = match &stock_mesh {
@@ -193,7 +193,8 @@ impl Setup {
         session.detail(&format!("this needs about {}", show_bytes(needed)));
 
         warn_of_fixtures_out_of_reach(session, &spec, &obstacle_grid)?;
-        let bodies = voxelising(session, &spec, &obstacle_grid, |spec| spec.bodies(&obstacle_grid))?;
+        let bodies =
+            voxelise_with_progress(session, &spec, &obstacle_grid, |spec| spec.bodies(&obstacle_grid))?;
         warn_of(session, &spec.warnings(&bodies)?);
         let (whole, held) = (bodies.obstacle(), bodies.all_fixtures());
         let conservative = arguments.scene.conservative;
@@ -217,7 +218,7 @@ impl Setup {
         };
         let surface = tools.iter().all(can_touch).then(|| {
             let made = |spec: &SceneSpec<'_>| surface(spec, &bodies, arguments, question);
-            voxelising(session, &spec, &obstacle_grid, made)
+            voxelise_with_progress(session, &spec, &obstacle_grid, made)
         });
         let surface = surface.transpose()?;
         if surface.is_none() {
@@ -238,7 +239,7 @@ impl Setup {
         let [x, y, z] = query.dims;
         session.note(&format!(
             "{}: {x}×{y}×{z} voxels of {} {unit}, {} solid, {} of fixtures; {}; {}",
-            reading.part.name,
+            inputs.part.name,
             short(query.pitch),
             bodies.part.count(),
             held.count(),
@@ -246,7 +247,7 @@ impl Setup {
             guarantee
         ));
         Ok(Self {
-            part: reading.part.name.clone(),
+            part: inputs.part.name.clone(),
             unit,
             clearance,
             contact: depth,
@@ -284,8 +285,8 @@ pub(super) fn surface(
     spec: &SceneSpec<'_>,
     bodies: &Bodies,
     arguments: &AccessArguments,
-    setups: Option<SetupQuestion>,
-) -> Result<SurfaceSetup> {
+    setups: Option<SetupSettings>,
+) -> Result<SurfaceSettings> {
     let (grid, unit) = (&bodies.part.grid, spec.unit);
     let body = |voxels: &Occupancy, mesh: &Mesh, transform: &DMat4| -> Result<SolidBody> {
         let mut keep_out = Occupancy::empty(*grid);
@@ -312,10 +313,10 @@ pub(super) fn surface(
         Err(SceneError::NoSolid { .. } | SceneError::ThinFixture { .. }) => Occupancy::empty(coarse),
         Err(error) => return Err(error.into()),
     };
-    Ok(SurfaceSetup {
+    Ok(SurfaceSettings {
         tolerance: arguments.tolerance.unwrap_or_else(|| default_tolerance(grid.pitch, unit)),
         solid,
-        surroundings: Surroundings::new(&part, &fixtures),
+        environment: CollisionEnvironment::new(&part, &fixtures),
         coarse: Arc::new(coarse),
         setups,
         stick_out: arguments.stickout,
@@ -375,7 +376,7 @@ fn needed(
     let each = if spec.conservative { 2 } else { 1 };
     let sets = each * (1 + fixtures) + if fixtures > 0 { 2 } else { 0 };
     let surface = (13 * sets + 10) * obstacle.len() as u64
-        + SurfaceSetup::memory_estimate(orientations.len(), tools.len());
+        + SurfaceSettings::memory_estimate(orientations.len(), tools.len());
     let bodies = spec.fixture_voxels(obstacle)? + 4 * obstacle.len() as u64;
     Ok(most.max(surface) + bodies + results + lists + stock)
 }

@@ -1,17 +1,17 @@
-//! The report for people: one line a collision, then what was checked, what was accepted, and what voxels can show.
+//! The report as text: one line a collision, then what was checked, what was accepted, and what voxels can show.
 
 use std::fmt::Write;
 
 use glam::DMat4;
-use imf_core::check::{Against, Collision, LineCollisions, TravelFault};
+use imf_core::check::{Collision, HitBody, LineCollisions, TravelFault};
 use imf_core::toolpath::MoveKind;
 
-use super::Checked;
+use super::CheckRun;
 use crate::arguments::check::Frame;
 use crate::output::{short, show_measure};
 
-pub(super) fn text(checked: &Checked<'_>) -> String {
-    let Checked { report, record, .. } = checked;
+pub(super) fn text(checked: &CheckRun<'_>) -> String {
+    let CheckRun { report, record, .. } = checked;
     let (settings, unit) = (&report.settings, record.unit);
     let mut text = String::new();
     // Writing to a string does not fail.
@@ -77,7 +77,7 @@ pub(super) fn text(checked: &Checked<'_>) -> String {
     );
     let _ = writeln!(
         text,
-        "seen for sure: overlaps of more than {} {unit} depth, in walls no thinner; less deep ones where a voxel's centre lies in \
+        "certain to be detected: overlaps deeper than {} {unit}, in walls no thinner; shallower ones where a voxel's centre lies in \
          them (voxels of {} {unit}; a smaller --pitch sees more)",
         short(report.sure_depth),
         short(record.grid.pitch)
@@ -86,7 +86,10 @@ pub(super) fn text(checked: &Checked<'_>) -> String {
         let machine = bodies.machine();
         let seen = bodies.coarsest_pitch().map_or_else(String::new, |pitch| {
             let sure = 3f64.sqrt() * pitch + settings.tolerance;
-            format!("; with its table, overlaps of more than {} {unit} are seen for sure", short(sure))
+            format!(
+                "; with its table, overlaps deeper than {} {unit} are certain to be detected",
+                short(sure)
+            )
         });
         let _ = writeln!(
             text,
@@ -121,22 +124,22 @@ pub(super) fn place(line: &LineCollisions) -> String {
 }
 
 /// What was hit, in words.
-pub(super) fn body(against: &Against) -> String {
+pub(super) fn body(against: &HitBody) -> String {
     match against {
-        Against::Part => "the part".into(),
-        Against::Fixture(name) => format!("the fixture {name}"),
-        Against::Machine(name) => format!("the machine's {name}"),
+        HitBody::Part => "the part".into(),
+        HitBody::Fixture(name) => format!("the fixture {name}"),
+        HitBody::Machine(name) => format!("the machine's {name}"),
     }
 }
 
-fn one(collision: &Collision, poses: u64, checked: &Checked<'_>) -> String {
+fn one(collision: &Collision, poses: u64, checked: &CheckRun<'_>) -> String {
     let unit = checked.record.unit;
     let (element, against) = (&collision.element, body(&collision.against));
     // The depth below the offset surface tells how much of the clearance is left.
     let within = collision.clearance - collision.depth;
     let what = if collision.clearance > 0.0 && within >= 0.0 {
         format!(
-            "{element} comes within {} {unit} of {against}, {} {unit} asked,",
+            "{element} comes within {} {unit} of {against}, {} {unit} required,",
             short(within),
             collision.clearance
         )

@@ -1,4 +1,4 @@
-//! What an earlier run left in a folder: its files go, so that none is taken for one of the new run.
+//! Stale files of an earlier run in a folder: they are removed, so that none is taken for one of the new run.
 
 use std::fs;
 use std::io::ErrorKind;
@@ -12,7 +12,7 @@ pub(crate) const SUMMARY: &str = "summary.json";
 
 /// What is read of a summary.
 #[derive(Deserialize)]
-struct Earlier {
+struct StaleSummary {
     program: String,
     files: Vec<String>,
 }
@@ -22,10 +22,10 @@ struct Earlier {
 ///
 /// # Errors
 /// A file that cannot be removed.
-pub(super) fn remove_earlier(folder: &Path) -> Result<usize> {
+pub(super) fn remove_stale(folder: &Path) -> Result<usize> {
     let summary = folder.join(SUMMARY);
     let Ok(text) = fs::read_to_string(&summary) else { return Ok(0) };
-    let Ok(Earlier { program, files }) = serde_json::from_str(&text) else { return Ok(0) };
+    let Ok(StaleSummary { program, files }) = serde_json::from_str(&text) else { return Ok(0) };
     if !program.starts_with("imf ") {
         return Ok(0);
     }
@@ -65,15 +65,15 @@ mod tests {
         let files = ["imf.npy", "gone.npy", "../above.npy", absolute, SUMMARY];
         let summary = serde_json::json!({ "program": "imf 0.1.0", "files": files });
         fs::write(folder.join(SUMMARY), summary.to_string()).unwrap();
-        assert_eq!(remove_earlier(&folder).unwrap(), 2, "imf.npy and the summary");
+        assert_eq!(remove_stale(&folder).unwrap(), 2, "imf.npy and the summary");
         let left: Vec<_> = fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().file_name()).collect();
         assert_eq!(left, ["mine.npy"]);
         assert!(above.exists());
-        assert_eq!(remove_earlier(&folder).unwrap(), 0);
+        assert_eq!(remove_stale(&folder).unwrap(), 0);
         // Somebody else's summary names nothing of ours.
         for text in ["{}", "no JSON", r#"{"program": "other 1", "files": ["mine.npy"]}"#] {
             fs::write(folder.join(SUMMARY), text).unwrap();
-            assert_eq!(remove_earlier(&folder).unwrap(), 0);
+            assert_eq!(remove_stale(&folder).unwrap(), 0);
         }
         assert!(folder.join("mine.npy").exists());
     }

@@ -1,11 +1,11 @@
-//! What a tool meets at a surface: the part, and what holds it.
+//! The collision environment of a tool at a surface: the part and its fixtures.
 
 use std::sync::Arc;
 
 use crate::field::solid::SolidVoxels;
 use crate::occupancy::Occupancy;
 
-/// One body on a grid, twice.
+/// One body, as two sets of voxels on one grid.
 #[derive(Clone, Debug)]
 pub struct SolidBody {
     /// By the rule of voxel centres: what a cutter must not cut into.
@@ -23,7 +23,7 @@ impl From<Arc<Occupancy>> for SolidBody {
 
 /// A part and its fixtures on one grid, prepared for any number of tools.
 #[derive(Clone)]
-pub struct Surroundings {
+pub struct CollisionEnvironment {
     pub(super) part: SolidVoxels,
     /// The fixtures together, for the cutter; `None` where there are none.
     pub(super) fixtures: Option<SolidVoxels>,
@@ -33,7 +33,7 @@ pub struct Surroundings {
     pub(super) bodies: Vec<[SolidVoxels; 2]>,
 }
 
-impl Surroundings {
+impl CollisionEnvironment {
     /// Of a part, and of fixtures on the part's grid.
     ///
     /// # Panics

@@ -91,11 +91,11 @@ pub(super) fn remove(words: &mut [u64], place: usize) {
 
 /// The places of the bits that are set.
 pub(super) fn ones(words: &[u64]) -> impl Iterator<Item = usize> + '_ {
-    words.iter().enumerate().flat_map(|(index, &word)| places(word).map(move |bit| index * 64 + bit))
+    words.iter().enumerate().flat_map(|(index, &word)| nodes(word).map(move |bit| index * 64 + bit))
 }
 
 /// The places of a word's bits that are set.
-pub(super) fn places(mut word: u64) -> impl Iterator<Item = usize> {
+pub(super) fn nodes(mut word: u64) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
         let bit = word.trailing_zeros() as usize;
         (word != 0).then(|| {

@@ -27,7 +27,7 @@ fn joined(meshes: &[Mesh]) -> Mesh {
     all.welded()
 }
 
-/// The mesh with every triangle turned that the dice say, and how many those are.
+/// The mesh with every triangle flipped that the dice say, and how many those are.
 fn shuffled(mesh: &Mesh, chance: f64, seed: u64) -> (Mesh, usize) {
     shuffled_from(mesh, 0, chance, seed)
 }
@@ -36,14 +36,14 @@ fn shuffled(mesh: &Mesh, chance: f64, seed: u64) -> (Mesh, usize) {
 fn shuffled_from(mesh: &Mesh, first: usize, chance: f64, seed: u64) -> (Mesh, usize) {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut mesh = mesh.clone();
-    let mut turned = 0;
+    let mut flipped = 0;
     for triangle in &mut mesh.triangles[first..] {
         if random.random_bool(chance) {
             triangle.swap(1, 2);
-            turned += 1;
+            flipped += 1;
         }
     }
-    (mesh, turned)
+    (mesh, flipped)
 }
 
 /// A strip with `twists` half turns.
@@ -97,15 +97,15 @@ fn what_is_consistent_stays_as_it_is() {
 #[test]
 fn what_faces_inwards_as_a_whole_is_turned_with_its_cavities() {
     let right = joined(&[cube(0.0, 9.0, false), cube(0.0, 4.0, true), cube(20.0, 3.0, false)]);
-    let turned = right.triangles.len();
+    let flipped = right.triangles.len();
     assert!(
         reversed(right.clone()).with_consistent_faces()
-            == (right, FaceRepair { turned, ..FaceRepair::default() })
+            == (right, FaceRepair { flipped, ..FaceRepair::default() })
     );
     // Of two that overlap the larger faces inwards.
     let right = joined(&[cube(0.0, 4.0, false), cube(3.0, 9.0, false)]);
-    let (wrong, turned) = shuffled_from(&right, cube(0.0, 4.0, false).triangles.len(), 1.0, 0);
-    assert!(wrong.with_consistent_faces() == (right, FaceRepair { turned, ..FaceRepair::default() }));
+    let (wrong, flipped) = shuffled_from(&right, cube(0.0, 4.0, false).triangles.len(), 1.0, 0);
+    assert!(wrong.with_consistent_faces() == (right, FaceRepair { flipped, ..FaceRepair::default() }));
 }
 
 #[test]
@@ -126,7 +126,7 @@ fn triangles_that_face_at_random_become_the_solid_that_they_bound() {
             let (repaired, repair) = random.clone().with_consistent_faces();
             assert!(repaired == mesh, "{name}, seed {seed}");
             let differ = random.triangles.iter().zip(&mesh.triangles).filter(|(a, b)| a != b).count();
-            assert_eq!(repair, FaceRepair { turned: differ, ..FaceRepair::default() }, "{name}");
+            assert_eq!(repair, FaceRepair { flipped: differ, ..FaceRepair::default() }, "{name}");
             assert!(boundary_chain(&repaired).is_empty() && (repaired.signed_volume() - volume).abs() < 1e-9);
         }
     }
@@ -136,17 +136,17 @@ fn triangles_that_face_at_random_become_the_solid_that_they_bound() {
 fn a_few_wrong_triangles_do_not_change_what_the_rest_says() {
     // Parity would make a cavity of the inner solid.
     let solids = joined(&[cube(0.0, 9.0, false), cube(0.0, 4.0, false)]);
-    let (few, turned) = shuffled(&solids, 0.04, 7);
-    assert!(turned > 2);
+    let (few, flipped) = shuffled(&solids, 0.04, 7);
+    assert!(flipped > 2);
     assert!(
-        few.with_consistent_faces() == (solids, FaceRepair { turned, nested: 1, ..FaceRepair::default() })
+        few.with_consistent_faces() == (solids, FaceRepair { flipped, nested: 1, ..FaceRepair::default() })
     );
     // An open mesh has no volume to go by.
     let mut open = reversed(cube(0.0, 2.0, false));
     open.triangles.truncate(open.triangles.len() - 4);
-    let (few, turned) = shuffled(&open, 0.04, 7);
-    assert!(turned > 2);
-    assert!(few.with_consistent_faces() == (open, FaceRepair { turned, ..FaceRepair::default() }));
+    let (few, flipped) = shuffled(&open, 0.04, 7);
+    assert!(flipped > 2);
+    assert!(few.with_consistent_faces() == (open, FaceRepair { flipped, ..FaceRepair::default() }));
 }
 
 #[test]
@@ -156,13 +156,13 @@ fn bodies_beside_each_other_face_alike_and_keep_their_cavities() {
     // A hollow body far away, and one that overlaps: it would be empty where it does.
     for second in [joined(&[cube(20.0, 5.0, false), cube(20.0, 2.0, true)]), cube(4.0, 3.0, false)] {
         let right = joined(&[body.clone(), second]);
-        let (wrong, turned) = shuffled_from(&right, first, 1.0, 0);
-        assert!(wrong.with_consistent_faces() == (right, FaceRepair { turned, ..FaceRepair::default() }));
+        let (wrong, flipped) = shuffled_from(&right, first, 1.0, 0);
+        assert!(wrong.with_consistent_faces() == (right, FaceRepair { flipped, ..FaceRepair::default() }));
     }
 }
 
 #[test]
-fn a_surface_with_one_side_stays_as_it_is_and_is_told() {
+fn a_surface_with_one_side_stays_as_it_is_and_is_reported() {
     let moebius = strip(1);
     let count = moebius.triangles.len();
     assert_eq!((count, moebius.vertices.len()), (60, 60));

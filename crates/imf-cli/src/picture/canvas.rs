@@ -13,7 +13,7 @@ use plotters::drawing::{DrawingArea, IntoDrawingArea as _};
 use plotters::style::{FontDesc, FontFamily, FontStyle, RGBColor, TextStyle, register_font};
 
 /// Background of every picture.
-pub(super) const PAPER: RGBColor = RGBColor(255, 255, 255);
+pub(super) const BACKGROUND: RGBColor = RGBColor(255, 255, 255);
 /// Text and frames.
 pub(super) const INK: RGBColor = RGBColor(38, 38, 38);
 /// Text of less weight: ticks, notes.
@@ -30,7 +30,7 @@ pub(super) type Area<'a> = DrawingArea<BitMapBackend<'a>, Shift>;
 ///
 /// # Errors
 /// A side longer than [`LONGEST_SIDE`].
-pub(super) fn on_paper(
+pub(super) fn on_canvas(
     (width, height): (u32, u32),
     draw: impl FnOnce(&Area<'_>) -> Result<()>,
 ) -> Result<RgbImage> {
@@ -38,7 +38,7 @@ pub(super) fn on_paper(
         width <= LONGEST_SIDE && height <= LONGEST_SIDE,
         "a picture of {width}×{height} pixels is too large (at most {LONGEST_SIDE} a side)"
     );
-    let mut image = RgbImage::from_pixel(width, height, pixel(PAPER));
+    let mut image = RgbImage::from_pixel(width, height, pixel(BACKGROUND));
     draw(&BitMapBackend::with_buffer(&mut image, (width, height)).into_drawing_area())?;
     Ok(image)
 }
@@ -156,15 +156,15 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("picture.png");
         let draw = |area: &Area<'_>| write(area, "0.25", &bold(20.0), (2, 1));
-        let image = on_paper((90, 30), draw).unwrap();
+        let image = on_canvas((90, 30), draw).unwrap();
         save(Ok(image.clone()), &path).unwrap();
         assert_eq!(image::open(&path).unwrap().to_rgb8(), image);
         assert!(image.pixels().any(|&found| found == pixel(INK)));
-        assert_eq!(*image.get_pixel(0, 0), pixel(PAPER));
+        assert_eq!(*image.get_pixel(0, 0), pixel(BACKGROUND));
         let missing = folder.path().join("missing").join("picture.png");
         let message = format!("{:#}", save(Ok(image), &missing).unwrap_err());
         assert!(message.contains("picture.png"), "{message}");
-        assert!(on_paper((LONGEST_SIDE + 1, 1), |_| Ok(())).is_err());
+        assert!(on_canvas((LONGEST_SIDE + 1, 1), |_| Ok(())).is_err());
     }
 
     #[test]

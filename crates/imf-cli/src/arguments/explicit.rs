@@ -4,10 +4,10 @@ use anyhow::{Result, bail};
 use clap::parser::ValueSource;
 use clap::{ArgMatches, Args, Command, FromArgMatches};
 
-/// The names of what was given. It stands before the other arguments of a command, which take their values away.
-pub(crate) struct Given(Vec<String>);
+/// The names of the options given. It must precede the other arguments of a command, which consume their values.
+pub(crate) struct ExplicitOptions(Vec<String>);
 
-impl Given {
+impl ExplicitOptions {
     /// Whether an argument of this name was given.
     pub(crate) fn has(&self, name: &str) -> bool {
         self.0.iter().any(|given| given == name)
@@ -18,7 +18,7 @@ impl Given {
         let group = T::augment_args(Command::new("group"));
         let mut given = group.get_arguments().filter(|option| self.has(option.get_id().as_str()));
         match given.find_map(|option| option.get_long()) {
-            Some(option) => bail!("--{option} is of {whose}: leave it out"),
+            Some(option) => bail!("--{option} applies only to {whose}: leave it out"),
             None => Ok(()),
         }
     }
@@ -26,14 +26,14 @@ impl Given {
     /// Refuses an option by its name if it was given.
     pub(crate) fn refuse_option(&self, name: &str, whose: &str) -> Result<()> {
         match self.has(name) {
-            true => bail!("--{name} is of {whose}: leave it out"),
+            true => bail!("--{name} applies only to {whose}: leave it out"),
             false => Ok(()),
         }
     }
 }
 
 // By hand: it has no arguments of its own, and looks at those of the others.
-impl Args for Given {
+impl Args for ExplicitOptions {
     fn augment_args(command: Command) -> Command {
         command
     }
@@ -43,7 +43,7 @@ impl Args for Given {
     }
 }
 
-impl FromArgMatches for Given {
+impl FromArgMatches for ExplicitOptions {
     fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
         let names = matches.ids().map(clap::Id::as_str);
         let given = names.filter(|name| matches.value_source(name) == Some(ValueSource::CommandLine));

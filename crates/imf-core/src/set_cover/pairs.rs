@@ -1,7 +1,7 @@
 //! The last two sets of a cover.
 
 use super::Stop;
-use super::bits::{count, has, ones, places, remove};
+use super::bits::{count, has, nodes, ones, remove};
 use super::groups::Groups;
 use super::reduced::Reduced;
 use super::search::{ROWS, Search};
@@ -136,7 +136,7 @@ pub(super) fn narrow(common: &mut [u64], own: &[u64]) -> bool {
 fn common_weight(problem: &Reduced, set: usize, open: &[u64]) -> u64 {
     let words = problem.rows_of.row(set).iter().zip(open).map(|(held, open)| held & open).enumerate();
     words
-        .flat_map(|(at, word)| places(word).map(move |bit| at * 64 + bit))
+        .flat_map(|(at, word)| nodes(word).map(move |bit| at * 64 + bit))
         .map(|row| problem.weights[row])
         .sum()
 }

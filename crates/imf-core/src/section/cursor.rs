@@ -1,40 +1,40 @@
-//! Sections of many orientations side by side, some planes of voxels at a time.
+//! Sections of many orientations in step, a few planes of voxels at a time.
 //!
-//! A tool that is counted by its run ends comes through the query box plane by plane, and may rest between two planes. So a
-//! fit that wants all orientations of a voxel at once need not hold whole sections. Counts are those of
+//! Run-length counting yields a section plane by plane and may pause between two planes, so that a fit that needs all
+//! orientations of a voxel at once need not store whole sections. Counts are those of
 //! [`SectionPlan::counts`], bit by bit.
 
 use std::ops::Range;
 
-use super::overlap::OverlapWalk;
+use super::overlap::OverlapCursor;
 use super::{SectionError, SectionPlan, SectionScratch};
 use crate::orientation::Orientation;
 use crate::tool::ToolError;
 
-/// A tool in one orientation on its way through a plan's planes along x.
-pub struct SectionWalk {
+/// A section of one orientation in progress, plane by plane along x.
+pub struct SectionCursor {
     /// The rotated tool's own count.
     pub whole: u32,
-    forbidden: OverlapWalk,
-    cuttable: Option<OverlapWalk>,
+    forbidden: OverlapCursor,
+    cuttable: Option<OverlapCursor>,
 }
 
 impl SectionPlan {
-    /// True where [`SectionPlan::walk`] can be used: sections are counted by run ends, and the tip alone is sharp.
-    pub fn walks(&self) -> bool {
+    /// True where [`SectionPlan::cursor`] can be used: sections are counted by run boundaries, and the tip alone is sharp.
+    pub fn has_cursor(&self) -> bool {
         let estimate = self.whole.usual_estimate(&self.query);
         self.tip_alone() && estimate.is_some_and(|estimate| self.whole.uses_run_length(estimate))
     }
 
-    /// The tool in an orientation before the first plane of the grid along x.
+    /// Begins the section of an orientation, before the first plane of the grid along x.
     ///
     /// # Errors
     /// A tool that does not fit the grid.
-    pub fn walk(
+    pub fn cursor(
         &self,
         orientation: &Orientation,
         scratch: &mut SectionScratch,
-    ) -> Result<SectionWalk, SectionError> {
+    ) -> Result<SectionCursor, SectionError> {
         let scratch = &mut scratch.counter;
         let rotated = self.rotated(orientation)?;
         let forbidden = self.whole.begin(&rotated, &self.query, scratch);
@@ -42,16 +42,16 @@ impl SectionPlan {
             let rest = counter.rotated(orientation)?;
             Ok(rest.map(|rest| counter.begin(&rest, &self.query, scratch)))
         });
-        Ok(SectionWalk { whole: rotated.count, forbidden, cuttable: noncutting.transpose()?.flatten() })
+        Ok(SectionCursor { whole: rotated.count, forbidden, cuttable: noncutting.transpose()?.flatten() })
     }
 
-    /// Bytes of a [`SectionWalk`], by estimate.
-    pub fn walk_bytes(&self) -> u64 {
-        (1 + u64::from(self.has_layer())) * self.whole.walk_bytes(&self.query)
+    /// Bytes of a [`SectionCursor`], by estimate.
+    pub fn cursor_bytes(&self) -> u64 {
+        (1 + u64::from(self.has_layer())) * self.whole.cursor_bytes(&self.query)
     }
 }
 
-impl SectionWalk {
+impl SectionCursor {
     /// Shared voxels over the next planes of the grid, C-ordered, in the scratch: from plane 0 on, each once.
     ///
     /// # Errors
@@ -67,9 +67,9 @@ impl SectionWalk {
         counts.resize(planes.len() * ny * nz, 0);
         let window = (&plan.query, &planes);
         plan.whole.advance(&mut self.forbidden, window, scratch, counts)?;
-        if let Some((walk, counter)) = self.cuttable.as_mut().zip(plan.noncutting.as_ref()) {
+        if let Some((cursor, counter)) = self.cuttable.as_mut().zip(plan.noncutting.as_ref()) {
             more.resize(counts.len(), 0);
-            counter.advance(walk, window, scratch, more)?;
+            counter.advance(cursor, window, scratch, more)?;
             counts.iter_mut().zip(more).for_each(|(count, more)| *count += *more);
         }
         Ok(counts)
@@ -82,7 +82,7 @@ mod tests {
     use crate::orientation::OrientationSet;
     use crate::parts::ReferencePart;
     use crate::scene::SceneSpec;
-    use crate::section::{At, Method};
+    use crate::section::{Method, ToolPoints};
     use crate::tool::Tool;
 
     #[test]
@@ -97,16 +97,16 @@ mod tests {
         let mut set = OrientationSet::parse("fibonacci:40").unwrap().orientations;
         set.extend(OrientationSet::parse("0,0;0,180;0,90;180,90;90,90;270,90").unwrap().orientations);
         for (scene, has_layer) in [(scene, false), (touching, true)] {
-            let plan = SectionPlan::of_scene(&scene, At::Tip).unwrap().with_method(Method::RunLength);
-            assert_eq!((plan.walks(), plan.has_layer()), (true, has_layer));
+            let plan = SectionPlan::of_scene(&scene, ToolPoints::Tip).unwrap().with_method(Method::RunLength);
+            assert_eq!((plan.has_cursor(), plan.has_layer()), (true, has_layer));
             let (mut scratch, mut whole) = (SectionScratch::default(), vec![0; plan.grid().len()]);
             for orientation in &set {
                 let count = plan.counts(orientation, &mut scratch, &mut whole).unwrap();
-                let mut walk = plan.walk(orientation, &mut scratch).unwrap();
-                assert_eq!(walk.whole, count);
+                let mut cursor = plan.cursor(orientation, &mut scratch).unwrap();
+                assert_eq!(cursor.whole, count);
                 let mut found = Vec::new();
                 for planes in [0..1, 1..6, 6..7, 7..15] {
-                    found.extend_from_slice(walk.advance(&plan, planes, &mut scratch).unwrap());
+                    found.extend_from_slice(cursor.advance(&plan, planes, &mut scratch).unwrap());
                 }
                 assert_eq!(found, whole, "{orientation:?}");
             }

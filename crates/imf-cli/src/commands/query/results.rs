@@ -1,4 +1,4 @@
-//! Answers behind the columns that were asked with: as CSV, or as an array of JSON objects.
+//! Results behind the columns of the input: as CSV, or as an array of JSON objects.
 
 use std::io::Write;
 
@@ -10,17 +10,17 @@ use serde_json::{Map, Value, json};
 
 use crate::output::same_digits;
 
-/// A chunk of lines, what they ask, and what the fields answered.
+/// A chunk of lines, their poses, and the results.
 #[derive(Default)]
-pub(super) struct Answers {
+pub(super) struct ResultChunk {
     pub(super) records: Vec<StringRecord>,
     /// `None` is no pose.
     pub(super) poses: Vec<Option<Pose>>,
     pub(super) values: Vec<f32>,
-    /// Empty where it was not asked for.
+    /// Empty unless requested.
     pub(super) exact: Vec<f32>,
     pub(super) decisions: Vec<Decision>,
-    /// Whether the field was asked beyond what it was made for.
+    /// Whether the pose lies outside the field's domain.
     pub(super) outside: Vec<bool>,
 }
 
@@ -35,7 +35,7 @@ fn decision_text(decision: Decision) -> &'static str {
     }
 }
 
-impl Answers {
+impl ResultChunk {
     /// What the fields answered to a line; NaN where it is no pose.
     fn of(&self, index: usize) -> impl Iterator<Item = f32> {
         let values = [Some(self.values[index]), self.exact.get(index).copied()].into_iter().flatten();
@@ -50,14 +50,14 @@ impl Answers {
 }
 
 /// Writes chunk after chunk.
-pub(super) struct AnswerWriter {
+pub(super) struct ResultWriter {
     /// Titles in JSON; `None` for CSV.
     json_titles: Option<Vec<String>>,
     columns: usize,
     begun: bool,
 }
 
-impl AnswerWriter {
+impl ResultWriter {
     /// Writes the header; answers are called `measure`.
     ///
     /// # Errors
@@ -90,7 +90,7 @@ impl AnswerWriter {
     ///
     /// # Errors
     /// An output that cannot be written; a closed pipe stays recognisable.
-    pub(super) fn write(&mut self, answers: &Answers, out: &mut dyn Write) -> Result<()> {
+    pub(super) fn write(&mut self, answers: &ResultChunk, out: &mut dyn Write) -> Result<()> {
         // Through memory: the errors of the csv crate hide the system's.
         let bytes = match &self.json_titles {
             None => csv_lines(answers)?,
@@ -120,7 +120,7 @@ impl AnswerWriter {
     }
 
     /// One answer; what reads as a finite number is one, but digits that a number would change stay text.
-    fn object(&self, titles: &[String], answers: &Answers, index: usize) -> Value {
+    fn object(&self, titles: &[String], answers: &ResultChunk, index: usize) -> Value {
         let mut object = Map::new();
         for (title, text) in titles.iter().zip(&answers.records[index]) {
             object.insert(title.clone(), as_written(text));
@@ -147,7 +147,7 @@ fn as_written(text: &str) -> Value {
     }
 }
 
-fn csv_lines(answers: &Answers) -> Result<Vec<u8>> {
+fn csv_lines(answers: &ResultChunk) -> Result<Vec<u8>> {
     let mut csv = Writer::from_writer(Vec::new());
     for (index, record) in answers.records.iter().enumerate() {
         let mut line = record.clone();
@@ -166,7 +166,7 @@ mod tests {
 
     fn written(json: bool) -> String {
         let header = StringRecord::from(vec!["name", "x"]);
-        let mut answers = Answers {
+        let mut answers = ResultChunk {
             records: vec![vec!["a, b", "1.5"].into(), vec!["c", "2"].into()],
             values: vec![0.25, 0.0],
             exact: vec![0.5, 1.0],
@@ -175,7 +175,7 @@ mod tests {
             poses: vec![Some(Pose::along(DVec3::ZERO, DVec3::Z)), None],
         };
         let mut out = Vec::new();
-        let mut writer = AnswerWriter::start(&header, "overlap", true, json, &mut out).unwrap();
+        let mut writer = ResultWriter::start(&header, "overlap", true, json, &mut out).unwrap();
         writer.write(&answers, &mut out).unwrap();
         answers.records.truncate(1);
         writer.write(&answers, &mut out).unwrap();
@@ -228,7 +228,7 @@ mod tests {
     fn a_column_that_is_there_already_is_not_written_twice() {
         for taken in ["overlap", "decision", "outside"] {
             let header = StringRecord::from(vec!["x", taken]);
-            assert!(AnswerWriter::start(&header, "overlap", false, false, &mut Vec::new()).is_err());
+            assert!(ResultWriter::start(&header, "overlap", false, false, &mut Vec::new()).is_err());
         }
     }
 }

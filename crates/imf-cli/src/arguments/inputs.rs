@@ -19,12 +19,12 @@ use crate::session::Session;
 /// What a part's longest side is to the thickness of its thinnest tool, and to a fixture's longest side, where nothing need be asked.
 /// A part in inches or metres that is taken for one in millimetres is mostly shorter than two cutters are thick; a cutter of a
 /// thousandth of the part would need a path of years; and a vise is some ten times as long as a small part.
-const LEAST_TO_TOOL: f64 = 2.0;
-const MOST_TO_TOOL: f64 = 1000.0;
-const MOST_TO_FIXTURE: f64 = 50.0;
+const MIN_TO_TOOL: f64 = 2.0;
+const MAX_TO_TOOL: f64 = 1000.0;
+const MAX_TO_FIXTURE: f64 = 50.0;
 
 /// Part, fixtures, tools and set-up as read and checked, before anything is voxelised.
-pub(crate) struct Reading {
+pub(crate) struct SceneInputs {
     pub(crate) part: Part,
     pub(crate) report: MeshReport,
     pub(crate) tools: Vec<Tool>,
@@ -32,7 +32,7 @@ pub(crate) struct Reading {
     fixtures: Vec<FixtureMesh>,
 }
 
-impl Reading {
+impl SceneInputs {
     /// The fixtures as a scene takes them.
     pub(crate) fn fixtures(&self) -> Vec<Fixture<'_>> {
         self.fixtures.iter().map(FixtureMesh::as_fixture).collect()
@@ -40,9 +40,9 @@ impl Reading {
 }
 
 impl SceneArguments {
-    /// Reads part, fixtures and tools and checks them; remarks go to the session. `asks` for a tool where none is given and the part
-    /// is not built in.
-    pub(crate) fn read(&self, session: &Session, asks: bool) -> Result<Reading> {
+    /// Reads part, fixtures and tools and checks them; remarks go to the session. With `asks` a tool is required where none is
+    /// given and the part is not built in.
+    pub(crate) fn read(&self, session: &Session, asks: bool) -> Result<SceneInputs> {
         let part = Part::read(&self.part, self.unit, None)?.scaled(self.scale);
         let mut tools = self.tool.iter().map(|tool| read_tool(tool)).collect::<Result<Vec<_>>>()?;
         if tools.is_empty() && part.reference.is_some() {
@@ -73,7 +73,7 @@ impl SceneArguments {
         }
         self.require_units(&part, &tools, &fixtures)?;
         let transform = self.transform.unwrap_or(DMat4::IDENTITY);
-        Ok(Reading { part, report, tools, transform, fixtures })
+        Ok(SceneInputs { part, report, tools, transform, fixtures })
     }
 
     /// Refuses sizes that hardly belong together where a unit was assumed, which is the likely reason; not where it is known.
@@ -83,7 +83,7 @@ impl SceneArguments {
         let thickness = tools.iter().map(|tool| tool.in_unit(unit).thinnest().1).reduce(f64::min);
         if let Some(thickness) = thickness.filter(|_| !part.unit_is_known) {
             let proportion = ImplausibleProportion { longest: part_long, thickness, unit };
-            if !(LEAST_TO_TOOL..=MOST_TO_TOOL).contains(&(part_long / thickness)) {
+            if !(MIN_TO_TOOL..=MAX_TO_TOOL).contains(&(part_long / thickness)) {
                 bail!(
                     "{name} does not say its unit, and was taken to be in {unit}: {proportion}; name its unit by --unit"
                 );
@@ -93,7 +93,7 @@ impl SceneArguments {
             self.fixture.iter().zip(fixtures).filter(|(_, fixture)| !fixture.unit_is_known)
         {
             let long = longest(&fixture.mesh.transformed(&fixture.transform));
-            if !(1.0 / MOST_TO_FIXTURE..=MOST_TO_FIXTURE).contains(&(long / part_long)) {
+            if !(1.0 / MAX_TO_FIXTURE..=MAX_TO_FIXTURE).contains(&(long / part_long)) {
                 bail!(
                     "the fixture {} does not say its unit, and was taken to be in {unit} as the part is: its longest side would be {} \
                      {unit} long, and that of the part {} {unit}; name its unit, as in --fixture {}@unit:inch",
@@ -111,15 +111,15 @@ impl SceneArguments {
     pub(crate) fn spec<'a>(
         &self,
         session: &Session,
-        reading: &'a Reading,
+        inputs: &'a SceneInputs,
         fixtures: &'a [Fixture<'a>],
         tool: &'a Tool,
     ) -> SceneSpec<'a> {
         let spec = SceneSpec {
-            part: &reading.part.name,
-            mesh: &reading.part.mesh,
-            unit: reading.part.unit,
-            transform: reading.transform,
+            part: &inputs.part.name,
+            mesh: &inputs.part.mesh,
+            unit: inputs.part.unit,
+            transform: inputs.transform,
             resolution: Resolution::Dims([1; 3]),
             margin: self.margin,
             conservative: self.conservative,
@@ -129,12 +129,12 @@ impl SceneArguments {
             around: self.around,
             control: session.control(&|_| {}),
         };
-        let resolution = match (self.pitch, self.dims, reading.part.reference) {
+        let resolution = match (self.pitch, self.dims, inputs.part.reference) {
             (Some(pitch), ..) => Resolution::Pitch(pitch),
             (None, Some(dims), _) => Resolution::Dims(dims),
             (None, None, Some(reference)) => Resolution::Dims(reference.dims()),
             (None, None, None) => {
-                let chosen = chosen(session, &spec, reading);
+                let chosen = chosen(session, &spec, inputs);
                 session.choose(&chosen.to_string());
                 Resolution::Pitch(chosen.pitch)
             }
@@ -144,8 +144,8 @@ impl SceneArguments {
 }
 
 /// The pitch that follows from part and tools, within the memory.
-fn chosen(session: &Session, spec: &SceneSpec<'_>, reading: &Reading) -> ChosenPitch {
-    let tools: Vec<Tool> = reading.tools.iter().map(|tool| tool.in_unit(spec.unit)).collect();
+fn chosen(session: &Session, spec: &SceneSpec<'_>, inputs: &SceneInputs) -> ChosenPitch {
+    let tools: Vec<Tool> = inputs.tools.iter().map(|tool| tool.in_unit(spec.unit)).collect();
     let fits = |pitch: f64| {
         let grid = SceneSpec { resolution: Resolution::Pitch(pitch), ..spec.clone() }.grid();
         let needed = |grid: Grid| {
@@ -157,7 +157,7 @@ fn chosen(session: &Session, spec: &SceneSpec<'_>, reading: &Reading) -> ChosenP
         grid.is_ok_and(|grid| needed(grid) <= session.memory_limit())
     };
     // As the part is set up, which may scale it.
-    let extents = spec.part_bounds().map_or(reading.report.extents, |(lower, upper)| upper - lower);
+    let extents = spec.part_bounds().map_or(inputs.report.extents, |(lower, upper)| upper - lower);
     ChosenPitch::new(extents, spec.unit, &tools, &fits)
 }
 

@@ -1,11 +1,11 @@
-//! Counting the obstacle's voxels in the tool at any pose, on the grid or off it.
+//! Counts the obstacle's voxels in the tool at any pose, on the grid or off it.
 
 use std::ops::Range;
 
 use glam::DVec3;
 
-use super::rotated::{MOST_VOXELS, SLACK, bounds, holds, turned};
-use super::{ElementKind, RotatedTool, Segment, Tool, ToolShape};
+use super::tool_voxels::{MAX_VOXELS, SLACK, bounds, contains, turned};
+use super::{ElementKind, Segment, Tool, ToolShape, ToolVoxels};
 use crate::grid::Grid;
 use crate::mesh::Mesh;
 use crate::occupancy::Occupancy;
@@ -23,7 +23,7 @@ impl Tool {
     /// Solid voxels whose centres lie inside the tool with its tip at the world point `position`: the definition of
     /// the exact field off the grid. Lengths are in the grid's unit.
     ///
-    /// At a voxel centre (to a billionth of the pitch) the same centres count as in [`super::RotatedTool`].
+    /// At a voxel centre (to a billionth of the pitch) the same centres count as in [`super::ToolVoxels`].
     #[must_use]
     pub fn count_inside(&self, obstacle: &Occupancy, position: DVec3, orientation: &Orientation) -> u32 {
         let tip = snapped(&obstacle.grid, position);
@@ -32,7 +32,7 @@ impl Tool {
             ToolShape::Revolved(elements) => {
                 let profile: Vec<Segment> = elements.iter().flat_map(|e| e.profile.iter().copied()).collect();
                 let (direction, pitch) = (orientation.direction(), obstacle.grid.pitch);
-                let inside = |offset| holds(&profile, direction, offset, SLACK * pitch * pitch);
+                let inside = |offset| contains(&profile, direction, offset, SLACK * pitch * pitch);
                 count_one_by_one(obstacle, tip, ranges(&obstacle.grid, tip, bounds), inside)
             }
             ToolShape::Mesh(mesh) => {
@@ -49,7 +49,10 @@ impl Tool {
     pub fn element_at(&self, pose: &Pose, point: DVec3) -> Option<ElementKind> {
         let ToolShape::Revolved(elements) = &self.shape else { return None };
         let (axis, offset) = (pose.axis()?, point - pose.position);
-        elements.iter().find(|element| holds(&element.profile, axis, offset, 0.0)).map(|element| element.kind)
+        elements
+            .iter()
+            .find(|element| contains(&element.profile, axis, offset, 0.0))
+            .map(|element| element.kind)
     }
 }
 
@@ -101,15 +104,15 @@ pub(super) fn mesh_voxels(
     pitch: f64,
     tip: DVec3,
     (lower, upper): (DVec3, DVec3),
-) -> Option<RotatedTool> {
+) -> Option<ToolVoxels> {
     let dims = (upper - lower + 2.0).to_array().map(|span| span as usize);
-    if dims.iter().map(|&n| n as f64).product::<f64>() > MOST_VOXELS as f64 {
+    if dims.iter().map(|&n| n as f64).product::<f64>() > MAX_VOXELS as f64 {
         return None;
     }
     let own = Grid { origin: (lower - (tip - tip.floor()) - 0.5) * pitch, pitch, dims };
     let solid = voxelize(turned, &own, false).solid;
     // The voxels' own count, which normalises, is not needed.
-    Some(RotatedTool { lower: lower.to_array().map(|v| v as i32), dims, solid, count: 0 })
+    Some(ToolVoxels { lower: lower.to_array().map(|v| v as i32), dims, solid, count: 0 })
 }
 
 #[cfg(test)]
@@ -143,7 +146,7 @@ mod tests {
         let outside = [[-4, 2, 15], [40, 0, 0], [10, 8, 15], [5, 4, -50]];
         let tips: Vec<[i64; 3]> = inside.into_iter().chain(outside).collect();
         for orientation in &set {
-            let rotated = RotatedTool::new(&tool, orientation, grid.pitch).unwrap();
+            let rotated = ToolVoxels::new(&tool, orientation, grid.pitch).unwrap();
             for &at in &tips {
                 let solid = rotated.offsets().filter(|offset| {
                     let voxel = [0, 1, 2].map(|a| at[a] + offset[a]);
@@ -165,7 +168,7 @@ mod tests {
         for direction in ["0,0", "0,90", "90,90", "180,90", "270,90", "0,180"] {
             let [straight] = OrientationSet::parse(direction).unwrap().orientations[..] else { panic!() };
             for roll in [0.0, 90.0, 180.0, 270.0] {
-                let rotated = RotatedTool::new(&tool, &Orientation { roll, ..straight }, 1.0).unwrap();
+                let rotated = ToolVoxels::new(&tool, &Orientation { roll, ..straight }, 1.0).unwrap();
                 // Of each pair of faces one counts: the tip's among them.
                 assert_eq!(rotated.count, 6 * 4 * 9, "{direction}, {roll}");
                 assert!(rotated.offsets().any(|offset| offset == [0; 3]), "{direction}, {roll}");
