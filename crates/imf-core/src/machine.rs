@@ -17,10 +17,12 @@
 #[cfg(feature = "formats")]
 mod file;
 mod inverse;
+mod limits;
 mod motion;
 mod solids;
 
 pub use inverse::{NoAngles, RotarySolutions};
+pub use limits::AxisLimits;
 pub(crate) use motion::Ball;
 pub use motion::MachineMotion;
 pub(crate) use solids::box_mesh;

@@ -2,8 +2,11 @@
 
 use std::path::PathBuf;
 
+use anyhow::{Context as _, Result};
 use clap::Args;
 use glam::DVec3;
+use imf_core::machine::{AxisLimits, Machine};
+use imf_core::orientation::Limits;
 
 use super::clearance::ContactArguments;
 use super::numbers::parse_threshold;
@@ -32,9 +35,12 @@ pub(crate) struct AccessArguments {
     /// cone:X,Y,Z:HALF_ANGLE
     #[arg(long, value_name = "LIMITS")]
     pub(crate) limits: Option<String>,
-    /// The fewest set-ups that reach the surface, proven, on a machine with this range of directions in each: by default the one
-    /// of a three-axis machine, else ac:A0:A1:C0:C1, bc:B0:B1:C0:C1 or cone:0,0,1:HALF_ANGLE
-    #[arg(long, value_name = "LIMITS", num_args = 0..=1, default_missing_value = "cone:0,0,1:0", conflicts_with = "limits", group = "covering")]
+    /// The machine, in TOML: only directions that its rotary axes reach, with their angles in rotary_angles.csv
+    #[arg(long, value_name = "FILE", conflicts_with = "limits")]
+    pub(crate) machine: Option<PathBuf>,
+    /// The fewest set-ups that reach the surface, proven, on a machine with this range of directions in each: by default that of
+    /// --machine, or of a three-axis machine; else ac:A0:A1:C0:C1, bc:B0:B1:C0:C1 or cone:0,0,1:HALF_ANGLE
+    #[arg(long, value_name = "LIMITS", num_args = 0..=1, default_missing_value = "", group = "covering", conflicts_with = "limits")]
     pub(crate) setups: Option<String>,
     /// The percentage that the set-ups, or the tools of a crib, must reach of what all of them together would
     #[arg(long, default_value_t = 100.0, value_name = "PERCENT", requires = "covering", value_parser = parse_percent)]
@@ -80,6 +86,40 @@ pub(crate) struct AccessArguments {
     /// Folder to write to
     #[arg(long, value_name = "DIR")]
     pub(crate) out: PathBuf,
+}
+
+impl AccessArguments {
+    /// The machine, and which directions its axes reach.
+    pub(crate) fn machine(&self) -> Result<Option<(Machine, AxisLimits)>> {
+        let Some(path) = &self.machine else { return Ok(None) };
+        let machine = Machine::read(path)?;
+        let limits = machine.limits().with_context(|| {
+            format!(
+                "{}: its rotary axes are not such that one turns the part about z and the other tilts about x or y, which \
+                 directions are limited by here: give the directions yourself (--orientations)",
+                path.display()
+            )
+        })?;
+        Ok(Some((machine, limits)))
+    }
+
+    /// What a machine reaches in one set-up, where the fewest are looked for; `reached` is that of the machine.
+    pub(crate) fn setup_range(&self, reached: Option<AxisLimits>) -> Result<Option<AxisLimits>> {
+        let three_axes = Limits::Cone { axis: DVec3::Z, half_angle: 0.0 };
+        Ok(match self.setups.as_deref() {
+            None => None,
+            Some("") => Some(reached.unwrap_or_else(|| three_axes.into())),
+            Some(text) => Some(Limits::parse(text)?.into()),
+        })
+    }
+
+    /// The limits on directions: those of the machine, unless each set-up has them.
+    pub(crate) fn limits(&self, reached: Option<Limits>) -> Result<Option<Limits>> {
+        match &self.limits {
+            Some(text) => Ok(Some(Limits::parse(text)?)),
+            None => Ok(reached.filter(|_| self.setups.is_none())),
+        }
+    }
 }
 
 fn parse_point(text: &str) -> Result<DVec3, String> {

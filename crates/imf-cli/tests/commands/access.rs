@@ -286,16 +286,11 @@ fn a_part_is_turned_to_what_the_rotary_axes_reach() {
         for setup in row["setups"].as_array().unwrap() {
             assert!(setup["transform"].as_str().unwrap().starts_with("rotate:"), "{setup}");
             let rotary = &setup["rotary"];
-            assert_eq!(rotary["tilting"], "A");
-            let end = |name: &str, at: usize| rotary[name][at].as_f64().unwrap();
-            assert!(
-                0.0 <= end("tilt", 0) && end("tilt", 0) <= end("tilt", 1) && end("tilt", 1) <= 90.0,
-                "{rotary}"
-            );
-            assert!(
-                turns[0] <= end("turn", 0) && end("turn", 0) <= end("turn", 1) && end("turn", 1) <= turns[1],
-                "{rotary}"
-            );
+            for (at, axis, [low, high]) in [(0, "A", [0.0, 90.0]), (1, "C", turns)] {
+                assert_eq!(rotary[at]["axis"], axis);
+                let end = |which: usize| rotary[at]["range"][which].as_f64().unwrap();
+                assert!(low <= end(0) && end(0) <= end(1) && end(1) <= high, "{rotary}");
+            }
         }
     }
 }

@@ -134,3 +134,31 @@ fn travel_is_told_with_line_axis_value_and_range() {
     }
     assert!(run.stdout.contains("no collision, 3 lines lead out of the machine's travel"), "{}", run.stdout);
 }
+
+#[test]
+fn access_looks_from_where_the_machine_turns_to_and_names_its_angles() {
+    let folder = Folder::new();
+    folder.write("block.obj", BLOCK);
+    EXAMPLES.iter().for_each(|(name, text)| folder.write(name, text));
+    let usual =
+        ["access", "block.obj", "--unit", "mm", "--pitch", "3", "--tool", "paper", "--orientations", "axes"];
+    let run = |more: &[&str]| folder.json(&[&usual[..], more].concat());
+    let found = run(&["--machine", "trunnion.toml", "--out", "reach"]);
+    // A tilts to −110° and 30°: everything but from below.
+    assert_eq!(found["orientation_count"], 5);
+    let rows = folder.read("reach/rotary_angles.csv");
+    let rows: Vec<&str> = rows.lines().collect();
+    assert_eq!(rows[0], "orientation,i,j,k,A,C");
+    // From above C is free; to the side A lies back, and C brings the side up.
+    assert!(rows[1].starts_with("0,0,0,1,0,") && rows[1].ends_with(','), "{}", rows[1]);
+    assert!(rows[2..].iter().all(|row| row.split(',').nth(4) == Some("-90")), "{rows:?}");
+    // In a set-up the same angles are the machine's own.
+    let found = run(&["--machine", "trunnion.toml", "--setups", "--out", "setups"]);
+    let setups = &found["setups"];
+    assert_eq!(setups["machine"], "trunnion A/C");
+    for setup in setups["setups"].as_array().unwrap() {
+        let axis = &setup["rotary"][0];
+        let range: Vec<f64> = axis["range"].as_array().unwrap().iter().map(|a| a.as_f64().unwrap()).collect();
+        assert!(axis["axis"] == "A" && range[0] >= -110.0 && range[1] <= 30.0 && range[0] < -80.0, "{axis}");
+    }
+}

@@ -8,7 +8,13 @@ use crate::orientation::{Orientation, OrientationSet};
 
 const FREE: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
 
-fn axis(letter: char, side: Side, direction: [f64; 3], centre: [f64; 3], range: [f64; 2]) -> RotaryAxis {
+pub(crate) fn axis(
+    letter: char,
+    side: Side,
+    direction: [f64; 3],
+    centre: [f64; 3],
+    range: [f64; 2],
+) -> RotaryAxis {
     let direction = DVec3::from_array(direction).normalize();
     RotaryAxis { letter, side, direction, centre: DVec3::from_array(centre), range }
 }
@@ -53,7 +59,7 @@ pub(crate) fn fork() -> Machine {
 }
 
 /// A table whose tilting axis stands at 45°.
-fn nutating() -> Machine {
+pub(crate) fn nutating() -> Machine {
     machine_of(vec![
         axis('B', Side::Table, [0.0, 1.0, 1.0], [0.0, 0.0, -300.0], FREE),
         axis('C', Side::Table, [0.0, 0.0, 1.0], [0.0, 0.0, 0.0], FREE),

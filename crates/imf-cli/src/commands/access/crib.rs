@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
 use imf_core::field_files::write_ply;
-use imf_core::orientation::{Limits, OrientationSet};
+use imf_core::orientation::OrientationSet;
 use imf_core::set_cover::{CoverProblem, CoverSettings};
 use imf_core::surface::{
     Reach, SurfaceError, SurfaceSamples, SurfaceTool, Verdict, crib_access, surface_access,
@@ -70,7 +70,8 @@ impl Crib {
         let mesh = inputs.part.mesh.transformed(&inputs.transform);
         let text = arguments.orientations.as_deref().unwrap_or_else(|| default_for(&inputs.tools));
         let mut orientations = Directions::of_part(text, || mesh.machining_directions())?.set;
-        if let Some(limits) = arguments.limits.as_deref().map(Limits::parse).transpose()? {
+        let reached = arguments.machine()?.map(|(_, reached)| reached.limits);
+        if let Some(limits) = arguments.limits(reached)? {
             orientations = orientations.within(&limits)?;
         }
         let unit = inputs.part.unit;

@@ -1,9 +1,11 @@
 //! The fields of a run as files for other programs.
 
+use std::fmt::Write as _;
 use std::path::Path;
 
 use anyhow::Result;
 use imf_core::field_files::{NamedField, write_npy, write_vti};
+use imf_core::machine::Machine;
 
 use super::Findings;
 use super::run::{AccessRun, Stock};
@@ -60,6 +62,10 @@ pub(super) fn write(run: &AccessRun, findings: &Findings, folder: &Path) -> Resu
     }
     write_text(&folder.join("orientations.csv"), &orientation_list(run))?;
     written.push("orientations.csv".into());
+    if let Some(machine) = &run.machine {
+        write_text(&folder.join("rotary_angles.csv"), &rotary_angles(run, machine))?;
+        written.push("rotary_angles.csv".into());
+    }
     if let Some(stock) = &run.stock {
         written.extend(write_removable(run, stock, findings, folder)?);
     }
@@ -128,4 +134,30 @@ pub(super) fn removable_classes(run: &AccessRun, stock: &Stock, findings: &Findi
 fn orientation_list(run: &AccessRun) -> String {
     let lines = run.orientations.orientations.iter().map(|o| format!("{},{},{}\n", o.theta, o.phi, o.roll));
     std::iter::once("theta,phi,roll\n".to_owned()).chain(lines).collect()
+}
+
+/// Every pair of angles that gives the tool one of the orientations, the preferred one first; an axis that is free there is empty.
+fn rotary_angles(run: &AccessRun, machine: &Machine) -> String {
+    let letters = machine.rotary.iter().map(|axis| format!(",{}", axis.letter)).collect::<String>();
+    let mut text = format!("orientation,i,j,k{letters}\n");
+    for (index, orientation) in run.orientations.orientations.iter().enumerate() {
+        let direction = orientation.direction();
+        let found = machine.inverse(direction);
+        // Of an axis without a limit the turn that is nearest to 0.
+        let near = |angles: &&[f64; 2]| {
+            let mut axes = machine.rotary.iter().zip(angles.iter());
+            axes.all(|(axis, angle)| axis.range[0].is_finite() || (-180.0..=180.0).contains(angle))
+        };
+        for angles in found.angles.iter().filter(near) {
+            let _ = write!(text, "{index},{},{},{}", direction.x, direction.y, direction.z);
+            for place in 0..machine.rotary.len() {
+                let _ = match found.free == Some(place) {
+                    true => write!(text, ","),
+                    false => write!(text, ",{}", (angles[place] * 1e6).round() / 1e6 + 0.0),
+                };
+            }
+            text.push('\n');
+        }
+    }
+    text
 }

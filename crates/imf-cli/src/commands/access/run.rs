@@ -7,6 +7,7 @@ use anyhow::{Result, ensure};
 use glam::{DMat4, DVec3};
 use imf_core::access::{AccessSettings, memory_estimate, position_grid, removable_memory_estimate};
 use imf_core::grid::Grid;
+use imf_core::machine::Machine;
 use imf_core::mesh::{MachiningDirection, Mesh};
 use imf_core::obstacle::Obstacle;
 use imf_core::occupancy::Occupancy;
@@ -58,6 +59,8 @@ pub(super) struct AccessRun {
     pub(super) map: Option<(DVec3, [usize; 2])>,
     /// The machine's, where they are given: the orientations are within them.
     pub(super) limits: Option<Limits>,
+    /// In any unit: its rotary axes alone are read.
+    pub(super) machine: Option<Machine>,
     /// The voxels to be examined.
     pub(super) query: Grid,
     /// All that the tools can meet, on its own grid.
@@ -78,11 +81,13 @@ impl AccessRun {
             "a fixture belongs to one set-up, and here it would go with the part into every one: leave --fixture out for --setups, \
              or ask for one set-up with the fixture, its directions by --limits"
         );
-        let limits = arguments.limits.as_deref().map(Limits::parse).transpose()?;
+        let machine = arguments.machine()?;
+        let reached = machine.as_ref().map(|(_, limits)| *limits);
+        let limits = arguments.limits(reached.map(|reached| reached.limits))?;
         let mut inputs = arguments.scene.read(session, true)?;
         let mesh = inputs.part.mesh.transformed(&inputs.transform);
         let text = arguments.orientations.as_deref().unwrap_or_else(|| default_for(&inputs.tools));
-        let range = arguments.setups.as_deref().map(Limits::parse).transpose()?;
+        let range = arguments.setup_range(reached)?;
         let question = range.map(|range| SetupSettings {
             range,
             fraction: 0.01 * arguments.cover,
@@ -99,6 +104,12 @@ impl AccessRun {
         if let Some(limits) = &limits {
             set = set.within(limits)?;
             suggested.retain(|suggested| limits.reach(suggested.direction));
+        }
+        if let Some((machine, _)) = &machine {
+            session.note(&format!(
+                "directions are those of {}; its travel, head and table are not looked at here: imf check does, along a path",
+                machine.name
+            ));
         }
         let orientations = set;
         for tool in inputs.tools.iter().filter(|tool| matches!(tool.shape, ToolShape::Mesh(_))) {
@@ -265,6 +276,7 @@ impl AccessRun {
             surface,
             map,
             limits,
+            machine: machine.map(|(machine, _)| machine),
             query,
             obstacle: match depth {
                 Some(depth) => Obstacle::with_cuttable(&whole, bodies.layer(depth)),

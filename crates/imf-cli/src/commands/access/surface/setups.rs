@@ -4,8 +4,9 @@ use std::fmt::{self, Write as _};
 
 use anyhow::{Result, ensure};
 use glam::DVec3;
+use imf_core::machine::AxisLimits;
 use imf_core::mesh::MachiningDirection;
-use imf_core::orientation::{Limits, Orientation, TiltingAxis};
+use imf_core::orientation::Orientation;
 use imf_core::set_cover::CoverSettings;
 use imf_core::surface::{ChosenSetup, PartSetup, SetupPlan, Verdict, fewest_setups, ways_up};
 use serde::Serialize;
@@ -23,7 +24,7 @@ const SLACK: f64 = 1e-5;
 #[derive(Clone, Copy)]
 pub(in crate::commands::access) struct SetupSettings {
     /// What the machine reaches in one set-up, its z axis up.
-    pub(in crate::commands::access) range: Limits,
+    pub(in crate::commands::access) range: AxisLimits,
     /// The fraction to cover of what all candidates reach.
     pub(in crate::commands::access) fraction: f64,
     /// True where every direction of the set is a candidate, not those of axes and part alone.
@@ -45,12 +46,13 @@ pub(in crate::commands::access) fn with_ways_up(set: &str, suggested: &[Machinin
 pub(super) struct Setups {
     plan: SetupPlan,
     candidates: Vec<PartSetup>,
-    range: Limits,
+    /// What reaches these directions, for people.
+    machine: String,
     fraction: f64,
     /// By sample: the first chosen set-up that reaches it, counted from 1; 0 for none.
     pub(super) by_sample: Vec<u32>,
     /// By chosen set-up, where the machine has rotary axes.
-    rotary: Vec<Option<RotaryRow>>,
+    rotary: Vec<Vec<AxisRow>>,
 }
 
 impl Setups {
@@ -68,7 +70,7 @@ impl Setups {
         };
         let mut candidates: Vec<PartSetup> = Vec::new();
         for up in ways {
-            candidates.extend(PartSetup::all(&run.mesh, up, orientations, &question.range));
+            candidates.extend(PartSetup::all(&run.mesh, up, orientations, &question.range.limits));
             ensure!(
                 candidates.len() <= MOST,
                 "more than {MOST} set-ups are candidates, since what this machine reaches depends on how the part is turned on its table: \
@@ -98,7 +100,7 @@ impl Setups {
             let candidate = &candidates[chosen.candidate];
             let angles = |&index: &usize| {
                 let direction = candidate.rotation() * orientations[index].direction();
-                Some((index, question.range.angles(direction.normalize(), SLACK)?))
+                Some((index, question.range.limits.angles(direction.normalize(), SLACK)?))
             };
             let mut angles: Vec<(usize, [f64; 2])> = candidate.directions.iter().filter_map(angles).collect();
             angles.sort_by(|(_, a), (_, b)| {
@@ -110,10 +112,12 @@ impl Setups {
                 let free = |direction: usize| tools.iter().any(|tool| tool.is_free(sample, direction));
                 angles.iter().find(|(direction, _)| free(*direction)).map(|(_, angles)| *angles)
             });
-            RotaryRow::around(&question.range, needed)
+            axis_rows(&question.range, needed)
         });
         let rotary = rotary.collect();
-        Ok(Self { plan, candidates, range: question.range, fraction: question.fraction, by_sample, rotary })
+        let own = run.machine.as_ref().filter(|machine| machine.limits() == Some(question.range));
+        let machine = own.map_or_else(|| question.range.limits.to_string(), |machine| machine.name.clone());
+        Ok(Self { plan, candidates, machine, fraction: question.fraction, by_sample, rotary })
     }
 
     /// Of the chosen set-ups.
@@ -133,7 +137,7 @@ impl Setups {
                 transform: rotation(candidate),
                 rests: candidate.rests,
                 lower_face: candidate.floor_area,
-                rotary: *rotary,
+                rotary: rotary.clone(),
                 reached: chosen.area / total,
                 alone: chosen.alone / total,
             }
@@ -142,7 +146,7 @@ impl Setups {
             surface.share(|sample| self.by_sample[sample] == 0 && surface.best[sample].0 == verdict)
         };
         SetupsRow {
-            machine: self.range.to_string(),
+            machine: self.machine.clone(),
             candidates: self.candidates.len(),
             asked: self.fraction,
             setups: chosen.collect(),
@@ -171,38 +175,33 @@ fn rotation(run: &PartSetup) -> String {
     }
 }
 
-/// What a set-up needs of the machine's rotary axes, in degrees: the range of angles when each point is machined with the least
-/// tilt.
+/// What a set-up needs of one of the machine's rotary axes, in degrees: the range of its angles when each point is machined with the
+/// least tilt.
 #[derive(Clone, Copy, Debug, Serialize)]
-struct RotaryRow {
-    /// A or B.
-    tilting: char,
-    tilt: [f64; 2],
-    /// C.
-    turn: [f64; 2],
+struct AxisRow {
+    axis: char,
+    range: [f64; 2],
 }
 
-impl RotaryRow {
-    fn around(range: &Limits, angles: impl Iterator<Item = [f64; 2]>) -> Option<Self> {
-        let Limits::Rotary { tilting, .. } = range else { return None };
-        let tilting = match tilting {
-            TiltingAxis::A => 'A',
-            TiltingAxis::B => 'B',
-        };
-        let wider = |range: Option<Self>, [tilt, turn]: [f64; 2]| {
-            let known = range.unwrap_or(Self { tilting, tilt: [tilt; 2], turn: [turn; 2] });
-            let with = |[low, high]: [f64; 2], angle: f64| [low.min(angle), high.max(angle)];
-            Some(Self { tilt: with(known.tilt, tilt), turn: with(known.turn, turn), ..known })
-        };
-        angles.fold(None, wider)
-    }
+/// The tilting axis, then the turning one; none of those that the machine has not.
+fn axis_rows(range: &AxisLimits, angles: impl Iterator<Item = [f64; 2]>) -> Vec<AxisRow> {
+    let wider = |range: Option<[[f64; 2]; 2]>, angles: [f64; 2]| {
+        let known = range.unwrap_or(angles.map(|angle| [angle; 2]));
+        Some([0, 1].map(|axis| [known[axis][0].min(angles[axis]), known[axis][1].max(angles[axis])]))
+    };
+    let found = angles.fold(None, wider).unwrap_or_default();
+    let named = range.axes.iter().zip(found).filter_map(|(axis, found)| {
+        let (axis, sign) = (*axis)?;
+        let [one, other] = found.map(|angle| sign * angle + 0.0);
+        Some(AxisRow { axis, range: [one.min(other), one.max(other)] })
+    });
+    named.collect()
 }
 
-impl fmt::Display for RotaryRow {
+impl fmt::Display for AxisRow {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let [[a, b], [c, d]] =
-            [self.tilt, self.turn].map(|range| range.map(|angle| (10.0 * angle).round() / 10.0 + 0.0));
-        write!(f, "{} from {a}° to {b}°, C from {c}° to {d}°", self.tilting)
+        let [low, high] = self.range.map(|angle| (10.0 * angle).round() / 10.0 + 0.0);
+        write!(f, "{} from {low}° to {high}°", self.axis)
     }
 }
 
@@ -219,8 +218,8 @@ struct SetupRow {
     rests: bool,
     /// Area of the surface that it stands on.
     lower_face: f64,
-    /// Where the machine has rotary axes.
-    rotary: Option<RotaryRow>,
+    /// Of a machine with rotary axes.
+    rotary: Vec<AxisRow>,
     reached: f64,
     /// Reached in no other of the chosen set-ups.
     alone: f64,
@@ -287,8 +286,9 @@ impl SetupsRow {
                 percent(row.reached),
                 percent(row.alone)
             );
-            if let Some(rotary) = &row.rotary {
-                let _ = writeln!(text, "     {rotary}");
+            if !row.rotary.is_empty() {
+                let axes: Vec<String> = row.rotary.iter().map(AxisRow::to_string).collect();
+                let _ = writeln!(text, "     {}", axes.join(", "));
             }
         }
         let left = [
