@@ -50,6 +50,9 @@ pub(crate) struct CheckArguments {
     /// voxels reach out of the part
     #[arg(long, value_name = "LENGTH")]
     pub(crate) contact: Option<f64>,
+    /// A page with part, fixtures and path in 3D, lines that collide in red: one file that a browser opens without network
+    #[arg(long, value_name = "FILE")]
+    pub(crate) html: Option<PathBuf>,
     /// Folder for collisions.csv, worst.png and summary.json
     #[arg(long, value_name = "FOLDER")]
     pub(crate) out: Option<PathBuf>,

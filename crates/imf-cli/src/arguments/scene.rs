@@ -5,6 +5,7 @@ use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser as _};
 use glam::DMat4;
 use imf_core::grid::Grid;
+use imf_core::mesh::Mesh;
 use imf_core::mesh::topology::MeshReport;
 use imf_core::scene::{Bodies, GridExtent, Scene, SceneSpec, SceneWarning};
 use imf_core::section::{DEPTH_CAP, ElementPlans, Quantity, SectionPlan};
@@ -102,6 +103,9 @@ fn parse_dims(text: &str) -> Result<[usize; 3], String> {
     }
 }
 
+/// Meshes by the names of their bodies.
+pub(crate) type NamedMeshes = Vec<(String, Mesh)>;
+
 impl SceneArguments {
     /// Reads part, fixtures and tool, checks them, estimates the memory, and voxelises, with the layer that the cutter
     /// may enter where it may enter one. Fixtures must lie within the grid: the scene is all that is kept. Remarks go to
@@ -166,15 +170,20 @@ impl SceneArguments {
     }
 
     /// The scene as [`Self::scene_with`] makes it, with no room kept for sections and without contact, and part and fixtures apart on a
-    /// grid that holds them all.
-    pub(crate) fn scene_and_bodies(&self, session: &Session) -> Result<(Scene, Bodies)> {
+    /// grid that holds them all, with their meshes in the world by name, the part's first.
+    pub(crate) fn scene_and_bodies(&self, session: &Session) -> Result<(Scene, Bodies, NamedMeshes)> {
         self.with_spec(session, true, |spec, _| {
             let wide = spec.wide_grid(&spec.grid()?, f64::INFINITY)?;
             // Beside the voxels, counts and distances of the part and of the fixtures.
             require_memory_for_voxels(session, spec, &wide, 16)?;
             let (scene, bodies) =
                 voxelise_with_progress(session, spec, &wide, |spec| spec.scene_and_bodies(f64::INFINITY))?;
-            Ok((self.announce(session, spec, scene, &bodies)?, bodies))
+            let part = (spec.part.to_owned(), spec.mesh.transformed(&spec.transform));
+            let fixtures = spec.fixtures.iter().zip(&bodies.fixtures);
+            let fixtures =
+                fixtures.map(|(own, (name, _))| (name.clone(), own.mesh.transformed(&own.transform)));
+            let meshes = std::iter::once(part).chain(fixtures).collect();
+            Ok((self.announce(session, spec, scene, &bodies)?, bodies, meshes))
         })
     }
 

@@ -3,6 +3,7 @@
 mod files;
 mod picture;
 mod text;
+mod view;
 
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -24,7 +25,7 @@ use thiserror::Error;
 use crate::arguments::check::{CheckArguments, Frame, NumberedTool};
 use crate::arguments::scene::SceneArguments;
 use crate::interrupt::Interrupted;
-use crate::output::{OutputFolder, print_result};
+use crate::output::{OutputFile, OutputFolder, print_result};
 use crate::session::Session;
 
 /// The answer is "it collides", or "it leaves the travel": said on standard output already, left to the exit code.
@@ -46,7 +47,8 @@ struct CheckRun<'a> {
 pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
     let given = arguments.tools()?;
     let out = arguments.out.as_deref().map(OutputFolder::check).transpose()?;
-    let (scene, bodies) = scene_arguments(arguments, &given).scene_and_bodies(session)?;
+    let page = arguments.html.as_deref().map(OutputFile::check).transpose()?;
+    let (scene, bodies, meshes) = scene_arguments(arguments, &given).scene_and_bodies(session)?;
     let record = &scene.record;
     let mut tools: Vec<(Option<u32>, Tool)> =
         given.iter().map(|given| (given.number, given.tool.in_unit(record.unit))).collect();
@@ -119,6 +121,12 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
         report.colliding.iter_mut().flat_map(|line| &mut line.collisions).for_each(|hit| hit.place(&back));
     }
     let checked = CheckRun { arguments, record, tools, machine: machine.as_ref(), report };
+    if let Some(page) = &page {
+        let shown = view::bodies(&meshes, &back);
+        let path = page.begin()?;
+        view::view(&checked, &meshes, &shown, &toolpath, &back).write_page(path)?;
+        session.note(&format!("wrote {}: open it in a browser", path.display()));
+    }
     let mut json = checked.json();
     if let Some(folder) = &out {
         files::write(&checked, &mut json, written, folder, session)?;

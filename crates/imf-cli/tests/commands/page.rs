@@ -74,3 +74,20 @@ fn the_page_shows_the_surface_and_a_click_colours_it_by_tool() {
     let changed = view(&by_tool).iter().zip(&plain).filter(|(one, other)| one != other).count();
     assert!(changed > plain.len() / 50, "{changed} of {} pixels changed", plain.len());
 }
+
+#[test]
+#[cfg_attr(no_browser_tests, ignore = "IMF_NO_BROWSER_TESTS is set")]
+fn the_page_of_a_check_shows_the_line_that_collides_in_red() {
+    let folder = Folder::new();
+    // Over the bracket, through it, and away.
+    folder.write("path.csv", "x,y,z\n24,-40,120\n24,73,120\n24,73,40\n24,190,120\n");
+    let check = ["check", "bracket", "path.csv", "--tool", "paper", "--pitch", "4", "--html", "page.html"];
+    let run = folder.run(&check);
+    assert_eq!(run.code, Some(3), "{}", run.stderr);
+    assert!(run.stderr.contains("page.html"), "{}", run.stderr);
+    let (page, console) = look(&folder.path("page.html"), &folder.path("page.png"));
+    assert_eq!(console, "");
+    let is_red = |[r, g, b]: [u8; 3]| r > 150 && g < 90 && b < 90;
+    let red = page.enumerate_pixels().filter(|(x, _, pixel)| *x < 600 && is_red(pixel.0)).count();
+    assert!(red > 30, "{red} red pixels");
+}
