@@ -3,7 +3,9 @@
 //! fine-tuned to the new part's signed depth. Beside it the same network from random weights, in as many steps, and the
 //! old field as it was.
 //!
-//! `cargo run --release -p imf-bench --example redesign [FOLDER [STEPS]]`; so many steps at each change, 200 by default
+//! Thirty changes at half the bracket's resolution, as many voxels at each.
+//!
+//! `cargo run --release -p imf-bench --example redesign [FOLDER [STEPS]]`; so many steps at each change, 60 by default
 
 use std::error::Error;
 use std::path::Path;
@@ -13,7 +15,6 @@ use imf_cli::output::table;
 use imf_cli::picture::{AxisScale, Chart, Series};
 use imf_core::control::Control;
 use imf_core::distance::DistanceField;
-use imf_core::occupancy::Occupancy;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
 use imf_core::scene::{Scene, SceneSpec};
@@ -28,6 +29,8 @@ use imf_train::distill::{distil, start_from};
 /// How large the study is.
 struct Study {
     dims: [usize; 3],
+    /// Changes from the design domain to the bracket.
+    changes: usize,
     degree: usize,
     axes: usize,
     width: usize,
@@ -36,8 +39,6 @@ struct Study {
     each: u64,
 }
 
-/// Material is kept up to these distances from the optimised bracket, in voxels.
-const KEPT: [f64; 7] = [f64::INFINITY, 5.0, 3.5, 2.3, 1.5, 1.0, 0.0];
 /// Orientations at which fields are compared; no fit has seen them.
 const RANDOM: &str = "random:24:9";
 /// What is compared, and what takes time.
@@ -61,6 +62,10 @@ fn study(study: &Study) -> Result<Vec<Step>, Box<dyn Error>> {
     let domain = voxelised(ReferencePart::BracketRaw)?.obstacle;
     let Scene { record, obstacle: goal, .. } = voxelised(ReferencePart::Bracket)?;
     let away = DistanceField::new(&goal);
+    // What goes, the farthest from the bracket first.
+    let mut goes: Vec<usize> =
+        (0..goal.solid.len()).filter(|&index| domain.solid[index] > goal.solid[index]).collect();
+    goes.sort_by_key(|&index| (std::cmp::Reverse(away.squared(index)), index));
     let random = OrientationSet::parse(RANDOM)?.orientations;
     let of_size = |defaults: DistillSettings| DistillSettings {
         width: study.width,
@@ -69,11 +74,11 @@ fn study(study: &Study) -> Result<Vec<Step>, Box<dyn Error>> {
     };
     let mut steps: Vec<Step> = Vec::new();
     let mut field: Option<FactoredField> = None;
-    for kept in KEPT {
-        let near = |index: usize| away.squared(index).is_some_and(|d| (d as f64).sqrt() <= kept);
-        let is_solid = |index| goal.solid[index] != 0 || (domain.solid[index] != 0 && near(index));
-        let solid = (0..goal.solid.len()).map(|index| u8::from(is_solid(index))).collect();
-        let part = Occupancy { grid: goal.grid, solid };
+    for change in 0..=study.changes {
+        let mut part = domain.clone();
+        for &index in &goes[..goes.len() * change / study.changes] {
+            part.solid[index] = 0;
+        }
         let plan = SectionPlan::new(&part, &record.tool, ToolPoints::SharpPoints)?;
         let begun = Instant::now();
         let settings = FitSettings {
@@ -170,8 +175,8 @@ fn draw(folder: &Path, steps: &[Step]) -> Result<(), Box<dyn Error>> {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let folder = std::env::args().nth(1).unwrap_or_else(|| "redesign".into());
-    let each = std::env::args().nth(2).map_or(Ok(200), |steps| steps.parse())?;
-    let whole = Study { dims: [17, 49, 29], degree: 8, axes: 60, width: 128, first: 1500, each };
+    let each = std::env::args().nth(2).map_or(Ok(60), |steps| steps.parse())?;
+    let whole = Study { dims: [25, 74, 44], changes: 30, degree: 8, axes: 60, width: 128, first: 1500, each };
     let steps = study(&whole)?;
     let rows = steps.iter().map(|step| {
         let errors = step.errors.map(|error| error.map_or("–".into(), |error| format!("{error:.2} mm")));
@@ -187,7 +192,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 #[test]
 fn fine_tuning_keeps_up_with_the_part() {
-    let small = Study { dims: [9, 25, 15], degree: 5, axes: 24, width: 48, first: 400, each: 60 };
+    let small = Study { dims: [9, 25, 15], changes: 6, degree: 5, axes: 24, width: 48, first: 400, each: 60 };
     let steps = study(&small).unwrap();
     assert!(steps.windows(2).all(|pair| pair[1].solid < pair[0].solid));
     for (place, step) in steps.iter().enumerate().skip(1) {

@@ -4,6 +4,7 @@
 pub(crate) mod access;
 pub(crate) mod paper;
 pub(crate) mod query;
+pub(crate) mod rates;
 pub(crate) mod recipe;
 pub(crate) mod shop;
 pub(crate) mod stick_out;
@@ -28,14 +29,38 @@ pub(crate) struct Cli {
 #[derive(Subcommand)]
 pub(crate) enum Command {
     Access(access::AccessArguments),
+    Edits(EditsArguments),
     Exact(ExactArguments),
     Gpu(GpuArguments),
     Paper(paper::PaperArguments),
     Query(query::QueryArguments),
+    Rates(rates::RatesArguments),
     Recipe(recipe::RecipeArguments),
     Shop(shop::ShopArguments),
     StickOut(stick_out::StickOutArguments),
     Train(TrainArguments),
+}
+
+/// What the network of a part saves where the part is changed a little
+#[derive(Args)]
+#[command(after_help = "Example:\n  imf-bench edits --out edits\n\n\
+                        Writes edits.json and edits.md. Some minutes on 2 cores.")]
+pub(crate) struct EditsArguments {
+    /// Folder to write to
+    #[arg(long, default_value = "imf-bench", value_name = "DIR")]
+    pub(crate) out: PathBuf,
+    /// Resolution of the bracket, over its own along each axis
+    #[arg(long, default_value_t = 0.5, value_name = "SHARE")]
+    pub(crate) scale: f64,
+    /// Neurons of every hidden layer
+    #[arg(long, default_value_t = 128, value_name = "N")]
+    pub(crate) width: usize,
+    /// Learning rate of the old network over that of a new one
+    #[arg(long, default_value_t = 0.2, value_name = "SHARE")]
+    pub(crate) rate: f32,
+    /// Steps from random weights
+    #[arg(long, default_value_t = 12_000, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    pub(crate) steps: u64,
 }
 
 /// Training steps against the matrix products' own peak and against PyTorch, by turns in one run

@@ -2,12 +2,14 @@
 //!
 //! ```text
 //! cargo run --release -p imf-bench -- access      what of a surface a tool reaches, beside the direct test
+//! cargo run --release -p imf-bench -- edits       what a trained network saves at a changed part
 //! cargo run --release -p imf-bench -- exact       exact sections beside scipy, and how their cost grows
 //! cargo run --release -p imf-bench -- shop        the fewest set-ups of whole parts
 //! cargo run --release -p imf-bench -- train       training steps beside PyTorch
 //! cargo run --release -p imf-bench -- gpu         what a GPU does beside the CPU
 //! cargo run --release -p imf-bench -- query       poses a second beside collision libraries
 //! cargo run --release -p imf-bench -- paper       the paper's tables and figures
+//! cargo run --release -p imf-bench -- rates       learning rates of the paper's network
 //! cargo run --release -p imf-bench -- stick-out   least stick-outs and a crib of tools, held against exact counts
 //! cargo run --release -p imf-bench -- recipe      trainings in stages and sweeps, by the files in `recipes`
 //! ```
@@ -21,6 +23,7 @@ mod arguments;
 mod candidates;
 mod cells;
 mod document;
+mod edits;
 mod exact;
 mod gpu;
 mod interpolation;
@@ -29,6 +32,7 @@ mod paper;
 mod planar;
 mod prismatic;
 mod query;
+mod rates;
 mod recipe;
 mod revolved;
 mod rivals;
@@ -54,10 +58,12 @@ fn run(cli: &Cli, rank: Rank) -> anyhow::Result<()> {
     let _keeping = imf_cli::interrupt::keep();
     match &cli.command {
         Command::Access(arguments) => access::run(&session, arguments),
+        Command::Edits(arguments) => edits::run(&session, arguments),
         Command::Exact(arguments) => exact::run(&session, arguments),
         Command::Gpu(arguments) => gpu::run(&session, arguments),
         Command::Paper(arguments) => paper::run(&session, arguments),
         Command::Query(arguments) => query::run(&session, arguments),
+        Command::Rates(arguments) => rates::run(&session, arguments),
         Command::Recipe(arguments) => recipe::run(&session, arguments),
         Command::Shop(arguments) => shop::run(&session, arguments),
         Command::StickOut(arguments) => stick_out::run(&session, arguments),

@@ -21,7 +21,7 @@ mod sweeps;
 mod table;
 mod time;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
 use imf_cli::engine::Device;
@@ -30,6 +30,8 @@ use imf_cli::session::Session;
 use imf_core::parts::ReferencePart;
 use imf_core::scene::Scene;
 use imf_fields::model::Model;
+use imf_fields::recipe::Precision;
+use imf_train::engine::CpuTrainer;
 use imf_train::training::run::TrainError;
 use serde::{Deserialize, Serialize};
 
@@ -63,7 +65,7 @@ type Training = Result<Run, String>;
 
 /// What a training came to, as it is kept.
 #[derive(Serialize, Deserialize)]
-enum Trained {
+pub(crate) enum Trained {
     Finished(Box<RunSummary>),
     /// The loss rose for good: a finding (the paper has one too), not a failure of the report. In words, where.
     Diverged(String),
@@ -82,11 +84,7 @@ impl Bench<'_> {
     /// Runs a recipe without variants to its end, or finds that it was.
     fn run(&self, name: &str, source: &Source) -> Result<Training> {
         let folder = self.out.join("runs").join(format!("{name}-{}", self.cells.mark(source)?));
-        let trained = self.cells.get(name, source, || match self.runner.run(source, &folder) {
-            Ok(mut summary) => Ok(Trained::Finished(Box::new(summary.runs.remove(0)))),
-            Err(error) => divergence(&error).map(Trained::Diverged).ok_or(error),
-        })?;
-        Ok(match trained {
+        Ok(match self.cells.get(name, source, || trained(&self.runner, source, &folder))? {
             Trained::Finished(summary) => Ok(Run { summary: *summary, folder }),
             Trained::Diverged(what) => Err(what),
         })
@@ -101,6 +99,19 @@ impl Bench<'_> {
 /// A part, marked where it is ours in the style of the paper's.
 fn part_label(part: ReferencePart) -> String {
     format!("{part}{}", if part == ReferencePart::Teapot { "" } else { " (ours)" })
+}
+
+/// Runs a recipe without variants to its end, or to its divergence.
+pub(crate) fn trained(runner: &Runner<'_>, source: &Source, folder: &Path) -> Result<Trained> {
+    match runner.run(source, folder) {
+        Ok(mut summary) => Ok(Trained::Finished(Box::new(summary.runs.remove(0)))),
+        Err(error) => divergence(&error).map(Trained::Diverged).ok_or(error),
+    }
+}
+
+/// Whether the paper's network learns in bfloat16 there.
+pub(crate) fn learns_in_halves(device: &Device) -> bool {
+    matches!(device, Device::Cpu) && CpuTrainer::check_precision(Precision::Bf16).is_ok()
 }
 
 /// In words that a training diverged; nothing where it failed otherwise.
@@ -129,7 +140,7 @@ pub(crate) fn run(session: &Session, arguments: &PaperArguments) -> Result<()> {
             datasets: out.join("datasets"),
         },
         cells: Cells::new(session, &device, out)?,
-        protocol: Protocol::new(arguments.scale)?,
+        protocol: Protocol::new(arguments.scale, learns_in_halves(&device))?,
         parts,
         out: out.clone(),
     };
@@ -147,7 +158,9 @@ pub(crate) fn run(session: &Session, arguments: &PaperArguments) -> Result<()> {
         if arguments.only.is_empty() || arguments.only.contains(&which) {
             tables.push(make(&bench)?);
             if which == PaperTable::Space {
-                tables.push(parts::side_by_side(&tables[tables.len() - 1]));
+                let others = parts::others(&bench)?;
+                let beside = parts::side_by_side(&tables[tables.len() - 1], &others);
+                tables.extend([others, beside]);
             }
         }
     }
@@ -160,7 +173,6 @@ pub(crate) fn run(session: &Session, arguments: &PaperArguments) -> Result<()> {
         device: device_name(&device),
         scale: arguments.scale,
         protocol: bench.protocol.statement(),
-        threshold: bench.protocol.recipe("single", None)?.recipe()?.evaluation.threshold,
         tables,
     };
     report.write(out)?;

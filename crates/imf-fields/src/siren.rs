@@ -73,6 +73,17 @@ impl Default for SirenShape {
     }
 }
 
+impl SirenShape {
+    /// The rate that Adam begins with by default, in steps of 1,024 samples.
+    ///
+    /// Every weight of a step moves by about the rate, and ω and the number of neurons multiply what a hidden layer makes of that:
+    /// over their product the step of the field itself is the same for all networks. `imf-bench rates` has measured the constant.
+    #[must_use]
+    pub fn rate(&self) -> f32 {
+        1.0 / (self.omega * self.width as f32)
+    }
+}
+
 /// Where one layer's weights and biases stand in the flat parameter array.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[doc(hidden)]

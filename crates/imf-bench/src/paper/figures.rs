@@ -154,6 +154,10 @@ pub(super) fn fields(
     exact.push(cut(&imf(&plan, &set.orientations, control)?.value));
     stage.finish("");
     let directions: Vec<[f32; 2]> = set.orientations.iter().map(Orientation::angles).collect();
+    // Of the measure only the picture's plane.
+    let indices: Vec<f32> = (0..grid.len()).map(|index| index as f32).collect();
+    let shown = cut(&indices);
+    let points = over_grid::points(&grid, shown.iter().map(|&index| index as usize));
     let mut learnt = [const { Vec::new() }; 3];
     for ((name, _), model) in runs.iter().zip(&models) {
         let mut engine = bench.device.evaluator(model.shape, &model.state.parameters)?;
@@ -163,8 +167,8 @@ pub(super) fn fields(
             row.push((*name, cut(&values)));
         }
         let control = bench.session.control(&|_| {});
-        let minimum = over_grid::minimum(engine.as_mut(), &grid, &directions, control)?;
-        learnt[2].push((*name, cut(&minimum.value)));
+        let minimum = over_grid::minimum_at(engine.as_mut(), &points, &directions, control)?;
+        learnt[2].push((*name, Array2::from_shape_vec(shown.raw_dim(), minimum.value)?));
     }
     let section = |o: &Orientation, kind: &str| {
         format!("section θ = {}°, φ = {}°, {kind}", short(o.theta), short(o.phi))

@@ -1,5 +1,5 @@
-//! How much of the paper's protocol is run: the built-in recipes as they are, or with the changes of a scale's file
-//! (`paper/SCALE.toml`), which the report lists.
+//! How much of the paper's protocol is run: the built-in recipes, which are the paper's text, with the changes of a scale's
+//! file (`paper/SCALE.toml`), which the report lists.
 
 use std::collections::BTreeMap;
 
@@ -20,6 +20,8 @@ pub(super) struct Protocol {
     pub(super) tried: String,
     /// Steps in which the factored field is distilled.
     distillation: u64,
+    #[serde(skip)]
+    full: bool,
     /// Changes of every recipe, as `imf-bench recipe run --set` takes them.
     all: Vec<String>,
     /// By recipe.
@@ -27,17 +29,23 @@ pub(super) struct Protocol {
 }
 
 impl Protocol {
-    pub(super) fn new(scale: PaperScale) -> Result<Self> {
-        Ok(toml::from_str(match scale {
+    /// At the paper's scale networks learn in bfloat16 where `halves` says that the device has it.
+    pub(super) fn new(scale: PaperScale, halves: bool) -> Result<Self> {
+        let mut protocol: Self = toml::from_str(match scale {
             PaperScale::Full => include_str!("../../paper/full.toml"),
             PaperScale::Reduced => include_str!("../../paper/reduced.toml"),
             PaperScale::Tiny => include_str!("../../paper/tiny.toml"),
-        })?)
+        })?;
+        protocol.full = scale == PaperScale::Full;
+        if protocol.full && halves {
+            protocol.all.push("stage.*.training.precision=\"bf16\"".into());
+        }
+        Ok(protocol)
     }
 
-    /// True where nothing of the paper's protocol is changed.
-    pub(super) fn is_the_papers(&self) -> bool {
-        self.all.is_empty() && self.own.is_empty()
+    /// True where parts, resolution and network are the paper's, so that times can be held against its own.
+    pub(super) fn is_at_the_papers_scale(&self) -> bool {
+        self.full
     }
 
     /// A built-in recipe with the scale's changes; `part` replaces the scene's.
@@ -70,19 +78,29 @@ impl Protocol {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::recipe::Recipe;
+    use imf_fields::recipe::Precision;
 
     const SCALES: [PaperScale; 3] = [PaperScale::Full, PaperScale::Reduced, PaperScale::Tiny];
 
     #[test]
-    fn every_scale_makes_recipes_that_are_valid_and_full_is_the_built_in_ones() {
+    fn every_scale_makes_recipes_that_are_valid_and_full_has_the_papers_resolution_and_networks() {
         for scale in SCALES {
-            let protocol = Protocol::new(scale).unwrap();
-            assert_eq!(protocol.is_the_papers(), scale == PaperScale::Full);
+            let protocol = Protocol::new(scale, true).unwrap();
+            assert_eq!(protocol.is_at_the_papers_scale(), scale == PaperScale::Full);
             for name in ["single", "multi", "transfer", "sparsity", "architecture"] {
                 let source = protocol.recipe(name, None).unwrap();
-                source.recipe().unwrap();
-                let same = source == Source::parse(built_in(name).unwrap()).unwrap();
-                assert_eq!(same, scale == PaperScale::Full, "{name} at {scale:?}");
+                let recipe = source.recipe().unwrap();
+                let papers = Source::parse(built_in(name).unwrap()).unwrap().recipe().unwrap();
+                let network =
+                    |recipe: &Recipe| (recipe.network.width, recipe.network.layers, recipe.scene.scale);
+                assert_eq!(
+                    network(&recipe) == network(&papers),
+                    scale == PaperScale::Full,
+                    "{name} at {scale:?}"
+                );
+                let halves = recipe.stages.iter().all(|stage| stage.training.precision == Precision::Bf16);
+                assert_eq!(halves, scale == PaperScale::Full);
                 let variants = source.variants().unwrap().len();
                 assert_eq!(variants >= 3, matches!(name, "sparsity" | "architecture"), "{name}");
             }
@@ -93,7 +111,7 @@ mod tests {
     #[test]
     fn networks_of_the_architecture_are_as_many_times_narrower_as_the_scale_says() {
         for (scale, narrower) in SCALES.into_iter().zip([1, 4, 4]) {
-            let source = Protocol::new(scale).unwrap().recipe("architecture", None).unwrap();
+            let source = Protocol::new(scale, false).unwrap().recipe("architecture", None).unwrap();
             for (name, source) in source.variants().unwrap() {
                 let network = source.recipe().unwrap().network;
                 assert_eq!(format!("{}x{}", network.layers, network.width * narrower), name, "{scale:?}");

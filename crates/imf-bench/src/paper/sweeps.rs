@@ -101,7 +101,7 @@ mod tests {
         for (scale, again) in
             [(PaperScale::Full, true), (PaperScale::Reduced, true), (PaperScale::Tiny, false)]
         {
-            let protocol = Protocol::new(scale).unwrap();
+            let protocol = Protocol::new(scale, false).unwrap();
             for (name, part, same) in
                 [("sparsity", "teapot", "35-percent"), ("architecture", "screw-gear", "5x512")]
             {

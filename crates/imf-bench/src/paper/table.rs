@@ -62,8 +62,6 @@ pub(super) struct Row {
     pub(super) labels: Vec<String>,
     /// One for each of the table's values.
     pub(super) values: Vec<Compared>,
-    /// Where wrong decisions are shown.
-    pub(super) errors: Option<ErrorReport>,
 }
 
 impl Row {
@@ -73,7 +71,7 @@ impl Row {
             Compared::new(paper.map(|p| p.0), ours.map(|e| e.mse)),
             Compared::new(paper.map(|p| p.1), ours.map(|e| e.mpe)),
         ];
-        Self { labels, values, errors: ours.copied() }
+        Self { labels, values }
     }
 
     /// In words whether it stands up to the paper, and what of it does not; empty where the paper has nothing.
@@ -154,6 +152,7 @@ impl Table {
                 for (index, answer) in outcome.answers.iter().take(questions.names().len()).enumerate() {
                     self.rows.push(Row::errors(labels(&answer.name), paper(index), Some(&answer.errors)));
                 }
+                self.notes.extend(questions.drawn(&name, &outcome.answers));
                 self.notes.push(format!(
                     "{name}: {} parameters ({}), {} steps in {}.",
                     outcome.parameters,
@@ -166,28 +165,25 @@ impl Table {
         Ok(())
     }
 
-    /// Rows with something of the paper's, and those of them that fall short.
+    /// Cells that have something of the paper's, and those of them that fall short.
     pub(super) fn standing(&self) -> (usize, usize) {
         if !self.judged {
             return (0, 0);
         }
-        let compared = self.rows.iter().filter(|row| row.values.iter().any(|value| value.paper.is_some()));
-        compared.fold((0, 0), |(all, short), row| {
-            (all + 1, short + usize::from(row.values.iter().any(Compared::falls_short)))
-        })
+        let compared = self.rows.iter().flat_map(|row| &row.values).filter(|value| value.paper.is_some());
+        compared.fold((0, 0), |(all, short), value| (all + 1, short + usize::from(value.falls_short())))
     }
 
-    /// Below the rows what was tried, where one of them falls short.
+    /// Below the rows what was tried, where a cell falls short.
     pub(super) fn footnote(&self) -> Option<String> {
         let tried = self.tried.as_ref().filter(|_| self.standing().1 > 0)?;
-        Some(format!("Where a row falls short, this was tried: {tried}"))
+        Some(format!("Where a cell falls short, this was tried: {tried}"))
     }
 
     /// Head and cells as they are shown.
     pub(super) fn cells(&self) -> (Vec<String>, Vec<Vec<String>>) {
         let has_paper = |index: usize| self.rows.iter().any(|row| row.values[index].paper.is_some());
         let compared: Vec<bool> = (0..self.values.len()).map(has_paper).collect();
-        let decided = self.rows.iter().any(|row| row.errors.is_some());
         let judged = self.judged && compared.contains(&true);
         let mut head = self.labels.clone();
         for ((name, _), &compared) in self.values.iter().zip(&compared) {
@@ -196,9 +192,6 @@ impl Table {
             } else {
                 head.push(name.clone());
             }
-        }
-        if decided {
-            head.extend(["false-free", "false-colliding", "IoU"].map(String::from));
         }
         if judged {
             head.push("against the paper".into());
@@ -213,16 +206,6 @@ impl Table {
                 } else {
                     cells.push(show(value.ours));
                 }
-            }
-            if decided {
-                cells.extend(match row.errors {
-                    Some(e) => [
-                        format!("{:.2} %", 100.0 * e.false_free),
-                        format!("{:.2} %", 100.0 * e.false_colliding),
-                        format!("{:.4}", e.iou),
-                    ],
-                    None => ["–"; 3].map(String::from),
-                });
             }
             if judged {
                 cells.push(row.verdict(&self.values));
@@ -251,7 +234,6 @@ mod tests {
         let row = |paper: Option<f64>, ours: f64| Row {
             labels: vec!["teapot".into()],
             values: vec![Compared::new(paper, Some(ours)), Compared::new(None, Some(0.5))],
-            errors: None,
         };
         table.rows = vec![row(Some(1e-6), 2e-6), row(Some(1e-6), 1e-6), row(None, 7.0)];
         assert_eq!(table.standing(), (2, 1));

@@ -136,6 +136,10 @@ pub(crate) struct EvaluationSettings {
     pub(crate) seed: u64,
     /// Orientation sets of the inaccessibility measure.
     pub(crate) imf: Vec<String>,
+    /// Share of the voxels, drawn at random, at which the measure and the random orientations are compared: whole grids of a
+    /// wide network take hours on a CPU.
+    #[serde(skip_serializing_if = "is_whole")]
+    pub(crate) voxels: f64,
     /// CMF above which a pose is called colliding.
     pub(crate) threshold: f64,
 }
@@ -148,9 +152,14 @@ impl Default for EvaluationSettings {
             random: 64,
             seed: 1,
             imf: vec!["grid:15".into(), "grid:25".into()],
+            voxels: 1.0,
             threshold: 0.001,
         }
     }
+}
+
+fn is_whole(voxels: &f64) -> bool {
+    *voxels == 1.0
 }
 
 impl EvaluationSettings {
@@ -159,6 +168,8 @@ impl EvaluationSettings {
             self.random > 0 && !self.imf.is_empty(),
             "it needs at least one random orientation and one `imf` set"
         );
+        let voxels = self.voxels;
+        ensure!(voxels > 0.0 && voxels <= 1.0, "voxels must be above 0 and at most 1, not {voxels}");
         self.imf.iter().try_for_each(|spec| OrientationSet::parse(spec).map(drop))?;
         [&self.in_sample, &self.out_of_sample].into_iter().try_for_each(|text| pair(text).map(drop))
     }

@@ -1,5 +1,7 @@
 //! What every field is compared at, so that the networks of recipes and what stands beside them have the same rows.
 
+mod drawn;
+
 use anyhow::{Result, bail};
 use imf_cli::engine::{Device, DeviceField, Workload};
 use imf_cli::output::short;
@@ -7,15 +9,17 @@ use imf_cli::report::{self, Subject};
 use imf_cli::session::Session;
 use imf_core::control::Control;
 use imf_core::orientation::{Orientation, OrientationSet};
-use imf_core::section::{Imf, SectionPlan, ToolPoints, imf};
+use imf_core::section::{Imf, SectionPlan, ToolPoints, imf, sections};
 use imf_fields::evaluation::{field_imf, field_sections, grid_imf};
 use imf_fields::file::FieldFile;
-use imf_fields::metrics::ErrorReport;
+use imf_fields::metrics::{ErrorReport, Errors, Validation};
 use imf_fields::model::Model;
+use imf_fields::siren::over_grid;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 use super::definition::{EvaluationSettings, pair};
+use drawn::Drawn;
 
 /// How the name of the last question ends.
 pub(crate) const RANDOM: &str = "random sections";
@@ -27,6 +31,8 @@ pub(crate) struct Questions {
     pub(crate) imf: Vec<OrientationSet>,
     random: OrientationSet,
     threshold: f64,
+    /// Share of the voxels at which a network's minima and random sections are compared.
+    pub(crate) voxels: f64,
 }
 
 /// One comparison with the exact field.
@@ -36,6 +42,9 @@ pub(crate) struct Answer {
     pub(crate) name: String,
     #[serde(flatten)]
     pub(crate) errors: ErrorReport,
+    /// Standard error of the mean squared error, where voxels were drawn.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) standard_error: Option<f64>,
 }
 
 impl Questions {
@@ -46,6 +55,7 @@ impl Questions {
             imf: settings.imf.iter().map(|spec| OrientationSet::parse(spec)).collect::<Result<_, _>>()?,
             random: OrientationSet::parse(&format!("random:{}:{}", settings.random, settings.seed))?,
             threshold: settings.threshold,
+            voxels: settings.voxels,
         })
     }
 
@@ -62,7 +72,21 @@ impl Questions {
     }
 
     fn named(&self, errors: impl IntoIterator<Item = ErrorReport>) -> Vec<Answer> {
-        self.names().into_iter().zip(errors).map(|(name, errors)| Answer { name, errors }).collect()
+        let answer = |(name, errors)| Answer { name, errors, standard_error: None };
+        self.names().into_iter().zip(errors).map(answer).collect()
+    }
+
+    /// What the reader of answers at drawn voxels must know.
+    pub(crate) fn drawn(&self, name: &str, answers: &[Answer]) -> Option<String> {
+        let sure = |answer: &Answer| Some(format!("{} ± {:.1e}", answer.name, answer.standard_error?));
+        let all: Vec<String> = answers.iter().filter_map(sure).collect();
+        (!all.is_empty()).then(|| {
+            format!(
+                "{name}: at {:.0} % of the voxels, drawn at random, of which MPE is the largest error too; standard errors of the MSE: {}.",
+                100.0 * self.voxels,
+                all.join(", ")
+            )
+        })
     }
 
     /// Exact and other sections that [`Self::exact`] and [`Self::ask`] compute.
@@ -97,7 +121,8 @@ impl Questions {
         Ok(self.named(errors))
     }
 
-    /// The answers of a network, and those of the nearest section that it learnt from; writes its report with pictures.
+    /// The answers of a network. At all voxels those of the nearest section that it learnt from stand behind them, and a report with
+    /// pictures is written.
     pub(crate) fn report(
         &self,
         session: &Session,
@@ -105,6 +130,9 @@ impl Questions {
         model: &Model,
         folder: &Path,
     ) -> Result<Vec<Answer>> {
+        if self.voxels < 1.0 {
+            return self.at_drawn_voxels(session, device, model);
+        }
         let Some((first, others)) = self.imf.split_first() else { bail!("evaluation.imf names no set") };
         let questions = report::EvaluationSettings {
             in_sample: Some(self.in_sample),
@@ -133,7 +161,54 @@ impl Questions {
         }
         errors.push(random.errors);
         let mut answers = self.named(errors);
-        answers.push(Answer { name: nearest.name.clone(), errors: nearest.errors });
+        answers.push(Answer { name: nearest.name.clone(), errors: nearest.errors, standard_error: None });
         Ok(answers)
+    }
+
+    /// The same, minima and random sections at voxels drawn at random; the two sections are whole.
+    fn at_drawn_voxels(&self, session: &Session, device: &Device, model: &Model) -> Result<Vec<Answer>> {
+        let plan = SectionPlan::of_scene(&model.scene, ToolPoints::Tip)?;
+        let grid = plan.grid();
+        let drawn = Drawn::of(grid, self.voxels);
+        let mut engine = device.evaluator(model.shape, &model.state.parameters)?;
+        let whole = 2 * grid.len() as u64;
+        let [exact_sections, _] = self.sections();
+        let values = (exact_sections + self.random.len()) as u64 * drawn.len() as u64;
+        let stage = session.stage("evaluating", "values", whole + values);
+        let advance = |values| stage.advance(values);
+        let (control, quiet) = (session.control(&advance), session.control(&|_| {}));
+        let tau = self.threshold;
+        let mut answers = Vec::new();
+        for section in [self.in_sample, self.out_of_sample] {
+            let exact = sections(&plan, &[section], quiet)?;
+            let mut learnt = vec![0.0; grid.len()];
+            over_grid::section(engine.as_mut(), grid, section.angles(), &mut learnt)?;
+            let mut errors = Errors::default();
+            errors.add(&exact[0], &learnt, tau);
+            answers.push((errors.report(tau), None));
+            advance(grid.len() as u64);
+        }
+        for set in &self.imf {
+            let exact = imf(&plan, &set.orientations, quiet)?;
+            let directions: Vec<[f32; 2]> = set.orientations.iter().map(Orientation::angles).collect();
+            let learnt = drawn.minimum(engine.as_mut(), &directions, control)?;
+            let (report, error) = drawn.errors(&exact.value, &learnt, tau);
+            answers.push((report, Some(error)));
+        }
+        let mut overall = Errors::default();
+        let mut each = Vec::new();
+        for orientation in &self.random.orientations {
+            let exact = sections(&plan, std::slice::from_ref(orientation), quiet)?;
+            let learnt = drawn.minimum(engine.as_mut(), &[orientation.angles()], control)?;
+            let mut errors = Errors::default();
+            errors.add(&drawn.of_section(&exact[0]), &learnt, tau);
+            let own = errors.report(tau);
+            each.push((own.mse, own.mpe));
+            overall.merge(&errors);
+        }
+        answers.push((overall.report(tau), Some(Validation::of(&each).standard_error)));
+        stage.finish("");
+        let answer = |(name, (errors, standard_error))| Answer { name, errors, standard_error };
+        Ok(self.names().into_iter().zip(answers).map(answer).collect())
     }
 }

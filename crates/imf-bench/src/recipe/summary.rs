@@ -151,7 +151,7 @@ impl Summary {
         ];
         let mut rows = Vec::new();
         for (run, outcome) in self.runs.iter().flat_map(|run| run.results.iter().map(move |o| (run, o))) {
-            for Answer { name: asked, errors } in &outcome.answers {
+            for Answer { name: asked, errors, .. } in &outcome.answers {
                 rows.push(vec![
                     name(&run.variant, &outcome.stage),
                     outcome.parameters.to_string(),

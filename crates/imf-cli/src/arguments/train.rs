@@ -87,11 +87,11 @@ pub(crate) struct FactoredArguments {
         "overlap is all that this network learns, to be said with a part of your own: overlaps hardly see a small cutter beside its \
          holder, and imf train PART learns depths, which decide"
     )),
-    after_help = "Examples:\n  imf train siren5 teapot --network :10 --out paper\n  imf train siren5 teapot-225 --out paper \
-                  --network 5x128 --epochs 10 --rate 3e-4 --set schedule=cosine\n\n\
+    after_help = "Examples:\n  imf train siren5 teapot --out paper\n  imf train siren5 teapot-225 --out paper --network 5x128 \
+                  --steps 30000\n\n\
                   Writes field.safetensors, checkpoint.safetensors (for --resume), log.jsonl and loss.png. Ctrl-C writes a \
-                  checkpoint and stops.\n\n--set also takes seed (0), schedule (exponential: ×0.93 every epoch, the paper's; cosine: \
-                  down to a hundredth over all steps), loss (l1 or l2), precision (f32; bf16, on CPUs with AVX-512 BF16; f16, on \
+                  checkpoint and stops.\n\n--set also takes seed (0), schedule (cosine: down to a hundredth over all steps; exponential: the \
+                  paper's, from 5e-4 and ×0.93 every epoch), loss (l1 or l2), precision (f32; bf16, on CPUs with AVX-512 BF16; f16, on \
                   GPUs), weight_decay (1e-6), rate_rule (how the rate follows the batch from 1024 on: constant, sqrt, linear), \
                   held_out (16384 poses to watch the error at), held_out_every (steps) and checkpoint_every (60 seconds)."
 )]
@@ -115,7 +115,7 @@ pub(crate) struct Siren5Arguments {
 /// Adapt a trained network (siren5) to another dataset, such as a changed part's
 #[derive(Args)]
 #[command(after_help = "Example:\n  imf finetune raw/field.safetensors bracket-225 --out adapted\n\n\
-                        As imf train siren5 DATASET --from MODEL: by default 5 epochs from a learning rate of 1e-4.")]
+                        As imf train siren5 DATASET --from MODEL: by default 1,200 steps from a tenth of a new network's learning rate.")]
 pub(crate) struct FinetuneArguments {
     #[command(flatten)]
     pub(crate) explicit: ExplicitOptions,
@@ -141,8 +141,8 @@ pub(crate) struct RunArguments {
     /// Steps of the training, instead of passes over all samples
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     steps: Option<u64>,
-    /// Highest learning rate; by default 1.5e-3 for a factored field in 1,000 steps, lower in more and mostly in fewer, 5e-4 for
-    /// siren5, which --resume goes on with from another one; less with --from
+    /// Highest learning rate; by default 1.5e-3 for a factored field in 1,000 steps, lower in more and mostly in fewer, and for
+    /// siren5 one that follows from width and ω; less with --from. --resume goes on with another one
     #[arg(long, value_name = "RATE", value_parser = parse_rate)]
     pub(crate) rate: Option<f32>,
     /// Where it is trained: auto (a discrete or integrated GPU, else the CPU), cpu, gpu, software (software Vulkan), or a
@@ -161,7 +161,7 @@ pub(crate) struct RunArguments {
 #[derive(Args)]
 pub(crate) struct StartArguments {
     /// Hidden layers, their width, and the frequency factor ω inside every sine, such as 5x128, 5x128:10 or :10; by default
-    /// 3x256:20 for a factored field, the paper's 5x512:30 for siren5, where an ω of 10 often does better between orientations
+    /// 3x256:20 for a factored field, the paper's 5x512 for siren5, with an ω of 10 instead of its 30
     #[arg(long, value_name = "LxW:ω", value_parser = parse_network)]
     network: Option<Network>,
     /// Start from the network of another field of the family, such as that of the part before it was changed; it keeps its layers
@@ -172,7 +172,7 @@ pub(crate) struct StartArguments {
 /// How siren5 goes through its samples.
 #[derive(Args)]
 pub(crate) struct SampleArguments {
-    /// Passes over all samples; by default 50, and 5 from another network
+    /// Passes over all samples, instead of steps; by default 12,000 steps, and 1,200 from another network
     #[arg(long, value_name = "N", conflicts_with = "steps", value_parser = clap::value_parser!(u64).range(1..))]
     epochs: Option<u64>,
     /// Samples in a step
@@ -225,6 +225,17 @@ enum ScheduleName {
     Cosine,
 }
 
+/// Steps of siren5 where nothing is said of its length: a few minutes on two cores for the paper's network.
+const STEPS: u64 = 12_000;
+/// The same from another network.
+const STEPS_FROM_ANOTHER: u64 = 1_200;
+/// The rate from another network over that of a new one: a higher one shakes off what a small change leaves as it was
+/// (`imf-bench edits`).
+const SHARE_FROM_ANOTHER: f32 = 0.1;
+/// The rate of the paper's own recipe, with the schedule `exponential`.
+const PAPERS_RATE: f32 = 5e-4;
+/// ω of siren5 where nothing is said of it: the paper's 30 errs more between orientations.
+const OMEGA: f32 = 10.0;
 /// Seconds between checkpoints.
 const CHECKPOINT_EVERY: f64 = 60.0;
 
@@ -313,7 +324,7 @@ impl StartArguments {
         let usual = SirenShape::default();
         let Network { layers, omega } = self.network.unwrap_or_default();
         let (hidden, width) = layers.unwrap_or((usual.hidden, usual.width));
-        SirenShape { width, hidden, omega: omega.unwrap_or(usual.omega), ..usual }
+        SirenShape { width, hidden, omega: omega.unwrap_or(OMEGA), ..usual }
     }
 }
 
@@ -331,20 +342,24 @@ impl<'a> Siren5Training<'a> {
         explicit: &'a ExplicitOptions,
         run: &'a RunArguments,
         samples: &SampleArguments,
+        shape: &SirenShape,
         from_another: bool,
     ) -> Result<Self> {
         let set: Siren5Settings = run.settings()?;
-        let (rate, epochs) = if from_another { (1e-4, 5) } else { (5e-4, 50) };
-        let initial = run.rate.unwrap_or(rate);
+        let usual = if from_another { STEPS_FROM_ANOTHER } else { STEPS };
         let schedule = match set.schedule {
-            None | Some(ScheduleName::Exponential) => {
-                Schedule::Exponential { initial, factor: 0.93, warmup: 0 }
+            Some(ScheduleName::Exponential) => {
+                Schedule::Exponential { initial: run.rate.unwrap_or(PAPERS_RATE), factor: 0.93, warmup: 0 }
             }
-            Some(ScheduleName::Cosine) => Schedule::Cosine { initial, last: initial * 0.01, warmup: 200 },
+            None | Some(ScheduleName::Cosine) => {
+                let share = if from_another { SHARE_FROM_ANOTHER } else { 1.0 };
+                let initial = run.rate.unwrap_or(share * shape.rate());
+                Schedule::Cosine { initial, last: initial * 0.01, warmup: 200 }
+            }
         };
         let adam = AdamConfig::default();
         let plan = TrainingPlan {
-            length: run.length(samples.epochs.unwrap_or(epochs)),
+            length: samples.epochs.map_or(Length::Steps(run.steps.unwrap_or(usual)), Length::Epochs),
             batch: samples.batch,
             schedule: set.rate_rule.unwrap_or_default().apply(schedule, samples.batch),
             adam: AdamConfig { weight_decay: set.weight_decay.unwrap_or(adam.weight_decay), ..adam },

@@ -4,6 +4,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use anyhow::{Result, bail};
+use imf_core::field::PoseField as _;
 use imf_core::section::Quantity;
 use imf_core::tool::ToolShape;
 use imf_fields::calibration::{Calibration, Judgement, Rate};
@@ -33,6 +34,7 @@ pub(crate) fn run(session: &Session, arguments: &CalibrateArguments) -> Result<(
     })?;
     let field = Field::load(&arguments.field)?;
     let known = field.calibration().copied();
+    let (quantity, unit) = (field.quantity(), field.scene().record.unit);
     let (units, found) = if arguments.verify {
         let Some(known) = known else {
             bail!("{} was never calibrated: leave out --verify", arguments.field.display());
@@ -73,7 +75,12 @@ pub(crate) fn run(session: &Session, arguments: &CalibrateArguments) -> Result<(
         "field": arguments.field, "verified": arguments.verify, "keeps_its_goals": calibration.keeps_its_goals(),
         "calibration": calibration, "verdict": calibration.verdict(),
     });
-    print_result(session, &json, &format!("{}Verdict: {}.", text(&calibration), calibration.verdict()))
+    let shown = |value: f64| threshold_text(value, quantity, unit);
+    print_result(
+        session,
+        &json,
+        &format!("{}Verdict: {}.", text(&calibration, &shown), calibration.verdict()),
+    )
 }
 
 /// Error rates of a field's decisions, or why they are not known.
@@ -184,7 +191,7 @@ fn keep(field: &Path, calibration: Calibration, out: &Path) -> Result<()> {
     Ok(stored.write(out)?)
 }
 
-/// A threshold in words: a length in a scene's unit, or a fraction.
+/// A value of a field in words: a length in a scene's unit, or a fraction.
 pub(crate) fn threshold_text(value: f64, quantity: Quantity, unit: impl std::fmt::Display) -> String {
     match quantity {
         Quantity::Depth => format!("{value:.3} {unit}"),
@@ -192,9 +199,9 @@ pub(crate) fn threshold_text(value: f64, quantity: Quantity, unit: impl std::fmt
     }
 }
 
-/// The record as a table.
-fn text(calibration: &Calibration) -> String {
-    let threshold = |value: Option<f32>| value.map_or("never".into(), |v| format!("{v:.3e}"));
+/// The record as a table; `shown` is of a value in words.
+fn text(calibration: &Calibration, shown: &dyn Fn(f64) -> String) -> String {
+    let threshold = |value: Option<f32>| value.map_or("never".into(), |v| shown(f64::from(v)));
     let goals = &calibration.goals;
     let mut text = format!(
         "free up to {}, colliding from {}; bounds at {} % confidence, goals {:.1e} false-free and {:.1e} false-colliding\n",
@@ -206,22 +213,22 @@ fn text(calibration: &Calibration) -> String {
     );
     for (name, judged) in [("uniform", &calibration.uniform), ("boundary", &calibration.boundary)] {
         // Writing to a string does not fail.
-        let _ = writeln!(text, "{name:<8}  {}", judgement(judged));
+        let _ = writeln!(text, "{name:<8}  {}", judgement(judged, shown));
     }
     text
 }
 
 /// One kind of poses in a line.
-pub(crate) fn judgement(judged: &Judgement) -> String {
+pub(crate) fn judgement(judged: &Judgement, shown: &dyn Fn(f64) -> String) -> String {
     let rate = |rate: &Rate| {
         format!("{} of {} ({:.1e}, at most {:.1e})", rate.wrong, rate.of, rate.share(), rate.bound)
     };
     format!(
-        "{} poses: colliding called free {}; clear called colliding {}; undecided {:.2} %; largest error {:.4}",
+        "{} poses: colliding called free {}; clear called colliding {}; undecided {:.2} %; largest error {}",
         judged.poses,
         rate(&judged.false_free),
         rate(&judged.false_colliding),
         100.0 * judged.undecided_share(),
-        judged.largest_error
+        shown(judged.largest_error)
     )
 }

@@ -152,7 +152,7 @@ fn options_that_differ_from_the_training_that_is_resumed_are_refused() {
         "--network 3x32",
         "--set seed=7",
         "--set loss=l2",
-        "--set schedule=cosine",
+        "--set schedule=exponential",
         "--set held_out=7",
     ] {
         let name = option.split('=').next().unwrap();

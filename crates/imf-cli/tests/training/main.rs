@@ -15,6 +15,7 @@ mod precision;
 mod saved;
 mod shares;
 mod streaming;
+mod widths;
 
 /// The binary that is run.
 const PROGRAM: &str = env!("CARGO_BIN_EXE_imf");

@@ -48,8 +48,24 @@ pub fn minimum(
     directions: &[[f32; 2]],
     control: Control<'_>,
 ) -> Result<Imf, FieldError> {
-    let points: Vec<[f32; 3]> =
-        (0..grid.len()).map(|index| grid.unit(grid.centre(grid.voxel(index))).as_vec3().to_array()).collect();
+    minimum_at(engine, &points(grid, 0..grid.len()), directions, control)
+}
+
+/// Centres of some voxels in unit coordinates.
+pub fn points(grid: &Grid, voxels: impl IntoIterator<Item = usize>) -> Vec<[f32; 3]> {
+    voxels.into_iter().map(|index| grid.unit(grid.centre(grid.voxel(index))).as_vec3().to_array()).collect()
+}
+
+/// As [`minimum`], at [`points`].
+///
+/// # Errors
+/// As [`minimum`].
+pub fn minimum_at(
+    engine: &mut dyn EvaluationEngine,
+    points: &[[f32; 3]],
+    directions: &[[f32; 2]],
+    control: Control<'_>,
+) -> Result<Imf, FieldError> {
     let mut found = Imf::new(points.len());
     let some = engine.values_at_once().div_ceil(directions.len().clamp(1, DIRECTIONS));
     let (mut least, mut best) = (vec![0.0; some.min(points.len())], vec![0; some.min(points.len())]);

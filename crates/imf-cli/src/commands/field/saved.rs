@@ -81,7 +81,10 @@ impl SavedField {
     pub(super) fn guarantee(&self) -> String {
         let guarantee = match &self.stored {
             FieldFile::Harmonic(file) => {
-                format!("approximate ({}); decisions need exact counts", errors_text(&file.field))
+                format!(
+                    "approximate ({}); decisions need exact counts",
+                    errors_text(&file.field, file.scene.record.unit)
+                )
             }
             FieldFile::Siren(_) | FieldFile::Factored(_) => {
                 "approximate (imf eval says by how much); decisions need exact counts".to_owned()

@@ -6,6 +6,7 @@ use anyhow::{Context as _, Result, ensure};
 use glam::DMat4;
 use imf_core::scene::SceneRecord;
 use imf_core::section::{DEPTH_CAP, Quantity};
+use imf_core::unit::LengthUnit;
 use imf_fields::calibration::Calibration;
 use imf_fields::factored::file::FactoredFile;
 use imf_fields::file::FieldFile;
@@ -17,7 +18,7 @@ use serde_json::{Value, json};
 
 use super::{Description, Line};
 use crate::arguments::clearance::clearance_text;
-use crate::commands::calibrate::judgement;
+use crate::commands::calibrate::{judgement, threshold_text};
 use crate::commands::train::harmonic::validation_text;
 use crate::output::short;
 use crate::session::show_bytes;
@@ -84,7 +85,7 @@ pub(super) fn field(path: &Path, file: &FieldFile) -> Result<Description> {
     lines.push(("values", quantity_text(quantity, record)));
     lines.extend(field_lines(record));
     lines.extend(made);
-    lines.extend(calibration_lines(calibration));
+    lines.extend(calibration_lines(calibration, quantity, record.unit));
     let mut json = json!({
         "file": path,
         "bytes": bytes,
@@ -159,7 +160,7 @@ fn harmonic(file: &HarmonicFile, size: &str) -> Family {
     );
     let errors = format!(
         "{}; dropped components {:.1e}",
-        validation_text(&report.validation, field.quantity),
+        validation_text(&report.validation, field.quantity, file.scene.record.unit),
         report.dropped
     );
     let made = vec![("fitted to", format!("{} exact sections", report.sections)), ("errors", errors)];
@@ -172,7 +173,7 @@ fn factored(file: &FactoredFile, size: &str) -> Family {
     let (shape, parameters) = (&field.shape, field.parameter_count());
     let family = format!("factored, {shape}, ω = {}, {parameters} parameters, file of {size}", shape.omega);
     let of = format!("degree {} from {} exact sections", fit.degree, report.sections);
-    let errors = validation_text(&report.validation, field.quantity);
+    let errors = validation_text(&report.validation, field.quantity, file.scene.record.unit);
     let teacher = match settings.online {
         None => format!("harmonic field of {of}, {errors}"),
         Some(online) => format!(
@@ -202,11 +203,12 @@ fn resumable(resumable: bool) -> Line {
 }
 
 /// Error rates of a field's decisions.
-fn calibration_lines(calibration: Option<&Calibration>) -> Vec<Line> {
+fn calibration_lines(calibration: Option<&Calibration>, quantity: Quantity, unit: LengthUnit) -> Vec<Line> {
     let Some(known) = calibration else {
         return vec![("decisions", "not calibrated: imf calibrate measures their error rates".into())];
     };
-    let threshold = |value: Option<f32>| value.map_or("never".into(), |v| format!("{v:.3e}"));
+    let shown = |value: f64| threshold_text(value, quantity, unit);
+    let threshold = |value: Option<f32>| value.map_or("never".into(), |v| shown(f64::from(v)));
     vec![
         (
             "decisions",
@@ -217,8 +219,8 @@ fn calibration_lines(calibration: Option<&Calibration>) -> Vec<Line> {
                 known.goals.confidence * 100.0
             ),
         ),
-        ("  anywhere", judgement(&known.uniform)),
-        ("  at contact", judgement(&known.boundary)),
+        ("  anywhere", judgement(&known.uniform, &shown)),
+        ("  at contact", judgement(&known.boundary, &shown)),
         ("verdict", known.verdict().to_string()),
     ]
 }

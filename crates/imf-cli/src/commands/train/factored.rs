@@ -272,7 +272,7 @@ fn conclude(
         "{}: {}, {loss}{}; query it with: imf query {}\n{}",
         path.display(),
         show_bytes(bytes),
-        validation_text(&validation, quantity),
+        validation_text(&validation, quantity, scene.record.unit),
         path.display(),
         quality.text()
     );

@@ -4,6 +4,7 @@ use anyhow::{Result, bail};
 use imf_core::scene::Scene;
 use imf_core::section::{Quantity, SectionError, SectionPlan, ToolPoints};
 use imf_core::tool::Tool;
+use imf_core::unit::LengthUnit;
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::file::HarmonicFile;
 use imf_fields::harmonic::{
@@ -56,27 +57,36 @@ pub(in crate::commands) fn describe(file: &HarmonicFile) -> String {
         file.settings.degree,
         report.sections,
         file.field.axis_count(),
-        errors_text(&file.field),
+        errors_text(&file.field, file.scene.record.unit),
     )
 }
 
 /// What is known of the errors of a fit.
-pub(in crate::commands) fn errors_text(field: &HarmonicField) -> String {
+pub(in crate::commands) fn errors_text(field: &HarmonicField, unit: LengthUnit) -> String {
     let report = &field.report;
     let left_out = match report.dropped {
         0.0 => String::new(),
         dropped => format!(", {dropped:.1e} of it by the components left out"),
     };
-    validation_text(&report.validation, field.quantity) + &left_out
+    validation_text(&report.validation, field.quantity, unit) + &left_out
 }
 
 /// An error with its standard error; of depths its root as a length too.
-pub(in crate::commands) fn validation_text(told: &Validation, quantity: Quantity) -> String {
+pub(in crate::commands) fn validation_text(
+    told: &Validation,
+    quantity: Quantity,
+    unit: LengthUnit,
+) -> String {
     let Validation { orientations, mse, standard_error, mpe } = told;
-    let root = if quantity.is_overlap() { String::new() } else { format!(" (root {:.2})", mse.sqrt()) };
-    format!(
-        "at {orientations} random orientations that were not fitted MSE {mse:.2e} ± {standard_error:.1e}{root}, largest error {mpe:.3}"
-    )
+    let at = format!(
+        "at {orientations} random orientations that were not fitted MSE {mse:.2e} ± {standard_error:.1e}"
+    );
+    match quantity {
+        Quantity::Overlap => format!("{at}, largest error {mpe:.3}"),
+        Quantity::Depth => {
+            format!("{at} {unit}² (root {:.2} {unit}), largest error {mpe:.3} {unit}", mse.sqrt())
+        }
+    }
 }
 
 /// The settings, with the degree that the error asks for, as far as the memory goes.
@@ -147,7 +157,7 @@ pub fn fit_field(
     let advance = |sections| stage.advance(sections);
     let field = fit(plan, domain, &settings, session.control(&advance));
     let field = field.map_err(|error| interruption(error, "a fit"))?;
-    stage.finish(&errors_text(&field));
+    stage.finish(&errors_text(&field, scene.record.unit));
     // As its file would have them, which does not tell one pass from two: what is distilled from it is resumed by a fit in either.
     let settings = FitSettings { one_pass: true, ..settings };
     Ok(HarmonicFile { field, scene: scene.clone(), settings, calibration: None })

@@ -45,7 +45,9 @@ pub(super) fn run(session: &Session, arguments: &Siren5Arguments) -> Result<()> 
         Some(path) => Some((path.as_path(), start_model(path)?)),
         None => None,
     };
-    let training = Siren5Training::new(explicit, run, samples, from.is_some())?;
+    let shape = from.as_ref().map_or_else(|| start.shape(), |(_, model)| model.shape);
+    shape.check()?;
+    let training = Siren5Training::new(explicit, run, samples, &shape, from.is_some())?;
     let of = if Manifest::is_in(subject) {
         let made = "a part, and the dataset was made with its own";
         explicit.refuse::<SceneArguments>(made)?;
@@ -74,16 +76,14 @@ pub(super) fn run(session: &Session, arguments: &Siren5Arguments) -> Result<()> 
             scene.part
         );
     };
-    let shape = from.as_ref().map_or_else(|| start.shape(), |(_, model)| model.shape);
-    shape.check()?;
     trained(session, &training, shape, &of, from)
 }
 
 pub(crate) fn finetune(session: &Session, arguments: &FinetuneArguments) -> Result<()> {
     let FinetuneArguments { explicit, model, dataset, run, samples } = arguments;
     job::require_togetherness(session)?;
-    let training = Siren5Training::new(explicit, run, samples, true)?;
     let start = start_model(model)?;
+    let training = Siren5Training::new(explicit, run, samples, &start.shape, true)?;
     trained(session, &training, start.shape, &Samples::Dataset(dataset), Some((model, start)))
 }
 

@@ -1,0 +1,126 @@
+//! `imf-bench rates`: the learning rate that the paper's network bears, over width and ω: what its default rate follows from.
+//!
+//! Each network learns the teapot's 225 sections at a quarter of its resolution from rates around
+//! [`SirenShape::rate`], by a cosine; the table has the error at random directions. A training that diverges is a finding.
+
+use anyhow::Result;
+use imf_cli::engine::Device;
+use imf_cli::output::{OutputFolder, lock_folder, prepare_folder, print, print_json};
+use imf_cli::session::Session;
+use imf_fields::siren::SirenShape;
+use serde::Serialize;
+
+use crate::arguments::rates::RatesArguments;
+use crate::cells::{Cells, device_name};
+use crate::document::Document;
+use crate::measurement::Machine;
+use crate::paper::{Trained, learns_in_halves, trained};
+use crate::recipe::{RANDOM, Runner, Source, built_in};
+
+/// Rates over the default one.
+const FACTORS: [f32; 5] = [0.25, 0.5, 1.0, 2.0, 4.0];
+
+#[derive(Serialize)]
+struct Report {
+    machine: Machine,
+    device: String,
+    steps: u64,
+    networks: Vec<Network>,
+}
+
+/// One network from several rates.
+#[derive(Serialize)]
+struct Network {
+    width: usize,
+    omega: f32,
+    /// The default one.
+    rate: f32,
+    /// Mean squared error at random directions by factor of the rate; nothing where training diverged.
+    mse: Vec<Option<f64>>,
+}
+
+pub(crate) fn run(session: &Session, arguments: &RatesArguments) -> Result<()> {
+    let out = &arguments.out;
+    OutputFolder::check(out)?;
+    prepare_folder(out)?;
+    let _lock = lock_folder(out)?;
+    let mut machine = Machine::new(session.threads());
+    let device = Device::open(&arguments.device.device, session)?;
+    let cells = Cells::new(session, &device, out)?;
+    let runner = Runner {
+        session,
+        device: &device,
+        checkpoint_every: 60.0,
+        held_out: 0,
+        datasets: out.join("datasets"),
+    };
+    let mut networks = Vec::new();
+    for &width in &arguments.width {
+        for &omega in &arguments.omega {
+            let shape = SirenShape { width, omega, ..SirenShape::default() };
+            let mut mse = Vec::new();
+            for factor in FACTORS {
+                let source = training(shape, factor, arguments.steps, learns_in_halves(&device))?;
+                let name = format!("{width}-{omega}-{factor}").replace('.', "_");
+                let folder = out.join("runs").join(format!("{name}-{}", cells.mark(&source)?));
+                let outcome = cells.get(&name, &source, || trained(&runner, &source, &folder))?;
+                mse.push(match outcome {
+                    Trained::Finished(run) => {
+                        let mut answers = run.results.iter().flat_map(|result| &result.answers);
+                        answers.find(|answer| answer.name.ends_with(RANDOM)).map(|answer| answer.errors.mse)
+                    }
+                    Trained::Diverged(_) => None,
+                });
+            }
+            networks.push(Network { width, omega, rate: shape.rate(), mse });
+        }
+    }
+    machine.finish();
+    let report = Report { machine, device: device_name(&device), steps: arguments.steps, networks };
+    let document = report.document();
+    document.write(out, "rates", &report)?;
+    if session.json {
+        return print_json(&report);
+    }
+    print(&document.columns())
+}
+
+/// The training of a network from a multiple of its default rate.
+fn training(shape: SirenShape, factor: f32, steps: u64, halves: bool) -> Result<Source> {
+    let mut source = Source::parse(built_in("single")?)?;
+    source.set("scene.scale", 0.25)?;
+    source.set("network.width", shape.width as i64)?;
+    source.set("network.omega", f64::from(shape.omega))?;
+    source.assign("evaluation.imf=[\"grid:2\"]")?;
+    let rate = shape.rate() * factor;
+    source.assign(&format!(
+        "stage.*.training={{length={{steps={steps}}},schedule={{kind=\"cosine\",initial={rate:e},warmup=200}}}}"
+    ))?;
+    if halves {
+        source.assign("stage.*.training.precision=\"bf16\"")?;
+    }
+    Ok(source)
+}
+
+impl Report {
+    fn document(&self) -> Document {
+        let mut document = Document::new("Learning rates of the paper's network");
+        document.paragraph(format!("{} · {}", self.machine, self.device));
+        document.paragraph(format!(
+            "MSE at 64 random directions after {} steps of 1,024 samples; the teapot at a quarter of its resolution, 225 \
+             sections, five hidden layers; rates fall by a cosine.",
+            self.steps
+        ));
+        let factors = FACTORS.map(|factor| format!("× {factor}"));
+        let head: Vec<String> =
+            ["width", "ω", "default rate"].into_iter().map(String::from).chain(factors).collect();
+        let rows = self.networks.iter().map(|network| {
+            let Network { width, omega, rate, mse } = network;
+            let errors =
+                mse.iter().map(|mse| mse.map_or_else(|| "diverged".into(), |mse| format!("{mse:.2e}")));
+            [width.to_string(), omega.to_string(), format!("{rate:.1e}")].into_iter().chain(errors).collect()
+        });
+        document.table(&head, rows.collect());
+        document
+    }
+}
