@@ -10,6 +10,8 @@
 //! ball around it in either, so no translation shorter than the sum of both radii separates them. The depth of a pose is
 //! the largest of these sums. The part's surface is taken to lie half-way between solid and empty centres.
 //!
+//! With stock ([`check_stock`]) the path is followed once more, the cutter taking away what it holds.
+//!
 //! With a machine the motions are its own, its head and table are bodies that move with its axes, and where an axis leaves its
 //! range is told.
 
@@ -17,9 +19,11 @@ mod elements;
 mod machine;
 mod motions;
 mod report;
+mod stock;
 
 pub use machine::MachineBodies;
 pub use report::{CheckReport, Collision, HitBody, LineCollisions, TravelFault};
+pub use stock::{LineRemoval, StockLeft, StockReport, check_stock};
 
 use std::sync::Arc;
 
@@ -244,9 +248,17 @@ pub enum CheckError {
     },
     /// The elements of an outline that bends inwards cannot be counted by themselves.
     #[error(
-        "the tool '{0}' has an arc around a centre beyond its axis, which cannot be checked with a clearance"
+        "the tool '{0}' has an arc around a centre beyond its axis, which cannot be checked with a clearance or among stock"
     )]
     Outline(String),
+    /// The stock is followed with a tool that has no elements.
+    #[error(
+        "the tool '{0}' is a mesh, which does not say what of it cuts the stock: describe it by cutter, shank and holder"
+    )]
+    StockMesh(String),
+    /// The stock lies between the part's voxels.
+    #[error("the voxels of the stock are not those of the part and the fixtures")]
+    StockGrid,
     /// The caller's [`Control`] asked to stop.
     #[error("interrupted")]
     Cancelled,

@@ -9,6 +9,7 @@ use super::motions::Motion;
 use super::{CheckError, CheckSettings, Collision, HitBody};
 use crate::distance::squared_depths;
 use crate::field::solid::SolidField;
+use crate::grid::Grid;
 use crate::occupancy::Occupancy;
 use crate::pose::Pose;
 use crate::tool::{Element, ElementKind, Tool, ToolShape, distance_to_mesh};
@@ -65,8 +66,8 @@ pub(super) struct Group<'a> {
 pub(super) struct Elements<'a>(Vec<Group<'a>>);
 
 /// The deepest centre in an element.
-struct DeepestCentre {
-    depth: f64,
+pub(super) struct DeepestCentre {
+    pub(super) depth: f64,
     in_tool: f64,
     voxel: usize,
     voxels: u32,
@@ -183,13 +184,13 @@ impl Group<'_> {
         for ((track, element), _) in
             tracks.iter_mut().zip(&self.elements).zip(counts.iter()).filter(|(_, count)| **count > 0)
         {
-            track.poses += 1;
-            let pitch = self.body.voxels.grid.pitch;
-            if step.is_last || track.may_be_deeper(step.index, step.length, pitch) {
-                track.last = step.index;
-                if let Some(deepest) = element.deepest(self.body, pose) {
-                    track.take(element, self.body, step.fraction, pose, &deepest);
-                }
+            let Body { voxels, against, .. } = self.body;
+            if track.meets(step, voxels.grid.pitch)
+                && let Some(deepest) = element.deepest(self.body, pose)
+            {
+                track.take(deepest.depth, || {
+                    deepest.collision(element, against, &voxels.grid, step.fraction, pose)
+                });
             }
         }
     }
@@ -224,42 +225,29 @@ impl Track {
         moved > 0.5 * pitch && self.depth + moved + 2.0 * pitch > worst.depth
     }
 
-    /// Keeps the deepest pose, the first of equals.
-    fn take(
-        &mut self,
-        element: &DepthElement,
-        body: &Body,
-        fraction: f64,
-        pose: &Pose,
-        found: &DeepestCentre,
-    ) {
-        self.depth = found.depth;
-        if self.worst.as_ref().is_some_and(|worst| worst.depth >= found.depth) {
-            return;
+    /// The element collides at one more pose: whether it is to be measured there.
+    pub(super) fn meets(&mut self, step: &Step, pitch: f64) -> bool {
+        self.poses += 1;
+        let measures = step.is_last || self.may_be_deeper(step.index, step.length, pitch);
+        if measures {
+            self.last = step.index;
         }
-        let grid = &body.voxels.grid;
-        self.worst = Some(Collision {
-            element: element.name.clone(),
-            against: body.against.clone(),
-            clearance: element.clearance,
-            depth: found.depth,
-            depth_in_tool: found.in_tool,
-            contact: grid.centre(grid.voxel(found.voxel)).to_array(),
-            position: pose.position.to_array(),
-            axis: pose.axis().unwrap_or(DVec3::NAN).to_array(),
-            roll: matches!(element.shape, Shape::Mesh(_)).then(|| pose.orientation().roll),
-            fraction,
-            voxels: found.voxels,
-            volume: f64::from(found.voxels) * grid.voxel_volume(),
-            poses: 0,
-        });
+        measures
+    }
+
+    /// Keeps the deepest pose, the first of equals.
+    pub(super) fn take(&mut self, depth: f64, collision: impl FnOnce() -> Collision) {
+        self.depth = depth;
+        if self.worst.as_ref().is_none_or(|worst| worst.depth < depth) {
+            self.worst = Some(collision());
+        }
     }
 }
 
 impl DepthElement {
     /// `None` where it holds no solid centre.
     fn deepest(&self, body: &Body, pose: &Pose) -> Option<DeepestCentre> {
-        let mut found = DeepestCentre { depth: -1.0, in_tool: 0.0, voxel: 0, voxels: 0 };
+        let mut found = DeepestCentre::default();
         match &self.shape {
             Shape::Revolved(elements) => {
                 for (element, exposed) in elements {
@@ -287,11 +275,43 @@ impl DepthElement {
     }
 }
 
+impl Default for DeepestCentre {
+    fn default() -> Self {
+        Self { depth: -1.0, in_tool: 0.0, voxel: 0, voxels: 0 }
+    }
+}
+
 impl DeepestCentre {
-    fn take(&mut self, voxel: usize, in_tool: f64, in_body: f64) {
+    pub(super) fn take(&mut self, voxel: usize, in_tool: f64, in_body: f64) {
         self.voxels += 1;
         if in_tool + in_body > self.depth {
             (self.depth, self.in_tool, self.voxel) = (in_tool + in_body, in_tool, voxel);
+        }
+    }
+
+    /// What is said of it, but for the number of poses.
+    pub(super) fn collision(
+        &self,
+        element: &DepthElement,
+        against: &HitBody,
+        grid: &Grid,
+        fraction: f64,
+        pose: &Pose,
+    ) -> Collision {
+        Collision {
+            element: element.name.clone(),
+            against: against.clone(),
+            clearance: element.clearance,
+            depth: self.depth,
+            depth_in_tool: self.in_tool,
+            contact: grid.centre(grid.voxel(self.voxel)).to_array(),
+            position: pose.position.to_array(),
+            axis: pose.axis().unwrap_or(DVec3::NAN).to_array(),
+            roll: matches!(element.shape, Shape::Mesh(_)).then(|| pose.orientation().roll),
+            fraction,
+            voxels: self.voxels,
+            volume: f64::from(self.voxels) * grid.voxel_volume(),
+            poses: 0,
         }
     }
 }

@@ -16,6 +16,8 @@ pub enum HitBody {
     Fixture(String),
     /// Something that the machine's table carries, by its name.
     Machine(String),
+    /// Stock beside the part that is still there then.
+    Stock,
 }
 
 /// One element that collides with one body during one motion. Lengths are in the grid's unit, places in world coordinates.
@@ -28,7 +30,7 @@ pub struct Collision {
     /// Room that the element, which is offset by it, was to keep.
     pub clearance: f64,
     /// Largest depth of all poses looked at: no shorter translation parts the element, offset by its clearance, from the body.
-    /// It falls short of the truth by up to a pitch or so.
+    /// It falls short of the truth by up to a pitch or so. Of stock it is the depth in the element, and half a pitch.
     pub depth: f64,
     /// How deep the contact point lies below the surface of the element, offset by its clearance.
     pub depth_in_tool: f64,
@@ -165,6 +167,17 @@ impl LineCollisions {
 }
 
 impl CheckReport {
+    /// Adds what collides on the same path's lines with something else.
+    pub fn add(&mut self, more: Vec<LineCollisions>) {
+        for line in more {
+            let place = self.colliding.partition_point(|own| own.line < line.line);
+            match self.colliding.get_mut(place).filter(|own| own.line == line.line) {
+                Some(own) => own.collisions.extend(line.collisions),
+                None => self.colliding.insert(place, line),
+            }
+        }
+    }
+
     /// Every collision with its line, the deepest first.
     #[must_use]
     pub fn worst(&self) -> Vec<(&LineCollisions, &Collision)> {

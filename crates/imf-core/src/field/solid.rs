@@ -7,6 +7,7 @@
 
 mod inscribed;
 mod lateral_separation;
+mod lines;
 mod oriented;
 mod runs;
 mod segment;
@@ -21,6 +22,7 @@ use pulp::Arch;
 use crate::pose::{Pose, axis_of};
 use crate::tool::{Element, Segment, Tool, ToolError, ToolShape, snapped};
 use inscribed::InscribedSpheres;
+pub(crate) use lines::BodyLines;
 use oriented::OrientedTools;
 use runs::{Within, count, first_solid};
 use segment::{PlacedSegment, VoxelPose};

@@ -162,7 +162,7 @@ pub(super) fn first_solid(segment: &PlacedSegment<'_>, columns: &Columns) -> Opt
 }
 
 /// The oblong that holds a segment as seen along z: a strip along the axis and its two ends.
-struct Silhouette {
+pub(super) struct Silhouette {
     /// Unit vector of the axis as seen along z.
     along: [f64; 2],
     half_width: f64,
@@ -170,7 +170,7 @@ struct Silhouette {
 }
 
 impl Silhouette {
-    fn new(segment: &PlacedSegment<'_>) -> Self {
+    pub(super) fn new(segment: &PlacedSegment<'_>) -> Self {
         let d = segment.placed.direction;
         let lean = d.x.hypot(d.y);
         let along = if lean > 1e-12 { [d.x / lean, d.y / lean] } else { [1.0, 0.0] };
@@ -184,7 +184,7 @@ impl Silhouette {
 
     /// First and last whole y of lines at distance `x` from the tip that may meet the segment.
     #[inline(always)]
-    fn row(&self, x: f64, tip_y: f64) -> (i64, i64) {
+    pub(super) fn row(&self, x: f64, tip_y: f64) -> (i64, i64) {
         let [ux, uy] = self.along;
         let (mut low, mut high) = (-1e9, 1e9);
         // |y·ux − x·uy| ≤ half_width, and the ends ≤ x·ux + y·uy.

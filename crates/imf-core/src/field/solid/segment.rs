@@ -8,6 +8,8 @@
 //!
 //! All lengths here are in voxels.
 
+mod newton;
+
 use glam::DVec3;
 use pulp::Simd;
 
@@ -105,7 +107,21 @@ pub(super) struct PlacedSegment<'a> {
     rounding: f64,
     /// Discriminants within this of zero are unsure.
     tangent: f64,
+    /// The axis runs along the lines, exactly, and how far from it a line enters and leaves is known without solving.
+    along: Option<Along>,
 }
+
+/// What a line along the axis meets at its own distance from it.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Along {
+    /// A cylinder: all of its height, or nothing.
+    Cylinder,
+    /// A torus: a circle.
+    Torus,
+}
+
+/// Discriminants of a torus within this of zero are unsure: there the predicate's slack moves an end by more than [`CLOSE`].
+const TORUS_TANGENT: f64 = 1e-6;
 
 impl<'a> PlacedSegment<'a> {
     /// Prepares the part of a segment between the heights `from` and `to`, given in world units and, for speed, in
@@ -150,6 +166,16 @@ impl<'a> PlacedSegment<'a> {
         let rounding = 4e-14 * reach * reach;
         let smallest_root = rounding / (CLOSE * a.abs());
         let level = d.z.abs() <= LEVEL;
+        let along = match (lean == 0.0, method, segment) {
+            (true, Method::Upright, _) => Some(Along::Cylinder),
+            (true, Method::Convex, Segment::Arc { .. }) => Some(Along::Torus),
+            _ => None,
+        };
+        let tangent = match along {
+            Some(Along::Cylinder) => rounding,
+            Some(Along::Torus) => TORUS_TANGENT,
+            None => smallest_root * smallest_root + rounding,
+        };
         let (near, far) = if d.z > 0.0 { (from, to) } else { (to, from) };
         Self {
             placed,
@@ -168,7 +194,8 @@ impl<'a> PlacedSegment<'a> {
             b,
             c,
             rounding,
-            tangent: smallest_root * smallest_root + rounding,
+            tangent,
+            along,
         }
     }
 
@@ -177,7 +204,7 @@ impl<'a> PlacedSegment<'a> {
     #[inline(always)]
     pub(super) fn runs<S: Simd>(&self, simd: S, x: f64, y: f64, (floor, top): (f64, f64)) -> Runs {
         let mut runs = Runs { from: [0.0; LANES], to: [0.0; LANES], doubt: false };
-        if self.method != Method::Between || self.level {
+        if (self.method != Method::Between && self.along.is_none()) || self.level {
             runs.doubt = true;
             return runs;
         }
@@ -190,10 +217,23 @@ impl<'a> PlacedSegment<'a> {
             let b = simd.mul_add_f64s(flat, all(self.b[1]), all(self.b[0]));
             let c = simd.mul_add_f64s(flat, all(self.c[2]), all(self.c[1]));
             let c = simd.mul_add_f64s(flat, c, simd.mul_add_f64s(y, y, all(x * x + self.c[0])));
-            let discriminant = simd.sub_f64s(simd.mul_f64s(b, b), simd.mul_f64s(all(self.a), c));
-            let root = simd.sqrt_f64s(simd.max_f64s(discriminant, all(0.0)));
-            let first = simd.mul_f64s(simd.add_f64s(b, root), all(-self.per_a));
-            let last = simd.mul_f64s(simd.sub_f64s(root, b), all(self.per_a));
+            let discriminant = match (self.along, self.segment) {
+                (Some(Along::Cylinder), _) => simd.sub_f64s(all(0.0), c),
+                (Some(Along::Torus), Segment::Arc { centre_radius, arc_radius, .. }) => {
+                    let squared = simd.mul_add_f64s(y, y, all(x * x));
+                    let out = simd.sub_f64s(simd.sqrt_f64s(squared), all(centre_radius));
+                    let out = simd.max_f64s(out, all(0.0));
+                    simd.sub_f64s(all(arc_radius * arc_radius + SLACK), simd.mul_f64s(out, out))
+                }
+                _ => simd.sub_f64s(simd.mul_f64s(b, b), simd.mul_f64s(all(self.a), c)),
+            };
+            let (first, last) = if self.along == Some(Along::Cylinder) {
+                (all(-FAR), all(FAR))
+            } else {
+                let root = simd.sqrt_f64s(simd.max_f64s(discriminant, all(0.0)));
+                let first = simd.mul_f64s(simd.add_f64s(b, root), all(-self.per_a));
+                (first, simd.mul_f64s(simd.sub_f64s(root, b), all(self.per_a)))
+            };
             let enter = simd.mul_f64s(simd.sub_f64s(all(self.near), flat), all(self.per_height));
             let leave = simd.mul_f64s(simd.sub_f64s(all(self.far), flat), all(self.per_height));
             let cut_off = |end| {
@@ -290,78 +330,6 @@ impl<'a> PlacedSegment<'a> {
             _ if discriminant <= self.tangent => (enter, leave, true),
             Method::Above => (enter.max((-b - discriminant.sqrt()) * self.per_a), leave, edge),
             Method::Below => (enter, leave.min((-b + discriminant.sqrt()) * self.per_a), edge),
-        }
-    }
-
-    /// From outside, Newton's steps on a convex function come ever closer to its root and never pass it.
-    fn newton(
-        &self,
-        x: f64,
-        y: f64,
-        flat: f64,
-        enter: f64,
-        leave: f64,
-        edge: bool,
-        discriminant: f64,
-        b: f64,
-    ) -> (f64, f64, bool) {
-        const MISS: (f64, f64, bool) = (FAR, -FAR, false);
-        let (mut first, mut last) = (enter, leave);
-        if matches!(self.segment, Segment::Arc { .. }) {
-            if discriminant < -self.tangent {
-                return MISS;
-            }
-            let root = discriminant.max(0.0).sqrt() + 1e-6;
-            (first, last) = (-b - root, -b + root);
-        }
-        let mut unsure = edge;
-        for (end, side) in [(&mut first, 1.0), (&mut last, -1.0)] {
-            let mut settled = false;
-            for _ in 0..60 {
-                let (value, slope, radius) = self.convex(x, y, flat, *end);
-                if value <= 1e-11 {
-                    unsure |= slope.abs() < 1e-2 || radius < 1e-2;
-                    settled = true;
-                    break;
-                }
-                if slope * side >= 0.0 {
-                    if value > 1e-7 {
-                        return MISS;
-                    }
-                    break;
-                }
-                *end -= value / slope;
-                if *end > leave + 1.0 && side > 0.0 || *end < enter - 1.0 && side < 0.0 {
-                    return MISS;
-                }
-            }
-            unsure |= !settled;
-        }
-        if unsure {
-            // Tangents are few: let every centre that may be meant be tried.
-            (enter.max(first.min(last) - 1.0), leave.min(last.max(first) + 1.0), true)
-        } else {
-            (enter.max(first), leave.min(last), false)
-        }
-    }
-
-    /// A convex function of z that is at most 0 inside, its slope, and the distance from the axis.
-    fn convex(&self, x: f64, y: f64, flat: f64, z: f64) -> (f64, f64, f64) {
-        let d = self.placed.direction;
-        let height = flat + z * d.z;
-        let radius = (x * x + y * y + z * z - height * height).max(0.0).sqrt();
-        let radius_slope = (z - height * d.z) / radius.max(1e-9);
-        match self.segment {
-            Segment::Line { from, to, radius_from, radius_to } => {
-                let k = (radius_to - radius_from) / (to - from);
-                (radius - radius_from - k * (height - from), radius_slope - k * d.z, radius)
-            }
-            Segment::Arc { centre_height, centre_radius, arc_radius, .. } => {
-                // Distance from the disc within the torus.
-                let (out, up) = ((radius - centre_radius).max(0.0), height - centre_height);
-                let away = out.hypot(up);
-                ((away - arc_radius), (out * radius_slope + up * d.z) / away.max(1e-9), radius)
-            }
         }
     }
 

@@ -1,0 +1,221 @@
+//! The stock along a toolpath: what each line takes of it, and what touches it that must not.
+//!
+//! At every pose that a check looks at, in the order of the path, the cutter takes the voxels whose centres it holds; before that,
+//! shank and holder are tried on the stock that is there. A rapid, and a place where the path begins, to which the tool must have
+//! come somehow, must keep the cutter out as well: it is tried on the stock that was there before the first of such motions in a row.
+//! What of the stock is the part's is left to the check of the part.
+//!
+//! The holder, and all that keeps a clearance, must hold no centre. A shank as wide as its cutter runs in what the cutter has
+//! just cut, and rubs there. So stock is let be that lies, as seen from the tool's axis, where the cutter's flank passed: no deeper below it
+//! than [`CheckSettings::accepted_in_stock`], and no farther outside than the accepted contact. A centre in the shank is in the
+//! stock as it is cut in truth, or the flank passed it between two poses, half the tolerance away, or as far as one
+//! pass of a program misses another: by the contact. The voxels themselves add nothing: cutter and shank are tried on the same centres.
+
+mod left;
+mod tool;
+mod voxels;
+
+pub use left::StockLeft;
+
+use super::motions::{Motion, motions};
+use super::{CheckBodies, CheckError, CheckSettings, LineCollisions, report};
+use crate::control::Control;
+use crate::machine::Machine;
+use crate::occupancy::Occupancy;
+use crate::tool::Tool;
+use crate::toolpath::{MoveKind, Toolpath};
+use tool::StockTool;
+use voxels::{BitLines, StockVoxels};
+
+impl CheckSettings {
+    /// How deep below the cutter's surface stock is let be in a shank as wide as the cutter, and in the cutter at rapid rate: the contact,
+    /// and half of what the tool moves between two poses.
+    #[must_use]
+    pub fn accepted_in_stock(&self) -> f64 {
+        self.contact + 0.5 * self.tolerance
+    }
+
+    /// Diameter of the smallest ball of stock in the holder, or in anything that keeps a clearance or is wider than the cutter, that
+    /// is certain to be detected. Where the cutter's flank passed it takes twice [`CheckSettings::accepted_in_stock`] more.
+    #[must_use]
+    pub fn sure_depth_in_stock(&self, pitch: f64) -> f64 {
+        3f64.sqrt() * pitch + self.tolerance
+    }
+}
+
+/// What a line of the toolpath takes away.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LineRemoval {
+    /// Line of the toolpath's file.
+    pub line: usize,
+    /// Number of the tool, where the file names one.
+    pub tool: Option<u32>,
+    /// How the tool comes there.
+    pub kind: MoveKind,
+    /// Voxels that go.
+    pub voxels: u64,
+    /// Those of them that are the part's.
+    pub of_part: u64,
+}
+
+/// What becomes of the stock.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StockReport {
+    /// Lines on which something touches the stock that must not, in order; see [`CheckReport::add`](super::CheckReport::add).
+    pub colliding: Vec<LineCollisions>,
+    /// What every line takes, those that take nothing too, in order.
+    pub removed: Vec<LineRemoval>,
+    /// Voxels of the stock at first.
+    pub voxels: u64,
+    /// What of the stock is left, the part in it included.
+    pub remaining: Occupancy,
+    /// For every voxel of that grid, the line of the file that took it; 0 of others.
+    pub removed_by: Vec<u32>,
+}
+
+/// Follows a toolpath through a stock: all that is solid on a grid whose voxels are those of the part's grid, but for what the
+/// fixtures hold. One unit of progress is one location. Head and table of a machine are not tried on the stock.
+///
+/// # Errors
+/// As [`check_toolpath`](super::check_toolpath); a tool that is a mesh, of which is not known what cuts; a stock on other voxels than the part.
+pub fn check_stock(
+    bodies: CheckBodies<'_>,
+    stock: &Occupancy,
+    tools: &[(Option<u32>, &Tool)],
+    toolpath: &Toolpath,
+    settings: &CheckSettings,
+    control: Control<'_>,
+) -> Result<StockReport, CheckError> {
+    settings.check()?;
+    tools.iter().try_for_each(|(_, tool)| tool.check())?;
+    let machine: Option<&Machine> = bodies.machine.map(super::MachineBodies::machine);
+    let motions = motions(toolpath, tools, settings, machine)?;
+    let grid = stock.grid;
+    let used = |index: &usize| motions.iter().any(|motion| motion.tool == *index);
+    let stock_tools = tools.iter().enumerate().map(|(index, (_, tool))| {
+        used(&index).then(|| StockTool::new(tool, settings, grid.pitch)).transpose()
+    });
+    let stock_tools = stock_tools.collect::<Result<Vec<_>, _>>()?;
+    let on_grid = |body: &Occupancy| body.on(&grid).ok_or(CheckError::StockGrid);
+    let part = on_grid(bodies.part)?;
+    let mut solid = stock.clone();
+    for (_, fixture) in bodies.fixtures {
+        let held = on_grid(fixture)?;
+        solid.solid.iter_mut().zip(&held.solid).for_each(|(stock, held)| *stock &= 1 - held);
+    }
+    let stock = StockVoxels::new(&solid);
+    let mut following = Following {
+        toolpath,
+        motions: &motions,
+        tools: stock_tools,
+        voxels: stock.fine().count(),
+        stock,
+        part: BitLines::of(&part),
+        removed_by: vec![0; grid.len()],
+        removed: Vec::new(),
+        found: Vec::new(),
+        waiting: Vec::new(),
+        control,
+    };
+    drop((solid, part));
+    following.follow()?;
+    Ok(following.report(settings))
+}
+
+/// The path as far as it is followed.
+struct Following<'a> {
+    toolpath: &'a Toolpath,
+    motions: &'a [Motion<'a>],
+    /// In the order of the tools that are given; none of one that the path does not use.
+    tools: Vec<Option<StockTool>>,
+    voxels: u64,
+    stock: StockVoxels,
+    part: BitLines,
+    removed_by: Vec<u32>,
+    removed: Vec<LineRemoval>,
+    found: Vec<report::Followed>,
+    /// Motions at rapid rate that were tried, and have taken nothing yet, each with what was found.
+    waiting: Vec<(usize, Option<super::Collision>)>,
+    control: Control<'a>,
+}
+
+impl Following<'_> {
+    fn follow(&mut self) -> Result<(), CheckError> {
+        for (index, motion) in self.motions.iter().enumerate() {
+            let kind = self.toolpath.locations[index].kind;
+            if kind != MoveKind::Rapid {
+                self.cut_waiting()?;
+            }
+            if kind == MoveKind::Feed {
+                self.cut(index, None)?;
+                continue;
+            }
+            let begins = self.waiting.is_empty();
+            let tool = self.tools[motion.tool].as_mut();
+            let hit = tool.and_then(|tool| tool.rapid(motion, &self.stock, &self.part, begins));
+            let is_hit = hit.is_some();
+            self.waiting.push((index, hit));
+            // What it goes through is gone for the next ones.
+            if is_hit {
+                self.cut_waiting()?;
+            }
+        }
+        self.cut_waiting()
+    }
+
+    fn cut_waiting(&mut self) -> Result<(), CheckError> {
+        std::mem::take(&mut self.waiting).into_iter().try_for_each(|(index, hit)| self.cut(index, hit))
+    }
+
+    fn cut(&mut self, index: usize, rapid: Option<super::Collision>) -> Result<(), CheckError> {
+        if self.control.is_cancelled() {
+            return Err(CheckError::Cancelled);
+        }
+        let (motion, location) = (&self.motions[index], &self.toolpath.locations[index]);
+        let (line, tool, kind) = (location.line, location.tool, location.kind);
+        let mut removal = LineRemoval { line, tool, kind, voxels: 0, of_part: 0 };
+        let mut collisions: Vec<_> = rapid.into_iter().collect();
+        if let Some(own) = &mut self.tools[motion.tool] {
+            if kind == MoveKind::Start {
+                own.begin();
+            }
+            let Self { stock, part, removed_by, .. } = self;
+            let number = u32::try_from(line).unwrap_or(u32::MAX);
+            collisions.extend(own.cut(motion, stock, part, &mut |first, bits| {
+                removal.voxels += u64::from(bits.count_ones());
+                let mut rest = bits;
+                while rest != 0 {
+                    removed_by[first + rest.trailing_zeros() as usize] = number;
+                    rest &= rest - 1;
+                }
+                removal.of_part += u64::from((bits & part.from(first)).count_ones());
+            }));
+        }
+        match self.removed.last_mut() {
+            Some(last) if last.line == line && kind != MoveKind::Start => {
+                last.voxels += removal.voxels;
+                last.of_part += removal.of_part;
+            }
+            _ => self.removed.push(removal),
+        }
+        self.found.push((index, LineCollisions { line, tool, kind, poses: motion.count, collisions }, None));
+        (self.control.progress)(1);
+        Ok(())
+    }
+
+    fn report(self, settings: &CheckSettings) -> StockReport {
+        let pitch = self.stock.fine().grid.pitch;
+        StockReport {
+            colliding: report::gather(&self.found, self.toolpath, settings, pitch).colliding,
+            removed: self.removed,
+            voxels: self.voxels,
+            remaining: self.stock.fine().occupancy(),
+            removed_by: self.removed_by,
+        }
+    }
+}
+
+#[cfg(test)]
+mod slots;
+#[cfg(test)]
+mod stock_oracle;

@@ -1,0 +1,78 @@
+//! Where a line enters and leaves a segment that no quadratic describes.
+
+use super::{FAR, PlacedSegment};
+use crate::tool::Segment;
+
+impl PlacedSegment<'_> {
+    /// From outside, Newton's steps on a convex function come ever closer to its root and never pass it.
+    pub(super) fn newton(
+        &self,
+        x: f64,
+        y: f64,
+        flat: f64,
+        enter: f64,
+        leave: f64,
+        edge: bool,
+        discriminant: f64,
+        b: f64,
+    ) -> (f64, f64, bool) {
+        const MISS: (f64, f64, bool) = (FAR, -FAR, false);
+        let (mut first, mut last) = (enter, leave);
+        if matches!(self.segment, Segment::Arc { .. }) {
+            if discriminant < -self.tangent {
+                return MISS;
+            }
+            let root = discriminant.max(0.0).sqrt() + 1e-6;
+            (first, last) = (-b - root, -b + root);
+        }
+        let mut unsure = edge;
+        for (end, side) in [(&mut first, 1.0), (&mut last, -1.0)] {
+            let mut settled = false;
+            for _ in 0..60 {
+                let (value, slope, radius) = self.convex(x, y, flat, *end);
+                if value <= 1e-11 {
+                    unsure |= slope.abs() < 1e-2 || radius < 1e-2;
+                    settled = true;
+                    break;
+                }
+                if slope * side >= 0.0 {
+                    if value > 1e-7 {
+                        return MISS;
+                    }
+                    break;
+                }
+                *end -= value / slope;
+                if *end > leave + 1.0 && side > 0.0 || *end < enter - 1.0 && side < 0.0 {
+                    return MISS;
+                }
+            }
+            unsure |= !settled;
+        }
+        if unsure {
+            // Tangents are few: let every centre that may be meant be tried.
+            (enter.max(first.min(last) - 1.0), leave.min(last.max(first) + 1.0), true)
+        } else {
+            (enter.max(first), leave.min(last), false)
+        }
+    }
+
+    /// A convex function of z that is at most 0 inside, its slope, and the distance from the axis.
+    fn convex(&self, x: f64, y: f64, flat: f64, z: f64) -> (f64, f64, f64) {
+        let d = self.placed.direction;
+        let height = flat + z * d.z;
+        let radius = (x * x + y * y + z * z - height * height).max(0.0).sqrt();
+        let radius_slope = (z - height * d.z) / radius.max(1e-9);
+        match self.segment {
+            Segment::Line { from, to, radius_from, radius_to } => {
+                let k = (radius_to - radius_from) / (to - from);
+                (radius - radius_from - k * (height - from), radius_slope - k * d.z, radius)
+            }
+            Segment::Arc { centre_height, centre_radius, arc_radius, .. } => {
+                // Distance from the disc within the torus.
+                let (out, up) = ((radius - centre_radius).max(0.0), height - centre_height);
+                let away = out.hypot(up);
+                ((away - arc_radius), (out * radius_slope + up * d.z) / away.max(1e-9), radius)
+            }
+        }
+    }
+}
