@@ -1,5 +1,7 @@
 //! Which voxels are solid: one byte a voxel while computing, one bit a voxel on disk.
 
+mod faces;
+
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 

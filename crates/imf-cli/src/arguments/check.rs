@@ -18,9 +18,10 @@ use super::scene::SceneArguments;
     after_help = "Examples:\n  imf check part.stl finish.cl --unit mm --tool mill.toml --clearance 2\n  \
                         imf check part.stl all.cl --unit mm --tool 1=face.toml --tool 2=ball6.toml --out checked\n  \
                         imf check teapot path.csv --contact 0.1 --json\n  \
+                        imf check part.stl rough.nc --unit mm --tool 1=mill.toml --stock box:2 --out checked\n  \
                         imf check part.stl 5x.nc --unit mm --tool 1=ball6.toml --machine trunnion.toml\n\n\
                         The toolpath is CSV (a header of columns: x,y,z the tip, then i,j,k the axis from tip to holder or \
-                        theta,phi in degrees, roll for tools that are not round, tool for the tool's number), APT/CL (GOTO/ \
+                        theta,phi in degrees, roll for tools that are not round, tool for the tool's number, rapid with 1 at rapid rate), APT/CL (GOTO/ \
                         lines, LOADTL/ for the tool's number) or G-code (G0 to G3, T and M6), in the part's unit unless it says its \
                         own. What is not understood is refused.\n\
                         With --machine rotary axes are read as columns or words (A, B, C), the spindle head and the table are obstacles, \
@@ -50,10 +51,15 @@ pub(crate) struct CheckArguments {
     /// voxels reach out of the part
     #[arg(long, value_name = "LENGTH")]
     pub(crate) contact: Option<f64>,
+    /// The stock that the path cuts, followed line by line: box, box:MARGIN around the part, or a file in the part's frame, set up with it.
+    /// Nothing but the cutter may touch it, and no rapid may cut it
+    #[arg(long, value_name = "STOCK")]
+    pub(crate) stock: Option<String>,
     /// A page with part, fixtures and path in 3D, lines that collide in red: one file that a browser opens without network
     #[arg(long, value_name = "FILE")]
     pub(crate) html: Option<PathBuf>,
-    /// Folder for collisions.csv, worst.png and summary.json
+    /// Folder for collisions.csv, worst.png and summary.json; with --stock also removed.csv, and what is left as stock.vti and
+    /// stock.stl, which --stock reads again
     #[arg(long, value_name = "FOLDER")]
     pub(crate) out: Option<PathBuf>,
 }
@@ -77,13 +83,18 @@ pub(crate) struct NumberedTool {
 }
 
 impl CheckArguments {
+    /// How deep the part may lie in the cutter where its voxels do not reach out of it.
+    pub(crate) fn contact_of_bare_voxels(&self, unit: LengthUnit) -> f64 {
+        self.contact.unwrap_or(CheckSettings::of_pitch(1.0, unit).contact)
+    }
+
     /// The settings, with defaults that follow the scene.
     pub(crate) fn settings(&self, pitch: f64, unit: LengthUnit) -> CheckSettings {
         let usual = CheckSettings::of_pitch(pitch, unit);
         let outside = if self.scene.conservative { 0.75_f64.sqrt() * pitch } else { 0.0 };
         CheckSettings {
             clearance: self.scene.clearance.clearance(),
-            contact: self.contact.unwrap_or(usual.contact + outside),
+            contact: self.contact.unwrap_or(self.contact_of_bare_voxels(unit) + outside),
             tolerance: self.tolerance.unwrap_or(usual.tolerance),
         }
     }

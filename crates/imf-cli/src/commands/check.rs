@@ -2,6 +2,7 @@
 
 mod files;
 mod picture;
+mod stock;
 mod text;
 mod view;
 
@@ -10,7 +11,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use anyhow::{Result, ensure};
 use glam::DMat4;
-use imf_core::check::{CheckBodies, CheckError, CheckReport, CheckSettings, MachineBodies, check_toolpath};
+use imf_core::check::{
+    CheckBodies, CheckError, CheckReport, CheckSettings, MachineBodies, check_stock, check_toolpath,
+};
 use imf_core::machine::Machine;
 use imf_core::occupancy::Occupancy;
 use imf_core::pose::Pose;
@@ -27,6 +30,7 @@ use crate::arguments::scene::SceneArguments;
 use crate::interrupt::Interrupted;
 use crate::output::{OutputFile, OutputFolder, print_result};
 use crate::session::Session;
+use stock::{StockInput, StockResult};
 
 /// The answer is "it collides", or "it leaves the travel": said on standard output already, left to the exit code.
 #[derive(Debug, Error)]
@@ -42,6 +46,7 @@ struct CheckRun<'a> {
     machine: Option<&'a MachineBodies>,
     /// In the frame of the toolpath.
     report: CheckReport,
+    stock: Option<StockResult>,
 }
 
 pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
@@ -72,6 +77,8 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
             .note(&format!("the toolpath calls its only tool {number}: it is checked with '{}'", tool.name));
     }
     let settings = arguments.settings(record.grid.pitch, record.unit);
+    let read_stock = |text: &String| StockInput::read(session, text, record, &bodies, &meshes[0].1);
+    let stock = arguments.stock.as_ref().map(read_stock).transpose()?;
     let machine = match machine {
         Some(machine) => Some(MachineBodies::new(machine, record.grid.pitch, session.control(&|_| {}))?),
         None => None,
@@ -95,15 +102,28 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
     let numbered: Vec<(Option<u32>, &Tool)> = tools.iter().map(|(number, tool)| (*number, tool)).collect();
     let around = CheckBodies { part: &bodies.part, fixtures: &bodies.fixtures, machine: machine.as_ref() };
     let report = check_toolpath(around, &numbered, &toolpath, &settings, is_free, control);
-    let mut report = report.map_err(|error| match error {
-        CheckError::Cancelled => Interrupted("the toolpath was not checked to its end".into()).into(),
-        other => named(other, arguments),
-    })?;
+    let mut report = report.map_err(|error| named(error, arguments))?;
     stage.finish(&format!("{} poses", report.poses));
     if verified.is_some() {
         let free = proven.into_inner();
         session.note(&format!("{free} of {} poses were proven free by the verified field", report.poses));
     }
+    let mut stock = match stock {
+        None => None,
+        Some(stock) => {
+            // Voxels of the stock reach nowhere out of it.
+            let settings =
+                CheckSettings { contact: arguments.contact_of_bare_voxels(record.unit), ..settings };
+            let stage = session.stage("cutting the stock", "lines", toolpath.locations.len() as u64);
+            let advance = |n| stage.advance(n);
+            let control = session.control(&advance);
+            let found = check_stock(around, &stock.voxels, &numbered, &toolpath, &settings, control);
+            let found = found.map_err(|error| named(error, arguments))?;
+            stage.finish("");
+            let (part, unit) = (&bodies.part, record.unit);
+            Some(StockResult::new(stock, found, &mut report, part, settings, &toolpath, unit))
+        }
+    };
     let mut written = Vec::new();
     if let Some(folder) = &out {
         folder.begin(session)?;
@@ -112,15 +132,19 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
             Frame::World => "world",
         });
         let drawn = picture::Drawn { set_up, name, unit: record.unit };
-        if picture::draw(&report, &numbered, around, &drawn, &folder.file("worst.png"))? {
+        if picture::draw(&report, &numbered, around, stock.as_ref(), &drawn, &folder.file("worst.png"))? {
             written.push("worst.png");
+        }
+        if let Some(stock) = &stock {
+            written.extend(stock.write_files(&bodies.part, &record.transform.inverse(), folder)?);
         }
     }
     let back = set_up.inverse();
     if set_up != DMat4::IDENTITY {
         report.colliding.iter_mut().flat_map(|line| &mut line.collisions).for_each(|hit| hit.place(&back));
+        stock.iter_mut().for_each(|stock| stock.place(&back));
     }
-    let checked = CheckRun { arguments, record, tools, machine: machine.as_ref(), report };
+    let checked = CheckRun { arguments, record, tools, machine: machine.as_ref(), report, stock };
     if let Some(page) = &page {
         let shown = view::bodies(&meshes, &back);
         let path = page.begin()?;
@@ -137,6 +161,9 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
 
 /// The error, with the toolpath's name where it is about a line of it.
 fn named(error: CheckError, arguments: &CheckArguments) -> anyhow::Error {
+    if matches!(error, CheckError::Cancelled) {
+        return Interrupted("the toolpath was not checked to its end".into()).into();
+    }
     let of_line = matches!(
         error,
         CheckError::Opposite { .. }
@@ -190,6 +217,7 @@ impl CheckRun<'_> {
             "unit": self.record.unit, "pitch": self.record.grid.pitch, "conservative": self.record.conservative,
             "collides": !self.report.colliding.is_empty(), "machine": self.machine.map(|bodies| &bodies.machine().name),
             "report": self.report, "guarantee": self.guarantee(),
+            "stock": self.stock.as_ref().map(|stock| stock.json(&self.report)),
         })
     }
 }

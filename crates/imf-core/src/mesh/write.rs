@@ -1,7 +1,9 @@
-//! Writing a mesh as an OBJ file.
+//! Writing a mesh as an OBJ or an STL file.
 
 use std::io::{self, Write};
 use std::path::Path;
+
+use glam::DVec3;
 
 use super::Mesh;
 use crate::atomic_file::{AtomicFileError, write_atomically};
@@ -15,11 +17,7 @@ use crate::atomic_file::{AtomicFileError, write_atomically};
 /// A coordinate is not finite, or the file cannot be written.
 pub fn write_obj(mesh: &Mesh, path: impl AsRef<Path>, header_comment: &str) -> Result<(), AtomicFileError> {
     write_atomically(path, |out| {
-        if let Some(vertex) = mesh.vertices.iter().position(|v| !v.is_finite()) {
-            let cause =
-                format!("vertex {vertex} (from 0) of the mesh has a coordinate that is NaN or infinite");
-            return Err(io::Error::other(cause));
-        }
+        require_finite(mesh)?;
         for line in header_comment.lines() {
             writeln!(out, "# {line}")?;
         }
@@ -32,6 +30,40 @@ pub fn write_obj(mesh: &Mesh, path: impl AsRef<Path>, header_comment: &str) -> R
         }
         Ok(())
     })
+}
+
+/// Writes a mesh as binary STL, whole or not at all: coordinates in f32 and no unit, as in every such file. The comment's first 80
+/// bytes stand at its beginning.
+///
+/// # Errors
+/// A coordinate is not finite, more triangles than such a file holds, or the file cannot be written.
+pub fn write_stl(mesh: &Mesh, path: impl AsRef<Path>, comment: &str) -> Result<(), AtomicFileError> {
+    write_atomically(path, |out| {
+        require_finite(mesh)?;
+        let count = u32::try_from(mesh.triangles.len()).map_err(io::Error::other)?;
+        let mut header = [b' '; 80];
+        header.iter_mut().zip(comment.bytes()).for_each(|(own, byte)| *own = byte);
+        out.write_all(&header)?;
+        out.write_all(&count.to_le_bytes())?;
+        for triangle in 0..mesh.triangles.len() {
+            let [a, b, c] = mesh.corners(triangle);
+            let normal = (b - a).cross(c - a).normalize_or_zero();
+            for value in [normal, a, b, c].iter().flat_map(DVec3::to_array) {
+                out.write_all(&(value as f32).to_le_bytes())?;
+            }
+            out.write_all(&[0; 2])?;
+        }
+        Ok(())
+    })
+}
+
+fn require_finite(mesh: &Mesh) -> io::Result<()> {
+    match mesh.vertices.iter().position(|v| !v.is_finite()) {
+        None => Ok(()),
+        Some(vertex) => Err(io::Error::other(format!(
+            "vertex {vertex} (from 0) of the mesh has a coordinate that is NaN or infinite"
+        ))),
+    }
 }
 
 #[cfg(test)]
@@ -59,6 +91,26 @@ mod tests {
         let path = folder.path().join("part.obj");
         write_obj(&mesh, &path, "a part\nv 1 2 3 is no vertex here").unwrap();
         assert_eq!(read_mesh(&path).unwrap(), mesh);
+    }
+
+    #[test]
+    fn an_stl_file_holds_the_mesh_in_f32() {
+        let vertices = [(0.1, 0.2, 0.3), (1.0, 0.0, 0.5), (0.0, 1e3, 0.0), (0.3, 0.1, 7.0)];
+        let vertices = vertices.map(|(x, y, z)| DVec3::new(x, y, z)).to_vec();
+        let mesh = Mesh { vertices, triangles: vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]] };
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("part.stl");
+        write_stl(
+            &mesh,
+            &path,
+            "solid facet, and a comment that is longer than the eighty bytes of a file's head may be",
+        )
+        .unwrap();
+        let read = read_mesh(&path).unwrap();
+        let corners = |mesh: &Mesh| (0..4).map(|t| mesh.corners(t).map(|corner| (corner * 1.0).as_vec3())).collect::<Vec<_>>();
+        assert_eq!(corners(&read), corners(&mesh));
+        let broken = Mesh { vertices: vec![DVec3::NAN], triangles: vec![] };
+        assert!(write_stl(&broken, &path, "").is_err());
     }
 
     #[test]

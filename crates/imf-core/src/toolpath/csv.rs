@@ -22,12 +22,14 @@ enum Column {
     Rotary(usize),
     /// The tool's number.
     Tool,
+    /// 1 where the tool comes at rapid rate, 0 at feed rate.
+    Rapid,
     /// Nothing that moves or turns the tool.
     Still,
 }
 
 /// Every name that is read, in lower case, and what it means.
-const NAMES: [(&str, Column); 25] = [
+const NAMES: [(&str, Column); 26] = [
     ("x", Column::Position(0)),
     ("y", Column::Position(1)),
     ("z", Column::Position(2)),
@@ -40,6 +42,7 @@ const NAMES: [(&str, Column); 25] = [
     ("psi", Column::Roll),
     ("tool", Column::Tool),
     ("t", Column::Tool),
+    ("rapid", Column::Rapid),
     ("feed", Column::Still),
     ("feedrate", Column::Still),
     ("f", Column::Still),
@@ -173,6 +176,15 @@ impl Header {
             ),
             None => None,
         };
+        let kind = match self.place(Column::Rapid).map(|place| fields[place]) {
+            None | Some("0") => MoveKind::Feed,
+            Some("1") => MoveKind::Rapid,
+            Some(field) => {
+                return Err(wrong(format!(
+                    "rapid is '{field}', neither 1 (at rapid rate) nor 0 (at feed rate)"
+                )));
+            }
+        };
         let pose = pose(line, position, direction, roll)?;
         let mut machine = None;
         if let Some(axes) = reading.machine.filter(|_| self.place(Column::Rotary(0)).is_some()) {
@@ -186,7 +198,7 @@ impl Header {
             let joints = Joints { linear: axes.linear(pose.position, &rotary, length), rotary };
             machine = Some(MachinePoint { joints, length, tip_goes_straight: true });
         }
-        Ok(Location { line, pose, rolled: roll.is_some(), tool, kind: MoveKind::Feed, machine })
+        Ok(Location { line, pose, rolled: roll.is_some(), tool, kind, machine })
     }
 }
 
@@ -216,7 +228,7 @@ fn column(title: &str, machine: Option<&Machine>) -> Result<Column, String> {
     Err(column_remedy(title).unwrap_or_else(|| {
         format!(
             "the column '{title}' is not known and might move or turn the tool: leave it out, or name it by what it is: {WANTED}; \
-             tool is read, feed, speed, comment and line are skipped"
+             tool and rapid are read, feed, speed, comment and line are skipped"
         )
     }))
 }
@@ -275,6 +287,13 @@ mod tests {
     }
 
     #[test]
+    fn a_column_says_which_lines_are_rapids() {
+        let path = read("x,y,z,rapid\n0,0,9,1\n0,0,5,0\n0,0,9,1\n");
+        let kinds: Vec<MoveKind> = path.iter().map(|location| location.kind).collect();
+        assert_eq!(kinds, [MoveKind::Rapid, MoveKind::Feed, MoveKind::Rapid]);
+    }
+
+    #[test]
     fn what_is_not_understood_is_refused_with_its_line() {
         let cases = [
             ("x,y,z,i,j,k\n1,2,3,0,0,1\n1,2,oops,0,0,1\n", 3, "z is 'oops'"),
@@ -294,6 +313,7 @@ mod tests {
             ("x,y,z,theta,phi,roll\n1,2,3,0,0,inf\n", 2, "roll must be finite"),
             ("x;y;z\n1,5;2,0;3,0\n", 2, "decimals have a point"),
             ("x,y,z,tool\n1,2,3,ball\n", 2, "tool is 'ball'"),
+            ("x,y,z,rapid\n1,2,3,yes\n", 2, "rapid is 'yes', neither 1"),
         ];
         for (text, line, what) in cases {
             let Err(wrong) = parse(text, &crate::unit::LengthUnit::Mm.into()) else { panic!("{text}") };

@@ -38,6 +38,7 @@ fn table(checked: &CheckRun<'_>) -> String {
             let kind = format!("{:?}", line.kind).to_lowercase();
             let against = match &hit.against {
                 HitBody::Part => "part".to_owned(),
+                HitBody::Stock => "stock".to_owned(),
                 HitBody::Fixture(name) | HitBody::Machine(name) => {
                     format!("\"{}\"", name.replace('"', "\"\""))
                 }

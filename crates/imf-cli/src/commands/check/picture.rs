@@ -14,6 +14,7 @@ use imf_core::unit::LengthUnit;
 use imf_core::voxelize::voxelize;
 use ndarray::Array2;
 
+use super::stock::StockResult;
 use super::text;
 use crate::output::short;
 use crate::picture::{Axes, Panel, PanelRow, PanelSheet, Scale};
@@ -23,7 +24,7 @@ use crate::slices;
 const PLACES: usize = 4;
 /// Squares along a side.
 const SIDE: usize = 90;
-const CLASSES: [&str; 5] = ["empty", "part", "fixture", "tool", "tool in a body"];
+const CLASSES: [&str; 6] = ["empty", "part", "fixture", "tool", "tool in a body", "stock"];
 
 /// The frame that a picture is drawn in.
 pub(super) struct Drawn {
@@ -50,11 +51,12 @@ pub(super) fn draw(
     report: &CheckReport,
     tools: &[(Option<u32>, &Tool)],
     bodies: CheckBodies<'_>,
+    stock: Option<&StockResult>,
     frame: &Drawn,
     path: &Path,
 ) -> Result<bool> {
     let unit = frame.unit;
-    let mut chosen: Vec<(String, &Collision, &Tool)> = Vec::new();
+    let mut chosen: Vec<(String, usize, &Collision, &Tool)> = Vec::new();
     let mut lines = Vec::new();
     for (line, hit) in report.worst() {
         // What else of the machine hits or is hit is not drawn.
@@ -77,19 +79,21 @@ pub(super) fn draw(
             short(hit.depth),
             text::body(&hit.against)
         );
-        chosen.push((title, hit, *tool));
+        chosen.push((title, line.line, hit, *tool));
     }
     if chosen.is_empty() {
         return Ok(false);
     }
     let cuts: Vec<_> = chosen
         .into_iter()
-        .map(|(title, hit, tool)| {
-            let planes: Vec<_> = (0..3).map(|axis| cut(hit, tool, bodies, &frame.set_up, axis)).collect();
+        .map(|(title, line, hit, tool)| {
+            let in_stock = |point: DVec3| stock.is_some_and(|stock| stock.is_there(line, point));
+            let plane = |axis| cut(hit, tool, bodies, &in_stock, &frame.set_up, axis);
+            let planes: Vec<_> = (0..3).map(plane).collect();
             (title, planes)
         })
         .collect();
-    let scale = Scale::classes(&CLASSES);
+    let scale = Scale::classes(&CLASSES[..if stock.is_some() { 6 } else { 5 }]);
     let rows = cuts.iter().map(|(title, planes)| PanelRow {
         title: title.clone(),
         panels: planes
@@ -119,6 +123,7 @@ fn cut(
     hit: &Collision,
     tool: &Tool,
     bodies: CheckBodies<'_>,
+    in_stock: &impl Fn(DVec3) -> bool,
     set_up: &DMat4,
     axis: usize,
 ) -> (Grid, Array2<f32>) {
@@ -156,8 +161,9 @@ fn cut(
                 (false, true) => 1.0,
                 (true, true) => 4.0,
                 (false, false) if in_fixture() => 2.0,
-                (true, false) if in_fixture() => 4.0,
+                (true, false) if in_fixture() || in_stock(point) => 4.0,
                 (true, false) => 3.0,
+                (false, false) if in_stock(point) => 5.0,
                 (false, false) => 0.0,
             }
         })

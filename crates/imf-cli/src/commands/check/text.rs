@@ -100,6 +100,9 @@ pub(super) fn text(checked: &CheckRun<'_>) -> String {
         );
     }
     let _ = writeln!(text, "{}", checked.guarantee());
+    if let Some(stock) = &checked.stock {
+        stock.write_text(report, &mut text);
+    }
     text
 }
 
@@ -119,8 +122,11 @@ fn travel(beyond: &TravelFault, unit: &str) -> String {
 /// `line 4`, and with which tool.
 pub(super) fn place(line: &LineCollisions) -> String {
     let tool = line.tool.map_or_else(String::new, |number| format!(", tool {number}"));
-    let rapid = if line.kind == MoveKind::Rapid { ", rapid" } else { "" };
-    format!("line {}{tool}{rapid}", line.line)
+    let kind = match line.kind {
+        MoveKind::Rapid => ", rapid",
+        MoveKind::Start | MoveKind::Feed => "",
+    };
+    format!("line {}{tool}{kind}", line.line)
 }
 
 /// What was hit, in words.
@@ -129,6 +135,7 @@ pub(super) fn body(against: &HitBody) -> String {
         HitBody::Part => "the part".into(),
         HitBody::Fixture(name) => format!("the fixture {name}"),
         HitBody::Machine(name) => format!("the machine's {name}"),
+        HitBody::Stock => "the stock".into(),
     }
 }
 

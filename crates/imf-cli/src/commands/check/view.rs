@@ -58,6 +58,7 @@ pub(super) fn view<'a>(
     let rows = worst.iter().enumerate().map(|(place, (line, hit))| {
         let body = match &hit.against {
             HitBody::Part => "part".to_owned(),
+            HitBody::Stock => "stock".to_owned(),
             HitBody::Fixture(name) => format!("fixture {name}"),
             HitBody::Machine(name) => format!("machine's {name}"),
         };

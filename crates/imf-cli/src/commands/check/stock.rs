@@ -1,0 +1,265 @@
+//! The stock of a check: where it comes from, what the path leaves of it, and how that is told.
+
+use std::fmt::Write;
+use std::path::Path;
+
+use anyhow::{Context as _, Result, bail, ensure};
+use glam::{DMat4, DVec3};
+use imf_core::check::{
+    CheckReport, CheckSettings, Collision, HitBody, LineCollisions, LineRemoval, StockLeft, StockReport,
+};
+use imf_core::field_files::{NamedField, write_vti};
+use imf_core::mesh::Mesh;
+use imf_core::mesh::write::write_stl;
+use imf_core::occupancy::Occupancy;
+use imf_core::scene::{Bodies, SceneRecord};
+use imf_core::toolpath::{MoveKind, Toolpath};
+use imf_core::unit::LengthUnit;
+use imf_core::voxelize::voxelize_with;
+use serde_json::{Value, json};
+
+use crate::arguments::fixture;
+use crate::output::{OutputFolder, short, show_measure, write_text};
+use crate::session::Session;
+
+/// What a voxel of `stock.vti` is.
+const LEFT: u8 = 1;
+const PART: u8 = 2;
+const CUT: u8 = 3;
+const PART_CUT: u8 = 4;
+
+/// Bytes a voxel: stock, its copy, part and a fixture on its grid, the line that took each, what is left, bits, and at the end the
+/// distances from the part.
+const BYTES: u64 = 24;
+
+/// The stock as voxels, those of the part's grid.
+pub(super) struct StockInput {
+    name: String,
+    pub(super) voxels: Occupancy,
+}
+
+impl StockInput {
+    /// `part` is the part's mesh in the world.
+    pub(super) fn read(
+        session: &Session,
+        text: &str,
+        record: &SceneRecord,
+        bodies: &Bodies,
+        part: &Mesh,
+    ) -> Result<Self> {
+        let Some(part_box) = part.bounds() else { bail!("the part has no triangle") };
+        let stock = fixture::Stock::read(text, part_box, &record.transform, record.unit)?;
+        let (lower, upper) = stock.mesh.bounds().context("the stock has no triangle")?;
+        let grid = bodies.part.grid.covering(lower.min(part_box.0), upper.max(part_box.1), 0)?;
+        let [x, y, z] = grid.dims;
+        session.require_memory(BYTES * grid.len() as u64, || {
+            format!("{x}×{y}×{z} voxels of stock; check its unit, or use a larger --pitch")
+        })?;
+        let stage = session.brief_stage("voxelising the stock", "rows of voxels", (x * y) as u64);
+        let advance = |n| stage.advance(n);
+        let voxels = voxelize_with(&stock.mesh, &grid, false, session.control(&advance))?.solid;
+        stage.finish("");
+        ensure!(voxels.count() > 0, "the stock '{}' holds no voxel's centre", stock.name);
+        let own = bodies.part.on(&grid).context("the grids of part and stock do not meet")?;
+        let outside = own.solid.iter().zip(&voxels.solid).filter(|(part, stock)| **part > **stock).count();
+        if outside > 0 && !record.conservative {
+            session.warn(&format!(
+                "{} {}³ of the part lie outside the stock: check where it stands, and its unit",
+                show_measure(outside as f64 * grid.voxel_volume()),
+                record.unit
+            ));
+        }
+        Ok(Self { name: stock.name, voxels })
+    }
+}
+
+/// What became of it.
+pub(super) struct StockResult {
+    name: String,
+    unit: LengthUnit,
+    pub(super) report: StockReport,
+    left: StockLeft,
+    settings: CheckSettings,
+    /// None of the path's lines is known to be at rapid rate.
+    no_rapids: bool,
+}
+
+impl StockResult {
+    /// Takes the collisions over into the report of the check.
+    pub(super) fn new(
+        input: StockInput,
+        mut report: StockReport,
+        checked: &mut CheckReport,
+        part: &Occupancy,
+        settings: CheckSettings,
+        toolpath: &Toolpath,
+        unit: LengthUnit,
+    ) -> Self {
+        checked.add(std::mem::take(&mut report.colliding));
+        let left = report.left_beside(part);
+        let no_rapids = toolpath.locations.iter().all(|location| location.kind != MoveKind::Rapid);
+        Self { name: input.name, unit, report, left, settings, no_rapids }
+    }
+
+    /// Places into the frame of the answer.
+    pub(super) fn place(&mut self, into: &DMat4) {
+        self.left.place = into.transform_point3(DVec3::from_array(self.left.place)).to_array();
+    }
+
+    /// Of so many voxels.
+    fn volume(&self, voxels: u64) -> f64 {
+        voxels as f64 * self.report.remaining.grid.voxel_volume()
+    }
+
+    fn largest(&self) -> Option<&LineRemoval> {
+        // The first of equals.
+        let most = self.report.removed.iter().rev().max_by_key(|line| line.voxels);
+        most.filter(|line| line.voxels > 0)
+    }
+
+    fn totals(&self) -> [u64; 3] {
+        let sum = |of: fn(&LineRemoval) -> u64| self.report.removed.iter().map(of).sum();
+        [sum(|line| line.voxels), sum(|line| line.of_part), sum(|line| u64::from(line.voxels > 0))]
+    }
+
+    pub(super) fn json(&self, checked: &CheckReport) -> Value {
+        let [removed, of_part, cutting] = self.totals();
+        let volume = |voxels| self.volume(voxels);
+        let line = |line: &LineRemoval| json!({ "line": line.line, "tool": line.tool, "kind": line.kind, "volume": volume(line.voxels) });
+        let first = |found: Option<(&LineCollisions, &Collision)>| {
+            found.map(|(line, hit)| {
+                json!({ "line": line.line, "tool": line.tool, "element": hit.element, "depth": hit.depth })
+            })
+        };
+        let own = |number: usize| self.report.removed.iter().find(|removal| removal.line == number);
+        let rapid = first_hit(checked, true).map(|(hit, _)| own(hit.line).map(line));
+        json!({
+            "stock": self.name, "volume": volume(self.report.voxels), "removed": volume(removed), "removed_of_part": volume(of_part),
+            "lines_that_cut": cutting, "lines_that_cut_nothing": self.report.removed.len() as u64 - cutting,
+            "largest": self.largest().map(line), "first_touch": first(first_hit(checked, false)), "first_rapid_cut": rapid,
+            "left": {
+                "volume": volume(self.left.voxels), "farthest": self.left.farthest,
+                "place": self.left.farthest.map(|_| self.left.place),
+            },
+            "accepted": self.settings.accepted_in_stock(),
+            "sure_depth": self.settings.sure_depth_in_stock(self.report.remaining.grid.pitch), "rapids_are_known": !self.no_rapids,
+        })
+    }
+
+    pub(super) fn write_text(&self, checked: &CheckReport, text: &mut String) {
+        let unit = self.unit;
+        let [removed, of_part, cutting] = self.totals();
+        let show = |voxels| format!("{} {unit}³", show_measure(self.volume(voxels)));
+        let lines = |count: u64| if count == 1 { "1 line".to_owned() } else { format!("{count} lines") };
+        let share = 100.0 * removed as f64 / self.report.voxels.max(1) as f64;
+        let idle = self.report.removed.len() as u64 - cutting;
+        let most = self
+            .largest()
+            .map_or_else(String::new, |line| format!(", line {} most: {}", line.line, show(line.voxels)));
+        // Writing to a string does not fail.
+        let _ = writeln!(
+            text,
+            "stock ({}): {}, of which {} cut {} ({share:.1} %){most}; {} nothing",
+            self.name,
+            show(self.report.voxels),
+            lines(cutting),
+            show(removed),
+            lines(idle)
+        );
+        let touched = first_hit(checked, false).map_or_else(
+            || "nothing but the cutter touches it".to_owned(),
+            |(line, hit)| format!("it is touched first by the {} on line {}", hit.element, line.line),
+        );
+        let rapid = match (first_hit(checked, true), self.no_rapids) {
+            (Some((line, _)), _) if line.kind == MoveKind::Start => {
+                format!("the cutter is in it where the path begins, on line {}", line.line)
+            }
+            (Some((line, _)), _) => format!("line {} is the first that cuts it at rapid rate", line.line),
+            (None, false) => "no line cuts it at rapid rate".to_owned(),
+            (None, true) => "no line of the path is said to be at rapid rate (in CSV a column rapid says so), and all are taken to cut \
+                             at feed rate"
+                .to_owned(),
+        };
+        let _ = writeln!(text, "  {touched}; {rapid}");
+        if of_part > 0 {
+            let _ = writeln!(text, "  of the part itself {} are cut away", show(of_part));
+        }
+        let far = self.left.farthest.map_or_else(String::new, |farthest| {
+            let at = self.left.place.map(short).join(",");
+            format!(", up to {} {unit} from it, at {at}", short(farthest))
+        });
+        let _ = writeln!(text, "  left beside the part: {}{far}", show(self.left.voxels));
+        let _ = writeln!(
+            text,
+            "  accepted in it: {} {unit} below the flank that has passed, for a shank as wide as its cutter and for rapids; certain to be \
+             detected: {} {unit} of it in holder or wider shank",
+            short(self.settings.accepted_in_stock()),
+            short(self.settings.sure_depth_in_stock(self.report.remaining.grid.pitch))
+        );
+    }
+
+    /// Writes the table of lines and what is left: as voxels in the world, and as a surface where `back` leads from there.
+    pub(super) fn write_files(
+        &self,
+        part: &Occupancy,
+        back: &DMat4,
+        folder: &OutputFolder,
+    ) -> Result<[&'static str; 3]> {
+        write_text(&folder.file("removed.csv"), &self.table())?;
+        let StockReport { remaining, removed_by, .. } = &self.report;
+        let part = part.on(&remaining.grid).context("the grids of part and stock do not meet")?;
+        let class = |v: usize| match (remaining.solid[v], part.solid[v], removed_by[v]) {
+            (1, 0, _) => LEFT,
+            (1, _, _) => PART,
+            (_, _, 0) => 0,
+            (_, 0, _) => CUT,
+            _ => PART_CUT,
+        };
+        let classes: Vec<u8> = (0..remaining.grid.len()).map(class).collect();
+        let fields =
+            [NamedField::new("stock", &classes[..]), NamedField::new("removed_by_line", &removed_by[..])];
+        write_vti(folder.file("stock.vti"), &remaining.grid, &fields)?;
+        write_surface(&folder.file("stock.stl"), remaining, back)?;
+        Ok(["removed.csv", "stock.vti", "stock.stl"])
+    }
+
+    fn table(&self) -> String {
+        let mut text = String::from("line,tool,kind,volume,of_part\n");
+        for line in &self.report.removed {
+            let tool = line.tool.map_or_else(String::new, |number| number.to_string());
+            let kind = format!("{:?}", line.kind).to_lowercase();
+            let (volume, of_part) = (self.volume(line.voxels), self.volume(line.of_part));
+            let _ = writeln!(text, "{},{tool},{kind},{volume:.6},{of_part:.6}", line.line);
+        }
+        text
+    }
+
+    /// Whether stock was at a place in the world when a line began, or a little later.
+    pub(super) fn is_there(&self, line: usize, point: DVec3) -> bool {
+        let StockReport { remaining, removed_by, .. } = &self.report;
+        let grid = &remaining.grid;
+        let voxel = grid.continuous(point).round().to_array();
+        let inside = (0..3).all(|a| voxel[a] >= 0.0 && voxel[a] < grid.dims[a] as f64);
+        inside && {
+            let index = grid.index(voxel.map(|v| v as usize));
+            remaining.solid[index] == 1 || removed_by[index] as usize >= line.max(1)
+        }
+    }
+}
+
+fn write_surface(path: &Path, solid: &Occupancy, back: &DMat4) -> Result<()> {
+    let mesh = solid.faces().transformed(back);
+    Ok(write_stl(
+        &mesh,
+        path,
+        concat!("imf ", env!("CARGO_PKG_VERSION"), ": the stock that is left, by voxels"),
+    )?)
+}
+
+/// The first line on which the stock is touched by what must not: by the cutter, or by something else.
+fn first_hit(checked: &CheckReport, cutter: bool) -> Option<(&LineCollisions, &Collision)> {
+    checked.colliding.iter().find_map(|line| {
+        let is_it = |hit: &&Collision| hit.against == HitBody::Stock && (hit.element == "cutter") == cutter;
+        Some((line, line.collisions.iter().find(is_it)?))
+    })
+}
