@@ -4,7 +4,7 @@
 //! cargo run --release -p imf-bench -- access      what of a surface a tool reaches, beside the direct test
 //! cargo run --release -p imf-bench -- edits       what a trained network saves at a changed part
 //! cargo run --release -p imf-bench -- exact       exact sections beside scipy, and how their cost grows
-//! cargo run --release -p imf-bench -- shop        the fewest set-ups of whole parts
+//! cargo run --release -p imf-bench -- shop        the fewest set-ups of whole parts, the stock along a path
 //! cargo run --release -p imf-bench -- train       training steps beside PyTorch
 //! cargo run --release -p imf-bench -- gpu         what a GPU does beside the CPU
 //! cargo run --release -p imf-bench -- query       poses a second beside collision libraries

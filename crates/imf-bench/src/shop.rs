@@ -1,4 +1,7 @@
-//! `imf-bench shop`: what a shop asks of whole parts. The fewest set-ups: how few, whether that is proven, and how long it takes.
+//! `imf-bench shop`: what a shop asks of whole parts. The fewest set-ups: how few, whether that is proven, and how long it takes. The stock
+//! along a path: how long a segment takes.
+
+mod stock;
 
 use std::sync::Arc;
 
@@ -57,6 +60,7 @@ struct Row {
 struct Report {
     machine: Machine,
     setups: Vec<Row>,
+    stock: Vec<stock::Row>,
 }
 
 pub(crate) fn run(session: &Session, arguments: &ShopArguments) -> Result<()> {
@@ -84,8 +88,10 @@ pub(crate) fn run(session: &Session, arguments: &ShopArguments) -> Result<()> {
             rows.push(row);
         }
     }
+    session.note("stock in process");
+    let stock = stock::rows()?;
     machine.finish();
-    let report = Report { machine, setups: rows };
+    let report = Report { machine, setups: rows, stock };
     let document = report.document();
     document.write(&arguments.out, "shop", &report)?;
     document.show(session, &report)
@@ -198,6 +204,7 @@ impl Report {
             "{proven} of {} are proven; the longest took {slowest:.2} s.",
             self.setups.len()
         ));
+        stock::tell(&self.stock, &mut document);
         document
     }
 }

@@ -23,7 +23,7 @@
 //! | know what a tool reaches of the part's surface | [`surface`] |
 //! | know where in space the tip gets, and what stock goes | [`access`] |
 //! | count sections, or their minimum over orientations | [`section::SectionPlan`], [`section::stream_sections`] |
-//! | check a toolpath | [`check`](mod@check), [`toolpath`] |
+//! | check a toolpath, and follow the stock that it cuts | [`check`](mod@check), [`toolpath`] |
 //! | query single poses | [`field`]: values, gradients, decisions, of any family |
 //! | move a tool in a planner | [`motion`]: proofs for all poses between two |
 //!

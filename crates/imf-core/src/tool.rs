@@ -178,6 +178,14 @@ impl Tool {
         (!rest.is_empty()).then(|| Self { shape: ToolShape::Revolved(rest), sharp_points, ..self.clone() })
     }
 
+    /// The mesh of a tool that is one.
+    pub(crate) fn mesh(&self) -> Option<&Mesh> {
+        match &self.shape {
+            ToolShape::Mesh(mesh) => Some(mesh),
+            ToolShape::Revolved(_) => None,
+        }
+    }
+
     /// True where one of its elements is a cutter.
     #[must_use]
     pub fn has_cutter(&self) -> bool {

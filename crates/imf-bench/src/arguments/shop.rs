@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-/// What a shop asks: the fewest set-ups of reference parts and of random prismatic parts
+/// What a shop asks: the fewest set-ups of reference parts and of random prismatic parts, and the stock along a path
 #[derive(Args)]
 #[command(after_help = "Example:\n  imf-bench shop --out shop\n\n\
                         Every direction is a set-up of a three-axis machine with a 6 mm flat end mill. Writes shop.json and shop.md. \

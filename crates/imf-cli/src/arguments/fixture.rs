@@ -159,7 +159,9 @@ impl Stock {
         };
         if let Some(margin) = margin {
             let mesh = box_mesh(part_box.0 - margin, part_box.1 + margin);
-            return Ok(Self { name: format!("the part's box and {margin} around"), mesh });
+            let around =
+                if margin > 0.0 { format!(" and {margin} {part_unit} around") } else { String::new() };
+            return Ok(Self { name: format!("the part's box{around}"), mesh });
         }
         let file = Part::read(text, None, Some(part_unit))
             .with_context(|| format!("the stock {text} cannot be used"))?;

@@ -17,4 +17,5 @@ mod queries;
 mod refusals;
 mod rolls;
 mod stick_out;
+mod stock;
 mod voxels;

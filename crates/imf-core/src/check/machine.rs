@@ -80,16 +80,16 @@ impl MachineBodies {
 }
 
 /// Something that the head carries, as it is tried.
-struct HeadBody {
-    name: String,
-    ball: Ball,
+pub(super) struct HeadBody {
+    pub(super) name: String,
+    pub(super) ball: Ball,
     /// From its own frame, in which it is a tool, to the machine's with all axes at 0.
-    frame: Pose,
-    shape: HeadShape,
-    clearance: f64,
+    pub(super) frame: Pose,
+    pub(super) shape: HeadShape,
+    pub(super) clearance: f64,
 }
 
-enum HeadShape {
+pub(super) enum HeadShape {
     /// By its elements.
     Round(Vec<Element>),
     Mesh(Tool),
@@ -166,8 +166,7 @@ impl<'a> MachinePairs<'a> {
                 pairs.push(own.against(body, table_axes, true)?);
             }
         }
-        let to_part = world.inverse();
-        let to_machine = Pose { position: to_part.position + machine.part_zero(), ..to_part };
+        let to_machine = HeadBody::to_machine(machine, world);
         Ok(Self { machine, pairs, to_machine, tolerance: settings.tolerance })
     }
 
@@ -232,7 +231,7 @@ impl<'a> MachinePairs<'a> {
 }
 
 impl HeadBody {
-    fn of_solid(solid: &MachineSolid, clearance: f64) -> Result<Self, CheckError> {
+    pub(super) fn of_solid(solid: &MachineSolid, clearance: f64) -> Result<Self, CheckError> {
         let (lower, upper) = solid.bounds();
         let ball = Ball {
             centre: 0.5 * (lower + upper),
@@ -258,6 +257,12 @@ impl HeadBody {
             }
         };
         Ok(Self { name: solid.name.clone(), ball, frame, shape, clearance })
+    }
+
+    /// From the world to where the machine's coordinates are with the table's axes at 0; `world` is where the part's frame is in it.
+    pub(super) fn to_machine(machine: &Machine, world: &Pose) -> Pose {
+        let to_part = world.inverse();
+        Pose { position: to_part.position + machine.part_zero(), ..to_part }
     }
 
     fn against<'a>(&self, body: &'a Body, level: usize, in_world: bool) -> Result<Pair<'a>, CheckError> {
@@ -300,7 +305,7 @@ fn centred(name: &str, mesh: &Mesh) -> (Pose, HeadShape) {
 }
 
 /// A round bar that holds a mesh tool, a little larger.
-fn bar_around(tool: &Tool) -> Element {
+pub(super) fn bar_around(tool: &Tool) -> Element {
     let ToolShape::Mesh(mesh) = &tool.shape else {
         return Element { kind: ElementKind::Holder(0), profile: Vec::new() };
     };

@@ -5,25 +5,27 @@
 //! come somehow, must keep the cutter out as well: it is tried on the stock that was there before the first of such motions in a row.
 //! What of the stock is the part's is left to the check of the part.
 //!
-//! The holder, and all that keeps a clearance, must hold no centre. A shank as wide as its cutter runs in what the cutter has
+//! The holder, what a machine's head carries, and all that keeps a clearance, must hold no centre. A shank as wide as its cutter runs in what the cutter has
 //! just cut, and rubs there. So stock is let be that lies, as seen from the tool's axis, where the cutter's flank passed: no deeper below it
 //! than [`CheckSettings::accepted_in_stock`], and no farther outside than the accepted contact. A centre in the shank is in the
 //! stock as it is cut in truth, or the flank passed it between two poses, half the tolerance away, or as far as one
 //! pass of a program misses another: by the contact. The voxels themselves add nothing: cutter and shank are tried on the same centres.
 
+mod guard;
+mod head;
 mod left;
 mod tool;
 mod voxels;
 
 pub use left::StockLeft;
 
-use super::motions::{Motion, motions};
-use super::{CheckBodies, CheckError, CheckSettings, LineCollisions, report};
+use super::motions::{Motion, motions, rigid};
+use super::{CheckBodies, CheckError, CheckSettings, Collision, LineCollisions, MachineBodies, report};
 use crate::control::Control;
-use crate::machine::Machine;
 use crate::occupancy::Occupancy;
 use crate::tool::Tool;
 use crate::toolpath::{MoveKind, Toolpath};
+use head::Heads;
 use tool::StockTool;
 use voxels::{BitLines, StockVoxels};
 
@@ -74,7 +76,7 @@ pub struct StockReport {
 }
 
 /// Follows a toolpath through a stock: all that is solid on a grid whose voxels are those of the part's grid, but for what the
-/// fixtures hold. One unit of progress is one location. Head and table of a machine are not tried on the stock.
+/// fixtures hold, with all that a machine's head carries; its table bears the stock. One unit of progress is one location.
 ///
 /// # Errors
 /// As [`check_toolpath`](super::check_toolpath); a tool that is a mesh, of which is not known what cuts; a stock on other voxels than the part.
@@ -88,12 +90,16 @@ pub fn check_stock(
 ) -> Result<StockReport, CheckError> {
     settings.check()?;
     tools.iter().try_for_each(|(_, tool)| tool.check())?;
-    let machine: Option<&Machine> = bodies.machine.map(super::MachineBodies::machine);
-    let motions = motions(toolpath, tools, settings, machine)?;
+    let motions = motions(toolpath, tools, settings, bodies.machine.map(MachineBodies::machine))?;
     let grid = stock.grid;
+    let world = rigid(&toolpath.set_up);
     let used = |index: &usize| motions.iter().any(|motion| motion.tool == *index);
     let stock_tools = tools.iter().enumerate().map(|(index, (_, tool))| {
-        used(&index).then(|| StockTool::new(tool, settings, grid.pitch)).transpose()
+        let made = || {
+            let heads = bodies.machine.map(|machine| Heads::new(machine, settings, &world, grid.pitch));
+            StockTool::new(tool, heads.transpose()?, settings, grid.pitch)
+        };
+        used(&index).then(made).transpose()
     });
     let stock_tools = stock_tools.collect::<Result<Vec<_>, _>>()?;
     let on_grid = |body: &Occupancy| body.on(&grid).ok_or(CheckError::StockGrid);
@@ -127,7 +133,7 @@ struct Following<'a> {
     toolpath: &'a Toolpath,
     motions: &'a [Motion<'a>],
     /// In the order of the tools that are given; none of one that the path does not use.
-    tools: Vec<Option<StockTool>>,
+    tools: Vec<Option<StockTool<'a>>>,
     voxels: u64,
     stock: StockVoxels,
     part: BitLines,
@@ -135,7 +141,7 @@ struct Following<'a> {
     removed: Vec<LineRemoval>,
     found: Vec<report::Followed>,
     /// Motions at rapid rate that were tried, and have taken nothing yet, each with what was found.
-    waiting: Vec<(usize, Option<super::Collision>)>,
+    waiting: Vec<(usize, Option<Collision>)>,
     control: Control<'a>,
 }
 
@@ -167,7 +173,7 @@ impl Following<'_> {
         std::mem::take(&mut self.waiting).into_iter().try_for_each(|(index, hit)| self.cut(index, hit))
     }
 
-    fn cut(&mut self, index: usize, rapid: Option<super::Collision>) -> Result<(), CheckError> {
+    fn cut(&mut self, index: usize, rapid: Option<Collision>) -> Result<(), CheckError> {
         if self.control.is_cancelled() {
             return Err(CheckError::Cancelled);
         }

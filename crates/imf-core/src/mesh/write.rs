@@ -107,7 +107,9 @@ mod tests {
         )
         .unwrap();
         let read = read_mesh(&path).unwrap();
-        let corners = |mesh: &Mesh| (0..4).map(|t| mesh.corners(t).map(|corner| (corner * 1.0).as_vec3())).collect::<Vec<_>>();
+        let corners = |mesh: &Mesh| {
+            (0..4).map(|t| mesh.corners(t).map(|corner| (corner * 1.0).as_vec3())).collect::<Vec<_>>()
+        };
         assert_eq!(corners(&read), corners(&mesh));
         let broken = Mesh { vertices: vec![DVec3::NAN], triangles: vec![] };
         assert!(write_stl(&broken, &path, "").is_err());

@@ -150,7 +150,8 @@ impl StockResult {
         let unit = self.unit;
         let [removed, of_part, cutting] = self.totals();
         let show = |voxels| format!("{} {unit}³", show_measure(self.volume(voxels)));
-        let lines = |count: u64| if count == 1 { "1 line".to_owned() } else { format!("{count} lines") };
+        let lines =
+            |count: u64| if count == 1 { "1 line cuts".to_owned() } else { format!("{count} lines cut") };
         let share = 100.0 * removed as f64 / self.report.voxels.max(1) as f64;
         let idle = self.report.removed.len() as u64 - cutting;
         let most = self
@@ -159,7 +160,7 @@ impl StockResult {
         // Writing to a string does not fail.
         let _ = writeln!(
             text,
-            "stock ({}): {}, of which {} cut {} ({share:.1} %){most}; {} nothing",
+            "stock ({}): {}, of which {} {} ({share:.1} %){most}; {} nothing",
             self.name,
             show(self.report.voxels),
             lines(cutting),
@@ -191,8 +192,8 @@ impl StockResult {
         let _ = writeln!(text, "  left beside the part: {}{far}", show(self.left.voxels));
         let _ = writeln!(
             text,
-            "  accepted in it: {} {unit} below the flank that has passed, for a shank as wide as its cutter and for rapids; certain to be \
-             detected: {} {unit} of it in holder or wider shank",
+            "  accepted: stock up to {} {unit} deep in the cutter at rapid rate, and in a shank where the cutter's flank has passed; \
+             certain to be detected in holder and head: overlaps deeper than {} {unit}",
             short(self.settings.accepted_in_stock()),
             short(self.settings.sure_depth_in_stock(self.report.remaining.grid.pitch))
         );

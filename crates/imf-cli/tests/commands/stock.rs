@@ -1,0 +1,152 @@
+//! `imf check --stock`: what a path cuts, what touches the stock that is still there, and what is left.
+
+use serde_json::{Value, json};
+
+use crate::folder::{Folder, Run};
+
+/// A block of 30 × 20 × 10 mm, its top at z = 0.
+const BLOCK: &str = "v -15 -10 -10\nv 15 -10 -10\nv 15 10 -10\nv -15 10 -10\nv -15 -10 0\nv 15 -10 0\nv 15 10 0\n\
+                     v -15 10 0\nf 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
+const MILL: &str = "name = \"end mill\"\nunit = \"mm\"\nstick_out = 20.0\ncutter = { shape = \"flat\", diameter = 6.0, length = 4.0 }\n\
+                    shank = { diameter = 6.0 }\nholder = [{ diameter = 18.0, length = 12.0 }]\n";
+
+fn folder(name: &str, path: &str) -> Folder {
+    let folder = Folder::new();
+    folder.write("block.obj", BLOCK);
+    folder.write("mill.toml", MILL);
+    folder.write(name, path);
+    folder
+}
+
+fn check(folder: &Folder, path: &str, more: &[&str]) -> Run {
+    let usual = ["check", "block.obj", path, "--unit", "mm", "--pitch", "0.5", "--tool", "mill.toml"];
+    folder.run(&[&usual[..], more].concat())
+}
+
+/// Code and answer.
+fn answer(run: &Run) -> (Option<i32>, Value) {
+    (run.code, serde_json::from_str(&run.stdout).unwrap_or_else(|_| panic!("{}{}", run.stdout, run.stderr)))
+}
+
+/// Faces the top 3 mm off a stock with as much allowance, in rows.
+fn facing() -> String {
+    let mut program = String::from("G21 G90\nG0 X-25. Y-12. Z20.\nG0 Z0.\n");
+    for row in 0..7 {
+        let (from, to) = if row % 2 == 0 { (-25, 25) } else { (25, -25) };
+        let y = f64::from(row) * 4.0 - 12.0;
+        program += &format!("G1 X{from}. Y{y:.1} F500\nX{to}.\n");
+    }
+    program + "G0 Z20.\n"
+}
+
+#[test]
+fn a_facing_pass_cuts_its_volume_and_what_is_left_is_a_stock_again() {
+    let folder = folder("face.nc", &facing());
+    let (code, found) = answer(&check(&folder, "face.nc", &["--stock", "box:3", "--out", "out", "--json"]));
+    assert_eq!((code, &found["collides"]), (Some(0), &json!(false)));
+    let stock = &found["stock"];
+    let number = |name: &str| stock[name].as_f64().unwrap();
+    // 36 × 26 × 16 mm, of which 3 mm go over the whole of it.
+    assert_eq!(number("volume"), 36.0 * 26.0 * 16.0);
+    assert!((number("removed") / (36.0 * 26.0 * 3.0) - 1.0).abs() < 1e-9, "{stock}");
+    assert_eq!((&stock["first_touch"], &stock["first_rapid_cut"]), (&Value::Null, &Value::Null));
+    assert_eq!((number("removed_of_part"), stock["rapids_are_known"].as_bool()), (0.0, Some(true)));
+    // 3 mm at both sides and below.
+    let left = &stock["left"];
+    assert_eq!(left["volume"], 36.0 * 26.0 * 13.0 - 30.0 * 20.0 * 10.0);
+    let corner = 3f64.sqrt() * 3.0;
+    assert!((left["farthest"].as_f64().unwrap() - corner).abs() < 1e-9, "{left}");
+
+    let table = folder.read("out/removed.csv");
+    assert!(table.starts_with("line,tool,kind,volume,of_part\n2,,start,0.000000,0.000000\n"), "{table}");
+    let volumes = table.lines().skip(1).map(|line| line.split(',').nth(3).unwrap().parse::<f64>().unwrap());
+    assert!((volumes.sum::<f64>() - number("removed")).abs() < 1e-3);
+    let files = json!(["collisions.csv", "removed.csv", "stock.vti", "stock.stl", "summary.json"]);
+    assert_eq!(found["files"], Value::Null);
+    let summary: Value = serde_json::from_str(&folder.read("out/summary.json")).unwrap();
+    assert_eq!(summary["files"], files);
+    let voxels = std::fs::read(folder.path("out/stock.vti")).unwrap();
+    let head = String::from_utf8_lossy(&voxels[..1500]).into_owned();
+    assert!(head.contains("stock") && head.contains("removed_by_line"), "{head}");
+
+    // The next set-up begins with it, and has nothing to do where this one was; also where the part stands elsewhere.
+    folder.write("again.nc", facing());
+    for set_up in [&[][..], &["--transform", "rotate:0,0,1:90; translate:5,3,20"]] {
+        let more = ["--stock", "out/stock.stl", "--json"];
+        let (code, again) = answer(&check(&folder, "again.nc", &[&more[..], set_up].concat()));
+        assert_eq!(code, Some(0), "{again}");
+        assert_eq!(again["stock"]["volume"], number("volume") - number("removed"), "{again}");
+        assert_eq!((&again["stock"]["removed"], &again["stock"]["lines_that_cut"]), (&json!(0.0), &json!(0)));
+        assert_eq!(again["stock"]["left"]["volume"], left["volume"]);
+    }
+}
+
+#[test]
+fn a_rapid_into_the_stock_and_a_shank_in_a_wall_are_told_with_their_lines() {
+    let plunge = folder("plunge.nc", "G21 G90\nG0 X0. Y0. Z20.\nG0 Z1.\nG1 X5. F300\nG0 Z20.\n");
+    let run = check(&plunge, "plunge.nc", &["--stock", "box:3"]);
+    assert_eq!(run.code, Some(3), "{}", run.stderr);
+    for said in
+        ["line 3, rapid: cutter is 2 mm deep in the stock", "line 3 is the first that cuts it at rapid rate"]
+    {
+        assert!(run.stdout.contains(said), "{said}: {}", run.stdout);
+    }
+    let (_, found) = answer(&check(&plunge, "plunge.nc", &["--stock", "box:3", "--json"]));
+    assert_eq!(found["stock"]["first_rapid_cut"]["line"], 3);
+    let volume = found["stock"]["first_rapid_cut"]["volume"].as_f64().unwrap();
+    assert!((volume / (std::f64::consts::PI * 18.0) - 1.0).abs() < 0.08, "{volume}");
+
+    // 6 mm deep with flutes of 4: the shank is 2 mm in, from where the tool enters.
+    let slot = folder("slot.csv", "x,y,z\n-30,0,-3\n-22,0,-3\n15,0,-3\n15,0,20\n");
+    let run = check(&slot, "slot.csv", &["--stock", "box:3", "--out", "out"]);
+    assert_eq!(run.code, Some(3), "{}", run.stderr);
+    for said in [
+        "line 4: shank is 2 mm deep in the stock",
+        "touched first by the shank on line 4",
+        "a column rapid says so",
+    ] {
+        assert!(run.stdout.contains(said), "{said}: {}", run.stdout);
+    }
+    assert!(slot.read("out/collisions.csv").contains("4,,feed,shank,stock,2.0000"));
+    assert!(image::open(slot.path("out/worst.png")).unwrap().width() > 500);
+    // In two layers it is free.
+    slot.write("layers.csv", "x,y,z\n-30,0,0\n25,0,0\n25,0,-3\n-30,0,-3\n");
+    assert_eq!(check(&slot, "layers.csv", &["--stock", "box:3"]).code, Some(3), "the part is cut");
+    let (_, layers) = answer(&check(&slot, "layers.csv", &["--stock", "box:3", "--json"]));
+    let against = |hit: &Value| hit["against"] == "stock";
+    let lines = layers["report"]["colliding"].as_array().unwrap();
+    assert!(!lines.iter().any(|line| line["collisions"].as_array().unwrap().iter().any(against)), "{layers}");
+    // The slot in the part.
+    let of_part = layers["stock"]["removed_of_part"].as_f64().unwrap();
+    assert!((of_part - 30.0 * 6.0 * 3.0).abs() < 1e-6, "{of_part}");
+}
+
+#[test]
+fn a_stock_that_cannot_be_meant_is_refused_or_told() {
+    let folder = folder("free.csv", "x,y,z\n0,0,30\n");
+    let refuse = |stock: &str, said: &str| {
+        let run = check(&folder, "free.csv", &["--stock", stock]);
+        assert!(run.code == Some(1) && run.stderr.contains(said), "{stock}: {:?} {}", run.code, run.stderr);
+    };
+    refuse("box:-1", "must not be negative");
+    refuse("nowhere.stl", "the stock nowhere.stl cannot be used");
+    refuse("box:100000", "a larger --pitch");
+    folder.write("small.obj", BLOCK.replace("-15", "-1").replace("15", "1"));
+    let run = check(&folder, "free.csv", &["--stock", "small.obj"]);
+    assert!(
+        run.code == Some(0) && run.stderr.contains("of the part lie outside the stock"),
+        "{}",
+        run.stderr
+    );
+    // A mesh does not say what of it cuts.
+    folder.write("mesh.toml", "name = \"head\"\nunit = \"mm\"\nmesh = \"block.obj\"\n");
+    let path = ["check", "block.obj", "turned.csv", "--unit", "mm", "--pitch", "1", "--tool", "mesh.toml"];
+    folder.write("turned.csv", "x,y,z,roll\n0,0,90,0\n");
+    let run = folder.run(&[&path[..], &["--stock", "box"]].concat());
+    assert!(
+        run.code == Some(2) && run.stderr.contains("does not say what of it cuts"),
+        "{:?} {}",
+        run.code,
+        run.stderr
+    );
+}

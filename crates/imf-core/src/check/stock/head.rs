@@ -1,0 +1,199 @@
+//! What a machine's head carries beside the tool, among the stock.
+
+use glam::DVec3;
+
+use super::super::elements::{Step, Track};
+use super::super::machine::{HeadBody, HeadShape, MachineBodies, bar_around};
+use super::super::motions::Motion;
+use super::super::{CheckError, CheckSettings, Collision};
+use super::guard::Guard;
+use super::voxels::{BitLines, StockVoxels};
+use crate::machine::{Machine, MachineMotion, Side};
+use crate::pose::Pose;
+use crate::tool::Element;
+
+/// The bodies of the head. Between two poses of the tool each is looked at as often as its own motion asks for.
+pub(super) struct Heads<'a> {
+    machine: &'a Machine,
+    bodies: Vec<(HeadBody, Vec<Guard>)>,
+    /// From the world to where the machine's coordinates are with the table's axes at 0.
+    to_machine: Pose,
+    tolerance: f64,
+}
+
+/// On one motion.
+pub(super) struct HeadsOnTheWay<'h, 'a> {
+    heads: &'h mut Heads<'a>,
+    motion: &'h Motion<'h>,
+    way: Option<&'h MachineMotion<'h>>,
+    /// Of each body: how often it is looked at for each pose of the tool, how far it moves between two, and what was found.
+    bodies: Vec<(u64, f64, Vec<Track>)>,
+}
+
+impl<'a> Heads<'a> {
+    /// `world` is where the part's frame is in the world.
+    pub(super) fn new(
+        machine: &'a MachineBodies,
+        settings: &CheckSettings,
+        world: &Pose,
+        pitch: f64,
+    ) -> Result<Self, CheckError> {
+        machine.check(pitch)?;
+        let machine = machine.machine();
+        let of_head = machine.solids.iter().filter(|solid| solid.side == Side::Head);
+        let body = |solid| {
+            let body = HeadBody::of_solid(solid, settings.clearance.holder)?;
+            let guards = guards(&body, pitch).ok_or_else(|| CheckError::Outline(body.name.clone()))?;
+            Ok((body, guards))
+        };
+        let bodies = of_head.map(body).collect::<Result<_, CheckError>>()?;
+        let to_machine = HeadBody::to_machine(machine, world);
+        Ok(Self { machine, bodies, to_machine, tolerance: settings.tolerance })
+    }
+
+    pub(super) fn forget(&mut self) {
+        self.bodies.iter_mut().flat_map(|(_, guards)| guards).for_each(Guard::forget);
+    }
+
+    pub(super) fn begin<'h>(&'h mut self, motion: &'h Motion<'h>) -> HeadsOnTheWay<'h, 'a> {
+        let way = motion.by_machine();
+        let table = self.machine.axes_of(Side::Table);
+        let of_body = |(body, guards): &(HeadBody, Vec<Guard>)| {
+            let farthest = way.map_or(0.0, |way| way.motion_bound(&body.ball, table));
+            let each = (farthest / self.tolerance / motion.count as f64).ceil().max(1.0);
+            let length = farthest / (each * motion.count as f64);
+            (each as u64, length, guards.iter().map(|_| Track::default()).collect())
+        };
+        let bodies = self.bodies.iter().map(of_body).collect();
+        HeadsOnTheWay { heads: self, motion, way, bodies }
+    }
+}
+
+/// `None` for an outline that runs cannot be made of.
+fn guards(body: &HeadBody, pitch: f64) -> Option<Vec<Guard>> {
+    let HeadBody { name, shape, clearance, .. } = body;
+    let of_element =
+        |own: &Element| Guard::new(name.clone(), *clearance, (own.clone(), true), own, None, pitch);
+    match shape {
+        HeadShape::Round(elements) => elements.iter().map(of_element).collect(),
+        HeadShape::Mesh(tool) => {
+            Some(vec![Guard::of_mesh(name.clone(), *clearance, tool, &bar_around(tool), pitch)?])
+        }
+    }
+}
+
+impl HeadsOnTheWay<'_, '_> {
+    /// On the way to one of the tool's poses, counted from 1.
+    pub(super) fn look(&mut self, stock: &StockVoxels, part: &BitLines, pose: u64) {
+        let (Some(way), count) = (self.way, self.motion.count) else { return };
+        let Heads { machine, bodies, to_machine, .. } = &mut *self.heads;
+        let table = machine.axes_of(Side::Table);
+        for ((body, guards), (each, length, tracks)) in bodies.iter_mut().zip(&mut self.bodies) {
+            for part_way in 1..=*each {
+                let index = (pose - 1) * *each + part_way;
+                let fraction = index as f64 / (count * *each) as f64;
+                let place = way.placement(fraction);
+                let head = place.head[body.ball.level].of_pose(&body.frame);
+                let in_machine = place.table[table].inverse().of_pose(&head);
+                let at = to_machine.inverse().of_pose(&in_machine);
+                let step = Step { index, fraction, is_last: index == count * *each, length: *length };
+                for (guard, track) in guards.iter_mut().zip(tracks.iter_mut()) {
+                    guard.look(stock, part, &step, &at, track);
+                }
+            }
+        }
+    }
+
+    /// What was found, with the tool as it is then.
+    pub(super) fn finish(self) -> Vec<Collision> {
+        let tracks = self.bodies.into_iter().flat_map(|(.., tracks)| tracks);
+        let hits = tracks.filter_map(Track::finish);
+        hits.map(|mut hit| {
+            let pose = self.motion.at(hit.fraction);
+            hit.position = pose.position.to_array();
+            hit.axis = pose.axis().unwrap_or(DVec3::NAN).to_array();
+            hit.roll = hit.roll.map(|_| pose.orientation().roll);
+            hit
+        })
+        .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::{CheckBodies, HitBody, MachineBodies};
+    use super::super::check_stock;
+    use super::*;
+    use crate::control::Control;
+    use crate::grid::Grid;
+    use crate::machine::{MachineSolid, RotaryAxis, SolidShape};
+    use crate::occupancy::Occupancy;
+    use crate::section::test_shapes::{line, revolved};
+    use crate::tool::ElementKind;
+    use crate::toolpath::{PathReading, Toolpath};
+    use crate::unit::LengthUnit;
+
+    const FREE: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
+
+    fn machine(nose: SolidShape) -> Machine {
+        let axis = |letter, direction| RotaryAxis {
+            letter,
+            side: Side::Table,
+            direction,
+            centre: DVec3::new(0.0, 0.0, -300.0),
+            range: FREE,
+        };
+        Machine {
+            name: "trunnion".into(),
+            unit: LengthUnit::Mm,
+            rotary: vec![axis('A', DVec3::X), axis('C', DVec3::Z)],
+            travel: [FREE; 3],
+            home: DVec3::ZERO,
+            preferred: None,
+            offsets: [(54, DVec3::new(0.0, 0.0, -250.0))].into(),
+            solids: vec![MachineSolid { name: "nose".into(), side: Side::Head, level: 0, shape: nose }],
+        }
+    }
+
+    #[test]
+    fn a_nose_that_comes_down_on_the_stock_is_told_as_deep_as_it_is() {
+        // A block with its top at z = 0 and a well in its middle, in which the tool has room.
+        let grid = Grid { origin: DVec3::new(-30.0, -30.0, -40.0), pitch: 1.0, dims: [60, 60, 40] };
+        let beside = |index: usize| u8::from(grid.centre(grid.voxel(index)).truncate().length() > 12.0);
+        let stock = Occupancy { grid, solid: (0..grid.len()).map(beside).collect() };
+        let tool = revolved([
+            (ElementKind::Cutter, vec![line(0.0, 10.0, 3.0, 3.0)]),
+            (ElementKind::Holder(0), vec![line(10.0, 24.0, 9.0, 9.0)]),
+        ]);
+        let cylinder = SolidShape::Cylinder { base: DVec3::ZERO, top: DVec3::Z * 30.0, diameter: 50.0 };
+        let (lower, upper) = (DVec3::new(-28.0, -20.0, 0.0), DVec3::new(25.0, 25.0, 30.0));
+        for nose in [cylinder, SolidShape::Box { lower, upper }] {
+            let machine = machine(nose);
+            let reading =
+                PathReading { unit: LengthUnit::Mm, machine: Some(&machine), lengths: &[(None, 24.0)] };
+            let path =
+                Toolpath::parse("x,y,z,A,C\n0,0,9,0,0\n0,0,-23,0,0\n0,0,-26,0,0\n", reading, "path.csv")
+                    .unwrap();
+            let machine = MachineBodies::new(machine.clone(), 1.0, Control::quiet()).unwrap();
+            let part = Occupancy::empty(grid);
+            let bodies = CheckBodies { part: &part, fixtures: &[], machine: Some(&machine) };
+            let settings = CheckSettings::of_pitch(1.0, LengthUnit::Mm);
+            let tools = [(None, &tool)];
+            let report = check_stock(bodies, &stock, &tools, &path, &settings, Control::quiet()).unwrap();
+            let found: Vec<_> =
+                report.colliding.iter().flat_map(|l| l.collisions.iter().map(move |c| (l.line, c))).collect();
+            assert_eq!(found.len(), 1, "{found:?}");
+            let (line, hit) = found[0];
+            assert_eq!((line, hit.element.as_str(), &hit.against), (4, "nose", &HitBody::Stock));
+            assert!((hit.depth - 2.0).abs() < 1e-6, "{hit:?}");
+            assert_eq!(hit.position, [0.0, 0.0, -26.0]);
+            // With room to keep it is too near before.
+            let near = CheckSettings {
+                clearance: crate::tool::Clearance { holder: 1.5, ..Default::default() },
+                ..settings
+            };
+            let report = check_stock(bodies, &stock, &tools, &path, &near, Control::quiet()).unwrap();
+            assert_eq!(report.colliding[0].line, 3);
+        }
+    }
+}
