@@ -62,7 +62,6 @@ fn a_facing_pass_cuts_its_volume_and_what_is_left_is_a_stock_again() {
     let volumes = table.lines().skip(1).map(|line| line.split(',').nth(3).unwrap().parse::<f64>().unwrap());
     assert!((volumes.sum::<f64>() - number("removed")).abs() < 1e-3);
     let files = json!(["collisions.csv", "removed.csv", "stock.vti", "stock.stl", "summary.json"]);
-    assert_eq!(found["files"], Value::Null);
     let summary: Value = serde_json::from_str(&folder.read("out/summary.json")).unwrap();
     assert_eq!(summary["files"], files);
     let voxels = std::fs::read(folder.path("out/stock.vti")).unwrap();
@@ -130,7 +129,7 @@ fn a_stock_that_cannot_be_meant_is_refused_or_told() {
     };
     refuse("box:-1", "must not be negative");
     refuse("nowhere.stl", "the stock nowhere.stl cannot be used");
-    refuse("box:100000", "a larger --pitch");
+    refuse("box:100000", "choose a larger pitch");
     folder.write("small.obj", BLOCK.replace("-15", "-1").replace("15", "1"));
     let run = check(&folder, "free.csv", &["--stock", "small.obj"]);
     assert!(

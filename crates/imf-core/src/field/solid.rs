@@ -22,7 +22,7 @@ use pulp::Arch;
 use crate::pose::{Pose, axis_of};
 use crate::tool::{Element, Segment, Tool, ToolError, ToolShape, snapped};
 use inscribed::InscribedSpheres;
-pub(crate) use lines::BodyLines;
+pub(crate) use lines::{BodyLines, LineVisitor};
 use oriented::OrientedTools;
 use runs::{Within, count, first_solid};
 use segment::{PlacedSegment, VoxelPose};

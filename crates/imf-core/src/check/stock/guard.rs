@@ -4,7 +4,7 @@ use glam::{DQuat, DVec3};
 
 use super::super::HitBody;
 use super::super::elements::{DeepestCentre, DepthElement, Shape, Step, Track};
-use super::voxels::{BLOCK, BitLines, StockVoxels};
+use super::voxels::{BLOCK, BitLines, Looking, StockVoxels};
 use crate::field::solid::BodyLines;
 use crate::pose::Pose;
 use crate::tool::{Element, Tool, distance_to_mesh, snapped};
@@ -45,14 +45,23 @@ impl Approach {
         if self.free_for > 0.0 {
             return true;
         }
-        let levels = [stock.blocks(), stock.fine()].into_iter().zip(&self.offset).zip(ROOM);
-        for ((level, lines), room) in levels {
-            let Some(lines) = lines else { continue };
-            let mut free = true;
-            lines.visit(&level.grid, pose, &mut |x, y, from, to| {
-                free = !level.holds_any(x, y, from, to);
-                free
+        let [by_blocks, by_voxels] = &self.offset;
+        let blocks = stock.blocks();
+        let mut free = [by_blocks.is_some(), by_voxels.is_some()];
+        if let Some(lines) = by_blocks {
+            lines.visit(&blocks.grid, pose, &mut |x, y, from, to| {
+                free[0] = !blocks.holds_any(x, y, from, to);
+                free[0]
             });
+        }
+        if let (Some(lines), false) = (by_voxels, free[0]) {
+            let line = |x, y, from, to| {
+                free[1] = !stock.fine().holds_any(x, y, from, to);
+                free[1]
+            };
+            lines.visit(&stock.fine().grid, pose, &mut Looking { stock, line });
+        }
+        for (room, free) in ROOM.into_iter().zip(free) {
             if free {
                 self.free_for = (room - MARGIN) * stock.fine().grid.pitch;
                 return true;
@@ -147,17 +156,18 @@ impl Guard {
         let (tip, rotation) = (snapped(grid, pose.position), pose.rotation.normalize());
         let place = Place { tip, axis, rotation, pitch: grid.pitch };
         let mut touches = false;
-        self.lines.visit(grid, pose, &mut |x, y, from, to| {
+        let line = |x, y, from, to| {
             stock.visit([x, y], from, to, part, &mut |z| {
                 touches = self.touches(&place, [x, y, z]);
                 !touches
             })
-        });
+        };
+        self.lines.visit(grid, pose, &mut Looking { stock, line });
         if !touches || !track.meets(step, grid.pitch) {
             return;
         }
         let mut found = DeepestCentre::default();
-        self.lines.visit(grid, pose, &mut |x, y, from, to| {
+        let line = |x, y, from, to| {
             stock.visit([x, y], from, to, part, &mut |z| {
                 if self.touches(&place, [x, y, z]) {
                     // The next empty centre is a pitch away, or farther.
@@ -166,7 +176,8 @@ impl Guard {
                 }
                 true
             })
-        });
+        };
+        self.lines.visit(grid, pose, &mut Looking { stock, line });
         track.take(found.depth, || {
             found.collision(&self.measured, &HitBody::Stock, grid, step.fraction, pose)
         });

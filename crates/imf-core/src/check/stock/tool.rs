@@ -5,7 +5,7 @@ use super::super::motions::Motion;
 use super::super::{CheckError, CheckSettings, Collision};
 use super::guard::{Approach, Guard};
 use super::head::{Heads, HeadsOnTheWay};
-use super::voxels::{BitLines, StockVoxels};
+use super::voxels::{BitLines, StockVoxels, Taking};
 use crate::field::solid::BodyLines;
 use crate::tool::{Element, ElementKind, Tool, ToolShape};
 
@@ -121,10 +121,7 @@ impl<'a> StockTool<'a> {
             let Some(cutter) = &mut self.cutter else { continue };
             if !cutter.approach.is_away(stock, &pose, motion.step) {
                 let grid = stock.fine().grid;
-                cutter.lines.visit(&grid, &pose, &mut |x, y, from, to| {
-                    stock.take([x, y], from, to, taken);
-                    true
-                });
+                cutter.lines.visit(&grid, &pose, &mut Taking { stock, taken: &mut *taken });
             }
         }
         let mut found: Vec<_> = tracks.into_iter().filter_map(Track::finish).collect();

@@ -3,6 +3,9 @@
 //! Taking voxels away changes the bits and the counts of these voxels alone; the result is what would be made anew of what is
 //! left, bit for bit.
 
+use std::ops::Range;
+
+use crate::field::solid::LineVisitor;
 use crate::grid::Grid;
 use crate::occupancy::Occupancy;
 
@@ -113,6 +116,13 @@ impl StockVoxels {
         &self.blocks
     }
 
+    /// False where no voxel between these is solid, as its blocks say.
+    #[inline(always)]
+    fn may_hold(&self, x: usize, y: &Range<usize>, z: &Range<usize>) -> bool {
+        let (from, to) = (z.start / BLOCK, (z.end - 1) / BLOCK + 1);
+        (y.start / BLOCK..=(y.end - 1) / BLOCK).any(|y| self.blocks.holds_any(x / BLOCK, y, from, to))
+    }
+
     /// Takes a run of a line away. `taken` gets what was there: the index of a voxel, and a bit for each from there on.
     #[inline]
     pub(super) fn take(
@@ -169,6 +179,43 @@ impl StockVoxels {
             }
             true
         })
+    }
+}
+
+/// Looks at the stock on lines where it may be.
+pub(super) struct Looking<'a, F> {
+    pub(super) stock: &'a StockVoxels,
+    pub(super) line: F,
+}
+
+impl<F: FnMut(usize, usize, usize, usize) -> bool> LineVisitor for Looking<'_, F> {
+    #[inline(always)]
+    fn may_hold(&self, x: usize, y: Range<usize>, z: Range<usize>) -> bool {
+        self.stock.may_hold(x, &y, &z)
+    }
+
+    #[inline(always)]
+    fn line(&mut self, x: usize, y: usize, from: usize, to: usize) -> bool {
+        (self.line)(x, y, from, to)
+    }
+}
+
+/// Takes away what lines hold.
+pub(super) struct Taking<'a, F> {
+    pub(super) stock: &'a mut StockVoxels,
+    pub(super) taken: F,
+}
+
+impl<F: FnMut(usize, u64)> LineVisitor for Taking<'_, F> {
+    #[inline(always)]
+    fn may_hold(&self, x: usize, y: Range<usize>, z: Range<usize>) -> bool {
+        self.stock.may_hold(x, &y, &z)
+    }
+
+    #[inline(always)]
+    fn line(&mut self, x: usize, y: usize, from: usize, to: usize) -> bool {
+        self.stock.take([x, y], from, to, &mut self.taken);
+        true
     }
 }
 

@@ -1,5 +1,7 @@
 //! The runs of voxel centres that one body holds, line by line along z: for voxels that change, which no sum is kept of.
 
+use std::ops::Range;
+
 use pulp::{Arch, Simd, WithSimd};
 
 use super::runs::Silhouette;
@@ -8,6 +10,25 @@ use super::{Body, body_segments};
 use crate::grid::Grid;
 use crate::pose::Pose;
 use crate::tool::{Element, snapped};
+
+/// Who looks at the lines of a body.
+pub(crate) trait LineVisitor {
+    /// False where nothing is to be seen at any of the lines `y` of one x between two heights: they are passed over.
+    #[inline(always)]
+    fn may_hold(&self, _x: usize, _y: Range<usize>, _z: Range<usize>) -> bool {
+        true
+    }
+
+    /// A line at x and y, and the voxels on it that the body holds; false ends the visit.
+    fn line(&mut self, x: usize, y: usize, from: usize, to: usize) -> bool;
+}
+
+impl<F: FnMut(usize, usize, usize, usize) -> bool> LineVisitor for F {
+    #[inline(always)]
+    fn line(&mut self, x: usize, y: usize, from: usize, to: usize) -> bool {
+        self(x, y, from, to)
+    }
+}
 
 /// A body of revolution as runs on the lines of any grid of one pitch.
 pub(crate) struct BodyLines {
@@ -22,45 +43,48 @@ impl BodyLines {
         Some(Self { body: Body::new(element, pitch)?, pitch, arch: Arch::new() })
     }
 
-    /// Visits every line of the grid that holds centres in the body at a pose, by the predicate that defines the tool: x, y, the
-    /// first z and one past the last. A line comes once for each segment of the outline that it meets, with other voxels each
-    /// time. Ends where `visit` returns false. Nothing at an invalid pose.
+    /// Visits every line of the grid that holds centres in the body at a pose, by the predicate that defines the tool. A line comes once
+    /// for each segment of the outline that it meets, with other voxels each time. Nothing at an invalid pose.
     ///
     /// # Panics
     /// If the grid is of another pitch.
-    pub(crate) fn visit(
-        &self,
-        grid: &Grid,
-        pose: &Pose,
-        visit: &mut impl FnMut(usize, usize, usize, usize) -> bool,
-    ) {
+    pub(crate) fn visit(&self, grid: &Grid, pose: &Pose, visitor: &mut impl LineVisitor) {
         assert!(grid.pitch == self.pitch, "the grid's pitch is the body's");
         let Some(direction) = pose.axis() else { return };
         let placed = VoxelPose { tip: snapped(grid, pose.position), direction, pitch: self.pitch };
         for segment in body_segments(&self.body, placed) {
-            if !self.arch.dispatch(Pass { segment: &segment, dims: grid.dims, visit: &mut *visit }) {
+            if !self.arch.dispatch(Pass { segment: &segment, dims: grid.dims, visitor: &mut *visitor }) {
                 return;
             }
         }
     }
 }
 
-struct Pass<'a, F> {
+struct Pass<'a, V> {
     segment: &'a PlacedSegment<'a>,
     dims: [usize; 3],
-    visit: &'a mut F,
+    visitor: &'a mut V,
 }
 
-impl<F: FnMut(usize, usize, usize, usize) -> bool> WithSimd for Pass<'_, F> {
+impl<V: LineVisitor> WithSimd for Pass<'_, V> {
     type Output = bool;
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> bool {
-        let Self { segment, dims, visit } = self;
+        let Self { segment, dims, visitor } = self;
         let [nx, ny, nz] = dims.map(|n| n as i64);
         let tip = segment.placed.tip;
         let (x_low, x_high) = segment.columns();
         let silhouette = Silhouette::new(segment);
+        let d = segment.placed.direction;
+        let spread = (1.0 - d.z * d.z).max(0.0).sqrt() * segment.widest;
+        let (one, other) = (segment.from * d.z, segment.to * d.z);
+        // As a cast of what is below 0 gives 0.
+        let lowest = (tip.z + one.min(other) - spread).floor() as usize;
+        let heights = lowest..((tip.z + one.max(other) + spread).ceil() as usize + 1).min(dims[2]);
+        if heights.is_empty() {
+            return true;
+        }
         // A quarter of a voxel off the last centres: an end that was cut off there is sure.
         let cut = (-0.25, nz as f64 - 0.25);
         for x in x_low.max(0)..=x_high.min(nx - 1) {
@@ -69,19 +93,23 @@ impl<F: FnMut(usize, usize, usize, usize) -> bool> WithSimd for Pass<'_, F> {
             let (mut y, high) = (low.max(0), high.min(ny - 1));
             while y <= high {
                 let lanes = ((high - y + 1) as usize).min(LANES);
-                let runs = segment.runs(simd, across, y as f64 - tip.y, cut);
+                let first = y as usize;
+                y += LANES as i64;
+                if !visitor.may_hold(x as usize, first..first + lanes, heights.clone()) {
+                    continue;
+                }
+                let runs = segment.runs(simd, across, first as f64 - tip.y, cut);
                 for lane in 0..lanes {
                     let (from, to) = if runs.doubt {
-                        let (from, to) = segment.run(x, y + lane as i64, (0, nz - 1));
+                        let (from, to) = segment.run(x, (first + lane) as i64, (0, nz - 1));
                         (from as i32, to as i32)
                     } else {
                         runs.run(lane)
                     };
-                    if from < to && !visit(x as usize, y as usize + lane, from as usize, to as usize) {
+                    if from < to && !visitor.line(x as usize, first + lane, from as usize, to as usize) {
                         return false;
                     }
                 }
-                y += LANES as i64;
             }
         }
         true
