@@ -76,15 +76,6 @@ impl<V: LineVisitor> WithSimd for Pass<'_, V> {
         let tip = segment.placed.tip;
         let (x_low, x_high) = segment.columns();
         let silhouette = Silhouette::new(segment);
-        let d = segment.placed.direction;
-        let spread = (1.0 - d.z * d.z).max(0.0).sqrt() * segment.widest;
-        let (one, other) = (segment.from * d.z, segment.to * d.z);
-        // As a cast of what is below 0 gives 0.
-        let lowest = (tip.z + one.min(other) - spread).floor() as usize;
-        let heights = lowest..((tip.z + one.max(other) + spread).ceil() as usize + 1).min(dims[2]);
-        if heights.is_empty() {
-            return true;
-        }
         // A quarter of a voxel off the last centres: an end that was cut off there is sure.
         let cut = (-0.25, nz as f64 - 0.25);
         for x in x_low.max(0)..=x_high.min(nx - 1) {
@@ -95,7 +86,13 @@ impl<V: LineVisitor> WithSimd for Pass<'_, V> {
                 let lanes = ((high - y + 1) as usize).min(LANES);
                 let first = y as usize;
                 y += LANES as i64;
-                if !visitor.may_hold(x as usize, first..first + lanes, heights.clone()) {
+                let y_last = (first + lanes - 1) as f64 - tip.y;
+                let (low, high) = segment.z_range(across, (first as f64 - tip.y, y_last));
+                // A cast of what is below 0 gives 0.
+                let (low, high) =
+                    ((tip.z + low).ceil() as usize, (tip.z + high + 1.0).floor().max(0.0) as usize);
+                let high = high.min(dims[2]);
+                if low >= high || !visitor.may_hold(x as usize, first..first + lanes, low..high) {
                     continue;
                 }
                 let runs = segment.runs(simd, across, first as f64 - tip.y, cut);

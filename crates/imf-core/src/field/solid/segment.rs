@@ -333,6 +333,23 @@ impl<'a> PlacedSegment<'a> {
         }
     }
 
+    /// Lowest and highest z, relative to the tip, at which lines between two at `(x, y)` may meet the segment; both a little generous.
+    #[inline(always)]
+    pub(super) fn z_range(&self, x: f64, (y_low, y_high): (f64, f64)) -> (f64, f64) {
+        let d = self.placed.direction;
+        let spread = (1.0 - d.z * d.z).max(0.0).sqrt() * self.widest;
+        let (one, other) = (self.from * d.z, self.to * d.z);
+        let (mut low, mut high) = (one.min(other) - spread, one.max(other) + spread);
+        if !self.level {
+            let (one, other) = (x * d.x + y_low * d.y, x * d.x + y_high * d.y);
+            let (flat_low, flat_high) = (one.min(other), one.max(other));
+            let (near, far) = if d.z > 0.0 { (flat_high, flat_low) } else { (flat_low, flat_high) };
+            low = low.max((self.near - near) * self.per_height);
+            high = high.min((self.far - far) * self.per_height);
+        }
+        (low - 1e-3, high + 1e-3)
+    }
+
     /// Whole x whose lines may meet the segment.
     pub(super) fn columns(&self) -> (i64, i64) {
         let d = self.placed.direction;
