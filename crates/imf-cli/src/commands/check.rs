@@ -120,8 +120,7 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
             let found = check_stock(around, &stock.voxels, &numbered, &toolpath, &settings, control);
             let found = found.map_err(|error| named(error, arguments))?;
             stage.finish("");
-            let (part, unit) = (&bodies.part, record.unit);
-            Some(StockResult::new(stock, found, &mut report, part, settings, &toolpath, unit))
+            Some(StockResult::new(stock, found, &mut report, &bodies.part, settings, &toolpath, record))
         }
     };
     let mut written = Vec::new();

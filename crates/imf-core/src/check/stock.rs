@@ -80,6 +80,32 @@ pub struct StockReport {
 ///
 /// # Errors
 /// As [`check_toolpath`](super::check_toolpath); a tool that is a mesh, of which is not known what cuts; a stock on other voxels than the part.
+///
+/// # Example
+/// A ball of 10 mm along the top of a block, as deep as its radius:
+/// ```
+/// use imf_core::check::{CheckBodies, CheckSettings, check_stock};
+/// use imf_core::control::Control;
+/// use imf_core::glam::DVec3;
+/// use imf_core::grid::Grid;
+/// use imf_core::occupancy::Occupancy;
+/// use imf_core::tool::Tool;
+/// use imf_core::toolpath::Toolpath;
+/// use imf_core::unit::LengthUnit;
+///
+/// let grid = Grid { origin: DVec3::splat(-20.0), pitch: 1.0, dims: [40, 40, 20] };
+/// let stock = Occupancy { grid, solid: vec![1; grid.len()] };
+/// let part = Occupancy { grid, solid: vec![0; grid.len()] };
+/// let bodies = CheckBodies { part: &part, fixtures: &[], machine: None };
+/// let path = Toolpath::parse("x,y,z\n-30,0,-5\n30,0,-5\n", LengthUnit::Mm, "path.csv")?;
+/// let settings = CheckSettings::of_pitch(1.0, LengthUnit::Mm);
+/// let report = check_stock(bodies, &stock, &[(None, &Tool::paper())], &path, &settings, Control::quiet())?;
+/// assert!(report.colliding.is_empty());
+/// // Half a disc over the length of the block, in voxels of 1 mm³.
+/// let expected = 0.5 * std::f64::consts::PI * 25.0 * 40.0;
+/// assert!((report.removed[1].voxels as f64 / expected - 1.0).abs() < 0.05);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn check_stock(
     bodies: CheckBodies<'_>,
     stock: &Occupancy,

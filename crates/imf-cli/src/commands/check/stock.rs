@@ -82,6 +82,8 @@ pub(super) struct StockResult {
     settings: CheckSettings,
     /// None of the path's lines is known to be at rapid rate.
     no_rapids: bool,
+    /// The part's voxels reach out of it.
+    conservative: bool,
 }
 
 impl StockResult {
@@ -93,12 +95,13 @@ impl StockResult {
         part: &Occupancy,
         settings: CheckSettings,
         toolpath: &Toolpath,
-        unit: LengthUnit,
+        record: &SceneRecord,
     ) -> Self {
         checked.add(std::mem::take(&mut report.colliding));
         let left = report.left_beside(part);
         let no_rapids = toolpath.locations.iter().all(|location| location.kind != MoveKind::Rapid);
-        Self { name: input.name, unit, report, left, settings, no_rapids }
+        let (unit, conservative) = (record.unit, record.conservative);
+        Self { name: input.name, unit, report, left, settings, no_rapids, conservative }
     }
 
     /// Places into the frame of the answer.
@@ -183,7 +186,12 @@ impl StockResult {
         };
         let _ = writeln!(text, "  {touched}; {rapid}");
         if of_part > 0 {
-            let _ = writeln!(text, "  of the part itself {} are cut away", show(of_part));
+            let whose = if self.conservative {
+                "the part's voxels, which reach out of it,"
+            } else {
+                "the part itself"
+            };
+            let _ = writeln!(text, "  of {whose} {} are cut away", show(of_part));
         }
         let far = self.left.farthest.map_or_else(String::new, |farthest| {
             let at = self.left.place.map(short).join(",");

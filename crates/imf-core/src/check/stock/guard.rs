@@ -24,14 +24,19 @@ pub(super) struct Approach {
     offset: [Option<BodyLines>; 2],
     /// What may still be moved, in the grid's unit.
     free_for: f64,
+    /// Poses at which it is not tried again, as it was close at the last try.
+    close_for: u32,
 }
+
+/// Trying costs as much as looking at the body itself: where it was close, it is worth it every so many poses.
+const CLOSE_FOR: u32 = 7;
 
 impl Approach {
     pub(super) fn new(element: &Element, pitch: f64) -> Self {
         let by_blocks = element.offset((BLOCK_REACH + ROOM[0]) * pitch);
         let by_voxels = element.offset(ROOM[1] * pitch);
         let offset = [BodyLines::new(&by_blocks, BLOCK as f64 * pitch), BodyLines::new(&by_voxels, pitch)];
-        Self { offset, free_for: 0.0 }
+        Self { offset, free_for: 0.0, close_for: 0 }
     }
 
     /// Nothing is known of where the body was.
@@ -44,6 +49,10 @@ impl Approach {
         self.free_for -= moved;
         if self.free_for > 0.0 {
             return true;
+        }
+        if self.close_for > 0 {
+            self.close_for -= 1;
+            return false;
         }
         let [by_blocks, by_voxels] = &self.offset;
         let blocks = stock.blocks();
@@ -67,6 +76,7 @@ impl Approach {
                 return true;
             }
         }
+        self.close_for = CLOSE_FOR;
         false
     }
 }
