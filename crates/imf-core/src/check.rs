@@ -19,10 +19,12 @@ mod elements;
 mod machine;
 mod motions;
 mod report;
+mod stick_out;
 mod stock;
 
 pub use machine::MachineBodies;
 pub use report::{CheckReport, Collision, HitBody, LineCollisions, TravelFault};
+pub use stick_out::{PathStickOut, least_stick_outs};
 pub use stock::{LineRemoval, StockLeft, StockReport, check_stock};
 
 use std::sync::Arc;
@@ -31,15 +33,16 @@ use serde::Serialize;
 use thiserror::Error;
 
 use crate::control::Control;
-use crate::machine::OutOfTravel;
 use crate::occupancy::Occupancy;
 use crate::parallel;
 use crate::pose::Pose;
+use crate::surface::SurfaceError;
 use crate::tool::{Clearance, ClearanceError, Tool, ToolError};
 use crate::toolpath::Toolpath;
 use crate::unit::LengthUnit;
 use elements::{Body, Elements};
-use machine::MachinePairs;
+use machine::{Beyond, MachinePairs};
+pub use motions::cutters_not_compared;
 use motions::{motions, rigid};
 
 /// Accepted contact, clearances, and how densely the path is sampled. Lengths in the unit of the part's grid.
@@ -259,6 +262,9 @@ pub enum CheckError {
     /// The stock lies between the part's voxels.
     #[error("the voxels of the stock are not those of the part and the fixtures")]
     StockGrid,
+    /// No stick-out can be found for the tool.
+    #[error(transparent)]
+    StickOut(#[from] SurfaceError),
     /// The caller's [`Control`] asked to stop.
     #[error("interrupted")]
     Cancelled,
@@ -318,17 +324,18 @@ pub fn check_toolpath(
             let location = &toolpath.locations[own[place]];
             let (line, tool, kind) = (location.line, location.tool, location.kind);
             let mut collisions = elements.collisions(motion, &is_free);
-            let mut beyond = None;
+            let mut beyond = Vec::new();
             if let Some(pairs) = &pairs {
                 let (more, out) = pairs.follow(motion, line)?;
                 collisions.extend(more);
-                beyond = out.map(|(OutOfTravel { axis, value, range }, fraction)| TravelFault {
+                beyond.extend(out.into_iter().map(|Beyond { first, fraction, farthest }| TravelFault {
                     line,
-                    axis,
-                    value,
-                    range: range.map(|end| end.is_finite().then_some(end)),
+                    axis: first.axis,
+                    value: first.value,
+                    farthest,
+                    range: first.range.map(|end| end.is_finite().then_some(end)),
                     fraction,
-                });
+                }));
             }
             (control.progress)(1);
             let found = LineCollisions { line, tool, kind, poses: motion.count, collisions };

@@ -23,9 +23,8 @@ mod solids;
 
 pub use inverse::{NoAngles, RotarySolutions};
 pub use limits::AxisLimits;
-pub(crate) use motion::Ball;
 pub use motion::MachineMotion;
-pub(crate) use solids::box_mesh;
+pub(crate) use motion::{Ball, Placement};
 pub use solids::{MachineSolid, SolidShape};
 
 use std::collections::BTreeMap;
@@ -234,12 +233,17 @@ impl Machine {
     /// The first axis that is beyond its range, linear ones first.
     #[must_use]
     pub fn out_of_travel(&self, joints: &Joints) -> Option<OutOfTravel> {
+        self.all_out_of_travel(joints).next()
+    }
+
+    /// Every axis that is beyond its range, linear ones first.
+    pub(crate) fn all_out_of_travel(&self, joints: &Joints) -> impl Iterator<Item = OutOfTravel> {
         let linear = ['X', 'Y', 'Z'].into_iter().zip(joints.linear.to_array()).zip(self.travel);
         let rotary =
             self.rotary.iter().zip(joints.rotary).map(|(axis, angle)| ((axis.letter, angle), axis.range));
         let beyond = |value: f64, range: [f64; 2]| !(range[0] - SLACK..=range[1] + SLACK).contains(&value);
-        let mut all = linear.chain(rotary).filter(|&((_, value), range)| beyond(value, range));
-        all.next().map(|((axis, value), range)| OutOfTravel { axis, value, range })
+        let all = linear.chain(rotary).filter(move |&((_, value), range)| beyond(value, range));
+        all.map(|((axis, value), range)| OutOfTravel { axis, value, range })
     }
 }
 

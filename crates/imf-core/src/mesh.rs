@@ -28,6 +28,21 @@ pub struct Mesh {
 }
 
 impl Mesh {
+    /// The box between two corners, its triangles facing outwards.
+    #[must_use]
+    pub fn cuboid(lower: DVec3, upper: DVec3) -> Self {
+        let corner = |i: usize| {
+            let pick = |bit: usize, low: f64, high: f64| if i >> bit & 1 == 0 { low } else { high };
+            DVec3::new(pick(0, lower.x, upper.x), pick(1, lower.y, upper.y), pick(2, lower.z, upper.z))
+        };
+        let sides: [[u32; 4]; 6] =
+            [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        Self {
+            vertices: (0..8).map(corner).collect(),
+            triangles: sides.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect(),
+        }
+    }
+
     /// The lower and upper corner of the box around the vertices that triangles use; `None` without triangles.
     #[must_use]
     pub fn bounds(&self) -> Option<(DVec3, DVec3)> {

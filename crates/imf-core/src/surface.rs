@@ -21,11 +21,12 @@ mod stick_out;
 
 pub use access::{SurfaceAccess, surface_access, surface_memory_estimate};
 pub use crib::crib_access;
-pub use culprits::{LeastOverlap, culprits, least_overlaps};
+pub use culprits::{ElementCollision, LeastOverlap, culprits, least_overlaps};
 pub use environment::{CollisionEnvironment, SolidBody};
 pub use patches::SurfacePatch;
 pub use samples::{SurfaceSample, SurfaceSamples};
 pub use setups::{ChosenSetup, PartSetup, SetupPlan, fewest_setups, ways_up};
+pub(crate) use stick_out::Raising;
 pub use stick_out::{StickOut, StickOutTool, least_stick_outs};
 
 use glam::{DQuat, DVec3};
@@ -132,8 +133,8 @@ pub struct SurfaceTool {
     name: String,
     shape: Shape,
     tolerance: f64,
-    /// The elements that [`Reach::Obstructed`] can name: kind, and field against each body.
-    elements: Vec<(ElementKind, Vec<SolidField>)>,
+    /// The elements that [`Reach::Obstructed`] can name: as they are tried, and field against each body.
+    elements: Vec<(Element, Vec<SolidField>)>,
     /// Most bodies of one element that 64 bits can tell apart.
     bodies: usize,
 }
@@ -157,6 +158,8 @@ struct Revolved {
     highest: f64,
     /// What lies deeper in the cutter than the tolerance, against the part.
     cutter: SolidField,
+    /// The same as an element.
+    eroded: Element,
     /// The same against the fixtures.
     held: Option<SolidField>,
     /// Shank and holder.
@@ -243,12 +246,12 @@ impl SurfaceTool {
         let held = environment.fixtures.as_ref().map(of_cutter).transpose()?;
         let at_fixtures = bodies.iter().map(|[centres, _]| of_cutter(centres));
         if held.is_some() {
-            elements.push((ElementKind::Cutter, at_fixtures.collect::<Result<Vec<_>, _>>()?));
+            elements.push((eroded[0].clone(), at_fixtures.collect::<Result<Vec<_>, _>>()?));
         }
         for element in offset.into_iter().filter(|e| e.kind != ElementKind::Cutter) {
             let element = std::slice::from_ref(&element);
             let alone = bodies.iter().map(|[_, body]| SolidField::of_elements(body.clone(), element));
-            elements.extend(alone.collect::<Option<Vec<_>>>().map(|alone| (element[0].kind, alone)));
+            elements.extend(alone.collect::<Option<Vec<_>>>().map(|alone| (element[0].clone(), alone)));
         }
         let touching = cutter.offset(tolerance);
         let pitch = environment.part.occupancy().grid.pitch;
@@ -257,6 +260,7 @@ impl SurfaceTool {
             end: cutter,
             highest: outline.highest(tolerance),
             cutter: of_cutter(&environment.part)?,
+            eroded: eroded[0].clone(),
             held,
             above: assembly.noncutting().cloned(),
             rest: assembly.noncutting().map(|tool| SolidField::of_tool(environment.keep_out.clone(), tool)),
@@ -280,7 +284,7 @@ impl SurfaceTool {
     /// fixtures. The cutter is named for fixtures alone.
     pub fn hits(&self, hits: u64) -> impl Iterator<Item = (ElementKind, usize)> {
         let set = (0..64).filter(move |bit| hits >> bit & 1 == 1);
-        set.filter_map(|bit| Some((self.elements.get(bit / self.bodies)?.0, bit % self.bodies)))
+        set.filter_map(|bit| Some((self.elements.get(bit / self.bodies)?.0.kind, bit % self.bodies)))
     }
 
     /// The verdict on one sample; `free` is called with every direction from which it is reached.
@@ -334,9 +338,9 @@ impl SurfaceTool {
 
     fn colliding(&self, tip: DVec3, axis: DVec3) -> u64 {
         let mut hits = 0;
-        for (index, (kind, against)) in self.elements.iter().enumerate() {
+        for (index, (element, against)) in self.elements.iter().enumerate() {
             for (body, solid) in against.iter().enumerate() {
-                let blamed = *kind != ElementKind::Cutter || body > 0;
+                let blamed = element.kind != ElementKind::Cutter || body > 0;
                 if blamed && solid.meets(tip, axis, None, None) {
                     // The last bit stands for all bodies beyond.
                     hits |= 1 << (index * self.bodies + body.min(self.bodies - 1));

@@ -55,6 +55,9 @@ pub(crate) struct CheckArguments {
     /// Nothing but the cutter may touch it, and no rapid may cut it
     #[arg(long, value_name = "STOCK")]
     pub(crate) stock: Option<String>,
+    /// The least stick-out of each tool with which shank and holder are free on the whole path, its holder moved along its shank
+    #[arg(long)]
+    pub(crate) stickout: bool,
     /// A page with part, fixtures and path in 3D, lines that collide in red: one file that a browser opens without network
     #[arg(long, value_name = "FILE")]
     pub(crate) html: Option<PathBuf>,

@@ -158,7 +158,7 @@ impl Stock {
             _ => None,
         };
         if let Some(margin) = margin {
-            let mesh = box_mesh(part_box.0 - margin, part_box.1 + margin);
+            let mesh = Mesh::cuboid(part_box.0 - margin, part_box.1 + margin);
             let around =
                 if margin > 0.0 { format!(" and {margin} {part_unit} around") } else { String::new() };
             return Ok(Self { name: format!("the part's box{around}"), mesh });
@@ -167,20 +167,6 @@ impl Stock {
             .with_context(|| format!("the stock {text} cannot be used"))?;
         let file = file.around_part_in(part_unit);
         Ok(Self { name: file.name, mesh: file.mesh.transformed(transform) })
-    }
-}
-
-/// The box between two corners, triangles outwards.
-fn box_mesh(lower: DVec3, upper: DVec3) -> Mesh {
-    let corner = |i: usize| {
-        let pick = |bit: usize, low: f64, high: f64| if i >> bit & 1 == 0 { low } else { high };
-        DVec3::new(pick(0, lower.x, upper.x), pick(1, lower.y, upper.y), pick(2, lower.z, upper.z))
-    };
-    let sides: [[u32; 4]; 6] =
-        [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-    Mesh {
-        vertices: (0..8).map(corner).collect(),
-        triangles: sides.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect(),
     }
 }
 

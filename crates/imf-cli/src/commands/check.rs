@@ -2,24 +2,27 @@
 
 mod files;
 mod picture;
+mod stick_out;
 mod stock;
 mod text;
 mod view;
 
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use anyhow::{Result, ensure};
 use glam::DMat4;
 use imf_core::check::{
-    CheckBodies, CheckError, CheckReport, CheckSettings, MachineBodies, check_stock, check_toolpath,
+    CheckBodies, CheckError, CheckReport, CheckSettings, MachineBodies, PathStickOut, check_stock,
+    check_toolpath, cutters_not_compared, least_stick_outs,
 };
 use imf_core::machine::Machine;
 use imf_core::occupancy::Occupancy;
 use imf_core::pose::Pose;
 use imf_core::scene::{Bodies, PathGuarantee, Scene, SceneRecord};
 use imf_core::tool::{Element, Tool, ToolShape};
-use imf_core::toolpath::{PathReading, Toolpath};
+use imf_core::toolpath::{PathReading, Toolpath, ToolpathError};
 use imf_core::unit::LengthUnit;
 use imf_fields::field::{Field, VerifiedField};
 use serde_json::json;
@@ -47,6 +50,8 @@ struct CheckRun<'a> {
     /// In the frame of the toolpath.
     report: CheckReport,
     stock: Option<StockResult>,
+    /// By tool, where they are looked for.
+    stick_outs: Vec<PathStickOut>,
 }
 
 pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
@@ -70,12 +75,14 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
     };
     let lengths: Vec<_> = tools.iter().map(|(number, tool)| (*number, tool.length())).collect();
     let inputs = PathReading { unit: record.unit, machine: machine.as_ref(), lengths: &lengths };
-    let toolpath = Toolpath::read(&arguments.toolpath, inputs)?.placed(&set_up);
+    let toolpath = Toolpath::read(&arguments.toolpath, inputs);
+    let toolpath = toolpath.map_err(|error| asks_for_machine(error, machine.is_some()))?.placed(&set_up);
     toolpath.remarks.iter().for_each(|remark| session.note(remark));
     if let ([(None, tool)], [Some(number)]) = (tools.as_slice(), toolpath.tools().as_slice()) {
         session
             .note(&format!("the toolpath calls its only tool {number}: it is checked with '{}'", tool.name));
     }
+    let numbered: Vec<(Option<u32>, &Tool)> = tools.iter().map(|(number, tool)| (*number, tool)).collect();
     let settings = arguments.settings(record.grid.pitch, record.unit);
     let read_stock = |text: &String| StockInput::read(session, text, record, &bodies, &meshes[0].1);
     let stock = arguments.stock.as_ref().map(read_stock).transpose()?;
@@ -96,14 +103,29 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
         proven.fetch_add(u64::from(free), Ordering::Relaxed);
         free
     };
+    cutters_not_compared(&toolpath, &numbered).iter().for_each(|remark| session.note(remark));
     let stage = session.stage("checking", "lines", toolpath.locations.len() as u64);
     let advance = |n| stage.advance(n);
     let control = session.control(&advance);
-    let numbered: Vec<(Option<u32>, &Tool)> = tools.iter().map(|(number, tool)| (*number, tool)).collect();
     let around = CheckBodies { part: &bodies.part, fixtures: &bodies.fixtures, machine: machine.as_ref() };
     let report = check_toolpath(around, &numbered, &toolpath, &settings, is_free, control);
-    let mut report = report.map_err(|error| named(error, arguments))?;
+    let stopped = |error: CheckError| match error {
+        CheckError::Cancelled => Interrupted("the toolpath was not checked to its end".into()).into(),
+        other => named(other, arguments),
+    };
+    let mut report = report.map_err(stopped)?;
     stage.finish(&format!("{} poses", report.poses));
+    let mut stick_outs = Vec::new();
+    if arguments.stickout {
+        let stage = session.stage("stick-out", "lines", toolpath.locations.len() as u64);
+        let advance = |n| stage.advance(n);
+        let obstacle = Arc::new(bodies.obstacle());
+        let by = machine.as_ref().map(MachineBodies::machine);
+        let control = session.control(&advance);
+        let found = least_stick_outs(&obstacle, &numbered, &toolpath, &settings, by, control);
+        stick_outs = found.map_err(stopped)?;
+        stage.finish("");
+    }
     if verified.is_some() {
         let free = proven.into_inner();
         session.note(&format!("{free} of {} poses were proven free by the verified field", report.poses));
@@ -118,7 +140,7 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
             let advance = |n| stage.advance(n);
             let control = session.control(&advance);
             let found = check_stock(around, &stock.voxels, &numbered, &toolpath, &settings, control);
-            let found = found.map_err(|error| named(error, arguments))?;
+            let found = found.map_err(stopped)?;
             stage.finish("");
             Some(StockResult::new(stock, found, &mut report, &bodies.part, settings, &toolpath, record))
         }
@@ -143,7 +165,8 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
         report.colliding.iter_mut().flat_map(|line| &mut line.collisions).for_each(|hit| hit.place(&back));
         stock.iter_mut().for_each(|stock| stock.place(&back));
     }
-    let checked = CheckRun { arguments, record, tools, machine: machine.as_ref(), report, stock };
+    let checked =
+        CheckRun { arguments, record, tools, machine: machine.as_ref(), report, stock, stick_outs };
     if let Some(page) = &page {
         let shown = view::bodies(&meshes, &back);
         let path = page.begin()?;
@@ -156,6 +179,14 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
     }
     print_result(session, &json, &text::text(&checked))?;
     if checked.fails() { Err(CollisionFound.into()) } else { Ok(()) }
+}
+
+/// The error, with what a path for a machine lacks.
+fn asks_for_machine(error: ToolpathError, is_given: bool) -> anyhow::Error {
+    let lacks = !is_given && error.to_string().contains("no machine");
+    let error = anyhow::Error::from(error);
+    let remedy = "the path is for a machine: describe it in a file, and name that (--machine FILE)";
+    if lacks { error.context(remedy) } else { error }
 }
 
 /// The error, with the toolpath's name where it is about a line of it.
@@ -215,7 +246,7 @@ impl CheckRun<'_> {
             "toolpath": self.arguments.toolpath, "frame": self.arguments.frame, "part": self.record.part, "tools": tools,
             "unit": self.record.unit, "pitch": self.record.grid.pitch, "conservative": self.record.conservative,
             "collides": !self.report.colliding.is_empty(), "machine": self.machine.map(|bodies| &bodies.machine().name),
-            "report": self.report, "guarantee": self.guarantee(),
+            "report": self.report, "guarantee": self.guarantee(), "stick_outs": self.stick_outs,
             "stock": self.stock.as_ref().map(|stock| stock.json(&self.report)),
         })
     }

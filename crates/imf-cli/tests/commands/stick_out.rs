@@ -107,3 +107,40 @@ fn a_crib_says_of_each_tool_what_the_tool_alone_does() {
     let both = folder.run(&arguments(&["--crib", "crib", "--tool", "short.toml"]));
     assert_eq!(both.code, Some(2), "{}", both.stderr);
 }
+
+/// The slot is 20 deep: a holder of 16 that goes along it on its floor stays above the walls.
+#[test]
+fn a_path_has_one_least_stick_out_and_the_line_that_decides_it() {
+    let folder = workshop();
+    let summary = folder.json(&arguments(&["--tool", "short.toml", "--orientations", "0,0"]));
+    // Places that are obstructed take the walls' height, and the answer says so.
+    let patches = summary["unreached"].as_array().unwrap();
+    let obstructed = patches.iter().find(|patch| patch["why"] == "something is in the way").unwrap();
+    let length = share(&obstructed["stick_out"][0]);
+    assert!(length > 18.0 && length < 19.001, "{obstructed}");
+    let helps = obstructed["would_help"].as_str().unwrap();
+    assert!(helps.contains("instead of 6.0 frees"), "{helps}");
+    let hits = obstructed["hits"].to_string();
+    assert!(hits.contains("mm deep in the part"), "{hits}");
+
+    let [x, y, z] = [0, 1, 2].map(|axis| share(&obstructed["middle"][axis]));
+    // The tip stands beside the wall, clear of it, and goes up.
+    let normal = [0, 1].map(|axis| share(&obstructed["normal"][axis]));
+    let [x, y] = [x + 3.5 * normal[0], y + 3.5 * normal[1]];
+    let path = format!("x,y,z\n{x},{y},60\n{x},{y},{}\n{x},{y},40\n", z.max(1.0) + 1.0);
+    folder.write("path.csv", &path);
+    let check = |tool: &str| {
+        let usual =
+            ["check", "part.obj", "path.csv", "--pitch", "2", "--unit", "mm", "--stickout", "--tool", tool];
+        folder.run(&usual)
+    };
+    let run = check("short.toml");
+    assert!(
+        run.stdout.contains("stick-out of short (set to 6.0 mm, shortest 6.0): the whole path takes "),
+        "{}",
+        run.stdout
+    );
+    assert!(run.stdout.contains(", decided by line 3; as it is set: "), "{}", run.stdout);
+    folder.write("bare.toml", "[cutter]\nshape = 'flat'\ndiameter = 3\nlength = 9\n");
+    check("bare.toml").is_bad_input(&["'bare' has no holder"]);
+}

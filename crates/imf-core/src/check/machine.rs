@@ -12,8 +12,8 @@ use super::elements::{Body, DepthElement, Group, Shape, Step, Track};
 use super::motions::{Motion, poses_needed};
 use super::{CheckError, CheckSettings, Collision, HitBody};
 use crate::control::{Cancelled, Control};
-use crate::field::solid::SolidField;
-use crate::machine::{Ball, Machine, MachineSolid, OutOfTravel, Side, SolidShape, box_mesh};
+use crate::field::solid::{SolidField, SolidVoxels};
+use crate::machine::{Ball, Machine, MachineSolid, OutOfTravel, Placement, Side, SolidShape};
 use crate::mesh::Mesh;
 use crate::occupancy::Occupancy;
 use crate::pose::Pose;
@@ -79,6 +79,15 @@ impl MachineBodies {
     }
 }
 
+/// Added to a ball's radius, in pitches: more than rounding.
+const BALL_MARGIN: f64 = 1e-3;
+
+/// Of two values of an axis the one that is farther beyond its range.
+pub(super) fn farther(one: f64, other: f64, [low, high]: [f64; 2]) -> f64 {
+    let excess = |value: f64| (low - value).max(value - high);
+    if excess(other) > excess(one) { other } else { one }
+}
+
 /// Something that the head carries, as it is tried.
 pub(super) struct HeadBody {
     pub(super) name: String,
@@ -98,22 +107,31 @@ pub(super) enum HeadShape {
 /// One body of the head and one that it must not hit.
 struct Pair<'a> {
     group: Group<'a>,
-    ball: Ball,
     frame: Pose,
-    /// Rotary axes of the table that carry the other, and whether its coordinates are the world's.
-    level: usize,
-    in_world: bool,
     /// A round body around a mesh: where it is free the mesh is.
     around: Option<SolidField>,
 }
 
-/// An axis beyond its range, and how far on the way that is.
-type Beyond = (OutOfTravel, f64);
+/// An axis that leaves its range: where it first does, how far on the way that is, and where it is farthest beyond.
+pub(super) struct Beyond {
+    pub(super) first: OutOfTravel,
+    pub(super) fraction: f64,
+    pub(super) farthest: f64,
+}
+
+/// Pairs that move alike: at the same poses, in the frame of the same level.
+struct Alike<'a> {
+    ball: Ball,
+    level: usize,
+    in_world: bool,
+    /// With what they must not hit, body by body: where the ball is free of it all of them are.
+    pairs: Vec<(SolidVoxels, Vec<Pair<'a>>)>,
+}
 
 /// All pairs of one tool.
 pub(super) struct MachinePairs<'a> {
     machine: &'a Machine,
-    pairs: Vec<Pair<'a>>,
+    groups: Vec<Alike<'a>>,
     /// From the world to where the machine's coordinates are with the table's axes at 0.
     to_machine: Pose,
     tolerance: f64,
@@ -155,69 +173,107 @@ impl<'a> MachinePairs<'a> {
         let head: Vec<HeadBody> =
             of_head.map(|solid| HeadBody::of_solid(solid, room.holder)).collect::<Result<_, _>>()?;
         let table_axes = machine.axes_of(Side::Table);
-        let mut pairs = Vec::new();
-        for (level, body) in table {
-            for own in tool_bodies.iter().chain(&head) {
-                pairs.push(own.against(body, *level, false)?);
+        let mut groups: Vec<Alike<'_>> = Vec::new();
+        let mut add = |own: &[HeadBody], body: &'a Body, level: usize, in_world: bool| {
+            let voxels = SolidVoxels::from(body.voxels().clone());
+            // Of the head, those that one ball is around move alike: the tool's elements.
+            for own in own.chunk_by(|a, b| a.ball == b.ball) {
+                let pairs = own.iter().map(|own| own.against(body, &voxels)).collect::<Result<_, _>>()?;
+                let pairs = (voxels.clone(), pairs);
+                let ball = own[0].ball;
+                let alike = |group: &&mut Alike<'_>| {
+                    group.ball == ball && (group.level, group.in_world) == (level, in_world)
+                };
+                match groups.iter_mut().find(alike) {
+                    Some(group) => group.pairs.push(pairs),
+                    None => groups.push(Alike { ball, level, in_world, pairs: vec![pairs] }),
+                }
             }
+            Ok::<(), CheckError>(())
+        };
+        for (level, body) in table {
+            add(&tool_bodies, body, *level, false)?;
+            add(&head, body, *level, false)?;
         }
         for body in std::iter::once(part).chain(fixtures) {
-            for own in &head {
-                pairs.push(own.against(body, table_axes, true)?);
-            }
+            add(&head, body, table_axes, true)?;
         }
         let to_machine = HeadBody::to_machine(machine, world);
-        Ok(Self { machine, pairs, to_machine, tolerance: settings.tolerance })
+        Ok(Self { machine, groups, to_machine, tolerance: settings.tolerance })
     }
 
-    /// What collides on a motion, and the first axis that leaves its range, with how far on the way it does.
+    /// What collides on a motion, and the axes that leave their ranges.
     pub(super) fn follow(
         &self,
         motion: &Motion<'_>,
         line: usize,
-    ) -> Result<(Vec<Collision>, Option<Beyond>), CheckError> {
-        let Some(way) = motion.by_machine() else { return Ok((Vec::new(), None)) };
+    ) -> Result<(Vec<Collision>, Vec<Beyond>), CheckError> {
+        let Some(way) = motion.by_machine() else { return Ok((Vec::new(), Vec::new())) };
         let mut found = Vec::new();
         let mut counts = Vec::new();
-        for pair in &self.pairs {
-            let farthest = way.motion_bound(&pair.ball, pair.level);
+        for group in &self.groups {
+            let farthest = way.motion_bound(&group.ball, group.level);
             let count = poses_needed(farthest, self.tolerance, line)?;
-            let mut tracks = pair.group.tracks();
+            let pairs = || group.pairs.iter().flat_map(|(_, pairs)| pairs);
+            let mut tracks: Vec<Vec<Track>> = pairs().map(|pair| pair.group.tracks()).collect();
             for index in 1..=count {
                 let fraction = index as f64 / count as f64;
-                let pose = self.in_body(pair, motion, fraction);
-                if pair.around.as_ref().is_some_and(|around| !around.collides(&pose)) {
-                    continue;
-                }
                 let step = Step { index, fraction, is_last: index == count, length: farthest / count as f64 };
-                pair.group.follow(&step, &pose, &mut tracks, &mut counts);
+                let moved = self.in_body(group, &way.placement(fraction));
+                let middle = moved.of_point(group.ball.centre);
+                let mut own = tracks.iter_mut();
+                for (voxels, pairs) in &group.pairs {
+                    let own = own.by_ref().take(pairs.len());
+                    let grid = &voxels.occupancy().grid;
+                    let radius = group.ball.radius / grid.pitch + BALL_MARGIN;
+                    if voxels.distances().probe(grid.continuous(middle)).squared > radius * radius {
+                        // The tracks that are passed over are taken from the iterator.
+                        own.for_each(drop);
+                        continue;
+                    }
+                    for (pair, tracks) in pairs.iter().zip(own) {
+                        let pose = moved.of_pose(&pair.frame);
+                        if pair.around.as_ref().is_none_or(|around| around.collides(&pose)) {
+                            pair.group.follow(&step, &pose, tracks, &mut counts);
+                        }
+                    }
+                }
             }
-            found.extend(
-                tracks.into_iter().filter_map(Track::finish).map(|hit| self.in_the_world(pair, motion, hit)),
-            );
+            for hit in tracks.into_iter().flatten().filter_map(Track::finish) {
+                found.push(self.in_the_world(group, motion, hit));
+            }
         }
-        let count = poses_needed(way.linear_way(), self.tolerance, line)?;
-        let beyond = (1..=count).find_map(|index| {
-            let fraction = index as f64 / count as f64;
-            self.machine.out_of_travel(&way.joints(fraction)).map(|axis| (axis, fraction))
-        });
-        Ok((found, beyond))
+        Ok((found, self.beyond(motion, line)?))
     }
 
-    /// A pair's body of the head in the frame of the other.
-    fn in_body(&self, pair: &Pair<'_>, motion: &Motion<'_>, fraction: f64) -> Pose {
-        let Some(way) = motion.by_machine() else { return pair.frame };
-        let place = way.placement(fraction);
-        let head = place.head[pair.ball.level].of_pose(&pair.frame);
-        let in_machine = place.table[pair.level].inverse().of_pose(&head);
-        if pair.in_world { self.to_machine.inverse().of_pose(&in_machine) } else { in_machine }
+    /// The axes that leave their ranges on a motion.
+    fn beyond(&self, motion: &Motion<'_>, line: usize) -> Result<Vec<Beyond>, CheckError> {
+        let Some(way) = motion.by_machine() else { return Ok(Vec::new()) };
+        let count = poses_needed(way.linear_way(), self.tolerance, line)?;
+        let mut found: Vec<Beyond> = Vec::new();
+        for index in 1..=count {
+            let fraction = index as f64 / count as f64;
+            for out in self.machine.all_out_of_travel(&way.joints(fraction)) {
+                match found.iter_mut().find(|known| known.first.axis == out.axis) {
+                    Some(known) => known.farthest = farther(known.farthest, out.value, out.range),
+                    None => found.push(Beyond { first: out, fraction, farthest: out.value }),
+                }
+            }
+        }
+        Ok(found)
+    }
+
+    /// From where the head is with all axes at 0 to the frame of what a group must not hit.
+    fn in_body(&self, group: &Alike<'_>, place: &Placement) -> Pose {
+        let in_machine = place.table[group.level].inverse().of_pose(&place.head[group.ball.level]);
+        if group.in_world { self.to_machine.inverse().of_pose(&in_machine) } else { in_machine }
     }
 
     /// The tool at that time, and the contact point as it lies against the part then.
-    fn in_the_world(&self, pair: &Pair<'_>, motion: &Motion<'_>, mut hit: Collision) -> Collision {
-        if let (Some(way), false) = (motion.by_machine(), pair.in_world) {
+    fn in_the_world(&self, group: &Alike<'_>, motion: &Motion<'_>, mut hit: Collision) -> Collision {
+        if let (Some(way), false) = (motion.by_machine(), group.in_world) {
             let place = way.placement(hit.fraction);
-            let on_table = place.table[pair.level].of_point(DVec3::from_array(hit.contact));
+            let on_table = place.table[group.level].of_point(DVec3::from_array(hit.contact));
             let top = self.machine.axes_of(Side::Table);
             let by_part = place.table[top].inverse().of_point(on_table);
             hit.contact = self.to_machine.inverse().of_point(by_part).to_array();
@@ -248,7 +304,7 @@ impl HeadBody {
             }
             SolidShape::Box { lower, upper } => {
                 // A larger box holds the offset one.
-                let mesh = box_mesh(*lower - clearance, *upper + clearance);
+                let mesh = Mesh::cuboid(*lower - clearance, *upper + clearance);
                 centred(&solid.name, &mesh)
             }
             SolidShape::Mesh(mesh) if clearance == 0.0 => centred(&solid.name, mesh),
@@ -265,8 +321,8 @@ impl HeadBody {
         Pose { position: to_part.position + machine.part_zero(), ..to_part }
     }
 
-    fn against<'a>(&self, body: &'a Body, level: usize, in_world: bool) -> Result<Pair<'a>, CheckError> {
-        let voxels = body.voxels().clone();
+    fn against<'a>(&self, body: &'a Body, voxels: &SolidVoxels) -> Result<Pair<'a>, CheckError> {
+        let voxels = voxels.clone();
         let (field, shape, around) = match &self.shape {
             HeadShape::Round(elements) => {
                 let field = SolidField::of_elements(voxels, elements);
@@ -280,7 +336,7 @@ impl HeadBody {
         };
         let elements = vec![DepthElement { name: self.name.clone(), clearance: self.clearance, shape }];
         let group = Group { field, elements, body };
-        Ok(Pair { group, ball: self.ball, frame: self.frame, level, in_world, around })
+        Ok(Pair { group, frame: self.frame, around })
     }
 }
 

@@ -136,6 +136,27 @@ fn same_cutter(statement: &CutterStatement, tool: &Tool) -> Result<(), CheckErro
     }
 }
 
+/// What a path says of its cutters and is not held against the tools that are given, in words: the size of a mesh, the diameter of a
+/// taper.
+#[must_use]
+pub fn cutters_not_compared(toolpath: &Toolpath, tools: &[(Option<u32>, &Tool)]) -> Vec<String> {
+    let remark = |said: &CutterStatement| {
+        let own = |(number, _): &&(Option<u32>, &Tool)| number.is_none() || *number == said.tool;
+        let (_, tool) = tools.iter().find(own)?;
+        let why = match tool.cutter_size() {
+            None => "is a mesh, or has no cutter",
+            Some((None, _)) => "tapers, and programs measure a taper at different heights",
+            Some(_) => return None,
+        };
+        let CutterStatement { line, diameter, .. } = said;
+        let name = &tool.name;
+        Some(format!(
+            "line {line}: a cutter with a diameter of {diameter} is not compared with '{name}', which {why}"
+        ))
+    };
+    toolpath.cutters.iter().filter_map(remark).collect()
+}
+
 /// The tool of every location, by its place among those that are given.
 fn choose(toolpath: &Toolpath, tools: &[(Option<u32>, &Tool)]) -> Result<Vec<usize>, CheckError> {
     let numbers: Vec<Option<u32>> = tools.iter().map(|(number, _)| *number).collect();

@@ -4,6 +4,7 @@ use glam::{DMat4, DVec3};
 use serde::Serialize;
 
 use super::CheckSettings;
+use super::machine::farther;
 use crate::toolpath::{MoveKind, Toolpath};
 
 /// What was hit.
@@ -84,11 +85,13 @@ pub struct TravelFault {
     pub line: usize,
     /// X, Y, Z or a rotary axis' letter.
     pub axis: char,
-    /// Where it would have to be, in the grid's unit or in degrees.
+    /// Where it would have to be first, in the grid's unit or in degrees.
     pub value: f64,
+    /// Where it would have to be farthest beyond.
+    pub farthest: f64,
     /// Where it can be; `None` without a limit.
     pub range: [Option<f64>; 2],
-    /// How far on the way that is, from 0 to 1.
+    /// How far on the way it first is, from 0 to 1.
     pub fraction: f64,
 }
 
@@ -111,8 +114,8 @@ pub struct CheckReport {
     pub out_of_travel: Vec<TravelFault>,
 }
 
-/// What was found on one motion: its place in the path, its collisions, and where it leaves the machine's travel.
-pub(super) type Followed = (usize, LineCollisions, Option<TravelFault>);
+/// What was found on one motion: its place in the path, its collisions, and which axes leave the machine's travel.
+pub(super) type Followed = (usize, LineCollisions, Vec<TravelFault>);
 
 /// One entry a line, also of lines of many motions (the chords of an arc).
 pub(super) fn gather(
@@ -129,7 +132,7 @@ pub(super) fn gather(
         locations += 1;
         let count = of_line.len() as f64;
         let mut whole = LineCollisions { collisions: Vec::new(), poses: 0, ..of_line[0].1.clone() };
-        let mut beyond: Option<TravelFault> = None;
+        let mut beyond: Vec<TravelFault> = Vec::new();
         for (place, (_, motion, travel)) in of_line.iter().enumerate() {
             let fraction = |own: f64| (place as f64 + own) / count;
             whole.poses += motion.poses;
@@ -137,8 +140,16 @@ pub(super) fn gather(
                 let hit = Collision { fraction: fraction(hit.fraction), ..hit.clone() };
                 whole.add(hit);
             }
-            beyond =
-                beyond.or(travel.map(|fault| TravelFault { fraction: fraction(fault.fraction), ..fault }));
+            for fault in travel {
+                match beyond.iter_mut().find(|known| known.axis == fault.axis) {
+                    Some(known) => {
+                        let [low, high] = fault.range;
+                        let range = [low.unwrap_or(f64::NEG_INFINITY), high.unwrap_or(f64::INFINITY)];
+                        known.farthest = farther(known.farthest, fault.farthest, range);
+                    }
+                    None => beyond.push(TravelFault { fraction: fraction(fault.fraction), ..*fault }),
+                }
+            }
         }
         out_of_travel.extend(beyond);
         if !whole.collisions.is_empty() {

@@ -26,7 +26,7 @@ pub(crate) struct Placement {
 }
 
 /// A ball around something that the head carries, where it is with all axes at 0.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Ball {
     pub(crate) centre: DVec3,
     pub(crate) radius: f64,

@@ -1,8 +1,10 @@
 //! What each tool of a crib reaches, all decided together.
 //!
 //! Tools with the same cutter share its contact poses: each is found once, and shank and holder of every such tool are tried
-//! there, the smaller ones first: what holds all of one that collides does too. Of a sample one direction that a tool reaches it from is enough, and the one that served the sample before is tried
-//! first. The verdicts are those of [`surface_access`](super::surface_access), tool by tool.
+//! there, the smaller ones first: what holds all of one that collides does too. Of a sample one direction that a tool reaches it from
+//! is enough, and the one that served before is tried first. Cutters take their turns at each sample, the thinner ones first: what
+//! one of them cuts into from a direction is tried first for the next, which mostly cuts into it as well. The verdicts are those
+//! of [`surface_access`](super::surface_access), tool by tool.
 
 use super::sample_query::{Above, Last, SampleQuery};
 use super::{Shape, SurfaceError, SurfaceSample, SurfaceTool, ToolDirection, Verdict};
@@ -12,10 +14,10 @@ use crate::parallel;
 use crate::tool::Tool;
 
 /// Samples that one thread takes at once.
-const CHUNK: usize = 64;
+const CHUNK: usize = 32;
 
 /// By tool and sample, what becomes of it over all directions, on all threads of the current pool; the result does not depend on
-/// their number. The tools are among the same surroundings. One unit of progress is one tool.
+/// their number. The tools are among the same surroundings. One unit of progress is one sample.
 ///
 /// # Errors
 /// [`SurfaceError::Cancelled`] when the control asks to stop.
@@ -26,29 +28,26 @@ pub fn crib_access(
     control: Control<'_>,
 ) -> Result<Vec<Vec<Verdict>>, SurfaceError> {
     let turns: Vec<ToolDirection> = directions.iter().map(ToolDirection::new).collect();
-    let mut verdicts = vec![Vec::with_capacity(samples.len()); tools.len()];
-    for group in same_cutters(tools) {
-        let members: Vec<&SurfaceTool> = group.iter().map(|&tool| &tools[tool]).collect();
-        let nested = Nested::new(&members);
-        let chunks = parallel::try_map(samples.len().div_ceil(CHUNK), |chunk| {
-            let samples = &samples[chunk * CHUNK..samples.len().min((chunk + 1) * CHUNK)];
-            let mut work = Work::new(&members, &nested, &turns);
-            let rows = samples.iter().map(|sample| {
-                if control.is_cancelled() { Err(SurfaceError::Cancelled) } else { Ok(work.verdicts(sample)) }
-            });
-            rows.collect::<Result<Vec<_>, _>>()
-        })?;
-        for row in chunks.into_iter().flatten() {
-            for (&tool, verdict) in group.iter().zip(row) {
-                verdicts[tool].push(verdict);
+    let groups: Vec<Group<'_>> =
+        same_cutters(tools).into_iter().map(|group| Group::new(tools, group)).collect();
+    let chunks = parallel::try_map(samples.len().div_ceil(CHUNK), |chunk| {
+        let samples = &samples[chunk * CHUNK..samples.len().min((chunk + 1) * CHUNK)];
+        let mut work = Work::new(&groups, &turns);
+        let mut rows = Vec::with_capacity(samples.len());
+        for sample in samples {
+            if control.is_cancelled() {
+                return Err(SurfaceError::Cancelled);
             }
+            rows.push(work.verdicts(sample, tools.len()));
         }
-        (control.progress)(group.len() as u64);
-    }
-    Ok(verdicts)
+        (control.progress)(samples.len() as u64);
+        Ok(rows)
+    })?;
+    let rows: Vec<Vec<Verdict>> = chunks.into_iter().flatten().collect();
+    Ok((0..tools.len()).map(|tool| rows.iter().map(|row| row[tool]).collect()).collect())
 }
 
-/// Tools that touch a surface at the same poses, by index; a mesh tool is alone.
+/// Tools that touch a surface at the same poses, by index, those of the thinner cutters first; a mesh tool is alone.
 fn same_cutters(tools: &[SurfaceTool]) -> Vec<Vec<usize>> {
     let same = |a: &SurfaceTool, b: &SurfaceTool| match (&a.shape, &b.shape) {
         (Shape::Revolved(one), Shape::Revolved(other)) => {
@@ -63,7 +62,36 @@ fn same_cutters(tools: &[SurfaceTool]) -> Vec<Vec<usize>> {
             None => groups.push(vec![index]),
         }
     }
+    let radius = |group: &Vec<usize>| match &tools[group[0]].shape {
+        Shape::Revolved(revolved) => revolved.radius,
+        Shape::Mesh { .. } => f64::INFINITY,
+    };
+    groups.sort_by(|a, b| radius(a).total_cmp(&radius(b)));
     groups
+}
+
+/// Tools of one cutter.
+struct Group<'a> {
+    /// Their places among all.
+    tools: Vec<usize>,
+    members: Vec<&'a SurfaceTool>,
+    nested: Nested,
+}
+
+impl<'a> Group<'a> {
+    fn new(all: &'a [SurfaceTool], tools: Vec<usize>) -> Self {
+        let members: Vec<&SurfaceTool> = tools.iter().map(|&tool| &all[tool]).collect();
+        let nested = Nested::new(&members);
+        Self { tools, members, nested }
+    }
+
+    /// A sine of the surface's inward normal above which none of them touches.
+    fn highest(&self) -> f64 {
+        match &self.members[0].shape {
+            Shape::Revolved(revolved) => revolved.highest,
+            Shape::Mesh { .. } => 1.0,
+        }
+    }
 }
 
 /// Which of some tools hold all of which others' shank and holder.
@@ -95,41 +123,70 @@ impl Nested {
     }
 }
 
-/// Tools of one cutter, and what samples side by side tell each other.
+/// All tools, and what samples side by side, and cutters at one sample, tell each other.
 struct Work<'a> {
-    members: &'a [&'a SurfaceTool],
-    nested: &'a Nested,
+    groups: &'a [Group<'a>],
     turns: &'a [ToolDirection],
+    /// By direction.
+    at_cutter: Vec<Last>,
+    /// By group.
+    above: Vec<AboveCutter>,
+    /// Directions that may face a sample.
+    facing: Vec<usize>,
+    /// A sine of a surface's inward normal above which no tool touches.
+    highest: f64,
+}
+
+/// What is kept of the tools of one cutter.
+struct AboveCutter {
+    /// By tool.
+    at_rest: Vec<Last>,
     /// Poses so far, and by tool the last one at which it collided.
     poses: u64,
     collided: Vec<u64>,
-    /// By direction.
-    at_cutter: Vec<Last>,
-    /// By tool.
-    at_rest: Vec<Last>,
     /// The direction from which a sample was reached last.
     served: usize,
 }
 
 impl<'a> Work<'a> {
-    fn new(members: &'a [&'a SurfaceTool], nested: &'a Nested, turns: &'a [ToolDirection]) -> Self {
-        let (at_cutter, at_rest) = (vec![None; turns.len()], vec![None; members.len()]);
-        let collided = vec![0; members.len()];
-        Self { members, nested, turns, poses: 0, collided, at_cutter, at_rest, served: 0 }
+    fn new(groups: &'a [Group<'a>], turns: &'a [ToolDirection]) -> Self {
+        let above = groups.iter().map(|group| {
+            let count = group.members.len();
+            AboveCutter { at_rest: vec![None; count], poses: 0, collided: vec![0; count], served: 0 }
+        });
+        let highest = groups.iter().map(Group::highest).fold(-1.0, f64::max);
+        let above = above.collect();
+        Self { groups, turns, at_cutter: vec![None; turns.len()], above, facing: Vec::new(), highest }
     }
 
-    fn verdicts(&mut self, sample: &SurfaceSample) -> Vec<Verdict> {
-        let mut verdicts = vec![Verdict::NotFaced; self.members.len()];
-        let nested = self.nested;
+    /// By tool.
+    fn verdicts(&mut self, sample: &SurfaceSample, tools: usize) -> Vec<Verdict> {
+        let mut verdicts = vec![Verdict::NotFaced; tools];
+        self.facing.clear();
+        let faces = |turn: &ToolDirection| -sample.normal.dot(turn.axis) <= self.highest;
+        self.facing.extend((0..self.turns.len()).filter(|&turn| faces(&self.turns[turn])));
+        let mut served = None;
+        for (at, group) in self.groups.iter().enumerate() {
+            let own = self.of_group(at, sample, &mut served);
+            group.tools.iter().zip(own).for_each(|(&tool, verdict)| verdicts[tool] = verdict);
+        }
+        verdicts
+    }
+
+    /// Of the tools of one cutter. `served` is a direction from which the sample was reached.
+    fn of_group(&mut self, at: usize, sample: &SurfaceSample, served: &mut Option<usize>) -> Vec<Verdict> {
+        let Group { members, nested, .. } = &self.groups[at];
+        let AboveCutter { at_rest, poses, collided, served: before } = &mut self.above[at];
+        let mut verdicts = vec![Verdict::NotFaced; members.len()];
         let mut open = nested.order.clone();
-        let query = SampleQuery::new(self.members[0], sample);
-        let first = self.served;
-        let order = std::iter::once(first).chain((0..self.turns.len()).filter(|&turn| turn != first));
-        for index in order.filter(|&turn| turn < self.turns.len()) {
-            let (turn, at_cutter, at_rest) =
-                (&self.turns[index], &mut self.at_cutter[index], &mut self.at_rest);
-            let (members, poses, collided) = (self.members, &mut self.poses, &mut self.collided);
-            let before = open.len();
+        let query = SampleQuery::new(members[0], sample);
+        let first = [*served, Some(*before)];
+        let rest = self.facing.iter().copied().filter(|turn| !first.contains(&Some(*turn)));
+        let [known, before_here] = first;
+        let first = known.into_iter().chain(before_here.filter(|_| known != before_here));
+        for index in first.chain(rest).filter(|&turn| turn < self.turns.len()) {
+            let (turn, at_cutter) = (&self.turns[index], &mut self.at_cutter[index]);
+            let left = open.len();
             if query.has_ring(turn) {
                 // Each steps away from what it hits itself.
                 open.retain(|&tool| {
@@ -160,8 +217,8 @@ impl<'a> Work<'a> {
                     verdicts[tool] = verdicts[tool].min(outcome.verdict());
                 }
             }
-            if open.len() < before {
-                self.served = index;
+            if open.len() < left {
+                (*before, *served) = (index, Some(index));
             }
             if open.is_empty() {
                 break;
@@ -247,7 +304,9 @@ mod tests {
             .map(|tool| SurfaceTool::new(&environment, &tool.into(), 0.1).unwrap())
             .collect();
         // A slimmer shank is another shoulder of the cutter, or none.
-        assert_eq!(same_cutters(&tools).iter().map(Vec::len).collect::<Vec<_>>(), [1, 4, 1, 4, 1, 4, 1, 4]);
+        let mut sizes: Vec<usize> = same_cutters(&tools).iter().map(Vec::len).collect();
+        sizes.sort_unstable();
+        assert_eq!(sizes, [1, 1, 1, 1, 4, 4, 4, 4]);
         let directions = OrientationSet::parse("axes+fibonacci:40").unwrap().orientations;
         let together = crib_access(&tools, &samples, &directions, Control::quiet()).unwrap();
         let mut counts = [0; 4];

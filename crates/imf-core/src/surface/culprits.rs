@@ -16,7 +16,7 @@ use crate::grid::Grid;
 use crate::orientation::Orientation;
 use crate::parallel;
 use crate::pose::Pose;
-use crate::tool::ElementKind;
+use crate::tool::{Element, ElementKind};
 
 /// The contact pose of one sample that overlaps least.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,6 +30,21 @@ pub struct LeastOverlap {
     pub voxels: u32,
     /// Those of them in the way of the cutter.
     pub of_cutter: u32,
+}
+
+/// An element that collides with a body at a pose. Lengths are in the grid's unit, of the element offset by its clearance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ElementCollision {
+    /// The element.
+    pub kind: ElementKind,
+    /// 0 the part, then the fixtures.
+    pub body: usize,
+    /// Solid voxels whose centres are in it; of the cutter those deeper than the tolerance.
+    pub voxels: u32,
+    /// How deep below its surface the deepest of these centres lies.
+    pub depth: f64,
+    /// With a radius smaller by this at every height it would hold none of them.
+    pub slimmer: f64,
 }
 
 /// Places around a level ring.
@@ -103,25 +118,34 @@ impl SurfaceTool {
         least
     }
 
-    /// What collides at such a pose with what, the commonest first: elements and bodies as [`SurfaceTool::hits`] numbers them,
-    /// each with its voxels.
+    /// What collides at such a pose with what, the largest volume first.
     #[must_use]
-    pub fn collisions(&self, at: &LeastOverlap) -> Vec<(ElementKind, usize, u32)> {
+    pub fn collisions(&self, at: &LeastOverlap) -> Vec<ElementCollision> {
         let pose = Pose::new(at.tip, at.rotation);
         let mut found = Vec::new();
-        if at.of_cutter > 0 {
-            found.push((ElementKind::Cutter, 0, at.of_cutter));
+        let mut try_one = |element: &Element, body: usize, solid: &SolidField| {
+            let Some(voxels) = solid.count(&pose).filter(|&voxels| voxels > 0) else { return };
+            let is_cutter = element.kind == ElementKind::Cutter;
+            let (mut depth, mut slimmer) = (0.0_f64, 0.0_f64);
+            element.visit_inside(solid.voxels().occupancy(), &pose, |_, height, radius| {
+                depth = depth.max(element.depth(height, radius, !is_cutter));
+                slimmer = slimmer.max(element.radius_at(height) - radius);
+            });
+            // The cutter is tried without its outermost layer.
+            depth += if is_cutter { self.tolerance } else { 0.0 };
+            found.push(ElementCollision { kind: element.kind, body, voxels, depth, slimmer });
+        };
+        if let Shape::Revolved(revolved) = &self.shape {
+            try_one(&revolved.eroded, 0, &revolved.cutter);
         }
-        for (kind, against) in &self.elements {
+        for (element, against) in &self.elements {
             for (body, solid) in against.iter().enumerate() {
-                let blamed = *kind != ElementKind::Cutter || body > 0;
-                match solid.count(&pose) {
-                    Some(voxels) if blamed && voxels > 0 => found.push((*kind, body, voxels)),
-                    _ => {}
+                if element.kind != ElementKind::Cutter || body > 0 {
+                    try_one(element, body, solid);
                 }
             }
         }
-        found.sort_by_key(|&(.., voxels)| std::cmp::Reverse(voxels));
+        found.sort_by_key(|hit| std::cmp::Reverse(hit.voxels));
         found
     }
 }
@@ -220,7 +244,7 @@ mod tests {
     use crate::occupancy::Occupancy;
     use crate::orientation::OrientationSet;
     use crate::parts::shell::{circle, pocketed};
-    use crate::tool::{Element, Segment, SharpPoints, Tool, ToolShape};
+    use crate::tool::{Segment, SharpPoints, Tool, ToolShape};
     use crate::unit::LengthUnit;
     use crate::voxelize::voxelize;
     use glam::DVec2;
@@ -234,7 +258,7 @@ mod tests {
         (solid, samples)
     }
 
-    fn tool(solid: &Occupancy) -> SurfaceTool {
+    fn short() -> Tool {
         let line = |from, to, radius| Segment::Line { from, to, radius_from: radius, radius_to: radius };
         let ball =
             Segment::Arc { from: 0.0, to: 2.0, centre_height: 2.0, centre_radius: 0.0, arc_radius: 2.0 };
@@ -244,15 +268,18 @@ mod tests {
             (ElementKind::Holder(0), vec![line(6.0, 26.0, 7.0)]),
         ];
         let elements = elements.into_iter().map(|(kind, profile)| Element { kind, profile }).collect();
-        let short = Tool {
+        Tool {
             name: "short".into(),
             unit: LengthUnit::Mm,
             shape: ToolShape::Revolved(elements),
             sharp_points: SharpPoints::Tip,
             overall_length: None,
-        };
+        }
+    }
+
+    fn tool(solid: &Occupancy) -> SurfaceTool {
         let around = CollisionEnvironment::new(&SolidBody::from(Arc::new(solid.clone())), &[]);
-        SurfaceTool::new(&around, &short.into(), 0.1).unwrap()
+        SurfaceTool::new(&around, &short().into(), 0.1).unwrap()
     }
 
     #[test]
@@ -298,7 +325,28 @@ mod tests {
         assert!(tried > 3, "{tried}");
         // The holder is to blame, not the ball.
         let found = tool_here.collisions(&poses[0].1);
-        assert_eq!(found.iter().map(|&(.., voxels)| voxels).sum::<u32>(), poses[0].1.voxels);
-        assert!(found.iter().all(|&(kind, body, _)| kind != ElementKind::Cutter && body == 0), "{found:?}");
+        assert_eq!(found.iter().map(|hit| hit.voxels).sum::<u32>(), poses[0].1.voxels);
+        let blamed = |hit: &ElementCollision| hit.kind != ElementKind::Cutter && hit.body == 0;
+        assert!(found.iter().all(blamed), "{found:?}");
+        // As deep as the deepest centre, by trying all, and slim enough when its radius is that much less.
+        let ToolShape::Revolved(elements) = short().shape else { panic!() };
+        for hit in &found {
+            let element = elements.iter().find(|e| e.kind == hit.kind).unwrap();
+            let pose = Pose::new(poses[0].1.tip, poses[0].1.rotation);
+            let axis = pose.axis().unwrap();
+            let inside = (0..grid.len()).filter(|&v| solid.solid[v] != 0).filter_map(|voxel| {
+                let offset = grid.centre(grid.voxel(voxel)) - pose.position;
+                let height = offset.dot(axis);
+                let radius = (offset - axis * height).length();
+                let segment =
+                    element.profile.iter().find(|s| s.range().0 <= height && height < s.range().1)?;
+                let room = segment.radius(height) - radius;
+                (room > 1e-9).then(|| (room, element.depth(height, radius, true)))
+            });
+            let inside: Vec<(f64, f64)> = inside.collect();
+            let most = |of: &dyn Fn(&(f64, f64)) -> f64| inside.iter().map(of).fold(0.0, f64::max);
+            assert!((hit.slimmer - most(&|found| found.0)).abs() < 1e-6, "{hit:?}");
+            assert!(hit.depth > 0.0 && (hit.depth - most(&|found| found.1)).abs() < 1e-6, "{hit:?}");
+        }
     }
 }

@@ -165,16 +165,43 @@ impl<'a> SampleQuery<'a> {
             return Outcome::Gouged;
         }
         let most = tool.radius * self.sample.bend + self.tool.tolerance;
+        // How deep a voxel is in the cutter as it first stands: one deeper than it may move is in it wherever it goes.
+        let depth = |voxel: [f64; 3]| {
+            if !tool.cutter.contains(tip, turn.axis, voxel) {
+                return -1.0;
+            }
+            let [height, radius] = tool.cutter.along_and_away(tip, turn.axis, voxel);
+            tool.eroded.depth(height, radius, true)
+        };
+        let mut deepest = last.map_or(-1.0, depth);
+        let stays = |depth: f64| depth > most * (1.0 + 1e-9);
+        if stays(deepest) || self.listed.iter().any(|&voxel| stays(depth(voxel))) {
+            return Outcome::Gouged;
+        }
         let sample = tool.cutter.voxel_of(self.sample.point);
+        // What was met before is tried first; not what others met: the way would depend on them.
+        let mut met = [[0.0; 3]; GOUGE_STEPS];
+        let mut count = 0;
         let mut now = tip;
         for _ in 0..GOUGE_STEPS {
-            // Not what others met: the way would depend on them.
-            let mut blocker = None;
-            if !tool.cutter.meets(now, turn.axis, None, Some(&mut blocker)) {
-                if !tool.touching.contains(now, turn.axis, sample) {
+            let known = self.listed.iter().chain(&met[..count]);
+            let mut blocker = known.copied().rfind(|&voxel| tool.cutter.contains(now, turn.axis, voxel));
+            if blocker.is_none() {
+                if !tool.cutter.meets(now, turn.axis, None, Some(&mut blocker)) {
+                    if !tool.touching.contains(now, turn.axis, sample) {
+                        break;
+                    }
+                    return self.decide(tool, now, turn.axis, None, last, above);
+                }
+                let Some(voxel) = blocker else { break };
+                (met[count], count) = (voxel, count + 1);
+                let depth = depth(voxel);
+                if depth > deepest {
+                    (deepest, *last) = (depth, Some(voxel));
+                }
+                if stays(depth) {
                     break;
                 }
-                return self.decide(tool, now, turn.axis, None, last, above);
             }
             let Some(step) =
                 blocker.and_then(|voxel| tool.cutter.lateral_separation_from(now, turn.axis, voxel))
@@ -259,8 +286,8 @@ impl<'a> SampleQuery<'a> {
         last: &mut Last,
         above: &mut Above<'_, impl FnMut(DVec3) -> bool>,
     ) -> Outcome {
-        let among = |&voxel: &[f64; 3]| tool.cutter.contains(tip, axis, voxel);
-        if self.listed.iter().any(among) {
+        let among = |voxel: &[f64; 3]| tool.cutter.contains(tip, axis, *voxel);
+        if last.as_ref().is_some_and(among) || self.listed.iter().any(among) {
             return Outcome::Gouged;
         }
         self.decide(tool, tip, axis, self.free_ball.as_ref(), last, above)

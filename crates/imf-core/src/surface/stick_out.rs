@@ -161,30 +161,32 @@ impl StickOutTool {
     }
 
     /// The least stick-out with which shank and holder are free at every pose: one for all, `None` where there is none, and of an
-    /// invalid pose. What the cutter meets is not looked at, nor what lies between the poses. One after the other, poses of the
-    /// same axis share what is made for it: those of three axes are quick, others take some milliseconds each.
+    /// invalid pose. What the cutter meets is not looked at, nor what lies between the poses.
     #[must_use]
     pub fn least_for(&self, poses: &[Pose]) -> Option<f64> {
-        let mut waiting = Waiting::new();
+        let mut raising = Raising::new(self);
         let mut length = self.shortest;
         loop {
             let before = length;
-            for run in poses.chunk_by(|a, b| a.axis() == b.axis()) {
-                let axis = run.first()?.axis()?;
-                let skyline = Skyline::new(&self.boundary, self.pitch, axis);
-                for pose in run {
-                    let tip = pose.position;
-                    if !tip.is_finite() || !self.tool.is_rest_free(tip, axis, &mut None) {
-                        return None;
-                    }
-                    length = self.least((tip, axis), &skyline, length, f64::INFINITY, &mut waiting)?;
-                }
+            for pose in poses {
+                length = raising.from(length, pose)?;
             }
             // Farther out a pose may collide that was free: then all are asked again.
             if length == before {
                 return Some(length);
             }
         }
+    }
+
+    /// True where shank and holder are free at a pose with a stick-out from the shortest up; false of an invalid pose.
+    pub(crate) fn is_free_at(&self, pose: &Pose, length: f64) -> bool {
+        pose.axis().is_some_and(|axis| {
+            let tip = pose.position;
+            tip.is_finite()
+                && self.is_bared_free(tip, axis, length)
+                && !self.at_holder.meets(tip + axis * length, axis, None, None)
+                && self.tool.is_rest_free(tip, axis, &mut None)
+        })
     }
 
     /// The least stick-out, from one up and below `limit`, with which shank and holder are free where the shortest shank is.
@@ -227,6 +229,36 @@ impl StickOutTool {
         let long = PIECE * self.pitch * (piece as f64).exp2();
         let at = |height: f64| self.bared[piece].meets(tip + axis * height, axis, None, None);
         !at(self.shortest) && !at(self.shortest + (bared - long).max(0.0))
+    }
+}
+
+/// Raises a stick-out from pose to pose; what is made for an axis serves until another one comes.
+pub(crate) struct Raising<'a> {
+    tool: &'a StickOutTool,
+    skyline: Option<(DVec3, Skyline)>,
+    waiting: Waiting,
+}
+
+impl<'a> Raising<'a> {
+    pub(crate) fn new(tool: &'a StickOutTool) -> Self {
+        Self { tool, skyline: None, waiting: Waiting::new() }
+    }
+
+    /// The least stick-out from `length` up with which shank and holder are free at a pose; `None` where there is none.
+    pub(crate) fn from(&mut self, length: f64, pose: &Pose) -> Option<f64> {
+        if self.tool.is_free_at(pose, length) {
+            return Some(length);
+        }
+        let (tip, axis) = (pose.position, pose.axis()?);
+        if !tip.is_finite() || !self.tool.tool.is_rest_free(tip, axis, &mut None) {
+            return None;
+        }
+        let made = |tool: &StickOutTool| (axis, Skyline::new(&tool.boundary, tool.pitch, axis));
+        let (_, skyline) = match &mut self.skyline {
+            Some(known) if known.0 == axis => known,
+            other => other.insert(made(self.tool)),
+        };
+        self.tool.least((tip, axis), skyline, length, f64::INFINITY, &mut self.waiting)
     }
 }
 

@@ -1,6 +1,6 @@
 //! Which solid voxels' centres an element or a mesh holds at a pose, and how deep below its surface each of them lies.
 
-use glam::{DMat4, DVec3};
+use glam::{DMat4, DVec2, DVec3};
 
 use super::tool_voxels::{SLACK, bounds, line_through_cylinder};
 use super::voxel_count::{mesh_voxels, snapped};
@@ -85,12 +85,18 @@ impl Element {
         }
     }
 
+    /// Its radius at a height; 0 where it has none.
+    pub(crate) fn radius_at(&self, height: f64) -> f64 {
+        let held = self.profile.iter().find(|s| s.range().0 <= height && height < s.range().1);
+        held.map_or(0.0, |segment| segment.radius(height))
+    }
+
     /// Distance from a point in the element, by its height and its distance from the axis, to the element's surface. The upper
     /// end is surface only where it is `exposed`.
     pub(crate) fn depth(&self, height: f64, radius: f64, exposed: bool) -> f64 {
         let level = |at: f64, one: f64, other: f64| {
             let beside = (one.min(other) - radius).max(radius - one.max(other)).max(0.0);
-            (at - height).hypot(beside)
+            DVec2::new(at - height, beside).length()
         };
         let (mut least, mut last) = (f64::INFINITY, (0.0, 0.0));
         for (index, segment) in self.profile.iter().enumerate() {
@@ -114,16 +120,16 @@ fn outline(segment: &Segment, height: f64, radius: f64) -> f64 {
             let (along, out) = (to - from, radius_to - radius_from);
             let foot = ((height - from) * along + (radius - radius_from) * out) / (along * along + out * out);
             let foot = foot.clamp(0.0, 1.0);
-            (from + foot * along - height).hypot(radius_from + foot * out - radius)
+            DVec2::new(from + foot * along - height, radius_from + foot * out - radius).length()
         }
         Segment::Arc { centre_height, centre_radius, arc_radius, .. } => {
             let (up, out) = (height - centre_height, radius - centre_radius);
-            let away = up.hypot(out);
+            let away = DVec2::new(up, out).length();
             let facing = centre_height + arc_radius * up / away;
             if out >= 0.0 && away > 0.0 && (from..=to).contains(&facing) {
                 return (arc_radius - away).abs();
             }
-            let end = |at: f64| (at - height).hypot(segment.radius(at) - radius);
+            let end = |at: f64| DVec2::new(at - height, segment.radius(at) - radius).length();
             end(from).min(end(to))
         }
     }

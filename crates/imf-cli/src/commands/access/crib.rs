@@ -115,7 +115,7 @@ impl Crib {
             grid.pitch,
             undecided.first().map_or("", |undecided| &undecided.why)
         );
-        let stage = session.stage("crib", "tools", among.len() as u64);
+        let stage = session.stage("crib", "samples", samples.samples.len() as u64);
         let advance = |n| stage.advance(n);
         let control = session.control(&advance);
         let verdicts = crib_access(&among, &samples.samples, &orientations.orientations, control);

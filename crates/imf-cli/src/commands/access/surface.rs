@@ -1,6 +1,7 @@
 //! The part's surface: how much of its area is reached, from where, and what keeps the rest from being reached.
 
 mod blame;
+mod freed;
 mod row;
 mod setups;
 mod shown;
@@ -75,6 +76,8 @@ pub(super) struct Surface {
     /// The fewest set-ups, where they are looked for.
     setups: Option<setups::Setups>,
     blame: blame::Blame,
+    /// By sample that shank or holder obstruct: the least stick-out that frees it.
+    freed: Vec<Option<f64>>,
     /// By tool, where they are looked for.
     stick_outs: Vec<stick_out::ToolStickOut>,
 }
@@ -129,10 +132,12 @@ impl Surface {
             by_direction,
             setups: None,
             blame: blame::Blame::default(),
+            freed: Vec::new(),
             stick_outs: Vec::new(),
         };
         surface.coarse = surface.at_twice_the_pitch(session, run, asked)?;
         surface.blame = blame::Blame::find(session, run, &surface)?;
+        surface.freed = freed::stick_outs(session, run, asked, &surface)?;
         if let Some(question) = &asked.setups {
             surface.setups = Some(setups::Setups::find(session, run, question, &surface)?);
         }

@@ -6,7 +6,7 @@ use glam::DMat4;
 use imf_core::check::{Collision, HitBody, LineCollisions, TravelFault};
 use imf_core::toolpath::MoveKind;
 
-use super::CheckRun;
+use super::{CheckRun, stick_out};
 use crate::arguments::check::Frame;
 use crate::output::{short, show_measure};
 
@@ -42,6 +42,7 @@ pub(super) fn text(checked: &CheckRun<'_>) -> String {
         report.poses,
         short(settings.tolerance)
     );
+    text += &stick_out::lines(checked);
     if report.starts > 1 {
         let _ = writeln!(
             text,
@@ -108,12 +109,14 @@ pub(super) fn text(checked: &CheckRun<'_>) -> String {
 
 /// Which axis would have to be where.
 fn travel(beyond: &TravelFault, unit: &str) -> String {
-    let TravelFault { line, axis, value, range: [low, high], .. } = beyond;
+    let TravelFault { line, axis, value, farthest, range: [low, high], .. } = beyond;
     let unit = if "XYZ".contains(*axis) { format!(" {unit}") } else { "°".into() };
     let end =
         |end: Option<f64>| end.map_or_else(|| "no limit".to_owned(), |end| format!("{}{unit}", short(end)));
+    let most =
+        if farthest == value { String::new() } else { format!(", at the farthest at {farthest:.3}{unit}") };
     format!(
-        "line {line}: {axis} would have to be at {value:.3}{unit}, and goes from {} to {}",
+        "line {line}: {axis} would have to be at {value:.3}{unit}{most}, and goes from {} to {}",
         end(*low),
         end(*high)
     )

@@ -53,6 +53,14 @@ impl SolidField {
         Some(away.try_normalize()? * (-(depth + BEYOND) * placed.pitch))
     }
 
+    /// Height of a voxel along the axis of a tool, and its distance from it, in world units.
+    #[inline]
+    pub(crate) fn along_and_away(&self, tip: DVec3, axis: DVec3, voxel: [f64; 3]) -> [f64; 2] {
+        let placed = self.voxel_pose(tip, axis);
+        let (height, away) = seen_from_the_side(placed, voxel);
+        [height * placed.pitch, away.length() * placed.pitch]
+    }
+
     /// The lateral step that separates the tool from one voxel, in world units; `None` where it lies on the axis, and of a mesh.
     pub(crate) fn lateral_separation_from(&self, tip: DVec3, axis: DVec3, voxel: [f64; 3]) -> Option<DVec3> {
         let Shape::Bodies(bodies) = &self.shape else { return None };

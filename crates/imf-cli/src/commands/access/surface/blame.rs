@@ -3,7 +3,9 @@
 
 use anyhow::Result;
 use imf_core::grid::Grid;
-use imf_core::surface::{LeastOverlap, SurfaceError, SurfaceSample, culprits, least_overlaps};
+use imf_core::surface::{
+    ElementCollision, LeastOverlap, SurfaceError, SurfaceSample, culprits, least_overlaps,
+};
 use imf_core::tool::ElementKind;
 
 use super::{AccessRun, Surface, Verdict, interrupted};
@@ -78,20 +80,25 @@ impl Blame {
     }
 }
 
-/// What would free a place, by what is in the way there.
-pub(super) fn remedy(verdict: Verdict, hits: &[(ElementKind, usize, u32)]) -> &'static str {
-    let any = |is: &dyn Fn(&(ElementKind, usize, u32)) -> bool| hits.iter().any(is);
-    match verdict {
+/// What would free a place, by what is in the way there; `quantified` is what was found to free it, in words.
+pub(super) fn remedy(verdict: Verdict, hits: &[ElementCollision], quantified: &[String]) -> String {
+    let any = |is: &dyn Fn(&ElementCollision) -> bool| hits.iter().any(is);
+    let other = match verdict {
         Verdict::Reached => "",
         Verdict::NotFaced => "a direction from the other side",
-        _ if any(&|hit| hit.0 == ElementKind::Cutter && hit.1 == 0) => {
+        _ if any(&|hit| hit.kind == ElementKind::Cutter && hit.body == 0) => {
             "a smaller cutter, or another direction"
         }
-        _ if any(&|hit| hit.1 > 0) => "another fixture, or another direction",
-        _ if any(&|hit| matches!(hit.0, ElementKind::Holder(_))) => {
-            "a longer stick-out, a slimmer holder, or another direction"
+        _ if any(&|hit| hit.body > 0) => "another fixture, or another direction",
+        _ if !quantified.is_empty() => "another direction",
+        _ if any(&|hit| matches!(hit.kind, ElementKind::Holder(_))) => {
+            "a slimmer holder, or another direction"
         }
-        _ if any(&|hit| hit.0 == ElementKind::Shank) => "a slimmer shank, or another direction",
+        _ if any(&|hit| hit.kind == ElementKind::Shank) => "a slimmer shank, or another direction",
         _ => "another direction",
+    };
+    match quantified {
+        [] => other.to_owned(),
+        some => format!("{}; or {other}", some.join("; or ")),
     }
 }

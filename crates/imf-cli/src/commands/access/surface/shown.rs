@@ -7,6 +7,7 @@ use imf_core::surface::{Reach, SurfacePatch};
 use serde::Serialize;
 
 use super::blame::remedy;
+use super::freed::{slimmer, stick_out, stick_out_text};
 use super::{AccessRun, Surface, Verdict, rgb};
 use crate::output::show_measure;
 use crate::view::{Colours, Layer, NONE, Place, Table, TableRow, View, distinct};
@@ -31,19 +32,26 @@ pub(in crate::commands::access) struct UnreachedPatch {
     tool: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     direction: Option<[f64; 3]>,
-    /// Which of its elements stands in what there, the largest volume first.
+    /// Which of its elements stands in what there, how deep and with which volume, the largest volume first.
     hits: Vec<String>,
-    would_help: &'static str,
+    /// A longer stick-out of that tool that frees it, and the fraction of it that it frees.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    stick_out: Option<(f64, f64)>,
+    would_help: String,
 }
 
 /// Patches that the summary lists for people.
 const LISTED: usize = 5;
 
 impl UnreachedPatch {
-    /// Lines for people about the largest.
+    /// Lines for people about the largest, one of every reason among them.
     pub(in crate::commands::access) fn lines(all: &[Self], unit: &str) -> String {
         let mut text = String::new();
-        for patch in all.iter().take(LISTED) {
+        let is_first = |&at: &usize| all[..at].iter().all(|before| before.why != all[at].why);
+        let (first, others): (Vec<usize>, Vec<usize>) = (0..all.len()).partition(is_first);
+        let mut shown: Vec<usize> = first.into_iter().chain(others).take(LISTED).collect();
+        shown.sort_unstable();
+        for patch in shown.into_iter().map(|at| &all[at]) {
             let [x, y, z] = patch.middle;
             let _ = writeln!(
                 text,
@@ -87,22 +95,33 @@ impl Surface {
         // The sample that comes nearest to being reached.
         let poses = patch.samples.iter().filter_map(|&s| Some((self.blame.nearest[s]?, self.best[s].1)));
         let nearest = poses.min_by_key(|(at, _)| at.voxels).map(|(at, tool)| {
-            let surface_tool = &self.tools[tool].1;
-            (
-                run.orientations.orientations[at.direction as usize].direction(),
-                surface_tool.collisions(&at),
-                tool,
-            )
+            let direction = run.orientations.orientations[at.direction as usize].direction();
+            (direction, self.tools[tool].1.collisions(&at), tool)
         });
         let hits = nearest.as_ref().map_or(&[][..], |(_, hits, _)| hits);
-        let in_words = hits.iter().map(|&(kind, body, voxels)| {
-            let body = match body {
+        let unit = run.unit.to_string();
+        let in_words = hits.iter().map(|hit| {
+            let body = match hit.body {
                 0 => "the part",
                 fixture => run.fixtures.get(fixture - 1).map_or("a fixture", String::as_str),
             };
-            let volume = f64::from(voxels) * run.query.voxel_volume();
-            format!("{kind} {} {}³ in {body}", show_measure(volume), run.unit)
+            let volume = show_measure(f64::from(hit.voxels) * run.query.voxel_volume());
+            format!("{} {} {unit} deep in {body}, {volume} {unit}³", hit.kind, show_measure(hit.depth))
         });
+        let mut quantified = Vec::new();
+        let of_tool = |sample: &&usize| nearest.as_ref().is_some_and(|near| near.2 == self.best[**sample].1);
+        let longer = stick_out(patch.samples.iter().filter(of_tool).filter_map(|&sample| self.freed[sample]));
+        if let Some((_, _, tool)) = &nearest {
+            let assembly = &run.tools[*tool];
+            quantified.extend(longer.and_then(|longer| stick_out_text(longer, assembly, &unit)));
+            let frees = |diameter: f64| {
+                format!(
+                    "a holder slimmer by {:.1} {unit} frees its nearest place",
+                    (10.0 * diameter).ceil() / 10.0
+                )
+            };
+            quantified.extend(slimmer(hits, assembly).map(frees));
+        }
         UnreachedPatch {
             area: patch.area,
             middle: patch.middle.to_array(),
@@ -112,7 +131,8 @@ impl Surface {
             tool: nearest.as_ref().map(|(_, _, tool)| self.tools[*tool].1.name().to_owned()),
             direction: nearest.as_ref().map(|(direction, ..)| (*direction + 0.0).to_array()),
             hits: in_words.collect(),
-            would_help: remedy(verdict, hits),
+            stick_out: longer,
+            would_help: remedy(verdict, hits, &quantified),
         }
     }
 
@@ -198,7 +218,13 @@ impl Surface {
             let size = (high - low).to_array().map(|side| format!("{side:.0}")).join(" × ");
             TableRow {
                 place: Some(place),
-                cells: vec![show_measure(patch.area), show(patch.middle), size, why, patch.would_help.into()],
+                cells: vec![
+                    show_measure(patch.area),
+                    show(patch.middle),
+                    size,
+                    why,
+                    patch.would_help.clone(),
+                ],
             }
         });
         let table = Table {

@@ -1,0 +1,80 @@
+//! What would free the places that shank or holder keep from being reached: a longer stick-out, a slimmer holder.
+
+use anyhow::Result;
+use imf_core::surface::{ElementCollision, StickOutTool, least_stick_outs};
+use imf_core::tool::{Assembly, Element, ElementKind, ToolShape};
+
+use super::{AccessRun, Surface, SurfaceSettings, Verdict, interrupted};
+use crate::session::Session;
+
+/// By sample the least stick-out with which its best tool reaches it, infinite where none helps; `None` of those that were not looked
+/// into, or whose tool has no holder.
+pub(super) fn stick_outs(
+    session: &Session,
+    run: &AccessRun,
+    asked: &SurfaceSettings,
+    surface: &Surface,
+) -> Result<Vec<Option<f64>>> {
+    let samples = &surface.samples.samples;
+    let mut found = vec![None; samples.len()];
+    for (index, assembly) in run.tools.iter().enumerate() {
+        let is_obstructed = |&sample: &usize| {
+            surface.best[sample] == (Verdict::Obstructed, index) && surface.blame.nearest[sample].is_some()
+        };
+        let own: Vec<usize> = (0..samples.len()).filter(is_obstructed).collect();
+        if own.is_empty() || assembly.tool().stick_out().is_none() {
+            continue;
+        }
+        let tool = StickOutTool::new(&asked.environment, assembly, asked.tolerance)?;
+        let chosen: Vec<_> = own.iter().map(|&sample| samples[sample]).collect();
+        let directions = &run.orientations.orientations;
+        let stage = session.stage("what would help", "directions", directions.len() as u64);
+        let advance = |n| stage.advance(n);
+        let least =
+            least_stick_outs(&tool, &chosen, directions, session.control(&advance)).map_err(interrupted)?;
+        stage.finish("");
+        own.into_iter().zip(least).for_each(|(sample, least)| found[sample] = Some(least.length()));
+    }
+    Ok(found)
+}
+
+/// A stick-out that frees a patch: the length, and the fraction of the places that were looked into which it frees.
+pub(super) fn stick_out(lengths: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
+    let all: Vec<f64> = lengths.collect();
+    let freed: Vec<f64> = all.iter().copied().filter(|length| length.is_finite()).collect();
+    let longest = freed.iter().copied().reduce(f64::max)?;
+    Some((longest, freed.len() as f64 / all.len() as f64))
+}
+
+/// That, in words.
+pub(super) fn stick_out_text(
+    (length, fraction): (f64, f64),
+    assembly: &Assembly,
+    unit: &str,
+) -> Option<String> {
+    let given = assembly.tool().stick_out()?;
+    let what =
+        if fraction < 1.0 { format!("{:.0} % of it", (100.0 * fraction).floor()) } else { "it".into() };
+    let beyond = match assembly.tool().overall_length {
+        Some(overall) if length > overall => format!(", more than its overall length of {overall:.1}"),
+        _ => String::new(),
+    };
+    // Rounded up: a shorter one is not enough.
+    let length = (10.0 * length - 1e-6).ceil() / 10.0;
+    Some(format!("a stick-out of {length:.1} {unit} instead of {given:.1}{beyond} frees {what}"))
+}
+
+/// By how much the diameter of the holder would have to be smaller to be free at a pose where nothing else collides; `None` where that
+/// would leave nothing around the shank.
+pub(super) fn slimmer(hits: &[ElementCollision], assembly: &Assembly) -> Option<f64> {
+    if hits.is_empty() || !hits.iter().all(|hit| matches!(hit.kind, ElementKind::Holder(_))) {
+        return None;
+    }
+    let ToolShape::Revolved(elements) = &assembly.tool().shape else { return None };
+    let widest = |holder: bool| {
+        let own = elements.iter().filter(|e| matches!(e.kind, ElementKind::Holder(_)) == holder);
+        own.map(Element::max_radius).fold(0.0, f64::max)
+    };
+    let by = hits.iter().map(|hit| hit.slimmer).fold(0.0, f64::max);
+    (by < widest(true) - widest(false)).then_some(2.0 * by)
+}

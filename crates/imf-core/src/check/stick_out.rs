@@ -1,0 +1,240 @@
+//! The least stick-out with which a tool's shank and holder are free on a whole path.
+//!
+//! The path is followed at poses as close together as for a check, and shank and holder are offset by half of what moves between
+//! two of them, beside their clearance: what holds no voxel centre then holds none at any time.
+
+use std::sync::Arc;
+
+use serde::Serialize;
+
+use super::motions::{Motion, motions};
+use super::{CheckError, CheckSettings};
+use crate::control::Control;
+use crate::machine::Machine;
+use crate::occupancy::Occupancy;
+use crate::parallel;
+use crate::surface::{CollisionEnvironment, Raising, StickOutTool, default_tolerance};
+use crate::tool::{Clearance, Tool};
+use crate::toolpath::Toolpath;
+
+/// The least stick-out of one tool over its part of a path, in the grid's unit.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PathStickOut {
+    /// The tool's number, where the path knows it by one.
+    pub tool: Option<u32>,
+    /// Its name.
+    pub name: String,
+    /// What it is set to.
+    pub given: f64,
+    /// The least that it can be set to.
+    pub shortest: f64,
+    /// Its overall length, where it is known.
+    pub longest: Option<f64>,
+    /// The least with which shank and holder are free on all of the path; it may be more than the overall length. `None` where none
+    /// is.
+    pub least: Option<f64>,
+    /// Line of the toolpath's file that needs most, or on which no stick-out helps; `None` where the shortest serves.
+    pub line: Option<usize>,
+}
+
+/// By how much farther out than needed poses are taken so closely, so that seldom all must be taken again.
+const AHEAD: f64 = 1.25;
+
+/// For each tool that the path uses the least stick-out with which shank and holder, with their clearance, are free of `obstacle` on
+/// the whole path, also between the poses that are looked at. What the cutter meets is not looked at, nor are a machine's head and
+/// table. One unit of progress is one location.
+///
+/// # Errors
+/// As of [`check_toolpath`](super::check_toolpath); a tool without a holder.
+pub fn least_stick_outs(
+    obstacle: &Arc<Occupancy>,
+    tools: &[(Option<u32>, &Tool)],
+    toolpath: &Toolpath,
+    settings: &CheckSettings,
+    machine: Option<&Machine>,
+    control: Control<'_>,
+) -> Result<Vec<PathStickOut>, CheckError> {
+    settings.check()?;
+    let grid = obstacle.grid;
+    let environment = CollisionEnvironment::new(&obstacle.clone().into(), &[]);
+    let Clearance { holder, shank, cutter } = settings.clearance;
+    let between = 0.5 * settings.tolerance;
+    let room = Clearance { holder: holder + between, shank: shank + between, cutter };
+    let mut found = Vec::new();
+    let used = motions(toolpath, tools, settings, machine)?;
+    for (index, (number, tool)) in tools.iter().enumerate() {
+        let own: Vec<usize> = (0..used.len()).filter(|&motion| used[motion].tool == index).collect();
+        if own.is_empty() {
+            continue;
+        }
+        let prepared =
+            StickOutTool::new(&environment, &tool.offset(&room)?, default_tolerance(grid.pitch, tool.unit))?;
+        let mut search = Search { tool: &prepared, length: prepared.shortest(), line: None };
+        let lines = |motion: usize| toolpath.locations[motion].line;
+        // A tool that sticks out farther moves farther between two poses.
+        let mut followed = prepared.given().max(prepared.shortest());
+        let least = loop {
+            let bare = Tool { overall_length: None, ..Tool::clone(tool) };
+            let long = bare.with_stick_out(followed).unwrap_or(bare);
+            let tools: Vec<(Option<u32>, &Tool)> = tools
+                .iter()
+                .enumerate()
+                .map(|(at, own)| (own.0, if at == index { &long } else { own.1 }))
+                .collect();
+            let all = motions(toolpath, &tools, settings, machine)?;
+            let own: Vec<(usize, &Motion<'_>)> =
+                own.iter().map(|&motion| (lines(motion), &all[motion])).collect();
+            let least = search.over(&own, control)?;
+            match least {
+                Some(length) if length > followed => followed = AHEAD * length,
+                least => break least,
+            }
+        };
+        (control.progress)(own.len() as u64);
+        found.push(PathStickOut {
+            tool: *number,
+            name: tool.name.clone(),
+            given: prepared.given(),
+            shortest: prepared.shortest(),
+            longest: tool.overall_length,
+            least,
+            line: search.line,
+        });
+    }
+    Ok(found)
+}
+
+/// The least stick-out that is known to be needed, and the line that needs it.
+struct Search<'a> {
+    tool: &'a StickOutTool,
+    length: f64,
+    line: Option<usize>,
+}
+
+impl Search<'_> {
+    /// The least that is free at every pose of some motions; `None` where there is none.
+    fn over(
+        &mut self,
+        motions: &[(usize, &Motion<'_>)],
+        control: Control<'_>,
+    ) -> Result<Option<f64>, CheckError> {
+        let mut raising = Raising::new(self.tool);
+        loop {
+            // Farther out a pose may collide that was free: all are asked until none does.
+            let length = self.length;
+            let blocked = parallel::try_map(motions.len(), |at| {
+                if control.is_cancelled() {
+                    return Err(CheckError::Cancelled);
+                }
+                Ok(motions[at].1.poses().any(|(_, pose)| !self.tool.is_free_at(&pose, length)))
+            })?;
+            if !blocked.contains(&true) {
+                return Ok(Some(self.length));
+            }
+            for ((line, motion), _) in motions.iter().zip(blocked).filter(|(_, blocked)| *blocked) {
+                for (_, pose) in motion.poses() {
+                    let Some(length) = raising.from(self.length, &pose) else {
+                        self.line = Some(*line);
+                        return Ok(None);
+                    };
+                    if length > self.length {
+                        (self.length, self.line) = (length, Some(*line));
+                    }
+                }
+                if control.is_cancelled() {
+                    return Err(CheckError::Cancelled);
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::grid::Grid;
+    use crate::section::test_shapes::{line, revolved};
+    use crate::tool::ElementKind;
+    use crate::unit::LengthUnit;
+
+    /// A wall of 12 × 40 that is 30 high, on a plate.
+    fn wall() -> Arc<Occupancy> {
+        let grid = Grid { origin: DVec3::new(-20.0, -20.0, -4.0), pitch: 1.0, dims: [60, 40, 36] };
+        let solid = (0..grid.len()).map(|index| {
+            let [x, _, z] = grid.voxel(index);
+            u8::from(z < 4 || ((34..46).contains(&x) && z < 34))
+        });
+        Arc::new(Occupancy { grid, solid: solid.collect() })
+    }
+
+    fn mill(overall_length: Option<f64>) -> Tool {
+        let tool = revolved([
+            (ElementKind::Cutter, vec![line(0.0, 10.0, 3.0, 3.0)]),
+            (ElementKind::Shank, vec![line(10.0, 25.0, 3.0, 3.0)]),
+            (ElementKind::Holder(0), vec![line(25.0, 60.0, 9.0, 9.0)]),
+        ]);
+        Tool { overall_length, ..tool }
+    }
+
+    fn found(text: &str, overall: Option<f64>, settings: &CheckSettings) -> PathStickOut {
+        let path = Toolpath::parse(text, LengthUnit::Mm, "path").unwrap();
+        let (wall, tool) = (wall(), mill(overall));
+        let found = least_stick_outs(&wall, &[(None, &tool)], &path, settings, None, Control::quiet());
+        found.unwrap().remove(0)
+    }
+
+    /// Free at all of many poses, each by trying every centre.
+    fn is_free(text: &str, length: f64, clearance: &Clearance) -> bool {
+        let path = Toolpath::parse(text, LengthUnit::Mm, "path").unwrap();
+        let tool = mill(None);
+        let close = CheckSettings { tolerance: 0.05, ..CheckSettings::of_pitch(1.0, LengthUnit::Mm) };
+        let set = tool.with_stick_out(length).unwrap();
+        let rest = set.offset(clearance).unwrap().noncutting().unwrap().clone();
+        let wall = wall();
+        motions(&path, &[(None, &set)], &close, None).unwrap().iter().all(|motion| {
+            let mut poses = motion.poses();
+            poses.all(|(_, pose)| rest.count_inside(&wall, pose.position, &pose.orientation()) == 0)
+        })
+    }
+
+    const ALONG: &str = "x,y,z\n-10,0,12\n9.6,0,12\n9.6,5,8.3\n0,5,20\n";
+    const TILTED: &str = "x,y,z,i,j,k\n-8,0,3,0,0,1\n4,0,3,0.2,0.1,1\n9,-4,12,-0.1,0.3,1\n4,2,6,-0.5,0,1\n";
+
+    #[test]
+    fn it_is_free_at_many_more_poses_and_hardly_longer_than_needed() {
+        let usual = CheckSettings::of_pitch(1.0, LengthUnit::Mm);
+        let clearance = Clearance { holder: 1.0, shank: 0.4, cutter: 0.0 };
+        for (text, line) in [(ALONG, 4), (TILTED, 3)] {
+            for settings in [usual, CheckSettings { clearance, ..usual }] {
+                let found = found(text, None, &settings);
+                let least = found.least.unwrap();
+                assert!(
+                    least > found.shortest + 3.0 && found.given == 25.0 && found.shortest == 10.0,
+                    "{found:?}"
+                );
+                assert!(is_free(text, least, &settings.clearance), "{found:?}");
+                assert!(!is_free(text, least - 1.0, &settings.clearance), "{found:?}");
+                assert_eq!(found.line, Some(line), "{found:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn where_the_shortest_serves_no_line_decides_and_where_none_does_one_is_named() {
+        let usual = CheckSettings::of_pitch(1.0, LengthUnit::Mm);
+        let above = found("x,y,z\n-10,0,40\n10,0,40\n", None, &usual);
+        assert_eq!((above.least, above.line), (Some(10.0), None));
+        // Through the wall.
+        let through = found("x,y,z\n-10,0,40\n-10,0,8\n30,0,8\n", Some(60.0), &usual);
+        assert_eq!((through.least, through.line, through.longest), (None, Some(4), Some(60.0)));
+        // More than it has is told, not hidden.
+        let more = found("x,y,z\n9,0,0.5\n", Some(28.0), &usual);
+        assert!(more.least.unwrap() > 28.0 && more.line == Some(2), "{more:?}");
+        let bare = revolved([(ElementKind::Cutter, vec![line(0.0, 10.0, 3.0, 3.0)])]);
+        let path = Toolpath::parse("x,y,z\n-10,0,40\n", LengthUnit::Mm, "path").unwrap();
+        let refused = least_stick_outs(&wall(), &[(None, &bare)], &path, &usual, None, Control::quiet());
+        assert!(refused.unwrap_err().to_string().contains("has no holder"));
+    }
+}
