@@ -7,7 +7,6 @@ pub(crate) mod query;
 pub(crate) mod rates;
 pub(crate) mod recipe;
 pub(crate) mod shop;
-pub(crate) mod stick_out;
 
 use std::path::PathBuf;
 
@@ -37,7 +36,6 @@ pub(crate) enum Command {
     Rates(rates::RatesArguments),
     Recipe(recipe::RecipeArguments),
     Shop(shop::ShopArguments),
-    StickOut(stick_out::StickOutArguments),
     Train(TrainArguments),
 }
 

@@ -4,13 +4,12 @@
 //! cargo run --release -p imf-bench -- access      what of a surface a tool reaches, beside the direct test
 //! cargo run --release -p imf-bench -- edits       what a trained network saves at a changed part
 //! cargo run --release -p imf-bench -- exact       exact sections beside scipy, and how their cost grows
-//! cargo run --release -p imf-bench -- shop        the fewest set-ups of whole parts, the stock along a path
+//! cargo run --release -p imf-bench -- shop        set-ups, stick-outs, a crib of tools, a machine's poses, the stock along a path
 //! cargo run --release -p imf-bench -- train       training steps beside PyTorch
 //! cargo run --release -p imf-bench -- gpu         what a GPU does beside the CPU
 //! cargo run --release -p imf-bench -- query       poses a second beside collision libraries
 //! cargo run --release -p imf-bench -- paper       the paper's tables and figures
 //! cargo run --release -p imf-bench -- rates       learning rates of the paper's network
-//! cargo run --release -p imf-bench -- stick-out   least stick-outs and a crib of tools, held against exact counts
 //! cargo run --release -p imf-bench -- recipe      trainings in stages and sweeps, by the files in `recipes`
 //! ```
 //!
@@ -37,7 +36,6 @@ mod recipe;
 mod revolved;
 mod rivals;
 mod shop;
-mod stick_out;
 mod train;
 
 use std::process::ExitCode;
@@ -66,7 +64,6 @@ fn run(cli: &Cli, rank: Rank) -> anyhow::Result<()> {
         Command::Rates(arguments) => rates::run(&session, arguments),
         Command::Recipe(arguments) => recipe::run(&session, arguments),
         Command::Shop(arguments) => shop::run(&session, arguments),
-        Command::StickOut(arguments) => stick_out::run(&session, arguments),
         Command::Train(arguments) => train::run(&session, arguments),
     }
 }

@@ -1,0 +1,178 @@
+//! The fewest set-ups: how few, whether that is proven, and how long it takes.
+
+use std::sync::Arc;
+
+use anyhow::Result;
+use glam::DVec3;
+use imf_cli::session::Session;
+use imf_core::control::Control;
+use imf_core::grid::Grid;
+use imf_core::mesh::Mesh;
+use imf_core::orientation::{Limits, Orientation, OrientationSet};
+use imf_core::parts::ReferencePart;
+use imf_core::set_cover::CoverSettings;
+use imf_core::surface::{
+    CollisionEnvironment, PartSetup, SurfaceAccess, SurfaceSample, SurfaceSamples, SurfaceTool,
+    default_tolerance, fewest_setups, surface_access,
+};
+use imf_core::tool::{Element, ElementKind, Segment, SharpPoints, Tool, ToolShape};
+use imf_core::unit::LengthUnit;
+use imf_core::voxelize::voxelize;
+use rand::SeedableRng;
+use rand::seq::SliceRandom as _;
+use rand_chacha::ChaCha8Rng;
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use serde::Serialize;
+
+use super::THREADS;
+use crate::arguments::shop::ShopArguments;
+use crate::document::Document;
+use crate::measurement::seconds;
+use crate::prismatic::prismatic;
+
+/// Millimetres.
+const PITCH: f64 = 1.0;
+/// Radii of the flat end mill and its holder, and heights of the ends of cutter and holder.
+const CUTTER: (f64, f64) = (3.0, 45.0);
+const HOLDER: (f64, f64) = (12.0, 85.0);
+
+/// The fewest set-ups of one part.
+#[derive(Serialize)]
+pub(super) struct Row {
+    part: String,
+    points: usize,
+    candidates: usize,
+    /// Of what all candidates reach together.
+    percent: f64,
+    setups: usize,
+    at_least: usize,
+    /// Of what the plan is made from: which sample each direction reaches.
+    access_seconds: f64,
+    seconds: f64,
+}
+
+pub(super) fn rows(session: &Session, arguments: &ShopArguments) -> Result<Vec<Row>> {
+    let pool = ThreadPoolBuilder::new().num_threads(THREADS).build()?;
+    let spec = format!("axes+fibonacci:{}", arguments.directions - 6);
+    let directions = OrientationSet::parse(&spec)?.orientations;
+    let reference = ReferencePart::ALL.into_iter().map(|part| (part.to_string(), part.mesh()));
+    let random = (0..u64::from(arguments.parts)).map(|seed| (format!("prismatic {seed}"), prismatic(seed)));
+    let mut rows = Vec::new();
+    for (name, mesh) in reference.chain(random) {
+        session.note(&name);
+        let part = Asked::new(&pool, &mesh, arguments.points as usize, &directions)?;
+        for &percent in &arguments.cover {
+            let row = part.row(&pool, name.clone(), percent)?;
+            session.note(&format!(
+                "  {percent} %: {} set-ups, at least {}, {:.2} s",
+                row.setups, row.at_least, row.seconds
+            ));
+            rows.push(row);
+        }
+    }
+    Ok(rows)
+}
+
+/// A part with what each direction reaches of it.
+struct Asked {
+    samples: Vec<SurfaceSample>,
+    access: SurfaceAccess,
+    setups: Vec<PartSetup>,
+    seconds: f64,
+}
+
+impl Asked {
+    fn new(pool: &ThreadPool, mesh: &Mesh, points: usize, directions: &[Orientation]) -> Result<Self> {
+        let (lower, upper) = mesh.bounds().unwrap_or_default();
+        // Off the part's own planes, as a user's part lies.
+        let shift = DVec3::new(0.37, 0.21, 0.13) * PITCH;
+        let grid = Grid::with_pitch(lower - shift, upper + shift, PITCH, 1)?;
+        let solid = Arc::new(voxelize(mesh, &grid, false));
+        let samples = SurfaceSamples::new(mesh, &solid, points).samples;
+        // As many as are asked for.
+        let mut chosen: Vec<usize> = (0..samples.len()).collect();
+        chosen.shuffle(&mut ChaCha8Rng::seed_from_u64(0));
+        chosen.truncate(points);
+        let samples: Vec<SurfaceSample> = chosen.into_iter().map(|index| samples[index]).collect();
+        let surroundings = CollisionEnvironment::new(&solid.into(), &[]);
+        let tool = SurfaceTool::new(
+            &surroundings,
+            &flat_end_mill().into(),
+            default_tolerance(PITCH, LengthUnit::Mm),
+        )?;
+        let access = || surface_access(&tool, &samples, directions, Control::quiet());
+        let (seconds, access) = seconds(|| Ok(pool.install(access)?))?;
+        let upright = Limits::parse("cone:0,0,1:0")?;
+        let of =
+            |orientation: &Orientation| PartSetup::all(mesh, orientation.direction(), directions, &upright);
+        let setups = directions.iter().flat_map(of).collect();
+        Ok(Self { samples, access, setups, seconds })
+    }
+
+    fn row(&self, pool: &ThreadPool, part: String, percent: f64) -> Result<Row> {
+        let settings = CoverSettings { fraction: 0.01 * percent, ..CoverSettings::default() };
+        let (seconds, plan) = seconds(|| {
+            let find =
+                || fewest_setups(&[&self.access], &self.samples, &self.setups, &settings, Control::quiet());
+            pool.install(find).ok_or_else(|| anyhow::anyhow!("a quiet control never stops"))
+        })?;
+        Ok(Row {
+            part,
+            points: self.samples.len(),
+            candidates: self.setups.len(),
+            percent,
+            setups: plan.setups.len(),
+            at_least: plan.at_least,
+            access_seconds: self.seconds,
+            seconds,
+        })
+    }
+}
+
+fn flat_end_mill() -> Tool {
+    let cylinder = |kind, from, (radius, to): (f64, f64)| Element {
+        kind,
+        profile: vec![Segment::Line { from, to, radius_from: radius, radius_to: radius }],
+    };
+    Tool {
+        name: "flat6".into(),
+        unit: LengthUnit::Mm,
+        shape: ToolShape::Revolved(vec![
+            cylinder(ElementKind::Cutter, 0.0, CUTTER),
+            cylinder(ElementKind::Holder(0), CUTTER.1, HOLDER),
+        ]),
+        sharp_points: SharpPoints::Tip,
+        overall_length: None,
+    }
+}
+
+/// The rows as a table.
+pub(super) fn write(rows: &[Row], document: &mut Document) {
+    document.section("The fewest set-ups");
+    document.paragraph(format!(
+        "Every direction is a set-up of a three-axis machine. Flat end mill of 6 mm, {} mm out of a holder of 24 mm; voxels of {PITCH} mm.",
+        CUTTER.1
+    ));
+    let lines = rows.iter().map(|row| {
+        let proof = match row.setups - row.at_least {
+            0 => "proven".to_owned(),
+            _ => format!("at least {}", row.at_least),
+        };
+        vec![
+            row.part.clone(),
+            format!("{} × {}", row.candidates, row.points),
+            format!("{}", row.percent),
+            row.setups.to_string(),
+            proof,
+            format!("{:.2}", row.access_seconds),
+            format!("{:.2}", row.seconds),
+        ]
+    });
+    document.table(
+        &["part", "candidates × points", "%", "set-ups", "", "access, s", "set-ups, s"],
+        lines.collect(),
+    );
+    let proven = rows.iter().filter(|row| row.setups == row.at_least).count();
+    let slowest = rows.iter().map(|row| row.seconds).fold(0.0, f64::max);
+    document.paragraph(format!("{proven} of {} are proven; the longest took {slowest:.2} s.", rows.len()));
+}
