@@ -165,8 +165,7 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
         report.colliding.iter_mut().flat_map(|line| &mut line.collisions).for_each(|hit| hit.place(&back));
         stock.iter_mut().for_each(|stock| stock.place(&back));
     }
-    let checked =
-        CheckRun { arguments, record, tools, machine: machine.as_ref(), report, stock, stick_outs };
+    let checked = CheckRun { arguments, record, tools, machine: machine.as_ref(), report, stock, stick_outs };
     if let Some(page) = &page {
         let shown = view::bodies(&meshes, &back);
         let path = page.begin()?;

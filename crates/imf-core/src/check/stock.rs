@@ -230,7 +230,11 @@ impl Following<'_> {
             }
             _ => self.removed.push(removal),
         }
-        self.found.push((index, LineCollisions { line, tool, kind, poses: motion.count, collisions }, Vec::new()));
+        self.found.push((
+            index,
+            LineCollisions { line, tool, kind, poses: motion.count, collisions },
+            Vec::new(),
+        ));
         (self.control.progress)(1);
         Ok(())
     }
