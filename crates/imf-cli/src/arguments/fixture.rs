@@ -5,13 +5,18 @@ use std::str::FromStr as _;
 
 use anyhow::{Context as _, Result, bail, ensure};
 use glam::{DMat4, DVec3};
+use imf_core::control::Control;
+use imf_core::grid::Grid;
 use imf_core::mesh::read::{MeshFile, read_mesh_file};
 use imf_core::mesh::{FaceRepair, Mesh};
+use imf_core::occupancy::Occupancy;
 use imf_core::parts::ReferencePart;
-use imf_core::scene::Fixture;
+use imf_core::scene::{Fixture, SceneError};
 use imf_core::unit::{LengthUnit, UnknownUnit};
+use imf_core::voxelize::{Voxelized, voxelize_with};
 
 use super::transform::parse_transform;
+use crate::session::Session;
 
 /// A part as read, before it is voxelised.
 pub(crate) struct Part {
@@ -167,6 +172,23 @@ impl Stock {
             .with_context(|| format!("the stock {text} cannot be used"))?;
         let file = file.around_part_in(part_unit);
         Ok(Self { name: file.name, mesh: file.mesh.transformed(transform) })
+    }
+
+    /// Its voxels on a grid. A mesh that does not say what is inside is refused, and one that hardly does is warned of.
+    pub(crate) fn voxels(&self, session: &Session, grid: &Grid, control: Control<'_>) -> Result<Occupancy> {
+        let Voxelized { solid, undecided } = voxelize_with(&self.mesh, grid, false, control)?;
+        let most = Voxelized::MOST_UNDECIDED;
+        if undecided > most {
+            return Err(SceneError::Undecided { name: self.name.clone(), share: undecided, most }.into());
+        }
+        if undecided > 0.0 {
+            session.warn(&format!(
+                "the stock '{}' is open: of {:.0} % of the voxel centres in it or near it its surface hardly says whether they are inside",
+                self.name,
+                (100.0 * undecided).ceil()
+            ));
+        }
+        Ok(solid)
     }
 }
 

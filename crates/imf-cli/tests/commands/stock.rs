@@ -149,3 +149,28 @@ fn a_stock_that_cannot_be_meant_is_refused_or_told() {
         run.stderr
     );
 }
+
+#[test]
+fn an_open_stock_is_refused_or_warned_of() {
+    let folder = folder("face.nc", &facing());
+    let faces =
+        |left_out: &[&str]| left_out.iter().fold(BLOCK.to_owned(), |text, face| text.replace(face, ""));
+    folder.write("tube.obj", faces(&["f 5 6 7 8\n", "f 4 3 2 1\n"]));
+    let refused = check(&folder, "face.nc", &["--stock", "tube.obj"]);
+    assert_eq!(refused.code, Some(1), "{}", refused.stderr);
+    assert!(refused.stderr.contains("solid and empty cannot be told apart"), "{}", refused.stderr);
+    folder.write("tray.obj", faces(&["f 5 6 7 8\n"]));
+    let warned = check(&folder, "face.nc", &["--stock", "tray.obj"]);
+    assert!(warned.stderr.contains("is open: of "), "{}", warned.stderr);
+}
+
+#[test]
+fn what_rapids_brush_off_is_told_though_it_is_accepted() {
+    let folder = folder("brush.nc", "G21 G90\nG0 X-25. Y0. Z20.\nZ0.7\nX25.\nZ20.\n");
+    // Centres of the topmost voxels are 0.05 mm deep in the cutter.
+    let (code, found) = answer(&check(&folder, "brush.nc", &["--stock", "box:1", "--json"]));
+    assert_eq!((code, &found["stock"]["first_rapid_cut"]), (Some(0), &Value::Null));
+    assert_eq!(found["stock"]["removed_at_rapid_rate"], 32.0 * 6.0 * 0.5);
+    let text = check(&folder, "brush.nc", &["--stock", "box:1"]).stdout;
+    assert!(text.contains("lines at rapid rate take 96.0 mm³ of it, nowhere deeper"), "{text}");
+}

@@ -21,14 +21,6 @@ pub(super) const VOXELS_THICK: f64 = SQRT_2;
 /// A part that is nowhere thicker than this many voxels is thin.
 const THIN: usize = 3;
 
-/// The share of undecided centres ([`Voxelized::undecided`](crate::voxelize::Voxelized)) from which on a mesh is refused.
-///
-/// Measured at 20 voxels along the longest side: a cube without its lid has 0.3, a sphere that lacks a fifth of its triangles 0.4, a
-/// hemisphere without its disc 0.8, and all their solid voxels are right. Triangles that share no corners and of which a fifth
-/// face the wrong way have 0.98, and lose up to a quarter of the solid; half of them, 1.0 and nearly all of it. A box without two opposite
-/// sides (0.96) or a shallow tray without its lid (0.99) may as well be a sheet.
-pub(super) const MAX_UNDECIDED: f64 = 0.9;
-
 /// A tool of which an element passes between the centres of voxels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CoarseTool {

@@ -2,7 +2,6 @@
 
 use glam::{DMat4, DVec3};
 
-use super::resolution::MAX_UNDECIDED;
 use super::stored::crc32;
 use super::{Bodies, Fixture, GridExtent, Resolution, Scene, SceneError, SceneRecord};
 use crate::control::Control;
@@ -204,9 +203,10 @@ impl<'a> SceneSpec<'a> {
         let body = |name: &str, mesh: &Mesh, transform: &DMat4| {
             let mesh = mesh.transformed(transform);
             let Voxelized { solid, undecided } = voxelize_with(&mesh, grid, self.conservative, self.control)?;
-            if undecided > MAX_UNDECIDED {
+            let most = Voxelized::MOST_UNDECIDED;
+            if undecided > most {
                 let name = name.to_owned();
-                return Err(SceneError::Undecided { name, share: undecided, most: MAX_UNDECIDED });
+                return Err(SceneError::Undecided { name, share: undecided, most });
             }
             Ok((mesh, solid, undecided))
         };

@@ -219,7 +219,7 @@ impl AccessRun {
         };
         let stock = match (stock_mesh, stock_grid) {
             (Some(stock), Some(grid)) => {
-                let mut solid = voxelize_with(&stock.mesh, &grid, false, session.control(&|_| {}))?.solid;
+                let mut solid = stock.voxels(session, &grid, session.control(&|_| {}))?;
                 let held = on(&whole, &grid)?;
                 solid.solid.iter_mut().zip(&held.solid).for_each(|(s, &o)| *s &= 1 - o);
                 ensure!(solid.count() > 0, "the stock '{}' holds nothing beside the part", stock.name);

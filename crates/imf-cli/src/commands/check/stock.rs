@@ -15,7 +15,6 @@ use imf_core::occupancy::Occupancy;
 use imf_core::scene::{Bodies, SceneRecord};
 use imf_core::toolpath::{MoveKind, Toolpath};
 use imf_core::unit::LengthUnit;
-use imf_core::voxelize::voxelize_with;
 use serde_json::{Value, json};
 
 use crate::arguments::fixture;
@@ -57,7 +56,7 @@ impl StockInput {
         })?;
         let stage = session.brief_stage("voxelising the stock", "rows of voxels", (x * y) as u64);
         let advance = |n| stage.advance(n);
-        let voxels = voxelize_with(&stock.mesh, &grid, false, session.control(&advance))?.solid;
+        let voxels = stock.voxels(session, &grid, session.control(&advance))?;
         stage.finish("");
         ensure!(voxels.count() > 0, "the stock '{}' holds no voxel's centre", stock.name);
         let own = bodies.part.on(&grid).context("the grids of part and stock do not meet")?;
@@ -125,6 +124,12 @@ impl StockResult {
         [sum(|line| line.voxels), sum(|line| line.of_part), sum(|line| u64::from(line.voxels > 0))]
     }
 
+    /// Voxels that lines at rapid rate take.
+    fn at_rapid_rate(&self) -> u64 {
+        let rapids = self.report.removed.iter().filter(|line| line.kind == MoveKind::Rapid);
+        rapids.map(|line| line.voxels).sum()
+    }
+
     pub(super) fn json(&self, checked: &CheckReport) -> Value {
         let [removed, of_part, cutting] = self.totals();
         let volume = |voxels| self.volume(voxels);
@@ -139,7 +144,7 @@ impl StockResult {
         json!({
             "stock": self.name, "volume": volume(self.report.voxels), "removed": volume(removed), "removed_of_part": volume(of_part),
             "lines_that_cut": cutting, "lines_that_cut_nothing": self.report.removed.len() as u64 - cutting,
-            "largest": self.largest().map(line), "first_touch": first(first_hit(checked, false)), "first_rapid_cut": rapid,
+            "removed_at_rapid_rate": volume(self.at_rapid_rate()), "largest": self.largest().map(line), "first_touch": first(first_hit(checked, false)), "first_rapid_cut": rapid,
             "left": {
                 "volume": volume(self.left.voxels), "farthest": self.left.farthest,
                 "place": self.left.farthest.map(|_| self.left.place),
@@ -179,7 +184,13 @@ impl StockResult {
                 format!("the cutter is in it where the path begins, on line {}", line.line)
             }
             (Some((line, _)), _) => format!("line {} is the first that cuts it at rapid rate", line.line),
-            (None, false) => "no line cuts it at rapid rate".to_owned(),
+            (None, false) => match self.at_rapid_rate() {
+                0 => "no line cuts it at rapid rate".to_owned(),
+                brushed => format!(
+                    "lines at rapid rate take {} of it, nowhere deeper in the cutter than is accepted",
+                    show(brushed)
+                ),
+            },
             (None, true) => "no line of the path is said to be at rapid rate (in CSV a column rapid says so), and all are taken to cut \
                              at feed rate"
                 .to_owned(),
