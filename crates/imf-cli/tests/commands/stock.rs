@@ -131,7 +131,9 @@ fn a_stock_that_cannot_be_meant_is_refused_or_told() {
     refuse("nowhere.stl", "the stock nowhere.stl cannot be used");
     refuse("box:100000", "choose a larger pitch");
     folder.write("small.obj", BLOCK.replace("-15", "-1").replace("15", "1"));
-    let run = check(&folder, "free.csv", &["--stock", "small.obj"]);
+    refuse("small.obj", "most of the part lies outside the stock");
+    folder.write("short.obj", BLOCK.replace("-15", "-12"));
+    let run = check(&folder, "free.csv", &["--stock", "short.obj"]);
     assert!(
         run.code == Some(0) && run.stderr.contains("of the part lie outside the stock"),
         "{}",
@@ -170,7 +172,24 @@ fn what_rapids_brush_off_is_told_though_it_is_accepted() {
     // Centres of the topmost voxels are 0.05 mm deep in the cutter.
     let (code, found) = answer(&check(&folder, "brush.nc", &["--stock", "box:1", "--json"]));
     assert_eq!((code, &found["stock"]["first_rapid_cut"]), (Some(0), &Value::Null));
-    assert_eq!(found["stock"]["removed_at_rapid_rate"], 32.0 * 6.0 * 0.5);
+    assert_eq!(found["stock"]["removed_not_at_feed"], 32.0 * 6.0 * 0.5);
     let text = check(&folder, "brush.nc", &["--stock", "box:1"]).stdout;
-    assert!(text.contains("lines at rapid rate take 96.0 mm³ of it, nowhere deeper"), "{text}");
+    assert!(text.contains("where the path begins 96.0 mm³ go"), "{text}");
+}
+
+#[test]
+fn of_a_row_of_rapids_the_first_that_cuts_is_named() {
+    // Line 3 takes what is accepted, line 4 goes deeper at its end, where nothing is left to take of the stock before the row.
+    let folder = folder("row.nc", "G21 G90\nG0 X-25. Y0. Z20.\nZ0.7\nX25.\nZ0.3\nX-25.\nZ20.\n");
+    let (code, found) = answer(&check(&folder, "row.nc", &["--stock", "box:1", "--json"]));
+    let first = &found["stock"]["first_rapid_cut"];
+    assert_eq!((code, &first["line"], first["volume"].as_f64()), (Some(3), &json!(4), Some(96.0)), "{first}");
+    // Where the path begins in the stock, a rapid behind it is named too.
+    folder.write("begin.nc", "G21 G90\nG0 X0. Y0. Z-2.\nX10.\nZ20.\n");
+    let (code, found) = answer(&check(&folder, "begin.nc", &["--stock", "box:1", "--json"]));
+    let stock = &found["stock"];
+    assert_eq!(
+        (code, &stock["begins_in_stock"]["line"], &stock["first_rapid_cut"]["line"]),
+        (Some(3), &json!(2), &json!(3))
+    );
 }

@@ -61,6 +61,11 @@ impl StockInput {
         ensure!(voxels.count() > 0, "the stock '{}' holds no voxel's centre", stock.name);
         let own = bodies.part.on(&grid).context("the grids of part and stock do not meet")?;
         let outside = own.solid.iter().zip(&voxels.solid).filter(|(part, stock)| **part > **stock).count();
+        ensure!(
+            2 * outside <= own.count(),
+            "most of the part lies outside the stock '{}': give it where the part is, in its frame and unit, and in its scale",
+            stock.name
+        );
         if outside > 0 && !record.conservative {
             session.warn(&format!(
                 "{} {}³ of the part lie outside the stock: check where it stands, and its unit",
@@ -124,10 +129,18 @@ impl StockResult {
         [sum(|line| line.voxels), sum(|line| line.of_part), sum(|line| u64::from(line.voxels > 0))]
     }
 
-    /// Voxels that lines at rapid rate take.
-    fn at_rapid_rate(&self) -> u64 {
-        let rapids = self.report.removed.iter().filter(|line| line.kind == MoveKind::Rapid);
-        rapids.map(|line| line.voxels).sum()
+    /// Voxels that go at rapid rate, and where the tool comes in.
+    fn not_at_feed(&self) -> u64 {
+        let others = self.report.removed.iter().filter(|line| line.kind != MoveKind::Feed);
+        others.map(|line| line.voxels).sum()
+    }
+
+    /// Of the row of rapids that a line ends, which is tried on the stock before it, the first line that takes something.
+    fn first_of_row(&self, line: usize) -> usize {
+        let removed = &self.report.removed;
+        let Some(last) = removed.iter().position(|removal| removal.line == line) else { return line };
+        let row = removed[..=last].iter().rev().take_while(|removal| removal.kind == MoveKind::Rapid);
+        row.filter(|removal| removal.voxels > 0).last().map_or(line, |removal| removal.line)
     }
 
     pub(super) fn json(&self, checked: &CheckReport) -> Value {
@@ -140,11 +153,12 @@ impl StockResult {
             })
         };
         let own = |number: usize| self.report.removed.iter().find(|removal| removal.line == number);
-        let rapid = first_hit(checked, true).map(|(hit, _)| own(hit.line).map(line));
+        let rapid = first_hit(checked, &is_rapid).map(|(hit, _)| own(self.first_of_row(hit.line)).map(line));
+        let begins = first_hit(checked, &is_start).map(|(hit, _)| own(hit.line).map(line));
         json!({
             "stock": self.name, "volume": volume(self.report.voxels), "removed": volume(removed), "removed_of_part": volume(of_part),
             "lines_that_cut": cutting, "lines_that_cut_nothing": self.report.removed.len() as u64 - cutting,
-            "removed_at_rapid_rate": volume(self.at_rapid_rate()), "largest": self.largest().map(line), "first_touch": first(first_hit(checked, false)), "first_rapid_cut": rapid,
+            "removed_not_at_feed": volume(self.not_at_feed()), "begins_in_stock": begins, "largest": self.largest().map(line), "first_touch": first(first_hit(checked, &is_touch)), "first_rapid_cut": rapid,
             "left": {
                 "volume": volume(self.left.voxels), "farthest": self.left.farthest,
                 "place": self.left.farthest.map(|_| self.left.place),
@@ -175,26 +189,32 @@ impl StockResult {
             show(removed),
             lines(idle)
         );
-        let touched = first_hit(checked, false).map_or_else(
+        let touched = first_hit(checked, &is_touch).map_or_else(
             || "nothing but the cutter touches it".to_owned(),
             |(line, hit)| format!("it is touched first by the {} on line {}", hit.element, line.line),
         );
-        let rapid = match (first_hit(checked, true), self.no_rapids) {
-            (Some((line, _)), _) if line.kind == MoveKind::Start => {
-                format!("the cutter is in it where the path begins, on line {}", line.line)
-            }
-            (Some((line, _)), _) => format!("line {} is the first that cuts it at rapid rate", line.line),
-            (None, false) => match self.at_rapid_rate() {
-                0 => "no line cuts it at rapid rate".to_owned(),
-                brushed => format!(
-                    "lines at rapid rate take {} of it, nowhere deeper in the cutter than is accepted",
-                    show(brushed)
-                ),
-            },
-            (None, true) => "no line of the path is said to be at rapid rate (in CSV a column rapid says so), and all are taken to cut \
-                             at feed rate"
-                .to_owned(),
-        };
+        let mut rapids = Vec::new();
+        if let Some((line, _)) = first_hit(checked, &is_start) {
+            rapids.push(format!("the cutter is in it where the path begins, on line {}", line.line));
+        }
+        if let Some((line, _)) = first_hit(checked, &is_rapid) {
+            let line = self.first_of_row(line.line);
+            rapids.push(format!("line {line} is the first that cuts it at rapid rate"));
+        } else if self.no_rapids {
+            rapids.push(
+                "no line of the path is said to be at rapid rate (in CSV a column rapid says so), and all are taken to cut at feed rate"
+                    .to_owned(),
+            );
+        }
+        match self.not_at_feed() {
+            brushed if rapids.len() == usize::from(self.no_rapids) && brushed > 0 => rapids.push(format!(
+                "at rapid rate and where the path begins {} go, as far as the voxels show less deep in the cutter than is accepted",
+                show(brushed)
+            )),
+            _ if rapids.is_empty() => rapids.push("no line cuts it at rapid rate".to_owned()),
+            _ => {}
+        }
+        let rapid = rapids.join("; ");
         let _ = writeln!(text, "  {touched}; {rapid}");
         if of_part > 0 {
             let whose = if self.conservative {
@@ -212,8 +232,10 @@ impl StockResult {
         let _ = writeln!(
             text,
             "  accepted: stock up to {} {unit} deep in the cutter at rapid rate, and in a shank where the cutter's flank has passed; \
+             by voxels a rapid is certain to be told from {} {unit} on; \
              certain to be detected in holder and head: overlaps deeper than {} {unit}",
             short(self.settings.accepted_in_stock()),
+            short(self.settings.accepted_in_stock() + 0.5 * 3f64.sqrt() * self.report.remaining.grid.pitch),
             short(self.settings.sure_depth_in_stock(self.report.remaining.grid.pitch))
         );
     }
@@ -276,10 +298,23 @@ fn write_surface(path: &Path, solid: &Occupancy, back: &DMat4) -> Result<()> {
     )?)
 }
 
-/// The first line on which the stock is touched by what must not: by the cutter, or by something else.
-fn first_hit(checked: &CheckReport, cutter: bool) -> Option<(&LineCollisions, &Collision)> {
-    checked.colliding.iter().find_map(|line| {
-        let is_it = |hit: &&Collision| hit.against == HitBody::Stock && (hit.element == "cutter") == cutter;
-        Some((line, line.collisions.iter().find(is_it)?))
-    })
+/// A line and one of its collisions.
+type Hit<'a> = (&'a LineCollisions, &'a Collision);
+
+fn is_touch((_, hit): Hit<'_>) -> bool {
+    hit.element != "cutter"
+}
+
+fn is_rapid((line, hit): Hit<'_>) -> bool {
+    hit.element == "cutter" && line.kind != MoveKind::Start
+}
+
+fn is_start((line, hit): Hit<'_>) -> bool {
+    hit.element == "cutter" && line.kind == MoveKind::Start
+}
+
+/// The first line on which the stock is hit in such a way.
+fn first_hit<'a>(checked: &'a CheckReport, is_it: &dyn Fn(Hit<'_>) -> bool) -> Option<Hit<'a>> {
+    let hits = checked.colliding.iter().flat_map(|line| line.collisions.iter().map(move |hit| (line, hit)));
+    hits.filter(|(_, hit)| hit.against == HitBody::Stock).find(|&hit| is_it(hit))
 }
