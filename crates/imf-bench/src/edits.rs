@@ -15,9 +15,8 @@ use imf_core::control::Control;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
-use imf_core::scene::{Scene, SceneSpec};
+use imf_core::scene::Scene;
 use imf_core::section::{SectionPlan, ToolPoints, sections};
-use imf_core::tool::Tool;
 use imf_fields::recipe::schedule::Schedule;
 use imf_fields::recipe::{Cursor, HeldOutChoice, Length, Precision, Sampling, TrainingPlan, TrainingState};
 use imf_fields::siren::SirenShape;
@@ -31,6 +30,7 @@ use serde::Serialize;
 use std::ops::ControlFlow;
 
 use crate::arguments::EditsArguments;
+use crate::candidates::reference_scene;
 use crate::document::Document;
 use crate::measurement::Machine;
 use crate::paper::learns_in_halves;
@@ -104,11 +104,7 @@ pub(crate) fn run(session: &Session, arguments: &EditsArguments) -> Result<()> {
         directions: OrientationSet::parse(ORIENTATIONS)?,
     };
     let mut machine = Machine::new(session.threads());
-    let full = ReferencePart::Bracket.dims();
-    let dims = full.map(|n| ((n as f64 * arguments.scale).round() as usize).max(4));
-    let before =
-        SceneSpec::of_reference(ReferencePart::Bracket, &ReferencePart::Bracket.mesh(), dims, &Tool::paper())
-            .scene()?;
+    let before = reference_scene(ReferencePart::Bracket, arguments.scale)?;
     let old_sections = lab.sections(&before)?;
     session.note(&format!("the part as it was, {} voxels", before.obstacle.count()));
     let (old, _) = lab.trained(&before, &lab.samples(&before, &old_sections, None), None, lab.steps)?;

@@ -109,6 +109,9 @@ pub(crate) fn trained(runner: &Runner<'_>, source: &Source, folder: &Path) -> Re
     }
 }
 
+/// The change of a recipe that lets networks learn in bfloat16.
+pub(crate) const IN_HALVES: &str = "stage.*.training.precision=\"bf16\"";
+
 /// Whether the paper's network learns in bfloat16 there.
 pub(crate) fn learns_in_halves(device: &Device) -> bool {
     matches!(device, Device::Cpu) && CpuTrainer::check_precision(Precision::Bf16).is_ok()

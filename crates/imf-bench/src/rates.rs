@@ -5,7 +5,7 @@
 
 use anyhow::Result;
 use imf_cli::engine::Device;
-use imf_cli::output::{OutputFolder, lock_folder, prepare_folder, print, print_json};
+use imf_cli::output::{OutputFolder, lock_folder, prepare_folder};
 use imf_cli::session::Session;
 use imf_fields::siren::SirenShape;
 use serde::Serialize;
@@ -14,7 +14,7 @@ use crate::arguments::rates::RatesArguments;
 use crate::cells::{Cells, device_name};
 use crate::document::Document;
 use crate::measurement::Machine;
-use crate::paper::{Trained, learns_in_halves, trained};
+use crate::paper::{IN_HALVES, Trained, learns_in_halves, trained};
 use crate::recipe::{RANDOM, Runner, Source, built_in};
 
 /// Rates over the default one.
@@ -79,10 +79,7 @@ pub(crate) fn run(session: &Session, arguments: &RatesArguments) -> Result<()> {
     let report = Report { machine, device: device_name(&device), steps: arguments.steps, networks };
     let document = report.document();
     document.write(out, "rates", &report)?;
-    if session.json {
-        return print_json(&report);
-    }
-    print(&document.columns())
+    document.show(session, &report)
 }
 
 /// The training of a network from a multiple of its default rate.
@@ -97,7 +94,7 @@ fn training(shape: SirenShape, factor: f32, steps: u64, halves: bool) -> Result<
         "stage.*.training={{length={{steps={steps}}},schedule={{kind=\"cosine\",initial={rate:e},warmup=200}}}}"
     ))?;
     if halves {
-        source.assign("stage.*.training.precision=\"bf16\"")?;
+        source.assign(IN_HALVES)?;
     }
     Ok(source)
 }

@@ -131,8 +131,8 @@ enum End {
     Bull,
 }
 
-/// A plain mill in a plain holder of 40 mm.
-fn mill(end: End, radius: f64, flutes: f64, stick_out: f64, holder: f64) -> Tool {
+/// A plain mill in a plain holder, of which radius and length are given.
+fn mill(end: End, radius: f64, flutes: f64, stick_out: f64, [holder, long]: [f64; 2]) -> Tool {
     let line = |from, to, radius| Segment::Line { from, to, radius_from: radius, radius_to: radius };
     let corner = match end {
         End::Ball => radius,
@@ -154,7 +154,7 @@ fn mill(end: End, radius: f64, flutes: f64, stick_out: f64, holder: f64) -> Tool
         shape: ToolShape::Revolved(vec![
             element(ElementKind::Cutter, cutter),
             element(ElementKind::Shank, vec![line(flutes, stick_out, radius)]),
-            element(ElementKind::Holder(0), vec![line(stick_out, stick_out + 40.0, holder)]),
+            element(ElementKind::Holder(0), vec![line(stick_out, stick_out + long, holder)]),
         ]),
         sharp_points: SharpPoints::Tip,
         overall_length: None,

@@ -16,6 +16,9 @@ pub use builder::{BuiltScene, SceneBuilder};
 pub use guarantee::{Guarantee, PathGuarantee};
 pub use pitch::{ChosenPitch, PitchReason};
 pub use resolution::CoarseTool;
+// For the stock, which is no body of a scene.
+#[doc(hidden)]
+pub use resolution::solid_voxels;
 pub use warning::SceneWarning;
 // What the builder is made of, for the command, which checks memory between the steps.
 #[doc(hidden)]

@@ -39,16 +39,6 @@ pub struct Voxelized {
     pub undecided: f64,
 }
 
-impl Voxelized {
-    /// The share of undecided centres from which on a mesh is refused.
-    ///
-    /// Measured at 20 voxels along the longest side: a cube without its lid has 0.3, a sphere that lacks a fifth of its triangles 0.4, a
-    /// hemisphere without its disc 0.8, and all their solid voxels are right. Triangles that share no corners and of which a fifth
-    /// face the wrong way have 0.98, and lose up to a quarter of the solid; half of them, 1.0 and nearly all of it. A box without two opposite
-    /// sides (0.96) or a shallow tray without its lid (0.99) may as well be a sheet.
-    pub const MOST_UNDECIDED: f64 = 0.9;
-}
-
 /// Solid voxels of `mesh` on `grid`; parts of the mesh outside the grid are left out.
 ///
 /// Memory beside the result: the triangles once, and one plane of counts a thread.

@@ -8,6 +8,7 @@ use imf_fields::factored::DistillSettings;
 use imf_fields::recipe::Length;
 use serde::Deserialize;
 
+use super::IN_HALVES;
 use crate::arguments::paper::PaperScale;
 use crate::recipe::{Source, built_in};
 
@@ -38,7 +39,7 @@ impl Protocol {
         })?;
         protocol.full = scale == PaperScale::Full;
         if protocol.full && halves {
-            protocol.all.push("stage.*.training.precision=\"bf16\"".into());
+            protocol.all.push(IN_HALVES.into());
         }
         Ok(protocol)
     }

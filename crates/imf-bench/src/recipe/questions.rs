@@ -32,7 +32,7 @@ pub(crate) struct Questions {
     random: OrientationSet,
     threshold: f64,
     /// Share of the voxels at which a network's minima and random sections are compared.
-    pub(crate) voxels: f64,
+    voxels: f64,
 }
 
 /// One comparison with the exact field.

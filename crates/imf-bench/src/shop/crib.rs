@@ -104,7 +104,7 @@ fn crib(count: usize) -> (usize, Vec<Tool>) {
             let (end, radius, flutes) = cutters[index % cutters.len()];
             let set = index / cutters.len();
             let (holder, step) = (radius + 4.0 + 3.0 * (set % 6) as f64, set / 6);
-            mill(end, radius, flutes, flutes + 5.0 + 12.0 * step as f64, holder)
+            mill(end, radius, flutes, flutes + 5.0 + 12.0 * step as f64, [holder, 40.0])
         })
         .collect();
     (cutters.len().min(count), tools)

@@ -103,7 +103,7 @@ impl Work {
             pool: ThreadPoolBuilder::new().num_threads(1).build()?,
             part: voxelize(&mesh, &grid, false),
             machine: MachineBodies::new(Machine::read(&file)?, PITCH, Control::quiet())?,
-            tool: mill(End::Ball, 5.0, 30.0, 60.0, 20.0),
+            tool: mill(End::Ball, 5.0, 30.0, 60.0, [20.0, 40.0]),
             bounds: (lower, upper),
         })
     }

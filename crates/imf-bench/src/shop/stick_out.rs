@@ -43,7 +43,7 @@ struct Checks {
 impl Row {
     pub(super) fn new(session: &Session, surface: &Surface, arguments: &ShopArguments) -> Result<Self> {
         session.note("least stick-outs");
-        let assembly = mill(End::Ball, 3.0, 20.0, 30.0, 12.0).offset(&clearance())?;
+        let assembly = mill(End::Ball, 3.0, 20.0, 30.0, [12.0, 40.0]).offset(&clearance())?;
         let tool = StickOutTool::new(&surface.surroundings, &assembly, surface.tolerance)?;
         let (best_seconds, best) = seconds(|| surface.least(&tool, &surface.samples, &surface.directions))?;
         let few = &surface.directions[..surface.directions.len().min(10)];

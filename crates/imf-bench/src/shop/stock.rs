@@ -11,11 +11,12 @@ use imf_core::field::ExactField;
 use imf_core::grid::Grid;
 use imf_core::occupancy::Occupancy;
 use imf_core::pose::Pose;
-use imf_core::tool::{Element, ElementKind, Segment, SharpPoints, Tool, ToolShape};
+use imf_core::tool::Tool;
 use imf_core::toolpath::{MoveKind, Toolpath};
 use imf_core::unit::LengthUnit;
 use serde::Serialize;
 
+use super::{End, mill};
 use crate::document::Document;
 use crate::measurement::seconds;
 
@@ -42,33 +43,13 @@ pub(super) struct Row {
 
 /// On one thread.
 pub(super) fn rows() -> Result<Vec<Row>> {
-    let nose = Segment::Arc { from: 0.0, to: 5.0, centre_height: 5.0, centre_radius: 0.0, arc_radius: 5.0 };
-    let corner = Segment::Arc { from: 0.0, to: 1.0, centre_height: 1.0, centre_radius: 4.0, arc_radius: 1.0 };
+    // Of 10 mm with a shank as wide, 45 mm out of a holder of 40 mm.
+    let mill = |end| mill(end, 5.0, 25.0, 45.0, [20.0, 50.0]);
     Ok(vec![
-        row("pocket in layers, flat end", &mill(vec![line(0.0, 25.0, 5.0)]), &pocket())?,
-        row("pocket in layers, corner radius", &mill(vec![corner, line(1.0, 25.0, 5.0)]), &pocket())?,
-        row("bowl on five axes, ball end", &mill(vec![nose, line(5.0, 25.0, 5.0)]), &bowl())?,
+        row("pocket in layers, flat end", &mill(End::Flat), &pocket())?,
+        row("pocket in layers, corner radius", &mill(End::Bull), &pocket())?,
+        row("bowl on five axes, ball end", &mill(End::Ball), &bowl())?,
     ])
-}
-
-/// A mill of 10 mm with a shank as wide, 45 mm out of a holder of 40 mm.
-fn mill(cutter: Vec<Segment>) -> Tool {
-    let element = |kind, profile| Element { kind, profile };
-    Tool {
-        name: "mill".into(),
-        unit: LengthUnit::Mm,
-        shape: ToolShape::Revolved(vec![
-            element(ElementKind::Cutter, cutter),
-            element(ElementKind::Shank, vec![line(25.0, 45.0, 5.0)]),
-            element(ElementKind::Holder(0), vec![line(45.0, 95.0, 20.0)]),
-        ]),
-        sharp_points: SharpPoints::Tip,
-        overall_length: None,
-    }
-}
-
-fn line(from: f64, to: f64, radius: f64) -> Segment {
-    Segment::Line { from, to, radius_from: radius, radius_to: radius }
 }
 
 /// A row of points each `SEGMENT` from the next.

@@ -97,7 +97,7 @@ impl CheckArguments {
         let outside = if self.scene.conservative { 0.75_f64.sqrt() * pitch } else { 0.0 };
         CheckSettings {
             clearance: self.scene.clearance.clearance(),
-            contact: self.contact.unwrap_or(self.contact_of_bare_voxels(unit) + outside),
+            contact: self.contact.unwrap_or(usual.contact + outside),
             tolerance: self.tolerance.unwrap_or(usual.tolerance),
         }
     }

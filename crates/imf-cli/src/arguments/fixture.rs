@@ -11,9 +11,9 @@ use imf_core::mesh::read::{MeshFile, read_mesh_file};
 use imf_core::mesh::{FaceRepair, Mesh};
 use imf_core::occupancy::Occupancy;
 use imf_core::parts::ReferencePart;
-use imf_core::scene::{Fixture, SceneError};
+use imf_core::scene::{Fixture, solid_voxels};
 use imf_core::unit::{LengthUnit, UnknownUnit};
-use imf_core::voxelize::{Voxelized, voxelize_with};
+use imf_core::voxelize::Voxelized;
 
 use super::transform::parse_transform;
 use crate::session::Session;
@@ -176,11 +176,7 @@ impl Stock {
 
     /// Its voxels on a grid. A mesh that does not say what is inside is refused, and one that hardly does is warned of.
     pub(crate) fn voxels(&self, session: &Session, grid: &Grid, control: Control<'_>) -> Result<Occupancy> {
-        let Voxelized { solid, undecided } = voxelize_with(&self.mesh, grid, false, control)?;
-        let most = Voxelized::MOST_UNDECIDED;
-        if undecided > most {
-            return Err(SceneError::Undecided { name: self.name.clone(), share: undecided, most }.into());
-        }
+        let Voxelized { solid, undecided } = solid_voxels(&self.name, &self.mesh, grid, false, control)?;
         if undecided > 0.0 {
             session.warn(&format!(
                 "the stock '{}' is open: of {:.0} % of the voxel centres in it or near it its surface hardly says whether they are inside",

@@ -23,7 +23,7 @@ use super::network::{Network, parse_network};
 use super::numbers::{parse_count, parse_rate};
 use super::quantity::QuantityArguments;
 use super::scene::SceneArguments;
-use crate::job::REPORT_EVERY;
+use crate::job::{COSINE_ENDS_AT, REPORT_EVERY, schedule_from};
 
 /// Arguments of `imf train`: without a family those of a factored field.
 pub(crate) type TrainArguments = Either<FactoredArguments, TrainFamily>;
@@ -232,8 +232,6 @@ const STEPS_FROM_ANOTHER: u64 = 1_200;
 /// The rate from another network over that of a new one: a higher one shakes off what a small change leaves as it was
 /// (`imf-bench edits`).
 const SHARE_FROM_ANOTHER: f32 = 0.1;
-/// The rate of the paper's own recipe, with the schedule `exponential`.
-const PAPERS_RATE: f32 = 5e-4;
 /// ω of siren5 where nothing is said of it: the paper's 30 errs more between orientations.
 const OMEGA: f32 = 10.0;
 /// Seconds between checkpoints.
@@ -348,15 +346,14 @@ impl<'a> Siren5Training<'a> {
         let set: Siren5Settings = run.settings()?;
         let usual = if from_another { STEPS_FROM_ANOTHER } else { STEPS };
         let schedule = match set.schedule {
-            Some(ScheduleName::Exponential) => {
-                Schedule::Exponential { initial: run.rate.unwrap_or(PAPERS_RATE), factor: 0.93, warmup: 0 }
-            }
+            Some(ScheduleName::Exponential) => Schedule::default(),
             None | Some(ScheduleName::Cosine) => {
                 let share = if from_another { SHARE_FROM_ANOTHER } else { 1.0 };
-                let initial = run.rate.unwrap_or(share * shape.rate());
-                Schedule::Cosine { initial, last: initial * 0.01, warmup: 200 }
+                let initial = share * shape.rate();
+                Schedule::Cosine { initial, last: initial * COSINE_ENDS_AT, warmup: 200 }
             }
         };
+        let schedule = run.rate.map_or(schedule, |rate| schedule_from(&schedule, rate));
         let adam = AdamConfig::default();
         let plan = TrainingPlan {
             length: samples.epochs.map_or(Length::Steps(run.steps.unwrap_or(usual)), Length::Epochs),

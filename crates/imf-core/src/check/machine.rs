@@ -278,11 +278,7 @@ impl<'a> MachinePairs<'a> {
             let by_part = place.table[top].inverse().of_point(on_table);
             hit.contact = self.to_machine.inverse().of_point(by_part).to_array();
         }
-        let pose = motion.at(hit.fraction);
-        hit.position = pose.position.to_array();
-        hit.axis = pose.axis().unwrap_or(DVec3::NAN).to_array();
-        hit.roll = hit.roll.map(|_| pose.orientation().roll);
-        hit
+        motion.with_tool(hit)
     }
 }
 

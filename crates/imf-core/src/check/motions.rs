@@ -1,8 +1,8 @@
 //! The motions of a toolpath: which tool makes each, and at how many poses it is looked at.
 
-use glam::{DMat3, DMat4, DQuat};
+use glam::{DMat3, DMat4, DQuat, DVec3};
 
-use super::{CheckError, CheckSettings};
+use super::{CheckError, CheckSettings, Collision};
 use crate::machine::{Machine, MachineMotion, Side};
 use crate::pose::{Pose, StraightMotion};
 use crate::tool::Tool;
@@ -45,6 +45,15 @@ impl Motion<'_> {
         }
     }
 
+    /// A collision of what moves with the head, told with the tool as it is then.
+    pub(super) fn with_tool(&self, mut hit: Collision) -> Collision {
+        let pose = self.at(hit.fraction);
+        hit.position = pose.position.to_array();
+        hit.axis = pose.axis().unwrap_or(DVec3::NAN).to_array();
+        hit.roll = hit.roll.map(|_| pose.orientation().roll);
+        hit
+    }
+
     /// Of a path for a machine.
     pub(super) fn by_machine(&self) -> Option<&MachineMotion<'_>> {
         match &self.way {
@@ -57,7 +66,7 @@ impl Motion<'_> {
 /// A rigid motion as a pose.
 pub(super) fn rigid(motion: &DMat4) -> Pose {
     let rotation = DQuat::from_mat3(&DMat3::from_mat4(*motion)).normalize();
-    Pose::new(motion.transform_point3(glam::DVec3::ZERO), rotation)
+    Pose::new(motion.transform_point3(DVec3::ZERO), rotation)
 }
 
 /// So many poses that nothing moves farther than the tolerance from one to the next.

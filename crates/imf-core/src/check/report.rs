@@ -1,5 +1,7 @@
 //! What a check found, line by line.
 
+use std::fmt;
+
 use glam::{DMat4, DVec3};
 use serde::Serialize;
 
@@ -19,6 +21,17 @@ pub enum HitBody {
     Machine(String),
     /// Stock beside the part that is still there then.
     Stock,
+}
+
+impl fmt::Display for HitBody {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Part => f.write_str("part"),
+            Self::Fixture(name) => write!(f, "fixture {name}"),
+            Self::Machine(name) => write!(f, "machine's {name}"),
+            Self::Stock => f.write_str("stock"),
+        }
+    }
 }
 
 /// One element that collides with one body during one motion. Lengths are in the grid's unit, places in world coordinates.

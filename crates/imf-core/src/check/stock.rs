@@ -37,6 +37,12 @@ impl CheckSettings {
         self.contact + 0.5 * self.tolerance
     }
 
+    /// Depth below the cutter's surface from which on stock is certain to be detected at rapid rate.
+    #[must_use]
+    pub fn sure_depth_of_rapids(&self, pitch: f64) -> f64 {
+        self.accepted_in_stock() + 0.5 * 3f64.sqrt() * pitch
+    }
+
     /// Diameter of the smallest ball of stock in the holder, or in anything that keeps a clearance or is wider than the cutter, that
     /// is certain to be detected. Where the cutter's flank passed it takes twice [`CheckSettings::accepted_in_stock`] more.
     #[must_use]

@@ -42,6 +42,16 @@ pub(crate) fn trunnion() -> Machine {
     ])
 }
 
+/// The same where the axes meet, in (0, 0, −300), and the part's zero is 50 above.
+pub(crate) fn meeting_trunnion() -> Machine {
+    let centre = [0.0, 0.0, -300.0];
+    let rotary = vec![
+        axis('A', Side::Table, [1.0, 0.0, 0.0], centre, FREE),
+        axis('C', Side::Table, [0.0, 0.0, 1.0], centre, FREE),
+    ];
+    Machine { offsets: BTreeMap::from([(54, DVec3::new(0.0, 0.0, -250.0))]), ..machine_of(rotary) }
+}
+
 /// A head that tilts by B over a table that turns by C.
 pub(crate) fn head_and_table() -> Machine {
     machine_of(vec![

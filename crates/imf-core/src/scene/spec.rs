@@ -2,6 +2,7 @@
 
 use glam::{DMat4, DVec3};
 
+use super::resolution::solid_voxels;
 use super::stored::crc32;
 use super::{Bodies, Fixture, GridExtent, Resolution, Scene, SceneError, SceneRecord};
 use crate::control::Control;
@@ -202,13 +203,9 @@ impl<'a> SceneSpec<'a> {
         self.fixture_boxes()?;
         let body = |name: &str, mesh: &Mesh, transform: &DMat4| {
             let mesh = mesh.transformed(transform);
-            let Voxelized { solid, undecided } = voxelize_with(&mesh, grid, self.conservative, self.control)?;
-            let most = Voxelized::MOST_UNDECIDED;
-            if undecided > most {
-                let name = name.to_owned();
-                return Err(SceneError::Undecided { name, share: undecided, most });
-            }
-            Ok((mesh, solid, undecided))
+            let Voxelized { solid, undecided } =
+                solid_voxels(name, &mesh, grid, self.conservative, self.control)?;
+            Ok::<_, SceneError>((mesh, solid, undecided))
         };
         let (_, part, undecided) = body(self.part, self.mesh, &self.transform)?;
         if part.count() == 0 {

@@ -14,6 +14,10 @@ pub(crate) fn line(from: f64, to: f64, radius_from: f64, radius_to: f64) -> Segm
     Segment::Line { from, to, radius_from, radius_to }
 }
 
+pub(crate) fn arc(from: f64, to: f64, centre_height: f64, centre_radius: f64, arc_radius: f64) -> Segment {
+    Segment::Arc { from, to, centre_height, centre_radius, arc_radius }
+}
+
 /// Sharp at its tip.
 pub(crate) fn revolved(elements: impl IntoIterator<Item = (ElementKind, Vec<Segment>)>) -> Tool {
     let elements = elements.into_iter().map(|(kind, profile)| Element { kind, profile }).collect();

@@ -79,11 +79,8 @@ fn positive(segment: &Segment, from: f64, to: f64) -> Option<Segment> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::section::test_shapes::{arc, line};
     use crate::tool::ElementKind;
-
-    fn line(from: f64, to: f64, radius_from: f64, radius_to: f64) -> Segment {
-        Segment::Line { from, to, radius_from, radius_to }
-    }
 
     /// Depth of a point below the outline and both ends, by a fine walk; negative outside.
     fn depth(profile: &[Segment], exposed: bool, height: f64, radius: f64) -> f64 {
@@ -112,13 +109,6 @@ mod tests {
 
     #[test]
     fn eroded_cutters_are_the_points_deeper_than_the_depth() {
-        let arc = |from, to, centre_height, centre_radius, arc_radius| Segment::Arc {
-            from,
-            to,
-            centre_height,
-            centre_radius,
-            arc_radius,
-        };
         let profiles = [
             vec![line(0.0, 10.0, 3.0, 3.0)],
             vec![arc(0.0, 3.0, 3.0, 0.0, 3.0), line(3.0, 12.0, 3.0, 3.0)],

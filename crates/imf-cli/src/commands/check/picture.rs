@@ -73,11 +73,11 @@ pub(super) fn draw(
         };
         lines.push(line.line);
         let title = format!(
-            "{}: {}, {} {unit} deep in {}",
+            "{}: {}, {} {unit} deep in the {}",
             text::place(line),
             hit.element,
             short(hit.depth),
-            text::body(&hit.against)
+            hit.against
         );
         chosen.push((title, line.line, hit, *tool));
     }

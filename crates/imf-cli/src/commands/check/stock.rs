@@ -169,7 +169,7 @@ impl StockResult {
     }
 
     pub(super) fn write_text(&self, checked: &CheckReport, text: &mut String) {
-        let unit = self.unit;
+        let (unit, pitch) = (self.unit, self.report.remaining.grid.pitch);
         let [removed, of_part, cutting] = self.totals();
         let show = |voxels| format!("{} {unit}³", show_measure(self.volume(voxels)));
         let lines =
@@ -235,8 +235,8 @@ impl StockResult {
              by voxels a rapid is certain to be told from {} {unit} on; \
              certain to be detected in holder and head: overlaps deeper than {} {unit}",
             short(self.settings.accepted_in_stock()),
-            short(self.settings.accepted_in_stock() + 0.5 * 3f64.sqrt() * self.report.remaining.grid.pitch),
-            short(self.settings.sure_depth_in_stock(self.report.remaining.grid.pitch))
+            short(self.settings.sure_depth_of_rapids(pitch)),
+            short(self.settings.sure_depth_in_stock(pitch))
         );
     }
 

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use glam::DMat4;
-use imf_core::check::{Collision, HitBody, LineCollisions, TravelFault};
+use imf_core::check::{Collision, LineCollisions, TravelFault};
 use imf_core::toolpath::MoveKind;
 
 use super::{CheckRun, stick_out};
@@ -125,26 +125,13 @@ fn travel(beyond: &TravelFault, unit: &str) -> String {
 /// `line 4`, and with which tool.
 pub(super) fn place(line: &LineCollisions) -> String {
     let tool = line.tool.map_or_else(String::new, |number| format!(", tool {number}"));
-    let kind = match line.kind {
-        MoveKind::Rapid => ", rapid",
-        MoveKind::Start | MoveKind::Feed => "",
-    };
-    format!("line {}{tool}{kind}", line.line)
-}
-
-/// What was hit, in words.
-pub(super) fn body(against: &HitBody) -> String {
-    match against {
-        HitBody::Part => "the part".into(),
-        HitBody::Fixture(name) => format!("the fixture {name}"),
-        HitBody::Machine(name) => format!("the machine's {name}"),
-        HitBody::Stock => "the stock".into(),
-    }
+    let rapid = if line.kind == MoveKind::Rapid { ", rapid" } else { "" };
+    format!("line {}{tool}{rapid}", line.line)
 }
 
 fn one(collision: &Collision, poses: u64, checked: &CheckRun<'_>) -> String {
     let unit = checked.record.unit;
-    let (element, against) = (&collision.element, body(&collision.against));
+    let (element, against) = (&collision.element, format!("the {}", collision.against));
     // The depth below the offset surface tells how much of the clearance is left.
     let within = collision.clearance - collision.depth;
     let what = if collision.clearance > 0.0 && within >= 0.0 {

@@ -1,7 +1,6 @@
 //! The path among part and fixtures for the page in 3D: lines that collide in red, the deepest places marked.
 
 use glam::{DMat4, DVec3};
-use imf_core::check::HitBody;
 use imf_core::mesh::Mesh;
 use imf_core::toolpath::{MoveKind, Toolpath};
 
@@ -56,14 +55,9 @@ pub(super) fn view<'a>(
         .iter()
         .map(|(_, hit)| Place { at: DVec3::from_array(hit.contact), normal: DVec3::from_array(hit.axis) });
     let rows = worst.iter().enumerate().map(|(place, (line, hit))| {
-        let body = match &hit.against {
-            HitBody::Part => "part".to_owned(),
-            HitBody::Stock => "stock".to_owned(),
-            HitBody::Fixture(name) => format!("fixture {name}"),
-            HitBody::Machine(name) => format!("machine's {name}"),
-        };
         let at = hit.contact.map(|value| format!("{value:.1}")).join(", ");
-        let cells = vec![line.line.to_string(), hit.element.clone(), body, short(hit.depth), at];
+        let cells =
+            vec![line.line.to_string(), hit.element.clone(), hit.against.to_string(), short(hit.depth), at];
         TableRow { place: Some(place), cells }
     });
     let table = Table {

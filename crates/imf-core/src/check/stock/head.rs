@@ -1,7 +1,5 @@
 //! What a machine's head carries beside the tool, among the stock.
 
-use glam::DVec3;
-
 use super::super::elements::{Step, Track};
 use super::super::machine::{HeadBody, HeadShape, MachineBodies, bar_around};
 use super::super::motions::Motion;
@@ -107,52 +105,30 @@ impl HeadsOnTheWay<'_, '_> {
     /// What was found, with the tool as it is then.
     pub(super) fn finish(self) -> Vec<Collision> {
         let tracks = self.bodies.into_iter().flat_map(|(.., tracks)| tracks);
-        let hits = tracks.filter_map(Track::finish);
-        hits.map(|mut hit| {
-            let pose = self.motion.at(hit.fraction);
-            hit.position = pose.position.to_array();
-            hit.axis = pose.axis().unwrap_or(DVec3::NAN).to_array();
-            hit.roll = hit.roll.map(|_| pose.orientation().roll);
-            hit
-        })
-        .collect()
+        tracks.filter_map(Track::finish).map(|hit| self.motion.with_tool(hit)).collect()
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+
     use super::super::super::{CheckBodies, HitBody, MachineBodies};
     use super::super::check_stock;
     use super::*;
     use crate::control::Control;
     use crate::grid::Grid;
-    use crate::machine::{MachineSolid, RotaryAxis, SolidShape};
+    use crate::machine::tests::meeting_trunnion;
+    use crate::machine::{MachineSolid, SolidShape};
     use crate::occupancy::Occupancy;
     use crate::section::test_shapes::{line, revolved};
     use crate::tool::ElementKind;
     use crate::toolpath::{PathReading, Toolpath};
     use crate::unit::LengthUnit;
 
-    const FREE: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
-
     fn machine(nose: SolidShape) -> Machine {
-        let axis = |letter, direction| RotaryAxis {
-            letter,
-            side: Side::Table,
-            direction,
-            centre: DVec3::new(0.0, 0.0, -300.0),
-            range: FREE,
-        };
-        Machine {
-            name: "trunnion".into(),
-            unit: LengthUnit::Mm,
-            rotary: vec![axis('A', DVec3::X), axis('C', DVec3::Z)],
-            travel: [FREE; 3],
-            home: DVec3::ZERO,
-            preferred: None,
-            offsets: [(54, DVec3::new(0.0, 0.0, -250.0))].into(),
-            solids: vec![MachineSolid { name: "nose".into(), side: Side::Head, level: 0, shape: nose }],
-        }
+        let solid = MachineSolid { name: "nose".into(), side: Side::Head, level: 0, shape: nose };
+        Machine { solids: vec![solid], ..meeting_trunnion() }
     }
 
     #[test]

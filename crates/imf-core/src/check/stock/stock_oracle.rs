@@ -7,7 +7,7 @@ use super::*;
 use crate::grid::Grid;
 use crate::orientation::OrientationSet;
 use crate::pose::Pose;
-use crate::section::test_shapes::{line, revolved};
+use crate::section::test_shapes::{arc, line, revolved};
 use crate::tool::{Clearance, Element, ElementKind, SLACK, Segment, contains, snapped};
 use crate::unit::LengthUnit;
 
@@ -94,13 +94,6 @@ impl Twin<'_> {
 }
 
 fn tools() -> [Tool; 3] {
-    let arc = |to: f64, centre_radius: f64| Segment::Arc {
-        from: 0.0,
-        to,
-        centre_height: to,
-        centre_radius,
-        arc_radius: to,
-    };
     let shank_and_holder = |radius: f64| {
         let holder = vec![line(8.0, 10.0, 2.0, 3.5), line(10.0, 14.0, 3.5, 3.5)];
         [(ElementKind::Shank, vec![line(4.0, 8.0, radius, radius)]), (ElementKind::Holder(0), holder)]
@@ -110,8 +103,8 @@ fn tools() -> [Tool; 3] {
     };
     [
         with(vec![line(0.0, 4.0, 1.6, 1.6)], 1.6),
-        with(vec![arc(1.2, 0.0), line(1.2, 4.0, 1.2, 1.2)], 1.5),
-        with(vec![arc(0.5, 1.0), line(0.5, 4.0, 1.5, 2.0)], 1.9),
+        with(vec![arc(0.0, 1.2, 1.2, 0.0, 1.2), line(1.2, 4.0, 1.2, 1.2)], 1.5),
+        with(vec![arc(0.0, 0.5, 0.5, 1.0, 0.5), line(0.5, 4.0, 1.5, 2.0)], 1.9),
     ]
 }
 

@@ -118,18 +118,11 @@ mod tests {
     use glam::DVec3;
 
     use super::*;
-    use crate::section::test_shapes::{line, orientations};
-    use crate::tool::{ElementKind, SLACK, Segment, contains};
+    use crate::section::test_shapes::{arc, line, orientations};
+    use crate::tool::{ElementKind, SLACK, contains};
 
     #[test]
     fn lines_hold_the_centres_that_the_predicate_holds() {
-        let arc = |from, to, centre_height, centre_radius, arc_radius| Segment::Arc {
-            from,
-            to,
-            centre_height,
-            centre_radius,
-            arc_radius,
-        };
         let bull = vec![arc(0.0, 1.0, 1.0, 2.5, 1.0), line(1.0, 6.0, 3.5, 3.5), line(6.0, 9.0, 3.5, 5.0)];
         let ball = vec![arc(0.0, 3.0, 3.0, 0.0, 3.0), line(3.0, 9.0, 3.0, 3.0)];
         let bulge = vec![arc(1.0, 4.0, 2.5, 1.0, 2.0), line(4.0, 5.0, 2.5, 2.5)];

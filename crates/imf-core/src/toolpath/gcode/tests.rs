@@ -3,30 +3,14 @@
 use glam::DVec3;
 
 use super::*;
-use crate::machine::{RotaryAxis, Side};
+use crate::machine::tests::meeting_trunnion;
 use crate::unit::LengthUnit;
 
-const FREE: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
-
-/// A table that tilts by A and turns by C, both through (0, 0, −300), and the part's zero 50 above.
 fn trunnion() -> Machine {
-    let axis = |letter, direction| RotaryAxis {
-        letter,
-        side: Side::Table,
-        direction,
-        centre: DVec3::new(0.0, 0.0, -300.0),
-        range: FREE,
-    };
-    Machine {
-        name: "trunnion".into(),
-        unit: LengthUnit::Mm,
-        rotary: vec![axis('A', DVec3::X), axis('C', DVec3::Z)],
-        travel: [FREE; 3],
-        home: DVec3::new(1.0, 2.0, 3.0),
-        preferred: None,
-        offsets: [(54, DVec3::new(0.0, 0.0, -250.0)), (55, DVec3::new(10.0, 0.0, -250.0))].into(),
-        solids: Vec::new(),
-    }
+    let mut machine = meeting_trunnion();
+    machine.home = DVec3::new(1.0, 2.0, 3.0);
+    machine.offsets.insert(55, DVec3::new(10.0, 0.0, -250.0));
+    machine
 }
 
 fn read(text: &str) -> Result<Toolpath, LineError> {
@@ -183,7 +167,7 @@ fn a_machine_is_told_what_is_not_known() {
     for (text, line, said) in [
         ("G0 X0. Y0. Z0.\n", 1, "no tool length is in force"),
         ("G43 H1 G0 X0. Y0. Z9.\nG1 X1. F9\n", 2, "where A stands is not known"),
-        ("G0 B3.\n", 1, "B3. turns an axis that the machine 'trunnion' has not"),
+        ("G0 B3.\n", 1, "B3. turns an axis that the machine 'test' has not"),
         ("G56 G0 X1.\n", 1, "G56 is another work offset"),
         ("G0 A0. C0.\nG43.4 H1 X0. Y0. Z9.\nG28 Z0.\n", 3, "G49 before"),
         ("G0 A0. C0.\nG43.4 H1 X0. Y0. Z9.\nT2 M6\n", 3, "G49 before"),
