@@ -22,7 +22,7 @@ mod report;
 mod stick_out;
 mod stock;
 
-pub use machine::MachineBodies;
+pub use machine::{MachineBodies, MachineFault, MachineReach};
 pub use report::{CheckReport, Collision, HitBody, LineCollisions, TravelFault};
 pub use stick_out::{PathStickOut, least_stick_outs};
 pub use stock::{LineRemoval, StockLeft, StockReport, check_stock};
@@ -297,14 +297,12 @@ pub fn check_toolpath(
     // Every motion is validated before any pose is checked.
     let machine = bodies.machine.map(MachineBodies::machine);
     let motions = motions(toolpath, tools, settings, machine)?;
-    let part = Body::new(Arc::new(bodies.part.clone()), HitBody::Part);
-    let fixtures: Vec<Body> = bodies
-        .fixtures
-        .iter()
-        .map(|(name, voxels)| Body::new(Arc::new(voxels.clone()), HitBody::Fixture(name.clone())))
-        .collect();
+    let part = Arc::new(Body::new(Arc::new(bodies.part.clone()), HitBody::Part));
+    let fixture = |(name, voxels): &(String, Occupancy)| {
+        Arc::new(Body::new(Arc::new(voxels.clone()), HitBody::Fixture(name.clone())))
+    };
+    let fixtures: Vec<Arc<Body>> = bodies.fixtures.iter().map(fixture).collect();
     bodies.machine.map_or(Ok(()), |machine| machine.check(bodies.part.grid.pitch))?;
-    let table = bodies.machine.map(MachineBodies::bodies).unwrap_or_default();
     let world = rigid(&toolpath.set_up);
     let mut lines: Vec<report::Followed> = Vec::with_capacity(motions.len());
     for (index, (_, tool)) in tools.iter().enumerate() {
@@ -313,9 +311,10 @@ pub fn check_toolpath(
             continue;
         }
         let elements = Elements::new(&part, &fixtures, tool, settings)?;
-        let pairs = machine
-            .map(|machine| MachinePairs::new(machine, &table, &part, &fixtures, tool, settings, &world))
-            .transpose()?;
+        let pairs = bodies
+            .machine
+            .map(|machine| MachinePairs::new(machine, &part, &fixtures, tool, settings, &world));
+        let pairs = pairs.transpose()?;
         lines.extend(parallel::try_map(own.len(), |place| {
             if control.is_cancelled() {
                 return Err(CheckError::Cancelled);

@@ -64,8 +64,10 @@ impl DistanceField {
     pub fn probe(&self, point: DVec3) -> Probe {
         let last = DVec3::from_array(self.dims.map(|d| (d - 1) as f64));
         let nearest = point.clamp(DVec3::ZERO, last);
-        let centre = (nearest + 0.5).floor().min(last);
-        let [x, y, z] = [centre.x as usize, centre.y as usize, centre.z as usize];
+        // A conversion to whole numbers, as numbers of at least 0 allow, is sooner done than `floor`.
+        let [x, y, z] = [0, 1, 2].map(|axis| ((nearest[axis] + 0.5) as u32).min(last[axis] as u32));
+        let centre = DVec3::new(f64::from(x), f64::from(y), f64::from(z));
+        let [x, y, z] = [x, y, z].map(|at| at as usize);
         let index = (x * self.dims[1] + y) * self.dims[2] + z;
         let to_centre = f64::from(self.distance[index]);
         // Every solid centre lies in the box of centres, and the angle at the box's nearest point is obtuse: the

@@ -239,12 +239,25 @@ impl Machine {
     /// Every axis that is beyond its range, linear ones first.
     pub(crate) fn all_out_of_travel(&self, joints: &Joints) -> impl Iterator<Item = OutOfTravel> {
         let linear = ['X', 'Y', 'Z'].into_iter().zip(joints.linear.to_array()).zip(self.travel);
-        let rotary =
-            self.rotary.iter().zip(joints.rotary).map(|(axis, angle)| ((axis.letter, angle), axis.range));
-        let beyond = |value: f64, range: [f64; 2]| !(range[0] - SLACK..=range[1] + SLACK).contains(&value);
-        let all = linear.chain(rotary).filter(move |&((_, value), range)| beyond(value, range));
-        all.map(|((axis, value), range)| OutOfTravel { axis, value, range })
+        let linear = linear.filter_map(|((axis, value), range)| beyond(axis, value, range));
+        linear.chain(self.turned_too_far(&joints.rotary))
     }
+
+    /// The rotary axes that are beyond their ranges.
+    pub(crate) fn turned_too_far(&self, rotary: &[f64; 2]) -> impl Iterator<Item = OutOfTravel> {
+        self.rotary.iter().zip(*rotary).filter_map(|(axis, angle)| beyond(axis.letter, angle, axis.range))
+    }
+
+    /// How far each linear axis can go, whichever way, before one leaves its travel; below 0 where one has.
+    pub(crate) fn room_in_travel(&self, linear: DVec3) -> f64 {
+        let room = |(value, [low, high]): (f64, [f64; 2])| (value - low).min(high - value);
+        linear.to_array().into_iter().zip(self.travel).map(room).fold(f64::INFINITY, f64::min)
+    }
+}
+
+fn beyond(axis: char, value: f64, range: [f64; 2]) -> Option<OutOfTravel> {
+    let is_within = (range[0] - SLACK..=range[1] + SLACK).contains(&value);
+    (!is_within).then_some(OutOfTravel { axis, value, range })
 }
 
 #[cfg(test)]

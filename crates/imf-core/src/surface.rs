@@ -29,6 +29,8 @@ pub use setups::{ChosenSetup, PartSetup, SetupPlan, fewest_setups, ways_up};
 pub(crate) use stick_out::Raising;
 pub use stick_out::{StickOut, StickOutTool, least_stick_outs};
 
+use std::sync::Arc;
+
 use glam::{DQuat, DVec3};
 use thiserror::Error;
 
@@ -128,6 +130,9 @@ pub enum Verdict {
     NotFaced,
 }
 
+/// Whether the tool can be brought to a pose: of the tip, and of a unit vector along the tool's axis.
+pub type PoseLimit = Arc<dyn Fn(DVec3, DVec3) -> bool + Send + Sync>;
+
 /// One tool among part and fixtures, for contact poses.
 pub struct SurfaceTool {
     name: String,
@@ -137,6 +142,7 @@ pub struct SurfaceTool {
     elements: Vec<(Element, Vec<SolidField>)>,
     /// Most bodies of one element that 64 bits can tell apart.
     bodies: usize,
+    limit: Option<PoseLimit>,
 }
 
 enum Shape {
@@ -227,7 +233,7 @@ impl SurfaceTool {
             };
             let inner = InnerBalls::new(mesh, environment.part.occupancy().grid.pitch);
             let shape = Shape::Mesh { touching, inner, whole };
-            return Ok(Self { name, shape, tolerance, elements: Vec::new(), bodies: 1 });
+            return Ok(Self { name, shape, tolerance, elements: Vec::new(), bodies: 1, limit: None });
         };
         let outline = Outline::of(tool).ok_or_else(|| SurfaceError::NoCutter(name.clone()))?;
         let too_thick = || SurfaceError::Tolerance { name: name.clone(), tolerance };
@@ -271,7 +277,14 @@ impl SurfaceTool {
             outline,
         };
         let bodies = 64 / elements.len().max(1);
-        Ok(Self { name, shape: Shape::Revolved(Box::new(revolved)), tolerance, elements, bodies })
+        let shape = Shape::Revolved(Box::new(revolved));
+        Ok(Self { name, shape, tolerance, elements, bodies, limit: None })
+    }
+
+    /// The same tool where it cannot be brought to every pose, as by a machine: the others are obstructed.
+    #[must_use]
+    pub fn limited(self, limit: PoseLimit) -> Self {
+        Self { limit: Some(limit), ..self }
     }
 
     /// The tool's name.
@@ -281,7 +294,7 @@ impl SurfaceTool {
     }
 
     /// The hits of [`Reach::Obstructed`]: which element, from the tip upwards, and which body: 0 the part, then the
-    /// fixtures. The cutter is named for fixtures alone.
+    /// fixtures. The cutter is named for fixtures alone; nothing is where the tool is free, and cannot be brought there.
     pub fn hits(&self, hits: u64) -> impl Iterator<Item = (ElementKind, usize)> {
         let set = (0..64).filter(move |bit| hits >> bit & 1 == 1);
         set.filter_map(|bit| Some((self.elements.get(bit / self.bodies)?.0.kind, bit % self.bodies)))
@@ -295,11 +308,11 @@ impl SurfaceTool {
         cache: &mut ColliderCache,
         mut free: impl FnMut(usize),
     ) -> Reach {
-        let query = SampleQuery::new(self, sample);
+        let query = SampleQuery::new(self, sample, None);
         let (mut reached, mut faced) = (0, false);
         let mut obstructed: Option<(f64, usize, DVec3)> = None;
         for (index, (turn, [at_cutter, at_rest])) in turns.iter().zip(&mut cache.0).enumerate() {
-            let is_free = |tip| self.is_rest_free(tip, turn.axis, at_rest);
+            let is_free = |tip| self.is_rest_free(tip, turn.axis, at_rest) && self.is_brought(tip, turn.axis);
             match query.best_pose(turn, at_cutter, &mut Above { rest: self.rest(), is_free }) {
                 Outcome::Good => {
                     reached += 1;
@@ -334,6 +347,16 @@ impl SurfaceTool {
 
     fn is_rest_free(&self, tip: DVec3, axis: DVec3, last: &mut Last) -> bool {
         self.rest().is_none_or(|rest| !rest.meets(tip, axis, None, Some(last)))
+    }
+
+    /// True where it cannot be brought to every pose.
+    #[must_use]
+    pub fn is_limited(&self) -> bool {
+        self.limit.is_some()
+    }
+
+    fn is_brought(&self, tip: DVec3, axis: DVec3) -> bool {
+        self.limit.as_ref().is_none_or(|limit| limit(tip, axis))
     }
 
     fn colliding(&self, tip: DVec3, axis: DVec3) -> u64 {

@@ -28,8 +28,9 @@ use crate::measurement::seconds;
 const PITCH: f64 = 1.0;
 /// How far above the part's box the path goes.
 const ABOVE: f64 = 3.0;
-/// Lines that cross the part.
+/// Ways across the part, of so many lines each; a longer path goes over it again.
 const ROWS: usize = 20;
+const LINES: usize = 100;
 
 #[derive(Serialize)]
 pub(super) struct Row {
@@ -56,8 +57,9 @@ impl Row {
         session.note("a machine's poses");
         let work = Work::new()?;
         let lines = arguments.lines as usize;
-        let (prepare_seconds, _) = seconds(|| work.check(1))?;
-        let (all_seconds, report) = seconds(|| work.check(lines))?;
+        let (one, all) = (work.path(1)?, work.path(lines)?);
+        let (prepare_seconds, _) = seconds(|| work.check(&one))?;
+        let (all_seconds, report) = seconds(|| work.check(&all))?;
         let seconds = (all_seconds - prepare_seconds).max(f64::MIN_POSITIVE);
         Ok(Self {
             lines,
@@ -108,26 +110,21 @@ impl Work {
         })
     }
 
-    fn check(&self, lines: usize) -> Result<CheckReport> {
-        let machine = self.machine.machine();
-        let lengths = [(None, self.tool.length())];
-        let reading = PathReading { unit: LengthUnit::Mm, machine: Some(machine), lengths: &lengths };
-        let path = Toolpath::parse(&self.path(lines), reading, "path")?;
+    fn check(&self, path: &Toolpath) -> Result<CheckReport> {
         let bodies = CheckBodies { part: &self.part, fixtures: &[], machine: Some(&self.machine) };
         let settings = CheckSettings::of_pitch(PITCH, LengthUnit::Mm);
         let check =
-            || check_toolpath(bodies, &[(None, &self.tool)], &path, &settings, |_| false, Control::quiet());
+            || check_toolpath(bodies, &[(None, &self.tool)], path, &settings, |_| false, Control::quiet());
         Ok(self.pool.install(check)?)
     }
 
     /// To and fro over the part, tilting as it goes.
-    fn path(&self, lines: usize) -> String {
+    fn path(&self, lines: usize) -> Result<Toolpath> {
         let (lower, upper) = self.bounds;
         let mut text = String::from("x,y,z,A,C\n");
         for line in 0..lines {
-            let per_row = lines.div_ceil(ROWS).max(1);
-            let (row, at) = (line / per_row, line % per_row);
-            let along = at as f64 / per_row as f64;
+            let (row, at) = (line / LINES % ROWS, line % LINES);
+            let along = at as f64 / LINES as f64;
             let along = if row % 2 == 0 { along } else { 1.0 - along };
             let x = lower.x + (upper.x - lower.x) * along;
             let y = lower.y + (upper.y - lower.y) * row as f64 / ROWS as f64;
@@ -135,6 +132,9 @@ impl Work {
             // Writing to a string does not fail.
             let _ = writeln!(text, "{x:.4},{y:.4},{:.4},{a:.4},{c:.4}", upper.z + ABOVE);
         }
-        text
+        let lengths = [(None, self.tool.length())];
+        let machine = Some(self.machine.machine());
+        let reading = PathReading { unit: LengthUnit::Mm, machine, lengths: &lengths };
+        Ok(Toolpath::parse(&text, reading, "path")?)
     }
 }

@@ -35,7 +35,8 @@ pub(crate) struct AccessArguments {
     /// cone:X,Y,Z:HALF_ANGLE
     #[arg(long, value_name = "LIMITS")]
     pub(crate) limits: Option<String>,
-    /// The machine, in TOML: only directions that its rotary axes reach, with their angles in rotary_angles.csv
+    /// The machine, in TOML: only directions that its rotary axes reach, with their angles in rotary_angles.csv, and of the
+    /// surface only what it reaches within its travel, its head and table out of the way
     #[arg(long, value_name = "FILE", conflicts_with = "limits")]
     pub(crate) machine: Option<PathBuf>,
     /// The fewest set-ups that reach the surface, proven, on a machine with this range of directions in each: by default that of

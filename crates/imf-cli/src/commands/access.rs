@@ -3,6 +3,7 @@
 mod collisions;
 mod crib;
 mod files;
+mod on_machine;
 mod pictures;
 mod run;
 mod summary;

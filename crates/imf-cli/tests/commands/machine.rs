@@ -162,3 +162,40 @@ fn access_looks_from_where_the_machine_turns_to_and_names_its_angles() {
         assert!(axis["axis"] == "A" && range[0] >= -110.0 && range[1] <= 30.0 && range[0] < -80.0, "{axis}");
     }
 }
+
+#[test]
+fn access_counts_only_poses_to_which_the_machine_brings_the_tool() {
+    let folder = Folder::new();
+    folder.write("block.obj", BLOCK);
+    EXAMPLES.iter().for_each(|(name, text)| folder.write(name, text));
+    folder.write("short.toml", "travel = { x = [-10, 10] }\n[offsets]\nG54 = [0, 0, 0]\n");
+    let usual =
+        ["access", "block.obj", "--unit", "mm", "--pitch", "2", "--tool", "paper", "--orientations", "axes"];
+    let run = |more: &[&str]| {
+        let found = folder.json(&[&usual[..], more].concat());
+        let rows = found["surface"]["obstructed_by"].as_array().unwrap().clone();
+        let of_machine = rows.iter().find(|row| row["element"] == "machine").map(|row| row["share"].clone());
+        let help = found["unreached"].as_array().unwrap().iter().map(|patch| patch["hits"].to_string());
+        let share = |value: &Value| value.as_f64().unwrap();
+        (share(&found["surface"]["reached"]), of_machine.map_or(0.0, |v| share(&v)), help.collect::<String>())
+    };
+    // All but the bottom, a quarter of the surface.
+    let (reached, of_machine, _) = run(&["--limits", "ac:-110:30:-360:360", "--out", "alone"]);
+    assert!((reached - 0.75).abs() < 0.01 && of_machine == 0.0, "{reached} {of_machine}");
+    // The ball's tip stays above the platter on which the block stands, its radius of 5 below the lowest contact; from the side
+    // the holder keeps it farther off.
+    let (reached, of_machine, hits) = run(&["--machine", "trunnion.toml", "--out", "trunnion"]);
+    let strip = 4.0 * 60.0 * 5.0 / 14_400.0;
+    assert!((reached - 0.75 + strip).abs() < 0.02, "{reached}");
+    assert!((of_machine - strip).abs() < 0.02, "{of_machine}");
+    assert!(hits.contains("hits the machine's platter"), "{hits}");
+    // With 20 mm of travel a third of the top and of two sides.
+    let (reached, of_machine, hits) = run(&["--machine", "short.toml", "--out", "short"]);
+    assert!((reached - 2_400.0 / 14_400.0).abs() < 0.02, "{reached}");
+    assert!(of_machine > 0.3 && hits.contains("the machine's X would have to be at"), "{of_machine} {hits}");
+    // A crib is its tools, here too.
+    let crib = ["--machine", "trunnion.toml", "--crib", "paper", "--out", "crib"];
+    let usual = ["access", "block.obj", "--unit", "mm", "--pitch", "2", "--orientations", "axes"];
+    let found = folder.json(&[&usual[..], &crib].concat());
+    assert!((found["reached"].as_f64().unwrap() - 0.75 + strip).abs() < 0.02, "{found}");
+}

@@ -5,7 +5,7 @@ use std::sync::{Arc, OnceLock};
 
 use glam::DVec3;
 
-use super::motions::Motion;
+use super::motions::{Motion, look_at_poses};
 use super::{CheckError, CheckSettings, Collision, HitBody};
 use crate::distance::squared_depths;
 use crate::field::solid::SolidField;
@@ -13,6 +13,9 @@ use crate::grid::Grid;
 use crate::occupancy::Occupancy;
 use crate::pose::Pose;
 use crate::tool::{Element, ElementKind, Tool, ToolShape, distance_to_mesh};
+
+/// Taken off proven clearances, in pitches: more than rounding.
+const MARGIN: f64 = 1e-3;
 
 /// Something that may be hit.
 pub(super) struct Body {
@@ -29,6 +32,10 @@ impl Body {
 
     pub(super) fn voxels(&self) -> &Arc<Occupancy> {
         &self.voxels
+    }
+
+    pub(super) fn against(&self) -> &HitBody {
+        &self.against
     }
 
     /// Half a pitch less than to the nearest empty centre.
@@ -56,14 +63,14 @@ pub(super) enum Shape {
 }
 
 /// Elements that are decided together, and the body that they must not hit.
-pub(super) struct Group<'a> {
+pub(super) struct Group {
     pub(super) field: SolidField,
     pub(super) elements: Vec<DepthElement>,
-    pub(super) body: &'a Body,
+    pub(super) body: Arc<Body>,
 }
 
 /// All elements of one tool.
-pub(super) struct Elements<'a>(Vec<Group<'a>>);
+pub(super) struct Elements(Vec<Group>);
 
 /// The deepest centre in an element.
 pub(super) struct DeepestCentre {
@@ -73,10 +80,10 @@ pub(super) struct DeepestCentre {
     voxels: u32,
 }
 
-impl<'a> Elements<'a> {
+impl Elements {
     pub(super) fn new(
-        part: &'a Body,
-        fixtures: &'a [Body],
+        part: &Arc<Body>,
+        fixtures: &[Arc<Body>],
         tool: &Tool,
         settings: &CheckSettings,
     ) -> Result<Self, CheckError> {
@@ -90,7 +97,7 @@ impl<'a> Elements<'a> {
             clearance: clearance.of(element.kind),
             shape: Shape::Revolved(vec![(element.clone(), true)]),
         };
-        let mut wanted: Vec<(&Body, Vec<Element>, Vec<DepthElement>)> = Vec::new();
+        let mut wanted: Vec<(&Arc<Body>, Vec<Element>, Vec<DepthElement>)> = Vec::new();
         let mut stay_out = offset.clone();
         if settings.contact > 0.0
             && let Some((cutter, exposed)) = tool.cutter()
@@ -122,41 +129,52 @@ impl<'a> Elements<'a> {
                 }
                 return Err(CheckError::Outline(tool.name.clone()));
             };
-            groups.push(Group { field, elements, body });
+            groups.push(Group { field, elements, body: body.clone() });
         }
         Ok(Self(groups))
     }
 
     /// A tool whose elements cannot be told apart: it has no cutter that could be let touch.
-    fn whole(part: &'a Body, fixtures: &'a [Body], tool: &Tool) -> Self {
+    fn whole(part: &Arc<Body>, fixtures: &[Arc<Body>], tool: &Tool) -> Self {
         let shape = || match &tool.shape {
             ToolShape::Mesh(_) => Shape::Mesh(tool.clone()),
             ToolShape::Revolved(elements) => {
                 Shape::Revolved(elements.iter().map(|e| (e.clone(), true)).collect())
             }
         };
-        let group = |body: &'a Body| Group {
+        let group = |body: &Arc<Body>| Group {
             field: SolidField::of_tool(body.voxels.clone(), tool),
             elements: vec![DepthElement { name: "tool".into(), clearance: 0.0, shape: shape() }],
-            body,
+            body: body.clone(),
         };
         Self(std::iter::once(part).chain(fixtures).map(group).collect())
     }
 
     /// What collides on a motion, each element with each body once, at its deepest.
     pub(super) fn collisions(&self, motion: &Motion<'_>, is_free: impl Fn(&Pose) -> bool) -> Vec<Collision> {
-        let mut found: Vec<Vec<Track>> = self.0.iter().map(Group::tracks).collect();
+        let farthest = motion.step * motion.count as f64;
+        let half = (motion.count > 2).then(|| motion.at(0.5));
+        let shown = |group: &&Group| {
+            half.is_some_and(|pose| {
+                group.room(&pose, 0.5 * farthest).is_some_and(|room| room > 0.5 * farthest)
+            })
+        };
+        let mut found = Vec::new();
         let mut counts = Vec::new();
-        for (index, (fraction, pose)) in (1..).zip(motion.poses()) {
-            if is_free(&pose) {
-                continue;
-            }
-            for (group, tracks) in self.0.iter().zip(&mut found) {
-                let step = Step { index, fraction, is_last: index == motion.count, length: motion.step };
-                group.follow(&step, &pose, tracks, &mut counts);
-            }
+        for group in self.0.iter().filter(|group| !shown(group)) {
+            let mut tracks = group.tracks();
+            look_at_poses(motion.count, farthest, |index, fraction| {
+                let pose = motion.at(fraction);
+                if is_free(&pose) {
+                    return 0.0;
+                }
+                let is_last = index == motion.count;
+                let step = Step { index, fraction, is_last, length: motion.step };
+                group.follow(&step, &pose, &mut tracks, &mut counts, farthest)
+            });
+            found.extend(tracks.into_iter().filter_map(Track::finish));
         }
-        found.into_iter().flatten().filter_map(Track::finish).collect()
+        found
     }
 }
 
@@ -170,11 +188,30 @@ pub(super) struct Step {
     pub(super) length: f64,
 }
 
-impl Group<'_> {
-    /// Looks at a pose in the body's frame; `counts` is working memory.
-    pub(super) fn follow(&self, step: &Step, pose: &Pose, tracks: &mut [Track], counts: &mut Vec<u32>) {
+impl Group {
+    /// How far the elements may move from a pose in the body's frame, asked no farther than `most`, before one collides; at or
+    /// below 0 where that is not known, `None` of meshes.
+    pub(super) fn room(&self, pose: &Pose, most: f64) -> Option<f64> {
+        let margin = MARGIN * self.body.voxels.grid.pitch;
+        Some(self.field.clearance_up_to(pose, most + 2.0 * margin)? - margin)
+    }
+
+    /// Looks at a pose in the body's frame and gives the room there, asked no farther than `most`; `counts` is working memory.
+    pub(super) fn follow(
+        &self,
+        step: &Step,
+        pose: &Pose,
+        tracks: &mut [Track],
+        counts: &mut Vec<u32>,
+        most: f64,
+    ) -> f64 {
+        if let Some(room) = self.room(pose, most)
+            && room > 0.0
+        {
+            return room;
+        }
         if !self.field.collides(pose) {
-            return;
+            return 0.0;
         }
         counts.clear();
         counts.resize(tracks.len(), 1);
@@ -184,15 +221,16 @@ impl Group<'_> {
         for ((track, element), _) in
             tracks.iter_mut().zip(&self.elements).zip(counts.iter()).filter(|(_, count)| **count > 0)
         {
-            let Body { voxels, against, .. } = self.body;
+            let Body { voxels, against, .. } = &*self.body;
             if track.meets(step, voxels.grid.pitch)
-                && let Some(deepest) = element.deepest(self.body, pose)
+                && let Some(deepest) = element.deepest(&self.body, pose)
             {
                 track.take(deepest.depth, || {
                     deepest.collision(element, against, &voxels.grid, step.fraction, pose)
                 });
             }
         }
+        0.0
     }
 
     /// Of a motion that begins.

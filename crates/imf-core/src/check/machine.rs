@@ -4,27 +4,32 @@
 //! frame of the body that is hit, at poses of its own: so close that nothing of the one moves farther than the tolerance as
 //! seen from the other.
 
+mod carried;
+mod reach;
+
+pub(super) use carried::{HeadBody, HeadShape, bar_around};
+pub use reach::{MachineFault, MachineReach};
+
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
 
-use super::elements::{Body, DepthElement, Group, Shape, Step, Track};
-use super::motions::{Motion, poses_needed};
+use super::elements::{Body, Group, Step, Track};
+use super::motions::{Motion, look_at_poses, poses_needed};
 use super::{CheckError, CheckSettings, Collision, HitBody};
 use crate::control::{Cancelled, Control};
 use crate::field::solid::{SolidField, SolidVoxels};
 use crate::machine::{Ball, Machine, MachineSolid, OutOfTravel, Placement, Side, SolidShape};
-use crate::mesh::Mesh;
 use crate::occupancy::Occupancy;
 use crate::pose::Pose;
-use crate::tool::{Element, ElementKind, Segment, SharpPoints, Tool, ToolShape};
+use crate::tool::{Element, Tool, ToolShape};
 
 /// A machine, and the voxels of what its table carries.
 #[derive(Clone, Debug)]
 pub struct MachineBodies {
-    machine: Machine,
+    machine: Arc<Machine>,
     /// With the rotary axes of the table that carry each; where they are with all axes at 0.
-    table: Vec<(String, usize, Occupancy)>,
+    table: Vec<(String, usize, Arc<Occupancy>)>,
 }
 
 impl MachineBodies {
@@ -35,10 +40,10 @@ impl MachineBodies {
     pub fn new(machine: Machine, pitch: f64, control: Control<'_>) -> Result<Self, Cancelled> {
         let of_table = machine.solids.iter().filter(|solid| solid.side == Side::Table);
         let voxels = |solid: &MachineSolid| -> Result<_, Cancelled> {
-            Ok((solid.name.clone(), solid.level, solid.voxels(pitch, control)?))
+            Ok((solid.name.clone(), solid.level, Arc::new(solid.voxels(pitch, control)?)))
         };
         let table = of_table.map(voxels).collect::<Result<_, _>>()?;
-        Ok(Self { machine, table })
+        Ok(Self { machine: Arc::new(machine), table })
     }
 
     /// The machine.
@@ -71,9 +76,9 @@ impl MachineBodies {
         Ok(())
     }
 
-    pub(super) fn bodies(&self) -> Vec<(usize, Body)> {
-        let of = |(name, level, voxels): &(String, usize, Occupancy)| {
-            (*level, Body::new(Arc::new(voxels.clone()), HitBody::Machine(name.clone())))
+    fn bodies(&self) -> Vec<(usize, Arc<Body>)> {
+        let of = |(name, level, voxels): &(String, usize, Arc<Occupancy>)| {
+            (*level, Arc::new(Body::new(voxels.clone(), HitBody::Machine(name.clone()))))
         };
         self.table.iter().map(of).collect()
     }
@@ -88,25 +93,9 @@ pub(super) fn farther(one: f64, other: f64, [low, high]: [f64; 2]) -> f64 {
     if excess(other) > excess(one) { other } else { one }
 }
 
-/// Something that the head carries, as it is tried.
-pub(super) struct HeadBody {
-    pub(super) name: String,
-    pub(super) ball: Ball,
-    /// From its own frame, in which it is a tool, to the machine's with all axes at 0.
-    pub(super) frame: Pose,
-    pub(super) shape: HeadShape,
-    pub(super) clearance: f64,
-}
-
-pub(super) enum HeadShape {
-    /// By its elements.
-    Round(Vec<Element>),
-    Mesh(Tool),
-}
-
 /// One body of the head and one that it must not hit.
-struct Pair<'a> {
-    group: Group<'a>,
+struct Pair {
+    group: Group,
     frame: Pose,
     /// A round body around a mesh: where it is free the mesh is.
     around: Option<SolidField>,
@@ -120,34 +109,40 @@ pub(super) struct Beyond {
 }
 
 /// Pairs that move alike: at the same poses, in the frame of the same level.
-struct Alike<'a> {
+struct Alike {
     ball: Ball,
     level: usize,
     in_world: bool,
-    /// With what they must not hit, body by body: where the ball is free of it all of them are.
-    pairs: Vec<(SolidVoxels, Vec<Pair<'a>>)>,
+    /// Body by body that they must not hit.
+    pairs: Vec<Near>,
+}
+
+/// What must not hit one body: where the ball around all of it is free, all of it is.
+struct Near {
+    voxels: SolidVoxels,
+    pairs: Vec<Pair>,
 }
 
 /// All pairs of one tool.
-pub(super) struct MachinePairs<'a> {
-    machine: &'a Machine,
-    groups: Vec<Alike<'a>>,
+pub(super) struct MachinePairs {
+    machine: Arc<Machine>,
+    groups: Vec<Alike>,
     /// From the world to where the machine's coordinates are with the table's axes at 0.
     to_machine: Pose,
     tolerance: f64,
 }
 
-impl<'a> MachinePairs<'a> {
+impl MachinePairs {
     /// `world` is where the part's frame is in the world.
     pub(super) fn new(
-        machine: &'a Machine,
-        table: &'a [(usize, Body)],
-        part: &'a Body,
-        fixtures: &'a [Body],
+        machine: &MachineBodies,
+        part: &Arc<Body>,
+        fixtures: &[Arc<Body>],
         tool: &Tool,
         settings: &CheckSettings,
         world: &Pose,
     ) -> Result<Self, CheckError> {
+        let (table, machine) = (machine.bodies(), machine.machine.clone());
         let head_axes = machine.axes_of(Side::Head);
         let below = DVec3::new(0.0, 0.0, -tool.length());
         let room = settings.clearance;
@@ -173,15 +168,15 @@ impl<'a> MachinePairs<'a> {
         let head: Vec<HeadBody> =
             of_head.map(|solid| HeadBody::of_solid(solid, room.holder)).collect::<Result<_, _>>()?;
         let table_axes = machine.axes_of(Side::Table);
-        let mut groups: Vec<Alike<'_>> = Vec::new();
-        let mut add = |own: &[HeadBody], body: &'a Body, level: usize, in_world: bool| {
+        let mut groups: Vec<Alike> = Vec::new();
+        let mut add = |own: &[HeadBody], body: &Arc<Body>, level: usize, in_world: bool| {
             let voxels = SolidVoxels::from(body.voxels().clone());
             // Of the head, those that one ball is around move alike: the tool's elements.
             for own in own.chunk_by(|a, b| a.ball == b.ball) {
                 let pairs = own.iter().map(|own| own.against(body, &voxels)).collect::<Result<_, _>>()?;
-                let pairs = (voxels.clone(), pairs);
+                let pairs = Near { voxels: voxels.clone(), pairs };
                 let ball = own[0].ball;
-                let alike = |group: &&mut Alike<'_>| {
+                let alike = |group: &&mut Alike| {
                     group.ball == ball && (group.level, group.in_world) == (level, in_world)
                 };
                 match groups.iter_mut().find(alike) {
@@ -191,15 +186,25 @@ impl<'a> MachinePairs<'a> {
             }
             Ok::<(), CheckError>(())
         };
-        for (level, body) in table {
+        for (level, body) in &table {
             add(&tool_bodies, body, *level, false)?;
             add(&head, body, *level, false)?;
         }
         for body in std::iter::once(part).chain(fixtures) {
             add(&head, body, table_axes, true)?;
         }
-        let to_machine = HeadBody::to_machine(machine, world);
+        let to_machine = HeadBody::to_machine(&machine, world);
         Ok(Self { machine, groups, to_machine, tolerance: settings.tolerance })
+    }
+
+    /// The first two bodies that hit one another.
+    fn first_hit(&self, place: &Placement) -> Option<(&str, &HitBody)> {
+        self.groups.iter().find_map(|group| {
+            let moved = self.in_body(group, place);
+            let near = group.pairs.iter().filter(|near| near.ball_room(&group.ball, &moved) <= 0.0);
+            let pair = near.flat_map(|near| &near.pairs).find(|pair| pair.collides(&moved))?;
+            Some((pair.group.elements[0].name.as_str(), pair.group.body.against()))
+        })
     }
 
     /// What collides on a motion, and the axes that leave their ranges.
@@ -209,38 +214,18 @@ impl<'a> MachinePairs<'a> {
         line: usize,
     ) -> Result<(Vec<Collision>, Vec<Beyond>), CheckError> {
         let Some(way) = motion.by_machine() else { return Ok((Vec::new(), Vec::new())) };
+        let half = way.placement(0.5);
         let mut found = Vec::new();
-        let mut counts = Vec::new();
         for group in &self.groups {
             let farthest = way.motion_bound(&group.ball, group.level);
             let count = poses_needed(farthest, self.tolerance, line)?;
-            let pairs = || group.pairs.iter().flat_map(|(_, pairs)| pairs);
-            let mut tracks: Vec<Vec<Track>> = pairs().map(|pair| pair.group.tracks()).collect();
-            for index in 1..=count {
-                let fraction = index as f64 / count as f64;
-                let step = Step { index, fraction, is_last: index == count, length: farthest / count as f64 };
-                let moved = self.in_body(group, &way.placement(fraction));
-                let middle = moved.of_point(group.ball.centre);
-                let mut own = tracks.iter_mut();
-                for (voxels, pairs) in &group.pairs {
-                    let own = own.by_ref().take(pairs.len());
-                    let grid = &voxels.occupancy().grid;
-                    let radius = group.ball.radius / grid.pitch + BALL_MARGIN;
-                    if voxels.distances().probe(grid.continuous(middle)).squared > radius * radius {
-                        // The tracks that are passed over are taken from the iterator.
-                        own.for_each(drop);
-                        continue;
-                    }
-                    for (pair, tracks) in pairs.iter().zip(own) {
-                        let pose = moved.of_pose(&pair.frame);
-                        if pair.around.as_ref().is_none_or(|around| around.collides(&pose)) {
-                            pair.group.follow(&step, &pose, tracks, &mut counts);
-                        }
-                    }
+            let half = self.in_body(group, &half);
+            for near in &group.pairs {
+                if near.ball_room(&group.ball, &half) <= 0.5 * farthest {
+                    let at = |fraction| self.in_body(group, &way.placement(fraction));
+                    let hits = near.follow(&group.ball, count, farthest, at);
+                    found.extend(hits.into_iter().map(|hit| self.in_the_world(group, motion, hit)));
                 }
-            }
-            for hit in tracks.into_iter().flatten().filter_map(Track::finish) {
-                found.push(self.in_the_world(group, motion, hit));
             }
         }
         Ok((found, self.beyond(motion, line)?))
@@ -249,28 +234,34 @@ impl<'a> MachinePairs<'a> {
     /// The axes that leave their ranges on a motion.
     fn beyond(&self, motion: &Motion<'_>, line: usize) -> Result<Vec<Beyond>, CheckError> {
         let Some(way) = motion.by_machine() else { return Ok(Vec::new()) };
-        let count = poses_needed(way.linear_way(), self.tolerance, line)?;
+        let farthest = way.linear_way();
+        let count = poses_needed(farthest, self.tolerance, line)?;
         let mut found: Vec<Beyond> = Vec::new();
-        for index in 1..=count {
-            let fraction = index as f64 / count as f64;
-            for out in self.machine.all_out_of_travel(&way.joints(fraction)) {
+        let turns_within_range = way.turns_within_range();
+        if turns_within_range && self.machine.room_in_travel(way.joints(0.5).linear) > 0.5 * farthest {
+            return Ok(found);
+        }
+        look_at_poses(count, farthest, |_, fraction| {
+            let joints = way.joints(fraction);
+            for out in self.machine.all_out_of_travel(&joints) {
                 match found.iter_mut().find(|known| known.first.axis == out.axis) {
                     Some(known) => known.farthest = farther(known.farthest, out.value, out.range),
                     None => found.push(Beyond { first: out, fraction, farthest: out.value }),
                 }
             }
-        }
+            if turns_within_range { self.machine.room_in_travel(joints.linear) } else { 0.0 }
+        });
         Ok(found)
     }
 
     /// From where the head is with all axes at 0 to the frame of what a group must not hit.
-    fn in_body(&self, group: &Alike<'_>, place: &Placement) -> Pose {
+    fn in_body(&self, group: &Alike, place: &Placement) -> Pose {
         let in_machine = place.table[group.level].inverse().of_pose(&place.head[group.ball.level]);
         if group.in_world { self.to_machine.inverse().of_pose(&in_machine) } else { in_machine }
     }
 
     /// The tool at that time, and the contact point as it lies against the part then.
-    fn in_the_world(&self, group: &Alike<'_>, motion: &Motion<'_>, mut hit: Collision) -> Collision {
+    fn in_the_world(&self, group: &Alike, motion: &Motion<'_>, mut hit: Collision) -> Collision {
         if let (Some(way), false) = (motion.by_machine(), group.in_world) {
             let place = way.placement(hit.fraction);
             let on_table = place.table[group.level].of_point(DVec3::from_array(hit.contact));
@@ -282,87 +273,46 @@ impl<'a> MachinePairs<'a> {
     }
 }
 
-impl HeadBody {
-    pub(super) fn of_solid(solid: &MachineSolid, clearance: f64) -> Result<Self, CheckError> {
-        let (lower, upper) = solid.bounds();
-        let ball = Ball {
-            centre: 0.5 * (lower + upper),
-            radius: 0.5 * (upper - lower).length() + clearance * 3f64.sqrt(),
-            level: solid.level,
-        };
-        let (frame, shape) = match &solid.shape {
-            SolidShape::Cylinder { base, top, diameter } => {
-                let axis = (*top - *base).normalize_or_zero();
-                let profile = vec![line(0.0, base.distance(*top), 0.5 * diameter)];
-                let element = Element { kind: ElementKind::Holder(0), profile }.offset(clearance);
-                let rotation = Pose::along(*base, axis).rotation;
-                (Pose::new(*base, rotation), HeadShape::Round(vec![element]))
-            }
-            SolidShape::Box { lower, upper } => {
-                // A larger box holds the offset one.
-                let mesh = Mesh::cuboid(*lower - clearance, *upper + clearance);
-                centred(&solid.name, &mesh)
-            }
-            SolidShape::Mesh(mesh) if clearance == 0.0 => centred(&solid.name, mesh),
-            SolidShape::Mesh(_) => {
-                return Err(CheckError::HeadMesh { name: solid.name.clone() });
-            }
-        };
-        Ok(Self { name: solid.name.clone(), ball, frame, shape, clearance })
+impl Near {
+    /// How far the ball may move before it meets the body; at or below 0 where that is not known.
+    fn ball_room(&self, ball: &Ball, moved: &Pose) -> f64 {
+        let grid = &self.voxels.occupancy().grid;
+        let away = self.voxels.distances().probe(grid.continuous(moved.of_point(ball.centre))).squared.sqrt();
+        (away - BALL_MARGIN) * grid.pitch - ball.radius
     }
 
-    /// From the world to where the machine's coordinates are with the table's axes at 0; `world` is where the part's frame is in it.
-    pub(super) fn to_machine(machine: &Machine, world: &Pose) -> Pose {
-        let to_part = world.inverse();
-        Pose { position: to_part.position + machine.part_zero(), ..to_part }
-    }
-
-    fn against<'a>(&self, body: &'a Body, voxels: &SolidVoxels) -> Result<Pair<'a>, CheckError> {
-        let voxels = voxels.clone();
-        let (field, shape, around) = match &self.shape {
-            HeadShape::Round(elements) => {
-                let field = SolidField::of_elements(voxels, elements);
-                let field = field.ok_or_else(|| CheckError::Outline(self.name.clone()))?;
-                (field, Shape::Revolved(elements.iter().map(|e| (e.clone(), true)).collect()), None)
+    /// What collides on a way, on which nothing moves farther than `farthest`.
+    fn follow(&self, ball: &Ball, count: u64, farthest: f64, at: impl Fn(f64) -> Pose) -> Vec<Collision> {
+        let mut tracks: Vec<Vec<Track>> = self.pairs.iter().map(|pair| pair.group.tracks()).collect();
+        let mut counts = Vec::new();
+        look_at_poses(count, farthest, |index, fraction| {
+            let moved = at(fraction);
+            let room = self.ball_room(ball, &moved);
+            if room > 0.0 {
+                return room;
             }
-            HeadShape::Mesh(tool) => {
-                let around = SolidField::of_elements(voxels.clone(), &[bar_around(tool)]);
-                (SolidField::of_tool(voxels, tool), Shape::Mesh(tool.clone()), around)
-            }
-        };
-        let elements = vec![DepthElement { name: self.name.clone(), clearance: self.clearance, shape }];
-        let group = Group { field, elements, body };
-        Ok(Pair { group, frame: self.frame, around })
+            let step = Step { index, fraction, is_last: index == count, length: farthest / count as f64 };
+            let look = |(pair, tracks): (&Pair, &mut Vec<Track>)| {
+                pair.look(&step, &moved.of_pose(&pair.frame), tracks, &mut counts, farthest)
+            };
+            self.pairs.iter().zip(&mut tracks).map(look).fold(f64::INFINITY, f64::min)
+        });
+        tracks.into_iter().flatten().filter_map(Track::finish).collect()
     }
 }
 
-fn line(from: f64, to: f64, radius: f64) -> Segment {
-    Segment::Line { from, to, radius_from: radius, radius_to: radius }
-}
+impl Pair {
+    fn collides(&self, moved: &Pose) -> bool {
+        let pose = moved.of_pose(&self.frame);
+        self.around.as_ref().is_none_or(|around| around.collides(&pose)) && self.group.field.collides(&pose)
+    }
 
-/// A mesh as a tool whose tip is in the middle of its box.
-fn centred(name: &str, mesh: &Mesh) -> (Pose, HeadShape) {
-    let (lower, upper) = mesh.bounds().unwrap_or_default();
-    let middle = 0.5 * (lower + upper);
-    let mesh = mesh.transformed(&glam::DMat4::from_translation(-middle));
-    let unit = crate::unit::LengthUnit::default();
-    let tool = Tool {
-        name: name.to_owned(),
-        unit,
-        shape: ToolShape::Mesh(mesh),
-        sharp_points: SharpPoints::Tip,
-        overall_length: None,
-    };
-    (Pose::new(middle, DQuat::IDENTITY), HeadShape::Mesh(tool))
-}
-
-/// A round bar that holds a mesh tool, a little larger.
-pub(super) fn bar_around(tool: &Tool) -> Element {
-    let ToolShape::Mesh(mesh) = &tool.shape else {
-        return Element { kind: ElementKind::Holder(0), profile: Vec::new() };
-    };
-    let (lower, upper) = mesh.bounds().unwrap_or_default();
-    let room = 1e-6 * (upper - lower).length();
-    let radius = tool.rolling_radius() + room;
-    Element { kind: ElementKind::Holder(0), profile: vec![line(lower.z - room, upper.z + room, radius)] }
+    /// Looks at a pose in the body's frame, and gives the room there.
+    fn look(&self, step: &Step, pose: &Pose, tracks: &mut [Track], counts: &mut Vec<u32>, most: f64) -> f64 {
+        let around = self.around.as_ref().and_then(|around| around.clearance_up_to(pose, most));
+        match around.map(|room| room - BALL_MARGIN * self.group.body.voxels().grid.pitch) {
+            Some(room) if room > 0.0 => room,
+            _ => self.group.follow(step, pose, tracks, counts, most),
+        }
+    }
 }

@@ -1,10 +1,13 @@
 //! Head, tool, table and part of small machines against 4 by 4 matrices that try every centre.
 
+use std::sync::Arc;
+
 use glam::{DMat4, DVec3};
 
 use super::*;
 use crate::grid::Grid;
 use crate::machine::{Joints, Machine, MachineMotion, MachineSolid, RotaryAxis, Side, SolidShape};
+use crate::orientation::Orientation;
 use crate::section::test_shapes::{line, revolved};
 use crate::tool::ElementKind;
 use crate::toolpath::{Location, MachinePoint, MoveKind};
@@ -265,6 +268,72 @@ fn shallow_contacts(poses: usize) -> usize {
         assert_eq!(beyond, expected);
     }
     shallow
+}
+
+#[test]
+fn a_pose_is_reached_where_some_angles_within_the_ranges_are_free_of_all_contacts() {
+    let part = part();
+    for mut machine in machines() {
+        // From here on the machine is short of travel as well.
+        machine.travel[0] = [-9.0, 9.0];
+        let bodies = MachineBodies::new(machine.clone(), 1.0, Control::quiet()).unwrap();
+        let (insides, pairs) = pairs(&machine, &bodies, &part);
+        // The tool and the part are left to whoever asks.
+        let others = |pair: &&Pair| {
+            let is_tool = matches!(pair.element.as_str(), "cutter" | "holder 1");
+            !(is_tool && pair.against == HitBody::Part)
+        };
+        let assembly = tool().offset(&Clearance::default()).unwrap();
+        let shared = Arc::new(part.clone());
+        let announced = [Orientation::from_direction(DVec3::new(0.3, 0.2, 0.9)).unwrap()];
+        let reach = MachineReach::new(&bodies, &shared, &[], &assembly, &announced).unwrap();
+        let (mut reached, mut missed) = (0, 0);
+        for seed in 0..1_500 {
+            let joints = random(seed);
+            let pose = machine.forward(&joints, 20.0);
+            let (tip, axis) = match seed % 3 {
+                0 => (pose.position, announced[0].direction()),
+                1 => (pose.position, DVec3::Z),
+                _ => (pose.position, pose.axis().unwrap()),
+            };
+            // By brute force: the angles, each eighth of a turn of one that is free, every centre by matrices.
+            let found = machine.inverse(axis);
+            let mut angles = found.angles.clone();
+            if let Some(place) = found.free {
+                for pair in found.angles {
+                    angles.extend((1..8).map(|eighth| {
+                        let mut other = pair;
+                        other[place] = f64::from(eighth) * 45.0;
+                        other
+                    }));
+                }
+            }
+            let (mut free, mut near) = (false, false);
+            for rotary in angles {
+                let joints = Joints { linear: machine.linear(tip, &rotary, 20.0), rotary };
+                let within = machine.out_of_travel(&joints).is_none();
+                let mut deepest = f64::NEG_INFINITY;
+                for pair in pairs.iter().filter(others) {
+                    let matrix = to_head(&machine, &joints, pair.levels);
+                    let depth = |centre: &DVec3| insides[pair.inside](matrix.transform_point3(*centre));
+                    deepest = pair.centres.iter().map(depth).fold(deepest, f64::max);
+                }
+                free |= within && deepest < 0.0;
+                near |= within && deepest.abs() < 1e-6;
+            }
+            if !near {
+                assert_eq!(reach.reaches(tip, axis), free, "{} {tip} {axis}", machine.name);
+                assert_eq!(reach.fault(tip, axis).is_none(), free);
+                reached += usize::from(free);
+                missed += usize::from(!free);
+            }
+        }
+        assert!(reached > 100 && missed > 100, "{reached} {missed}");
+        assert_eq!(
+            reach.fault(DVec3::ZERO, DVec3::NEG_Z).is_some(),
+            !reach.reaches(DVec3::ZERO, DVec3::NEG_Z)
+        );
+    }
 }
 
 #[test]

@@ -75,6 +75,18 @@ pub(super) fn poses_needed(farthest: f64, tolerance: f64, line: usize) -> Result
     if poses <= MAX_POSES { Ok(poses as u64) } else { Err(CheckError::TooLong { line, poses, tolerance }) }
 }
 
+/// Looks at the poses of a motion in their order, numbered from 1, but at none that follows from one before: `look` tells how far
+/// everything may move from the pose that it looks at without that anything is found, 0 or less where nothing is known.
+pub(super) fn look_at_poses(count: u64, farthest: f64, mut look: impl FnMut(u64, f64) -> f64) {
+    let step = farthest / count as f64;
+    let mut index = 1;
+    while index <= count {
+        let room = look(index, index as f64 / count as f64);
+        let known = if room > 0.0 { (room / step) as u64 } else { 0 };
+        index = index.saturating_add(1).saturating_add(known);
+    }
+}
+
 /// The way to every location; to one that the path begins at, that pose alone. Of a path for a machine the ways are the machine's.
 pub(super) fn motions<'a>(
     toolpath: &Toolpath,

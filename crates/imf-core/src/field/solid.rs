@@ -28,7 +28,7 @@ use runs::{Within, count, first_solid};
 use segment::{PlacedSegment, VoxelPose};
 pub(crate) use sphere_tree::FreeBall;
 use sphere_tree::{OPEN, SphereTree, Verdict};
-pub(crate) use voxels::SolidVoxels;
+pub(crate) use voxels::{OutsidePlane, SolidVoxels};
 
 /// Counts an obstacle's voxel centres in one analytic tool at any pose, divided by the tool's own count in that
 /// orientation with its tip on a voxel centre.
@@ -306,9 +306,15 @@ impl SolidField {
 
     /// [`ExactField::clearance_bound`](super::ExactField::clearance_bound) of this obstacle.
     pub(crate) fn clearance_bound(&self, pose: &Pose) -> Option<f64> {
+        self.clearance_up_to(pose, f64::INFINITY)
+    }
+
+    /// The same, and no more than `most`: sooner known.
+    pub(crate) fn clearance_up_to(&self, pose: &Pose, most: f64) -> Option<f64> {
         let Shape::Bodies(bodies) = &self.shape else { return None };
         let Some(placed) = self.placed(pose) else { return Some(0.0) };
-        Some(self.spheres(bodies).clearance(placed, self.voxels.distances()) * placed.pitch)
+        let most = most / placed.pitch;
+        Some(self.spheres(bodies).clearance(placed, self.voxels.distances(), most) * placed.pitch)
     }
 
     /// [`ExactField::penetration_bound`](super::ExactField::penetration_bound) of this obstacle.

@@ -25,6 +25,19 @@ pub(crate) struct Placement {
     pub(crate) head: [Pose; 3],
 }
 
+impl Placement {
+    /// With the linear axes at 0.
+    pub(crate) fn turned(machine: &Machine, rotary: &[f64; 2]) -> Self {
+        Self { table: machine.placements(Side::Table, rotary), head: machine.placements(Side::Head, rotary) }
+    }
+
+    /// With the linear axes there.
+    pub(crate) fn moved(&self, linear: DVec3) -> Self {
+        let moved = |pose: Pose| Pose { position: pose.position + linear, ..pose };
+        Self { table: self.table, head: self.head.map(moved) }
+    }
+}
+
 /// A ball around something that the head carries, where it is with all axes at 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Ball {
@@ -66,11 +79,7 @@ impl<'a> MachineMotion<'a> {
 
     pub(crate) fn placement(&self, fraction: f64) -> Placement {
         let joints = self.joints(fraction);
-        let moved = |pose: Pose| Pose { position: pose.position + joints.linear, ..pose };
-        Placement {
-            table: self.machine.placements(Side::Table, &joints.rotary),
-            head: self.machine.placements(Side::Head, &joints.rotary).map(moved),
-        }
+        Placement::turned(self.machine, &joints.rotary).moved(joints.linear)
     }
 
     /// The tool's ball.
@@ -82,28 +91,22 @@ impl<'a> MachineMotion<'a> {
     /// Upper bound of how far any point of a ball on the head moves as seen from what stands on the first `level` rotary axes of the
     /// table. Evenly divided times divide it evenly.
     pub(crate) fn motion_bound(&self, ball: &Ball, level: usize) -> f64 {
-        let turned = |side: Side, level: usize| -> Vec<f64> {
-            let by = |place: usize| (self.to.rotary[place] - self.from.rotary[place]).abs().to_radians();
-            self.machine.chain(side).take(level).map(|(place, _)| by(place)).collect()
-        };
-        let sum = |angles: &[f64], arms: &[f64]| angles.iter().zip(arms).map(|(a, b)| a * b).sum::<f64>();
         let head = self.arms(Side::Head, ball.level, ball.centre, ball.radius);
         // About where the spindle's face would be with the head's axes at 0.
         let around = self.centre(Side::Head).filter(|_| ball.level > 0);
         let around = around.map_or(ball.centre.length() + ball.radius, |first| first.length() + head[0]);
-        let mut farthest = self.linear_way() + sum(&turned(Side::Head, ball.level), &head);
+        let mut farthest = self.linear_way() + self.swept(Side::Head, ball.level, head);
         if level > 0 {
             let most = self.farthest_from_table_axis() + around;
-            let arms: Vec<f64> = self.table_steps().iter().map(|step| most + step).collect();
-            farthest += sum(&turned(Side::Table, level), &arms);
+            farthest += self.swept(Side::Table, level, self.table_steps().map(|step| most + step));
         }
         let ends = (self.machine.axes_of(Side::Head), self.machine.axes_of(Side::Table));
         match self.tips {
             // Tool and part: what turns, turns about the tip.
             Some([from, to]) if (ball.level, level) == ends => {
                 let reach = ball.centre.distance(DVec3::new(0.0, 0.0, -self.length)) + ball.radius;
-                let all: f64 = [Side::Head, Side::Table].iter().flat_map(|&side| turned(side, 2)).sum();
-                farthest.min(from.distance(to) + all * reach)
+                let all = self.swept(Side::Head, 2, [reach; 2]) + self.swept(Side::Table, 2, [reach; 2]);
+                farthest.min(from.distance(to) + all)
             }
             _ => farthest,
         }
@@ -112,23 +115,29 @@ impl<'a> MachineMotion<'a> {
     /// Upper bound of the way of the linear axes.
     pub(crate) fn linear_way(&self) -> f64 {
         let Some([from, to]) = self.tips else { return self.from.linear.distance(self.to.linear) };
-        let mut way = from.distance(to);
         let tip = DVec3::new(0.0, 0.0, -self.length);
-        for (side, arms) in
-            [(Side::Head, self.arms(Side::Head, 2, tip, 0.0)), (Side::Table, self.tip_arms(from, to))]
-        {
-            for ((place, _), arm) in self.machine.chain(side).zip(arms) {
-                way += (self.to.rotary[place] - self.from.rotary[place]).abs().to_radians() * arm;
-            }
-        }
-        way
+        from.distance(to)
+            + self.swept(Side::Head, 2, self.arms(Side::Head, 2, tip, 0.0))
+            + self.swept(Side::Table, 2, self.tip_arms(from, to))
+    }
+
+    /// True where no rotary axis leaves its range on the way.
+    pub(crate) fn turns_within_range(&self) -> bool {
+        let ends = [&self.from, &self.to];
+        ends.iter().all(|joints| self.machine.turned_too_far(&joints.rotary).next().is_none())
+    }
+
+    /// How far points move at the ends of arms about the first `level` axes of a side, all turns together.
+    fn swept(&self, side: Side, level: usize, arms: [f64; 2]) -> f64 {
+        let by = |place: usize| (self.to.rotary[place] - self.from.rotary[place]).abs().to_radians();
+        self.machine.chain(side).take(level).zip(arms).map(|((place, _), arm)| by(place) * arm).sum()
     }
 
     /// From each axis of the table, the farthest that the tip is in the part's frame.
-    fn tip_arms(&self, from: DVec3, to: DVec3) -> Vec<f64> {
+    fn tip_arms(&self, from: DVec3, to: DVec3) -> [f64; 2] {
         let zero = self.machine.part_zero();
         let [one, other] = [from, to].map(|tip| self.arms(Side::Table, 2, tip + zero, 0.0));
-        one.into_iter().zip(other).map(|(a, b)| a.max(b)).collect()
+        [one[0].max(other[0]), one[1].max(other[1])]
     }
 
     /// Farthest that the linear axes are from the first axis of the table.
@@ -149,18 +158,26 @@ impl<'a> MachineMotion<'a> {
         self.machine.chain(side).next().map(|(_, axis)| axis.centre)
     }
 
+    /// Centres of the axes of a side, and how many there are.
+    fn centres(&self, side: Side, level: usize) -> ([DVec3; 2], usize) {
+        let mut centres = [DVec3::ZERO; 2];
+        let axes = self.machine.chain(side).take(level.min(2));
+        let count = axes.zip(&mut centres).map(|((_, axis), own)| *own = axis.centre).count();
+        (centres, count)
+    }
+
     /// From the first axis of the table to each of them.
-    fn table_steps(&self) -> Vec<f64> {
-        let first = self.centre(Side::Table).unwrap_or_default();
-        self.machine.chain(Side::Table).map(|(_, axis)| axis.centre.distance(first)).collect()
+    fn table_steps(&self) -> [f64; 2] {
+        let (centres, _) = self.centres(Side::Table, 2);
+        centres.map(|own| own.distance(centres[0]))
     }
 
     /// Largest distances of a ball's points from the first `level` axes of a side that carry it, whatever the angles.
-    fn arms(&self, side: Side, level: usize, centre: DVec3, radius: f64) -> Vec<f64> {
-        let centres: Vec<DVec3> = self.machine.chain(side).take(level).map(|(_, axis)| axis.centre).collect();
-        let mut arms = vec![0.0; centres.len()];
+    fn arms(&self, side: Side, level: usize, centre: DVec3, radius: f64) -> [f64; 2] {
+        let (centres, count) = self.centres(side, level);
+        let mut arms = [0.0; 2];
         let (mut at, mut reach) = (centre, radius);
-        for index in (0..centres.len()).rev() {
+        for index in (0..count).rev() {
             reach += at.distance(centres[index]);
             at = centres[index];
             arms[index] = reach;

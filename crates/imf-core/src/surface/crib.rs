@@ -9,12 +9,15 @@
 use super::sample_query::{Above, Last, SampleQuery};
 use super::{Shape, SurfaceError, SurfaceSample, SurfaceTool, ToolDirection, Verdict};
 use crate::control::Control;
+use crate::field::solid::OutsidePlane;
 use crate::orientation::Orientation;
 use crate::parallel;
 use crate::tool::Tool;
 
 /// Samples that one thread takes at once.
 const CHUNK: usize = 32;
+/// Solid centres around a sample that all cutters share; where there are more each looks for itself.
+const MOST_AROUND: u32 = 256;
 
 /// By tool and sample, what becomes of it over all directions, on all threads of the current pool; the result does not depend on
 /// their number. The tools are among the same surroundings. One unit of progress is one sample.
@@ -133,6 +136,8 @@ struct Work<'a> {
     above: Vec<AboveCutter>,
     /// Directions that may face a sample.
     facing: Vec<usize>,
+    /// The largest ball around a sample that any cutter asks for, and a tool that does.
+    farthest: Option<(f64, &'a SurfaceTool)>,
     /// A sine of a surface's inward normal above which no tool touches.
     highest: f64,
 }
@@ -156,7 +161,18 @@ impl<'a> Work<'a> {
         });
         let highest = groups.iter().map(Group::highest).fold(-1.0, f64::max);
         let above = above.collect();
-        Self { groups, turns, at_cutter: vec![None; turns.len()], above, facing: Vec::new(), highest }
+        let tools = groups.iter().map(|group| group.members[0]);
+        let asked = tools.filter_map(|tool| Some((tool.asks_around()?, tool)));
+        let farthest = asked.max_by(|a, b| a.0.total_cmp(&b.0));
+        Self {
+            groups,
+            turns,
+            at_cutter: vec![None; turns.len()],
+            above,
+            facing: Vec::new(),
+            farthest,
+            highest,
+        }
     }
 
     /// By tool.
@@ -166,20 +182,27 @@ impl<'a> Work<'a> {
         let faces = |turn: &ToolDirection| -sample.normal.dot(turn.axis) <= self.highest;
         self.facing.extend((0..self.turns.len()).filter(|&turn| faces(&self.turns[turn])));
         let mut served = None;
+        let around = self.farthest.and_then(|(radius, tool)| tool.around(sample, radius, MOST_AROUND));
         for (at, group) in self.groups.iter().enumerate() {
-            let own = self.of_group(at, sample, &mut served);
+            let own = self.of_group(at, sample, around.as_ref(), &mut served);
             group.tools.iter().zip(own).for_each(|(&tool, verdict)| verdicts[tool] = verdict);
         }
         verdicts
     }
 
     /// Of the tools of one cutter. `served` is a direction from which the sample was reached.
-    fn of_group(&mut self, at: usize, sample: &SurfaceSample, served: &mut Option<usize>) -> Vec<Verdict> {
+    fn of_group(
+        &mut self,
+        at: usize,
+        sample: &SurfaceSample,
+        around: Option<&OutsidePlane>,
+        served: &mut Option<usize>,
+    ) -> Vec<Verdict> {
         let Group { members, nested, .. } = &self.groups[at];
         let AboveCutter { at_rest, poses, collided, served: before } = &mut self.above[at];
         let mut verdicts = vec![Verdict::NotFaced; members.len()];
         let mut open = nested.order.clone();
-        let query = SampleQuery::new(members[0], sample);
+        let query = SampleQuery::new(members[0], sample, around);
         let first = [*served, Some(*before)];
         let rest = self.facing.iter().copied().filter(|turn| !first.contains(&Some(*turn)));
         let [known, before_here] = first;
@@ -190,7 +213,10 @@ impl<'a> Work<'a> {
             if query.has_ring(turn) {
                 // Each steps away from what it hits itself.
                 open.retain(|&tool| {
-                    let is_free = |tip| members[tool].is_rest_free(tip, turn.axis, &mut at_rest[tool]);
+                    let is_free = |tip| {
+                        members[tool].is_rest_free(tip, turn.axis, &mut at_rest[tool])
+                            && members[tool].is_brought(tip, turn.axis)
+                    };
                     let outcome =
                         query.best_pose(turn, at_cutter, &mut Above { rest: members[tool].rest(), is_free });
                     verdicts[tool] = verdicts[tool].min(outcome.verdict());
@@ -204,10 +230,13 @@ impl<'a> Work<'a> {
                             || !members[tool].is_rest_free(tip, turn.axis, &mut at_rest[tool]);
                         if blocked {
                             collided[tool] = *poses;
-                        } else {
+                            return true;
+                        }
+                        let brought = members[tool].is_brought(tip, turn.axis);
+                        if brought {
                             verdicts[tool] = Verdict::Reached;
                         }
-                        blocked
+                        !brought
                     });
                     open.is_empty()
                 };

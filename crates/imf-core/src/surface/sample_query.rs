@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use super::contact::{ContactFrame, Touch};
 use super::{Revolved, Shape, SurfaceSample, SurfaceTool, ToolDirection, Verdict};
-use crate::field::solid::{FreeBall, SolidField};
+use crate::field::solid::{FreeBall, OutsidePlane, SolidField};
 use crate::pose::Pose;
 
 /// The result of a contact pose, or the best one of a direction; from best to worst.
@@ -65,17 +65,36 @@ pub(super) struct SampleQuery<'a> {
     listed: Vec<[f64; 3]>,
 }
 
+impl SurfaceTool {
+    /// Radius in voxels of the largest ball around a sample whose solid centres it asks for; `None` where it asks for none.
+    pub(super) fn asks_around(&self) -> Option<f64> {
+        let Shape::Revolved(tool) = &self.shape else { return None };
+        tool.outline.convex.then_some(tool.near)
+    }
+
+    /// The solid centres of the part around a sample, as far as a radius; `None` where there are more than `most`.
+    pub(super) fn around(&self, sample: &SurfaceSample, radius: f64, most: u32) -> Option<OutsidePlane> {
+        let Shape::Revolved(tool) = &self.shape else { return None };
+        tool.cutter.voxels().outside_plane(sample.point, sample.normal, radius, most)
+    }
+}
+
 impl<'a> SampleQuery<'a> {
-    pub(super) fn new(tool: &'a SurfaceTool, sample: &'a SurfaceSample) -> Self {
+    /// `around` are the solid centres around the sample, where they are known.
+    pub(super) fn new(
+        tool: &'a SurfaceTool,
+        sample: &'a SurfaceSample,
+        around: Option<&OutsidePlane>,
+    ) -> Self {
         let mut query = Self { tool, sample, free_ball: None, listed: Vec::new() };
-        if let Shape::Revolved(tool) = &tool.shape
-            && tool.outline.convex
+        if let Shape::Revolved(revolved) = &tool.shape
+            && revolved.outline.convex
         {
-            let voxels = tool.cutter.voxels();
-            let across = tool.near_across;
+            let (near, across) = (revolved.near, revolved.near_across);
             query.free_ball =
-                [tool.near, 0.5 * (tool.near + across), across].into_iter().find_map(|radius| {
-                    voxels.free_ball(sample.point, sample.normal, radius, FEW, &mut query.listed)
+                [near, 0.5 * (near + across), across].into_iter().find_map(|radius| match around {
+                    Some(around) => around.free_ball(radius, FEW, &mut query.listed),
+                    None => tool.around(sample, radius, FEW)?.free_ball(radius, FEW, &mut query.listed),
                 });
         }
         query
@@ -119,7 +138,7 @@ impl<'a> SampleQuery<'a> {
                     let tip = outside - turn.rotation * place;
                     let pose = Pose::new(tip, turn.rotation);
                     let collides = inner.hit(&pose, whole.voxels()) || whole.collides(&pose);
-                    if collides { Outcome::Obstructed(tip) } else { Outcome::Good }
+                    if collides || !(above.is_free)(tip) { Outcome::Obstructed(tip) } else { Outcome::Good }
                 });
                 return best(outcomes);
             }

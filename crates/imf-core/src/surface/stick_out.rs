@@ -273,7 +273,7 @@ pub fn least_stick_outs(
     directions: &[Orientation],
     control: Control<'_>,
 ) -> Result<Vec<StickOut>, SurfaceError> {
-    let stances = parallel::map(samples.len(), |sample| SampleQuery::new(&tool.tool, &samples[sample]));
+    let stances = parallel::map(samples.len(), |sample| SampleQuery::new(&tool.tool, &samples[sample], None));
     let turns: Vec<ToolDirection> = directions.iter().map(ToolDirection::new).collect();
     let mut found = vec![StickOut::NotFaced; samples.len()];
     for (block, turns) in turns.chunks(DIRECTIONS).enumerate() {

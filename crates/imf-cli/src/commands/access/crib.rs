@@ -8,6 +8,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
 use imf_core::field_files::write_ply;
+use imf_core::machine::{AxisLimits, Machine};
 use imf_core::orientation::OrientationSet;
 use imf_core::set_cover::{CoverProblem, CoverSettings};
 use imf_core::surface::{
@@ -15,6 +16,7 @@ use imf_core::surface::{
 };
 use imf_core::tool::ElementKind;
 
+use super::on_machine::OnMachine;
 use super::run::surface;
 use super::surface::{SAMPLES, SurfaceSettings, rgb};
 use crate::arguments::access::AccessArguments;
@@ -46,6 +48,8 @@ struct Crib {
     fraction: f64,
     /// What collides where the cutter of some tool fits and none reaches: element and body, and the area.
     blame: Vec<(ElementKind, usize, f64)>,
+    /// The area where a machine alone keeps all tools away.
+    by_machine: f64,
 }
 
 pub(super) fn run(session: &Session, arguments: &AccessArguments) -> Result<()> {
@@ -70,8 +74,8 @@ impl Crib {
         let mesh = inputs.part.mesh.transformed(&inputs.transform);
         let text = arguments.orientations.as_deref().unwrap_or_else(|| default_for(&inputs.tools));
         let mut orientations = Directions::of_part(text, || mesh.machining_directions())?.set;
-        let reached = arguments.machine()?.map(|(_, reached)| reached.limits);
-        if let Some(limits) = arguments.limits(reached)? {
+        let machine = arguments.machine()?;
+        if let Some(limits) = arguments.limits(machine.as_ref().map(|(_, reached)| reached.limits))? {
             orientations = orientations.within(&limits)?;
         }
         let unit = inputs.part.unit;
@@ -88,6 +92,8 @@ impl Crib {
             }
         }
         let reach = kept.iter().map(|assembly| assembly.whole().reach()).fold(0.0, f64::max);
+        // A machine's head reaches farther than the tools.
+        let reach = if machine.is_some() { f64::INFINITY } else { reach };
         let grid = spec.obstacle_grid(&query, reach)?;
         let needed = 30 * grid.len() as u64 + kept.len() as u64 * (200_000 + 8 * SAMPLES as u64);
         session.require_memory(needed, || {
@@ -99,12 +105,19 @@ impl Crib {
             voxelise_with_progress(session, &spec, &grid, |spec| surface(spec, &bodies, arguments, None))?;
         let SurfaceSettings { tolerance, solid, environment, .. } = made;
         let samples = SurfaceSamples::new(&mesh, &solid, SAMPLES);
+        let on_machine = |(machine, _): (Machine, AxisLimits)| {
+            OnMachine::new(session, machine.in_unit(unit), &bodies, &kept, &orientations)
+        };
+        let machine = machine.map(on_machine).transpose()?;
         let (mut tools, mut among) = (Vec::new(), Vec::new());
-        for assembly in &kept {
+        for (index, assembly) in kept.iter().enumerate() {
             match SurfaceTool::new(&environment, assembly, tolerance) {
                 Ok(tool) => {
                     tools.push(CribTool::new(assembly.tool()));
-                    among.push(tool);
+                    among.push(match &machine {
+                        Some(machine) => machine.limit(index, tool),
+                        None => tool,
+                    });
                 }
                 Err(error) => undecided.push(Undecided::new(&assembly.tool().name, &error)),
             }
@@ -136,6 +149,7 @@ impl Crib {
             at_least: 0,
             fraction: 0.01 * arguments.cover,
             blame: Vec::new(),
+            by_machine: 0.0,
         };
         crib.choose(session)?;
         crib.find_blame(session, &among)?;
@@ -189,6 +203,9 @@ impl Crib {
             let access = surface_access(tool, &samples, &self.orientations.orientations, control);
             for (reach, sample) in access.map_err(interrupted)?.reach.iter().zip(&samples) {
                 let Reach::Obstructed { hits, .. } = reach else { continue };
+                if tool.is_limited() && *hits == 0 {
+                    self.by_machine += sample.area;
+                }
                 for (kind, body) in tool.hits(*hits) {
                     match self.blame.iter_mut().find(|(k, b, _)| (*k, *b) == (kind, body)) {
                         Some((.., area)) => *area += sample.area,

@@ -8,6 +8,7 @@ use imf_core::field_files::{NamedField, write_npy, write_vti};
 use imf_core::machine::Machine;
 
 use super::Findings;
+use super::on_machine::OnMachine;
 use super::run::{AccessRun, Stock};
 use crate::output::{element_name, write_text};
 
@@ -62,7 +63,7 @@ pub(super) fn write(run: &AccessRun, findings: &Findings, folder: &Path) -> Resu
     }
     write_text(&folder.join("orientations.csv"), &orientation_list(run))?;
     written.push("orientations.csv".into());
-    if let Some(machine) = &run.machine {
+    if let Some(OnMachine { machine, .. }) = &run.machine {
         write_text(&folder.join("rotary_angles.csv"), &rotary_angles(run, machine))?;
         written.push("rotary_angles.csv".into());
     }

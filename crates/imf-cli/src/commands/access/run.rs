@@ -7,7 +7,7 @@ use anyhow::{Result, ensure};
 use glam::{DMat4, DVec3};
 use imf_core::access::{AccessSettings, memory_estimate, position_grid, removable_memory_estimate};
 use imf_core::grid::Grid;
-use imf_core::machine::Machine;
+use imf_core::machine::{AxisLimits, Machine};
 use imf_core::mesh::{MachiningDirection, Mesh};
 use imf_core::obstacle::Obstacle;
 use imf_core::occupancy::Occupancy;
@@ -19,6 +19,7 @@ use imf_core::tool::{Assembly, Clearance, SharpPoints, Tool, ToolShape};
 use imf_core::unit::LengthUnit;
 use imf_core::voxelize::voxelize_with;
 
+use super::on_machine::OnMachine;
 use super::surface::{SetupSettings, SurfaceSettings, with_ways_up};
 use crate::arguments::access::AccessArguments;
 use crate::arguments::fixture;
@@ -59,8 +60,7 @@ pub(super) struct AccessRun {
     pub(super) map: Option<(DVec3, [usize; 2])>,
     /// The machine's, where they are given: the orientations are within them.
     pub(super) limits: Option<Limits>,
-    /// In any unit: its rotary axes alone are read.
-    pub(super) machine: Option<Machine>,
+    pub(super) machine: Option<OnMachine>,
     /// The voxels to be examined.
     pub(super) query: Grid,
     /// All that the tools can meet, on its own grid.
@@ -106,8 +106,16 @@ impl AccessRun {
             suggested.retain(|suggested| limits.reach(suggested.direction));
         }
         if let Some((machine, _)) = &machine {
+            let looked_at = match question {
+                None => {
+                    "looked at for the part's surface, which stands in the frame of G54; for volumes and stick-outs directions alone count"
+                }
+                Some(_) => {
+                    "not looked at for set-ups, which do not say where the part stands: imf check does, along a path"
+                }
+            };
             session.note(&format!(
-                "directions are those of {}; its travel, head and table are not looked at here: imf check does, along a path",
+                "directions are those of {}; its travel, head and table are {looked_at}",
                 machine.name
             ));
         }
@@ -181,8 +189,8 @@ impl AccessRun {
         }
         let reach =
             tools.iter().map(|tool| tool.whole().reach_from_sharp_points(query.pitch)).fold(0.0, f64::max);
-        // A tool that sticks out farther reaches farther.
-        let seen = if arguments.stickout { f64::INFINITY } else { reach };
+        // A tool that sticks out farther reaches farther, and so does a machine's head.
+        let seen = if arguments.stickout || machine.is_some() { f64::INFINITY } else { reach };
         let obstacle_grid = spec.obstacle_grid(&positions, seen)?;
 
         let settings = AccessSettings { tau: arguments.tau, lists: arguments.lists };
@@ -247,6 +255,11 @@ impl AccessRun {
             );
             session.warn("a tool without a cutter can touch nothing: the part's surface is left out");
         }
+        let on_machine = |(machine, _): (Machine, AxisLimits)| {
+            let seen = if question.is_none() && surface.is_some() { &tools[..] } else { &[] };
+            OnMachine::new(session, machine.in_unit(unit), &bodies, seen, &orientations)
+        };
+        let machine = machine.map(on_machine).transpose()?;
         let [x, y, z] = query.dims;
         session.note(&format!(
             "{}: {x}×{y}×{z} voxels of {} {unit}, {} solid, {} of fixtures; {}; {}",
@@ -276,7 +289,7 @@ impl AccessRun {
             surface,
             map,
             limits,
-            machine: machine.map(|(machine, _)| machine),
+            machine,
             query,
             obstacle: match depth {
                 Some(depth) => Obstacle::with_cuttable(&whole, bodies.layer(depth)),

@@ -15,12 +15,10 @@ use anyhow::Result;
 use imf_core::field_files::{NamedField, write_ply, write_vti, write_vtp};
 use imf_core::mesh::Mesh;
 use imf_core::occupancy::Occupancy;
-use imf_core::orientation::OrientationSet;
 use imf_core::surface::{
     CollisionEnvironment, Reach, SurfaceAccess, SurfaceError, SurfaceSamples, SurfaceTool, Verdict,
     surface_access, surface_memory_estimate,
 };
-use imf_core::tool::Assembly;
 
 pub(super) use row::SurfaceRow;
 use row::{DirectionRow, ObstructedRow};
@@ -29,6 +27,7 @@ pub(super) use shown::UnreachedPatch;
 use shown::words;
 pub(super) use stick_out::StickOutRow;
 
+use super::on_machine::IN_THE_WAY;
 use super::run::AccessRun;
 use crate::interrupt::Interrupted;
 use crate::session::Session;
@@ -97,16 +96,9 @@ impl Surface {
         let samples = SurfaceSamples::new(&run.mesh, &asked.solid, SAMPLES);
         let orientations = &run.orientations;
         let mut tools = Vec::new();
-        for assembly in &run.tools {
-            let pitch = asked.solid.grid.pitch;
-            tools.push(one_tool(
-                session,
-                assembly,
-                (&asked.environment, pitch),
-                asked,
-                &samples,
-                orientations,
-            )?);
+        for tool in 0..run.tools.len() {
+            let among = (&asked.environment, asked.solid.grid.pitch);
+            tools.push(one_tool(session, run, tool, among, asked.tolerance, &samples)?);
         }
         let best = (0..samples.samples.len()).map(|sample| {
             let verdicts =
@@ -161,9 +153,9 @@ impl Surface {
     fn at_twice_the_pitch(&self, session: &Session, run: &AccessRun, asked: &SurfaceSettings) -> Result<f64> {
         let mut reached = vec![false; self.samples.samples.len()];
         let coarse = CollisionEnvironment::new(&asked.coarse.clone().into(), &[]);
-        for assembly in &run.tools {
+        for tool in 0..run.tools.len() {
             let coarse = (&coarse, asked.coarse.grid.pitch);
-            let (access, _) = one_tool(session, assembly, coarse, asked, &self.samples, &run.orientations)?;
+            let (access, _) = one_tool(session, run, tool, coarse, asked.tolerance, &self.samples)?;
             let any = |(all, one): (&mut bool, &Reach)| *all |= matches!(one, Reach::Reached { .. });
             reached.iter_mut().zip(&access.reach).for_each(any);
         }
@@ -189,9 +181,13 @@ impl Surface {
     /// Which element hits which body, with the share of the surface that this keeps from being reached; several may at once.
     fn obstructed_by(&self, fixtures: &[String]) -> Vec<ObstructedRow> {
         let mut shares = BTreeMap::new();
+        let mut by_machine = 0.0;
         for (index, &(verdict, tool)) in self.best.iter().enumerate() {
             let (access, surface_tool) = &self.tools[tool];
             if let (Verdict::Obstructed, Reach::Obstructed { hits, .. }) = (verdict, access.reach[index]) {
+                if surface_tool.is_limited() && hits == 0 {
+                    by_machine += self.samples.samples[index].area;
+                }
                 for (kind, body) in surface_tool.hits(hits) {
                     let row = shares.entry((kind.rank(), body)).or_insert((kind, 0.0));
                     row.1 += self.samples.samples[index].area;
@@ -206,7 +202,9 @@ impl Surface {
             },
             share: area / self.samples.area(),
         });
-        rows.collect()
+        let [element, body] = IN_THE_WAY.map(str::to_owned);
+        let machine = ObstructedRow { element, body, share: by_machine / self.samples.area() };
+        rows.chain((by_machine > 0.0).then_some(machine)).collect()
     }
 
     /// Those that reach most of the surface.
@@ -328,18 +326,21 @@ fn interrupted(error: SurfaceError) -> anyhow::Error {
 /// One tool among its surroundings, which are of a pitch.
 fn one_tool(
     session: &Session,
-    assembly: &Assembly,
+    run: &AccessRun,
+    index: usize,
     (environment, pitch): (&CollisionEnvironment, f64),
-    asked: &SurfaceSettings,
+    tolerance: f64,
     samples: &SurfaceSamples,
-    orientations: &OrientationSet,
 ) -> Result<(SurfaceAccess, SurfaceTool)> {
-    let tool = SurfaceTool::new(environment, assembly, asked.tolerance)?;
+    let mut tool = SurfaceTool::new(environment, &run.tools[index], tolerance)?;
+    if let Some(machine) = &run.machine {
+        tool = machine.limit(index, tool);
+    }
     let name = format!("surface, {}, pitch {pitch}", tool.name());
     let stage = session.stage(&name, "samples", samples.samples.len() as u64);
     let advance = |n| stage.advance(n);
     let control = session.control(&advance);
-    let access = surface_access(&tool, &samples.samples, &orientations.orientations, control);
+    let access = surface_access(&tool, &samples.samples, &run.orientations.orientations, control);
     let access = access.map_err(interrupted)?;
     stage.finish("");
     Ok((access, tool))

@@ -18,9 +18,12 @@ impl SolidField {
     pub(crate) fn lateral_separation(&self, pose: &Pose) -> Option<DVec3> {
         let Shape::Bodies(bodies) = &self.shape else { return None };
         let placed = self.placed(pose)?;
+        // What holds no centre at all is sooner known.
+        if !self.bodies_collide(bodies, placed, None, None) {
+            return None;
+        }
         let distances = self.voxels.distances();
         let dims = distances.dims();
-        let most = DVec3::from_array(dims.map(|n| (n - 1) as f64));
         let mut deepest = (0.0, DVec3::ZERO);
         let mut last = [usize::MAX; 8];
         for body in bodies {
@@ -29,11 +32,10 @@ impl SolidField {
                 let steps = ((to - from) / STEP).ceil().clamp(1.0, 1e5) as usize;
                 for step in 0..=steps {
                     let height = from + (to - from) * step as f64 / steps as f64;
-                    let low = (placed.tip + placed.direction * height).floor();
+                    let at = placed.tip + placed.direction * height;
+                    let beside = [0, 1, 2].map(|axis| voxels_beside(at[axis], dims[axis]));
                     for (corner, last) in last.iter_mut().enumerate() {
-                        let bit = |place: usize| (corner >> place & 1) as f64;
-                        let voxel = (low + DVec3::new(bit(2), bit(1), bit(0))).clamp(DVec3::ZERO, most);
-                        let [x, y, z] = voxel.to_array().map(|v| v as usize);
+                        let [x, y, z] = [0, 1, 2].map(|axis| beside[axis][corner >> (2 - axis) & 1]);
                         let witness = distances.nearest((x * dims[1] + y) * dims[2] + z);
                         let Some(witness) = witness.filter(|w| w != last) else { continue };
                         *last = witness;
@@ -69,6 +71,15 @@ impl SolidField {
         let deepest = bodies.iter().map(|body| radius(&body.parts, height)).fold(0.0, f64::max);
         Some(away.try_normalize()? * (-(deepest - away.length() + BEYOND) * placed.pitch))
     }
+}
+
+/// The voxels on both sides of a coordinate, of so many.
+fn voxels_beside(at: f64, count: usize) -> [usize; 2] {
+    if at < 0.0 {
+        return [0; 2];
+    }
+    let low = at as usize;
+    [low.min(count - 1), low.saturating_add(1).min(count - 1)]
 }
 
 /// Height of a voxel along the axis, and the way from the axis to it.

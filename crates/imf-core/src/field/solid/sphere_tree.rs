@@ -159,9 +159,9 @@ impl SphereTree {
     }
 
     /// Lower bound of the distance from the tool to any solid voxel's centre, in voxels; below zero where the tool may
-    /// hold one, and then no lower than minus the depth it may have.
-    pub(super) fn clearance(&self, placed: VoxelPose, distances: &DistanceField) -> f64 {
-        let mut minimum = f64::INFINITY;
+    /// hold one, and then no lower than minus the depth it may have. No more than `most`.
+    pub(super) fn clearance(&self, placed: VoxelPose, distances: &DistanceField, most: f64) -> f64 {
+        let mut minimum = most;
         let mut stack = [0_u32; DEPTH];
         for root in 0..self.roots as u32 {
             stack[0] = root;

@@ -40,25 +40,21 @@ impl SolidVoxels {
         self.0.distances.get_or_init(|| DistanceField::new(&self.0.occupancy))
     }
 
-    /// The ball of a radius, in voxels, around a point on a surface, with the solid centres in it listed that lie outside the
-    /// surface's tangent plane: a tool that stays on the plane's outer side, and holds none of these, holds none in the ball.
-    /// A centre on the plane may be listed as well. `None` where there are more than `few`.
-    pub(crate) fn free_ball(
+    /// The solid centres outside the tangent plane of a surface at a point, as far as a radius, in voxels; one on the plane may be
+    /// listed as well. `None` where there are more than `most`.
+    pub(crate) fn outside_plane(
         &self,
         point: DVec3,
         normal: DVec3,
         radius: f64,
-        few: u32,
-        listed: &mut Vec<[f64; 3]>,
-    ) -> Option<FreeBall> {
-        /// What is taken from the plane, and added to the ball, in voxels: more than any rounding.
-        const MARGIN: f64 = 1e-6;
-        listed.clear();
+        most: u32,
+    ) -> Option<OutsidePlane> {
+        let mut listed = Vec::new();
         let grid = &self.0.occupancy.grid;
         let middle = grid.continuous(point);
         let [nx, ny, nz] = grid.dims.map(|n| n as f64);
         let range = |at: f64, half: f64, count: f64| {
-            ((at - half).ceil().max(0.0) as usize, ((at + half).floor() + 1.0).clamp(0.0, count) as usize)
+            (whole_above(at - half).min(count as usize), whole_below(at + half).min(count as usize))
         };
         let wide = radius + MARGIN;
         let (x0, x1) = range(middle.x, wide, nx);
@@ -86,23 +82,61 @@ impl SolidVoxels {
                 } else {
                     high = high.min(middle.z - base / normal.z);
                 }
-                let (from, to) = (low.ceil().max(0.0), (high.floor() + 1.0).min(nz));
+                let (from, to) = (whole_above(low), whole_below(high).min(nz as usize));
                 if from >= to {
                     continue;
                 }
-                let (from, to) = (from as usize, to as usize);
                 let sums = self.0.columns.sums(x, y);
                 if sums[to] == sums[from] {
                     continue;
                 }
-                if listed.len() as u32 + sums[to] - sums[from] > few {
-                    listed.clear();
+                if listed.len() as u32 + sums[to] - sums[from] > most {
                     return None;
                 }
                 let solid = (from..to).filter(|&z| sums[z + 1] > sums[z]);
                 listed.extend(solid.map(|z| [x as f64, y as f64, z as f64]));
             }
         }
-        Some(FreeBall { middle, radius })
+        Some(OutsidePlane { middle, radius, listed })
+    }
+}
+
+/// What is taken from the plane, and added to the ball, in voxels: more than any rounding.
+const MARGIN: f64 = 1e-6;
+
+/// The first whole number from there on, of those from 0 on.
+fn whole_above(at: f64) -> usize {
+    let whole = at.max(0.0) as usize;
+    whole + usize::from((whole as f64) < at)
+}
+
+/// One past the last whole number up to there, of those from 0 on.
+fn whole_below(at: f64) -> usize {
+    if at < 0.0 { 0 } else { at as usize + 1 }
+}
+
+/// Solid centres around a point on a surface, outside its tangent plane.
+pub(crate) struct OutsidePlane {
+    middle: DVec3,
+    radius: f64,
+    listed: Vec<[f64; 3]>,
+}
+
+impl OutsidePlane {
+    /// The ball of a smaller radius, or of this one, and the centres in it: a tool that stays on the plane's outer side, and holds
+    /// none of these, holds none in the ball. `None` where there are more than `few`, or the radius is larger.
+    pub(crate) fn free_ball(&self, radius: f64, few: u32, listed: &mut Vec<[f64; 3]>) -> Option<FreeBall> {
+        listed.clear();
+        if radius > self.radius {
+            return None;
+        }
+        let within = (radius + MARGIN) * (radius + MARGIN);
+        let near = |voxel: &&[f64; 3]| DVec3::from_array(**voxel).distance_squared(self.middle) <= within;
+        listed.extend(self.listed.iter().filter(near).take(few as usize + 1));
+        if listed.len() > few as usize {
+            listed.clear();
+            return None;
+        }
+        Some(FreeBall { middle: self.middle, radius })
     }
 }

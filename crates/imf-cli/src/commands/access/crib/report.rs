@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use imf_core::surface::Verdict;
 use serde::Serialize;
 
+use super::super::on_machine::IN_THE_WAY;
 use super::Crib;
 use super::tools::Undecided;
 use crate::output::show_measure;
@@ -112,6 +113,9 @@ impl Report {
             },
             share: area / total,
         });
+        let [element, body] = IN_THE_WAY.map(str::to_owned);
+        let machine = BlameRow { element, body, share: crib.by_machine / total };
+        let blame = blame.chain((crib.by_machine > 0.0).then_some(machine));
         let undecided = crib.undecided.iter().map(|u| Undecided::new(&u.tool, &u.why));
         Self {
             program: format!("imf {}", env!("CARGO_PKG_VERSION")),

@@ -19,7 +19,9 @@ pub(super) fn stick_outs(
     let mut found = vec![None; samples.len()];
     for (index, assembly) in run.tools.iter().enumerate() {
         let is_obstructed = |&sample: &usize| {
-            surface.best[sample] == (Verdict::Obstructed, index) && surface.blame.nearest[sample].is_some()
+            // Where a machine alone is in the way, no length of the part's is known to help.
+            let in_the_way = surface.blame.nearest[sample].is_some_and(|at| at.voxels > 0);
+            surface.best[sample] == (Verdict::Obstructed, index) && in_the_way
         };
         let own: Vec<usize> = (0..samples.len()).filter(is_obstructed).collect();
         if own.is_empty() || assembly.tool().stick_out().is_none() {
@@ -51,6 +53,7 @@ pub(super) fn stick_out_text(
     (length, fraction): (f64, f64),
     assembly: &Assembly,
     unit: &str,
+    on_machine: bool,
 ) -> Option<String> {
     let given = assembly.tool().stick_out()?;
     let what =
@@ -61,7 +64,8 @@ pub(super) fn stick_out_text(
     };
     // Rounded up: a shorter one is not enough.
     let length = (10.0 * length - 1e-6).ceil() / 10.0;
-    Some(format!("a stick-out of {length:.1} {unit} instead of {given:.1}{beyond} frees {what}"))
+    let of = if on_machine { " of part and fixtures" } else { "" };
+    Some(format!("a stick-out of {length:.1} {unit} instead of {given:.1}{beyond} frees {what}{of}"))
 }
 
 /// By how much the diameter of the holder would have to be smaller to be free at a pose where nothing else collides; `None` where that

@@ -115,7 +115,8 @@ impl Setups {
             axis_rows(&question.range, needed)
         });
         let rotary = rotary.collect();
-        let own = run.machine.as_ref().filter(|machine| machine.limits() == Some(question.range));
+        let own = run.machine.as_ref().map(|own| &own.machine);
+        let own = own.filter(|machine| machine.limits() == Some(question.range));
         let machine = own.map_or_else(|| question.range.limits.to_string(), |machine| machine.name.clone());
         Ok(Self { plan, candidates, machine, fraction: question.fraction, by_sample, rotary })
     }

@@ -6,6 +6,7 @@ use glam::DVec3;
 use imf_core::surface::{Reach, SurfacePatch};
 use serde::Serialize;
 
+use super::super::on_machine::REMEDY;
 use super::blame::remedy;
 use super::freed::{slimmer, stick_out, stick_out_text};
 use super::{AccessRun, Surface, Verdict, rgb};
@@ -96,9 +97,12 @@ impl Surface {
         let poses = patch.samples.iter().filter_map(|&s| Some((self.blame.nearest[s]?, self.best[s].1)));
         let nearest = poses.min_by_key(|(at, _)| at.voxels).map(|(at, tool)| {
             let direction = run.orientations.orientations[at.direction as usize].direction();
-            (direction, self.tools[tool].1.collisions(&at), tool)
+            (direction, self.tools[tool].1.collisions(&at), tool, at)
         });
-        let hits = nearest.as_ref().map_or(&[][..], |(_, hits, _)| hits);
+        let on_machine = run.machine.as_ref();
+        let fault =
+            nearest.as_ref().and_then(|(.., tool, at)| on_machine?.fault(*tool, at, &run.orientations));
+        let hits = nearest.as_ref().map_or(&[][..], |(_, hits, ..)| hits);
         let unit = run.unit.to_string();
         let in_words = hits.iter().map(|hit| {
             let body = match hit.body {
@@ -111,9 +115,11 @@ impl Surface {
         let mut quantified = Vec::new();
         let of_tool = |sample: &&usize| nearest.as_ref().is_some_and(|near| near.2 == self.best[**sample].1);
         let longer = stick_out(patch.samples.iter().filter(of_tool).filter_map(|&sample| self.freed[sample]));
-        if let Some((_, _, tool)) = &nearest {
+        if let Some((_, _, tool, _)) = &nearest {
             let assembly = &run.tools[*tool];
-            quantified.extend(longer.and_then(|longer| stick_out_text(longer, assembly, &unit)));
+            quantified.extend(
+                longer.and_then(|longer| stick_out_text(longer, assembly, &unit, on_machine.is_some())),
+            );
             let frees = |diameter: f64| {
                 format!(
                     "a holder slimmer by {:.1} {unit} frees its nearest place",
@@ -128,11 +134,14 @@ impl Surface {
             normal: (patch.normal + 0.0).to_array(),
             bounds: patch.bounds.map(|corner| corner.to_array()),
             why: words(verdict),
-            tool: nearest.as_ref().map(|(_, _, tool)| self.tools[*tool].1.name().to_owned()),
+            tool: nearest.as_ref().map(|(_, _, tool, _)| self.tools[*tool].1.name().to_owned()),
             direction: nearest.as_ref().map(|(direction, ..)| (*direction + 0.0).to_array()),
-            hits: in_words.collect(),
+            hits: in_words.chain(fault.as_ref().map(ToString::to_string)).collect(),
             stick_out: longer,
-            would_help: remedy(verdict, hits, &quantified),
+            would_help: match fault {
+                Some(_) => REMEDY.to_owned(),
+                None => remedy(verdict, hits, &quantified),
+            },
         }
     }
 

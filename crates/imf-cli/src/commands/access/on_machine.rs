@@ -1,0 +1,70 @@
+//! The machine that brings the tools to the part.
+
+use std::sync::Arc;
+
+use anyhow::Result;
+use imf_core::check::{MachineBodies, MachineFault, MachineReach};
+use imf_core::machine::Machine;
+use imf_core::orientation::OrientationSet;
+use imf_core::scene::Bodies;
+use imf_core::surface::{LeastOverlap, PoseLimit, SurfaceTool};
+use imf_core::tool::Assembly;
+
+use crate::session::Session;
+
+/// What there is to help where it alone keeps the tool away.
+pub(super) const REMEDY: &str = "another place on the table, a longer tool, or another direction";
+
+/// What keeps a tool away, in the tables of what is in the way.
+pub(super) const IN_THE_WAY: [&str; 2] = ["machine", "its travel, head or table"];
+
+/// A machine in the part's unit.
+pub(super) struct OnMachine {
+    pub(super) machine: Machine,
+    /// By tool; none where nothing but its directions is known, since a set-up does not say where the part stands.
+    reach: Vec<Arc<MachineReach>>,
+}
+
+impl OnMachine {
+    /// Of the world as the frame of the work offset G54; with no tools its directions alone count.
+    pub(super) fn new(
+        session: &Session,
+        machine: Machine,
+        bodies: &Bodies,
+        tools: &[Assembly],
+        orientations: &OrientationSet,
+    ) -> Result<Self> {
+        if tools.is_empty() {
+            return Ok(Self { machine, reach: Vec::new() });
+        }
+        let moving = MachineBodies::new(machine.clone(), bodies.part.grid.pitch, session.control(&|_| {}))?;
+        let part = Arc::new(bodies.part.clone());
+        let fixtures: Vec<_> =
+            bodies.fixtures.iter().map(|(name, voxels)| (name.clone(), Arc::new(voxels.clone()))).collect();
+        let directions = &orientations.orientations;
+        let reach = tools.iter().map(|tool| MachineReach::new(&moving, &part, &fixtures, tool, directions));
+        let reach = reach.map(|reach| reach.map(Arc::new)).collect::<Result<_, _>>()?;
+        Ok(Self { machine, reach })
+    }
+
+    /// A tool where the machine brings it.
+    pub(super) fn limit(&self, index: usize, tool: SurfaceTool) -> SurfaceTool {
+        let Some(reach) = self.reach.get(index).cloned() else { return tool };
+        let limit: PoseLimit = Arc::new(move |tip, axis| reach.reaches(tip, axis));
+        tool.limited(limit)
+    }
+
+    /// Why a tool is kept from a pose at which it is free of all else.
+    pub(super) fn fault(
+        &self,
+        index: usize,
+        at: &LeastOverlap,
+        orientations: &OrientationSet,
+    ) -> Option<MachineFault> {
+        if at.voxels > 0 {
+            return None;
+        }
+        let axis = orientations.orientations[at.direction as usize].direction();
+        self.reach.get(index)?.fault(at.tip, axis)
+    }
+}

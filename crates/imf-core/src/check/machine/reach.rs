@@ -1,0 +1,173 @@
+//! Whether a machine brings a tool to a pose, with all that it is made of out of the way.
+
+use std::collections::HashMap;
+use std::fmt;
+use std::sync::Arc;
+
+use glam::DVec3;
+
+use super::{MachineBodies, MachinePairs};
+use crate::check::elements::Body;
+use crate::check::{CheckError, CheckSettings, HitBody};
+use crate::machine::{Joints, Machine, OutOfTravel, Placement, Side};
+use crate::occupancy::Occupancy;
+use crate::orientation::Orientation;
+use crate::pose::{Pose, axis_of};
+use crate::tool::Assembly;
+
+/// Why a machine does not bring a tool to a pose.
+#[derive(Clone, Debug, PartialEq)]
+pub enum MachineFault {
+    /// No angles within the ranges turn the tool that way.
+    OutOfReach,
+    /// An axis would have to leave its range.
+    OutOfTravel(OutOfTravel),
+    /// Something that the head carries would be in something else.
+    Hit {
+        /// What: an element of the tool, or `machine's` and the name of a solid.
+        what: String,
+        /// In what.
+        against: HitBody,
+    },
+}
+
+impl fmt::Display for MachineFault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::OutOfReach => write!(f, "the machine does not turn the tool that way"),
+            Self::OutOfTravel(OutOfTravel { axis, value, range: [low, high] }) => {
+                write!(
+                    f,
+                    "the machine's {axis} would have to be at {value:.1}, and goes from {low} to {high}"
+                )
+            }
+            Self::Hit { what, against } => write!(f, "the {what} hits the {against}"),
+        }
+    }
+}
+
+/// One tool on a machine, among what is set up on its table.
+///
+/// A pose is the tool's in the frame of the work offset G54. Of all angles that give the tool its direction one must do: the axes
+/// within their ranges, what the head carries clear of part, fixtures and table, by its clearance (the holder's), and the tool clear of
+/// the table. Where an angle is free, because it turns the tool about itself, each eighth of a turn is tried. How the tool comes there
+/// is not looked at.
+pub struct MachineReach {
+    pairs: MachinePairs,
+    machine: Arc<Machine>,
+    length: f64,
+    /// By the bits of a direction that was announced.
+    known: HashMap<[u64; 3], Vec<Turned>>,
+}
+
+/// The rotary axes at angles that give a direction.
+struct Turned {
+    rotary: [f64; 2],
+    place: Placement,
+}
+
+/// Angles of a free axis.
+const FREE: usize = 8;
+
+impl MachineReach {
+    /// Of part and fixtures on grids of one pitch, where they stand in the frame of G54, in the machine's unit. Poses with one of
+    /// these directions are answered sooner.
+    ///
+    /// # Errors
+    /// A tool that cannot be offset, solids that are thinner than the voxels show, a clearance around a solid that is a mesh.
+    pub fn new(
+        machine: &MachineBodies,
+        part: &Arc<Occupancy>,
+        fixtures: &[(String, Arc<Occupancy>)],
+        assembly: &Assembly,
+        directions: &[Orientation],
+    ) -> Result<Self, CheckError> {
+        let pitch = part.grid.pitch;
+        machine.check(pitch)?;
+        let tool = assembly.tool();
+        let clearance = *assembly.clearance();
+        let settings = CheckSettings { clearance, ..CheckSettings::of_pitch(pitch, tool.unit) };
+        let part = Arc::new(Body::new(part.clone(), HitBody::Part));
+        let body = |(name, voxels): &(String, Arc<Occupancy>)| {
+            Arc::new(Body::new(voxels.clone(), HitBody::Fixture(name.clone())))
+        };
+        let fixtures: Vec<Arc<Body>> = fixtures.iter().map(body).collect();
+        let here = Pose::new(DVec3::ZERO, glam::DQuat::IDENTITY);
+        let pairs = MachinePairs::new(machine, &part, &fixtures, tool, &settings, &here)?;
+        let (machine, length) = (machine.machine.clone(), tool.length());
+        let axes = directions.iter().filter_map(|orientation| axis_of(orientation.quaternion()));
+        let known = axes.map(|axis| (bits(axis), turned(&machine, axis))).collect();
+        Ok(Self { pairs, machine, length, known })
+    }
+
+    /// True where the machine brings the tool's tip to `tip` with its axis along a unit vector.
+    #[must_use]
+    pub fn reaches(&self, tip: DVec3, axis: DVec3) -> bool {
+        self.of_direction(axis, |turned| turned.iter().any(|turned| self.fault_at(tip, turned).is_none()))
+    }
+
+    /// Why not, with the angles that the machine would choose first; `None` where it does.
+    #[must_use]
+    pub fn fault(&self, tip: DVec3, axis: DVec3) -> Option<MachineFault> {
+        self.of_direction(axis, |turned| {
+            let mut faults = turned.iter().map(|turned| self.fault_at(tip, turned));
+            let first = faults.next().unwrap_or(Some(MachineFault::OutOfReach))?;
+            faults.all(|fault| fault.is_some()).then_some(first)
+        })
+    }
+
+    fn of_direction<T>(&self, axis: DVec3, answer: impl FnOnce(&[Turned]) -> T) -> T {
+        match self.known.get(&bits(axis)) {
+            Some(turned) => answer(turned),
+            None => answer(&turned(&self.machine, axis)),
+        }
+    }
+
+    fn fault_at(&self, tip: DVec3, turned: &Turned) -> Option<MachineFault> {
+        let Turned { rotary, place } = turned;
+        let head = place.head[2].of_point(DVec3::new(0.0, 0.0, -self.length));
+        let linear = place.table[2].of_point(tip + self.machine.part_zero()) - head;
+        let joints = Joints { linear, rotary: *rotary };
+        if let Some(out) = self.machine.out_of_travel(&joints) {
+            return Some(MachineFault::OutOfTravel(out));
+        }
+        let (what, against) = self.pairs.first_hit(&place.moved(linear))?;
+        let is_solid = self.machine.solids.iter().any(|own| own.side == Side::Head && own.name == what);
+        let what = if is_solid { format!("machine's {what}") } else { what.to_owned() };
+        Some(MachineFault::Hit { what, against: against.clone() })
+    }
+}
+
+fn bits(axis: DVec3) -> [u64; 3] {
+    axis.to_array().map(f64::to_bits)
+}
+
+/// Whole turns of an axis change nothing of where anything is.
+fn turned(machine: &Machine, axis: DVec3) -> Vec<Turned> {
+    let found = machine.inverse(axis);
+    let mut angles: Vec<[f64; 2]> = Vec::new();
+    let mut add = |pair: [f64; 2]| {
+        let same = |a: f64, b: f64| ((a - b) / 360.0 - ((a - b) / 360.0).round()).abs() < 1e-9;
+        if !angles.iter().any(|known| (0..2).all(|place| same(known[place], pair[place]))) {
+            angles.push(pair);
+        }
+    };
+    for pair in found.angles {
+        add(pair);
+        if let Some(place) = found.free
+            && let Some(rotary) = machine.rotary.get(place)
+        {
+            for step in 1..FREE {
+                let mut other = pair;
+                let around = 360.0 * step as f64 / FREE as f64;
+                let [low, high] = rotary.range;
+                let fits = [around, around - 360.0].into_iter().find(|angle| (low..=high).contains(angle));
+                if let Some(angle) = fits {
+                    other[place] = angle;
+                    add(other);
+                }
+            }
+        }
+    }
+    angles.into_iter().map(|rotary| Turned { rotary, place: Placement::turned(machine, &rotary) }).collect()
+}
