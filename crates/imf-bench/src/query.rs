@@ -11,7 +11,7 @@ use imf_core::grid::Grid;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::pose::Pose;
 use imf_core::section::Quantity;
-use imf_fields::field::{Field, VerifiedField};
+use imf_fields::field::{Field, Planner};
 use imf_fields::file::FieldFile;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -88,9 +88,9 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
             FieldFile::Harmonic(_) => "harmonic",
             FieldFile::Factored(_) => "factored",
         };
-        let verified = VerifiedField::new(Field::new(file)?)?;
-        let (model, name) = (verified.model(), format!("Field, {family}"));
-        rows.push(trial.decisions(&format!("VerifiedField, {family}"), proven, &verified)?);
+        let planner = Planner::new(Field::new(file)?)?;
+        let (model, name) = (&planner.model, format!("Field, {family}"));
+        rows.push(trial.decisions(&format!("Planner, {family}"), proven, &planner)?);
         let decided = trial.decisions(&name, ["yes, no or undecided, by calibration", &how], model)?;
         rows.push(match model.calibration() {
             Some(_) => decided,

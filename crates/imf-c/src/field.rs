@@ -4,10 +4,10 @@ use std::ffi::c_char;
 use std::path::Path;
 
 use imf_core::field::{ExactField, PoseField};
-use imf_core::motion::MotionChecker;
 use imf_core::scene::Scene;
+use imf_core::world::Checker;
 use imf_fields::calibration::Calibration;
-use imf_fields::field::{Field, LoadError, VerifiedField};
+use imf_fields::field::{Field, LoadError, Planner};
 use imf_fields::file::FieldFile;
 
 use crate::boundary::{ImfStatus, Refusal, call, output, path, read_one};
@@ -22,8 +22,8 @@ pub struct ImfField {
 /// Which of the three.
 pub(crate) enum Kind {
     Model(Box<Field>),
-    Verified(Box<VerifiedField>),
-    Exact(MotionChecker),
+    Verified(Box<Planner>),
+    Exact(Box<ExactField>, Checker),
 }
 
 /// What a field is of. Lengths are in its scene's unit.
@@ -78,7 +78,7 @@ impl Kind {
         match self {
             Self::Model(field) => field.as_ref(),
             Self::Verified(field) => field.as_ref(),
-            Self::Exact(checker) => checker.field(),
+            Self::Exact(field, _) => field.as_ref(),
         }
     }
 }
@@ -88,9 +88,9 @@ fn of_file(error: impl Into<LoadError>) -> Refusal {
     Refusal::new(ImfStatus::File, error.to_string())
 }
 
-fn verified(field: VerifiedField) -> ImfField {
-    let scene = field.model().scene().clone();
-    let calibration = field.model().calibration().copied();
+fn verified(field: Planner) -> ImfField {
+    let scene = field.model.scene().clone();
+    let calibration = field.model.calibration().copied();
     ImfField::new(Kind::Verified(Box::new(field)), &scene, calibration.as_ref())
 }
 
@@ -98,7 +98,8 @@ fn exact(path: &Path) -> Result<ImfField, Refusal> {
     let stored = FieldFile::read(path).map_err(of_file)?;
     let scene = stored.scene();
     let field = ExactField::of_scene(scene, &scene.record.clearance).map_err(of_file)?;
-    Ok(ImfField::new(Kind::Exact(MotionChecker::new(field)), scene, stored.calibration()))
+    let checker = Checker::of_field(&field, scene.record.unit);
+    Ok(ImfField::new(Kind::Exact(Box::new(field), checker), scene, stored.calibration()))
 }
 
 /// Opens and hands over, or leaves `*field` NULL.
@@ -144,7 +145,7 @@ pub unsafe extern "C" fn imf_open_model(path: *const c_char, field: *mut *mut Im
 /// path is a text that ends with 0, in UTF-8; field has room for a pointer.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn imf_open_verified(path: *const c_char, field: *mut *mut ImfField) -> ImfStatus {
-    let opened = |path: &Path| Ok(verified(VerifiedField::load(path).map_err(of_file)?));
+    let opened = |path: &Path| Ok(verified(Planner::load(path).map_err(of_file)?));
     // SAFETY: guaranteed by the caller.
     unsafe { open(path, field, opened) }
 }
@@ -161,7 +162,7 @@ pub unsafe extern "C" fn imf_open_verified_with_clearance(
     let opened = |path: &Path| {
         let model = Field::load(path).map_err(of_file)?;
         let clearance = model.scene().record.clearance;
-        Ok(verified(VerifiedField::with_clearance(model, clearance).map_err(of_file)?))
+        Ok(verified(Planner::with_clearance(model, clearance).map_err(of_file)?))
     };
     // SAFETY: guaranteed by the caller.
     unsafe { open(path, field, opened) }

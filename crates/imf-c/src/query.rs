@@ -3,6 +3,7 @@
 use imf_core::field::{Best, Decision, FieldError, Gradient};
 use imf_core::glam::{DQuat, DVec3};
 use imf_core::pose::Pose;
+use imf_core::world::MotionOptions;
 
 use crate::boundary::{ImfStatus, Refusal, call, output, read, read_one};
 use crate::field::{ImfField, Kind};
@@ -153,15 +154,16 @@ pub unsafe extern "C" fn imf_check_motion(
         let (field, a, b) = unsafe { (read_one(field, "field")?, read_one(a, "a")?, read_one(b, "b")?) };
         // SAFETY: guaranteed by the caller.
         let place = unsafe { output(motion, 1, "motion") }?;
-        let found = match &field.kind {
-            Kind::Verified(verified) => verified.check_motion(&a.to_pose(), &b.to_pose()),
-            Kind::Exact(checker) => checker.check_motion(&a.to_pose(), &b.to_pose()),
+        let checker = match &field.kind {
+            Kind::Verified(planner) => &planner.checker,
+            Kind::Exact(_, checker) => checker,
             Kind::Model(_) => {
                 let message = "motions are proven by exact and verified fields: open the file by imf_open_exact or \
                                imf_open_verified";
                 return Err(Refusal::new(ImfStatus::Unsupported, message));
             }
         };
+        let found = checker.check_motion(&a.to_pose(), &b.to_pose(), &MotionOptions::default());
         let found = found.map_err(|error| Refusal::new(ImfStatus::NoAnswer, error.to_string()))?;
         place[0].write(found.into());
         Ok(())

@@ -2,9 +2,9 @@
 
 use imf_core::field::{Best, Decision, Gradient};
 use imf_core::glam::{DQuat, DVec3};
-use imf_core::motion::MotionResult;
 use imf_core::pose::Pose;
 use imf_core::section::Quantity;
+use imf_core::world::MotionResult;
 
 /// Where the tool is.
 #[repr(C)]
@@ -74,20 +74,22 @@ pub enum ImfMotionKind {
     Free = 0,
     /// A pose of it collides.
     Colliding = 1,
-    /// No pose was seen to collide, and a stretch could not be decided: the tool passes by very closely.
-    Undecided = 2,
 }
 
 /// What is known of a motion; times run from 0 at its beginning to 1 at its end.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImfMotion {
-    /// Which of the three.
+    /// Which of the two.
     pub kind: ImfMotionKind,
-    /// Before this time no pose collides; 1 where it is free.
+    /// Before this time every pose is proven free. From then on, where the tool passes too closely for a proof, poses were tried between
+    /// which no point of the tool moves farther than a hundredth of a pitch.
+    pub proven_until: f64,
+    /// Up to this time the motion is free; 1 where all of it is, 0 where it begins with a collision.
     pub free_until: f64,
-    /// Colliding: time of the first pose that was found to collide. Undecided: end of the first stretch that could not be decided.
-    /// Free: 1.
+    /// The pose at that time; an invalid one (NaN) where the motion begins with a collision.
+    pub last_valid: ImfPose,
+    /// Colliding: time of the first pose that was found to collide. Free: 1.
     pub until: f64,
     /// Colliding: the pose that collides. Else an invalid pose (NaN).
     pub pose: ImfPose,
@@ -152,17 +154,15 @@ impl From<Best> for ImfBest {
 }
 
 impl From<MotionResult> for ImfMotion {
-    fn from(motion: MotionResult) -> Self {
-        match motion {
-            MotionResult::Free => {
-                Self { kind: ImfMotionKind::Free, free_until: 1.0, until: 1.0, pose: NO_POSE }
-            }
-            MotionResult::Colliding { free_until, at, pose } => {
-                Self { kind: ImfMotionKind::Colliding, free_until, until: at, pose: pose.into() }
-            }
-            MotionResult::Undecided { from, to } => {
-                Self { kind: ImfMotionKind::Undecided, free_until: from, until: to, pose: NO_POSE }
-            }
+    fn from(MotionResult { last_valid, first_colliding, proven_until }: MotionResult) -> Self {
+        let kind = first_colliding.map_or(ImfMotionKind::Free, |_| ImfMotionKind::Colliding);
+        Self {
+            kind,
+            proven_until,
+            free_until: last_valid.map_or(0.0, |(time, _)| time),
+            last_valid: last_valid.map_or(NO_POSE, |(_, pose)| pose.into()),
+            until: first_colliding.map_or(1.0, |collision| collision.time),
+            pose: first_colliding.map_or(NO_POSE, |collision| collision.pose.into()),
         }
     }
 }

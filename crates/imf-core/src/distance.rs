@@ -46,6 +46,14 @@ impl DistanceField {
         self.dims
     }
 
+    /// The whole coordinates of a voxel.
+    #[inline]
+    pub(crate) fn voxel(&self, index: usize) -> [f64; 3] {
+        let [_, ny, nz] = self.dims.map(|n| n as u32);
+        let (line, z) = (index as u32 / nz, index as u32 % nz);
+        [f64::from(line / ny), f64::from(line % ny), f64::from(z)]
+    }
+
     /// The solid voxel nearest to a voxel (positions in C-ordered arrays); `None` where nothing is solid.
     #[must_use]
     pub fn nearest(&self, index: usize) -> Option<usize> {

@@ -1,7 +1,7 @@
 //! One interface for every family of fields, on CPU and GPU: values, gradients and decisions at poses, and whole grids.
 //!
-//! [`ExactField`] counts voxels; the crate `imf-fields` has fields from files of any family, and verified ones, which have a
-//! model's values and gradients and decide by verification. [`PoseField`] is for planners; [`GridField`] adds the values at all
+//! [`ExactField`] counts voxels; the crate `imf-fields` has fields from files of any family. [`world`](mod@crate::world) has checkers, which
+//! decide exactly among several obstacles. [`PoseField`] is for planners; [`GridField`] adds the values at all
 //! voxel centres at once. Both are object-safe, every method takes `&self`, and threads share one field.
 //!
 //! # Results
@@ -9,7 +9,7 @@
 //!   a field of signed penetration depth ([`Quantity`]) are lengths: how far the tool must be moved to be free, below 0 how
 //!   far it may be moved. Depths decide far more poses than overlaps do; both decrease towards free space.
 //! - [`Decision::Free`] and [`Decision::Colliding`] are decisions by a field's calibration; [`Decision::Undecided`] is for an
-//!   exact check to decide. A field without calibration answers `Undecided` everywhere. Exact and verified fields
+//!   exact check to decide. A field without calibration answers `Undecided` everywhere. Exact fields and checkers
 //!   decide every pose.
 //! - Outside [`PoseField::bounds`] a model is not defined: values and gradients are those of the nearest
 //!   point inside (the slope across the face is 0), and the decision is `Undecided`. Exact answers hold everywhere, space
@@ -46,8 +46,10 @@ pub mod minimum;
 pub(crate) mod solid;
 
 pub use exact::ExactField;
+pub(crate) use exact::PreparedObstacle;
 
 use glam::{DQuat, DVec3, Vec3};
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::control::Control;
@@ -60,7 +62,8 @@ use crate::tool::{ClearanceError, ToolError};
 use minimum::with_sharp_point_at;
 
 /// Whether the tool collides.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Decision {
     /// It does not.
     Free,
@@ -71,7 +74,7 @@ pub enum Decision {
 }
 
 /// A value and how it changes.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Gradient {
     /// The overlap, not clipped: a model's may lie a little outside [0, 1]. Of a field of depth the depth, not clamped either.
     pub value: f32,
@@ -91,7 +94,7 @@ impl Gradient {
 }
 
 /// The best orientation at a point.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Best {
     /// The minimum of the collision measure, in [0, 1], or of the depth; NaN for a point that is not finite.
     pub value: f32,

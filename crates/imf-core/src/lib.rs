@@ -25,7 +25,7 @@
 //! | count sections, or their minimum over orientations | [`section::SectionPlan`], [`section::stream_sections`] |
 //! | check a toolpath, and follow the stock that it cuts | [`check`](mod@check), [`toolpath`] |
 //! | query single poses | [`field`]: values, gradients, decisions, of any family |
-//! | move a tool in a planner | [`motion`]: proofs for all poses between two |
+//! | move a tool among several obstacles, in a planner | [`world`]: checkers of poses and of all poses between two |
 //!
 //! # Features
 //! - `parallel`, on by default: all threads of the current rayon pool; without it the thread that calls.
@@ -84,7 +84,6 @@ pub mod file_error;
 pub mod grid;
 pub mod machine;
 pub mod mesh;
-pub mod motion;
 pub mod obstacle;
 pub mod occupancy;
 pub mod orientation;
@@ -105,3 +104,4 @@ pub mod voxelize;
 // For the scratch memory of the project's other crates.
 #[doc(hidden)]
 pub mod workspaces;
+pub mod world;

@@ -3,6 +3,7 @@
 use std::f64::consts::{PI, TAU};
 
 use glam::{DMat3, DQuat, DVec3};
+use serde::{Deserialize, Serialize};
 
 use crate::orientation::Orientation;
 
@@ -12,7 +13,7 @@ use crate::orientation::Orientation;
 /// The roll about the tool's own axis does not matter for tools of revolution. A quaternion of any length but 0 is taken as its
 /// direction. A pose with a number that is not finite, or a quaternion of no length, is *invalid*: its value is NaN, and it
 /// is never free.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Pose {
     /// World position of the tip.
     pub position: DVec3,

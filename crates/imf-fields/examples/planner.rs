@@ -15,11 +15,11 @@ use std::f64::consts::PI;
 
 use glam::{DQuat, DVec3};
 use imf_core::field::{Best, Decision, Gradient, PoseField};
-use imf_core::motion::MotionResult;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::pose::Pose;
 use imf_core::section::Quantity;
-use imf_fields::field::VerifiedField;
+use imf_core::world::{MotionOptions, MotionResult, QueryError};
+use imf_fields::field::Planner;
 use imf_fields::harmonic::FitSettings;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -40,11 +40,11 @@ const PUSH: f64 = 0.5;
 const BOW: f64 = 45.0;
 
 /// A field of signed depth over the coarse bracket and as much space around it as its values reach.
-fn tool() -> Result<VerifiedField, Box<dyn Error>> {
+fn tool() -> Result<Planner, Box<dyn Error>> {
     let (quantity, axes) = (Quantity::Depth, 60);
     let settings =
         FitSettings { quantity, degree: 8, sections_per_function: 2.0, axes, ..FitSettings::default() };
-    Ok(VerifiedField::new(bracket::field(0.0, 8, settings)?)?)
+    Ok(Planner::new(bracket::field(0.0, 8, settings)?)?)
 }
 
 /// Tip and axis; the axis a unit vector.
@@ -112,16 +112,18 @@ fn descend(nodes: &mut [Node], gradients: &[Gradient]) {
     }
 }
 
+fn motion(tool: &Planner, from: Node, to: Node) -> Result<MotionResult, QueryError> {
+    tool.checker.check_motion(&from.pose(), &to.pose(), &MotionOptions::default())
+}
+
 /// Pieces of a way that are proven free.
-fn proven(tool: &VerifiedField, nodes: &[Node]) -> usize {
-    let free = |pair: &&[Node]| {
-        matches!(tool.check_motion(&pair[0].pose(), &pair[1].pose()), Ok(MotionResult::Free))
-    };
+fn proven(tool: &Planner, nodes: &[Node]) -> usize {
+    let free = |pair: &&[Node]| motion(tool, pair[0], pair[1]).is_ok_and(|motion| motion.is_proven());
     nodes.windows(2).filter(free).count()
 }
 
 /// A leg that is proven free, from the first of some guesses that leads to one.
-fn leg(tool: &VerifiedField, from: Node, to: Node) -> Result<Option<Vec<Node>>, Box<dyn Error>> {
+fn leg(tool: &Planner, from: Node, to: Node) -> Result<Option<Vec<Node>>, Box<dyn Error>> {
     for bow in [DVec3::ZERO, DVec3::Z, DVec3::NEG_Z, DVec3::Y, DVec3::NEG_Y] {
         let mut nodes = first_guess(from, to, BOW * bow);
         let mut gradients = vec![Gradient::NAN; NODES];
@@ -139,8 +141,8 @@ fn leg(tool: &VerifiedField, from: Node, to: Node) -> Result<Option<Vec<Node>>, 
 }
 
 /// From beside the part to a goal among its walls, and from there to the other side.
-fn plan(tool: &VerifiedField, seed: u64) -> Result<[Vec<Node>; 2], Box<dyn Error>> {
-    let grid = tool.model().scene().record.grid;
+fn plan(tool: &Planner, seed: u64) -> Result<[Vec<Node>; 2], Box<dyn Error>> {
+    let grid = tool.model.scene().record.grid;
     let (low, size) = (grid.origin, grid.size());
     let beside = |x: f64| Node { tip: low + size * DVec3::new(x, 0.5, 0.5), axis: DVec3::Z };
     let (home, away) = (beside(-0.1), beside(1.1));
@@ -148,9 +150,7 @@ fn plan(tool: &VerifiedField, seed: u64) -> Result<[Vec<Node>; 2], Box<dyn Error
     let rotations: Vec<DQuat> = set.iter().map(Orientation::quaternion).collect();
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut number = || f64::from(random.next_u32()) / f64::from(u32::MAX);
-    let collides = |a: Node, b: Node| {
-        matches!(tool.check_motion(&a.pose(), &b.pose()), Ok(MotionResult::Colliding { .. }))
-    };
+    let collides = |a: Node, b: Node| motion(tool, a, b).is_ok_and(|motion| !motion.is_free());
     for _ in 0..2000 {
         let tip = low + size * (0.2 + 0.6 * DVec3::new(number(), number(), number()));
         let mut best = [Best::NONE];
@@ -183,17 +183,15 @@ fn both_legs_are_free_and_were_not_when_straight() {
     let tool = tool().unwrap();
     for nodes in plan(&tool, 1).unwrap() {
         assert_eq!((nodes.len(), proven(&tool, &nodes)), (NODES, NODES - 1));
-        let straight = tool.check_motion(&nodes[0].pose(), &nodes[NODES - 1].pose()).unwrap();
-        assert!(matches!(straight, MotionResult::Colliding { .. }), "{straight:?}");
-        // The exact field finds no collision at poses between, asked one by one.
+        let straight = motion(&tool, nodes[0], nodes[NODES - 1]).unwrap();
+        assert!(!straight.is_free(), "{straight:?}");
+        // No pose between collides, asked one by one.
         for pair in nodes.windows(2) {
             for part in 0..20 {
                 let time = f64::from(part) / 20.0;
                 let tip = pair[0].tip.lerp(pair[1].tip, time);
                 let axis = pair[0].axis.slerp(pair[1].axis, time);
-                let mut decision = [Decision::Undecided];
-                tool.classify(&[Pose::along(tip, axis)], &mut decision).unwrap();
-                assert_eq!(decision, [Decision::Free], "{tip} {axis}");
+                assert!(tool.checker.is_free(&Pose::along(tip, axis)), "{tip} {axis}");
             }
         }
     }

@@ -1,21 +1,17 @@
-//! A sampling planner from another crate (dual RRT-connect) finds a way for the tool around the bracket, asking a verified
-//! field whether poses are free; then every piece of the way is proven free as a motion.
+//! A sampling planner from another crate (dual RRT-connect) finds a way for the tool around the bracket, asking a checker
+//! whether poses are free; then every piece of the way is proven free as a motion.
 //!
 //! `cargo run --release -p imf-fields --example rrt`
-
-#[path = "bracket/mod.rs"]
-mod bracket;
 
 use std::cell::RefCell;
 use std::error::Error;
 use std::time::Instant;
 
 use glam::DVec3;
-use imf_core::field::{Decision, PoseField};
-use imf_core::motion::MotionResult;
+use imf_core::parts::ReferencePart;
 use imf_core::pose::Pose;
-use imf_core::tool::Clearance;
-use imf_fields::field::VerifiedField;
+use imf_core::tool::{Clearance, Tool};
+use imf_core::world::{MotionOptions, ObstacleMesh, World};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rrt::dual_rrt_connect;
@@ -45,43 +41,45 @@ struct Found {
 }
 
 fn plan(seed: u64) -> Result<Found, Box<dyn Error>> {
+    let mesh = ReferencePart::Bracket.mesh();
+    let (lower, upper) = mesh.bounds().ok_or("the bracket has no triangle")?;
+    let world = World::builder().pitch(3.0).obstacle(ObstacleMesh::new("bracket", mesh)).build()?;
     let room = Clearance { holder: CLEARANCE, shank: CLEARANCE, cutter: CLEARANCE };
     // Poses are asked with the clearance, motions are proven of the tool itself.
-    let field = VerifiedField::with_clearance(bracket::field(0.0, 0, bracket::overlaps())?, room)?;
-    let tool = VerifiedField::new(bracket::field(0.0, 0, bracket::overlaps())?)?;
-    let grid = field.model().scene().record.grid;
+    let field = world.checker(&Tool::paper(), &room)?;
+    let tool = world.checker(&Tool::paper(), &Clearance::default())?;
     let random = RefCell::new(ChaCha8Rng::seed_from_u64(seed));
     let number = || f64::from(random.borrow_mut().next_u32()) / f64::from(u32::MAX);
-    let (low, size) = (grid.origin - 40.0, grid.size() + 80.0);
+    let (low, size) = (lower - 40.0, upper - lower + 80.0);
     let sample = || -> Vec<f64> {
         let tip = low + size * DVec3::new(number(), number(), number());
         vec![tip.x, tip.y, tip.z, 80.0 * (number() - 0.5), 80.0 * (number() - 0.5)]
     };
+    let options = MotionOptions::default();
     let seconds = RefCell::new((0, 0.0));
     let is_free = |state: &[f64]| {
         let begun = Instant::now();
-        let mut decision = [Decision::Undecided];
-        let answered = field.classify(&[pose(state)], &mut decision);
+        let free = field.is_free(&pose(state));
         let mut spent = seconds.borrow_mut();
         spent.0 += 1;
         spent.1 += begun.elapsed().as_secs_f64();
-        answered.is_ok() && decision == [Decision::Free]
+        free
     };
     // From beside the part to a free pose low among its walls that no straight motion reaches.
-    let middle = grid.origin + 0.5 * grid.size();
+    let middle = 0.5 * (lower + upper);
     let start: State = [low.x, middle.y, middle.z, 0.0, 0.0];
     let goal = (0..100_000).map(|_| sample()).find(|state| {
-        let inside = grid.is_between_centres(pose(state).position);
-        let straight = || tool.check_motion(&pose(&start), &pose(state));
-        inside
-            && state[2] < middle.z
-            && is_free(state)
-            && matches!(straight(), Ok(MotionResult::Colliding { .. }))
+        let tip = pose(state).position;
+        let inside = tip.cmpge(lower).all() && tip.cmple(upper).all();
+        let straight = || tool.check_motion(&pose(&start), &pose(state), &options);
+        inside && state[2] < middle.z && is_free(state) && straight().is_ok_and(|motion| !motion.is_free())
     });
     let goal = goal.ok_or("no pose among the walls is free")?;
     let found = dual_rrt_connect(&start, &goal, is_free, sample, STEP, 20_000)?;
     let way: Vec<Pose> = found.iter().map(|state| pose(state)).collect();
-    let free = |pair: &&[Pose]| matches!(tool.check_motion(&pair[0], &pair[1]), Ok(MotionResult::Free));
+    let free = |pair: &&[Pose]| {
+        tool.check_motion(&pair[0], &pair[1], &options).is_ok_and(|motion| motion.is_proven())
+    };
     let proven = way.windows(2).filter(free).count();
     let (asked, seconds) = seconds.into_inner();
     Ok(Found { way, asked, seconds, proven })

@@ -1,17 +1,17 @@
-//! Fields from files as planners query them, and verified ones.
+//! Fields from files as planners query them, and what planners need beside them.
 
 #[cfg(feature = "calibration")]
 pub mod calibrate;
 mod families;
 mod fitted;
 mod grid;
-mod verified;
+mod planner;
 
 #[cfg(test)]
 pub(crate) mod scenes;
 
 pub use fitted::Field;
-pub use verified::VerifiedField;
+pub use planner::Planner;
 
 use imf_core::field::EngineError;
 use imf_core::tool::ClearanceError;
@@ -39,6 +39,6 @@ mod allocation_tests;
 #[cfg(test)]
 mod calibrate_tests;
 #[cfg(test)]
-mod tests;
+mod planner_tests;
 #[cfg(test)]
-mod verified_tests;
+mod tests;

@@ -11,7 +11,7 @@
 //! | to | see |
 //! | --- | --- |
 //! | query a field from a file of any family: poses, whole grids | [`field::Field`] |
-//! | have its decisions proven | [`field::VerifiedField`] |
+//! | plan: a model to steer by, a checker that decides | [`field::Planner`] |
 //! | make a field in seconds | [`harmonic::fit()`] |
 //! | know what a field's decisions are worth | [`calibration`] |
 //! | know its errors | [`evaluation`] |
@@ -20,15 +20,16 @@
 //!
 //! # Example
 //! ```no_run
-//! use imf_core::field::{Decision, PoseField};
+//! use imf_core::field::PoseField;
 //! use imf_core::glam::DVec3;
 //! use imf_core::pose::Pose;
-//! use imf_fields::field::VerifiedField;
+//! use imf_fields::field::Planner;
 //!
-//! let field = VerifiedField::load("bracket.safetensors")?;
-//! let mut decisions = [Decision::Undecided];
-//! field.classify(&[Pose::along(DVec3::new(24.5, 73.5, 100.0), DVec3::Z)], &mut decisions)?;
-//! println!("{:?}", decisions[0]);
+//! let planner = Planner::load("bracket.safetensors")?;
+//! let above = Pose::along(DVec3::new(24.5, 73.5, 100.0), DVec3::Z);
+//! let mut values = [0.0];
+//! planner.values(&[above], &mut values)?;
+//! println!("{}, {}", values[0], planner.checker.is_free(&above));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!

@@ -181,7 +181,14 @@ fn what_c_must_not_do_is_a_status() {
         assert_eq!(imf_best(field, point.as_ptr(), 1, null(), 0, &mut best), ImfStatus::Argument);
         assert!(last_error().contains("orientations"), "{}", last_error());
         assert_eq!(imf_best(field, point.as_ptr(), usize::MAX, null(), 0, &mut best), ImfStatus::Argument);
-        let mut motion = ImfMotion { kind: ImfMotionKind::Free, free_until: 0.0, until: 0.0, pose: NO };
+        let mut motion = ImfMotion {
+            kind: ImfMotionKind::Free,
+            proven_until: 0.0,
+            free_until: 0.0,
+            last_valid: NO,
+            until: 0.0,
+            pose: NO,
+        };
         assert_eq!(imf_check_motion(field, &pose, &pose, &mut motion), ImfStatus::Ok);
         let model = open(imf_open_model, &path);
         assert_eq!(imf_check_motion(model, &pose, &pose, &mut motion), ImfStatus::Unsupported);

@@ -8,10 +8,10 @@ use std::process::{Command, Stdio};
 
 use imf_core::field::{Best, Decision, ExactField, Gradient, PoseField};
 use imf_core::glam::{DQuat, DVec3};
-use imf_core::motion::MotionResult;
 use imf_core::pose::Pose;
 use imf_core::section::Quantity;
-use imf_fields::field::VerifiedField;
+use imf_core::world::MotionOptions;
+use imf_fields::field::Planner;
 
 use crate::files::{harmonic, harmonic_of, scene, siren, spread};
 
@@ -97,8 +97,8 @@ fn the_example_in_c_answers_as_rust_does() {
 
 /// What the program should write, by the Rust calls.
 fn expected(field: &Path, poses: &[Pose]) -> String {
-    let verified = VerifiedField::load(field).unwrap();
-    let scene = verified.model().scene();
+    let verified = Planner::load(field).unwrap();
+    let scene = verified.model.scene();
     let exact = ExactField::new(scene, &scene.record.tool);
     let count = poses.len();
     let (mut gradients, mut counted) = (vec![Gradient::NAN; count], vec![0.0; count]);
@@ -118,11 +118,11 @@ fn expected(field: &Path, poses: &[Pose]) -> String {
         let decision = format!("{:?}", decisions[i]).to_lowercase();
         writeln!(text, "{decision} {} {}", best[i].orientation, best[i].value).unwrap();
     }
-    let (kind, from, to) = match verified.check_motion(&poses[0], &poses[count - 1]).unwrap() {
-        MotionResult::Free => (0, 1.0, 1.0),
-        MotionResult::Colliding { free_until, at, .. } => (1, free_until, at),
-        MotionResult::Undecided { from, to } => (2, from, to),
-    };
+    let motion =
+        verified.checker.check_motion(&poses[0], &poses[count - 1], &MotionOptions::default()).unwrap();
+    let kind = i32::from(!motion.is_free());
+    let from = motion.last_valid.map_or(0.0, |(time, _)| time);
+    let to = motion.first_colliding.map_or(1.0, |collision| collision.time);
     writeln!(text, "motion {kind} {from} {to}").unwrap();
     text
 }

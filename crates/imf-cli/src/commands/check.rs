@@ -24,7 +24,8 @@ use imf_core::scene::{Bodies, PathGuarantee, Scene, SceneRecord};
 use imf_core::tool::{Element, Tool, ToolShape};
 use imf_core::toolpath::{PathReading, Toolpath, ToolpathError};
 use imf_core::unit::LengthUnit;
-use imf_fields::field::{Field, VerifiedField};
+use imf_core::world::Checker;
+use imf_fields::field::Field;
 use serde_json::json;
 use thiserror::Error;
 
@@ -90,16 +91,16 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
         Some(machine) => Some(MachineBodies::new(machine, record.grid.pitch, session.control(&|_| {}))?),
         None => None,
     };
-    let verified = match &arguments.field {
+    let checker = match &arguments.field {
         Some(path) => {
             ensure!(tools.len() == 1, "--field knows one tool, and {} are given: leave it out", tools.len());
-            Some(load_verified(path, &scene, &bodies, &settings)?)
+            Some(load_checker(path, &scene, &bodies, &settings)?)
         }
         None => None,
     };
     let proven = AtomicU64::new(0);
     let is_free = |pose: &Pose| {
-        let free = verified.as_ref().is_some_and(|field| field.is_free(pose));
+        let free = checker.as_ref().is_some_and(|checker| checker.is_free(pose));
         proven.fetch_add(u64::from(free), Ordering::Relaxed);
         free
     };
@@ -126,9 +127,9 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
         stick_outs = found.map_err(stopped)?;
         stage.finish("");
     }
-    if verified.is_some() {
+    if checker.is_some() {
         let free = proven.into_inner();
-        session.note(&format!("{free} of {} poses were proven free by the verified field", report.poses));
+        session.note(&format!("{free} of {} poses were proven free by the field's scene", report.poses));
     }
     let mut stock = match stock {
         None => None,
@@ -251,13 +252,8 @@ impl CheckRun<'_> {
     }
 }
 
-/// The verified field of the very part, fixtures and tool that are checked.
-fn load_verified(
-    path: &Path,
-    scene: &Scene,
-    bodies: &Bodies,
-    settings: &CheckSettings,
-) -> Result<VerifiedField> {
+/// A checker of the very part, fixtures and tool that are checked, by a field's voxels.
+fn load_checker(path: &Path, scene: &Scene, bodies: &Bodies, settings: &CheckSettings) -> Result<Checker> {
     let model = Field::load(path)?;
     let known = model.scene();
     let name = path.display();
@@ -283,5 +279,5 @@ fn load_verified(
     let mut whole = known.clone();
     whole.record.contact = None;
     whole.layer = None;
-    Ok(VerifiedField::of_scene(model, &whole, settings.clearance)?)
+    Ok(Checker::of_scene(&whole, &settings.clearance)?)
 }

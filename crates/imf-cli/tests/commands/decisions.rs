@@ -1,4 +1,4 @@
-//! Error rates of a field's decisions: `imf calibrate`, and `imf check` with the verified field.
+//! Error rates of a field's decisions: `imf calibrate`, and `imf check` with a field's scene.
 
 use serde_json::Value;
 
@@ -39,7 +39,7 @@ fn a_calibrated_field_tells_what_it_is_worth_and_proves_what_a_check_may_leave_o
     let verified = folder.run(&[&check[..], &["--field", "field.safetensors"]].concat());
     assert_eq!((plain.code, verified.code), (Some(3), Some(3)), "{}", verified.stderr);
     assert_eq!(plain.stdout, verified.stdout);
-    assert!(verified.stderr.contains("were proven free by the verified field"), "{}", verified.stderr);
+    assert!(verified.stderr.contains("were proven free by the field's scene"), "{}", verified.stderr);
     let other = [&check[..], &["--field", "field.safetensors", "--margin", "3"]].concat();
     folder.run(&other).is_refusal(&["field.safetensors"], &other);
 }

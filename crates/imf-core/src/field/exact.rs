@@ -1,11 +1,11 @@
 //! The exact field: whole numbers of voxels at any pose, and over the whole grid.
 
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use glam::{DQuat, DVec3, Vec3};
 
 use super::minimum::minimum_pose_by_pose;
-use super::solid::SolidField;
+use super::solid::{SolidField, SolidVoxels};
 use super::{Best, Decision, FieldError, Gradient, GridField, PoseField, check_lengths};
 use crate::control::Control;
 use crate::grid::Grid;
@@ -14,8 +14,36 @@ use crate::orientation::Orientation;
 use crate::pose::Pose;
 use crate::scene::Scene;
 use crate::section::{Imf, Quantity, SectionPlan, SectionScratch, ToolPoints, imf};
-use crate::tool::{Assembly, Clearance, ClearanceError, ToolError};
+use crate::tool::{Assembly, Clearance, ClearanceError, Tool, ToolError};
 use crate::workspaces::Workspaces;
+
+/// An obstacle with what every tool around it shares: running sums and distances. Cloning it copies nothing.
+#[derive(Clone)]
+pub(crate) struct PreparedObstacle {
+    obstacle: Obstacle,
+    forbidden: SolidVoxels,
+    cuttable: Option<SolidVoxels>,
+}
+
+impl PreparedObstacle {
+    /// The obstacle.
+    pub(crate) fn obstacle(&self) -> &Obstacle {
+        &self.obstacle
+    }
+
+    /// True where both are of the same voxels in memory.
+    pub(crate) fn is_same(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.obstacle.forbidden, &other.obstacle.forbidden)
+    }
+}
+
+impl From<Obstacle> for PreparedObstacle {
+    fn from(obstacle: Obstacle) -> Self {
+        let forbidden = obstacle.forbidden.clone().into();
+        let cuttable = obstacle.cuttable.clone().map(SolidVoxels::from);
+        Self { obstacle, forbidden, cuttable }
+    }
+}
 
 /// Counts the obstacle's voxel centres in the analytic tool at any pose, divided by the tool's own count in that
 /// orientation with its tip on a voxel centre. Equal to the section at voxel centres.
@@ -23,7 +51,7 @@ use crate::workspaces::Workspaces;
 /// Cuttable voxels count in shank and holder alone. Every method takes `&self` and allocates nothing for tools of revolution;
 /// threads share one field. Lengths are in the unit of the obstacle's grid. An invalid pose is never free.
 pub struct ExactField {
-    obstacle: Obstacle,
+    obstacle: PreparedObstacle,
     assembly: Assembly,
     /// The whole tool against what is forbidden.
     whole: SolidField,
@@ -40,12 +68,17 @@ impl ExactField {
     /// Of a tool, as it is or offset by a clearance ([`Tool::offset`](crate::tool::Tool::offset)), around an obstacle.
     #[must_use]
     pub fn new(obstacle: impl Into<Obstacle>, assembly: impl Into<Assembly>) -> Self {
-        let (obstacle, assembly) = (obstacle.into(), assembly.into());
+        Self::around(&obstacle.into().into(), assembly)
+    }
+
+    /// Of a tool around an obstacle that other tools share.
+    pub(crate) fn around(obstacle: &PreparedObstacle, assembly: impl Into<Assembly>) -> Self {
+        let (obstacle, assembly) = (obstacle.clone(), assembly.into());
         let noncutting = obstacle.cuttable.clone().zip(assembly.noncutting());
         Self {
             whole: SolidField::of_tool(obstacle.forbidden.clone(), assembly.whole()),
             noncutting: noncutting.map(|(cuttable, tool)| SolidField::of_tool(cuttable, tool)),
-            sharp_points: assembly.tool().sharp_point_positions(obstacle.grid().pitch),
+            sharp_points: assembly.tool().sharp_point_positions(obstacle.obstacle.grid().pitch),
             obstacle,
             assembly,
             plan: OnceLock::new(),
@@ -64,6 +97,11 @@ impl ExactField {
     /// What the tool must stay out of.
     #[must_use]
     pub fn obstacle(&self) -> &Obstacle {
+        &self.obstacle.obstacle
+    }
+
+    /// What it must stay out of, with what tools around it share.
+    pub(crate) fn prepared(&self) -> &PreparedObstacle {
         &self.obstacle
     }
 
@@ -131,6 +169,12 @@ impl ExactField {
         self.solids().map(SolidField::reach).fold(0.0, f64::max)
     }
 
+    /// What counts, with the tool that counts it: the whole tool first, then shank and holder among what the cutter may enter.
+    pub(crate) fn solids_with_tools(&self) -> impl Iterator<Item = (&SolidField, &Tool)> {
+        let noncutting = self.noncutting.as_ref().zip(self.assembly.noncutting());
+        [Some((&self.whole, self.assembly.whole())), noncutting].into_iter().flatten()
+    }
+
     fn solids(&self) -> impl Iterator<Item = &SolidField> {
         [Some(&self.whole), self.noncutting.as_ref()].into_iter().flatten()
     }
@@ -139,7 +183,7 @@ impl ExactField {
         if let Some(plan) = self.plan.get() {
             return Ok(plan);
         }
-        let plan = SectionPlan::new(&self.obstacle, &self.assembly, ToolPoints::Tip)?;
+        let plan = SectionPlan::new(self.obstacle(), &self.assembly, ToolPoints::Tip)?;
         Ok(self.plan.get_or_init(|| plan))
     }
 }
@@ -216,7 +260,7 @@ impl PoseField for ExactField {
 /// Sections count by the faster of several methods, equal to counting pose by pose.
 impl GridField for ExactField {
     fn grid(&self) -> &Grid {
-        self.obstacle.grid()
+        self.obstacle().grid()
     }
 
     fn sections(&self, orientations: &[Orientation], values: &mut [f32]) -> Result<(), FieldError> {

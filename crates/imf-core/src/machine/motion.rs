@@ -77,6 +77,16 @@ impl<'a> MachineMotion<'a> {
         }
     }
 
+    pub(crate) fn machine(&self) -> &'a Machine {
+        self.machine
+    }
+
+    /// Upper bound of how far any point of a tool of revolution moves as seen from the part, whose points are at most `reach` away from
+    /// its tip. Evenly divided times divide it evenly.
+    pub(crate) fn tool_motion_bound(&self, reach: f64) -> f64 {
+        self.motion_bound(&self.tool_ball(reach), self.machine.axes_of(Side::Table))
+    }
+
     pub(crate) fn placement(&self, fraction: f64) -> Placement {
         let joints = self.joints(fraction);
         Placement::turned(self.machine, &joints.rotary).moved(joints.linear)

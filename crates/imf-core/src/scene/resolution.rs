@@ -66,6 +66,14 @@ pub struct CoarseTool {
 }
 
 impl CoarseTool {
+    /// What passes between the centres of voxels of a pitch, of a tool in `unit`; `None` where all of it is seen.
+    pub(crate) fn of(tool: &Tool, pitch: f64, unit: LengthUnit) -> Option<Self> {
+        let (element, thickness) = tool.thinnest();
+        // Equal up to rounding is equal.
+        let coarse = thickness * (1.0 + 1e-9) < VOXELS_THICK * pitch;
+        coarse.then(|| Self { tool: tool.name.clone(), element, thickness, pitch, unit })
+    }
+
     /// The largest pitch that resolves the element.
     #[must_use]
     pub fn most(&self) -> f64 {
@@ -96,14 +104,11 @@ impl SceneSpec<'_> {
     /// # Errors
     /// [`SceneError::Coarse`] of a tool thinner than √2 voxels, unless the spec allows it.
     pub fn check_tool(&self, tool: &Tool, grid: &Grid) -> Result<Vec<SceneWarning>, SceneError> {
-        let (element, thickness) = tool.in_unit(self.unit).thinnest();
+        let tool = tool.in_unit(self.unit);
         let (lower, upper) = self.part_bounds()?;
-        let proportion = proportion_check((upper - lower).max_element(), thickness, self.unit);
+        let proportion = proportion_check((upper - lower).max_element(), tool.thinnest().1, self.unit);
         let mut warnings: Vec<SceneWarning> = proportion.map(SceneWarning::Proportion).into_iter().collect();
-        // Equal up to rounding is equal.
-        if thickness * (1.0 + 1e-9) < VOXELS_THICK * grid.pitch {
-            let (tool, pitch, unit) = (tool.name.clone(), grid.pitch, self.unit);
-            let coarse = CoarseTool { tool, element, thickness, pitch, unit };
+        if let Some(coarse) = CoarseTool::of(&tool, grid.pitch, self.unit) {
             if !self.allow_coarse {
                 return Err(SceneError::Coarse(coarse));
             }
@@ -119,16 +124,7 @@ impl SceneSpec<'_> {
     /// As [`SceneSpec::bodies`].
     pub fn warnings(&self, bodies: &Bodies) -> Result<Vec<SceneWarning>, SceneError> {
         let grid = bodies.part.grid;
-        let voxels = thickness(&bodies.part);
-        let thin = SceneWarning::Thin { part: self.part.to_owned(), voxels, pitch: grid.pitch };
-        let mut warnings = Vec::new();
-        warnings.extend((voxels <= THIN).then_some(thin));
-        // Triangles that meet without sharing corners leave edges open, and nothing undecided.
-        warnings.extend((bodies.undecided > 0.0).then(|| SceneWarning::Open {
-            part: self.part.to_owned(),
-            boundary_edges: boundary_chain(self.mesh).len(),
-            share: bodies.undecided,
-        }));
+        let mut warnings = SceneWarning::of_body(self.part, self.mesh, &bodies.part, bodies.undecided);
         let part = self.part_bounds()?;
         let boxes = self.fixture_boxes()?;
         for ((fixture, (_, voxels)), (name, low, high)) in
@@ -179,6 +175,21 @@ impl SceneSpec<'_> {
             }
         }
         Ok(grid.padded(before, after)?)
+    }
+}
+
+impl SceneWarning {
+    /// Those of a body's voxels, `undecided` being the share of the centres at which its mesh does not say whether they are inside.
+    pub(crate) fn of_body(part: &str, mesh: &Mesh, solid: &Occupancy, undecided: f64) -> Vec<Self> {
+        let (part, pitch, voxels) = (part.to_owned(), solid.grid.pitch, thickness(solid));
+        let thin = (voxels <= THIN).then(|| Self::Thin { part: part.clone(), voxels, pitch });
+        // Triangles that meet without sharing corners leave edges open, and nothing undecided.
+        let open = (undecided > 0.0).then(|| Self::Open {
+            boundary_edges: boundary_chain(mesh).len(),
+            share: undecided,
+            part,
+        });
+        thin.into_iter().chain(open).collect()
     }
 }
 

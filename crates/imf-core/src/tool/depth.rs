@@ -94,43 +94,50 @@ impl Element {
     /// Distance from a point in the element, by its height and its distance from the axis, to the element's surface. The upper
     /// end is surface only where it is `exposed`.
     pub(crate) fn depth(&self, height: f64, radius: f64, exposed: bool) -> f64 {
-        let level = |at: f64, one: f64, other: f64| {
-            let beside = (one.min(other) - radius).max(radius - one.max(other)).max(0.0);
-            DVec2::new(at - height, beside).length()
+        self.foot(height, radius, exposed).distance(DVec2::new(height, radius))
+    }
+
+    /// Height and distance from the axis of the point of the element's surface that is nearest to a point, given so as well. The upper
+    /// end is surface only where it is `exposed`.
+    pub(crate) fn foot(&self, height: f64, radius: f64, exposed: bool) -> DVec2 {
+        let point = DVec2::new(height, radius);
+        let level =
+            |at: f64, one: f64, other: f64| DVec2::new(at, radius.clamp(one.min(other), one.max(other)));
+        let nearer = |one: DVec2, other: DVec2| {
+            if other.distance_squared(point) < one.distance_squared(point) { other } else { one }
         };
-        let (mut least, mut last) = (f64::INFINITY, (0.0, 0.0));
+        let (mut nearest, mut last) = (DVec2::INFINITY, (0.0, 0.0));
         for (index, segment) in self.profile.iter().enumerate() {
             let (from, to) = segment.range();
             let start = if index == 0 { 0.0 } else { last.1 };
             if from < to {
-                least =
-                    least.min(level(from, start, segment.radius(from))).min(outline(segment, height, radius));
+                nearest = nearer(nearest, level(from, start, segment.radius(from)));
+                nearest = nearer(nearest, outline(segment, point));
                 last = (to, segment.radius(to));
             }
         }
-        if exposed { least.min(level(last.0, 0.0, last.1)) } else { least }
+        if exposed { nearer(nearest, level(last.0, 0.0, last.1)) } else { nearest }
     }
 }
 
-/// Distance from a point to one piece of an outline, in the plane of height and radius.
-fn outline(segment: &Segment, height: f64, radius: f64) -> f64 {
+/// The point of one piece of an outline that is nearest to a point, in the plane of height and radius.
+fn outline(segment: &Segment, point: DVec2) -> DVec2 {
     let (from, to) = segment.range();
     match *segment {
         Segment::Line { radius_from, radius_to, .. } => {
-            let (along, out) = (to - from, radius_to - radius_from);
-            let foot = ((height - from) * along + (radius - radius_from) * out) / (along * along + out * out);
-            let foot = foot.clamp(0.0, 1.0);
-            DVec2::new(from + foot * along - height, radius_from + foot * out - radius).length()
+            let (start, way) =
+                (DVec2::new(from, radius_from), DVec2::new(to - from, radius_to - radius_from));
+            start + way * ((point - start).dot(way) / way.length_squared()).clamp(0.0, 1.0)
         }
         Segment::Arc { centre_height, centre_radius, arc_radius, .. } => {
-            let (up, out) = (height - centre_height, radius - centre_radius);
-            let away = DVec2::new(up, out).length();
-            let facing = centre_height + arc_radius * up / away;
-            if out >= 0.0 && away > 0.0 && (from..=to).contains(&facing) {
-                return (arc_radius - away).abs();
+            let centre = DVec2::new(centre_height, centre_radius);
+            let offset = point - centre;
+            let facing = centre + offset * (arc_radius / offset.length());
+            if offset.y >= 0.0 && (from..=to).contains(&facing.x) {
+                return facing;
             }
-            let end = |at: f64| DVec2::new(at - height, segment.radius(at) - radius).length();
-            end(from).min(end(to))
+            let [one, other] = [from, to].map(|at| DVec2::new(at, segment.radius(at)));
+            if one.distance_squared(point) <= other.distance_squared(point) { one } else { other }
         }
     }
 }

@@ -8,11 +8,12 @@ use crate::factored::{Axis, Symmetry};
 use crate::field::scenes::{
     factored, factored_file, harmonic, harmonic_in_halves, poses, scene, siren, with_symmetry,
 };
-use crate::field::{Field, VerifiedField};
+use crate::field::{Field, Planner};
 use crate::file::FieldFile;
 use imf_core::field::{Best, Decision, ExactField, Gradient, PoseField};
 use imf_core::pose::Pose;
 use imf_core::tool::Tool;
+use imf_core::world::MotionOptions;
 
 /// Blocks of 256 poses of the batches below.
 const BLOCKS: u64 = 3;
@@ -55,7 +56,7 @@ fn single_poses_gradients_and_proofs_allocate_nothing_after_the_first_call() {
         ("factored with symmetry", Box::new(of(FieldFile::Factored(Box::new(symmetric))))),
         ("siren", Box::new(siren(&scene))),
         ("exact", Box::new(ExactField::new(&scene, &scene.record.tool))),
-        ("verified", Box::new(VerifiedField::new(factored_again).unwrap())),
+        ("planner", Box::new(Planner::new(factored_again).unwrap())),
     ];
     let mut room = Room {
         values: vec![0.0; poses.len()],
@@ -81,7 +82,7 @@ fn single_poses_gradients_and_proofs_allocate_nothing_after_the_first_call() {
             field.values(&[], &mut []).unwrap();
         });
         counted("gradients", 0, &|room| field.gradients(&poses, &mut room.gradients).unwrap());
-        let proven = ["exact", "verified"].contains(name);
+        let proven = ["exact", "planner"].contains(name);
         counted("decisions", if proven { 0 } else { PRODUCTS * BLOCKS }, &|room| {
             field.classify(&poses, &mut room.decisions).unwrap();
         });
@@ -89,8 +90,8 @@ fn single_poses_gradients_and_proofs_allocate_nothing_after_the_first_call() {
             field.values(&poses, &mut room.values).unwrap();
         });
     }
-    let verified = VerifiedField::new(halves()).unwrap();
-    let motion = || verified.check_motion(&poses[3], &poses[4]).unwrap();
+    let planner = Planner::new(halves()).unwrap();
+    let motion = || planner.checker.check_motion(&poses[3], &poses[4], &MotionOptions::default()).unwrap();
     motion();
     let counted = measure(|| {
         std::hint::black_box(motion());

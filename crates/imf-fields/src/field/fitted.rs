@@ -24,7 +24,7 @@ use imf_core::workspaces::Workspaces;
 /// A field of every direction at once: a network of the paper's kind, a harmonic field, or a factored one.
 ///
 /// Values are approximate. Decisions follow the field's calibration and are as good as that says
-/// ([`Field::calibration`]); for answers that are never wrong there is [`VerifiedField`](super::VerifiedField).
+/// ([`Field::calibration`]); for answers that are never wrong there is [`Planner`](super::Planner).
 pub struct Field {
     family: Family,
     scene: Scene,

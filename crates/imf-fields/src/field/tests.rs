@@ -7,7 +7,7 @@ use crate::field::scenes::{
     calibration, factored, factored_file, harmonic, harmonic_file, poses, scene, siren, siren_model,
     with_symmetry,
 };
-use crate::field::{Field, VerifiedField};
+use crate::field::{Field, Planner};
 use crate::file::FieldFile;
 use crate::fixtures::unit_cube;
 use crate::siren::EvaluationEngine;
@@ -34,7 +34,7 @@ pub(super) fn values(field: &dyn PoseField, poses: &[Pose]) -> Vec<f32> {
 fn fields_are_shared_by_threads() {
     fn shared<T: Send + Sync>() {}
     shared::<Field>();
-    shared::<VerifiedField>();
+    shared::<Planner>();
     shared::<ExactField>();
     shared::<Box<dyn PoseField>>();
     shared::<Box<dyn GridField>>();
@@ -252,7 +252,7 @@ fn what_is_no_pose_or_outside_has_the_documented_answer() {
     for (name, field) in all(&scene) {
         fields.push((name, Box::new(field.with_calibration(Some(calibration(0.2, 0.3))))));
     }
-    fields.push(("verified", Box::new(VerifiedField::new(harmonic(&scene)).unwrap())));
+    fields.push(("verified", Box::new(Planner::new(harmonic(&scene)).unwrap())));
     fields.push(("exact", Box::new(ExactField::new(&scene, Tool::paper()))));
     for (name, field) in &fields {
         let mut decisions = [Decision::Free; 4];

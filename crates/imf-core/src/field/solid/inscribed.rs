@@ -9,9 +9,8 @@
 //! r > √3/2; a smaller ball may rest within a solid cell. All lengths in voxels.
 
 use super::segment::VoxelPose;
+use super::voxels::SolidVoxels;
 use super::{Body, Part};
-use crate::distance::{DistanceField, squared_depths};
-use crate::occupancy::Occupancy;
 use crate::tool::Segment;
 
 /// Half the diagonal of a voxel.
@@ -21,16 +20,14 @@ const STEP: f64 = 0.5;
 /// Taken off every radius: more than all rounding.
 const MARGIN: f64 = 1e-6;
 
-/// Spheres inscribed in the tool's bodies with their middles on the axis, and the obstacle's depths.
+/// Spheres inscribed in the tool's bodies with their middles on the axis.
 pub(super) struct InscribedSpheres {
     /// Heights and radii.
     spheres: Vec<(f64, f64)>,
-    /// By voxel: distance to the nearest empty centre, rounded down; 0 where empty.
-    depth: Vec<f32>,
 }
 
 impl InscribedSpheres {
-    pub(super) fn new(bodies: &[Body], obstacle: &Occupancy) -> Self {
+    pub(super) fn new(bodies: &[Body]) -> Self {
         let mut spheres = Vec::new();
         for body in bodies {
             let (Some(first), Some(last)) = (body.parts.first(), body.parts.last()) else { continue };
@@ -44,12 +41,12 @@ impl InscribedSpheres {
                 }
             }
         }
-        let round_down = |squared: u64| ((squared as f64).sqrt() as f32).next_down().max(0.0);
-        Self { spheres, depth: squared_depths(obstacle).into_iter().map(round_down).collect() }
+        Self { spheres }
     }
 
     /// Lower bound of the length of every translation that frees the tool, in voxels; 0 where none is proven.
-    pub(super) fn bound(&self, placed: VoxelPose, distances: &DistanceField, obstacle: &Occupancy) -> f64 {
+    pub(super) fn bound(&self, placed: VoxelPose, voxels: &SolidVoxels) -> f64 {
+        let (distances, obstacle, depths) = (voxels.distances(), voxels.occupancy(), voxels.depths());
         let grid = &obstacle.grid;
         let mut most: f64 = 0.0;
         for &(height, radius) in &self.spheres {
@@ -62,7 +59,7 @@ impl InscribedSpheres {
             // The probe's voxel is the nearest one inside the grid: beyond its cell the point lies in no solid cell.
             let off = (middle - centre(index)).abs().max_element();
             if obstacle.solid[index] != 0 && off <= 0.5 && radius > HALF_DIAGONAL {
-                let away = f64::from(self.depth[index]) - middle.distance(centre(index)) - HALF_DIAGONAL;
+                let away = f64::from(depths[index]) - middle.distance(centre(index)) - HALF_DIAGONAL;
                 most = most.max(away.max(0.0) + radius - HALF_DIAGONAL);
             }
         }

@@ -9,6 +9,7 @@
 use glam::DVec3;
 
 use super::segment::VoxelPose;
+use super::voxels::SolidVoxels;
 use super::{Body, MAX_SEGMENTS};
 use crate::distance::DistanceField;
 use crate::tool::Segment;
@@ -115,7 +116,6 @@ impl SphereTree {
         free_ball: Option<&FreeBall>,
         open: &mut [u32; OPEN],
     ) -> Verdict {
-        let [_, ny, nz] = distances.dims().map(|n| n as u32);
         let mut stack = [0_u32; DEPTH];
         let mut found = 0;
         let mut last_witness = usize::MAX;
@@ -136,8 +136,7 @@ impl SphereTree {
                 let Some(witness) = distances.nearest(probe.index) else { return Verdict::Free };
                 if witness != last_witness {
                     last_witness = witness;
-                    let (line, z) = (witness as u32 / nz, witness as u32 % nz);
-                    let voxel = [f64::from(line / ny), f64::from(line % ny), f64::from(z)];
+                    let voxel = distances.voxel(witness);
                     if bodies.iter().any(|body| placed.contains(&body.profile, voxel)) {
                         return Verdict::Colliding(voxel);
                     }
@@ -156,6 +155,56 @@ impl SphereTree {
             }
         }
         if found == 0 { Verdict::Free } else { Verdict::Open(found) }
+    }
+
+    /// Finds the solid centre nearest to a tool that holds none: `measure` gives the distance of a centre from the tool, in voxels, and the
+    /// least of what it gave is the distance.
+    pub(super) fn nearest(
+        &self,
+        placed: VoxelPose,
+        voxels: &SolidVoxels,
+        mut measure: impl FnMut([f64; 3]) -> f64,
+    ) {
+        let distances = voxels.distances();
+        let (mut least, mut last_witness) = (f64::INFINITY, usize::MAX);
+        let (mut stack, mut leaves) = ([0_u32; DEPTH], Vec::new());
+        for root in 0..self.roots as u32 {
+            stack[0] = root;
+            let mut depth = 1;
+            while depth > 0 {
+                depth -= 1;
+                let piece = &self.pieces[stack[depth] as usize];
+                let middle = placed.tip + placed.direction * piece.middle;
+                let probe = distances.probe(middle);
+                let bound = probe.squared.sqrt() - piece.radius;
+                let Some(witness) = distances.nearest(probe.index).filter(|_| bound < least) else {
+                    continue;
+                };
+                if witness != last_witness {
+                    last_witness = witness;
+                    least = least.min(measure(distances.voxel(witness)));
+                }
+                if piece.halves == 0 {
+                    leaves.push((bound, middle, piece.radius));
+                } else {
+                    stack[depth] = piece.halves;
+                    stack[depth + 1] = piece.halves + 1;
+                    depth += 2;
+                }
+            }
+        }
+        // The nearest centre may be no voxel's nearest: what a piece can reach is tried, the most promising pieces first.
+        leaves.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+        for (bound, middle, radius) in leaves {
+            if bound < least {
+                voxels.visit_ball(middle, radius + least, |voxel| {
+                    if middle.distance(DVec3::from_array(voxel)) - radius < least {
+                        least = least.min(measure(voxel));
+                    }
+                    radius + least
+                });
+            }
+        }
     }
 
     /// Lower bound of the distance from the tool to any solid voxel's centre, in voxels; below zero where the tool may

@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use super::FreeBall;
 use super::runs::Columns;
-use crate::distance::DistanceField;
+use crate::distance::{DistanceField, squared_depths};
 use crate::occupancy::Occupancy;
 
 /// An obstacle's voxels with their running sums and, from the first decision on, their distance transform. Cloning it
@@ -18,12 +18,13 @@ struct Prepared {
     occupancy: Arc<Occupancy>,
     columns: Columns,
     distances: OnceLock<DistanceField>,
+    depths: OnceLock<Vec<f32>>,
 }
 
 impl From<Arc<Occupancy>> for SolidVoxels {
     fn from(occupancy: Arc<Occupancy>) -> Self {
         let columns = Columns::new(&occupancy);
-        Self(Arc::new(Prepared { occupancy, columns, distances: OnceLock::new() }))
+        Self(Arc::new(Prepared { occupancy, columns, distances: OnceLock::new(), depths: OnceLock::new() }))
     }
 }
 
@@ -40,6 +41,39 @@ impl SolidVoxels {
         self.0.distances.get_or_init(|| DistanceField::new(&self.0.occupancy))
     }
 
+    /// By voxel the distance to the nearest empty centre, in voxels, rounded down; 0 where empty. Made at the first bound of a
+    /// penetration.
+    pub(super) fn depths(&self) -> &[f32] {
+        let round_down = |squared: u64| ((squared as f64).sqrt() as f32).next_down().max(0.0);
+        let made = || squared_depths(&self.0.occupancy).into_iter().map(round_down).collect();
+        self.0.depths.get_or_init(made)
+    }
+
+    /// Visits the solid centres within a radius of a point, all in voxels; `visit` may make the radius smaller.
+    pub(super) fn visit_ball(&self, middle: DVec3, mut radius: f64, mut visit: impl FnMut([f64; 3]) -> f64) {
+        let [nx, ny, nz] = self.0.occupancy.grid.dims;
+        let (x0, x1) = whole_within(middle.x, radius, nx);
+        for x in x0..x1 {
+            let left = radius * radius - (x as f64 - middle.x).powi(2);
+            let (first, last) = self.0.columns.row(x);
+            if left < 0.0 || first > last {
+                continue;
+            }
+            let (y0, y1) = whole_within(middle.y, left.sqrt(), ny);
+            for y in y0.max(first as usize)..y1.min(last as usize + 1) {
+                let left = radius * radius - (x as f64 - middle.x).powi(2) - (y as f64 - middle.y).powi(2);
+                let (from, to) = whole_within(middle.z, left.max(0.0).sqrt(), nz);
+                let sums = self.0.columns.sums(x, y);
+                if left < 0.0 || from >= to || sums[to] == sums[from] {
+                    continue;
+                }
+                for z in (from..to).filter(|&z| sums[z + 1] > sums[z]) {
+                    radius = radius.min(visit([x as f64, y as f64, z as f64]));
+                }
+            }
+        }
+    }
+
     /// The solid centres outside the tangent plane of a surface at a point, as far as a radius, in voxels; one on the plane may be
     /// listed as well. `None` where there are more than `most`.
     pub(crate) fn outside_plane(
@@ -52,16 +86,13 @@ impl SolidVoxels {
         let mut listed = Vec::new();
         let grid = &self.0.occupancy.grid;
         let middle = grid.continuous(point);
-        let [nx, ny, nz] = grid.dims.map(|n| n as f64);
-        let range = |at: f64, half: f64, count: f64| {
-            (whole_above(at - half).min(count as usize), whole_below(at + half).min(count as usize))
-        };
+        let [nx, ny, nz] = grid.dims;
         let wide = radius + MARGIN;
-        let (x0, x1) = range(middle.x, wide, nx);
+        let (x0, x1) = whole_within(middle.x, wide, nx);
         for x in x0..x1 {
             let dx = x as f64 - middle.x;
             let left = wide * wide - dx * dx;
-            let (y0, y1) = range(middle.y, left.max(0.0).sqrt(), ny);
+            let (y0, y1) = whole_within(middle.y, left.max(0.0).sqrt(), ny);
             let (first, last) = self.0.columns.row(x);
             if first > last {
                 continue;
@@ -82,7 +113,7 @@ impl SolidVoxels {
                 } else {
                     high = high.min(middle.z - base / normal.z);
                 }
-                let (from, to) = (whole_above(low), whole_below(high).min(nz as usize));
+                let (from, to) = (whole_above(low), whole_below(high).min(nz));
                 if from >= to {
                     continue;
                 }
@@ -108,6 +139,11 @@ const MARGIN: f64 = 1e-6;
 fn whole_above(at: f64) -> usize {
     let whole = at.max(0.0) as usize;
     whole + usize::from((whole as f64) < at)
+}
+
+/// Whole numbers on both sides of a coordinate, of so many from 0 on: the first, and one past the last.
+fn whole_within(at: f64, half: f64, count: usize) -> (usize, usize) {
+    (whole_above(at - half).min(count), whole_below(at + half).min(count))
 }
 
 /// One past the last whole number up to there, of those from 0 on.

@@ -1,0 +1,205 @@
+//! Motions with a turning tool: proven free by conservative advancement.
+//!
+//! On the way from one pose to another no point of the tool moves farther in a time dt than dt times the way's length, which is that of the
+//! tip plus the turns' angles times the tool's reach. So where a clearance c is proven at one time, the motion is free as long
+//! as no point has moved by c, before and after. A clearance comes from the obstacles' distance transforms; where those prove none,
+//! from tools offset by fixed lengths, which collide or not exactly. What is left are stretches where the tool passes closer than the
+//! smallest of these lengths: there poses are tried so closely that no point moves farther than a stated resolution between two.
+
+use serde::{Deserialize, Serialize};
+
+use super::checker::{Checker, Contact, Placed, QueryError};
+use crate::field::ExactField;
+use crate::machine::MachineMotion;
+use crate::pose::{Pose, StraightMotion};
+
+/// How motions are followed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct MotionOptions {
+    /// Where the tool passes too closely for a proof: the farthest that any of its points moves between two poses that are tried, in
+    /// the world's unit. `None` for a hundredth of the finest pitch.
+    pub resolution: Option<f64>,
+}
+
+/// What is known of a motion. Times run from 0 at its beginning to 1 at its end.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MotionResult {
+    /// Time and pose up to which the motion is free: its end where all of it is, else the last one before the first that collides. `None`
+    /// where it begins with a collision.
+    pub last_valid: Option<(f64, Pose)>,
+    /// The first pose that was found to collide.
+    pub first_colliding: Option<MotionCollision>,
+    /// Before this time every pose is proven free. From then on, where the tool passes too closely, a voxel's centre may have been in the tool
+    /// between two poses that were tried, no deeper than half the resolution.
+    pub proven_until: f64,
+}
+
+impl MotionResult {
+    /// True where no pose of the motion collides, to the resolution.
+    #[must_use]
+    pub fn is_free(&self) -> bool {
+        self.first_colliding.is_none()
+    }
+
+    /// True where every pose of the motion is proven free.
+    #[must_use]
+    pub fn is_proven(&self) -> bool {
+        self.is_free() && self.proven_until >= 1.0
+    }
+}
+
+/// A collision on the way.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MotionCollision {
+    /// When.
+    pub time: f64,
+    /// The tool's pose.
+    pub pose: Pose,
+    /// What it hits.
+    pub contact: Contact,
+}
+
+/// Lengths by which the tool is offset, in pitches, largest first.
+pub(super) const OFFSETS: [f64; 3] = [0.5, 0.125, 1.0 / 32.0];
+/// Taken off every proven clearance, in pitches: more than the slack of the tool's predicate.
+const MARGIN: f64 = 2e-4;
+/// Upper bound of the rounding error of an axis from a quaternion, in radians.
+const ANGLE: f64 = 1e-11;
+/// Bisection steps between a pose that does not collide and one that does.
+const HALVINGS: usize = 12;
+/// The resolution that is chosen, and the finest that is followed, in pitches.
+const RESOLUTION: f64 = 0.01;
+const FINEST: f64 = 1e-4;
+
+/// A motion that can be followed.
+pub(super) enum Way<'a> {
+    /// Between two poses.
+    Straight(StraightMotion),
+    /// Between two sets of joints.
+    Machine(&'a MachineMotion<'a>),
+}
+
+impl Way<'_> {
+    fn at(&self, time: f64) -> Pose {
+        match self {
+            Self::Straight(way) => way.at(time),
+            Self::Machine(motion) => motion.pose(time),
+        }
+    }
+
+    /// Farthest that any point moves of a tool of revolution whose points are at most `reach` away from its tip; evenly divided
+    /// times divide it evenly.
+    fn length(&self, reach: f64) -> f64 {
+        match self {
+            Self::Straight(way) => way.motion_bound(reach, 0.0),
+            Self::Machine(motion) => motion.tool_motion_bound(reach),
+        }
+    }
+}
+
+pub(super) fn offset_further(field: &ExactField) -> Option<[ExactField; OFFSETS.len()]> {
+    let pitch = field.obstacle().grid().pitch;
+    let made = |offset: f64| {
+        let assembly = field.assembly().offset_further(offset * pitch).ok()?;
+        Some(ExactField::around(field.prepared(), assembly))
+    };
+    let [a, b, c] = OFFSETS.map(made);
+    Some([a?, b?, c?])
+}
+
+/// A proven lower bound of the distance from a tool that does not collide to one obstacle; at most 0 where none is proven.
+fn room(one: &Placed, pose: &Pose) -> f64 {
+    let field = &one.around.field;
+    let pitch = field.obstacle().grid().pitch;
+    let coarse = field.clearance_bound(pose).unwrap_or(0.0).max(0.0);
+    let fine = || {
+        let offset = one.around.offset.get().and_then(Option::as_ref);
+        let free = offset.and_then(|offset| offset.iter().position(|field| !field.collides(pose)));
+        free.map_or(0.0, |index| OFFSETS[index] * pitch)
+    };
+    let found = if coarse > OFFSETS[0] * pitch { coarse } else { coarse.max(fine()) };
+    found - MARGIN * pitch
+}
+
+/// Follows a way from its beginning to its end, or to the first collision.
+pub(super) fn advance(
+    checker: &Checker,
+    way: &Way<'_>,
+    options: &MotionOptions,
+) -> Result<MotionResult, QueryError> {
+    let ends = [0.0, 1.0].map(|time| (time, way.at(time)));
+    if !ends.iter().all(|(_, pose)| pose.is_valid()) {
+        return Err(QueryError::InvalidPose);
+    }
+    let free = MotionResult { last_valid: Some(ends[1]), first_colliding: None, proven_until: 1.0 };
+    let Some(pitch) = checker.finest_pitch() else { return Ok(free) };
+    let (given, least) = (options.resolution.unwrap_or(RESOLUTION * pitch), FINEST * pitch);
+    if !(given.is_finite() && given >= least) {
+        return Err(QueryError::Resolution { given, least });
+    }
+    let reach = checker.tool.reach;
+    // A tool that stands still takes no time.
+    let length = way.length(reach).max(f64::MIN_POSITIVE);
+    // Of positions as large as the farthest on the way, of axes at the tool's far end.
+    let largest = ends[0].1.position.abs().max_element() + length + checker.moved();
+    let rounding = 8.0 * f64::EPSILON * largest + ANGLE * reach;
+    if rounding >= MARGIN * pitch {
+        let hit = ends.into_iter().find(|(_, pose)| !checker.is_free(pose));
+        let Some((time, pose)) = hit else { return Err(QueryError::TooFar) };
+        let last_valid = (time > 0.0).then_some(ends[0]);
+        return Ok(MotionResult { last_valid, ..collision(checker, time, &pose)? });
+    }
+    // What is proven free: up to a time, but for what lies between two poses that prove too little; the first such gap.
+    let (mut covered, mut gap) = (0.0_f64, None);
+    let (mut time, mut before) = (0.0_f64, None);
+    loop {
+        let pose = way.at(time);
+        if !checker.is_free(&pose) {
+            let (last_valid, time, pose) = first(way, checker, before, time, pose);
+            let last = last_valid.map_or(0.0, |(last, _)| last);
+            let proven_until = gap.unwrap_or(covered).min(last);
+            return Ok(MotionResult { last_valid, proven_until, ..collision(checker, time, &pose)? });
+        }
+        let room = (checker.least(&pose, room) - rounding).max(0.0);
+        // What the proof at this time reaches back to.
+        if time - room / length > covered {
+            gap = gap.or(Some(covered));
+        }
+        covered = covered.max(time + room / length);
+        if time >= 1.0 {
+            return Ok(MotionResult { proven_until: gap.unwrap_or(1.0), ..free });
+        }
+        before = Some((time, pose));
+        // The end itself is tried as well; every step advances.
+        time = (time + room.max(given) / length).max(time.next_up()).min(1.0);
+    }
+}
+
+fn collision(checker: &Checker, time: f64, pose: &Pose) -> Result<MotionResult, QueryError> {
+    let contact = checker.contact(pose)?;
+    let first_colliding = contact.map(|contact| MotionCollision { time, pose: *pose, contact });
+    Ok(MotionResult { last_valid: None, first_colliding, proven_until: 0.0 })
+}
+
+/// The earliest colliding pose that bisection finds between a time without and one with a collision, and the last before it without.
+fn first(
+    way: &Way<'_>,
+    checker: &Checker,
+    before: Option<(f64, Pose)>,
+    time: f64,
+    pose: Pose,
+) -> (Option<(f64, Pose)>, f64, Pose) {
+    let Some(mut low) = before else { return (None, time, pose) };
+    let mut found = (time, pose);
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (low.0 + found.0);
+        let pose = way.at(middle);
+        if checker.is_free(&pose) {
+            low = (middle, pose);
+        } else {
+            found = (middle, pose);
+        }
+    }
+    (Some(low), found.0, found.1)
+}

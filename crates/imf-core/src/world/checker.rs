@@ -1,0 +1,405 @@
+//! One tool among the obstacles of a world: whether it is free at a pose, and what it hits.
+
+use std::sync::{Arc, OnceLock};
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use super::advance::{MotionOptions, MotionResult, Way, advance, offset_further};
+use super::{HERE, ObstacleId, Standing, World, WorldError};
+use crate::field::{Decision, ExactField, FieldError, check_lengths};
+use crate::machine::MachineMotion;
+use crate::parallel;
+use crate::pose::{Pose, StraightMotion};
+use crate::scene::{CoarseTool, Scene};
+use crate::tool::{Assembly, Clearance, ClearanceError, ElementKind, Segment, Tool, ToolShape};
+use crate::unit::LengthUnit;
+
+/// Why a query has no answer.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum QueryError {
+    /// A number that is not finite, or a rotation of no length.
+    #[error("the pose is invalid: a number is not finite, or the rotation has no length")]
+    InvalidPose,
+    /// Which way the tool turns is not said.
+    #[error(
+        "the tool's axes at the ends are opposite: give a pose between, so that it is clear which way the tool turns"
+    )]
+    Opposite,
+    /// Nothing is measured or proven for mesh tools.
+    #[error(
+        "distances and motions are proven for tools of revolution: describe the tool by cutter, shank and holder"
+    )]
+    Mesh,
+    /// The tool cannot be offset.
+    #[error("the tool cannot be offset by a small clearance")]
+    Offset,
+    /// A motion to where double precision tells no voxel from the next one.
+    #[error(
+        "the motion leads so far away that double precision tells no voxel from the next: give poses nearer to the obstacles"
+    )]
+    TooFar,
+    /// A resolution that is no length, or so fine that a motion would never end.
+    #[error("motions cannot be followed in steps of {given}: give a finite length of at least {least}")]
+    Resolution {
+        /// The resolution.
+        given: f64,
+        /// The finest.
+        least: f64,
+    },
+    /// A machine in another unit.
+    #[error("the machine is in {machine}, the obstacles are in {world}: convert the machine")]
+    Unit {
+        /// That of the machine.
+        machine: LengthUnit,
+        /// That of the world.
+        world: LengthUnit,
+    },
+}
+
+/// Where a colliding tool meets an obstacle: of all solid voxels in it, the one deepest in its element.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Contact {
+    /// The obstacle.
+    pub obstacle: ObstacleId,
+    /// The tool's element; `None` of a mesh.
+    pub element: Option<ElementKind>,
+    /// The voxel's centre in the world; `None` of a mesh too large to be made of voxels.
+    pub point: Option<DVec3>,
+}
+
+/// The tool, offset by its clearance.
+pub(super) struct CheckedTool {
+    pub(super) assembly: Assembly,
+    unit: LengthUnit,
+    /// Height of the middle of a ball around the tool, on its axis, and the ball's radius.
+    middle: f64,
+    radius: f64,
+    /// Largest distance of any of its points from its tip.
+    pub(super) reach: f64,
+}
+
+/// The tool around one obstacle, in the obstacle's frame.
+pub(super) struct Around {
+    pub(super) field: ExactField,
+    /// With the tool offset further; made at the first motion.
+    pub(super) offset: OnceLock<Option<[ExactField; super::advance::OFFSETS.len()]>>,
+}
+
+/// The same where the obstacle stands.
+#[derive(Clone)]
+pub(super) struct Placed {
+    pub(super) id: ObstacleId,
+    pub(super) at: Pose,
+    /// From the world into its frame; `None` where that is the world's.
+    back: Option<Pose>,
+    /// Middle, in the world, and radius of a ball around its solid centres.
+    middle: DVec3,
+    radius: f64,
+    pub(super) around: Arc<Around>,
+}
+
+impl Placed {
+    /// A pose in the obstacle's frame.
+    #[inline]
+    pub(super) fn local(&self, pose: &Pose) -> Pose {
+        self.back.as_ref().map_or(*pose, |back| back.of_pose(pose))
+    }
+
+    fn collides(&self, pose: &Pose) -> bool {
+        self.around.field.collides(&self.local(pose))
+    }
+
+    /// Farthest that a coordinate is moved by the obstacle's place.
+    fn moved(&self) -> f64 {
+        self.back
+            .map_or(0.0, |back| back.position.abs().max_element().max(self.at.position.abs().max_element()))
+    }
+}
+
+/// Decides for one tool, offset by a clearance, among the obstacles of a [`World`]: exactly for voxel centres, without a model. Cloning
+/// it copies nothing; threads share one. An invalid pose is never free.
+#[derive(Clone)]
+pub struct Checker {
+    pub(super) tool: Arc<CheckedTool>,
+    placed: Arc<[Placed]>,
+}
+
+impl Checker {
+    pub(super) fn new(world: &World, assembly: Assembly) -> Result<Self, WorldError> {
+        let whole = assembly.whole();
+        let (middle, radius) = ball(whole);
+        let reach = radius + middle.abs();
+        let tool = CheckedTool { unit: world.unit, middle, radius, reach, assembly };
+        let mut checker = Self { tool: Arc::new(tool), placed: Arc::new([]) };
+        checker.follow(world)?;
+        Ok(checker)
+    }
+
+    /// A scene's true tool, offset by a clearance in the scene's unit, around its part and fixtures.
+    ///
+    /// # Errors
+    /// A clearance that is no length, or one around a mesh tool.
+    pub fn of_scene(scene: &Scene, clearance: &Clearance) -> Result<Self, ClearanceError> {
+        Ok(Self::of_field(&ExactField::of_scene(scene, clearance)?, scene.record.unit))
+    }
+
+    /// The tool and the obstacle of an exact field, whose lengths are in `unit`; what is made for one serves the other.
+    #[must_use]
+    pub fn of_field(field: &ExactField, unit: LengthUnit) -> Self {
+        let mut world = World::builder().unit(unit).allow_coarse(true).world();
+        world.stand("obstacle", field.prepared().clone(), HERE);
+        let assembly = field.assembly().clone();
+        let (middle, radius) = ball(assembly.whole());
+        let tool = CheckedTool { unit, middle, radius, reach: radius + middle.abs(), assembly };
+        let placed = world.obstacles.iter().filter_map(|standing| placed(standing, None, &tool.assembly));
+        Self { placed: placed.collect(), tool: Arc::new(tool) }
+    }
+
+    /// Takes over where a world's obstacles stand, which were added and which removed. What has been made for those that are still there
+    /// is kept.
+    ///
+    /// # Errors
+    /// A tool that passes between the centres of a new obstacle's voxels; a world in another unit.
+    pub fn follow(&mut self, world: &World) -> Result<(), WorldError> {
+        let tool = &self.tool;
+        if world.unit != tool.unit {
+            return Err(WorldError::Unit { checker: tool.unit, world: world.unit });
+        }
+        let mut all = Vec::with_capacity(world.obstacles.len());
+        for standing in &world.obstacles {
+            let pitch = standing.prepared.obstacle().grid().pitch;
+            if !world.allow_coarse
+                && let Some(coarse) = CoarseTool::of(tool.assembly.tool(), pitch, tool.unit)
+            {
+                return Err(WorldError::Coarse { tool: coarse, obstacle: standing.name.to_string() });
+            }
+            let known = self.placed.iter().find(|placed| {
+                placed.id == standing.id && placed.around.field.prepared().is_same(&standing.prepared)
+            });
+            all.extend(placed(standing, known, &tool.assembly));
+        }
+        self.placed = all.into();
+        Ok(())
+    }
+
+    /// The tool, offset by its clearance.
+    #[must_use]
+    pub fn assembly(&self) -> &Assembly {
+        &self.tool.assembly
+    }
+
+    /// True where no solid voxel's centre lies in the tool; false at an invalid pose.
+    #[inline]
+    #[must_use]
+    pub fn is_free(&self, pose: &Pose) -> bool {
+        match &*self.placed {
+            [] => pose.is_valid(),
+            [one] => !one.collides(pose),
+            all => self.tool_middle(pose).is_some_and(|middle| {
+                !all.iter().any(|one| self.gap(one, middle) <= 0.0 && one.collides(pose))
+            }),
+        }
+    }
+
+    /// [`Checker::is_free`] of every pose: [`Decision::Free`] or [`Decision::Colliding`], never undecided.
+    ///
+    /// # Errors
+    /// An output slice of another length.
+    pub fn classify(&self, poses: &[Pose], decisions: &mut [Decision]) -> Result<(), FieldError> {
+        check_lengths(poses.len(), decisions.len())?;
+        for (pose, decision) in poses.iter().zip(decisions) {
+            *decision = if self.is_free(pose) { Decision::Free } else { Decision::Colliding };
+        }
+        Ok(())
+    }
+
+    /// [`Checker::classify`] on all threads of the current pool.
+    ///
+    /// # Errors
+    /// An output slice of another length.
+    pub fn classify_on_all_threads(
+        &self,
+        poses: &[Pose],
+        decisions: &mut [Decision],
+    ) -> Result<(), FieldError> {
+        check_lengths(poses.len(), decisions.len())?;
+        parallel::try_for_each_chunk(decisions, CHUNK, |index, decisions| {
+            self.classify(&poses[index * CHUNK..][..decisions.len()], decisions)
+        })
+    }
+
+    /// What a colliding tool hits: of all voxels in it the one deepest in its element. `None` where it is free.
+    ///
+    /// # Errors
+    /// An invalid pose.
+    pub fn contact(&self, pose: &Pose) -> Result<Option<Contact>, QueryError> {
+        let middle = self.tool_middle(pose).ok_or(QueryError::InvalidPose)?;
+        let (mut deepest, mut found) = (f64::NEG_INFINITY, None);
+        for one in self.placed.iter().filter(|one| self.gap(one, middle) <= 0.0 && one.collides(pose)) {
+            let local = one.local(pose);
+            let here = Contact { obstacle: one.id, element: None, point: None };
+            found = found.or(Some(here));
+            for (solid, tool) in one.around.field.solids_with_tools() {
+                solid.visit_inside(tool, &local, |depth, element, point| {
+                    if depth > deepest {
+                        deepest = depth;
+                        let element = element.map(|element| element.kind);
+                        found = Some(Contact { element, point: Some(one.at.of_point(point)), ..here });
+                    }
+                });
+            }
+        }
+        Ok(found)
+    }
+
+    /// Whether the tool may move from `a` to `b`: the tip along the straight line, the axis along the great circle, both evenly
+    /// ([`Pose::interpolate`]). The first call makes the tools that proofs need.
+    ///
+    /// # Errors
+    /// An end that is an invalid pose, axes that are opposite, a mesh tool, ends beyond double precision, a resolution that is no
+    /// length.
+    pub fn check_motion(
+        &self,
+        a: &Pose,
+        b: &Pose,
+        options: &MotionOptions,
+    ) -> Result<MotionResult, QueryError> {
+        if !(a.is_valid() && b.is_valid()) {
+            return Err(QueryError::InvalidPose);
+        }
+        let way = StraightMotion::new(a, b).ok_or(QueryError::Opposite)?;
+        self.follow_way(&Way::Straight(way), options)
+    }
+
+    /// Whether the tool may move with a machine's joints: rotary axes evenly, and the tip straight or the linear axes evenly
+    /// ([`MachineMotion`]). The world's frame is the part's, as [`Machine::forward`](crate::machine::Machine::forward) has it. Head and
+    /// table are no obstacles of it, and travel is not looked at: see [`check`](mod@crate::check) and
+    /// [`Machine::out_of_travel`](crate::machine::Machine::out_of_travel).
+    ///
+    /// # Errors
+    /// As [`Checker::check_motion`]; a machine in another unit than the world's.
+    pub fn check_machine_motion(
+        &self,
+        motion: &MachineMotion<'_>,
+        options: &MotionOptions,
+    ) -> Result<MotionResult, QueryError> {
+        let (machine, world) = (motion.machine().unit, self.tool.unit);
+        if machine != world {
+            return Err(QueryError::Unit { machine, world });
+        }
+        self.follow_way(&Way::Machine(motion), options)
+    }
+
+    /// [`Checker::check_motion`] of every pair of poses.
+    #[must_use]
+    pub fn check_motions(
+        &self,
+        motions: &[[Pose; 2]],
+        options: &MotionOptions,
+    ) -> Vec<Result<MotionResult, QueryError>> {
+        motions.iter().map(|[a, b]| self.check_motion(a, b, options)).collect()
+    }
+
+    /// [`Checker::check_motions`] on all threads of the current pool.
+    #[must_use]
+    pub fn check_motions_on_all_threads(
+        &self,
+        motions: &[[Pose; 2]],
+        options: &MotionOptions,
+    ) -> Vec<Result<MotionResult, QueryError>> {
+        parallel::map(motions.len(), |index| {
+            self.check_motion(&motions[index][0], &motions[index][1], options)
+        })
+    }
+
+    fn follow_way(&self, way: &Way<'_>, options: &MotionOptions) -> Result<MotionResult, QueryError> {
+        if self.tool.assembly.tool().mesh().is_some() {
+            return Err(QueryError::Mesh);
+        }
+        for one in self.placed.iter() {
+            let offset = one.around.offset.get_or_init(|| offset_further(&one.around.field));
+            offset.as_ref().ok_or(QueryError::Offset)?;
+        }
+        advance(self, way, options)
+    }
+
+    /// Edge of the finest voxels; `None` without an obstacle.
+    pub(super) fn finest_pitch(&self) -> Option<f64> {
+        let pitches = self.placed.iter().map(|one| one.around.field.obstacle().grid().pitch);
+        pitches.min_by(f64::total_cmp)
+    }
+
+    /// Farthest that a coordinate is moved by an obstacle's place.
+    pub(super) fn moved(&self) -> f64 {
+        self.placed.iter().map(Placed::moved).fold(0.0, f64::max)
+    }
+
+    /// The least over the obstacles of a bound of the tool's distance, given by `bound` for each that may come closer than the least so
+    /// far.
+    pub(super) fn least(&self, pose: &Pose, bound: impl Fn(&Placed, &Pose) -> f64) -> f64 {
+        let Some(middle) = self.tool_middle(pose) else { return 0.0 };
+        let mut least = f64::INFINITY;
+        for one in self.placed.iter() {
+            let gap = self.gap(one, middle);
+            if gap < least {
+                least = least.min(bound(one, &one.local(pose)).max(gap));
+            }
+        }
+        least
+    }
+
+    pub(super) fn placed(&self) -> &[Placed] {
+        &self.placed
+    }
+
+    pub(super) fn tool_middle(&self, pose: &Pose) -> Option<DVec3> {
+        Some(pose.position + pose.axis()? * self.tool.middle)
+    }
+
+    /// Lower bound of the distance between the tool, whose ball has its middle here, and an obstacle.
+    pub(super) fn gap(&self, one: &Placed, middle: DVec3) -> f64 {
+        middle.distance(one.middle) - one.radius - self.tool.radius
+    }
+}
+
+/// Poses that a thread decides at a time.
+const CHUNK: usize = 1024;
+
+/// An obstacle where it stands, by what was made for it before; `None` where nothing of it is solid.
+fn placed(standing: &Standing, known: Option<&Placed>, assembly: &Assembly) -> Option<Placed> {
+    let (middle, radius) = standing.ball?;
+    let made = || {
+        let field = ExactField::around(&standing.prepared, assembly);
+        Arc::new(Around { field, offset: OnceLock::new() })
+    };
+    Some(Placed {
+        id: standing.id,
+        at: standing.at,
+        back: (standing.at != HERE).then(|| standing.at.inverse()),
+        middle: standing.at.of_point(middle),
+        radius: radius * (1.0 + 1e-9),
+        around: known.map_or_else(made, |known| known.around.clone()),
+    })
+}
+
+/// Height of the middle, and radius, of a ball around a tool with its middle on the axis.
+fn ball(tool: &Tool) -> (f64, f64) {
+    let (middle, radius) = match &tool.shape {
+        ToolShape::Mesh(_) => (0.0, tool.reach()),
+        ToolShape::Revolved(elements) => {
+            let all = || elements.iter().flat_map(|element| &element.profile);
+            let low = all().map(|segment| segment.range().0).fold(f64::INFINITY, f64::min);
+            let high = all().map(|segment| segment.range().1).fold(f64::NEG_INFINITY, f64::max);
+            let middle = 0.5 * (low + high);
+            let far = |s: &Segment| {
+                (s.range().0 - middle).abs().max((s.range().1 - middle).abs()).hypot(s.max_radius())
+            };
+            (middle, all().map(far).fold(0.0, f64::max))
+        }
+    };
+    // More than the slack of the tool's predicate and all rounding.
+    (middle, radius * (1.0 + 1e-6))
+}
