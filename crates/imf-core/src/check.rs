@@ -35,7 +35,6 @@ use thiserror::Error;
 use crate::control::Control;
 use crate::occupancy::Occupancy;
 use crate::parallel;
-use crate::pose::Pose;
 use crate::surface::SurfaceError;
 use crate::tool::{Clearance, ClearanceError, Tool, ToolError};
 use crate::toolpath::Toolpath;
@@ -277,9 +276,7 @@ fn number_text(number: Option<u32>) -> String {
 /// Checks every motion of a toolpath on all threads of the current pool. One unit of progress is one location.
 ///
 /// `tools` are one tool without a number, for a path of one tool, or tools by number, each of which checks its own stretches;
-/// their lengths are in the grids' unit. Poses for which `is_free` returns true are skipped: the whole tool, offset by the
-/// clearance, is free of part and fixtures there. If its answers are proven (`is_free` of a verified field), the report is the
-/// same as with `|_| false`.
+/// their lengths are in the grids' unit.
 ///
 /// # Errors
 /// Settings or tools that make no sense, a location without a tool or, where its tool is not round, without a roll, a motion whose
@@ -289,7 +286,6 @@ pub fn check_toolpath(
     tools: &[(Option<u32>, &Tool)],
     toolpath: &Toolpath,
     settings: &CheckSettings,
-    is_free: impl Fn(&Pose) -> bool + Sync,
     control: Control<'_>,
 ) -> Result<CheckReport, CheckError> {
     settings.check()?;
@@ -322,7 +318,7 @@ pub fn check_toolpath(
             let motion = &motions[own[place]];
             let location = &toolpath.locations[own[place]];
             let (line, tool, kind) = (location.line, location.tool, location.kind);
-            let mut collisions = elements.collisions(motion, &is_free);
+            let mut collisions = elements.collisions(motion);
             let mut beyond = Vec::new();
             if let Some(pairs) = &pairs {
                 let (more, out) = pairs.follow(motion, line)?;

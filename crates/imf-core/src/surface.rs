@@ -36,7 +36,7 @@ use thiserror::Error;
 
 use contact::Outline;
 use inside::InnerBalls;
-use sample_query::{Above, Last, Outcome, SampleQuery};
+use sample_query::{Above, Last, Outcome, RingPlaces, SampleQuery};
 
 use crate::field::solid::{SolidField, SolidVoxels};
 use crate::orientation::Orientation;
@@ -313,7 +313,9 @@ impl SurfaceTool {
         let mut obstructed: Option<(f64, usize, DVec3)> = None;
         for (index, (turn, [at_cutter, at_rest])) in turns.iter().zip(&mut cache.0).enumerate() {
             let is_free = |tip| self.is_rest_free(tip, turn.axis, at_rest) && self.is_brought(tip, turn.axis);
-            match query.best_pose(turn, at_cutter, &mut Above { rest: self.rest(), is_free }) {
+            let mut rings = RingPlaces::default();
+            let mut above = Above { rest: self.rest(), is_free, rings: &mut rings };
+            match query.best_pose(turn, at_cutter, &mut above) {
                 Outcome::Good => {
                     reached += 1;
                     free(index);

@@ -113,8 +113,7 @@ impl Work {
     fn check(&self, path: &Toolpath) -> Result<CheckReport> {
         let bodies = CheckBodies { part: &self.part, fixtures: &[], machine: Some(&self.machine) };
         let settings = CheckSettings::of_pitch(PITCH, LengthUnit::Mm);
-        let check =
-            || check_toolpath(bodies, &[(None, &self.tool)], path, &settings, |_| false, Control::quiet());
+        let check = || check_toolpath(bodies, &[(None, &self.tool)], path, &settings, Control::quiet());
         Ok(self.pool.install(check)?)
     }
 

@@ -44,9 +44,6 @@ pub(crate) struct CheckArguments {
     /// Farthest that any point of the tool moves between two checked poses; a quarter of a voxel by default
     #[arg(long, value_name = "LENGTH")]
     pub(crate) tolerance: Option<f64>,
-    /// A field of this part, grid and tool: poses that it verifies as free are not counted again. The report is the same
-    #[arg(long, value_name = "MODEL")]
-    pub(crate) field: Option<PathBuf>,
     /// How deep the part may lie in the cutter; 0.05 mm by default, with --conservative √3/2 of a voxel more, by which such
     /// voxels reach out of the part
     #[arg(long, value_name = "LENGTH")]

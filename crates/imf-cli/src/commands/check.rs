@@ -7,25 +7,19 @@ mod stock;
 mod text;
 mod view;
 
-use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
 
-use anyhow::{Result, ensure};
+use anyhow::Result;
 use glam::DMat4;
 use imf_core::check::{
     CheckBodies, CheckError, CheckReport, CheckSettings, MachineBodies, PathStickOut, check_stock,
     check_toolpath, cutters_not_compared, least_stick_outs,
 };
 use imf_core::machine::Machine;
-use imf_core::occupancy::Occupancy;
-use imf_core::pose::Pose;
-use imf_core::scene::{Bodies, PathGuarantee, Scene, SceneRecord};
+use imf_core::scene::{PathGuarantee, SceneRecord};
 use imf_core::tool::{Element, Tool, ToolShape};
 use imf_core::toolpath::{PathReading, Toolpath, ToolpathError};
 use imf_core::unit::LengthUnit;
-use imf_core::world::Checker;
-use imf_fields::field::Field;
 use serde_json::json;
 use thiserror::Error;
 
@@ -91,25 +85,12 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
         Some(machine) => Some(MachineBodies::new(machine, record.grid.pitch, session.control(&|_| {}))?),
         None => None,
     };
-    let checker = match &arguments.field {
-        Some(path) => {
-            ensure!(tools.len() == 1, "--field knows one tool, and {} are given: leave it out", tools.len());
-            Some(load_checker(path, &scene, &bodies, &settings)?)
-        }
-        None => None,
-    };
-    let proven = AtomicU64::new(0);
-    let is_free = |pose: &Pose| {
-        let free = checker.as_ref().is_some_and(|checker| checker.is_free(pose));
-        proven.fetch_add(u64::from(free), Ordering::Relaxed);
-        free
-    };
     cutters_not_compared(&toolpath, &numbered).iter().for_each(|remark| session.note(remark));
     let stage = session.stage("checking", "lines", toolpath.locations.len() as u64);
     let advance = |n| stage.advance(n);
     let control = session.control(&advance);
     let around = CheckBodies { part: &bodies.part, fixtures: &bodies.fixtures, machine: machine.as_ref() };
-    let report = check_toolpath(around, &numbered, &toolpath, &settings, is_free, control);
+    let report = check_toolpath(around, &numbered, &toolpath, &settings, control);
     let stopped = |error: CheckError| match error {
         CheckError::Cancelled => Interrupted("the toolpath was not checked to its end".into()).into(),
         other => named(other, arguments),
@@ -126,10 +107,6 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
         let found = least_stick_outs(&obstacle, &numbered, &toolpath, &settings, by, control);
         stick_outs = found.map_err(stopped)?;
         stage.finish("");
-    }
-    if checker.is_some() {
-        let free = proven.into_inner();
-        session.note(&format!("{free} of {} poses were proven free by the field's scene", report.poses));
     }
     let mut stock = match stock {
         None => None,
@@ -250,34 +227,4 @@ impl CheckRun<'_> {
             "stock": self.stock.as_ref().map(|stock| stock.json(&self.report)),
         })
     }
-}
-
-/// A checker of the very part, fixtures and tool that are checked, by a field's voxels.
-fn load_checker(path: &Path, scene: &Scene, bodies: &Bodies, settings: &CheckSettings) -> Result<Checker> {
-    let model = Field::load(path)?;
-    let known = model.scene();
-    let name = path.display();
-    ensure!(
-        known.record.bare_tool() == scene.record.bare_tool(),
-        "{name} is of the tool {}, not of the {} that is checked: leave out --field, or choose the same --tool",
-        known.record.bare_tool().name,
-        scene.record.bare_tool().name
-    );
-    // Verification would miss what is not in the field's voxels.
-    let holds = |body: &Occupancy| {
-        known
-            .obstacle
-            .on(&body.grid)
-            .is_some_and(|seen| seen.solid.iter().zip(&body.solid).all(|(seen, body)| body & (1 - seen) == 0))
-    };
-    ensure!(
-        holds(&bodies.part) && bodies.fixtures.iter().all(|(_, fixture)| holds(fixture)),
-        "{name} is of other voxels than those that are checked: leave out --field, or choose the part, grid, set-up and \
-         fixtures that it was made for (imf info {name})"
-    );
-    // Contact is handled by the check: verification proves that nothing at all is touched.
-    let mut whole = known.clone();
-    whole.record.contact = None;
-    whole.layer = None;
-    Ok(Checker::of_scene(&whole, &settings.clearance)?)
 }

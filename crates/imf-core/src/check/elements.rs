@@ -151,7 +151,7 @@ impl Elements {
     }
 
     /// What collides on a motion, each element with each body once, at its deepest.
-    pub(super) fn collisions(&self, motion: &Motion<'_>, is_free: impl Fn(&Pose) -> bool) -> Vec<Collision> {
+    pub(super) fn collisions(&self, motion: &Motion<'_>) -> Vec<Collision> {
         let farthest = motion.step * motion.count as f64;
         let half = (motion.count > 2).then(|| motion.at(0.5));
         let shown = |group: &&Group| {
@@ -165,9 +165,6 @@ impl Elements {
             let mut tracks = group.tracks();
             look_at_poses(motion.count, farthest, |index, fraction| {
                 let pose = motion.at(fraction);
-                if is_free(&pose) {
-                    return 0.0;
-                }
                 let is_last = index == motion.count;
                 let step = Step { index, fraction, is_last, length: motion.step };
                 group.follow(&step, &pose, &mut tracks, &mut counts, farthest)

@@ -196,7 +196,7 @@ fn check_path(
     settings: &CheckSettings,
 ) -> Result<CheckReport, CheckError> {
     let bodies = CheckBodies { part, fixtures: &[], machine: Some(bodies) };
-    check_toolpath(bodies, &[(None, &tool())], path, settings, |_| false, Control::quiet())
+    check_toolpath(bodies, &[(None, &tool())], path, settings, Control::quiet())
 }
 
 #[test]

@@ -7,6 +7,7 @@ use crate::field::ExactField;
 use crate::grid::Grid;
 use crate::mesh::tests::unit_cube;
 use crate::orientation::{Orientation, OrientationSet};
+use crate::pose::Pose;
 use crate::section::test_shapes::{line, revolved};
 use crate::tool::{ElementKind, Segment, ToolShape};
 
@@ -88,8 +89,7 @@ fn elements_and_depths_are_those_of_trying_every_centre() {
         let axis = orientation.direction();
         let text = format!("x,y,z,i,j,k\n{},{},{},{},{},{}\n", tip.x, tip.y, tip.z, axis.x, axis.y, axis.z);
         let path = Toolpath::parse(&text, LengthUnit::Mm, "path").unwrap();
-        let report =
-            check_toolpath(bodies, &[(None, &tool)], &path, &settings, |_| false, Control::quiet()).unwrap();
+        let report = check_toolpath(bodies, &[(None, &tool)], &path, &settings, Control::quiet()).unwrap();
         let found = report.colliding.first().map_or(&[][..], |line| &line.collisions);
         for (which, element) in elements.iter().enumerate() {
             let cutter = element.kind == ElementKind::Cutter;
@@ -145,8 +145,7 @@ fn no_shorter_translation_parts_tool_and_part_where_the_part_is_one_piece() {
         let axis = orientation.direction();
         let text = format!("x,y,z,i,j,k\n{},{},{},{},{},{}\n", tip.x, tip.y, tip.z, axis.x, axis.y, axis.z);
         let path = Toolpath::parse(&text, LengthUnit::Mm, "path").unwrap();
-        let report =
-            check_toolpath(bodies, &[(None, &tool)], &path, &strict, |_| false, Control::quiet()).unwrap();
+        let report = check_toolpath(bodies, &[(None, &tool)], &path, &strict, Control::quiet()).unwrap();
         let Some((_, worst)) = report.worst().first().copied() else { continue };
         for way in &ways {
             let moved = tip + way.direction() * (worst.depth - 0.5 * grid.pitch - 0.87 * grid.pitch).max(0.0);
@@ -170,7 +169,7 @@ fn rolls_count_for_tools_that_are_not_round_as_in_the_exact_field() {
     let settings = CheckSettings::of_pitch(part.grid.pitch, LengthUnit::Mm);
     let run = |text: &str| {
         let path = Toolpath::parse(text, LengthUnit::Mm, "path").unwrap();
-        check_toolpath(bodies, &[(None, &tool)], &path, &settings, |_| false, Control::quiet())
+        check_toolpath(bodies, &[(None, &tool)], &path, &settings, Control::quiet())
     };
     let mut counts = Vec::new();
     for (axis, theta, phi) in [("0,0,1", 0.0, 0.0), ("0,1,0", 90.0, 90.0), ("-1,0,1", 180.0, 45.0)] {
@@ -204,7 +203,7 @@ fn a_motion_over_the_pole_does_not_turn_a_head_about_its_own_axis() {
     let settings = CheckSettings { tolerance: 0.01, ..CheckSettings::of_pitch(1.0, LengthUnit::Mm) };
     let run = |text: &str| {
         let path = Toolpath::parse(text, LengthUnit::Mm, "path").unwrap();
-        check_toolpath(bodies, &[(None, &tool)], &path, &settings, |_| false, Control::quiet()).unwrap().poses
+        check_toolpath(bodies, &[(None, &tool)], &path, &settings, Control::quiet()).unwrap().poses
     };
     // θ jumps from 180° to 0°; the roll that goes with it keeps the head as it is.
     let tilt = 0.04_f64 * tool.reach() / settings.tolerance;

@@ -44,15 +44,14 @@ fn check_with(
     fixture: Option<&Occupancy>,
     text: &str,
     settings: &CheckSettings,
-    is_free: impl Fn(&Pose) -> bool + Sync,
 ) -> Result<CheckReport, CheckError> {
     let fixtures: Vec<_> = fixture.map(|post| ("post".to_owned(), post.clone())).into_iter().collect();
     let bodies = CheckBodies { part: &block(), fixtures: &fixtures, machine: None };
-    check_toolpath(bodies, &[(None, &Tool::paper())], &path(text), settings, is_free, Control::quiet())
+    check_toolpath(bodies, &[(None, &Tool::paper())], &path(text), settings, Control::quiet())
 }
 
 fn check(fixture: Option<&Occupancy>, text: &str, settings: &CheckSettings) -> CheckReport {
-    check_with(fixture, text, settings, |_| false).unwrap()
+    check_with(fixture, text, settings).unwrap()
 }
 
 #[test]
@@ -101,8 +100,7 @@ fn a_wall_of_two_voxels_is_not_cut_through_unseen() {
     let bodies = CheckBodies { part: &wall, fixtures: &[], machine: None };
     let tool = Tool::paper();
     let path = path("0,-10,10\n0,20,10\n");
-    let report =
-        check_toolpath(bodies, &[(None, &tool)], &path, &usual(), |_| false, Control::quiet()).unwrap();
+    let report = check_toolpath(bodies, &[(None, &tool)], &path, &usual(), Control::quiet()).unwrap();
     let collision = &report.colliding[0].collisions[0];
     // Sideways it has to go by its own radius and half of the wall, 6 in all; no centre lies in the wall's middle.
     assert!((4.4..=6.0).contains(&collision.depth), "{collision:?}");
@@ -133,7 +131,7 @@ fn each_stretch_is_checked_with_its_own_tool() {
     let bodies = CheckBodies { part: &block, fixtures: &[], machine: None };
     let run = |text: &str, tools: &[(Option<u32>, &Tool)]| {
         let path = Toolpath::parse(text, LengthUnit::Mm, "path").unwrap();
-        check_toolpath(bodies, tools, &path, &usual(), |_| false, Control::quiet())
+        check_toolpath(bodies, tools, &path, &usual(), Control::quiet())
     };
     let text = "LOADTL/1\nGOTO/-25.5,0,-5\nGOTO/-25.5,0,0\nLOADTL/7\nGOTO/-25.5,0,5\n";
     let both = [(Some(7), &short), (Some(1), &long)];
@@ -210,9 +208,8 @@ fn interpolation_finds_what_lies_between_two_free_lines() {
 
 #[test]
 fn what_cannot_be_checked_is_refused() {
-    let refuse = |text: &str, settings: CheckSettings| {
-        check_with(None, text, &settings, |_| false).unwrap_err().to_string()
-    };
+    let refuse =
+        |text: &str, settings: CheckSettings| check_with(None, text, &settings).unwrap_err().to_string();
     let settings = usual();
     assert!(refuse("0,0,0,0,0,1\n0,0,0,0,0,-1\n", settings).contains("line 3"));
     assert!(refuse("0,0,0\n1e12,0,0\n", settings).contains("line 3"));
@@ -228,25 +225,30 @@ fn what_cannot_be_checked_is_refused() {
 }
 
 #[test]
-fn what_a_proof_knows_free_changes_no_line_of_the_report() {
+fn stretches_that_a_pose_proves_free_hold_nothing() {
     let post = post();
     let obstacle = block().union(&post).unwrap();
-    let text = "-25,0,24,0,0,1\n25,0,24,0,0.3,1\n0,0,16,0,0,1\n12,0,22,0,0,1\n-40,-40,40,1,0,0.2\n";
-    for room in [0.0, 1.5] {
+    let text = "-25,0,24,0,0,1\n25,0,24,0,0.3,1\n0,0,16,0,0,1\n12,0,22,0,0,1\n-40,-40,40,1,0,0.2\n-30,0,24,1,0,1\n30,2,24,-1,0,1\n";
+    for (room, contact) in [(0.0, 0.0), (1.5, 0.0), (1.5, 0.05)] {
         let clearance = Clearance { holder: room, shank: room, cutter: 0.0 };
-        let settings = CheckSettings { clearance, ..usual() };
-        let plain = check(Some(&post), text, &settings);
-        assert!(plain.colliding.len() > 1);
+        let settings = CheckSettings { clearance, contact, tolerance: 0.05 };
+        let report = check(Some(&post), text, &settings);
+        // Every pose of every line, each counted.
+        let motions = motions(&path(text), &[(None, &Tool::paper())], &settings, None).unwrap();
         let exact = ExactField::new(&obstacle, Tool::paper().with_clearance(&clearance).unwrap());
-        let known = std::sync::atomic::AtomicU64::new(0);
-        let is_free = |pose: &Pose| {
-            let free = !exact.collides(pose);
-            known.fetch_add(u64::from(free), std::sync::atomic::Ordering::Relaxed);
-            free
-        };
-        assert_eq!(check_with(Some(&post), text, &settings, is_free).unwrap(), plain);
-        let known = known.into_inner();
-        assert!(known > 0 && known < plain.poses, "{known} of {}", plain.poses);
+        for motion in motions.iter().enumerate() {
+            let line = path(text).locations[motion.0].line;
+            let colliding = motion.1.poses().filter(|(_, pose)| exact.collides(pose)).count() as u64;
+            let found = report.colliding.iter().find(|own| own.line == line);
+            let most = found.map_or(0, |own| own.collisions.iter().map(|hit| hit.poses).max().unwrap_or(0));
+            let all: u64 = found.map_or(0, |own| own.collisions.iter().map(|hit| hit.poses).sum());
+            if contact == 0.0 {
+                assert!(most <= colliding && colliding <= all, "line {line}: {most} {colliding} {all}");
+            } else {
+                assert!(most <= colliding, "line {line}: {most} {colliding}");
+            }
+        }
+        assert!(report.colliding.len() > 1);
     }
 }
 
@@ -280,7 +282,7 @@ fn the_mesh_itself_is_safe_between_poses_only_with_half_the_tolerance_more() {
             format!("{:.17},{:.17},{:.17},1,1,1\n", tip.x, tip.y, tip.z)
         };
         let path = path(&(line(middle - way) + &line(middle + way)));
-        let report = check_toolpath(bodies, &[(None, &tool)], &path, &settings, |_| false, Control::quiet());
+        let report = check_toolpath(bodies, &[(None, &tool)], &path, &settings, Control::quiet());
         report.unwrap().colliding.is_empty()
     };
     // Poses 0.5 before and after the nearest place, where the ball with its clearance just misses the centre.

@@ -6,7 +6,7 @@
 //! one of them cuts into from a direction is tried first for the next, which mostly cuts into it as well. The verdicts are those
 //! of [`surface_access`](super::surface_access), tool by tool.
 
-use super::sample_query::{Above, Last, SampleQuery};
+use super::sample_query::{Above, Last, RingPlaces, SampleQuery};
 use super::{Shape, SurfaceError, SurfaceSample, SurfaceTool, ToolDirection, Verdict};
 use crate::control::Control;
 use crate::field::solid::OutsidePlane;
@@ -210,6 +210,7 @@ impl<'a> Work<'a> {
         for index in first.chain(rest).filter(|&turn| turn < self.turns.len()) {
             let (turn, at_cutter) = (&self.turns[index], &mut self.at_cutter[index]);
             let left = open.len();
+            let mut rings = RingPlaces::default();
             if query.has_ring(turn) {
                 // Each steps away from what it hits itself.
                 open.retain(|&tool| {
@@ -217,8 +218,8 @@ impl<'a> Work<'a> {
                         members[tool].is_rest_free(tip, turn.axis, &mut at_rest[tool])
                             && members[tool].is_brought(tip, turn.axis)
                     };
-                    let outcome =
-                        query.best_pose(turn, at_cutter, &mut Above { rest: members[tool].rest(), is_free });
+                    let mut above = Above { rest: members[tool].rest(), is_free, rings: &mut rings };
+                    let outcome = query.best_pose(turn, at_cutter, &mut above);
                     verdicts[tool] = verdicts[tool].min(outcome.verdict());
                     verdicts[tool] != Verdict::Reached
                 });
@@ -240,7 +241,8 @@ impl<'a> Work<'a> {
                     });
                     open.is_empty()
                 };
-                let outcome = query.best_pose(turn, at_cutter, &mut Above { rest: None, is_free });
+                let outcome =
+                    query.best_pose(turn, at_cutter, &mut Above { rest: None, is_free, rings: &mut rings });
                 // What is still open went as the cutter did.
                 for &tool in &open {
                     verdicts[tool] = verdicts[tool].min(outcome.verdict());

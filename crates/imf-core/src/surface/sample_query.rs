@@ -54,6 +54,20 @@ pub(super) struct Above<'a, G> {
     pub(super) rest: Option<&'a SolidField>,
     /// True of a tip where they are free.
     pub(super) is_free: G,
+    pub(super) rings: &'a mut RingPlaces,
+}
+
+/// By level ring that a cutter touches with from one direction, in order: what the cutter does at the places from which its search
+/// begins, as far as it is known. Tools of one cutter share it.
+#[derive(Default)]
+pub(super) struct RingPlaces(Vec<Vec<RingPlace>>);
+
+struct RingPlace {
+    /// From where the ring's own middle touches.
+    offset: DVec3,
+    of_cutter: Option<Outcome>,
+    /// The step off what the cutter hits most.
+    step: Option<Option<DVec3>>,
 }
 
 /// Tests the contact poses of a tool at a sample.
@@ -147,6 +161,7 @@ impl<'a> SampleQuery<'a> {
             return Outcome::NoContact;
         };
         let mut best = Outcome::NoContact;
+        let mut rings = 0;
         tool.outline.touches(facing.slope, tolerance, |touch| {
             if best == Outcome::Good {
                 return;
@@ -163,7 +178,8 @@ impl<'a> SampleQuery<'a> {
                 }
                 Touch::Ring { height, inner, outer } => {
                     let middle = sample.point - turn.axis * height;
-                    self.on_ring(tool, middle, turn, [inner, outer], last, above)
+                    rings += 1;
+                    self.on_ring(tool, middle, turn, ([inner, outer], rings - 1), last, above)
                 }
             });
         });
@@ -210,7 +226,8 @@ impl<'a> SampleQuery<'a> {
                     if !tool.touching.contains(now, turn.axis, sample) {
                         break;
                     }
-                    return self.decide(tool, now, turn.axis, None, last, above);
+                    // The cutter may cross the tangent plane.
+                    return with_rest(of_cutter(tool, now, turn.axis, None, last), now, above);
                 }
                 let Some(voxel) = blocker else { break };
                 (met[count], count) = (voxel, count + 1);
@@ -245,39 +262,37 @@ impl<'a> SampleQuery<'a> {
         tool: &Revolved,
         middle: DVec3,
         turn: &ToolDirection,
-        [inner, outer]: [f64; 2],
+        ([inner, outer], ring): ([f64; 2], usize),
         last: &mut Last,
         above: &mut Above<'_, impl FnMut(DVec3) -> bool>,
     ) -> Outcome {
         let u = turn.axis.any_orthonormal_vector();
-        let v = turn.axis.cross(u);
-        let mut starts = Vec::with_capacity(1 + 2 * STARTS as usize);
-        if inner == 0.0 {
-            starts.push(DVec3::ZERO);
-        }
-        for radius in [0.5 * (inner + outer), outer] {
-            starts.extend((0..STARTS).map(|start| {
-                let (sine, cosine) = (f64::from(start) * TAU / f64::from(STARTS)).sin_cos();
-                (u * cosine + v * sine) * radius
-            }));
+        if above.rings.0.len() == ring {
+            above.rings.0.push(ring_places(u, turn.axis.cross(u), inner, outer));
         }
         let rest = above.rest;
         let mut best = Outcome::NoContact;
-        for &offset in &starts {
-            best = best.or(self.at(tool, middle + offset, turn.axis, last, above));
+        for place in 0..above.rings.0[ring].len() {
+            let start = &mut above.rings.0[ring][place];
+            let tip = middle + start.offset;
+            let of_cutter =
+                *start.of_cutter.get_or_insert_with(|| self.cutter_at(tool, tip, turn.axis, last));
+            best = best.or(with_rest(of_cutter, tip, above));
             if best == Outcome::Good {
                 return best;
             }
         }
-        let lateral_separation = |offset: DVec3| {
+        let separation = |solids: [Option<&SolidField>; 2], offset: DVec3| {
             let pose = Pose::new(middle + offset, turn.rotation);
-            let steps = [Some(&tool.cutter), tool.held.as_ref(), rest];
-            let steps = steps.into_iter().flatten().filter_map(|solid| solid.lateral_separation(&pose));
-            // The longest.
-            steps.max_by(|a, b| a.length_squared().total_cmp(&b.length_squared()))
+            longest(solids.map(|solid| solid?.lateral_separation(&pose)))
         };
-        let mut steps: Vec<(DVec3, DVec3)> =
-            starts.into_iter().filter_map(|start| Some((start, lateral_separation(start)?))).collect();
+        let of_cutter = |offset| separation([Some(&tool.cutter), tool.held.as_ref()], offset);
+        let of_rest = |offset| separation([rest, None], offset);
+        let mut steps: Vec<(DVec3, DVec3)> = Vec::new();
+        for RingPlace { offset, step, .. } in &mut above.rings.0[ring] {
+            let own = *step.get_or_insert_with(|| of_cutter(*offset));
+            steps.extend(longest([own, of_rest(*offset)]).map(|step| (*offset, step)));
+        }
         // The places with the least in the way.
         steps.sort_by(|a, b| a.1.length_squared().total_cmp(&b.1.length_squared()));
         for &(start, step) in steps.iter().take(TRIES) {
@@ -289,7 +304,7 @@ impl<'a> SampleQuery<'a> {
                 if best == Outcome::Good {
                     return best;
                 }
-                let Some(next) = lateral_separation(offset) else { break };
+                let Some(next) = longest([of_cutter(offset), of_rest(offset)]) else { break };
                 step = next;
             }
         }
@@ -305,29 +320,57 @@ impl<'a> SampleQuery<'a> {
         last: &mut Last,
         above: &mut Above<'_, impl FnMut(DVec3) -> bool>,
     ) -> Outcome {
+        with_rest(self.cutter_at(tool, tip, axis, last), tip, above)
+    }
+
+    /// One contact pose, for all but shank and holder: good where they decide.
+    fn cutter_at(&self, tool: &Revolved, tip: DVec3, axis: DVec3, last: &mut Last) -> Outcome {
         let among = |voxel: &[f64; 3]| tool.cutter.contains(tip, axis, *voxel);
         if last.as_ref().is_some_and(among) || self.listed.iter().any(among) {
             return Outcome::Gouged;
         }
-        self.decide(tool, tip, axis, self.free_ball.as_ref(), last, above)
+        of_cutter(tool, tip, axis, self.free_ball.as_ref(), last)
     }
+}
 
-    /// `free_ball` is `None` for a pose at which the cutter may cross the tangent plane.
-    fn decide(
-        &self,
-        tool: &Revolved,
-        tip: DVec3,
-        axis: DVec3,
-        free_ball: Option<&FreeBall>,
-        last: &mut Last,
-        above: &mut Above<'_, impl FnMut(DVec3) -> bool>,
-    ) -> Outcome {
-        if tool.cutter.meets(tip, axis, free_ball, Some(last)) {
-            return Outcome::Gouged;
-        }
-        let held = tool.held.as_ref().is_some_and(|held| held.meets(tip, axis, None, None));
-        if held || !(above.is_free)(tip) { Outcome::Obstructed(tip) } else { Outcome::Good }
+/// The cutter at a pose, among part and fixtures.
+fn of_cutter(
+    tool: &Revolved,
+    tip: DVec3,
+    axis: DVec3,
+    free_ball: Option<&FreeBall>,
+    last: &mut Last,
+) -> Outcome {
+    if tool.cutter.meets(tip, axis, free_ball, Some(last)) {
+        return Outcome::Gouged;
     }
+    let held = tool.held.as_ref().is_some_and(|held| held.meets(tip, axis, None, None));
+    if held { Outcome::Obstructed(tip) } else { Outcome::Good }
+}
+
+fn with_rest(of_cutter: Outcome, tip: DVec3, above: &mut Above<'_, impl FnMut(DVec3) -> bool>) -> Outcome {
+    match of_cutter {
+        Outcome::Good if !(above.is_free)(tip) => Outcome::Obstructed(tip),
+        other => other,
+    }
+}
+
+/// Where the search on a ring between two radii begins.
+fn ring_places(u: DVec3, v: DVec3, inner: f64, outer: f64) -> Vec<RingPlace> {
+    let around = [0.5 * (inner + outer), outer].into_iter().flat_map(|radius| {
+        (0..STARTS).map(move |start| {
+            let (sine, cosine) = (f64::from(start) * TAU / f64::from(STARTS)).sin_cos();
+            (u * cosine + v * sine) * radius
+        })
+    });
+    let middle = (inner == 0.0).then_some(DVec3::ZERO);
+    let place = |offset| RingPlace { offset, of_cutter: None, step: None };
+    middle.into_iter().chain(around).map(place).collect()
+}
+
+/// The longest of two steps.
+fn longest(steps: [Option<DVec3>; 2]) -> Option<DVec3> {
+    steps.into_iter().flatten().max_by(|a, b| a.length_squared().total_cmp(&b.length_squared()))
 }
 
 /// The best of some outcomes, up to the first that is good.

@@ -8,7 +8,7 @@
 
 use glam::DVec3;
 
-use super::sample_query::{Above, Last, Outcome, SampleQuery};
+use super::sample_query::{Above, Last, Outcome, RingPlaces, SampleQuery};
 use super::skyline::{Body, Skyline, Waiting, boundary};
 use super::{CollisionEnvironment, Shape, SurfaceError, SurfaceSample, SurfaceTool, ToolDirection, Verdict};
 use crate::control::Control;
@@ -294,6 +294,7 @@ pub fn least_stick_outs(
                     }
                     let direction = (block * DIRECTIONS + index) as u32;
                     let [at_cutter, at_shank] = &mut memory[index];
+                    let mut rings = RingPlaces::default();
                     let mut search = |rest, enough: f64, best: &mut StickOut| {
                         let is_free = |tip: DVec3| {
                             if tool.tool.is_rest_free(tip, turn.axis, at_shank) {
@@ -306,7 +307,7 @@ pub fn least_stick_outs(
                             }
                             best.length() <= enough
                         };
-                        query.best_pose(turn, at_cutter, &mut Above { rest, is_free })
+                        query.best_pose(turn, at_cutter, &mut Above { rest, is_free, rings: &mut rings })
                     };
                     let outcome = match search(tool.tool.rest(), tool.shortest, best) {
                         Outcome::Good | Outcome::Obstructed(_) => StickOut::Obstructed,

@@ -72,6 +72,8 @@ struct Program<'a> {
     /// The path begins anew.
     broken: bool,
     joints: Joints,
+    /// By how much corners are rounded at most, in the program's unit.
+    rounded: f64,
     /// What has been remarked, by a word for it.
     remarked: Vec<&'static str>,
 }
@@ -96,6 +98,7 @@ pub(super) fn parse(text: &str, reading: &PathReading<'_>) -> Result<Toolpath, L
             linear: DVec3::NAN,
             rotary: [0, 1].map(|place| if place < axes { f64::NAN } else { 0.0 }),
         },
+        rounded: 0.0,
         remarked: Vec::new(),
     };
     for (index, line) in text.lines().enumerate() {
@@ -131,6 +134,9 @@ impl Program<'_> {
         self.absolute = block.absolute.unwrap_or(self.absolute);
         self.take_length(block)?;
         self.motion = block.motion.or(self.motion);
+        if block.rounds {
+            self.round_corners(line, block);
+        }
         if block.dwells || !block.moves() {
             return Ok(());
         }
@@ -149,6 +155,18 @@ impl Program<'_> {
             (true, _) => self.go_home(line, block),
             (_, true) => self.go_in_machine_coordinates(line, block),
             _ => self.go(line, block),
+        }
+    }
+
+    /// The path is followed as it is written.
+    fn round_corners(&mut self, line: usize, block: &Block) {
+        let [p, q] = block.lengths.map(Option::unwrap_or_default);
+        if p + q > self.rounded {
+            self.rounded = p + q;
+            self.path.remarks.push(format!(
+                "line {line}: with G64 the control leaves the path by up to {}: it is followed as written, so ask for as much more clearance",
+                self.rounded
+            ));
         }
     }
 

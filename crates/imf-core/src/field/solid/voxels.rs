@@ -148,7 +148,7 @@ fn whole_within(at: f64, half: f64, count: usize) -> (usize, usize) {
 
 /// One past the last whole number up to there, of those from 0 on.
 fn whole_below(at: f64) -> usize {
-    if at < 0.0 { 0 } else { at as usize + 1 }
+    if at < 0.0 { 0 } else { (at as usize).saturating_add(1) }
 }
 
 /// Solid centres around a point on a surface, outside its tangent plane.

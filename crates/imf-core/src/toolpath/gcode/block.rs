@@ -30,6 +30,10 @@ pub(super) struct Block {
     pub(super) centre: Option<DVec3>,
     pub(super) radius: Option<f64>,
     pub(super) has_decimals_missing: bool,
+    /// G64: corners are rounded, `lengths` away from the path at most.
+    pub(super) rounds: bool,
+    /// P and Q.
+    pub(super) lengths: [Option<f64>; 2],
 }
 
 /// G words that move nothing and change no coordinate, in tenths: exact stop, no cutter compensation, no scaling, end of a cycle, path
@@ -84,7 +88,9 @@ impl Block {
             'N' | 'O' | 'F' | 'S' | 'D' => {}
             'T' => self.tool = Some(whole()?),
             'H' => self.length_number = Some(whole()?),
-            'P' | 'Q' | 'L' | 'U' => {}
+            'P' => self.lengths[0] = Some(value),
+            'Q' => self.lengths[1] = Some(value),
+            'L' | 'U' => {}
             'X' | 'Y' | 'Z' => {
                 self.linear["XYZ".find(letter).unwrap_or_default()] = Some(value);
                 self.has_decimals_missing |= value != 0.0 && !text.contains('.');
@@ -145,9 +151,7 @@ impl Block {
             // Centres from the start, as they are read.
             911 => {}
             still if STILL_G.contains(&still) => {}
-            640 => {
-                return Err("G64 rounds corners by a length that is not known here: take it out to check the path as written".into());
-            }
+            640 => self.rounds = true,
             410 | 420 => {
                 return Err(format!(
                     "G{text} moves the tool beside the path by a radius in the control: let the CAM program write the tip's own path (G40)"
@@ -175,7 +179,13 @@ impl Block {
                 None => Ok(()),
             };
         }
-        if let Some(letter) = has("PQLU") {
+        if self.rounds && self.lengths[0].is_none_or(|p| p < 0.0) {
+            return Err(
+                "G64 rounds corners, and no P says by how much at most: write P, or take it out to check the path as written"
+                    .into(),
+            );
+        }
+        if let Some(letter) = has(if self.rounds { "LU" } else { "PQLU" }) {
             return Err(format!("{letter} is not understood here and might move the machine"));
         }
         if self.length_number.is_some() && self.length.is_none_or(|length| length.is_none()) {

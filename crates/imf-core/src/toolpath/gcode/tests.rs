@@ -93,7 +93,8 @@ fn what_is_not_followed_is_refused_with_line_and_word() {
         ("G10 L2 P1 X3.", "G10 is not understood"),
         ("G43.4 H1 X3.", "rotary axes turn"),
         ("G5.1 Q1", "G5.1 is not understood"),
-        ("G64 P.01", "rounds corners"),
+        ("G64", "no P says by how much"),
+        ("G64 P.01 L2", "L is not understood"),
         ("M98 P2", "M98 is not understood"),
         ("G1 A30.", "A30. turns a rotary axis"),
         ("G1 U3.", "U is not understood here"),
@@ -120,6 +121,10 @@ fn what_is_not_followed_is_refused_with_line_and_word() {
         assert!(wrong.what.contains(said), "{text}: {}", wrong.what);
         assert_eq!(wrong.line, 1 + text.lines().count(), "{text}");
     }
+    // Rounded corners are told, the largest length of each.
+    let path = read(&format!("{start}G64 P.01\nG1 X3. F9\nG64 P.005\nG64 P.02 Q.01\nX5.\n")).unwrap();
+    let told: Vec<&String> = path.remarks.iter().filter(|remark| remark.contains("G64")).collect();
+    assert!(told.len() == 2 && told[0].contains("line 2") && told[1].contains("up to 0.03"), "{told:?}");
     assert!(read("X1. Y1. Z1.\n").unwrap_err().what.contains("none of G0, G1, G2 and G3"));
     let wrong = read("T1\nG0 X1. Y1. Z1.\n").unwrap_err();
     assert_eq!((wrong.line, wrong.what.as_str()), (1, "T1 calls a tool, and no M6 changes to it"));
