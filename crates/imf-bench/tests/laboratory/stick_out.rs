@@ -5,7 +5,7 @@ use crate::binary::Workdir;
 #[test]
 fn answers_are_exact_and_a_crib_is_its_tools() {
     let work = Workdir::new();
-    let small = "--surface-points 300 --directions 20 --checks 400 --tools 60 --alone 3 --lines 20";
+    let small = "--surface-points 300 --directions 20 --checks 400 --tools 60 --alone 3 --lines 200";
     let report =
         work.imf(&format!("shop --only stick-out,crib,machine {small} --out out --json")).done().json();
     let checks = &report["stick_out"]["checks"];
