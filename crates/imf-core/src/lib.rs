@@ -74,6 +74,7 @@ pub mod access;
 #[cfg(feature = "formats")]
 #[doc(hidden)]
 pub mod atomic_file;
+pub mod certificate;
 pub mod check;
 pub mod control;
 pub mod distance;

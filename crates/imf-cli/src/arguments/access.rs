@@ -19,7 +19,8 @@ use super::scene::SceneArguments;
                   short.toml --tool long.toml --fixture vice.stl@translate:0,0,-20 --limits ac:-30:120:-360:360 \
                   --removable --stock box:2 --out access\n\n\
                   Writes surface.vtp and surface.ply (ParaView, MeshLab: what is reached of the surface, and why the rest is not), surface.png, imf.vti \
-                  (ParaView) and the same fields as .npy, slices.png, orientations.csv and summary.json; with --removable removable.vti and .npy, with --map \
+                  (ParaView) and the same fields as .npy, slices.png, orientations.csv and summary.json; with --removable removable.vti and .npy, with --certify any_direction.npy (0 solid, \
+                  1 reached, 2 by another direction, 3 by none, 4 not known), with --map \
                   map.png and map.npy, with --lists free_lists.npy.\n\
                   map.npy is [1, longitude, latitude] by cells, θ from 0° up, φ from 180° down; free_lists.npy is bytes \
                   [orientation, x·ny + y, z/8], bit z mod 8 (the lowest first) set where the voxel is free.\n\
@@ -66,6 +67,9 @@ pub(crate) struct AccessArguments {
     /// the pitch, whichever is more
     #[arg(long, value_name = "LENGTH", value_parser = parse_length)]
     pub(crate) tolerance: Option<f64>,
+    /// Of the places that none of the directions reaches, which ones any other does, and which none whatever: proven
+    #[arg(long, conflicts_with_all = ["limits", "machine", "tau", "crib"])]
+    pub(crate) certify: bool,
     /// The stock that a cutter covers at some free pose
     #[arg(long)]
     pub(crate) removable: bool,

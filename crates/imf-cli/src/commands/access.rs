@@ -1,5 +1,6 @@
 //! `imf access`: what tools reach around a part among its fixtures, in one run over the orientations.
 
+mod any_direction;
 mod collisions;
 mod crib;
 mod files;
@@ -23,6 +24,7 @@ use crate::interrupt::Interrupted;
 use crate::output::{OutputFile, OutputFolder, SUMMARY, print, print_json, write_json};
 use crate::session::Session;
 
+use any_direction::AnyDirection;
 use run::AccessRun;
 use summary::Summary;
 
@@ -54,15 +56,22 @@ pub(crate) fn run(session: &Session, arguments: &AccessArguments) -> Result<()> 
     let surface =
         run.surface.as_ref().map(|asked| surface::Surface::find(session, &run, asked)).transpose()?;
     let findings = find(session, &run)?;
+    let any_direction = run.certify.then(|| AnyDirection::find(session, &run, &findings)).transpose()?;
     folder.begin(session)?;
     let mut written = files::write(&run, &findings, &arguments.out)?;
+    if let Some(found) = &any_direction {
+        found.write(&run, &arguments.out)?;
+        written.push(AnyDirection::FILE.into());
+    }
     if let Some(surface) = &surface {
         let files = surface.write(&run, &arguments.out)?;
         written.extend(files.into_iter().chain(["surface.png"]).map(String::from));
     }
     written.extend(pictures::draw(&run, &findings, &arguments.out)?);
     written.push(SUMMARY.into());
-    let summary = Summary::new(&run, &findings, surface.as_ref(), begun.elapsed().as_secs_f64(), written);
+    let any_direction = any_direction.map(|found| found.row(&run));
+    let seconds = begun.elapsed().as_secs_f64();
+    let summary = Summary::new(&run, &findings, surface.as_ref(), any_direction, seconds, written);
     if let Some(surface) = &surface {
         let view = surface.view(&run, &summary.unreached, summary.table());
         view.draw_sides(&arguments.out.join("surface.png"))?;

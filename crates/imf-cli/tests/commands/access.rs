@@ -294,3 +294,31 @@ fn a_part_is_turned_to_what_the_rotary_axes_reach() {
         }
     }
 }
+
+#[test]
+fn places_that_no_asked_direction_reaches_are_decided_over_all() {
+    let folder = workshop();
+    let run = |directions: &str, more: &[&str]| {
+        let own = ["--tool", "long.toml", "--orientations", directions, "--certify"];
+        folder.json(&arguments(&[&own[..], more].concat()))
+    };
+    let found = run("0,0", &[]);
+    let any = &found["any_direction"];
+    let parts = ["from_another", "from_none", "open"].map(|part| voxels(&any[part]));
+    assert_eq!(parts.iter().sum::<usize>(), voxels(&found["inaccessible"]), "{any}");
+    // From above alone the sides are left, and the floor of the block is reached from nowhere but below.
+    assert!(parts[0] > 0 && parts[2] * 50 <= parts[0] + parts[1], "{parts:?}");
+    // Many directions find no place that is proven to be out of reach.
+    let many = run("fibonacci:2000", &[]);
+    let left = ["from_another", "from_none", "open"].map(|part| voxels(&many["any_direction"][part]));
+    assert!(left[1] == parts[1] && left[0] <= parts[0], "{left:?} {parts:?}");
+    let classes = folder.npy::<u8>("out/any_direction.npy");
+    let of = |class: u8| classes.iter().filter(|&&own| own == class).count();
+    assert_eq!([of(2), of(3), of(4)], left);
+    // Of a second tool what the first one cannot is asked: no less is reached.
+    let both = run("0,0", &["--tool", "short.toml"]);
+    assert!(voxels(&both["any_direction"]["from_none"]) <= parts[1], "{both}");
+    folder.write("sharp.toml", mill("sharp", 18.0).replacen('\n', "\nsharp_points = \"boundary\"\n", 1));
+    let sharp = arguments(&["--tool", "sharp.toml", "--orientations", "0,0", "--certify"]);
+    folder.run(&sharp).is_refusal(&["only sharp point"], &sharp);
+}

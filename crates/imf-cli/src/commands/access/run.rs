@@ -54,6 +54,8 @@ pub(super) struct AccessRun {
     pub(super) suggested: Vec<MachiningDirection>,
     pub(super) tau: f64,
     pub(super) lists: bool,
+    /// Places that no direction reaches are looked into.
+    pub(super) certify: bool,
     /// `None` where no tool has a cutter.
     pub(super) surface: Option<SurfaceSettings>,
     /// A point and the map's cells.
@@ -286,6 +288,7 @@ impl AccessRun {
             suggested,
             tau: arguments.tau,
             lists: arguments.lists,
+            certify: arguments.certify,
             surface,
             map,
             limits,

@@ -8,6 +8,7 @@ use imf_core::tool::Clearance;
 use serde::Serialize;
 
 use super::Findings;
+use super::any_direction::AnyDirectionRow;
 use super::collisions::{self, CollisionRow};
 use super::pictures::directions;
 use super::run::AccessRun;
@@ -87,6 +88,9 @@ pub(super) struct Summary {
     solid: Volume,
     accessible: Region,
     inaccessible: Region,
+    /// Of these, what any direction whatever reaches.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    any_direction: Option<AnyDirectionRow>,
     /// What of the best tool collides where none reaches.
     blocked_by: Vec<CollisionRow>,
     tools: Vec<ToolRow>,
@@ -116,6 +120,7 @@ impl Summary {
         run: &AccessRun,
         findings: &Findings,
         surface: Option<&Surface>,
+        any_direction: Option<AnyDirectionRow>,
         seconds: f64,
         files: Vec<String>,
     ) -> Self {
@@ -171,6 +176,7 @@ impl Summary {
             solid: measure(run.solid.count()),
             accessible: region(space.accessible_volume(), &space.accessible),
             inaccessible: region(space.inaccessible_volume(), &space.inaccessible),
+            any_direction,
             blocked_by: collisions::together(run, findings),
             tools: tools.collect(),
             map: run.map.map(|(point, cells)| (point.to_array(), cells)),
@@ -234,6 +240,11 @@ impl Summary {
         row("part and fixtures", self.solid, "");
         row("accessible around it", self.accessible.volume, &self.accessible.pieces());
         row("inaccessible around it", self.inaccessible.volume, &self.inaccessible.pieces());
+        if let Some(any) = &self.any_direction {
+            row("  another direction reaches", any.from_another, "that was not asked; one for each place");
+            row("  no direction reaches", any.from_none, "proven, whatever the direction");
+            row("  not known", any.open, "");
+        }
         for blocked in &self.blocked_by {
             let alone = show_measure(blocked.alone.volume);
             let mut alone = format!("alone {} voxels, {alone} {}³", blocked.alone.voxels, self.unit);

@@ -1,0 +1,87 @@
+//! Places that no asked direction reaches: whether any other does, proven.
+
+use std::path::Path;
+
+use anyhow::Result;
+use imf_core::access::Volume;
+use imf_core::certificate::{CertificateError, Reachability, certify};
+use imf_core::field_files::write_npy;
+use serde::Serialize;
+
+use super::Findings;
+use super::run::AccessRun;
+use crate::interrupt::Interrupted;
+use crate::session::Session;
+
+/// By voxel of the examined grid: 0 solid, 1 reached from an asked direction, 2 from another one, 3 from none whatever, 4 not known.
+pub(super) struct AnyDirection {
+    classes: Vec<u8>,
+}
+
+const SOLID: u8 = 0;
+const ASKED: u8 = 1;
+const OTHER: u8 = 2;
+const NONE: u8 = 3;
+const OPEN: u8 = 4;
+
+/// In the summary.
+#[derive(Debug, Serialize)]
+pub(super) struct AnyDirectionRow {
+    /// Reached from a direction that was not asked.
+    pub(super) from_another: Volume,
+    /// Proven: from no direction whatever.
+    pub(super) from_none: Volume,
+    /// Neither is proven.
+    pub(super) open: Volume,
+}
+
+impl AnyDirection {
+    pub(super) const FILE: &'static str = "any_direction.npy";
+
+    pub(super) fn find(session: &Session, run: &AccessRun, findings: &Findings) -> Result<Self> {
+        let class = |(&value, &solid): (&f32, &u8)| match solid {
+            0 if f64::from(value) <= run.tau => ASKED,
+            0 => NONE,
+            _ => SOLID,
+        };
+        let values = findings.together.imf.value.iter();
+        let mut classes: Vec<u8> = values.zip(&run.solid.solid).map(class).collect();
+        // What no tool before reaches is asked of the next one.
+        for assembly in &run.tools {
+            let left: Vec<usize> =
+                (0..classes.len()).filter(|&voxel| matches!(classes[voxel], NONE | OPEN)).collect();
+            let name = format!("any direction, {}", assembly.tool().name);
+            let stage = session.stage(&name, "places", left.len() as u64);
+            let advance = |n| stage.advance(n);
+            let found = certify(&run.obstacle, assembly, &run.query, &left, session.control(&advance));
+            let found = found.map_err(|error| match error {
+                CertificateError::Cancelled => {
+                    Interrupted("no result was written, since a share of the places is no answer".into())
+                        .into()
+                }
+                other => anyhow::Error::from(other),
+            })?;
+            for (&voxel, found) in left.iter().zip(found) {
+                classes[voxel] = match found {
+                    Reachability::Reached(_) => OTHER,
+                    Reachability::OutOfReach => classes[voxel],
+                    Reachability::Open => OPEN,
+                };
+            }
+            stage.finish("");
+        }
+        Ok(Self { classes })
+    }
+
+    pub(super) fn row(&self, run: &AccessRun) -> AnyDirectionRow {
+        let of = |class: u8| {
+            let voxels = self.classes.iter().filter(|&&own| own == class).count();
+            Volume::new(voxels, run.query.voxel_volume())
+        };
+        AnyDirectionRow { from_another: of(OTHER), from_none: of(NONE), open: of(OPEN) }
+    }
+
+    pub(super) fn write(&self, run: &AccessRun, folder: &Path) -> Result<()> {
+        Ok(write_npy(folder.join(Self::FILE), run.query.dims, &self.classes[..])?)
+    }
+}
