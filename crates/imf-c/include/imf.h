@@ -71,8 +71,6 @@ typedef enum {
   IMF_MOTION_KIND_FREE = 0,
   // A pose of it collides.
   IMF_MOTION_KIND_COLLIDING = 1,
-  // No pose was seen to collide, and a stretch could not be decided: the tool passes by very closely.
-  IMF_MOTION_KIND_UNDECIDED = 2,
 } ImfMotionKind;
 
 // A field, opened from a file.
@@ -131,12 +129,16 @@ typedef struct {
 
 // What is known of a motion; times run from 0 at its beginning to 1 at its end.
 typedef struct {
-  // Which of the three.
+  // Which of the two.
   ImfMotionKind kind;
-  // Before this time no pose collides; 1 where it is free.
+  // Before this time every pose is proven free. From then on, where the tool passes too closely for a proof, poses were tried between
+  // which no point of the tool moves farther than a hundredth of a pitch.
+  double proven_until;
+  // Up to this time the motion is free; 1 where all of it is, 0 where it begins with a collision.
   double free_until;
-  // Colliding: time of the first pose that was found to collide. Undecided: end of the first stretch that could not be decided.
-  // Free: 1.
+  // The pose at that time; an invalid one (NaN) where the motion begins with a collision.
+  ImfPose last_valid;
+  // Colliding: time of the first pose that was found to collide. Free: 1.
   double until;
   // Colliding: the pose that collides. Else an invalid pose (NaN).
   ImfPose pose;

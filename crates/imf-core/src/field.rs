@@ -39,12 +39,14 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod descent;
 mod exact;
 mod exact_depth;
 #[doc(hidden)]
 pub mod minimum;
 pub(crate) mod solid;
 
+pub use descent::{BestPose, DescentSettings, best_orientation};
 pub use exact::ExactField;
 pub(crate) use exact::PreparedObstacle;
 
@@ -91,6 +93,17 @@ impl Gradient {
     /// Of an invalid pose.
     pub const NAN: Self =
         Self { value: f32::NAN, position: Vec3::NAN, direction: Vec3::NAN, rotation: Vec3::NAN };
+
+    /// The same about another point of the tool than its tip, given in the tool's frame, such as the centre of its ball: turns leave that
+    /// point where it is. `pose` is the one that the gradient is of.
+    #[must_use]
+    pub fn about(&self, pose: &Pose, pivot: DVec3) -> Self {
+        let Some(axis) = pose.axis() else { return Self::NAN };
+        // A turn about the pivot moves the tip by −ω × R·pivot.
+        let rotation =
+            self.rotation.as_dvec3() - (pose.rotation.normalize() * pivot).cross(self.position.as_dvec3());
+        Self { rotation: rotation.as_vec3(), direction: rotation.cross(axis).as_vec3(), ..*self }
+    }
 }
 
 /// The best orientation at a point.
