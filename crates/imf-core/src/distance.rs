@@ -46,6 +46,29 @@ impl DistanceField {
         self.dims
     }
 
+    /// A closer bound than [`DistanceField::probe`]'s: the best of those from the eight centres around the point.
+    pub(crate) fn squared_around(&self, point: DVec3) -> f64 {
+        let last = DVec3::from_array(self.dims.map(|d| (d - 1) as f64));
+        let held = point.clamp(DVec3::ZERO, last);
+        let low = held.floor().min(last);
+        let high = (low + 1.0).min(last);
+        let mut inside: f64 = 0.0;
+        for corner in 0..8 {
+            let pick = |axis: usize| if corner >> axis & 1 == 0 { low[axis] } else { high[axis] };
+            let centre = DVec3::new(pick(0), pick(1), pick(2));
+            let [x, y, z] = centre.to_array().map(|v| v as usize);
+            let away = f64::from(self.distance[(x * self.dims[1] + y) * self.dims[2] + z]);
+            inside = inside.max(away - held.distance(centre));
+        }
+        (point - held).length_squared() + inside * inside
+    }
+
+    /// Distance in voxels from a voxel's centre to the nearest solid one, rounded down; infinite where nothing is solid.
+    #[inline]
+    pub(crate) fn to_solid(&self, index: usize) -> f32 {
+        self.distance[index]
+    }
+
     /// The whole coordinates of a voxel.
     #[inline]
     pub(crate) fn voxel(&self, index: usize) -> [f64; 3] {
@@ -294,7 +317,9 @@ mod tests {
             );
             let truth = centres.iter().map(|c| c.distance(point)).fold(f64::INFINITY, f64::min);
             let bound = field.probe(point).squared.sqrt();
+            let closer = field.squared_around(point).sqrt();
             assert!(bound <= truth + 1e-9, "{point}: {bound} > {truth}");
+            assert!(closer <= truth + 1e-9 && closer >= bound - 1e-9, "{point}: {bound} {closer} {truth}");
             gap = gap.max(truth - bound);
         }
         // Outside, where the way bends, the bound is looser than the √3 of one rounding inside.

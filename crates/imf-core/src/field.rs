@@ -75,6 +75,13 @@ pub enum Decision {
     Undecided,
 }
 
+impl Decision {
+    /// Of what is decided exactly.
+    pub(crate) fn of(collides: bool) -> Self {
+        if collides { Self::Colliding } else { Self::Free }
+    }
+}
+
 /// A value and how it changes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Gradient {

@@ -45,6 +45,9 @@ impl From<Obstacle> for PreparedObstacle {
     }
 }
 
+/// Poses that are decided together.
+const BLOCK: usize = 256;
+
 /// Counts the obstacle's voxel centres in the analytic tool at any pose, divided by the tool's own count in that
 /// orientation with its tip on a voxel centre. Equal to the section at voxel centres.
 ///
@@ -134,6 +137,11 @@ impl ExactField {
     #[must_use]
     pub fn collides(&self, pose: &Pose) -> bool {
         self.solids().any(|solid| solid.collides(pose))
+    }
+
+    /// [`ExactField::collides`] of every pose; those for which `colliding` is true already are passed over.
+    pub(crate) fn collide_all(&self, poses: &[Pose], colliding: &mut [bool]) {
+        self.solids().for_each(|solid| solid.collide_all(poses, colliding));
     }
 
     /// Lower bound of the distance from the tool's surface to the nearest solid voxel's centre that it must stay out of, in world
@@ -240,8 +248,15 @@ impl PoseField for ExactField {
 
     fn classify(&self, poses: &[Pose], decisions: &mut [Decision]) -> Result<(), FieldError> {
         check_lengths(poses.len(), decisions.len())?;
-        for (pose, decision) in poses.iter().zip(decisions) {
-            *decision = if self.collides(pose) { Decision::Colliding } else { Decision::Free };
+        let mut colliding = [false; BLOCK];
+        for (poses, decisions) in poses.chunks(BLOCK).zip(decisions.chunks_mut(BLOCK)) {
+            let colliding = &mut colliding[..poses.len()];
+            colliding.fill(false);
+            self.collide_all(poses, colliding);
+            decisions
+                .iter_mut()
+                .zip(colliding)
+                .for_each(|(decision, colliding)| *decision = Decision::of(*colliding));
         }
         Ok(())
     }

@@ -5,9 +5,11 @@
 //! collides is first decided by a sphere tree and the obstacle's distance transform, and only what these leave open
 //! is counted, up to the first voxel found. Tools that are meshes are counted by the definition.
 
+mod batch;
 mod inscribed;
 mod lateral_separation;
 mod lines;
+mod nearest;
 mod oriented;
 mod runs;
 mod segment;
@@ -16,14 +18,15 @@ mod voxels;
 
 use std::sync::OnceLock;
 
-use glam::{DQuat, DVec2, DVec3};
+use glam::{DQuat, DVec3};
 use pulp::Arch;
 
-use crate::mesh::Mesh;
 use crate::pose::{Pose, axis_of};
-use crate::tool::{Element, ElementKind, Segment, Tool, ToolError, ToolShape, snapped};
+use crate::tool::{Element, Segment, Tool, ToolError, ToolShape, snapped};
+use batch::BatchSpheres;
 use inscribed::InscribedSpheres;
 pub(crate) use lines::{BodyLines, LineVisitor};
+pub(crate) use nearest::Separation;
 use oriented::OrientedTools;
 use runs::{Within, count, first_solid};
 use segment::{PlacedSegment, VoxelPose};
@@ -48,6 +51,8 @@ pub(crate) struct SolidField {
     spheres: OnceLock<SphereTree>,
     /// Made at the first bound of a penetration.
     inscribed: OnceLock<InscribedSpheres>,
+    /// Made at the first batch.
+    batch: OnceLock<BatchSpheres>,
 }
 
 enum Shape {
@@ -68,33 +73,6 @@ struct Part {
     segment: Segment,
     /// Largest radius, a little generous.
     widest: f64,
-}
-
-/// A solid voxel's centre and a tool's element, with what lies between them, in world units.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Separation {
-    pub(crate) distance: f64,
-    pub(crate) element: ElementKind,
-    /// The centre.
-    pub(crate) centre: DVec3,
-    /// The point of the element's surface that is nearest to it.
-    pub(crate) foot: DVec3,
-}
-
-impl Separation {
-    /// Of an element with the tip at a position and the axis along a unit vector; the distance is that to its surface.
-    pub(crate) fn of(element: &Element, tip: DVec3, axis: DVec3, centre: DVec3) -> Self {
-        let offset = centre - tip;
-        let height = offset.dot(axis);
-        let across = offset - axis * height;
-        let radius = across.length();
-        let foot = element.foot(height, radius, true);
-        // On the axis any direction is as near.
-        let outwards = across.try_normalize().unwrap_or_else(|| axis.any_orthonormal_vector());
-        let point = tip + axis * foot.x + outwards * foot.y;
-        let distance = DVec2::new(height, radius).distance(foot);
-        Self { distance, element: element.kind, centre, foot: point }
-    }
 }
 
 /// Voxels from the grid beyond which a tip is not counted by whole voxels.
@@ -159,6 +137,7 @@ impl SolidField {
             arch: Arch::new(),
             spheres: OnceLock::new(),
             inscribed: OnceLock::new(),
+            batch: OnceLock::new(),
         }
     }
 
@@ -316,50 +295,6 @@ impl SolidField {
         self.bodies().iter().filter(|body| placed.contains(&body.profile, point)).count()
     }
 
-    /// Visits the solid voxels in the tool, which is the one that this field was made of: how deep each lies in its element, which that
-    /// is, and its centre. Of a mesh neither depth nor element is known. Nothing at an invalid pose.
-    pub(crate) fn visit_inside(
-        &self,
-        tool: &Tool,
-        pose: &Pose,
-        mut visit: impl FnMut(f64, Option<&Element>, DVec3),
-    ) {
-        let obstacle = self.voxels.occupancy();
-        let centre = |index: usize| obstacle.grid.centre(obstacle.grid.voxel(index));
-        let ToolShape::Revolved(elements) = &tool.shape else {
-            let visited = |_: &Mesh, index: usize, _: DVec3| visit(0.0, None, centre(index));
-            _ = tool.visit_inside_mesh(obstacle, pose, visited);
-            return;
-        };
-        for element in elements {
-            element.visit_inside(obstacle, pose, |index, height, radius| {
-                visit(element.depth(height, radius, true), Some(element), centre(index));
-            });
-        }
-    }
-
-    /// The distance from the tool, which is the one that this field was made of, to the nearest solid voxel's centre, where it holds none.
-    /// `None` where nothing is solid, at an invalid pose, and of tools that are counted by the definition.
-    pub(crate) fn separation(&self, tool: &Tool, pose: &Pose) -> Option<Separation> {
-        let (Shape::Bodies(bodies), ToolShape::Revolved(elements)) = (&self.shape, &tool.shape) else {
-            return None;
-        };
-        let placed = self.placed(pose)?;
-        let mut nearest: Option<Separation> = None;
-        self.spheres(bodies).nearest(placed, &self.voxels, |voxel| {
-            let offset = (DVec3::from_array(voxel) - placed.tip) * placed.pitch;
-            let centre = pose.position + offset;
-            for element in elements {
-                let found = Separation::of(element, pose.position, placed.direction, centre);
-                if nearest.as_ref().is_none_or(|nearest| found.distance < nearest.distance) {
-                    nearest = Some(found);
-                }
-            }
-            nearest.as_ref().map_or(f64::INFINITY, |nearest| nearest.distance / placed.pitch)
-        });
-        nearest
-    }
-
     /// A point of the world in continuous voxel coordinates.
     pub(crate) fn voxel_of(&self, point: DVec3) -> [f64; 3] {
         self.voxels.occupancy().grid.continuous(point).to_array()
@@ -434,5 +369,7 @@ fn body_segments(body: &Body, placed: VoxelPose) -> impl Iterator<Item = PlacedS
     })
 }
 
+#[cfg(test)]
+mod batch_tests;
 #[cfg(test)]
 mod tests;

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::checker::{Checker, Contact, Placed, QueryError};
 use crate::field::ExactField;
 use crate::machine::MachineMotion;
+use crate::parallel;
 use crate::pose::{Pose, StraightMotion};
 
 /// How motions are followed.
@@ -73,7 +74,7 @@ const RESOLUTION: f64 = 0.01;
 const FINEST: f64 = 1e-4;
 
 /// A motion that can be followed.
-pub(super) enum Way<'a> {
+enum Way<'a> {
     /// Between two poses.
     Straight(StraightMotion),
     /// Between two sets of joints.
@@ -98,7 +99,80 @@ impl Way<'_> {
     }
 }
 
-pub(super) fn offset_further(field: &ExactField) -> Option<[ExactField; OFFSETS.len()]> {
+impl Checker {
+    /// Whether the tool may move from `a` to `b`: the tip along the straight line, the axis along the great circle, both evenly
+    /// ([`Pose::interpolate`]). The first call makes the tools that proofs need.
+    ///
+    /// # Errors
+    /// An end that is an invalid pose, axes that are opposite, a mesh tool, ends beyond double precision, a resolution that is no
+    /// length.
+    pub fn check_motion(
+        &self,
+        a: &Pose,
+        b: &Pose,
+        options: &MotionOptions,
+    ) -> Result<MotionResult, QueryError> {
+        if !(a.is_valid() && b.is_valid()) {
+            return Err(QueryError::InvalidPose);
+        }
+        let way = StraightMotion::new(a, b).ok_or(QueryError::Opposite)?;
+        self.follow_way(&Way::Straight(way), options)
+    }
+
+    /// Whether the tool may move with a machine's joints: rotary axes evenly, and the tip straight or the linear axes evenly
+    /// ([`MachineMotion`]). The world's frame is the part's, as [`Machine::forward`](crate::machine::Machine::forward) has it. Head and
+    /// table are no obstacles of it, and travel is not looked at: see [`check`](mod@crate::check) and
+    /// [`Machine::out_of_travel`](crate::machine::Machine::out_of_travel).
+    ///
+    /// # Errors
+    /// As [`Checker::check_motion`]; a machine in another unit than the world's.
+    pub fn check_machine_motion(
+        &self,
+        motion: &MachineMotion<'_>,
+        options: &MotionOptions,
+    ) -> Result<MotionResult, QueryError> {
+        let (machine, world) = (motion.machine().unit, self.tool.unit);
+        if machine != world {
+            return Err(QueryError::Unit { machine, world });
+        }
+        self.follow_way(&Way::Machine(motion), options)
+    }
+
+    /// [`Checker::check_motion`] of every pair of poses.
+    #[must_use]
+    pub fn check_motions(
+        &self,
+        motions: &[[Pose; 2]],
+        options: &MotionOptions,
+    ) -> Vec<Result<MotionResult, QueryError>> {
+        motions.iter().map(|[a, b]| self.check_motion(a, b, options)).collect()
+    }
+
+    /// [`Checker::check_motions`] on all threads of the current pool.
+    #[must_use]
+    pub fn check_motions_on_all_threads(
+        &self,
+        motions: &[[Pose; 2]],
+        options: &MotionOptions,
+    ) -> Vec<Result<MotionResult, QueryError>> {
+        parallel::map(motions.len(), |index| {
+            self.check_motion(&motions[index][0], &motions[index][1], options)
+        })
+    }
+
+    fn follow_way(&self, way: &Way<'_>, options: &MotionOptions) -> Result<MotionResult, QueryError> {
+        if self.tool.assembly.tool().mesh().is_some() {
+            return Err(QueryError::Mesh);
+        }
+        for one in self.placed.iter() {
+            let offset = one.around.offset.get_or_init(|| offset_further(&one.around.field));
+            offset.as_ref().ok_or(QueryError::Offset)?;
+        }
+        advance(self, way, options)
+    }
+}
+
+fn offset_further(field: &ExactField) -> Option<[ExactField; OFFSETS.len()]> {
     let pitch = field.obstacle().grid().pitch;
     let made = |offset: f64| {
         let assembly = field.assembly().offset_further(offset * pitch).ok()?;
@@ -123,11 +197,7 @@ fn room(one: &Placed, pose: &Pose) -> f64 {
 }
 
 /// Follows a way from its beginning to its end, or to the first collision.
-pub(super) fn advance(
-    checker: &Checker,
-    way: &Way<'_>,
-    options: &MotionOptions,
-) -> Result<MotionResult, QueryError> {
+fn advance(checker: &Checker, way: &Way<'_>, options: &MotionOptions) -> Result<MotionResult, QueryError> {
     let ends = [0.0, 1.0].map(|time| (time, way.at(time)));
     if !ends.iter().all(|(_, pose)| pose.is_valid()) {
         return Err(QueryError::InvalidPose);

@@ -6,12 +6,10 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::advance::{MotionOptions, MotionResult, Way, advance, offset_further};
 use super::{HERE, ObstacleId, Standing, World, WorldError};
 use crate::field::{Decision, ExactField, FieldError, check_lengths};
-use crate::machine::MachineMotion;
 use crate::parallel;
-use crate::pose::{Pose, StraightMotion};
+use crate::pose::Pose;
 use crate::scene::{CoarseTool, Scene};
 use crate::tool::{Assembly, Clearance, ClearanceError, ElementKind, Segment, Tool, ToolShape};
 use crate::unit::LengthUnit;
@@ -73,7 +71,7 @@ pub struct Contact {
 /// The tool, offset by its clearance.
 pub(super) struct CheckedTool {
     pub(super) assembly: Assembly,
-    unit: LengthUnit,
+    pub(super) unit: LengthUnit,
     /// Height of the middle of a ball around the tool, on its axis, and the ball's radius.
     middle: f64,
     radius: f64,
@@ -124,7 +122,7 @@ impl Placed {
 #[derive(Clone)]
 pub struct Checker {
     pub(super) tool: Arc<CheckedTool>,
-    placed: Arc<[Placed]>,
+    pub(super) placed: Arc<[Placed]>,
 }
 
 impl Checker {
@@ -210,10 +208,45 @@ impl Checker {
     /// An output slice of another length.
     pub fn classify(&self, poses: &[Pose], decisions: &mut [Decision]) -> Result<(), FieldError> {
         check_lengths(poses.len(), decisions.len())?;
-        for (pose, decision) in poses.iter().zip(decisions) {
-            *decision = if self.is_free(pose) { Decision::Free } else { Decision::Colliding };
+        for (poses, decisions) in poses.chunks(BLOCK).zip(decisions.chunks_mut(BLOCK)) {
+            let mut colliding = [false; BLOCK];
+            self.collide_block(poses, &mut colliding);
+            decisions
+                .iter_mut()
+                .zip(colliding)
+                .for_each(|(decision, colliding)| *decision = Decision::of(colliding));
         }
         Ok(())
+    }
+
+    fn collide_block(&self, poses: &[Pose], colliding: &mut [bool; BLOCK]) {
+        let found = &mut colliding[..poses.len()];
+        match &*self.placed {
+            [] => found.iter_mut().zip(poses).for_each(|(found, pose)| *found = !pose.is_valid()),
+            [one] if one.back.is_none() => one.around.field.collide_all(poses, found),
+            all => {
+                let mut middles = [None; BLOCK];
+                for ((middle, found), pose) in middles.iter_mut().zip(found.iter_mut()).zip(poses) {
+                    *middle = self.tool_middle(pose);
+                    *found = middle.is_none();
+                }
+                let mut local = [HERE; BLOCK];
+                let (mut places, mut hit) = ([0; BLOCK], [false; BLOCK]);
+                for one in all {
+                    let mut near = 0;
+                    for (index, pose) in poses.iter().enumerate() {
+                        if !found[index] && middles[index].is_some_and(|middle| self.gap(one, middle) <= 0.0)
+                        {
+                            (local[near], places[near]) = (one.local(pose), index);
+                            near += 1;
+                        }
+                    }
+                    hit[..near].fill(false);
+                    one.around.field.collide_all(&local[..near], &mut hit[..near]);
+                    places.iter().zip(hit).take(near).for_each(|(&index, hit)| found[index] |= hit);
+                }
+            }
+        }
     }
 
     /// [`Checker::classify`] on all threads of the current pool.
@@ -255,77 +288,6 @@ impl Checker {
         Ok(found)
     }
 
-    /// Whether the tool may move from `a` to `b`: the tip along the straight line, the axis along the great circle, both evenly
-    /// ([`Pose::interpolate`]). The first call makes the tools that proofs need.
-    ///
-    /// # Errors
-    /// An end that is an invalid pose, axes that are opposite, a mesh tool, ends beyond double precision, a resolution that is no
-    /// length.
-    pub fn check_motion(
-        &self,
-        a: &Pose,
-        b: &Pose,
-        options: &MotionOptions,
-    ) -> Result<MotionResult, QueryError> {
-        if !(a.is_valid() && b.is_valid()) {
-            return Err(QueryError::InvalidPose);
-        }
-        let way = StraightMotion::new(a, b).ok_or(QueryError::Opposite)?;
-        self.follow_way(&Way::Straight(way), options)
-    }
-
-    /// Whether the tool may move with a machine's joints: rotary axes evenly, and the tip straight or the linear axes evenly
-    /// ([`MachineMotion`]). The world's frame is the part's, as [`Machine::forward`](crate::machine::Machine::forward) has it. Head and
-    /// table are no obstacles of it, and travel is not looked at: see [`check`](mod@crate::check) and
-    /// [`Machine::out_of_travel`](crate::machine::Machine::out_of_travel).
-    ///
-    /// # Errors
-    /// As [`Checker::check_motion`]; a machine in another unit than the world's.
-    pub fn check_machine_motion(
-        &self,
-        motion: &MachineMotion<'_>,
-        options: &MotionOptions,
-    ) -> Result<MotionResult, QueryError> {
-        let (machine, world) = (motion.machine().unit, self.tool.unit);
-        if machine != world {
-            return Err(QueryError::Unit { machine, world });
-        }
-        self.follow_way(&Way::Machine(motion), options)
-    }
-
-    /// [`Checker::check_motion`] of every pair of poses.
-    #[must_use]
-    pub fn check_motions(
-        &self,
-        motions: &[[Pose; 2]],
-        options: &MotionOptions,
-    ) -> Vec<Result<MotionResult, QueryError>> {
-        motions.iter().map(|[a, b]| self.check_motion(a, b, options)).collect()
-    }
-
-    /// [`Checker::check_motions`] on all threads of the current pool.
-    #[must_use]
-    pub fn check_motions_on_all_threads(
-        &self,
-        motions: &[[Pose; 2]],
-        options: &MotionOptions,
-    ) -> Vec<Result<MotionResult, QueryError>> {
-        parallel::map(motions.len(), |index| {
-            self.check_motion(&motions[index][0], &motions[index][1], options)
-        })
-    }
-
-    fn follow_way(&self, way: &Way<'_>, options: &MotionOptions) -> Result<MotionResult, QueryError> {
-        if self.tool.assembly.tool().mesh().is_some() {
-            return Err(QueryError::Mesh);
-        }
-        for one in self.placed.iter() {
-            let offset = one.around.offset.get_or_init(|| offset_further(&one.around.field));
-            offset.as_ref().ok_or(QueryError::Offset)?;
-        }
-        advance(self, way, options)
-    }
-
     /// Edge of the finest voxels; `None` without an obstacle.
     pub(super) fn finest_pitch(&self) -> Option<f64> {
         let pitches = self.placed.iter().map(|one| one.around.field.obstacle().grid().pitch);
@@ -351,10 +313,6 @@ impl Checker {
         least
     }
 
-    pub(super) fn placed(&self) -> &[Placed] {
-        &self.placed
-    }
-
     pub(super) fn tool_middle(&self, pose: &Pose) -> Option<DVec3> {
         Some(pose.position + pose.axis()? * self.tool.middle)
     }
@@ -365,6 +323,8 @@ impl Checker {
     }
 }
 
+/// Poses that are decided together.
+const BLOCK: usize = 256;
 /// Poses that a thread decides at a time.
 const CHUNK: usize = 1024;
 

@@ -43,7 +43,7 @@ impl Checker {
     pub fn distance(&self, pose: &Pose) -> Result<Option<Distance>, QueryError> {
         let middle = self.tool_middle(pose).ok_or(QueryError::InvalidPose)?;
         let mut nearest: Option<Distance> = None;
-        for one in self.placed() {
+        for one in self.placed.iter() {
             let least = nearest.map_or(f64::INFINITY, |nearest| nearest.lower);
             if self.gap(one, middle) > least {
                 continue;

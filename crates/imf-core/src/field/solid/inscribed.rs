@@ -44,6 +44,19 @@ impl InscribedSpheres {
         Self { spheres }
     }
 
+    /// Some of them, heights and radii, the widest first: from any that is left out one that is kept is nearer than `part` of its radius.
+    pub(super) fn apart(&self, part: f64) -> Vec<(f64, f64)> {
+        let mut all = self.spheres.clone();
+        all.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let mut kept: Vec<(f64, f64)> = Vec::new();
+        for (height, radius) in all {
+            if kept.iter().all(|other| (other.0 - height).abs() >= part * other.1) {
+                kept.push((height, radius));
+            }
+        }
+        kept
+    }
+
     /// Lower bound of the length of every translation that frees the tool, in voxels; 0 where none is proven.
     pub(super) fn bound(&self, placed: VoxelPose, voxels: &SolidVoxels) -> f64 {
         let (distances, obstacle, depths) = (voxels.distances(), voxels.occupancy(), voxels.depths());

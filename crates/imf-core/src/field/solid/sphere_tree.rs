@@ -106,6 +106,24 @@ impl SphereTree {
         &self.pieces[index as usize]
     }
 
+    /// Bounding spheres that together cover the tool, heights of their middles and radii: pieces of a length l with l² at most
+    /// `slender` times the radius, or that are not halved.
+    pub(super) fn cover(&self, slender: f64) -> Vec<(f64, f64)> {
+        let (mut spheres, mut stack) = (Vec::new(), Vec::from_iter(0..self.roots as u32));
+        while let Some(index) = stack.pop() {
+            let piece = self.piece(index);
+            let length = piece.to - piece.from;
+            if piece.halves == 0 || length * length <= slender * piece.radius {
+                spheres.push((piece.middle, piece.radius));
+            } else {
+                stack.extend([piece.halves, piece.halves + 1]);
+            }
+        }
+        // The widest are the first to touch.
+        spheres.sort_by(|a, b| b.1.total_cmp(&a.1));
+        spheres
+    }
+
     /// Tries to decide a pose. Pieces left open are listed in `open`.
     #[inline]
     pub(super) fn decide(
@@ -142,6 +160,10 @@ impl SphereTree {
                     }
                 }
                 if piece.halves == 0 {
+                    // Counting costs more than looking at all centres around the point.
+                    if distances.squared_around(middle) > piece.squared {
+                        continue;
+                    }
                     if found == OPEN {
                         return Verdict::Undecided;
                     }

@@ -14,18 +14,18 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 /// A part at half the paper's resolution; the tool is full-sized for half of them, to reach out of the grid.
-fn half(part: ReferencePart, tool: &Tool) -> Scene {
+pub(super) fn half(part: ReferencePart, tool: &Tool) -> Scene {
     let mesh = part.mesh();
     let spec = SceneSpec::of_reference(part, &mesh, part.dims().map(|n| n.div_ceil(2)), tool);
     spec.scene().unwrap()
 }
 
-fn field_of(scene: &Scene) -> SolidField {
+pub(super) fn field_of(scene: &Scene) -> SolidField {
     SolidField::of_tool(Arc::new(scene.obstacle.clone()), &scene.record.tool)
 }
 
 /// Bull-nose cutter with a corner, tapered flank, shank, holder with a cone that narrows.
-fn awkward() -> Tool {
+pub(super) fn awkward() -> Tool {
     let nose = Segment::Arc { from: 0.0, to: 1.6, centre_height: 2.0, centre_radius: 2.0, arc_radius: 2.0 };
     let elements = [
         (ElementKind::Cutter, vec![nose, line(1.6, 20.0, 3.959_591_794_226_542, 7.0)]),
@@ -62,7 +62,7 @@ fn pose(grid: &Grid, random: &mut ChaCha8Rng, index: usize) -> Pose {
 }
 
 /// The `index`-th pose of a seed.
-fn random_pose(grid: &Grid, seed: usize, index: usize) -> Pose {
+pub(super) fn random_pose(grid: &Grid, seed: usize, index: usize) -> Pose {
     pose(grid, &mut ChaCha8Rng::seed_from_u64((seed * 1_000_000 + index) as u64), index)
 }
 

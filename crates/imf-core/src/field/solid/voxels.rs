@@ -8,6 +8,7 @@ use super::FreeBall;
 use super::runs::Columns;
 use crate::distance::{DistanceField, squared_depths};
 use crate::occupancy::Occupancy;
+use crate::parallel;
 
 /// An obstacle's voxels with their running sums and, from the first decision on, their distance transform. Cloning it
 /// copies nothing.
@@ -19,12 +20,20 @@ struct Prepared {
     columns: Columns,
     distances: OnceLock<DistanceField>,
     depths: OnceLock<Vec<f32>>,
+    /// By how many parts of a voxel a byte counts: 1, 2, 4, 8.
+    bytes: [OnceLock<Vec<u8>>; 4],
 }
 
 impl From<Arc<Occupancy>> for SolidVoxels {
     fn from(occupancy: Arc<Occupancy>) -> Self {
         let columns = Columns::new(&occupancy);
-        Self(Arc::new(Prepared { occupancy, columns, distances: OnceLock::new(), depths: OnceLock::new() }))
+        Self(Arc::new(Prepared {
+            occupancy,
+            columns,
+            distances: OnceLock::new(),
+            depths: OnceLock::new(),
+            bytes: Default::default(),
+        }))
     }
 }
 
@@ -39,6 +48,15 @@ impl SolidVoxels {
 
     pub(crate) fn distances(&self) -> &DistanceField {
         self.0.distances.get_or_init(|| DistanceField::new(&self.0.occupancy))
+    }
+
+    /// By voxel the distance to the nearest solid centre, in so many parts of a voxel (1, 2, 4 or 8), rounded down, 255 where it is larger. Made
+    /// at the first batch.
+    pub(super) fn bytes(&self, parts: u32) -> &[u8] {
+        let distances = self.distances();
+        let byte = |index: usize| (distances.to_solid(index) * parts as f32).min(255.0) as u8;
+        let made = || parallel::map(self.0.occupancy.grid.len(), byte);
+        self.0.bytes[parts.trailing_zeros() as usize & 3].get_or_init(made)
     }
 
     /// By voxel the distance to the nearest empty centre, in voxels, rounded down; 0 where empty. Made at the first bound of a

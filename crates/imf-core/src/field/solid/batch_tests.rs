@@ -1,0 +1,111 @@
+//! Batches against single decisions, which are counts' twins.
+
+use glam::{DQuat, DVec3};
+
+use super::tests::{awkward, field_of, half, random_pose};
+use super::*;
+use std::sync::Arc;
+
+use crate::grid::Grid;
+use crate::occupancy::Occupancy;
+use crate::parts::ReferencePart;
+use crate::section::test_shapes::archs;
+use crate::tool::Clearance;
+
+/// What batches say, `extra` voxels of clearance around the tool.
+fn agree(field: &SolidField, poses: &[Pose]) -> usize {
+    let mut colliding = vec![false; poses.len()];
+    field.collide_all(poses, &mut colliding);
+    for (pose, colliding) in poses.iter().zip(&colliding) {
+        assert_eq!(*colliding, field.collides(pose), "{pose:?}");
+    }
+    colliding.iter().filter(|colliding| !**colliding).count()
+}
+
+#[test]
+fn batches_decide_as_single_poses_do() {
+    for (seed, part) in ReferencePart::ALL.into_iter().enumerate() {
+        for tool in [Tool::paper(), awkward()] {
+            let scene = half(part, &tool);
+            let field = field_of(&scene);
+            let poses: Vec<Pose> =
+                (0..30_011).map(|index| random_pose(&scene.record.grid, seed + 7, index)).collect();
+            let free = agree(&field, &poses);
+            assert!(free > 1000 && free < 29_000, "{free}");
+        }
+    }
+}
+
+#[test]
+fn batches_within_two_voxels_of_contact_decide_as_single_poses_do() {
+    let tool = awkward();
+    let scene = half(ReferencePart::Bracket, &tool);
+    let field = field_of(&scene);
+    let grid = scene.record.grid;
+    let mut near = Vec::new();
+    for index in 0..4000 {
+        let pose = random_pose(&grid, 11, index);
+        let other = random_pose(&grid, 12, index);
+        if field.collides(&pose) == field.collides(&other) {
+            continue;
+        }
+        let (mut low, mut high) = (0.0, 1.0);
+        let at = |time: f64| Pose { position: pose.position.lerp(other.position, time), ..pose };
+        if field.collides(&at(0.0)) == field.collides(&at(1.0)) {
+            continue;
+        }
+        for _ in 0..30 {
+            let middle = 0.5 * (low + high);
+            if field.collides(&at(middle)) == field.collides(&at(0.0)) { low = middle } else { high = middle }
+        }
+        let step = 2.0 * grid.pitch / pose.position.distance(other.position);
+        near.extend((-4..=4).map(|k| at(low + step * f64::from(k) / 4.0)));
+        near.extend([at(low), at(high)]);
+    }
+    let free = agree(&field, &near);
+    assert!(near.len() > 5000 && free > 1000 && free < near.len() - 1000, "{free} of {}", near.len());
+}
+
+#[test]
+fn batches_of_odd_poses_and_tools_decide_as_single_ones() {
+    let tool = Tool::paper();
+    let scene = half(ReferencePart::Teapot, &tool);
+    let room = Clearance { holder: 3.0, shank: 2.0, cutter: 1.0 };
+    let wide = tool.with_clearance(&room).unwrap();
+    let grid = scene.record.grid;
+    let mut poses: Vec<Pose> = (0..700).map(|index| random_pose(&grid, 3, index)).collect();
+    for (index, pose) in poses.iter_mut().enumerate() {
+        match index % 9 {
+            0 => pose.rotation *= 3.0,
+            1 => pose.position += DVec3::X * 1e9,
+            2 => pose.position.y = f64::NAN,
+            3 => pose.rotation = DQuat::from_xyzw(0.0, 0.0, 0.0, 0.0),
+            4 => pose.position.z = f64::NEG_INFINITY,
+            5 => pose.rotation.x = f64::NAN,
+            _ => {}
+        }
+    }
+    for arch in archs() {
+        for tool in [&tool, &wide] {
+            let field = SolidField { arch, ..SolidField::of_tool(Arc::new(scene.obstacle.clone()), tool) };
+            agree(&field, &poses);
+            // What collides already stays so, and is not looked at.
+            let mut colliding = vec![true; poses.len()];
+            field.collide_all(&poses, &mut colliding);
+            assert!(colliding.iter().all(|colliding| *colliding));
+        }
+    }
+    // Nothing solid, and a voxel so fine that bytes count whole ones.
+    let empty = SolidField::of_tool(Arc::new(Occupancy::empty(grid)), &tool);
+    agree(&empty, &poses);
+    let fine = Grid { origin: DVec3::ZERO, pitch: 0.12, dims: [40, 30, 50] };
+    let solid = (0..fine.len()).map(|index| u8::from(index % 37 == 0)).collect();
+    let field = SolidField::of_tool(Arc::new(Occupancy { grid: fine, solid }), &tool);
+    let poses: Vec<Pose> = (0..3000)
+        .map(|index| {
+            let pose = random_pose(&grid, 5, index);
+            Pose { position: 0.9 * (pose.position - grid.origin), ..pose }
+        })
+        .collect();
+    agree(&field, &poses);
+}
