@@ -28,6 +28,12 @@
 #include <stdint.h>
 #include <stdlib.h>
 
+// Of this header; imf_version() is that of the library.
+#define IMF_VERSION "0.1.0"
+#define IMF_VERSION_MAJOR 0
+#define IMF_VERSION_MINOR 1
+#define IMF_VERSION_PATCH 0
+
 // What became of a call.
 typedef enum {
   // It is done.
@@ -73,8 +79,26 @@ typedef enum {
   IMF_MOTION_KIND_COLLIDING = 1,
 } ImfMotionKind;
 
+// A unit of length.
+typedef enum {
+  // Millimetre.
+  IMF_UNIT_MM = 0,
+  // Centimetre.
+  IMF_UNIT_CM = 1,
+  // Metre.
+  IMF_UNIT_M = 2,
+  // Inch.
+  IMF_UNIT_INCH = 3,
+} ImfUnit;
+
+// One tool among the obstacles of a world, with a clearance.
+typedef struct ImfChecker ImfChecker;
+
 // A field, opened from a file.
 typedef struct ImfField ImfField;
+
+// Obstacles with their places.
+typedef struct ImfWorld ImfWorld;
 
 // Where the tool is.
 typedef struct {
@@ -142,7 +166,51 @@ typedef struct {
   double until;
   // Colliding: the pose that collides. Else an invalid pose (NaN).
   ImfPose pose;
+  // Colliding: the element that collides: 0 the cutter, 1 the shank, 2 and more the holder's segments from the tip upwards. Else, and of a
+  // mesh, -1.
+  int32_t element;
+  // Colliding: the number of the obstacle. Else 0.
+  uint64_t obstacle;
 } ImfMotion;
+
+// A mesh that becomes an obstacle, and how.
+typedef struct {
+  // Its name, which ends with 0, in UTF-8.
+  const char *name;
+  // x, y and z of every vertex, in the mesh's own frame.
+  const double *vertices;
+  // How many vertices.
+  size_t vertex_count;
+  // Three vertices of every triangle, counter-clockwise seen from outside.
+  const uint32_t *triangles;
+  // How many triangles.
+  size_t triangle_count;
+  // From the mesh's lengths to the world's; 0 for 1.
+  double scale;
+  // Edge of a voxel, in the world's unit; 0 for the world's own.
+  double pitch;
+  // How deep below its surface the cutter may reach, in the world's unit; 0 for what is not to be cut.
+  double contact;
+  // Whether every voxel that the surface touches is solid.
+  bool conservative;
+} ImfMesh;
+
+// A distance with its bounds, in the world's unit: above 0 between the tool, offset by its clearance, and the nearest solid voxel's centre;
+// below 0 minus the least translation that frees the tool of the obstacle.
+typedef struct {
+  // The distance is at least this; infinite where there is no obstacle, and then nothing below means anything.
+  double lower;
+  // It is at most this.
+  double upper;
+  // A point of the tool's surface.
+  double tool_point[3];
+  // The voxel's centre to which that point is nearest.
+  double obstacle_point[3];
+  // The tool's element: 0 the cutter, 1 the shank, 2 and more the holder's segments from the tip upwards.
+  int32_t element;
+  // The number of the obstacle.
+  uint64_t obstacle;
+} ImfDistance;
 
 #ifdef __cplusplus
 extern "C" {
@@ -163,6 +231,16 @@ ImfPose imf_pose_along(double x,
                        double i,
                        double j,
                        double k);
+
+// Opens a model whose decisions are proven, as imf_open_verified, from a file that is in memory; messages call it name. The bytes are not
+// needed afterwards. On failure *field is NULL.
+//
+// # Safety
+// bytes holds size bytes; name is a text that ends with 0, in UTF-8; field has room for a pointer.
+ImfStatus imf_open_verified_from_memory(const uint8_t *bytes,
+                                        size_t size,
+                                        const char *name,
+                                        ImfField **field);
 
 // Opens a model of any family: approximate values, gradients, and decisions as good as its calibration. On failure *field
 // is NULL.
@@ -259,6 +337,107 @@ ImfStatus imf_check_motion(const ImfField *field,
                            const ImfPose *a,
                            const ImfPose *b,
                            ImfMotion *motion);
+
+// Makes a world without obstacles: its unit, and the edge of a voxel of obstacles that have none of their own. On failure *world is
+// NULL.
+//
+// # Safety
+// world has room for a pointer.
+ImfStatus imf_world_create(ImfUnit unit,
+                           double pitch,
+                           ImfWorld **world);
+
+// Adds an obstacle: makes voxels of a mesh, in its own frame, which stands at a place in the world. It gets a number, by which it
+// can be moved and removed.
+//
+// # Safety
+// world was created and not closed, and no other thread calls with it; mesh is one, and holds as many numbers as it says; at is a pose; id
+// has room for a number.
+ImfStatus imf_world_add_mesh(ImfWorld *world,
+                             const ImfMesh *mesh,
+                             const ImfPose *at,
+                             uint64_t *id);
+
+// As imf_world_add_mesh, of an OBJ, STL, PLY or 3MF file; of mesh its triangles are not read. Files that state no unit are in the world's.
+//
+// # Safety
+// As imf_world_add_mesh; path is a text that ends with 0, in UTF-8.
+ImfStatus imf_world_add_file(ImfWorld *world,
+                             const char *path_text,
+                             const ImfMesh *mesh,
+                             const ImfPose *at,
+                             uint64_t *id);
+
+// Moves an obstacle: at is from its own frame into the world. Checkers see it once they follow.
+//
+// # Safety
+// world was created and not closed, and no other thread calls with it; at is a pose.
+ImfStatus imf_world_place(ImfWorld *world, uint64_t id, const ImfPose *at);
+
+// Removes an obstacle. Checkers see it once they follow.
+//
+// # Safety
+// world was created and not closed, and no other thread calls with it.
+ImfStatus imf_world_remove(ImfWorld *world, uint64_t id);
+
+// Closes a world; NULL is passed over. Checkers of it stay.
+//
+// # Safety
+// world is NULL, or was created, not closed yet, and no thread calls with it any more.
+void imf_world_close(ImfWorld *world);
+
+// Makes a checker of a tool in a world: the tool by its file (imf's own TOML, or a library's file of one tool), offset by the clearance of
+// holder, shank and cutter, in the world's unit. On failure *checker is NULL.
+//
+// # Safety
+// world was created and not closed; tool_path is a text that ends with 0, in UTF-8; there are three clearances; checker has room for a
+// pointer.
+ImfStatus imf_checker_create(const ImfWorld *world,
+                             const char *tool_path,
+                             const double *clearance,
+                             ImfChecker **checker);
+
+// Takes over where the world's obstacles stand, which were added and which removed. What was made for those that are still there is kept.
+//
+// # Safety
+// checker was created and not closed, and no other thread calls with it; world was created and not closed.
+ImfStatus imf_checker_follow(ImfChecker *checker,
+                             const ImfWorld *world);
+
+// Whether the tool collides at every pose: free or colliding, exactly for voxel centres.
+//
+// # Safety
+// checker was created and not closed; there are count poses, and room for as many decisions.
+ImfStatus imf_checker_classify(const ImfChecker *checker,
+                               const ImfPose *poses,
+                               size_t count,
+                               ImfDecision *decisions);
+
+// How far the tool is from the nearest obstacle, or how deep it is in one.
+//
+// # Safety
+// checker was created and not closed; pose is one; distance has room for one.
+ImfStatus imf_checker_distance(const ImfChecker *checker,
+                               const ImfPose *pose,
+                               ImfDistance *distance);
+
+// Whether the tool may move from a to b: the tip along the straight line, the axis along the great circle, both evenly. Where it passes too
+// closely for a proof, poses are tried between which no point of the tool moves farther than resolution; 0 for a hundredth of the finest
+// pitch.
+//
+// # Safety
+// checker was created and not closed; a and b are poses; motion has room for one.
+ImfStatus imf_checker_motion(const ImfChecker *checker,
+                             const ImfPose *a,
+                             const ImfPose *b,
+                             double resolution,
+                             ImfMotion *motion);
+
+// Closes a checker; NULL is passed over.
+//
+// # Safety
+// checker is NULL, or was created, not closed yet, and no thread calls with it any more.
+void imf_checker_close(ImfChecker *checker);
 
 #ifdef __cplusplus
 }  // extern "C"

@@ -120,6 +120,16 @@ pub(crate) unsafe fn read_one<'a, T>(pointer: *const T, what: &str) -> Result<&'
     Ok(&unsafe { read(pointer, 1, what) }?[0])
 }
 
+/// One thing of the library that C gives to be changed.
+///
+/// # Safety
+/// `pointer` holds one element that nobody else reads or writes for as long as it is used.
+pub(crate) unsafe fn write_one<'a, T>(pointer: *mut T, what: &str) -> Result<&'a mut T, Refusal> {
+    check(pointer, 1, what)?;
+    // SAFETY: not null, aligned; the rest is guaranteed by the caller.
+    Ok(unsafe { &mut *pointer })
+}
+
 /// Where C wants results. The memory need not hold anything yet: it is only written.
 ///
 /// # Safety
@@ -142,12 +152,21 @@ pub(crate) unsafe fn output<'a, T>(
 /// # Safety
 /// `pointer` is NULL or a text that ends with 0.
 pub(crate) unsafe fn path<'a>(pointer: *const c_char) -> Result<&'a str, Refusal> {
+    // SAFETY: guaranteed by the caller.
+    unsafe { text(pointer, "path") }
+}
+
+/// A text that C gives.
+///
+/// # Safety
+/// `pointer` is NULL or a text that ends with 0.
+pub(crate) unsafe fn text<'a>(pointer: *const c_char, what: &str) -> Result<&'a str, Refusal> {
     if pointer.is_null() {
-        return Err(Refusal::null("path"));
+        return Err(Refusal::null(what));
     }
     // SAFETY: not null; the end is guaranteed by the caller.
     let text = unsafe { CStr::from_ptr(pointer) };
-    text.to_str().map_err(|_| Refusal::new(ImfStatus::Argument, "path is no text in UTF-8"))
+    text.to_str().map_err(|_| Refusal::new(ImfStatus::Argument, format!("{what} is no text in UTF-8")))
 }
 
 #[cfg(test)]

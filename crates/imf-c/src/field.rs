@@ -10,7 +10,7 @@ use imf_fields::calibration::Calibration;
 use imf_fields::field::{Field, LoadError, Planner};
 use imf_fields::file::FieldFile;
 
-use crate::boundary::{ImfStatus, Refusal, call, output, path, read_one};
+use crate::boundary::{ImfStatus, Refusal, call, output, path, read, read_one};
 use crate::values::ImfQuantity;
 
 /// A field, opened from a file.
@@ -100,6 +100,28 @@ fn exact(path: &Path) -> Result<ImfField, Refusal> {
     let field = ExactField::of_scene(scene, &scene.record.clearance).map_err(of_file)?;
     let checker = Checker::of_field(&field, scene.record.unit);
     Ok(ImfField::new(Kind::Exact(Box::new(field), checker), scene, stored.calibration()))
+}
+
+/// Opens a model whose decisions are proven, as imf_open_verified, from a file that is in memory; messages call it name. The bytes are not
+/// needed afterwards. On failure *field is NULL.
+///
+/// # Safety
+/// bytes holds size bytes; name is a text that ends with 0, in UTF-8; field has room for a pointer.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn imf_open_verified_from_memory(
+    bytes: *const u8,
+    size: usize,
+    name: *const c_char,
+    field: *mut *mut ImfField,
+) -> ImfStatus {
+    let opened = |name: &Path| {
+        // SAFETY: guaranteed by the caller.
+        let bytes = unsafe { read(bytes, size, "bytes") }?;
+        let model = Field::from_bytes(bytes, &name.to_string_lossy()).map_err(of_file)?;
+        Ok(verified(Planner::new(model).map_err(of_file)?))
+    };
+    // SAFETY: guaranteed by the caller.
+    unsafe { open(name, field, opened) }
 }
 
 /// Opens and hands over, or leaves `*field` NULL.

@@ -1,10 +1,13 @@
 //! Poses and answers as C holds them.
 
+use std::ffi::c_char;
+
 use imf_core::field::{Best, Decision, Gradient};
 use imf_core::glam::{DQuat, DVec3};
 use imf_core::pose::Pose;
 use imf_core::section::Quantity;
-use imf_core::world::MotionResult;
+use imf_core::tool::ElementKind;
+use imf_core::world::{Distance, MotionResult};
 
 /// Where the tool is.
 #[repr(C)]
@@ -93,6 +96,68 @@ pub struct ImfMotion {
     pub until: f64,
     /// Colliding: the pose that collides. Else an invalid pose (NaN).
     pub pose: ImfPose,
+    /// Colliding: the element that collides: 0 the cutter, 1 the shank, 2 and more the holder's segments from the tip upwards. Else, and of a
+    /// mesh, -1.
+    pub element: i32,
+    /// Colliding: the number of the obstacle. Else 0.
+    pub obstacle: u64,
+}
+
+/// A unit of length.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ImfUnit {
+    /// Millimetre.
+    Mm = 0,
+    /// Centimetre.
+    Cm = 1,
+    /// Metre.
+    M = 2,
+    /// Inch.
+    Inch = 3,
+}
+
+/// A mesh that becomes an obstacle, and how.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct ImfMesh {
+    /// Its name, which ends with 0, in UTF-8.
+    pub name: *const c_char,
+    /// x, y and z of every vertex, in the mesh's own frame.
+    pub vertices: *const f64,
+    /// How many vertices.
+    pub vertex_count: usize,
+    /// Three vertices of every triangle, counter-clockwise seen from outside.
+    pub triangles: *const u32,
+    /// How many triangles.
+    pub triangle_count: usize,
+    /// From the mesh's lengths to the world's; 0 for 1.
+    pub scale: f64,
+    /// Edge of a voxel, in the world's unit; 0 for the world's own.
+    pub pitch: f64,
+    /// How deep below its surface the cutter may reach, in the world's unit; 0 for what is not to be cut.
+    pub contact: f64,
+    /// Whether every voxel that the surface touches is solid.
+    pub conservative: bool,
+}
+
+/// A distance with its bounds, in the world's unit: above 0 between the tool, offset by its clearance, and the nearest solid voxel's centre;
+/// below 0 minus the least translation that frees the tool of the obstacle.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ImfDistance {
+    /// The distance is at least this; infinite where there is no obstacle, and then nothing below means anything.
+    pub lower: f64,
+    /// It is at most this.
+    pub upper: f64,
+    /// A point of the tool's surface.
+    pub tool_point: [f64; 3],
+    /// The voxel's centre to which that point is nearest.
+    pub obstacle_point: [f64; 3],
+    /// The tool's element: 0 the cutter, 1 the shank, 2 and more the holder's segments from the tip upwards.
+    pub element: i32,
+    /// The number of the obstacle.
+    pub obstacle: u64,
 }
 
 const NO_POSE: ImfPose = ImfPose { position: [f64::NAN; 3], rotation: [f64::NAN; 4] };
@@ -163,6 +228,36 @@ impl From<MotionResult> for ImfMotion {
             last_valid: last_valid.map_or(NO_POSE, |(_, pose)| pose.into()),
             until: first_colliding.map_or(1.0, |collision| collision.time),
             pose: first_colliding.map_or(NO_POSE, |collision| collision.pose.into()),
+            element: first_colliding.and_then(|collision| collision.contact.element).map_or(-1, element),
+            obstacle: first_colliding.map_or(0, |collision| collision.contact.obstacle.0),
+        }
+    }
+}
+
+fn element(kind: ElementKind) -> i32 {
+    i32::try_from(kind.rank()).unwrap_or(i32::MAX)
+}
+
+impl From<Option<Distance>> for ImfDistance {
+    fn from(found: Option<Distance>) -> Self {
+        let Some(found) = found else {
+            let (lower, upper) = (f64::INFINITY, f64::INFINITY);
+            return Self {
+                lower,
+                upper,
+                tool_point: [f64::NAN; 3],
+                obstacle_point: [f64::NAN; 3],
+                element: -1,
+                obstacle: 0,
+            };
+        };
+        Self {
+            lower: found.lower,
+            upper: found.upper,
+            tool_point: found.tool_point.to_array(),
+            obstacle_point: found.obstacle_point.to_array(),
+            element: element(found.element),
+            obstacle: found.obstacle.0,
         }
     }
 }

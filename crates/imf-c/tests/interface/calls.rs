@@ -13,7 +13,7 @@ use imf_fields::field::Field;
 
 use crate::files::{harmonic, harmonic_of, scene, siren, spread};
 
-fn last_error() -> String {
+pub(crate) fn last_error() -> String {
     // SAFETY: read at once.
     unsafe { CStr::from_ptr(imf_last_error()) }.to_str().unwrap().to_owned()
 }
@@ -188,6 +188,8 @@ fn what_c_must_not_do_is_a_status() {
             last_valid: NO,
             until: 0.0,
             pose: NO,
+            element: 0,
+            obstacle: 0,
         };
         assert_eq!(imf_check_motion(field, &pose, &pose, &mut motion), ImfStatus::Ok);
         let model = open(imf_open_model, &path);

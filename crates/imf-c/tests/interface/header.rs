@@ -5,8 +5,17 @@ use std::path::Path;
 #[test]
 fn the_header_is_generated_from_the_sources() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let config = cbindgen::Config::from_file(root.join("cbindgen.toml")).unwrap();
-    let sources = ["boundary", "values", "field", "query"].map(|name| root.join(format!("src/{name}.rs")));
+    let mut config = cbindgen::Config::from_file(root.join("cbindgen.toml")).unwrap();
+    let version = env!("CARGO_PKG_VERSION");
+    let [major, minor, patch] = [0, 1, 2].map(|place| version.split('.').nth(place).unwrap());
+    config.after_includes = Some(format!(
+        "\n// Of this header; imf_version() is that of the library.\n#define IMF_VERSION \"{version}\"\n#define IMF_VERSION_MAJOR {major}\n#define \
+         IMF_VERSION_MINOR {minor}\n#define IMF_VERSION_PATCH {patch}"
+    ));
+    let package = std::fs::read_to_string(root.join("imf.pc")).unwrap();
+    assert!(package.contains(&format!("\nVersion: {version}\n")), "{package}");
+    let sources =
+        ["boundary", "values", "field", "query", "world"].map(|name| root.join(format!("src/{name}.rs")));
     let builder =
         sources.iter().fold(cbindgen::Builder::new().with_config(config), cbindgen::Builder::with_src);
     let mut generated = Vec::new();

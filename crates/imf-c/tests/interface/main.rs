@@ -8,3 +8,4 @@ mod calls;
 mod example;
 mod files;
 mod header;
+mod world;

@@ -1,0 +1,319 @@
+//! Obstacles that move, and checkers of one tool among them.
+
+use std::ffi::c_char;
+use std::path::Path;
+
+use imf_core::field::Decision;
+use imf_core::glam::DVec3;
+use imf_core::mesh::Mesh;
+use imf_core::mesh::read::read_mesh_file;
+use imf_core::pose::Pose;
+use imf_core::tool::{Clearance, Tool};
+use imf_core::unit::LengthUnit;
+use imf_core::world::{Checker, MotionOptions, ObstacleId, ObstacleMesh, QueryError, World, WorldError};
+
+use crate::boundary::{ImfStatus, Refusal, call, output, path, read, read_one, text, write_one};
+use crate::values::{ImfDecision, ImfDistance, ImfMesh, ImfMotion, ImfPose, ImfUnit};
+
+/// Obstacles with their places.
+pub struct ImfWorld(World);
+
+/// One tool among the obstacles of a world, with a clearance.
+pub struct ImfChecker(Checker);
+
+fn of_world(error: &WorldError) -> Refusal {
+    Refusal::new(ImfStatus::Argument, error.to_string())
+}
+
+fn of_query(error: QueryError) -> Refusal {
+    Refusal::new(ImfStatus::NoAnswer, error.to_string())
+}
+
+/// Makes a world without obstacles: its unit, and the edge of a voxel of obstacles that have none of their own. On failure *world is
+/// NULL.
+///
+/// # Safety
+/// world has room for a pointer.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn imf_world_create(unit: ImfUnit, pitch: f64, world: *mut *mut ImfWorld) -> ImfStatus {
+    call(|| {
+        // SAFETY: guaranteed by the caller.
+        let place = &mut unsafe { output(world, 1, "world") }?[0];
+        place.write(std::ptr::null_mut());
+        let made = World::builder().unit(unit.into()).pitch(pitch).build();
+        place.write(Box::into_raw(Box::new(ImfWorld(made.map_err(|error| of_world(&error))?))));
+        Ok(())
+    })
+}
+
+/// Adds an obstacle: makes voxels of a mesh, in its own frame, which stands at a place in the world. It gets a number, by which it
+/// can be moved and removed.
+///
+/// # Safety
+/// world was created and not closed, and no other thread calls with it; mesh is one, and holds as many numbers as it says; at is a pose; id
+/// has room for a number.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn imf_world_add_mesh(
+    world: *mut ImfWorld,
+    mesh: *const ImfMesh,
+    at: *const ImfPose,
+    id: *mut u64,
+) -> ImfStatus {
+    call(|| {
+        // SAFETY: guaranteed by the caller.
+        let (world, mesh, at) =
+            unsafe { (write_one(world, "world")?, read_one(mesh, "mesh")?, read_one(at, "at")?) };
+        // SAFETY: guaranteed by the caller; a count that overflows is absurd and refused as such.
+        let (name, vertices, triangles, place) = unsafe {
+            (
+                text(mesh.name, "mesh.name")?,
+                read(mesh.vertices, mesh.vertex_count.saturating_mul(3), "mesh.vertices")?,
+                read(mesh.triangles, mesh.triangle_count.saturating_mul(3), "mesh.triangles")?,
+                output(id, 1, "id")?,
+            )
+        };
+        let vertices: Vec<DVec3> = vertices.as_chunks().0.iter().copied().map(DVec3::from_array).collect();
+        let outside = |&vertex: &u32| vertex as usize >= vertices.len();
+        if triangles.iter().any(outside) || !vertices.iter().all(|vertex| vertex.is_finite()) {
+            let message = "mesh: a triangle has a vertex that is not there, or a number is not finite";
+            return Err(Refusal::new(ImfStatus::Argument, message));
+        }
+        let triangles = triangles.as_chunks().0.to_vec();
+        let obstacle = mesh.obstacle(name, Mesh { vertices, triangles }, at.to_pose());
+        place[0].write(world.0.add(obstacle).map_err(|error| of_world(&error))?.0);
+        Ok(())
+    })
+}
+
+/// As imf_world_add_mesh, of an OBJ, STL, PLY or 3MF file; of mesh its triangles are not read. Files that state no unit are in the world's.
+///
+/// # Safety
+/// As imf_world_add_mesh; path is a text that ends with 0, in UTF-8.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn imf_world_add_file(
+    world: *mut ImfWorld,
+    path_text: *const c_char,
+    mesh: *const ImfMesh,
+    at: *const ImfPose,
+    id: *mut u64,
+) -> ImfStatus {
+    call(|| {
+        // SAFETY: guaranteed by the caller.
+        let (world, mesh, at) =
+            unsafe { (write_one(world, "world")?, read_one(mesh, "mesh")?, read_one(at, "at")?) };
+        // SAFETY: guaranteed by the caller.
+        let (name, path, place) =
+            unsafe { (text(mesh.name, "mesh.name")?, path(path_text)?, output(id, 1, "id")?) };
+        let file = read_mesh_file(path).map_err(|error| Refusal::new(ImfStatus::File, error.to_string()))?;
+        let obstacle = mesh.obstacle(name, file.in_unit(world.0.unit()), at.to_pose());
+        place[0].write(world.0.add(obstacle).map_err(|error| of_world(&error))?.0);
+        Ok(())
+    })
+}
+
+/// Moves an obstacle: at is from its own frame into the world. Checkers see it once they follow.
+///
+/// # Safety
+/// world was created and not closed, and no other thread calls with it; at is a pose.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn imf_world_place(world: *mut ImfWorld, id: u64, at: *const ImfPose) -> ImfStatus {
+    call(|| {
+        // SAFETY: guaranteed by the caller.
+        let (world, at) = unsafe { (write_one(world, "world")?, read_one(at, "at")?) };
+        world.0.place(ObstacleId(id), at.to_pose()).map_err(|error| of_world(&error))
+    })
+}
+
+/// Removes an obstacle. Checkers see it once they follow.
+///
+/// # Safety
+/// world was created and not closed, and no other thread calls with it.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn imf_world_remove(world: *mut ImfWorld, id: u64) -> ImfStatus {
+    call(|| {
+        // SAFETY: guaranteed by the caller.
+        let world = unsafe { write_one(world, "world") }?;
+        world.0.remove(ObstacleId(id)).map_err(|error| of_world(&error))
+    })
+}
+
+/// Closes a world; NULL is passed over. Checkers of it stay.
+///
+/// # Safety
+/// world is NULL, or was created, not closed yet, and no thread calls with it any more.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn imf_world_close(world: *mut ImfWorld) {
+    // SAFETY: guaranteed by the caller.
+    unsafe { close(world) }
+}
+
+/// Makes a checker of a tool in a world: the tool by its file (imf's own TOML, or a library's file of one tool), offset by the clearance of
+/// holder, shank and cutter, in the world's unit. On failure *checker is NULL.
+///
+/// # Safety
+/// world was created and not closed; tool_path is a text that ends with 0, in UTF-8; there are three clearances; checker has room for a
+/// pointer.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn imf_checker_create(
+    world: *const ImfWorld,
+    tool_path: *const c_char,
+    clearance: *const f64,
+    checker: *mut *mut ImfChecker,
+) -> ImfStatus {
+    call(|| {
+        // SAFETY: guaranteed by the caller.
+        let place = &mut unsafe { output(checker, 1, "checker") }?[0];
+        place.write(std::ptr::null_mut());
+        // SAFETY: guaranteed by the caller.
+        let (world, path, clearance) =
+            unsafe { (read_one(world, "world")?, path(tool_path)?, read(clearance, 3, "clearance")?) };
+        let tool = Tool::read(Path::new(path));
+        let tool = tool.map_err(|error| Refusal::new(ImfStatus::File, error.to_string()))?;
+        let clearance = Clearance { holder: clearance[0], shank: clearance[1], cutter: clearance[2] };
+        let made = world.0.checker(&tool, &clearance).map_err(|error| of_world(&error))?;
+        place.write(Box::into_raw(Box::new(ImfChecker(made))));
+        Ok(())
+    })
+}
+
+/// Takes over where the world's obstacles stand, which were added and which removed. What was made for those that are still there is kept.
+///
+/// # Safety
+/// checker was created and not closed, and no other thread calls with it; world was created and not closed.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn imf_checker_follow(checker: *mut ImfChecker, world: *const ImfWorld) -> ImfStatus {
+    call(|| {
+        // SAFETY: guaranteed by the caller.
+        let (checker, world) = unsafe { (write_one(checker, "checker")?, read_one(world, "world")?) };
+        checker.0.follow(&world.0).map_err(|error| of_world(&error))
+    })
+}
+
+/// Whether the tool collides at every pose: free or colliding, exactly for voxel centres.
+///
+/// # Safety
+/// checker was created and not closed; there are count poses, and room for as many decisions.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn imf_checker_classify(
+    checker: *const ImfChecker,
+    poses: *const ImfPose,
+    count: usize,
+    decisions: *mut ImfDecision,
+) -> ImfStatus {
+    /// Poses turned at a time.
+    const BLOCK: usize = 256;
+    call(|| {
+        // SAFETY: guaranteed by the caller.
+        let (checker, poses, places) = unsafe {
+            (
+                read_one(checker, "checker")?,
+                read(poses, count, "poses")?,
+                output(decisions, count, "decisions")?,
+            )
+        };
+        let mut found = [Decision::Undecided; BLOCK];
+        for (poses, places) in poses.chunks(BLOCK).zip(places.chunks_mut(BLOCK)) {
+            let turned: [Pose; BLOCK] =
+                std::array::from_fn(|index| poses[index.min(poses.len() - 1)].to_pose());
+            let found = &mut found[..poses.len()];
+            let classified = checker.0.classify(&turned[..poses.len()], found);
+            classified.map_err(|error| Refusal::new(ImfStatus::NoAnswer, error.to_string()))?;
+            places.iter_mut().zip(found).for_each(|(place, decision)| _ = place.write((*decision).into()));
+        }
+        Ok(())
+    })
+}
+
+/// How far the tool is from the nearest obstacle, or how deep it is in one.
+///
+/// # Safety
+/// checker was created and not closed; pose is one; distance has room for one.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn imf_checker_distance(
+    checker: *const ImfChecker,
+    pose: *const ImfPose,
+    distance: *mut ImfDistance,
+) -> ImfStatus {
+    call(|| {
+        // SAFETY: guaranteed by the caller.
+        let (checker, pose, place) = unsafe {
+            (read_one(checker, "checker")?, read_one(pose, "pose")?, output(distance, 1, "distance")?)
+        };
+        place[0].write(checker.0.distance(&pose.to_pose()).map_err(of_query)?.into());
+        Ok(())
+    })
+}
+
+/// Whether the tool may move from a to b: the tip along the straight line, the axis along the great circle, both evenly. Where it passes too
+/// closely for a proof, poses are tried between which no point of the tool moves farther than resolution; 0 for a hundredth of the finest
+/// pitch.
+///
+/// # Safety
+/// checker was created and not closed; a and b are poses; motion has room for one.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn imf_checker_motion(
+    checker: *const ImfChecker,
+    a: *const ImfPose,
+    b: *const ImfPose,
+    resolution: f64,
+    motion: *mut ImfMotion,
+) -> ImfStatus {
+    call(|| {
+        // SAFETY: guaranteed by the caller.
+        let (checker, a, b) =
+            unsafe { (read_one(checker, "checker")?, read_one(a, "a")?, read_one(b, "b")?) };
+        // SAFETY: guaranteed by the caller.
+        let place = unsafe { output(motion, 1, "motion") }?;
+        let options = MotionOptions { resolution: (resolution != 0.0).then_some(resolution) };
+        let found = checker.0.check_motion(&a.to_pose(), &b.to_pose(), &options).map_err(of_query)?;
+        place[0].write(found.into());
+        Ok(())
+    })
+}
+
+/// Closes a checker; NULL is passed over.
+///
+/// # Safety
+/// checker is NULL, or was created, not closed yet, and no thread calls with it any more.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn imf_checker_close(checker: *mut ImfChecker) {
+    // SAFETY: guaranteed by the caller.
+    unsafe { close(checker) }
+}
+
+/// # Safety
+/// `opened` is NULL, or was made by `Box::into_raw` and is closed once.
+unsafe fn close<T>(opened: *mut T) {
+    if !opened.is_null() {
+        // Memory is given back; there is nothing to tell.
+        let _ = call(|| {
+            // SAFETY: guaranteed by the caller.
+            drop(unsafe { Box::from_raw(opened) });
+            Ok(())
+        });
+    }
+}
+
+impl ImfMesh {
+    fn obstacle(&self, name: &str, mesh: Mesh, at: Pose) -> ObstacleMesh {
+        ObstacleMesh {
+            scale: if self.scale == 0.0 { 1.0 } else { self.scale },
+            at,
+            pitch: (self.pitch != 0.0).then_some(self.pitch),
+            conservative: Some(self.conservative),
+            contact: self.contact,
+            ..ObstacleMesh::new(name, mesh)
+        }
+    }
+}
+
+impl From<ImfUnit> for LengthUnit {
+    fn from(unit: ImfUnit) -> Self {
+        match unit {
+            ImfUnit::Mm => Self::Mm,
+            ImfUnit::Cm => Self::Cm,
+            ImfUnit::M => Self::M,
+            ImfUnit::Inch => Self::Inch,
+        }
+    }
+}

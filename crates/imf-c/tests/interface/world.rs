@@ -1,0 +1,129 @@
+//! Worlds and checkers as C makes them, against the Rust calls.
+
+use std::ffi::CString;
+use std::ptr::{null, null_mut};
+
+use imf_c::*;
+use imf_core::glam::{DQuat, DVec3};
+use imf_core::orientation::OrientationSet;
+use imf_core::parts::ReferencePart;
+use imf_core::pose::Pose;
+use imf_core::tool::{Clearance, Tool};
+use imf_core::world::{MotionOptions, ObstacleMesh, World};
+
+use crate::calls::last_error;
+
+const TOOL: &str = "name = \"mill\"\nunit = \"mm\"\n[cutter]\nshape = \"ball\"\ndiameter = 10\nlength = 35\n";
+
+fn poses() -> Vec<Pose> {
+    let set = OrientationSet::parse("random:400:3").unwrap().orientations;
+    let spread = |index: usize, prime: usize| (index * prime % 199) as f64 / 199.0;
+    let at = |i: usize| DVec3::new(spread(i, 37), spread(i, 53), spread(i, 71)) * 180.0 - 20.0;
+    set.iter().enumerate().map(|(index, orientation)| Pose::oriented(at(index), orientation)).collect()
+}
+
+fn of(pose: &Pose) -> ImfPose {
+    ImfPose { position: pose.position.to_array(), rotation: pose.rotation.to_array() }
+}
+
+#[test]
+fn a_world_of_meshes_is_answered_as_in_rust() {
+    let folder = tempfile::tempdir().unwrap();
+    let tool_path = folder.path().join("mill.toml");
+    std::fs::write(&tool_path, TOOL).unwrap();
+    let tool = Tool::read(&tool_path).unwrap();
+    let mesh = ReferencePart::Bracket.mesh();
+    let at = Pose::new(DVec3::new(30.0, 10.0, 5.0), DQuat::from_rotation_z(0.7));
+    let mut rust = World::builder().pitch(3.0).build().unwrap();
+    let first = rust.add(ObstacleMesh::new("bracket", mesh.clone())).unwrap();
+    rust.add(ObstacleMesh { at, scale: 0.5, ..ObstacleMesh::new("half", mesh.clone()) }).unwrap();
+    let room = Clearance { holder: 2.0, shank: 1.0, cutter: 0.5 };
+    let mut expected = rust.checker(&tool, &room).unwrap();
+
+    let vertices: Vec<f64> = mesh.vertices.iter().flat_map(DVec3::to_array).collect();
+    let triangles: Vec<u32> = mesh.triangles.concat();
+    let name = CString::new("bracket").unwrap();
+    let path = CString::new(tool_path.to_str().unwrap()).unwrap();
+    let whole = ImfMesh {
+        name: name.as_ptr(),
+        vertices: vertices.as_ptr(),
+        vertex_count: mesh.vertices.len(),
+        triangles: triangles.as_ptr(),
+        triangle_count: mesh.triangles.len(),
+        scale: 0.0,
+        pitch: 0.0,
+        contact: 0.0,
+        conservative: false,
+    };
+    let here = of(&Pose::new(DVec3::ZERO, DQuat::IDENTITY));
+    let obj = folder.path().join("bracket.obj");
+    let text: String = mesh
+        .vertices
+        .iter()
+        .map(|v| format!("v {} {} {}\n", v.x, v.y, v.z))
+        .chain(mesh.triangles.iter().map(|t| format!("f {} {} {}\n", t[0] + 1, t[1] + 1, t[2] + 1)))
+        .collect();
+    std::fs::write(&obj, text).unwrap();
+    let obj = CString::new(obj.to_str().unwrap()).unwrap();
+    let all = poses();
+    let in_c: Vec<ImfPose> = all.iter().map(of).collect();
+    // SAFETY: everything lives on, and there are as many elements as is said; what is NULL is refused before it is read.
+    unsafe {
+        let (mut world, mut checker) = (null_mut(), null_mut());
+        assert_eq!(imf_world_create(ImfUnit::Mm, 3.0, &mut world), ImfStatus::Ok);
+        let (mut one, mut other) = (u64::MAX, u64::MAX);
+        assert_eq!(imf_world_add_mesh(world, &whole, &here, &mut one), ImfStatus::Ok, "{}", last_error());
+        let half = ImfMesh { scale: 0.5, vertices: null(), triangles: null(), ..whole };
+        let status = imf_world_add_file(world, obj.as_ptr(), &half, &of(&at), &mut other);
+        assert_eq!(status, ImfStatus::Ok, "{}", last_error());
+        assert!(one == first.0 && one != other);
+        let clearance = [2.0, 1.0, 0.5];
+        let status = imf_checker_create(world, path.as_ptr(), clearance.as_ptr(), &mut checker);
+        assert_eq!(status, ImfStatus::Ok, "{}", last_error());
+        for moved in [false, true] {
+            if moved {
+                let away = Pose::new(DVec3::new(0.0, 0.0, 60.0), DQuat::IDENTITY);
+                rust.place(first, away).unwrap();
+                expected.follow(&rust).unwrap();
+                assert_eq!(imf_world_place(world, one, &of(&away)), ImfStatus::Ok);
+                assert_eq!(imf_checker_follow(checker, world), ImfStatus::Ok);
+            }
+            let mut decisions = vec![ImfDecision::Undecided; all.len()];
+            let status = imf_checker_classify(checker, in_c.as_ptr(), all.len(), decisions.as_mut_ptr());
+            assert_eq!(status, ImfStatus::Ok);
+            let mut free = 0;
+            for (pair, decision) in all.windows(2).zip(&decisions) {
+                let is_free = expected.is_free(&pair[0]);
+                assert_eq!(*decision == ImfDecision::Free, is_free);
+                free += usize::from(is_free);
+                let (mut distance, mut motion) = (ImfDistance::from(None), std::mem::zeroed::<ImfMotion>());
+                let [a, b] = [of(&pair[0]), of(&pair[1])];
+                assert_eq!(imf_checker_distance(checker, &a, &mut distance), ImfStatus::Ok);
+                assert_eq!(distance, expected.distance(&pair[0]).unwrap().into());
+                let status = imf_checker_motion(checker, &a, &b, 0.1, &mut motion);
+                let options = MotionOptions { resolution: Some(0.1) };
+                match expected.check_motion(&pair[0], &pair[1], &options) {
+                    Ok(found) => {
+                        // NaN of what there is none of is no equal.
+                        assert_eq!(format!("{motion:?}"), format!("{:?}", ImfMotion::from(found)));
+                    }
+                    Err(_) => assert_eq!(status, ImfStatus::NoAnswer),
+                }
+            }
+            assert!(free > 20 && free < all.len() - 20, "{free}");
+        }
+        assert_eq!(imf_world_remove(world, one), ImfStatus::Ok);
+        assert_eq!(imf_world_remove(world, one), ImfStatus::Argument);
+        assert!(last_error().contains("no obstacle"), "{}", last_error());
+        let bad = [99_u32; 3];
+        let bad = ImfMesh { triangles: bad.as_ptr(), triangle_count: 1, vertex_count: 3, ..whole };
+        assert_eq!(imf_world_add_mesh(world, &bad, &here, &mut one), ImfStatus::Argument);
+        assert_eq!(imf_world_add_mesh(null_mut(), &whole, &here, &mut one), ImfStatus::NullPointer);
+        let mut none = checker;
+        assert_eq!(imf_checker_create(world, path.as_ptr(), null(), &mut none), ImfStatus::NullPointer);
+        assert!(none.is_null());
+        imf_checker_close(checker);
+        imf_world_close(world);
+        imf_world_close(null_mut());
+    }
+}
