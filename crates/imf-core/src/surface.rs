@@ -7,6 +7,7 @@
 //! the answer converges with the pitch, from above.
 
 mod access;
+mod candidates;
 mod contact;
 mod crib;
 mod culprits;
@@ -20,12 +21,13 @@ mod skyline;
 mod stick_out;
 
 pub use access::{SurfaceAccess, surface_access, surface_memory_estimate};
+pub use candidates::{TooManySetups, candidate_setups, ways_up, with_ways_up};
 pub use crib::crib_access;
 pub use culprits::{ElementCollision, LeastOverlap, culprits, least_overlaps};
 pub use environment::{CollisionEnvironment, SolidBody};
 pub use patches::SurfacePatch;
 pub use samples::{SurfaceSample, SurfaceSamples};
-pub use setups::{ChosenSetup, PartSetup, SetupPlan, fewest_setups, ways_up};
+pub use setups::{ChosenSetup, PartSetup, SetupPlan, fewest_setups};
 pub(crate) use stick_out::Raising;
 pub use stick_out::{StickOut, StickOutTool, least_stick_outs};
 

@@ -13,6 +13,7 @@
 //! interrupted goes on where it stopped. Each section's samples depend on the seed and the section alone, so shares
 //! of a dataset can be made on any machines ([`Layout::share`]) and joined ([`merge`]).
 
+mod fresh_model;
 mod manifest;
 mod merge;
 mod sampling;

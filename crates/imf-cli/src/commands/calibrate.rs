@@ -117,9 +117,6 @@ impl DecisionQuality {
     }
 }
 
-/// Most random poses that are drawn to choose thresholds by where few of them collide.
-const MAX_POSES: usize = 4_000_000;
-
 /// Measures the error rates of a field's decisions, with more poses where too few collide to resolve the required rate; `kept`
 /// says what an interruption leaves.
 pub(crate) fn measure_decisions(session: &Session, field: &Field, kept: &str) -> Result<DecisionQuality> {
@@ -136,15 +133,14 @@ pub(crate) fn measure_decisions(session: &Session, field: &Field, kept: &str) ->
             Err(CalibrationError::Cancelled) => {
                 return Err(Interrupted(kept.to_owned()).into());
             }
-            Err(CalibrationError::TooFew { colliding, .. })
-                if settings.uniform < MAX_POSES && colliding > 0 =>
-            {
-                stage.finish("too few poses collide; more are drawn");
-                // Of zero errors the bound is below the goal from 4.6 over it on; a tenth more for chance.
-                let more = 1.1 * 4.61 / settings.goals.false_free / colliding as f64;
-                settings.uniform = ((settings.uniform as f64 * more.max(1.1)) as usize).min(MAX_POSES);
-            }
             Err(error) => {
+                if let CalibrationError::TooFew { colliding, .. } = error
+                    && let Some(more) = settings.with_more_poses(colliding)
+                {
+                    stage.finish("too few poses collide; more are drawn");
+                    settings = more;
+                    continue;
+                }
                 stage.finish("not calibrated");
                 return Ok(DecisionQuality::Unknown(error.to_string()));
             }

@@ -8,10 +8,9 @@ use anyhow::{Result, bail, ensure};
 use imf_core::orientation::OrientationSet;
 use imf_core::scene::SceneRecord;
 use imf_fields::harmonic::coefficients::Precision;
-use imf_fields::model::{Model, TrainingRecord};
-use imf_fields::recipe::divergence::Watch;
+use imf_fields::model::Model;
 use imf_fields::recipe::schedule::Schedule;
-use imf_fields::recipe::{Cursor, Sampling, TrainingPlan, TrainingState};
+use imf_fields::recipe::{Sampling, TrainingPlan, TrainingState};
 use imf_fields::siren::SirenShape;
 use imf_train::training::run::train;
 use imf_train::training::streamed::train_streamed;
@@ -155,26 +154,8 @@ pub fn fresh_model(
     state: TrainingState,
     fine_tuned_from: Option<String>,
 ) -> Model {
-    let record = TrainingRecord {
-        program: env!("CARGO_PKG_VERSION").into(),
-        plan,
-        cursor: Cursor::default(),
-        watch: Watch::default(),
-        finished: false,
-        steps: 0,
-        seconds: 0.0,
-        engine: String::new(),
-        orientations: data.manifest().orientations.clone(),
-        sampling: data.manifest().sampling,
-        samples: data.shards.samples() as u64,
-        dataset_crc32: data.manifest().fingerprint(),
-        groups_per_epoch: None,
-        fine_tuned_from,
-        losses: Vec::new(),
-        pending_loss: (0.0, 0),
-        held_out: None,
-    };
-    Model { shape, scene: data.scene.clone(), record, state, calibration: None }
+    let samples = data.shards.samples() as u64;
+    data.manifest().fresh_model(data.scene.clone(), samples, shape, plan, state, fine_tuned_from)
 }
 
 impl Latest<Model> {

@@ -2,8 +2,14 @@
 
 use std::sync::Arc;
 
+use glam::DMat4;
+
 use crate::field::solid::SolidVoxels;
+use crate::grid::Grid;
+use crate::mesh::Mesh;
 use crate::occupancy::Occupancy;
+use crate::scene::{Bodies, SceneError, SceneSpec};
+use crate::voxelize::voxelize_with;
 
 /// One body, as two sets of voxels on one grid.
 #[derive(Clone, Debug)]
@@ -71,6 +77,55 @@ impl CollisionEnvironment {
                 bodies[0][1].clone()
             },
             bodies,
+        }
+    }
+
+    /// Part and fixtures of a scene as tools meet them, of `bodies` that were made of it; and all that is solid by the rule of voxel
+    /// centres.
+    ///
+    /// # Errors
+    /// [`SceneError::Cancelled`] when the scene's control asks to stop.
+    #[doc(hidden)]
+    pub fn of_bodies(spec: &SceneSpec<'_>, bodies: &Bodies) -> Result<(Self, Occupancy), SceneError> {
+        let grid = &bodies.part.grid;
+        let body = |voxels: &Occupancy, mesh: &Mesh, transform: &DMat4| -> Result<SolidBody, SceneError> {
+            let mut keep_out = Occupancy::empty(*grid);
+            keep_out.add(voxels);
+            let keep_out = Arc::new(keep_out);
+            let centres = match spec.conservative {
+                true => {
+                    Arc::new(voxelize_with(&mesh.transformed(transform), grid, false, spec.control)?.solid)
+                }
+                false => keep_out.clone(),
+            };
+            Ok(SolidBody { centres, keep_out })
+        };
+        let part = body(&bodies.part, spec.mesh, &spec.transform)?;
+        let fixtures = spec.fixtures.iter().zip(&bodies.fixtures);
+        let fixtures = fixtures.map(|(fixture, (_, voxels))| body(voxels, fixture.mesh, &fixture.transform));
+        let fixtures: Vec<SolidBody> = fixtures.collect::<Result<_, _>>()?;
+        let mut solid = Occupancy::clone(&part.centres);
+        for fixture in &fixtures {
+            solid.solid.iter_mut().zip(&fixture.centres.solid).for_each(|(all, one)| *all |= one);
+        }
+        Ok((Self::new(&part, &fixtures), solid))
+    }
+
+    /// Part and fixtures of a scene on the larger voxels of twice the pitch of `grid`, by the rule of voxel centres and as one body:
+    /// what is reached there tells how far an answer has converged.
+    ///
+    /// # Errors
+    /// As [`SceneSpec::bodies`].
+    #[doc(hidden)]
+    pub fn at_twice_the_pitch(spec: &SceneSpec<'_>, grid: &Grid) -> Result<Arc<Occupancy>, SceneError> {
+        let coarse = Grid { pitch: 2.0 * grid.pitch, dims: grid.dims.map(|n| n.div_ceil(2)), ..*grid };
+        // A part that is too thin for the larger voxels has none, which says that nothing has converged.
+        match (SceneSpec { conservative: false, ..*spec }).bodies(&coarse) {
+            Ok(bodies) => Ok(Arc::new(bodies.obstacle())),
+            Err(SceneError::NoSolid { .. } | SceneError::ThinFixture { .. }) => {
+                Ok(Arc::new(Occupancy::empty(coarse)))
+            }
+            Err(error) => Err(error),
         }
     }
 }

@@ -5,24 +5,10 @@ use glam::{DQuat, DVec3};
 
 use super::{SurfaceAccess, SurfaceSample};
 use crate::control::Control;
-use crate::mesh::{MachiningDirection, Mesh, SAME};
-use crate::orientation::{AXES, Limits, Orientation};
+use crate::mesh::{Mesh, SAME};
+use crate::orientation::{Limits, Orientation};
 use crate::parallel;
 use crate::set_cover::{CoverProblem, CoverSettings};
-
-/// Ways up that a vise and the part suggest: the axes, then the part's own directions, then their opposites; none twice.
-#[must_use]
-pub fn ways_up(suggested: &[MachiningDirection]) -> Vec<DVec3> {
-    let own = suggested.iter().map(|suggested| suggested.direction);
-    let opposite = suggested.iter().map(|suggested| -suggested.direction);
-    let mut ways: Vec<DVec3> = Vec::new();
-    for way in AXES.into_iter().chain(own).chain(opposite) {
-        if ways.iter().all(|known| known.distance(way) > SAME) {
-            ways.push(way);
-        }
-    }
-    ways
-}
 
 /// Degrees that rounding may take from the end of a range of turns.
 const SLACK: f64 = 1e-6;
@@ -221,7 +207,7 @@ mod tests {
     use super::*;
     use crate::grid::Grid;
     use crate::mesh::tests::unit_cube;
-    use crate::orientation::OrientationSet;
+    use crate::orientation::{AXES, OrientationSet};
     use crate::surface::{
         CollisionEnvironment, SurfaceSamples, SurfaceTool, default_tolerance, surface_access,
     };
@@ -356,13 +342,5 @@ mod tests {
                 }
             }
         }
-    }
-
-    #[test]
-    fn ways_up_are_the_axes_and_both_ways_along_the_parts_own() {
-        let own = |direction: DVec3| MachiningDirection { direction, flat_area: 1.0, cylinders: 0 };
-        let (leaning, almost) = (DVec3::new(0.6, 0.0, 0.8), DVec3::new(1e-4, 0.0, -1.0).normalize());
-        let ways = ways_up(&[own(leaning), own(almost), own(-leaning)]);
-        assert_eq!(ways, [&AXES[..], &[leaning, -leaning]].concat());
     }
 }

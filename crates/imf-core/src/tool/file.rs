@@ -109,6 +109,14 @@ impl Tool {
         read(path, None)
     }
 
+    /// As [`Tool::read`], from the text of a tool file (TOML) called `name`; a mesh that it names lies beside that.
+    ///
+    /// # Errors
+    /// As [`Tool::read`].
+    pub fn parse(text: &str, name: &Path) -> Result<Self, FileError> {
+        Reader { text }.tool(name).and_then(checked).map_err(|fault| fault.at(name))
+    }
+
     /// Every tool of a file, in its order: the one of a tool file (TOML) or of FreeCAD, all of one of Fusion's libraries.
     ///
     /// # Errors

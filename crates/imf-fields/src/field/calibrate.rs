@@ -10,6 +10,8 @@
 //! keeps nine tenths of its goal. Where the second lies below the first every pose can be decided, and both are moved to the
 //! middle between: then either rate is far below its goal.
 
+mod more_poses;
+
 use glam::{DQuat, DVec3};
 
 use crate::parallel::*;

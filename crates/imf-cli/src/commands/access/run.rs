@@ -1,10 +1,9 @@
 //! From arguments to everything that a run needs, checked and within the memory, before any section is computed.
 
 use std::cell::OnceCell;
-use std::sync::Arc;
 
 use anyhow::{Result, ensure};
-use glam::{DMat4, DVec3};
+use glam::DVec3;
 use imf_core::access::{AccessSettings, memory_estimate, position_grid, removable_memory_estimate};
 use imf_core::grid::Grid;
 use imf_core::machine::{AxisLimits, Machine};
@@ -12,15 +11,14 @@ use imf_core::mesh::{MachiningDirection, Mesh};
 use imf_core::obstacle::Obstacle;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::{Limits, OrientationSet};
-use imf_core::scene::{Bodies, Guarantee, SceneError, SceneSpec};
+use imf_core::scene::{Bodies, Guarantee, SceneSpec};
 use imf_core::section::{ElementPlans, SectionPlan};
-use imf_core::surface::{CollisionEnvironment, SolidBody, SurfaceError, default_tolerance};
+use imf_core::surface::{CollisionEnvironment, SurfaceError, default_tolerance, with_ways_up};
 use imf_core::tool::{Assembly, Clearance, SharpPoints, Tool, ToolShape};
 use imf_core::unit::LengthUnit;
-use imf_core::voxelize::voxelize_with;
 
 use super::on_machine::OnMachine;
-use super::surface::{SetupSettings, SurfaceSettings, with_ways_up};
+use super::surface::{SetupSettings, SurfaceSettings};
 use crate::arguments::access::AccessArguments;
 use crate::arguments::fixture;
 use crate::arguments::orientations::{Directions, default_for};
@@ -316,36 +314,12 @@ pub(super) fn surface(
     setups: Option<SetupSettings>,
 ) -> Result<SurfaceSettings> {
     let (grid, unit) = (&bodies.part.grid, spec.unit);
-    let body = |voxels: &Occupancy, mesh: &Mesh, transform: &DMat4| -> Result<SolidBody> {
-        let mut keep_out = Occupancy::empty(*grid);
-        keep_out.add(voxels);
-        let keep_out = Arc::new(keep_out);
-        let centres = match spec.conservative {
-            true => Arc::new(voxelize_with(&mesh.transformed(transform), grid, false, spec.control)?.solid),
-            false => keep_out.clone(),
-        };
-        Ok(SolidBody { centres, keep_out })
-    };
-    let part = body(&bodies.part, spec.mesh, &spec.transform)?;
-    let fixtures = spec.fixtures.iter().zip(&bodies.fixtures);
-    let fixtures = fixtures.map(|(fixture, (_, voxels))| body(voxels, fixture.mesh, &fixture.transform));
-    let fixtures: Vec<SolidBody> = fixtures.collect::<Result<_>>()?;
-    let mut solid = Occupancy::clone(&part.centres);
-    for fixture in &fixtures {
-        solid.solid.iter_mut().zip(&fixture.centres.solid).for_each(|(all, one)| *all |= one);
-    }
-    let coarse = Grid { pitch: 2.0 * grid.pitch, dims: grid.dims.map(|n| n.div_ceil(2)), ..*grid };
-    // A part that is too thin for the larger voxels has none, which says that nothing has converged.
-    let coarse = match (SceneSpec { conservative: false, ..*spec }).bodies(&coarse) {
-        Ok(bodies) => bodies.obstacle(),
-        Err(SceneError::NoSolid { .. } | SceneError::ThinFixture { .. }) => Occupancy::empty(coarse),
-        Err(error) => return Err(error.into()),
-    };
+    let (environment, solid) = CollisionEnvironment::of_bodies(spec, bodies)?;
     Ok(SurfaceSettings {
         tolerance: arguments.tolerance.unwrap_or_else(|| default_tolerance(grid.pitch, unit)),
         solid,
-        environment: CollisionEnvironment::new(&part, &fixtures),
-        coarse: Arc::new(coarse),
+        environment,
+        coarse: CollisionEnvironment::at_twice_the_pitch(spec, grid)?,
         setups,
         stick_out: arguments.stickout,
     })

@@ -22,7 +22,7 @@ use imf_core::surface::{
 
 pub(super) use row::SurfaceRow;
 use row::{DirectionRow, ObstructedRow};
-pub(super) use setups::{SetupSettings, SetupsRow, with_ways_up};
+pub(super) use setups::{SetupSettings, SetupsRow};
 pub(super) use shown::UnreachedPatch;
 use shown::words;
 pub(super) use stick_out::StickOutRow;

@@ -2,21 +2,20 @@
 
 use std::fmt::{self, Write as _};
 
-use anyhow::{Result, ensure};
+use anyhow::Result;
 use glam::DVec3;
 use imf_core::machine::AxisLimits;
-use imf_core::mesh::MachiningDirection;
 use imf_core::orientation::Orientation;
 use imf_core::set_cover::CoverSettings;
-use imf_core::surface::{ChosenSetup, PartSetup, SetupPlan, Verdict, fewest_setups, ways_up};
+use imf_core::surface::{
+    ChosenSetup, PartSetup, SetupPlan, Verdict, candidate_setups, fewest_setups, ways_up,
+};
 use serde::Serialize;
 
 use super::{AccessRun, Surface};
 use crate::interrupt::Interrupted;
 use crate::session::Session;
 
-/// More candidates than this take too long to compare.
-const MOST: usize = 20_000;
 /// Degrees by which a direction may lie beyond the end of a range.
 const SLACK: f64 = 1e-5;
 
@@ -29,17 +28,6 @@ pub(in crate::commands::access) struct SetupSettings {
     pub(in crate::commands::access) fraction: f64,
     /// True where every direction of the set is a candidate, not those of axes and part alone.
     pub(in crate::commands::access) every_direction: bool,
-}
-
-/// A set of directions, and every way up as a direction that the tool may come from.
-pub(in crate::commands::access) fn with_ways_up(set: &str, suggested: &[MachiningDirection]) -> String {
-    let own = |way: &DVec3| suggested.iter().any(|suggested| suggested.direction == *way);
-    let opposite = ways_up(suggested).into_iter().filter(|way| own(&-*way) && !own(way));
-    let opposite = opposite.filter_map(Orientation::from_direction);
-    let opposite: Vec<String> = opposite.map(|o| format!("{},{}", o.theta, o.phi)).collect();
-    let rest = set.strip_prefix("axes+normals").map_or(set, |rest| rest.trim_start_matches('+'));
-    let terms = ["axes+normals", &opposite.join(";"), rest];
-    terms.into_iter().filter(|term| !term.is_empty()).collect::<Vec<_>>().join("+")
 }
 
 /// The answer.
@@ -68,17 +56,7 @@ impl Setups {
         } else {
             ways_up(&run.suggested)
         };
-        let mut candidates: Vec<PartSetup> = Vec::new();
-        for up in ways {
-            candidates.extend(PartSetup::all(&run.mesh, up, orientations, &question.range.limits));
-            ensure!(
-                candidates.len() <= MOST,
-                "more than {MOST} set-ups are candidates, since what this machine reaches depends on how the part is turned on its table: \
-                 give fewer --orientations"
-            );
-        }
-        // Of set-ups that reach the same the first is taken: one that stands by itself.
-        candidates.sort_by_key(|candidate| !candidate.rests);
+        let candidates = candidate_setups(&run.mesh, &ways, orientations, &question.range.limits)?;
         let tools: Vec<_> = surface.tools.iter().map(|(access, ..)| access).collect();
         let samples = &surface.samples.samples;
         let stage = session.stage("set-ups", "candidates", candidates.len() as u64);

@@ -1,0 +1,93 @@
+//! Which set-ups are candidates: ways up that part and vise suggest, and the turns of each that matter.
+
+use glam::DVec3;
+
+use super::PartSetup;
+use crate::mesh::{MachiningDirection, Mesh, SAME};
+use crate::orientation::{AXES, Limits, Orientation};
+
+/// Ways up that a vise and the part suggest: the axes, then the part's own directions, then their opposites; none twice.
+#[must_use]
+pub fn ways_up(suggested: &[MachiningDirection]) -> Vec<DVec3> {
+    let own = suggested.iter().map(|suggested| suggested.direction);
+    let opposite = suggested.iter().map(|suggested| -suggested.direction);
+    let mut ways: Vec<DVec3> = Vec::new();
+    for way in AXES.into_iter().chain(own).chain(opposite) {
+        if ways.iter().all(|known| known.distance(way) > SAME) {
+            ways.push(way);
+        }
+    }
+    ways
+}
+
+/// The text of a set of directions with every way up added, as a direction that the tool may come from.
+#[must_use]
+pub fn with_ways_up(set: &str, suggested: &[MachiningDirection]) -> String {
+    let own = |way: &DVec3| suggested.iter().any(|suggested| suggested.direction == *way);
+    let opposite = ways_up(suggested).into_iter().filter(|way| own(&-*way) && !own(way));
+    let opposite = opposite.filter_map(Orientation::from_direction);
+    let opposite: Vec<String> = opposite.map(|o| format!("{},{}", o.theta, o.phi)).collect();
+    let rest = set.strip_prefix("axes+normals").map_or(set, |rest| rest.trim_start_matches('+'));
+    let terms = ["axes+normals", &opposite.join(";"), rest];
+    terms.into_iter().filter(|term| !term.is_empty()).collect::<Vec<_>>().join("+")
+}
+
+/// More candidates than this take too long to compare.
+const MOST: usize = 20_000;
+
+/// More set-ups are candidates than can be compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "more than {MOST} set-ups are candidates, since what this machine reaches depends on how the part is turned on its table: give fewer \
+     directions"
+)]
+pub struct TooManySetups;
+
+/// The set-ups of every way up ([`PartSetup::all`]), those first in which the part stands by itself: of set-ups that reach the same the
+/// first is taken.
+///
+/// # Errors
+/// More than can be compared.
+pub fn candidate_setups(
+    part: &Mesh,
+    ways: &[DVec3],
+    directions: &[Orientation],
+    limits: &Limits,
+) -> Result<Vec<PartSetup>, TooManySetups> {
+    let mut candidates: Vec<PartSetup> = Vec::new();
+    for &up in ways {
+        candidates.extend(PartSetup::all(part, up, directions, limits));
+        if candidates.len() > MOST {
+            return Err(TooManySetups);
+        }
+    }
+    candidates.sort_by_key(|candidate| !candidate.rests);
+    Ok(candidates)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::tests::unit_cube;
+
+    #[test]
+    fn ways_up_are_the_axes_and_both_ways_along_the_parts_own() {
+        let own = |direction: DVec3| MachiningDirection { direction, flat_area: 1.0, cylinders: 0 };
+        let (leaning, almost) = (DVec3::new(0.6, 0.0, 0.8), DVec3::new(1e-4, 0.0, -1.0).normalize());
+        let ways = ways_up(&[own(leaning), own(almost), own(-leaning)]);
+        assert_eq!(ways, [&AXES[..], &[leaning, -leaning]].concat());
+    }
+
+    #[test]
+    fn a_part_that_stands_by_itself_comes_first_and_too_many_are_refused() {
+        let directions = AXES.map(|axis| Orientation::from_direction(axis).unwrap());
+        let ways = [DVec3::ONE.normalize(), DVec3::Z];
+        let limits = Limits::parse("cone:0,0,1:0").unwrap();
+        let found = candidate_setups(&unit_cube(), &ways, &directions, &limits).unwrap();
+        assert_eq!(found.iter().map(|setup| setup.rests).collect::<Vec<_>>(), [true, false]);
+        assert_eq!(found[0].up, DVec3::Z);
+        let many = vec![DVec3::Z; MOST + 1];
+        let refused = candidate_setups(&unit_cube(), &many, &directions, &limits).unwrap_err().to_string();
+        assert!(refused.contains("20000") && refused.contains("fewer directions"), "{refused}");
+    }
+}
