@@ -3,6 +3,7 @@
 //! An obstacle is voxelised once, in its own frame. It may be moved, turned and removed afterwards: its voxels move with it, and a
 //! query is posed in its frame, so that nothing is voxelised anew. A [`Checker`] is one tool in a world, with a clearance: whether a pose
 //! is free, what it hits, how far away it is, and whether a whole motion is free. It counts voxel centres; no fitted model is needed.
+//! Several tools are several checkers, which share the voxels.
 //!
 //! A checker is a snapshot: what is moved, added or removed afterwards is seen by [`Checker::follow`], which takes over all that has
 //! been made for obstacles that are still there.

@@ -195,7 +195,7 @@ impl Checker {
     pub fn is_free(&self, pose: &Pose) -> bool {
         match &*self.placed {
             [] => pose.is_valid(),
-            [one] => !one.collides(pose),
+            [one] if one.back.is_none() => !one.collides(pose),
             all => self.tool_middle(pose).is_some_and(|middle| {
                 !all.iter().any(|one| self.gap(one, middle) <= 0.0 && one.collides(pose))
             }),
