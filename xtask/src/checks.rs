@@ -1,6 +1,7 @@
 //! `cargo xtask test`: everything that must hold before a change is taken.
 //!
-//! Cheap checks stand first, the tests last, so that their result lines are what a reader sees above the summary.
+//! Cheap checks stand first, the tests last, so that their result lines are what a reader sees above the summary: those of the Python
+//! package behind the others, whose build they use.
 
 use std::collections::BTreeSet;
 use std::process::{Command, Stdio};
@@ -9,6 +10,7 @@ use anyhow::{Context, Result, bail, ensure};
 
 use crate::adapter;
 use crate::browser;
+use crate::python;
 use crate::stages;
 
 /// Runs all checks.
@@ -25,6 +27,7 @@ pub(crate) fn run() -> Result<()> {
         ("GPU driver", adapter::ensure_driver),
         ("browser", browser::ensure_browser),
         ("tests", tests),
+        ("Python package", python::test),
     ])
 }
 

@@ -1,12 +1,13 @@
 //! The project's own chores, run as `cargo xtask <chore>`.
 //!
 //! `test` is the whole of what continuous integration runs: see [`checks`]. `mpi` trains in several processes: see
-//! [`ranks`]. `api` writes the lists of the public surface: see [`checks::api`].
+//! [`ranks`]. `python` tests the Python package, `wheel` as users get it: see [`python`]. `api` writes the lists of the public surface: see [`checks::api`].
 
 mod adapter;
 mod browser;
 mod checks;
 mod debian;
+mod python;
 mod ranks;
 mod stages;
 
@@ -17,13 +18,17 @@ usage: cargo xtask <chore>
 
 chores:
   test     formatting, clippy and rustdoc with warnings denied, imf-core without its features (for browsers), a look for a
-           Vulkan driver and a browser, all tests
+           Vulkan driver and a browser, all tests, those of the Python package in an environment of their own
+  python   the tests of the Python package alone
+  wheel    builds the Python package's wheel, target/wheels, and tests it in an environment of its own
   api      writes the lists of what imf-core and imf-fields make public, docs/api, anew
   mpi      the build with the feature mpi, and trainings of several ranks by mpirun; needs an MPI library and libclang
 
 environment:
   IMF_NO_GPU_TESTS=1       run without a GPU driver; tests that need one are reported as ignored
-  IMF_NO_BROWSER_TESTS=1   run without Chromium; tests that need it are reported as ignored";
+  IMF_NO_BROWSER_TESTS=1   run without Chromium; tests that need it are reported as ignored
+  IMF_NO_PYTHON_TESTS=1    run without Python; the tests of its package are left out, which is said
+  IMF_PYTHON=PYTHON        the interpreter of that environment instead of python3";
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -31,6 +36,8 @@ fn main() -> ExitCode {
     match arguments[..] {
         ["test"] => ended(checks::run()),
         ["mpi"] => ended(ranks::run()),
+        ["python"] => ended(python::test()),
+        ["wheel"] => ended(python::wheel()),
         ["api"] => ended(checks::api()),
         ["help" | "--help" | "-h"] => {
             println!("{USAGE}");

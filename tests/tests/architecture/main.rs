@@ -137,6 +137,35 @@ fn core_and_fields_need_no_gpu_and_no_command_line() {
     assert!(unwanted.is_empty(), "imf-core or imf-fields depends on {unwanted:?}");
 }
 
+/// The project's crates that each of them may import.
+const IMPORTS: [(&str, &[&str]); 8] = [
+    ("imf-core", &[]),
+    ("imf-fields", &["imf-core"]),
+    ("imf-train", &["imf-core", "imf-fields"]),
+    ("imf-gpu", &["imf-core", "imf-fields", "imf-train"]),
+    ("imf-cli", &["imf-core", "imf-fields", "imf-train", "imf-gpu"]),
+    ("imf-bench", &["imf-core", "imf-fields", "imf-train", "imf-gpu", "imf-cli"]),
+    ("imf-c", &["imf-core", "imf-fields"]),
+    ("imf-python", &["imf-core", "imf-fields", "imf-train"]),
+];
+
+#[test]
+fn crates_import_those_to_their_right_alone() {
+    let folders = fs::read_dir(root().join("crates")).unwrap();
+    let there: BTreeSet<String> =
+        folders.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    let known: BTreeSet<String> = IMPORTS.iter().map(|(name, _)| (*name).to_owned()).collect();
+    assert_eq!(there, known, "crates, and those whose imports are said here");
+    for (name, allowed) in IMPORTS {
+        let manifest: toml::Table =
+            read(&root().join("crates").join(name).join("Cargo.toml")).parse().unwrap();
+        let own = manifest.get("dependencies").and_then(toml::Value::as_table).unwrap();
+        let wrong: Vec<_> =
+            own.keys().filter(|key| key.starts_with("imf-") && !allowed.contains(&key.as_str())).collect();
+        assert!(wrong.is_empty(), "{name} imports {wrong:?}");
+    }
+}
+
 #[test]
 fn mpi_comes_only_where_it_is_asked_for() {
     let mut users = Vec::new();

@@ -1,0 +1,67 @@
+"""Exact answers for planners: is this pose free, is this motion?"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _imf
+from ._poses import rows_of
+from ._progress import Progress, listener
+from .scene import Clearance, Scene, clearance_input
+
+
+class Motions(NamedTuple):
+    """What is known of motions; times run from 0 at the beginning of one to 1 at its end."""
+
+    decision: NDArray[np.uint8]
+    """``(n,)`` of :class:`Decision`: free is proven for all poses between."""
+    free_until: NDArray[np.float64]
+    """``(n,)``: before this time no pose collides."""
+    at: NDArray[np.float64]
+    """``(n,)``: time of the first pose that was found to collide; NaN where none was."""
+
+
+class Checker:
+    """The tool of a scene around its part and fixtures, exactly: solid voxel centres in the analytic tool. Needs no model.
+
+    clearance: room that the elements keep; by default the scene's. A pose with a number that is not finite is never free.
+    """
+
+    def __init__(self, scene: Scene, clearance: Clearance | None = None) -> None:
+        room = None if clearance is None else clearance_input(clearance)
+        self._native = _imf.Checker(scene._native, room)
+
+    def is_free(self, poses: ArrayLike, *, progress: Progress = None) -> bool | NDArray[np.bool_]:
+        """True where the tool touches nothing: of one pose ``(6,)`` or ``(7,)`` a ``bool``, of many ``(n, 6)`` an array ``(n,)``."""
+        rows, alone = rows_of(poses)
+        if alone:
+            return self._native.is_free(rows)
+        free: NDArray[np.bool_] = self._native.classify(rows, listener(progress)) == 0
+        return free
+
+    def classify(self, poses: ArrayLike, *, progress: Progress = None) -> NDArray[np.uint8]:
+        """By pose a :class:`Decision` as a number, ``(n,)``: free or colliding."""
+        return self._native.classify(rows_of(poses)[0], listener(progress))
+
+    def overlap(self, poses: ArrayLike, *, progress: Progress = None) -> NDArray[np.float32]:
+        """By pose the fraction of the tool inside the obstacle, ``(n,)`` in [0, 1]; NaN for what is no pose."""
+        return self._native.values(rows_of(poses)[0], listener(progress))
+
+    def clearance(self, poses: ArrayLike, *, progress: Progress = None) -> NDArray[np.float64]:
+        """By pose the signed clearance as far as it is proven, ``(n,)``, in the scene's unit.
+
+        Above 0 the tool is free, and no solid centre is nearer to it; below 0 no shorter translation frees it; 0 where neither is
+        proven, which :meth:`is_free` decides. Raises ``ValueError`` for a mesh tool.
+        """
+        return self._native.clearance(rows_of(poses)[0], listener(progress))
+
+    def check_motion(self, start: ArrayLike, end: ArrayLike, *, progress: Progress = None) -> Motions:
+        """Whether the tool may move from each pose of ``start`` to that of ``end``, both ``(n, 6)`` or ``(n, 7)``: the tip along the
+        line, the axis along the great circle.
+
+        Raises ``ValueError`` for ends that are no poses or have opposite axes, and for a mesh tool.
+        """
+        return Motions(*self._native.check_motion(rows_of(start)[0], rows_of(end)[0], listener(progress)))

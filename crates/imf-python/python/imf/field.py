@@ -1,0 +1,174 @@
+"""Fields of every direction: trained of a scene, or read from a file."""
+
+from __future__ import annotations
+
+import os
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _imf
+from ._poses import rows_of
+from ._progress import Progress, listener
+from .results import Grid
+from .scene import Scene
+
+
+class Gradient(NamedTuple):
+    """Values and how they change."""
+
+    value: NDArray[np.float32]
+    """``(n,)``, not clipped."""
+    position: NDArray[np.float32]
+    """``(n, 3)``: change for a move of the tip by one unit of length."""
+    direction: NDArray[np.float32]
+    """``(n, 3)``: change for a turn of the tool's axis by a radian, tangent to the sphere at the axis."""
+    rotation: NDArray[np.float32]
+    """``(n, 3)``: change for a turn of the whole tool by a radian, as a vector in the world's frame."""
+
+
+class Best(NamedTuple):
+    """The best of some directions at points."""
+
+    value: NDArray[np.float32]
+    """``(n,)``: the minimum."""
+    direction: NDArray[np.uint32]
+    """``(n,)``: its row in the directions, the first of equals."""
+    decision: NDArray[np.uint8]
+    """``(n,)`` of :class:`Decision`."""
+
+
+class Field:
+    """A field of every position and direction; ``field(poses)`` are its values.
+
+    Of ``quantity`` "overlap" a value is the fraction of the tool inside the obstacle, of "depth" how far the tool must be moved to
+    be free, in ``unit``, below 0 how far it may be moved. Outside ``bounds`` values are those of the nearest point inside.
+    """
+
+    def __init__(self, native: _imf.Field) -> None:
+        self._native = native
+
+    @property
+    def family(self) -> str:
+        """harmonic, factored or siren5."""
+        return self._native.family
+
+    @property
+    def quantity(self) -> str:
+        """overlap or depth."""
+        return self._native.quantity
+
+    @property
+    def part(self) -> str:
+        """The part's name."""
+        return self._native.part
+
+    @property
+    def unit(self) -> str:
+        """Unit of lengths."""
+        return self._native.unit
+
+    @property
+    def grid(self) -> Grid:
+        """The voxels that it was made of."""
+        return Grid.of(self._native.grid)
+
+    @property
+    def bounds(self) -> NDArray[np.float64] | None:
+        """Lower and upper corner of its box, ``(2, 3)``."""
+        bounds = self._native.bounds
+        return None if bounds is None else np.array(bounds)
+
+    @property
+    def verdict(self) -> str | None:
+        """What its decisions are worth, in a sentence; None where that was not measured, and it decides nothing then."""
+        return self._native.verdict
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes it to one ``.safetensors`` file, whole or not at all. Raises ``OSError``."""
+        self._native.save(os.fspath(path))
+
+    def __call__(self, poses: ArrayLike, *, progress: Progress = None) -> NDArray[np.float32] | np.float32:
+        """Values of poses ``(n, 6)`` or ``(n, 7)``: ``(n,)``; of one pose a number. NaN for what is no pose."""
+        rows, alone = rows_of(poses)
+        values = self._native.values(rows, listener(progress))
+        return values[0] if alone else values
+
+    def gradient(self, poses: ArrayLike, *, progress: Progress = None) -> Gradient:
+        """Values of poses ``(n, 6)`` or ``(n, 7)`` with their derivatives."""
+        return Gradient(*self._native.gradients(rows_of(poses)[0], listener(progress)))
+
+    def classify(self, poses: ArrayLike, *, progress: Progress = None) -> NDArray[np.uint8]:
+        """By pose a :class:`Decision` as a number, ``(n,)``, by the field's calibration."""
+        return self._native.classify(rows_of(poses)[0], listener(progress))
+
+    def best(self, points: ArrayLike, directions: ArrayLike, *, progress: Progress = None) -> Best:
+        """The minimum over directions ``(m, 3)`` at points ``(n, 3)``."""
+        rows = [np.ascontiguousarray(np.atleast_2d(given), dtype=np.float64) for given in (points, directions)]
+        return Best(*self._native.best(rows[0], rows[1], listener(progress)))
+
+    def to_xarray(self, direction: ArrayLike) -> Any:
+        """The values of one direction at every voxel centre, as a ``xarray.DataArray``."""
+        values, axis = self._section(direction)
+        return self.grid.to_xarray(values, self.quantity, {"direction": axis, "unit": self.unit})
+
+    def to_pyvista(self, direction: ArrayLike) -> Any:
+        """The values of one direction at every voxel centre, as a ``pyvista.ImageData``."""
+        return self.grid.to_pyvista(**{self.quantity: self._section(direction)[0]})
+
+    def _section(self, direction: ArrayLike) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+        from ._poses import poses
+
+        axis = np.asarray(direction, dtype=np.float64)
+        values = self._native.values(poses(self.grid.centres(), axis), None)
+        return values.reshape(self.grid.dims), axis
+
+    def __repr__(self) -> str:
+        return f"<imf.Field of {self.part}: {self.family}, {self.quantity}>"
+
+
+def load(path: str | os.PathLike[str]) -> Field:
+    """Reads a field of any family. Raises ``FileNotFoundError``, ``OSError``, or ``ValueError`` for a file that is none."""
+    return Field(_imf.Field.load(os.fspath(path)))
+
+
+def train(
+    scene: Scene,
+    family: str = "factored",
+    *,
+    quantity: str | None = None,
+    degree: int | None = None,
+    steps: int | None = None,
+    layers: tuple[int, int] | None = None,
+    omega: float | None = None,
+    directions: str = "fibonacci:225",
+    seed: int = 0,
+    calibrate: bool = True,
+    progress: Progress = None,
+) -> Field:
+    """Makes a field of a scene.
+
+    family: "harmonic", fitted to exact sections in seconds; "factored", a network of a megabyte that is distilled from such a fit;
+    "siren5", the paper's network, which learns from samples of the exact sections of ``directions``.
+    quantity: "depth", or "overlap"; by default depth, and overlap for siren5 and for a built-in part with the paper's tool. For
+    depths shank and holder keep two voxels of room where the scene has no clearance.
+    degree: of the harmonics. steps: of the training. layers: hidden layers and neurons of each. omega: frequency of the sines.
+    calibrate: also measures what the field's decisions are worth (a minute or so); without, it leaves every decision undecided.
+
+    Raises ``ValueError`` for what a family cannot have, :class:`ImfError` for a training that diverged.
+    """
+    native = _imf.train(
+        scene._native,
+        family,
+        quantity,
+        degree,
+        steps,
+        layers,
+        omega,
+        directions,
+        seed,
+        calibrate,
+        listener(progress),
+    )
+    return Field(native)

@@ -1,0 +1,256 @@
+"""The scene: a part in its set-up, among fixtures, on a grid of voxels, with the tool that is to reach it."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _imf
+from ._mesh import Mesh, mesh_input
+from ._progress import Progress, listener
+from .results import Grid, Inaccessibility, Section, Sections
+from .surface import Access, SetupPlan, StickOuts
+from .tool import Tool
+from .toolpath import CheckReport
+
+Directions: TypeAlias = "str | ArrayLike"
+"""The text of a set (``imf.DIRECTIONS`` has the grammar), vectors ``(n, 3)`` from tip to holder, or quaternions ``(n, 4)``."""
+
+Clearance: TypeAlias = float | Mapping[str, float]
+"""Room that shank and holder keep, or of ``holder``, ``shank`` and ``cutter`` by name; in the scene's unit."""
+
+
+class SceneWarning(UserWarning):
+    """What should be known of a scene that can be used all the same."""
+
+
+def clearance_input(clearance: Clearance) -> list[float]:
+    """Of holder, shank and cutter."""
+    if not isinstance(clearance, Mapping):
+        return [float(clearance), float(clearance), 0.0]
+    names = ("holder", "shank", "cutter")
+    unknown = set(clearance) - set(names)
+    if unknown:
+        raise ValueError(f"a clearance is of holder, shank and cutter, not of {', '.join(sorted(unknown))}")
+    return [float(clearance.get(name, 0.0)) for name in names]
+
+
+def directions_input(directions: Directions) -> str | NDArray[np.float64]:
+    """As the native module reads them."""
+    if isinstance(directions, str):
+        return directions
+    return np.ascontiguousarray(np.atleast_2d(np.asarray(directions, dtype=np.float64)))
+
+
+def _matrix(transform: ArrayLike | None) -> NDArray[np.float64]:
+    return np.ascontiguousarray(np.eye(4) if transform is None else transform, dtype=np.float64)
+
+
+class Scene:
+    """A part on its grid, and a tool.
+
+    part: a path (OBJ, STL, PLY, 3MF), a built-in part (``teapot``, ``bracket``, ``bracket-raw``, ``screw-gear``), an object with
+    ``vertices`` and ``faces`` (as of trimesh) or ``points`` and ``faces`` (as of PyVista), or a pair of vertices ``(n, 3)`` and
+    triangles ``(m, 3)``.
+    tool: every part but a built-in one needs one.
+    pitch, dims: the edge of a voxel, or voxels along x, y and z; by default the pitch follows from tool and part.
+    margin: empty voxels on each side. A field that is to be trained of a part wants some six.
+    unit: mm, cm, m or inch, of files and arrays that do not state theirs; STL files need it.
+    transform: ``(4, 4)``, where the part's own coordinates stand in the world.
+    fixtures: meshes that the tool must not touch either, or pairs of a mesh and its transform.
+    clearance: room that shank and holder keep (:data:`Clearance`), in the scene's unit.
+    contact: how deep below the part's surface the cutter may reach.
+    conservative: every voxel that the surface touches is solid, not those alone whose centre is inside.
+    allow_coarse: a tool that passes between the voxels' centres is a warning, not an error.
+    around: what the grid is chosen around: "part" or "all", the fixtures too.
+    name: what messages call a part that is no file.
+
+    Raises ``ValueError`` for what cannot be a scene, with the remedy, and ``OSError`` for files.
+    """
+
+    def __init__(
+        self,
+        part: Mesh,
+        tool: Tool | None = None,
+        *,
+        pitch: float | None = None,
+        dims: Sequence[int] | None = None,
+        margin: int = 0,
+        unit: str | None = None,
+        transform: ArrayLike | None = None,
+        fixtures: Iterable[Any] = (),
+        clearance: Clearance = 0.0,
+        contact: float | None = None,
+        conservative: bool = False,
+        allow_coarse: bool = False,
+        around: str = "part",
+        name: str | None = None,
+        progress: Progress = None,
+    ) -> None:
+        if around not in ("part", "all"):
+            raise ValueError(f"around must be 'part' or 'all', not {around!r}")
+        if pitch is not None and dims is not None:
+            raise ValueError("give pitch or dims, not both")
+        held = []
+        for index, fixture in enumerate(fixtures):
+            mesh, at = fixture, None
+            if isinstance(fixture, (tuple, list)) and np.shape(fixture[1]) == (4, 4):
+                mesh, at = fixture
+            held.append((mesh_input(mesh, f"fixture {index + 1}"), _matrix(at)))
+        self._native = _imf.Scene(
+            mesh_input(part, name or "part"),
+            None if tool is None else tool._native,
+            unit=unit,
+            pitch=None if pitch is None else float(pitch),
+            dims=None if dims is None else [int(n) for n in dims],
+            margin=margin,
+            transform=_matrix(transform),
+            fixtures=held,
+            clearance=clearance_input(clearance),
+            contact=contact,
+            conservative=conservative,
+            allow_coarse=allow_coarse,
+            around_all=around == "all",
+            progress=listener(progress),
+        )
+        for text in self._native.warnings:
+            warnings.warn(text, SceneWarning, stacklevel=2)
+
+    @property
+    def part(self) -> str:
+        """The part's name."""
+        return self._native.part
+
+    @property
+    def unit(self) -> str:
+        """Unit of every length."""
+        return self._native.unit
+
+    @property
+    def grid(self) -> Grid:
+        """The voxels."""
+        return Grid.of(self._native.grid)
+
+    @property
+    def tool(self) -> Tool:
+        """The tool as it is, in the scene's unit."""
+        return Tool._of(self._native.tool)
+
+    @property
+    def clearance(self) -> dict[str, float]:
+        """Room that holder, shank and cutter keep."""
+        return dict(zip(("holder", "shank", "cutter"), self._native.clearance))
+
+    @property
+    def solid(self) -> NDArray[np.bool_]:
+        """Voxels of part and fixtures, ``(nx, ny, nz)``: a copy."""
+        return self._native.solid.view(np.bool_)
+
+    @property
+    def mesh(self) -> tuple[NDArray[np.float64], NDArray[np.uint32]]:
+        """Vertices ``(n, 3)`` and triangles ``(m, 3)`` of the part where it stands in the world, facing outwards: copies."""
+        return self._native.mesh
+
+    def directions(self, text: str | None = None) -> NDArray[np.float64]:
+        """The directions of a set, ``(n, 3)``; by default those that questions about this part are asked with."""
+        return self._native.directions(self._native.usual_directions if text is None else text)
+
+    def section(self, direction: ArrayLike, *, progress: Progress = None) -> Section:
+        """The exact collision measure of one direction ``(3,)`` (or rotation ``(4,)``) at every voxel."""
+        return self.sections(direction, progress=progress)[0]
+
+    def sections(self, directions: Directions, *, progress: Progress = None) -> Sections:
+        """The exact collision measure of several directions at every voxel: 4 bytes a voxel and direction."""
+        values, found = _imf.sections(self._native, directions_input(directions), listener(progress))
+        return Sections(values, found, self.grid, self.unit)
+
+    def imf(self, directions: Directions | None = None, *, progress: Progress = None) -> Inaccessibility:
+        """The inaccessibility measure: the minimum over directions at every voxel, which holds no section."""
+        asked = self._native.usual_directions if directions is None else directions
+        values, best, found = _imf.minimum(self._native, directions_input(asked), listener(progress))
+        return Inaccessibility(values, best, found, self.grid, self.unit)
+
+    def access(
+        self,
+        directions: Directions | None = None,
+        *,
+        samples: int = 8_000,
+        tolerance: float | None = None,
+        progress: Progress = None,
+    ) -> Access:
+        """What of the part's surface the tool reaches, from which directions.
+
+        samples: the surface is cut into at least about so many. tolerance: how deep the cutter may cut below the surface, by default
+        0.05 mm or a tenth of the pitch, whichever is more.
+        """
+        asked = None if directions is None else directions_input(directions)
+        return Access(_imf.access(self._native, asked, samples, tolerance, listener(progress)), self.unit)
+
+    def setups(
+        self,
+        directions: Directions | None = None,
+        *,
+        limits: str | None = None,
+        cover: float = 1.0,
+        progress: Progress = None,
+    ) -> SetupPlan:
+        """The fewest set-ups in which the tool reaches what it can: :meth:`access`, then :meth:`Access.setups`."""
+        access = self.access(directions, progress=progress)
+        return access.setups(limits, cover=cover, every_direction=directions is not None, progress=progress)
+
+    def stickout(self, directions: Directions | None = None, *, progress: Progress = None) -> StickOuts:
+        """The least stick-out with which the tool reaches each sample: :meth:`access`, then :meth:`Access.stickout`."""
+        return self.access(directions, progress=progress).stickout(progress=progress)
+
+    def check(
+        self,
+        path: str | os.PathLike[str] | ArrayLike,
+        *,
+        tools: Mapping[int, Tool] | None = None,
+        machine: str | os.PathLike[str] | None = None,
+        clearance: Clearance | None = None,
+        contact: float | None = None,
+        tolerance: float | None = None,
+        frame: str = "part",
+        stick_out: bool = False,
+        progress: Progress = None,
+    ) -> CheckReport:
+        """Checks every motion of a five-axis toolpath, exactly, element by element.
+
+        path: a file (CSV, APT/CL or G-code), or poses ``(n, 6)``. tools: by number, where the path changes them; else the scene's.
+        machine: its file, for paths that need one. clearance: by default the scene's. contact: how deep the part may lie in the
+        cutter, 0.05 mm by default. tolerance: how closely the path is followed, by default a quarter of the pitch. frame: "part" or
+        "world", of the path. stick_out: also finds the least stick-out of every tool.
+        """
+        if frame not in ("part", "world"):
+            raise ValueError(f"frame must be 'part' or 'world', not {frame!r}")
+        if isinstance(path, (str, os.PathLike)):
+            given: str | tuple[str, str] = os.fspath(path)
+        else:
+            rows = np.asarray(path, dtype=np.float64)
+            if rows.ndim != 2 or rows.shape[1] != 6:
+                raise ValueError(f"the poses of a path must have the shape (n, 6), not {rows.shape}")
+            lines = (",".join(map(repr, row)) for row in rows.tolist())
+            given = ("x,y,z,i,j,k\n" + "\n".join(lines) + "\n", "poses")
+        text, remarks = _imf.check(
+            self._native,
+            given,
+            [(number, tool._native) for number, tool in (tools or {}).items()],
+            None if machine is None else os.fspath(machine),
+            None if clearance is None else clearance_input(clearance),
+            contact,
+            tolerance,
+            frame == "world",
+            stick_out,
+            listener(progress),
+        )
+        return CheckReport.of(text, remarks, self.unit)
+
+    def __repr__(self) -> str:
+        x, y, z = self.grid.dims
+        return f"<imf.Scene of {self.part}: {x}×{y}×{z} voxels of {self.grid.pitch:g} {self.unit}, tool {self.tool.name!r}>"

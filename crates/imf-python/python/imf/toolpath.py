@@ -1,0 +1,150 @@
+"""What a check of a toolpath found."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .results import optional
+
+
+@dataclass(frozen=True)
+class Collision:
+    """One element that collides with one body on the way to a line, at its deepest. Lengths are in the scene's unit."""
+
+    line: int
+    """Of the path's file, from 1."""
+    tool: int | None
+    """The tool's number, where the file names one."""
+    kind: str
+    """How the tool comes there: start, rapid or feed."""
+    element: str
+    """Of the tool."""
+    against: str
+    """What it hits: the part, a fixture by its name, the machine's solids by theirs, or stock."""
+    depth: float
+    """No shorter translation parts the element, offset by its clearance, from the body, short of a pitch or so."""
+    clearance: float
+    """Room that the element was to keep."""
+    position: NDArray[np.float64]
+    """``(3,)``: the tip at that pose."""
+    axis: NDArray[np.float64]
+    """``(3,)``: the tool's axis there, from tip to holder."""
+    contact: NDArray[np.float64]
+    """``(3,)``: the solid voxel's centre that is so deep."""
+    fraction: float
+    """How far on the way that pose is, from 0 to 1."""
+    volume: float
+    """Of the solid voxels in the element there."""
+
+
+@dataclass(frozen=True)
+class TravelFault:
+    """Where an axis of the machine leaves its range, in the scene's unit or in degrees."""
+
+    line: int
+    axis: str
+    value: float
+    farthest: float
+    range: tuple[float | None, float | None]
+    fraction: float
+
+
+@dataclass(frozen=True)
+class CheckReport:
+    """The answer for a whole toolpath."""
+
+    collisions: list[Collision]
+    """In the order of the lines."""
+    out_of_travel: list[TravelFault]
+    locations: int
+    """Lines that lead somewhere."""
+    poses: int
+    """Poses that were checked."""
+    sure_depth: float
+    """Diameter of the smallest ball whose overlap is certain to be detected."""
+    contact: float
+    """How deep the part might lie in the cutter."""
+    tolerance: float
+    """How closely the path was followed."""
+    stick_outs: list[dict[str, Any]]
+    """By tool, where they were asked for."""
+    remarks: list[str]
+    """What was taken for granted, with its line."""
+    unit: str
+
+    @classmethod
+    def of(cls, text: str, remarks: list[str], unit: str) -> CheckReport:
+        """From the library's report."""
+        found = json.loads(text)
+        report = found["report"]
+        hits = ((line, hit) for line in report["colliding"] for hit in line["collisions"])
+        return cls(
+            collisions=[_collision(line, hit) for line, hit in hits],
+            out_of_travel=[
+                TravelFault(**{**fault, "range": tuple(fault["range"])}) for fault in report["out_of_travel"]
+            ],
+            locations=report["locations"],
+            poses=report["poses"],
+            sure_depth=report["sure_depth"],
+            contact=report["settings"]["contact"],
+            tolerance=report["settings"]["tolerance"],
+            stick_outs=found["stick_outs"],
+            remarks=remarks,
+            unit=unit,
+        )
+
+    @property
+    def collides(self) -> bool:
+        """True where anything collides."""
+        return bool(self.collisions)
+
+    @property
+    def lines(self) -> list[int]:
+        """The lines with a collision."""
+        return sorted({hit.line for hit in self.collisions})
+
+    def to_pyvista(self) -> Any:
+        """A ``pyvista.PolyData`` of the deepest contact points, with the point values ``depth`` and ``line``."""
+        pyvista = optional("pyvista", "to_pyvista()")
+        points = pyvista.PolyData(np.array([hit.contact for hit in self.collisions]).reshape(-1, 3))
+        points.point_data["depth"] = np.array([hit.depth for hit in self.collisions])
+        points.point_data["line"] = np.array([hit.line for hit in self.collisions], dtype=np.int64)
+        return points
+
+    def to_xarray(self) -> Any:
+        """A ``xarray.Dataset`` over collision and component."""
+        xarray = optional("xarray", "to_xarray()")
+        columns: dict[str, Any] = {
+            name: ("collision", [getattr(hit, name) for hit in self.collisions])
+            for name in ("line", "kind", "element", "against", "depth", "fraction", "volume")
+        }
+        for name in ("position", "axis", "contact"):
+            rows = np.array([getattr(hit, name) for hit in self.collisions]).reshape(-1, 3)
+            columns[name] = (("collision", "component"), rows)
+        return xarray.Dataset(columns, coords={"component": ["x", "y", "z"]}, attrs={"unit": self.unit})
+
+
+def _collision(line: dict[str, Any], hit: dict[str, Any]) -> Collision:
+    against = hit["against"]
+    if isinstance(against, dict):
+        ((kind, name),) = against.items()
+        against = f"machine's {name}" if kind == "machine" else name
+    return Collision(
+        line=line["line"],
+        tool=line["tool"],
+        kind=line["kind"],
+        element=hit["element"],
+        against=against,
+        depth=hit["depth"],
+        clearance=hit["clearance"],
+        position=np.array(hit["position"]),
+        axis=np.array(hit["axis"]),
+        contact=np.array(hit["contact"]),
+        fraction=hit["fraction"],
+        volume=hit["volume"],
+    )

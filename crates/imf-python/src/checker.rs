@@ -1,0 +1,176 @@
+//! Exact answers for planners: poses and motions of a scene's tool, by [`ExactField`] and [`MotionChecker`].
+
+use std::sync::Arc;
+
+use imf_core::control::Cancelled;
+use imf_core::field::{Decision, ExactField, PoseField as _};
+use imf_core::glam::DVec3;
+use imf_core::motion::{MotionChecker, MotionError, MotionResult};
+use imf_core::pose::Pose;
+use imf_core::tool::{ClearanceError, ToolShape};
+use numpy::{PyArray1, PyReadonlyArray2};
+use pyo3::prelude::*;
+use rayon::prelude::*;
+
+use crate::errors::{Raise, value_error};
+use crate::field::code;
+use crate::poses::PoseRows;
+use crate::scene::{Scene, clearance_of};
+use crate::work::{Progress, run};
+
+/// The tool of a scene around its part.
+#[pyclass(frozen, module = "imf._imf")]
+pub(crate) struct Checker(MotionChecker);
+
+/// By motion: its code, until when it is free, when it collides.
+type Motions<'py> = (Bound<'py, PyArray1<u8>>, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>);
+
+impl Checker {
+    /// Poses of this tool.
+    fn rows<'a>(&self, poses: &'a PyReadonlyArray2<'_, f64>) -> PyResult<PoseRows<'a>> {
+        let round = matches!(self.0.field().assembly().tool().shape, ToolShape::Revolved(_));
+        Ok(PoseRows::new(poses)?.of_round_tool(round))
+    }
+}
+
+#[pymethods]
+impl Checker {
+    #[new]
+    fn new(py: Python<'_>, scene: &Bound<'_, Scene>, clearance: Option<[f64; 3]>) -> PyResult<Self> {
+        let scene = Arc::clone(&scene.get().scene);
+        let clearance = clearance.map_or(scene.record.clearance, clearance_of);
+        let field = run(py, (&None, "", 0), |_| {
+            let field = ExactField::of_scene(&scene, &clearance)?;
+            // What decisions are made by is made at the first of them.
+            let _ = field.collides(&Pose::along(scene.record.grid.origin, DVec3::Z));
+            Ok::<_, ClearanceError>(field)
+        })?;
+        Ok(Self(MotionChecker::new(field)))
+    }
+
+    /// By pose, 0 free and 1 colliding; what is no pose collides.
+    fn classify<'py>(
+        &self,
+        py: Python<'py>,
+        poses: PyReadonlyArray2<'py, f64>,
+        progress: Progress<'py>,
+    ) -> PyResult<Bound<'py, PyArray1<u8>>> {
+        let rows = self.rows(&poses)?;
+        let field = self.0.field();
+        let found = run(py, (&progress, "poses", rows.len() as u64), |control| {
+            rows.answers(control, |poses, codes| {
+                poses.iter().zip(codes).for_each(|(pose, code)| *code = u8::from(field.collides(pose)));
+                Ok(())
+            })
+        })?;
+        Ok(PyArray1::from_vec(py, found))
+    }
+
+    /// Whether one pose is free, without any of what batches need.
+    fn is_free(&self, poses: PyReadonlyArray2<'_, f64>) -> PyResult<bool> {
+        let rows = self.rows(&poses)?;
+        if rows.len() != 1 {
+            return Err(value_error("one pose at a time"));
+        }
+        Ok(!self.0.field().collides(&rows.pose(0)))
+    }
+
+    /// By pose, the overlap in [0, 1].
+    fn values<'py>(
+        &self,
+        py: Python<'py>,
+        poses: PyReadonlyArray2<'py, f64>,
+        progress: Progress<'py>,
+    ) -> PyResult<Bound<'py, PyArray1<f32>>> {
+        let rows = self.rows(&poses)?;
+        let field = self.0.field();
+        let found = run(py, (&progress, "poses", rows.len() as u64), |control| {
+            rows.answers(control, |poses, values| field.values(poses, values))
+        })?;
+        Ok(PyArray1::from_vec(py, found))
+    }
+
+    /// By pose, the signed clearance as far as it is proven.
+    fn clearance<'py>(
+        &self,
+        py: Python<'py>,
+        poses: PyReadonlyArray2<'py, f64>,
+        progress: Progress<'py>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let rows = self.rows(&poses)?;
+        let field = self.0.field();
+        if rows.len() > 0 && field.signed_clearance(&rows.pose(0)).is_none() {
+            return Err(value_error(
+                "clearances are proven for tools of revolution: describe the tool by cutter, shank and holder",
+            ));
+        }
+        let found = run(py, (&progress, "poses", rows.len() as u64), |control| {
+            rows.answers(control, |poses, values: &mut [f64]| {
+                let each = poses.iter().zip(values);
+                each.for_each(|(pose, value)| {
+                    *value = if pose.is_valid() {
+                        field.signed_clearance(pose).unwrap_or(f64::NAN)
+                    } else {
+                        f64::NAN
+                    };
+                });
+                Ok(())
+            })
+        })?;
+        Ok(PyArray1::from_vec(py, found))
+    }
+
+    /// By motion from a pose of `from` to that of `to`, the same rule as of a toolpath: 0 free, 1 colliding, 2 undecided.
+    fn check_motion<'py>(
+        &self,
+        py: Python<'py>,
+        from: PyReadonlyArray2<'py, f64>,
+        to: PyReadonlyArray2<'py, f64>,
+        progress: Progress<'py>,
+    ) -> PyResult<Motions<'py>> {
+        let (from, to) = (self.rows(&from)?, self.rows(&to)?);
+        if from.len() != to.len() {
+            return Err(value_error(format!(
+                "motions need as many ends as beginnings, not {} and {}",
+                to.len(),
+                from.len()
+            )));
+        }
+        let checker = &self.0;
+        let found = run(py, (&progress, "motions", from.len() as u64), |control| {
+            let each = (0..from.len()).into_par_iter().map(|row| {
+                control.check().map_err(MotionsError::from)?;
+                let result = checker.check_motion(&from.pose(row), &to.pose(row));
+                let result = result.map_err(|error| MotionsError::Motion(row, error))?;
+                (control.progress)(1);
+                Ok::<_, MotionsError>(result)
+            });
+            each.collect::<Result<Vec<MotionResult>, _>>()
+        })?;
+        let numbers = found.into_iter().map(|result| match result {
+            MotionResult::Free => (code(Decision::Free), (1.0, f64::NAN)),
+            MotionResult::Colliding { free_until, at, .. } => (code(Decision::Colliding), (free_until, at)),
+            MotionResult::Undecided { from, .. } => (code(Decision::Undecided), (from, f64::NAN)),
+        });
+        let (codes, (free_until, at)): (Vec<u8>, (Vec<f64>, Vec<f64>)) = numbers.unzip();
+        Ok((PyArray1::from_vec(py, codes), PyArray1::from_vec(py, free_until), PyArray1::from_vec(py, at)))
+    }
+}
+
+/// Why motions are not validated.
+#[derive(Debug, thiserror::Error)]
+enum MotionsError {
+    #[error("motion {0}: {1}")]
+    Motion(usize, MotionError),
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}
+
+impl Raise for MotionsError {
+    fn raise(self) -> PyErr {
+        match self {
+            Self::Cancelled(error) => error.raise(),
+            other => value_error(other.to_string()),
+        }
+    }
+}

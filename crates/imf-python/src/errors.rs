@@ -1,0 +1,161 @@
+//! Which exception an error becomes: `OSError` where a file cannot be opened or written (`FileNotFoundError` where there is none),
+//! `ValueError` where what was given makes no sense, `ImfError` where a computation failed.
+
+use imf_core::check::CheckError;
+use imf_core::field::FieldError;
+use imf_core::file_error::{FaultKind, FileError};
+use imf_core::motion::MotionError;
+use imf_core::orientation::OrientationSetError;
+use imf_core::parts::UnknownPart;
+use imf_core::scene::SceneError;
+use imf_core::section::SectionError;
+use imf_core::surface::{SurfaceError, TooManySetups};
+use imf_core::tool::{ClearanceError, ToolError};
+use imf_core::toolpath::ToolpathError;
+use imf_core::unit::UnknownUnit;
+use imf_fields::field::LoadError;
+use imf_fields::field::calibrate::CalibrationError;
+use imf_fields::file::FieldFileError;
+use imf_fields::harmonic::HarmonicError;
+use imf_fields::recipe::RecipeError;
+use imf_fields::siren::ShapeError;
+use imf_train::dataset::DatasetError;
+use imf_train::training::run::TrainError;
+use pyo3::PyErr;
+use pyo3::exceptions::{PyFileNotFoundError, PyOSError, PyValueError};
+
+pyo3::create_exception!(
+    imf,
+    ImfError,
+    pyo3::exceptions::PyException,
+    "A computation that failed for another reason than what it was given: a training that diverged, a device, memory."
+);
+
+/// An error as Python raises it.
+pub(crate) trait Raise {
+    /// The exception, with the error's words and those of what caused it.
+    fn raise(self) -> PyErr;
+}
+
+/// The words of an error and of its causes.
+fn words(error: &dyn std::error::Error) -> String {
+    let mut text = error.to_string();
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        let more = error.to_string();
+        if !text.contains(&more) {
+            text = format!("{text}: {more}");
+        }
+        cause = error.source();
+    }
+    text
+}
+
+pub(crate) fn value_error(text: impl Into<String>) -> PyErr {
+    PyValueError::new_err(text.into())
+}
+
+macro_rules! raise_as {
+    ($exception:ty: $($error:ty),+) => {
+        $(impl Raise for $error {
+            fn raise(self) -> PyErr {
+                <$exception>::new_err(words(&self))
+            }
+        })+
+    };
+}
+
+raise_as!(PyValueError: CheckError, ClearanceError, MotionError, OrientationSetError, RecipeError, ShapeError, SurfaceError, ToolError,
+    TooManySetups, UnknownPart, UnknownUnit, CalibrationError);
+
+impl Raise for FileError {
+    fn raise(self) -> PyErr {
+        let text = words(&self);
+        match self.fault.kind {
+            FaultKind::Missing => PyFileNotFoundError::new_err(text),
+            FaultKind::Unreadable => PyOSError::new_err(text),
+            _ => PyValueError::new_err(text),
+        }
+    }
+}
+
+impl Raise for SceneError {
+    fn raise(self) -> PyErr {
+        match self {
+            Self::File(error) => error.raise(),
+            other => value_error(words(&other)),
+        }
+    }
+}
+
+impl Raise for SectionError {
+    fn raise(self) -> PyErr {
+        value_error(words(&self))
+    }
+}
+
+impl Raise for FieldError {
+    fn raise(self) -> PyErr {
+        match self {
+            Self::Engine(error) => ImfError::new_err(words(&error)),
+            other => value_error(words(&other)),
+        }
+    }
+}
+
+impl Raise for HarmonicError {
+    fn raise(self) -> PyErr {
+        value_error(words(&self))
+    }
+}
+
+impl Raise for ToolpathError {
+    fn raise(self) -> PyErr {
+        match &self {
+            Self::Read { source, .. } => of_system(source, words(&self)),
+            _ => value_error(words(&self)),
+        }
+    }
+}
+
+impl Raise for FieldFileError {
+    fn raise(self) -> PyErr {
+        use std::error::Error as _;
+        let system = self.source().and_then(|source| source.downcast_ref::<std::io::Error>());
+        match system {
+            Some(source) => of_system(source, words(&self)),
+            None => value_error(words(&self)),
+        }
+    }
+}
+
+impl Raise for LoadError {
+    fn raise(self) -> PyErr {
+        match self {
+            Self::File(error) => error.raise(),
+            other => value_error(words(&other)),
+        }
+    }
+}
+
+impl Raise for DatasetError {
+    fn raise(self) -> PyErr {
+        ImfError::new_err(words(&self))
+    }
+}
+
+impl Raise for TrainError {
+    fn raise(self) -> PyErr {
+        match self {
+            Self::Plan(error) => error.raise(),
+            other => ImfError::new_err(words(&other)),
+        }
+    }
+}
+
+fn of_system(source: &std::io::Error, text: String) -> PyErr {
+    match source.kind() {
+        std::io::ErrorKind::NotFound => PyFileNotFoundError::new_err(text),
+        _ => PyOSError::new_err(text),
+    }
+}

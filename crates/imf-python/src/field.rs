@@ -1,0 +1,216 @@
+//! Fields of every direction as Python holds them: read from files of any family, or trained.
+
+use std::path::Path;
+
+use glam::{DQuat, DVec3};
+use imf_core::field::{Best, Decision, FieldError, Gradient, PoseField as _};
+use imf_core::section::Quantity;
+use imf_fields::field::{self, LoadError};
+use imf_fields::file::FieldFile;
+use numpy::{PyArray1, PyArray2, PyReadonlyArray2};
+use pyo3::prelude::*;
+use rayon::prelude::*;
+
+use crate::errors::value_error;
+use crate::poses::{CHUNK, PoseRows};
+use crate::scene::rows_of;
+use crate::work::{Progress, run};
+
+/// A decision as arrays hold it.
+pub(crate) fn code(decision: Decision) -> u8 {
+    match decision {
+        Decision::Free => 0,
+        Decision::Colliding => 1,
+        Decision::Undecided => 2,
+    }
+}
+
+/// A field, and its file, which it can be saved to again.
+#[pyclass(frozen, module = "imf._imf")]
+pub(crate) struct Field {
+    field: field::Field,
+    file: FieldFile,
+}
+
+/// Value, and change with the position, with the axis and with a rotation vector.
+type Gradients<'py> = (
+    Bound<'py, PyArray1<f32>>,
+    Bound<'py, PyArray2<f32>>,
+    Bound<'py, PyArray2<f32>>,
+    Bound<'py, PyArray2<f32>>,
+);
+
+/// Value, place in the list and decision of the best direction.
+type BestOf<'py> = (Bound<'py, PyArray1<f32>>, Bound<'py, PyArray1<u32>>, Bound<'py, PyArray1<u8>>);
+
+impl Field {
+    /// Of a file that was read or made.
+    pub(crate) fn new(file: FieldFile) -> Result<Self, LoadError> {
+        Ok(Self { field: field::Field::new(file.clone())?, file })
+    }
+}
+
+#[pymethods]
+impl Field {
+    /// Reads a field of any family.
+    #[staticmethod]
+    fn load(py: Python<'_>, path: &str) -> PyResult<Self> {
+        run(py, (&None, "", 0), |_| Self::new(FieldFile::read(Path::new(path))?))
+    }
+
+    /// Writes it whole or not at all.
+    fn save(&self, py: Python<'_>, path: &str) -> PyResult<()> {
+        run(py, (&None, "", 0), |_| self.file.write(Path::new(path)))
+    }
+
+    /// Its family.
+    #[getter]
+    fn family(&self) -> &'static str {
+        match self.file {
+            FieldFile::Siren(_) => "siren5",
+            FieldFile::Harmonic(_) => "harmonic",
+            FieldFile::Factored(_) => "factored",
+        }
+    }
+
+    /// What its values are.
+    #[getter]
+    fn quantity(&self) -> &'static str {
+        match self.field.quantity() {
+            Quantity::Overlap => "overlap",
+            Quantity::Depth => "depth",
+        }
+    }
+
+    /// The part's name.
+    #[getter]
+    fn part(&self) -> &str {
+        &self.field.scene().record.part
+    }
+
+    /// Unit of lengths.
+    #[getter]
+    fn unit(&self) -> String {
+        self.field.scene().record.unit.to_string()
+    }
+
+    /// Lower corner, pitch and dims of its grid.
+    #[getter]
+    fn grid(&self) -> ([f64; 3], f64, [usize; 3]) {
+        let grid = &self.field.scene().record.grid;
+        (grid.origin.to_array(), grid.pitch, grid.dims)
+    }
+
+    /// Lower and upper corner of the box where it is defined.
+    #[getter]
+    fn bounds(&self) -> Option<[[f64; 3]; 2]> {
+        self.field.bounds().map(|bounds| bounds.map(DVec3::into))
+    }
+
+    /// What its decisions are worth, in a sentence; none where that was not measured.
+    #[getter]
+    fn verdict(&self) -> Option<String> {
+        self.field.calibration().map(|calibration| calibration.verdict().to_string())
+    }
+
+    /// By pose, the value.
+    fn values<'py>(
+        &self,
+        py: Python<'py>,
+        poses: PyReadonlyArray2<'py, f64>,
+        progress: Progress<'py>,
+    ) -> PyResult<Bound<'py, PyArray1<f32>>> {
+        let rows = PoseRows::new(&poses)?;
+        let found = run(py, (&progress, "poses", rows.len() as u64), |control| {
+            rows.answers(control, |poses, values| self.field.values(poses, values))
+        })?;
+        Ok(PyArray1::from_vec(py, found))
+    }
+
+    /// By pose, the value and its derivatives.
+    fn gradients<'py>(
+        &self,
+        py: Python<'py>,
+        poses: PyReadonlyArray2<'py, f64>,
+        progress: Progress<'py>,
+    ) -> PyResult<Gradients<'py>> {
+        let rows = PoseRows::new(&poses)?;
+        let found = run(py, (&progress, "poses", rows.len() as u64), |control| {
+            rows.answers(control, |poses, numbers: &mut [[f32; 10]]| {
+                let mut gradients = vec![Gradient::NAN; poses.len()];
+                self.field.gradients(poses, &mut gradients)?;
+                for (Gradient { value, position, direction, rotation }, out) in gradients.iter().zip(numbers)
+                {
+                    out[0] = *value;
+                    [position, direction, rotation]
+                        .iter()
+                        .zip(out[1..].chunks_exact_mut(3))
+                        .for_each(|(vector, out)| out.copy_from_slice(&vector.to_array()));
+                }
+                Ok(())
+            })
+        })?;
+        let vectors = |first: usize| {
+            let numbers = found.iter().flat_map(|row| row[first..first + 3].iter().copied()).collect();
+            rows_of(py, numbers, 3)
+        };
+        let values = found.iter().map(|row| row[0]).collect();
+        Ok((PyArray1::from_vec(py, values), vectors(1)?, vectors(4)?, vectors(7)?))
+    }
+
+    /// By pose, 0 free, 1 colliding, 2 undecided.
+    fn classify<'py>(
+        &self,
+        py: Python<'py>,
+        poses: PyReadonlyArray2<'py, f64>,
+        progress: Progress<'py>,
+    ) -> PyResult<Bound<'py, PyArray1<u8>>> {
+        let rows = PoseRows::new(&poses)?;
+        let found = run(py, (&progress, "poses", rows.len() as u64), |control| {
+            rows.answers(control, |poses, codes: &mut [u8]| {
+                let mut decisions = [Decision::Undecided; CHUNK];
+                let decisions = &mut decisions[..poses.len()];
+                self.field.classify(poses, decisions)?;
+                decisions.iter().zip(codes).for_each(|(decision, out)| *out = code(*decision));
+                Ok(())
+            })
+        })?;
+        Ok(PyArray1::from_vec(py, found))
+    }
+
+    /// At every point `[n, 3]` the best of directions `[m, 3]`.
+    fn best<'py>(
+        &self,
+        py: Python<'py>,
+        points: PyReadonlyArray2<'py, f64>,
+        directions: PyReadonlyArray2<'py, f64>,
+        progress: Progress<'py>,
+    ) -> PyResult<BestOf<'py>> {
+        let vectors = |name: &str, array: &PyReadonlyArray2<'py, f64>| -> PyResult<Vec<DVec3>> {
+            let array = array.as_array();
+            if array.ncols() != 3 {
+                return Err(value_error(format!("{name} must have the shape (n, 3), not {:?}", array.dim())));
+            }
+            Ok(array.rows().into_iter().map(|row| DVec3::new(row[0], row[1], row[2])).collect())
+        };
+        let (points, axes) = (vectors("points", &points)?, vectors("directions", &directions)?);
+        let rotations: Vec<DQuat> =
+            axes.into_iter().map(|axis| imf_core::pose::Pose::along(DVec3::ZERO, axis).rotation).collect();
+        let found = run(py, (&progress, "points", points.len() as u64), |control| {
+            let mut best = vec![Best::NONE; points.len()];
+            // So many points at a time, on all threads.
+            let chunks = best.chunks_mut(4096).zip(points.chunks(4096));
+            chunks.collect::<Vec<_>>().into_par_iter().try_for_each(|(best, points)| {
+                control.check().map_err(|_| FieldError::Cancelled)?;
+                self.field.best(points, &rotations, best)?;
+                (control.progress)(points.len() as u64);
+                Ok::<_, FieldError>(())
+            })?;
+            Ok::<_, FieldError>(best)
+        })?;
+        let values = found.iter().map(|best| best.value).collect();
+        let places = found.iter().map(|best| best.orientation).collect();
+        let codes = found.iter().map(|best| code(best.decision)).collect();
+        Ok((PyArray1::from_vec(py, values), PyArray1::from_vec(py, places), PyArray1::from_vec(py, codes)))
+    }
+}

@@ -1,0 +1,85 @@
+//! Poses as NumPy has them: one row each, of a tip and an axis, or of a tip and a quaternion; and batches of them on all threads.
+
+use glam::{DQuat, DVec3};
+use imf_core::control::Control;
+use imf_core::field::FieldError;
+use imf_core::pose::Pose;
+use numpy::{PyReadonlyArray2, PyUntypedArrayMethods as _};
+use pyo3::prelude::*;
+use rayon::prelude::*;
+
+use crate::errors::value_error;
+
+/// Poses that a thread converts and answers at a time.
+pub(crate) const CHUNK: usize = 256;
+
+/// Rows of poses where they lie.
+#[derive(Clone, Copy)]
+pub(crate) struct PoseRows<'a> {
+    numbers: &'a [f64],
+    width: usize,
+    /// The roll about the tool's axis does not matter.
+    round: bool,
+}
+
+impl<'a> PoseRows<'a> {
+    /// Of an array `[n, 6]` (x, y, z and the axis from tip to holder) or `[n, 7]` (x, y, z and a quaternion x, y, z, w).
+    ///
+    /// # Errors
+    /// Another shape, or an array that is not contiguous.
+    pub(crate) fn new(array: &'a PyReadonlyArray2<'_, f64>) -> PyResult<Self> {
+        let [count, width] = [array.shape()[0], array.shape()[1]];
+        if width != 6 && width != 7 {
+            return Err(value_error(format!(
+                "poses must have the shape (n, 6), x, y, z and the axis from tip to holder, or (n, 7), x, y, z and a quaternion \
+                 x, y, z, w; not ({count}, {width})"
+            )));
+        }
+        let numbers = array.as_slice().map_err(|error| value_error(format!("poses: {error}")))?;
+        Ok(Self { numbers, width, round: false })
+    }
+
+    /// For a tool of revolution: an axis is reached by the shortest turn, which is found faster than the one without roll.
+    pub(crate) fn of_round_tool(self, round: bool) -> Self {
+        Self { round, ..self }
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.numbers.len() / self.width
+    }
+
+    /// One pose.
+    pub(crate) fn pose(&self, row: usize) -> Pose {
+        let numbers = &self.numbers[row * self.width..][..self.width];
+        let tip = DVec3::from_slice(numbers);
+        match numbers[3..] {
+            [x, y, z, w] => Pose::new(tip, DQuat::from_xyzw(x, y, z, w)),
+            _ if self.round => {
+                let axis = DVec3::from_slice(&numbers[3..]).try_normalize();
+                let turn = axis.map(|axis| DQuat::from_rotation_arc(DVec3::Z, axis));
+                Pose::new(tip, turn.unwrap_or(DQuat::NAN))
+            }
+            _ => Pose::along(tip, DVec3::from_slice(&numbers[3..])),
+        }
+    }
+
+    /// Answers for all poses, `answer` for some at a time, on all threads of the current pool. One unit of progress is one pose.
+    pub(crate) fn answers<T: Copy + Default + Send>(
+        self,
+        control: Control<'_>,
+        answer: impl Fn(&[Pose], &mut [T]) -> Result<(), FieldError> + Sync,
+    ) -> Result<Vec<T>, FieldError> {
+        let mut answers = vec![T::default(); self.len()];
+        let chunks = answers.par_chunks_mut(CHUNK).enumerate();
+        chunks.try_for_each_init(Vec::new, |poses, (chunk, answers)| -> Result<(), FieldError> {
+            control.check().map_err(|_| FieldError::Cancelled)?;
+            let first = chunk * CHUNK;
+            poses.clear();
+            poses.extend((first..first + answers.len()).map(|row| self.pose(row)));
+            answer(poses, answers)?;
+            (control.progress)(answers.len() as u64);
+            Ok(())
+        })?;
+        Ok(answers)
+    }
+}

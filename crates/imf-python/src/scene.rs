@@ -1,0 +1,380 @@
+//! The scene as Python holds it: the library's, and what it was made of, since surfaces and toolpaths need the meshes again.
+
+use std::path::Path;
+use std::str::FromStr as _;
+use std::sync::{Arc, OnceLock};
+
+use glam::{DMat4, DVec3};
+use imf_core::control::Control;
+use imf_core::mesh::Mesh;
+use imf_core::mesh::read::{MeshFile, read_mesh_file};
+use imf_core::orientation::{Orientation, OrientationSet};
+use imf_core::parts::ReferencePart;
+use imf_core::scene::{self, Bodies, Fixture, GridExtent, Resolution, SceneError, SceneSpec};
+use imf_core::tool::{self, Clearance};
+use imf_core::unit::LengthUnit;
+use numpy::{IntoPyArray as _, PyArray1, PyArray2, PyArray3, PyArrayMethods as _, PyReadonlyArray2};
+use pyo3::prelude::*;
+
+use crate::errors::{Raise, value_error};
+use crate::tool::Tool;
+use crate::work::{Progress, run};
+
+/// A mesh as Python gives it: a path (or, of a part, a built-in part's name), or vertices `[n, 3]` and triangles `[m, 3]` with a name.
+#[derive(FromPyObject)]
+pub(crate) enum MeshInput<'py> {
+    /// A file.
+    Path(String),
+    /// Arrays.
+    Arrays(PyReadonlyArray2<'py, f64>, PyReadonlyArray2<'py, i64>, String),
+}
+
+/// A mesh as it was read.
+struct Body {
+    name: String,
+    mesh: Mesh,
+    /// The file's own.
+    unit: Option<LengthUnit>,
+    reference: Option<ReferencePart>,
+}
+
+impl MeshInput<'_> {
+    fn read(&self, py: Python<'_>, built_in: bool) -> PyResult<Body> {
+        match self {
+            Self::Path(text) => {
+                let path = Path::new(text);
+                if let Ok(part) = ReferencePart::from_str(text)
+                    && built_in
+                    && !path.is_file()
+                {
+                    let (name, mesh) = (part.name().to_owned(), part.mesh());
+                    return Ok(Body { name, mesh, unit: Some(LengthUnit::Mm), reference: Some(part) });
+                }
+                let MeshFile { mesh, unit } = py.detach(|| read_mesh_file(path)).map_err(Raise::raise)?;
+                let name =
+                    path.file_name().map_or_else(|| text.clone(), |name| name.to_string_lossy().into());
+                Ok(Body { name, mesh, unit, reference: None })
+            }
+            Self::Arrays(vertices, faces, name) => {
+                Ok(Body { name: name.clone(), mesh: mesh_of(vertices, faces)?, unit: None, reference: None })
+            }
+        }
+    }
+}
+
+/// A mesh from its arrays.
+fn mesh_of(vertices: &PyReadonlyArray2<'_, f64>, faces: &PyReadonlyArray2<'_, i64>) -> PyResult<Mesh> {
+    let (vertices, faces) = (vertices.as_array(), faces.as_array());
+    for (name, width) in [("vertices", vertices.ncols()), ("faces", faces.ncols())] {
+        if width != 3 {
+            return Err(value_error(format!("{name} must have the shape (n, 3), not (n, {width})")));
+        }
+    }
+    let count = vertices.nrows();
+    let corner = |index: &i64| {
+        let known = u32::try_from(*index).ok().filter(|&index| (index as usize) < count);
+        known.ok_or_else(|| value_error(format!("a face names the vertex {index}, and there are {count}")))
+    };
+    let triangle = |face: numpy::ndarray::ArrayView1<'_, i64>| {
+        Ok([corner(&face[0])?, corner(&face[1])?, corner(&face[2])?])
+    };
+    if let Some(place) = vertices.rows().into_iter().position(|row| row.iter().any(|v| !v.is_finite())) {
+        return Err(value_error(format!("vertex {place} has a coordinate that is not a finite number")));
+    }
+    Ok(Mesh {
+        vertices: vertices.rows().into_iter().map(|row| DVec3::new(row[0], row[1], row[2])).collect(),
+        triangles: faces.rows().into_iter().map(triangle).collect::<PyResult<_>>()?,
+    })
+}
+
+/// A matrix as NumPy has it, `[4, 4]`, that is to be multiplied by columns.
+pub(crate) fn matrix_of(array: &PyReadonlyArray2<'_, f64>) -> PyResult<DMat4> {
+    let array = array.as_array();
+    if array.dim() != (4, 4) || array.iter().any(|v| !v.is_finite()) {
+        return Err(value_error(format!(
+            "a transform must be a matrix of 4 × 4 finite numbers, not of {:?}",
+            array.dim()
+        )));
+    }
+    let rows: Vec<f64> = array.iter().copied().collect();
+    Ok(DMat4::from_cols_slice(&rows).transpose())
+}
+
+/// Room around holder, shank and cutter.
+pub(crate) fn clearance_of([holder, shank, cutter]: [f64; 3]) -> Clearance {
+    Clearance { holder, shank, cutter }
+}
+
+/// A part on its grid, and the tool that is to reach it.
+#[pyclass(frozen, module = "imf._imf")]
+pub(crate) struct Scene {
+    pub(crate) scene: Arc<scene::Scene>,
+    pub(crate) mesh: Mesh,
+    pub(crate) reference: Option<ReferencePart>,
+    pub(crate) warnings: Vec<String>,
+    tool: tool::Tool,
+    fixtures: Vec<(String, Mesh, DMat4)>,
+    allow_coarse: bool,
+    undecided: f64,
+    /// Part and fixtures apart, on a grid that holds them all.
+    bodies: OnceLock<Arc<Bodies>>,
+}
+
+impl Scene {
+    /// What the scene is made from, once more.
+    pub(crate) fn with_spec<T>(
+        &self,
+        control: Control<'_>,
+        make: impl FnOnce(&SceneSpec<'_>) -> Result<T, SceneError>,
+    ) -> Result<T, SceneError> {
+        let record = &self.scene.record;
+        let fixtures: Vec<Fixture<'_>> = self
+            .fixtures
+            .iter()
+            .map(|(name, mesh, transform)| Fixture { name, mesh, transform: *transform })
+            .collect();
+        make(&SceneSpec {
+            part: &record.part,
+            mesh: &self.mesh,
+            unit: record.unit,
+            transform: record.transform,
+            resolution: Resolution::Pitch(record.grid.pitch),
+            margin: record.margin,
+            conservative: record.conservative,
+            allow_coarse: self.allow_coarse,
+            tool: &self.tool,
+            fixtures: &fixtures,
+            around: GridExtent::Part,
+            control,
+        })
+    }
+
+    /// Part and fixtures apart. Without fixtures they are the scene's own voxels; else they are voxelised once more, on all that the
+    /// tool can meet.
+    pub(crate) fn bodies(&self, control: Control<'_>) -> Result<Arc<Bodies>, SceneError> {
+        if let Some(bodies) = self.bodies.get() {
+            return Ok(bodies.clone());
+        }
+        let made = if self.fixtures.is_empty() {
+            let part = self.scene.obstacle.clone();
+            Bodies { part, fixtures: Vec::new(), undecided: self.undecided }
+        } else {
+            self.with_spec(control, |spec| {
+                spec.bodies(&spec.wide_grid(&self.scene.record.grid, f64::INFINITY)?)
+            })?
+        };
+        Ok(self.bodies.get_or_init(|| Arc::new(made)).clone())
+    }
+
+    /// The part's mesh in the world.
+    pub(crate) fn placed_mesh(&self) -> Mesh {
+        self.mesh.transformed(&self.scene.record.transform)
+    }
+
+    /// The fixtures' names.
+    pub(crate) fn fixture_names(&self) -> &[String] {
+        &self.scene.record.fixtures
+    }
+
+    /// The set that users want where they name none, as in the commands.
+    pub(crate) fn usual_directions(&self) -> &'static str {
+        if self.scene.record.bare_tool().is_axisymmetric() {
+            "axes+normals+fibonacci:225"
+        } else {
+            "axes+normals+so3:500"
+        }
+    }
+
+    /// The set of a text, for this part.
+    pub(crate) fn set(
+        &self,
+        text: &str,
+    ) -> Result<OrientationSet, imf_core::orientation::OrientationSetError> {
+        OrientationSet::parse_for(text, || {
+            let found = self.placed_mesh().machining_directions();
+            found.into_iter().map(|suggested| suggested.direction).collect()
+        })
+    }
+}
+
+#[pymethods]
+impl Scene {
+    #[new]
+    #[pyo3(signature = (part, tool, *, unit, pitch, dims, margin, transform, fixtures, clearance, contact, conservative, allow_coarse, around_all, progress))]
+    fn new(
+        py: Python<'_>,
+        part: MeshInput<'_>,
+        tool: Option<&Bound<'_, Tool>>,
+        unit: Option<&str>,
+        pitch: Option<f64>,
+        dims: Option<[usize; 3]>,
+        margin: usize,
+        transform: PyReadonlyArray2<'_, f64>,
+        fixtures: Vec<(MeshInput<'_>, PyReadonlyArray2<'_, f64>)>,
+        clearance: [f64; 3],
+        contact: Option<f64>,
+        conservative: bool,
+        allow_coarse: bool,
+        around_all: bool,
+        progress: Progress<'_>,
+    ) -> PyResult<Self> {
+        let given = unit.map(LengthUnit::from_str).transpose().map_err(Raise::raise)?;
+        let Body { name, mesh, unit: stated, reference } = part.read(py, true)?;
+        let is_stl = Path::new(&name).extension().is_some_and(|ending| ending.eq_ignore_ascii_case("stl"));
+        if is_stl && given.is_none() && matches!(part, MeshInput::Path(_)) {
+            return Err(value_error(format!(
+                "{name}: an STL file does not say its unit; give unit='mm' (or cm, m, inch)"
+            )));
+        }
+        let unit = given.or(stated).unwrap_or_default();
+        let transform = matrix_of(&transform)?;
+        let tool = match (tool, reference) {
+            (Some(tool), _) => Some(tool.get().0.clone()),
+            (None, Some(_)) => Some(tool::Tool::paper()),
+            (None, None) => None,
+        };
+        let mut builder = match reference {
+            Some(part) => scene::Scene::builder().reference(part),
+            None => scene::Scene::builder().part(&name, mesh.clone(), unit),
+        };
+        builder = builder.transform(transform).margin(margin).conservative(conservative);
+        builder = builder.allow_coarse(allow_coarse).clearance(clearance_of(clearance));
+        if let Some(tool) = &tool {
+            builder = builder.tool(tool);
+        }
+        if let Some(pitch) = pitch {
+            builder = builder.pitch(pitch);
+        }
+        if let Some(dims) = dims {
+            builder = builder.dims(dims);
+        }
+        if let Some(depth) = contact {
+            builder = builder.contact(depth);
+        }
+        if around_all {
+            builder = builder.around(GridExtent::All);
+        }
+        let mut held = Vec::new();
+        for (fixture, at) in &fixtures {
+            let Body { name, mesh, unit: stated, .. } = fixture.read(py, false)?;
+            let factor = stated.map_or(1.0, |stated| stated.in_mm() / unit.in_mm());
+            let mesh = mesh.transformed(&DMat4::from_scale(DVec3::splat(factor)));
+            held.push((name, mesh, matrix_of(at)?));
+        }
+        for (name, mesh, at) in &held {
+            builder = builder.fixture(name, mesh.clone(), *at);
+        }
+        let rows = if let Some([x, y, _]) = dims { x * y * (1 + held.len()) } else { 0 };
+        let built =
+            run(py, (&progress, "voxelising", rows as u64), |control| builder.control(control).build())?;
+        let scene::BuiltScene { scene, warnings, undecided, chosen_pitch } = built;
+        let mut warnings: Vec<String> = warnings.iter().map(ToString::to_string).collect();
+        warnings.extend(chosen_pitch.map(|chosen| chosen.to_string()));
+        let (mesh, fixtures) = py.detach(|| {
+            let consistent =
+                |(name, mesh, at): (String, Mesh, DMat4)| (name, mesh.with_consistent_faces().0, at);
+            (mesh.with_consistent_faces().0, held.into_iter().map(consistent).collect())
+        });
+        Ok(Self {
+            tool: tool.unwrap_or_else(tool::Tool::paper),
+            mesh,
+            fixtures,
+            scene: Arc::new(scene),
+            reference,
+            warnings,
+            allow_coarse,
+            undecided,
+            bodies: OnceLock::new(),
+        })
+    }
+
+    /// The part's name.
+    #[getter]
+    fn part(&self) -> &str {
+        &self.scene.record.part
+    }
+
+    /// Unit of every length.
+    #[getter]
+    fn unit(&self) -> String {
+        self.scene.record.unit.to_string()
+    }
+
+    /// Lower corner, pitch and dims of the grid.
+    #[getter]
+    fn grid(&self) -> ([f64; 3], f64, [usize; 3]) {
+        let grid = &self.scene.record.grid;
+        (grid.origin.to_array(), grid.pitch, grid.dims)
+    }
+
+    /// What should be known of the scene.
+    #[getter]
+    fn warnings(&self) -> Vec<String> {
+        self.warnings.clone()
+    }
+
+    /// The tool as it is, in the scene's unit.
+    #[getter]
+    fn tool(&self) -> Tool {
+        Tool(self.scene.record.bare_tool().clone())
+    }
+
+    /// Room around holder, shank and cutter.
+    #[getter]
+    fn clearance(&self) -> [f64; 3] {
+        let Clearance { holder, shank, cutter } = self.scene.record.clearance;
+        [holder, shank, cutter]
+    }
+
+    /// Solid voxels of part and fixtures, `[x, y, z]`.
+    #[getter]
+    fn solid<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<u8>>> {
+        self.scene.obstacle.solid.clone().into_pyarray(py).reshape(self.scene.record.grid.dims)
+    }
+
+    /// Vertices and triangles of the part's mesh in the world.
+    #[getter]
+    fn mesh<'py>(&self, py: Python<'py>) -> PyResult<MeshArrays<'py>> {
+        mesh_arrays(py, &py.detach(|| self.placed_mesh()))
+    }
+
+    /// The text of the directions that are meant where none are named.
+    #[getter(usual_directions)]
+    fn usual_directions_text(&self) -> &'static str {
+        self.usual_directions()
+    }
+
+    /// The directions of a set, `[n, 3]`, from tip to holder.
+    fn directions<'py>(&self, py: Python<'py>, text: &str) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let set = py.detach(|| self.set(text)).map_err(Raise::raise)?;
+        directions_array(py, &set.orientations)
+    }
+}
+
+/// Vertices `[n, 3]` and triangles `[m, 3]`.
+pub(crate) type MeshArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<u32>>);
+
+/// A mesh as arrays.
+pub(crate) fn mesh_arrays<'py>(py: Python<'py>, mesh: &Mesh) -> PyResult<MeshArrays<'py>> {
+    let vertices: Vec<f64> = mesh.vertices.iter().flat_map(DVec3::to_array).collect();
+    let triangles: Vec<u32> = mesh.triangles.iter().flatten().copied().collect();
+    Ok((rows_of(py, vertices, 3)?, rows_of(py, triangles, 3)?))
+}
+
+/// Directions `[n, 3]`.
+pub(crate) fn directions_array<'py>(
+    py: Python<'py>,
+    orientations: &[Orientation],
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    rows_of(py, orientations.iter().flat_map(|o| o.direction().to_array()).collect(), 3)
+}
+
+/// Numbers as rows of a width.
+pub(crate) fn rows_of<T: numpy::Element>(
+    py: Python<'_>,
+    numbers: Vec<T>,
+    width: usize,
+) -> PyResult<Bound<'_, PyArray2<T>>> {
+    let rows = numbers.len() / width;
+    PyArray1::from_vec(py, numbers).reshape([rows, width])
+}

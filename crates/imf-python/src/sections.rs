@@ -1,0 +1,126 @@
+//! Exact sections, and their minimum over directions.
+
+use std::sync::{Mutex, PoisonError};
+
+use glam::{DQuat, DVec3};
+use imf_core::orientation::{Orientation, OrientationSet};
+use imf_core::section::{SectionError, SectionPlan, ToolPoints, imf, stream_sections};
+use numpy::{
+    IntoPyArray as _, PyArray1, PyArray2, PyArray3, PyArray4, PyArrayMethods as _, PyReadonlyArray2,
+};
+use pyo3::exceptions::PyMemoryError;
+use pyo3::prelude::*;
+
+use crate::errors::{Raise, value_error};
+use crate::scene::{Scene, directions_array};
+use crate::work::{Progress, run};
+
+/// Directions as Python gives them: the text of a set, directions `[n, 3]`, or quaternions x, y, z, w `[n, 4]`.
+#[derive(FromPyObject)]
+pub(crate) enum DirectionsInput<'py> {
+    /// See [`OrientationSet::FORMS`].
+    Text(String),
+    /// Rows.
+    Rows(PyReadonlyArray2<'py, f64>),
+}
+
+impl DirectionsInput<'_> {
+    /// The orientations, for a scene's part.
+    pub(crate) fn of(&self, py: Python<'_>, scene: &Scene) -> PyResult<OrientationSet> {
+        match self {
+            Self::Text(text) => py.detach(|| scene.set(text)).map_err(Raise::raise),
+            Self::Rows(rows) => {
+                let rows = rows.as_array();
+                let orientation = |row: numpy::ndarray::ArrayView1<'_, f64>| match row.len() {
+                    3 => Orientation::from_direction(DVec3::new(row[0], row[1], row[2])),
+                    _ => rotation_of(DQuat::from_xyzw(row[0], row[1], row[2], row[3])),
+                };
+                if !matches!(rows.ncols(), 3 | 4) || rows.nrows() == 0 {
+                    return Err(value_error(format!(
+                        "directions must be a text, or have the shape (n, 3), vectors from tip to holder, or (n, 4), quaternions x, y, \
+                         z, w; not {:?}",
+                        rows.dim()
+                    )));
+                }
+                let all = rows.rows().into_iter().enumerate().map(|(place, row)| {
+                    let fault = || {
+                        value_error(format!(
+                            "direction {place} has no length, or a number that is not finite"
+                        ))
+                    };
+                    orientation(row).ok_or_else(fault)
+                });
+                Ok(OrientationSet { spec: "given".into(), orientations: all.collect::<PyResult<_>>()? })
+            }
+        }
+    }
+}
+
+fn rotation_of(rotation: DQuat) -> Option<Orientation> {
+    let pose = imf_core::pose::Pose::new(DVec3::ZERO, rotation);
+    pose.is_valid().then(|| pose.orientation())
+}
+
+/// Values and best direction `[x, y, z]` of every voxel, and the directions `[n, 3]` that are counted.
+type Minimum<'py> = (Bound<'py, PyArray3<f32>>, Bound<'py, PyArray3<u32>>, Bound<'py, PyArray2<f64>>);
+
+/// Values `[n, x, y, z]` and the directions `[n, 3]`.
+type Sections<'py> = (Bound<'py, PyArray4<f32>>, Bound<'py, PyArray2<f64>>);
+
+/// The collision measure at every voxel, of each direction.
+#[pyfunction]
+pub(crate) fn sections<'py>(
+    py: Python<'py>,
+    scene: &Bound<'py, Scene>,
+    directions: DirectionsInput<'py>,
+    progress: Progress<'py>,
+) -> PyResult<Sections<'py>> {
+    let set = directions.of(py, scene.get())?;
+    let (count, scene) = (set.len(), &*scene.get().scene);
+    let (dims, voxels) = (scene.record.grid.dims, scene.record.grid.len());
+    let mut values: Vec<f32> = Vec::new();
+    let room = count.checked_mul(voxels).filter(|&all| values.try_reserve_exact(all).is_ok());
+    let all = room.ok_or_else(|| {
+        PyMemoryError::new_err(format!(
+            "{count} sections of {voxels} voxels take {:.1} GB: ask for fewer at once, or for their minimum",
+            4e-9 * count as f64 * voxels as f64
+        ))
+    })?;
+    let values = run(py, (&progress, "sections", count as u64), |control| {
+        let plan = SectionPlan::of_scene(scene, ToolPoints::SharpPoints)?;
+        values.resize(all, 0.0);
+        let places: Vec<_> = values.chunks_exact_mut(voxels).map(Mutex::new).collect();
+        stream_sections(
+            &plan,
+            &set.orientations,
+            control,
+            || (),
+            |(), index, cmf| {
+                places[index].lock().unwrap_or_else(PoisonError::into_inner).copy_from_slice(cmf);
+            },
+        )?;
+        drop(places);
+        Ok::<_, SectionError>(values)
+    })?;
+    let shape = [count, dims[0], dims[1], dims[2]];
+    Ok((PyArray1::from_vec(py, values).reshape(shape)?, directions_array(py, &set.orientations)?))
+}
+
+/// The minimum of the collision measure over directions at every voxel, and the first direction that has it.
+#[pyfunction]
+pub(crate) fn minimum<'py>(
+    py: Python<'py>,
+    scene: &Bound<'py, Scene>,
+    directions: DirectionsInput<'py>,
+    progress: Progress<'py>,
+) -> PyResult<Minimum<'py>> {
+    let set = directions.of(py, scene.get())?;
+    let scene = &*scene.get().scene;
+    let dims = scene.record.grid.dims;
+    let found = run(py, (&progress, "sections", set.len() as u64), |control| {
+        let plan = SectionPlan::of_scene(scene, ToolPoints::SharpPoints)?;
+        imf(&plan, &set.orientations, control)
+    })?;
+    let value = found.value.into_pyarray(py).reshape(dims)?;
+    Ok((value, found.best.into_pyarray(py).reshape(dims)?, directions_array(py, &set.orientations)?))
+}

@@ -1,0 +1,95 @@
+//! A toolpath against a scene.
+
+use std::path::Path;
+
+use glam::DMat4;
+use imf_core::check::{
+    CheckBodies, CheckSettings, MachineBodies, check_toolpath, cutters_not_compared, least_stick_outs,
+};
+use imf_core::machine::Machine;
+use imf_core::tool;
+use imf_core::toolpath::{PathReading, Toolpath};
+use pyo3::prelude::*;
+use serde_json::json;
+
+use crate::errors::{Raise, value_error};
+use crate::scene::{Scene, clearance_of};
+use crate::tool::Tool;
+use crate::work::{Progress, run};
+
+/// A path as Python gives it.
+#[derive(FromPyObject)]
+pub(crate) enum PathInput {
+    /// Its text, and what errors call it.
+    Text(String, String),
+    /// Its file.
+    File(String),
+}
+
+/// The report of a check as JSON text, and remarks for people.
+#[pyfunction]
+pub(crate) fn check<'py>(
+    py: Python<'py>,
+    scene: &Bound<'py, Scene>,
+    path: PathInput,
+    tools: Vec<(Option<u32>, Py<Tool>)>,
+    machine: Option<&str>,
+    clearance: Option<[f64; 3]>,
+    contact: Option<f64>,
+    tolerance: Option<f64>,
+    in_world: bool,
+    stick_out: bool,
+    progress: Progress<'py>,
+) -> PyResult<(String, Vec<String>)> {
+    let own = scene.get();
+    let record = &own.scene.record;
+    let mut tools: Vec<(Option<u32>, tool::Tool)> =
+        tools.iter().map(|(number, tool)| (*number, tool.get().0.in_unit(record.unit))).collect();
+    if tools.is_empty() {
+        tools.push((None, record.bare_tool().clone()));
+    }
+    let machine = machine.map(|path| Machine::read(Path::new(path))).transpose().map_err(Raise::raise)?;
+    let machine = machine.map(|machine| machine.in_unit(record.unit));
+    let lengths: Vec<_> = tools.iter().map(|(number, tool)| (*number, tool.length())).collect();
+    let reading = PathReading { unit: record.unit, machine: machine.as_ref(), lengths: &lengths };
+    let path = py.detach(|| match &path {
+        PathInput::File(file) => Toolpath::read(Path::new(file), reading),
+        PathInput::Text(text, name) => Toolpath::parse(text, reading, name),
+    });
+    let set_up = if in_world { DMat4::IDENTITY } else { record.transform };
+    let path = path.map_err(Raise::raise)?.placed(&set_up);
+    let mut settings = CheckSettings::of_pitch(record.grid.pitch, record.unit);
+    settings.clearance = clearance.map_or(record.clearance, clearance_of);
+    settings.contact = contact.unwrap_or(settings.contact);
+    settings.tolerance = tolerance.unwrap_or(settings.tolerance);
+    let numbered: Vec<(Option<u32>, &tool::Tool)> =
+        tools.iter().map(|(number, tool)| (*number, tool)).collect();
+    let bodies = run(py, (&None, "", 0), |control| own.bodies(control))?;
+    let machine = match machine {
+        Some(machine) => {
+            Some(run(py, (&None, "", 0), |control| MachineBodies::new(machine, record.grid.pitch, control))?)
+        }
+        None => None,
+    };
+    let mut remarks = path.remarks.clone();
+    remarks.extend(cutters_not_compared(&path, &numbered));
+    let lines = path.locations.len() as u64;
+    let around = CheckBodies { part: &bodies.part, fixtures: &bodies.fixtures, machine: machine.as_ref() };
+    let mut report = run(py, (&progress, "checking", lines), |control| {
+        check_toolpath(around, &numbered, &path, &settings, |_| false, control)
+    })?;
+    let back = set_up.inverse();
+    if set_up != DMat4::IDENTITY {
+        report.colliding.iter_mut().flat_map(|line| &mut line.collisions).for_each(|hit| hit.place(&back));
+    }
+    let mut stick_outs = Vec::new();
+    if stick_out {
+        stick_outs = run(py, (&progress, "stick-out", lines), |control| {
+            let by = machine.as_ref().map(MachineBodies::machine);
+            least_stick_outs(&bodies.obstacle().into(), &numbered, &path, &settings, by, control)
+        })?;
+    }
+    let text = serde_json::to_string(&json!({ "report": report, "stick_outs": stick_outs }));
+    let text = text.map_err(|error| value_error(error.to_string()))?;
+    Ok((text, remarks))
+}

@@ -1,0 +1,274 @@
+//! Fields of a scene: fitted harmonics, the network that is distilled from them, the paper's network; as `imf train` makes them.
+
+use std::ops::ControlFlow;
+use std::sync::Arc;
+
+use imf_core::field::EngineError;
+use imf_core::scene;
+use imf_core::section::{Quantity, SectionError, SectionPlan, ToolPoints};
+use imf_core::tool::{Clearance, ClearanceError, Tool, ToolShape};
+use imf_fields::factored::file::FactoredFile;
+use imf_fields::factored::{DistillSettings, FactoredState, Symmetry};
+use imf_fields::field;
+use imf_fields::field::calibrate::{CalibrationError, CalibrationSettings, calibrate};
+use imf_fields::file::FieldFile;
+use imf_fields::harmonic::basis::Domain;
+use imf_fields::harmonic::coefficients::Precision;
+use imf_fields::harmonic::file::HarmonicFile;
+use imf_fields::harmonic::{FitSettings, fit, section_count};
+use imf_fields::model::{LossPoint, Model};
+use imf_fields::recipe::schedule::Schedule;
+use imf_fields::recipe::{Length, Sampling, TrainingPlan, TrainingState};
+use imf_fields::siren::SirenShape;
+use imf_train::dataset::{generate, load};
+use imf_train::distill::{Target, distil};
+use imf_train::engine::CpuTrainer;
+use imf_train::training::TrainingEngine as _;
+use imf_train::training::run::{Outcome, Start, TrainError, train as train_on};
+use pyo3::prelude::*;
+
+use crate::errors::{ImfError, Raise, value_error};
+use crate::field::Field;
+use crate::scene::Scene;
+use crate::work::{Progress, run};
+
+/// Sections for each function of a fit.
+const SECTIONS_PER_FUNCTION: f64 = 1.33;
+/// Steps between two reports, at which Ctrl-C is heard.
+const REPORT_EVERY: u64 = 20;
+/// Steps and ω of siren5, as of `imf train siren5`.
+const STEPS: u64 = 12_000;
+const OMEGA: f32 = 10.0;
+/// Voxels of clearance of shank and holder that make depths decide.
+const CLEARANCE: f64 = 2.0;
+
+/// The field of a scene. `layers` are hidden layers and neurons of each, `directions` those that siren5 learns from.
+///
+/// # Errors
+/// A scene or settings that the family cannot have; a training that diverged; `KeyboardInterrupt`.
+#[pyfunction]
+pub(crate) fn train<'py>(
+    py: Python<'py>,
+    scene: &Bound<'py, Scene>,
+    family: &str,
+    quantity: Option<&str>,
+    degree: Option<usize>,
+    steps: Option<u64>,
+    layers: Option<(usize, usize)>,
+    omega: Option<f32>,
+    directions: &str,
+    seed: u64,
+    wants_calibration: bool,
+    progress: Progress<'py>,
+) -> PyResult<Field> {
+    let own = scene.get();
+    let is_papers = own.reference.is_some() && *own.scene.record.bare_tool() == Tool::paper();
+    let quantity = match quantity {
+        Some("depth") => Quantity::Depth,
+        Some("overlap") => Quantity::Overlap,
+        Some(other) => {
+            return Err(value_error(format!("quantity must be 'depth' or 'overlap', not '{other}'")));
+        }
+        None if is_papers || family == "siren5" => Quantity::Overlap,
+        None => Quantity::Depth,
+    };
+    if steps == Some(0) {
+        return Err(value_error("steps must be at least 1"));
+    }
+    let scene = with_room(&own.scene, quantity).map_err(Raise::raise)?;
+    let of = Training { scene: &scene, quantity, degree, steps, layers, omega, seed };
+    let file = match family {
+        "harmonic" => FieldFile::Harmonic(Arc::new(of.harmonic(py, &progress, false)?)),
+        "factored" => FieldFile::Factored(Box::new(of.factored(py, &progress)?)),
+        "siren5" => {
+            if !quantity.is_overlap() {
+                return Err(value_error(
+                    "siren5, the paper's network, learns overlaps alone: take family='factored' for depths",
+                ));
+            }
+            FieldFile::Siren(Box::new(of.siren5(py, &progress, own, directions)?))
+        }
+        other => {
+            return Err(value_error(format!(
+                "family must be 'harmonic', 'factored' or 'siren5', not '{other}'"
+            )));
+        }
+    };
+    let file = if wants_calibration { calibrated(py, &progress, file)? } else { file };
+    run(py, (&None, "", 0), |_| Field::new(file))
+}
+
+/// The scene; of depths with the clearance that makes them decide, where it has none.
+fn with_room(scene: &scene::Scene, quantity: Quantity) -> Result<scene::Scene, ClearanceError> {
+    let record = &scene.record;
+    let is_mesh = matches!(record.bare_tool().shape, ToolShape::Mesh(_));
+    if quantity.is_overlap() || is_mesh || !record.clearance.is_zero() {
+        return Ok(scene.clone());
+    }
+    scene.clone().with_clearance(&Clearance::around_holder_and_shank(CLEARANCE * record.grid.pitch))
+}
+
+/// What is trained, and how.
+struct Training<'a> {
+    scene: &'a scene::Scene,
+    quantity: Quantity,
+    degree: Option<usize>,
+    steps: Option<u64>,
+    layers: Option<(usize, usize)>,
+    omega: Option<f32>,
+    seed: u64,
+}
+
+impl Training<'_> {
+    /// A fit, along all functions and in full precision where it is `for_distillation`.
+    fn harmonic(
+        &self,
+        py: Python<'_>,
+        progress: &Progress<'_>,
+        for_distillation: bool,
+    ) -> PyResult<HarmonicFile> {
+        let round = self.scene.record.bare_tool().with_tip_only().is_axisymmetric();
+        let domain = if round { Domain::Directions } else { Domain::Rotations };
+        let usual = FitSettings::default();
+        let usual = match (for_distillation, domain) {
+            (false, _) => usual,
+            (true, Domain::Directions) => FitSettings { degree: 16, ..usual },
+            (true, Domain::Rotations) => FitSettings { degree: 5, ..usual },
+        };
+        let mut settings = FitSettings {
+            quantity: self.quantity,
+            degree: self.degree.unwrap_or(usual.degree),
+            sections_per_function: SECTIONS_PER_FUNCTION,
+            ..usual
+        };
+        if for_distillation {
+            (settings.axes, settings.precision) = (usize::MAX, Precision::F32);
+        }
+        let sections = section_count(domain, &settings) as u64;
+        let field = run(py, (progress, "sections", sections), |control| {
+            let plan = SectionPlan::of_scene(self.scene, ToolPoints::Tip)?;
+            fit(&plan, domain, &settings, control)
+        })?;
+        Ok(HarmonicFile { field, scene: self.scene.clone(), settings, calibration: None })
+    }
+
+    fn factored(&self, py: Python<'_>, progress: &Progress<'_>) -> PyResult<FactoredFile> {
+        let teacher = self.harmonic(py, progress, true)?;
+        let usual = DistillSettings::default();
+        let length = self.steps.map_or(Length::Epochs(DistillSettings::EPOCHS), Length::Steps);
+        let usual = DistillSettings { plan: TrainingPlan { length, ..usual.plan }, ..usual };
+        let (hidden, width) = self.layers.unwrap_or((usual.hidden, usual.width));
+        let settings = DistillSettings {
+            hidden,
+            width,
+            omega: self.omega.unwrap_or(usual.omega),
+            plan: TrainingPlan { seed: self.seed, ..usual.plan },
+            ..usual
+        };
+        let steps = settings.plan.total_steps(self.scene.record.grid.len());
+        run(py, (progress, "training", steps), |control| {
+            let symmetry = Symmetry::of(&teacher.field, &self.scene.obstacle);
+            let settings = DistillSettings { symmetry, ..settings };
+            settings.check()?;
+            let target = Target::from(&teacher.field);
+            let mut state = FactoredState::new(&target.shape(&settings), self.seed);
+            if let Outcome::Stopped(_) = distil(target, &settings, &mut state, control, &mut |_| {})? {
+                return Err(SectionError::Cancelled.into());
+            }
+            let parameters = state.training.parameters.clone();
+            let file = FactoredFile {
+                field: target
+                    .field(&settings, parameters)
+                    .map_err(|error| EngineError::Shape(error.to_string()))?,
+                scene: self.scene.clone(),
+                fit: teacher.settings,
+                report: teacher.field.report,
+                settings,
+                precision: Precision::F32,
+                state: Some(state),
+                calibration: None,
+            };
+            Ok::<_, TrainError>(file.finished(Precision::F32))
+        })
+    }
+
+    fn siren5(
+        &self,
+        py: Python<'_>,
+        progress: &Progress<'_>,
+        own: &Scene,
+        directions: &str,
+    ) -> PyResult<Model> {
+        let set = own.set(directions).map_err(Raise::raise)?;
+        let usual = SirenShape { omega: OMEGA, ..SirenShape::default() };
+        let (hidden, width) = self.layers.unwrap_or((usual.hidden, usual.width));
+        let shape = SirenShape { hidden, width, omega: self.omega.unwrap_or(usual.omega), ..usual };
+        shape.check().map_err(Raise::raise)?;
+        let rate = shape.rate();
+        let plan = TrainingPlan {
+            length: Length::Steps(self.steps.unwrap_or(STEPS)),
+            schedule: Schedule::Cosine { initial: rate, last: 0.01 * rate, warmup: 200 },
+            seed: self.seed,
+            report_every: REPORT_EVERY,
+            ..TrainingPlan::default()
+        };
+        let folder = tempfile::tempdir().map_err(|error| ImfError::new_err(error.to_string()))?;
+        let sampling = Sampling { seed: self.seed, ..Sampling::default() };
+        let (manifest, scene, samples) = run(py, (progress, "sections", set.len() as u64), |control| {
+            generate(folder.path(), self.scene, &set, &sampling, control)?;
+            load(folder.path())
+        })?;
+        drop(folder);
+        let total = plan.total_steps(samples.len());
+        run(py, (progress, "training", total), |control| {
+            let state = TrainingState::new(&shape, self.seed);
+            let mut model =
+                manifest.fresh_model(scene, samples.len() as u64, shape, plan, state.clone(), None);
+            let mut engine = CpuTrainer::new(shape, plan.adam, plan.loss, plan.batch, state)?;
+            let mut losses = Vec::new();
+            let mut done = 0;
+            let outcome = train_on(&plan, &samples, &mut engine, Start::default(), &mut |report, _| {
+                (control.progress)(report.step - done);
+                done = report.step;
+                losses.push(LossPoint { step: report.step, loss: report.mean_loss });
+                if control.is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+            })?;
+            if let Outcome::Stopped(_) = outcome {
+                return Err(SectionError::Cancelled.into());
+            }
+            model.state = engine.state()?;
+            (model.record.steps, model.record.finished) = (total, true);
+            (model.record.engine, model.record.losses) = (engine.describe(), losses);
+            Ok::<_, TrainError>(model.without_moments())
+        })
+    }
+}
+
+/// The field with what its decisions are worth; as it is, where that cannot be measured.
+fn calibrated(py: Python<'_>, progress: &Progress<'_>, mut file: FieldFile) -> PyResult<FieldFile> {
+    if matches!(file.scene().record.bare_tool().shape, ToolShape::Mesh(_)) {
+        // A mesh tool is voxelised at every pose, which may take hours.
+        return Ok(file);
+    }
+    let field = run(py, (&None, "", 0), |_| field::Field::new(file.clone()))?;
+    let mut settings = CalibrationSettings::default();
+    loop {
+        let found = run(py, (progress, "calibrating", settings.units()), |control| {
+            match calibrate(&field, &settings, control) {
+                Err(CalibrationError::Cancelled) => Err(CalibrationError::Cancelled),
+                other => Ok(other),
+            }
+        })?;
+        match found {
+            Ok(calibration) => {
+                file.set_calibration(calibration);
+                return Ok(file);
+            }
+            Err(CalibrationError::TooFew { colliding, .. }) => match settings.with_more_poses(colliding) {
+                Some(more) => settings = more,
+                None => return Ok(file),
+            },
+            Err(_) => return Ok(file),
+        }
+    }
+}

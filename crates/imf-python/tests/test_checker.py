@@ -1,0 +1,77 @@
+"""Poses against a direct count of voxels, motions against closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+from conftest import Floats, inside_paper_tool
+
+import imf
+
+
+def test_poses_collide_where_a_voxels_centre_is_in_the_tool(bracket: imf.Scene, poses: Floats) -> None:
+    solid = bracket.grid.centres()[bracket.solid.ravel()]
+    pitch = bracket.grid.pitch
+    expected = np.array([inside_paper_tool(solid, row[:3], row[3:], pitch).sum() for row in poses])
+    checker = imf.Checker(bracket)
+    free = checker.is_free(poses)
+    assert isinstance(free, np.ndarray) and free.dtype == np.bool_
+    assert 50 < free.sum() < 250
+    np.testing.assert_array_equal(free, expected == 0)
+    np.testing.assert_array_equal(checker.classify(poses), expected > 0)
+    # The tool's own count depends on its rotation by a few voxels.
+    overlap = checker.overlap(poses)
+    whole = imf.Tool.paper().volume / pitch**3
+    np.testing.assert_allclose(overlap * whole, expected, rtol=0.03)
+
+
+def test_one_pose_alone_is_one_of_many(bracket: imf.Scene, poses: Floats) -> None:
+    checker = imf.Checker(bracket)
+    alone = [checker.is_free(row) for row in poses[:40]]
+    assert all(type(answer) is bool for answer in alone)
+    np.testing.assert_array_equal(alone, checker.is_free(poses[:40]))
+
+
+def test_a_quaternion_is_its_axis(bracket: imf.Scene, poses: Floats) -> None:
+    # Half a turn about the middle of z and the axis brings z to the axis.
+    middle = poses[:, 3:] + [0.0, 0.0, 1.0]
+    middle /= np.linalg.norm(middle, axis=1, keepdims=True)
+    turned = np.column_stack([poses[:, :3], middle, np.zeros(len(poses))])
+    checker = imf.Checker(bracket)
+    np.testing.assert_array_equal(checker.is_free(turned), checker.is_free(poses))
+
+
+def test_what_is_no_pose_is_never_free(bracket: imf.Scene) -> None:
+    bad = np.array([[0, 0, np.nan, 0, 0, 1], [0, 0, 500, 0, 0, 0], [np.inf, 0, 0, 0, 0, 1]])
+    checker = imf.Checker(bracket)
+    assert not np.any(checker.is_free(bad)) and np.isnan(checker.overlap(bad)).all()
+
+
+def test_clearances_are_proven_lengths(block: imf.Scene) -> None:
+    # Over the block's top, by so much.
+    heights = np.array([22.0, 25.0, 40.0])
+    tips = np.column_stack([np.full(3, 10.0), np.full(3, 10.0), heights])
+    proven = imf.Checker(block).clearance(imf.poses(tips, [0, 0, 1]))
+    # Solid centres begin half a pitch below the surface; balls around a flat end reach beyond it, by less than its radius.
+    true = heights - 20.0 + 0.25
+    assert np.all(proven <= true) and np.all(proven >= true - 4.0), proven
+    assert proven[2] > proven[1] > 0 and imf.Checker(block).clearance([[10, 10, 10, 0, 0, 1]])[0] < 0
+
+
+def test_motions_collide_when_the_flank_meets_the_face(block: imf.Scene) -> None:
+    # A cutter of radius 4 comes along x to the face at x = 0, and another passes above the top at z = 20.
+    start = imf.poses([[-24.0, 10.0, 5.0], [-24.0, 10.0, 21.0]], [0, 0, 1])
+    end = imf.poses([[-3.0, 10.0, 5.0], [44.0, 10.0, 21.0]], [0, 0, 1])
+    found = imf.Checker(block).check_motion(start, end)
+    assert found.decision.tolist() == [imf.Decision.COLLIDING, imf.Decision.FREE]
+    # The holder, 20 in radius from 30 above the tip, is above the block all the time. The first centres lie at x = 0.25.
+    expected = (20.0 + 0.25) / 21.0
+    np.testing.assert_allclose(found.at[0], expected, atol=0.01)
+    assert found.free_until[0] <= found.at[0] and np.isnan(found.at[1]) and found.free_until[1] == 1.0
+
+
+def test_a_clearance_keeps_the_holder_away(block: imf.Scene) -> None:
+    # The holder's face is 30 above the tip, a millimetre above the top.
+    pose = [10.0, -10.0, -9.0, 0.0, 0.0, 1.0]
+    assert imf.Checker(block).is_free(pose)
+    assert not imf.Checker(block, clearance=2.0).is_free(pose)
+    assert imf.Checker(block, clearance={"holder": 0.5}).is_free(pose)

@@ -1,0 +1,114 @@
+"""Fields: near the exact one, saved and loaded, with slopes that are those of their values."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import Floats, box
+
+import imf
+
+
+@pytest.fixture(scope="module")
+def harmonic(bracket: imf.Scene) -> imf.Field:
+    return imf.train(bracket, "harmonic", degree=8, calibrate=False)
+
+
+def test_a_fit_is_close_to_exact_sections(bracket: imf.Scene, harmonic: imf.Field) -> None:
+    assert (harmonic.family, harmonic.quantity, harmonic.verdict) == ("harmonic", "overlap", None)
+    axis = np.array([0.36, -0.48, 0.8])
+    learnt = harmonic(imf.poses(bracket.grid.centres(), axis)).reshape(bracket.grid.dims)
+    exact = bracket.section(axis).values
+    # What degree 8 leaves of steps; more harmonics leave less.
+    error = np.sqrt(np.mean((learnt - exact) ** 2))
+    assert error < 0.25 * exact.std(), error
+    coarser = imf.train(bracket, "harmonic", degree=4, calibrate=False)
+    rough = coarser(imf.poses(bracket.grid.centres(), axis)).reshape(bracket.grid.dims)
+    assert error < 0.7 * np.sqrt(np.mean((rough - exact) ** 2))
+
+
+def test_gradients_are_differences_of_values(harmonic: imf.Field, poses: Floats) -> None:
+    # Where values are not clipped, inside the box.
+    values = harmonic(poses)
+    low, high = harmonic.bounds
+    inside = np.all((poses[:, :3] > low + 1) & (poses[:, :3] < high - 1), axis=1)
+    chosen = poses[(values > 0.01) & (values < 0.9) & inside][:60]
+    assert len(chosen) > 20
+    found = harmonic.gradient(chosen)
+    np.testing.assert_allclose(found.value, harmonic(chosen), atol=1e-6)
+    pitch, faults = harmonic.grid.pitch, []
+    for axis in range(3):
+        # Tangents of the sphere, by a step of a hundredth of a radian either way.
+        tangent = np.eye(3)[axis] - chosen[:, 3:] * chosen[:, 3 + axis : 4 + axis]
+        step = np.hstack([np.zeros((len(chosen), 3)), 0.01 * tangent])
+        slope = (harmonic(chosen + step) - harmonic(chosen - step)) / 0.02
+        faults.append(np.abs(slope - (found.direction * tangent).sum(axis=1)).max())
+        step = np.zeros(6)
+        step[axis] = 0.01 * pitch
+        slope = (harmonic(chosen + step) - harmonic(chosen - step)) / (0.02 * pitch)
+        # Trilinear between centres: where a difference does not cross one, it is the slope.
+        centre = (chosen[:, axis] - low[axis]) / pitch
+        smooth = np.abs(centre - np.round(centre)) > 0.02
+        faults.append(np.abs(slope - found.position[:, axis])[smooth].max())
+    scale = np.abs(found.direction).max()
+    # Single precision over the steps, and the square of the turn.
+    assert max(faults) < 2e-3 * max(scale, 1.0), faults
+
+
+def test_the_best_direction_is_the_least_value(harmonic: imf.Field, poses: Floats) -> None:
+    directions = np.array([[0, 0, 1.0], [1, 0, 0], [0, -1, 0], [0.36, -0.48, 0.8]])
+    found = harmonic.best(poses[:50, :3], directions)
+    values = np.stack([harmonic(imf.poses(poses[:50, :3], axis)) for axis in directions])
+    np.testing.assert_allclose(found.value, values.min(axis=0), atol=1e-6)
+    chosen = values[found.direction, np.arange(50)]
+    np.testing.assert_allclose(chosen, values.min(axis=0), atol=1e-6)
+
+
+@pytest.mark.parametrize("family", ["harmonic", "factored", "siren5"])
+def test_every_family_comes_back_from_its_file(bracket: imf.Scene, poses: Floats, family: str, tmp_path: Path) -> None:
+    field = imf.train(
+        bracket, family, degree=3, steps=40, layers=(2, 16), directions="fibonacci:10", calibrate=False
+    )
+    path = tmp_path / "field.safetensors"
+    field.save(path)
+    again = imf.load(path)
+    assert (again.family, again.part, again.quantity) == (family, "bracket", "overlap")
+    np.testing.assert_allclose(again(poses), field(poses), atol=1e-3)
+    assert isinstance(float(again(poses[0])), float) and np.isnan(again([0, 0, 0, 0, 0, 0]))
+    assert set(again.classify(poses)) == {imf.Decision.UNDECIDED}
+
+
+def test_a_distilled_network_learns(bracket: imf.Scene) -> None:
+    axis = np.array([0.0, 0.6, 0.8])
+    rows = imf.poses(bracket.grid.centres(), axis)
+    exact = bracket.section(axis).values.ravel()
+    errors = []
+    for steps in (10, 400):
+        field = imf.train(bracket, "factored", degree=8, steps=steps, layers=(3, 48), calibrate=False)
+        errors.append(np.mean((field(rows) - exact) ** 2))
+    assert errors[1] < 0.5 * errors[0] and errors[1] < 0.06 * exact.var(), errors
+
+
+def test_depths_decide_and_say_what_that_is_worth(mill: imf.Tool) -> None:
+    scene = imf.Scene(box((0, 0, 0), (20, 20, 20)), mill, pitch=2.0, margin=6, name="block")
+    field = imf.train(scene, "harmonic", degree=10)
+    assert field.quantity == "depth" and field.verdict
+    # High above, and in the middle.
+    assert field.classify(imf.poses([[10, 10, 29], [10, 10, 10]], [0, 0, 1])).tolist() == [0, 1]
+    assert field([10, 10, 29, 0, 0, 1]) < 0 < field([10, 10, 10, 0, 0, 1])
+
+
+def test_what_a_family_cannot_have_is_refused(bracket: imf.Scene, mill: imf.Tool, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="'harmonic', 'factored' or 'siren5', not 'linear'"):
+        imf.train(bracket, "linear")
+    with pytest.raises(ValueError, match="learns overlaps alone"):
+        imf.train(bracket, "siren5", quantity="depth")
+    with pytest.raises(ValueError, match="degree of 99"):
+        imf.train(bracket, "harmonic", degree=99)
+    with pytest.raises(FileNotFoundError, match="none.safetensors"):
+        imf.load(tmp_path / "none.safetensors")
+    (tmp_path / "other.safetensors").write_bytes(b"no field")
+    with pytest.raises(ValueError, match="other.safetensors"):
+        imf.load(tmp_path / "other.safetensors")

@@ -1,0 +1,103 @@
+"""Meshes and tools as people have them, and what is said of those that cannot be used."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import pyvista
+from conftest import CUTTER, box
+
+import imf
+
+CUBE = box((0, 0, 0), (20, 20, 20))
+
+
+def write_obj(path: Path) -> Path:
+    lines = [f"v {x} {y} {z}" for x, y, z in CUBE[0]] + [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in CUBE[1]]
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def test_every_kind_of_mesh_is_the_same_part(mill: imf.Tool, block: imf.Scene, tmp_path: Path) -> None:
+    quads = pyvista.Box(bounds=(0, 20, 0, 20, 0, 20), quads=True)
+    assert not quads.is_all_triangles
+    path = write_obj(tmp_path / "cube.obj")
+    vertices, faces = CUBE
+    for mesh in [
+        path,
+        str(path),
+        SimpleNamespace(vertices=vertices, faces=faces),
+        (vertices.astype(np.float32), faces.astype(np.uint16)),
+        (vertices.tolist(), faces.tolist()),
+        quads,
+        quads.triangulate(),
+        # Not contiguous.
+        (np.asfortranarray(vertices), np.asfortranarray(faces)),
+    ]:
+        scene = imf.Scene(mesh, mill, pitch=0.5)
+        np.testing.assert_array_equal(scene.solid, block.solid)
+        assert scene.mesh[0].shape == (8, 3) and scene.mesh[1].shape == (12, 3)
+
+
+def test_a_set_up_moves_the_part(mill: imf.Tool) -> None:
+    at = np.eye(4)
+    at[:3, 3] = [100, 0, -20]
+    scene = imf.Scene(CUBE, mill, pitch=1.0, transform=at)
+    np.testing.assert_allclose(scene.grid.origin, [100, 0, -20], atol=1e-9)
+    np.testing.assert_allclose(scene.mesh[0].min(axis=0), [100, 0, -20], atol=1e-9)
+
+
+def test_warnings_are_warnings(mill: imf.Tool) -> None:
+    vertices, faces = CUBE
+    with pytest.warns(imf.SceneWarning, match="12 of 12 triangles faced the wrong way"):
+        imf.Scene((vertices, faces[:, ::-1]), mill, pitch=1.0, name="cube")
+
+
+def test_a_tool_is_described_as_in_its_file(tmp_path: Path) -> None:
+    tool = imf.Tool({"shape": "ball", "diameter": 10, "length": 35}, holder=[{"diameter": 29, "length": 48}], name="paper")
+    assert (tool.length, tool.stick_out) == (83.0, 35.0)
+    assert tool.volume == pytest.approx(imf.Tool.paper().volume)
+    np.testing.assert_allclose(tool.radius([[0.0, 5.0], [40.0, 90.0]]), [[0.0, 5.0], [14.5, 0.0]])
+    path = tmp_path / "mill.toml"
+    path.write_text('name = "mill"\n[cutter]\nshape = "flat"\ndiameter = 8.0\nlength = 30.0\n')
+    assert imf.Tool.read(path).name == "mill" and [one.name for one in imf.Tool.library(path)] == ["mill"]
+    points = imf.Tool(CUTTER, sharp_points=[[4.0, 0, 0], [-4.0, 0, 0]], name="two points")
+    assert points.reach == pytest.approx(np.hypot(4, 30))
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "words"),
+    [
+        (lambda mill: imf.Scene(CUBE), ValueError, "there is no tool for the part 'part'"),
+        (lambda mill: imf.Scene("none.obj", mill), FileNotFoundError, "none.obj: there is no mesh file"),
+        (lambda mill: imf.Scene(42, mill), ValueError, "int is no mesh"),
+        (lambda mill: imf.Scene((CUBE[0], CUBE[1] + 1), mill), ValueError, "names the vertex 8, and there are 8"),
+        (lambda mill: imf.Scene((CUBE[0][:, :2], CUBE[1]), mill), ValueError, r"\(n, 3\), not \(n, 2\)"),
+        (lambda mill: imf.Scene((CUBE[0], CUBE[1] * 1.0), mill), ValueError, "whole numbers"),
+        (lambda mill: imf.Scene((CUBE[0] * np.nan, CUBE[1]), mill), ValueError, "not a finite number"),
+        (lambda mill: imf.Scene(CUBE, mill, unit="furlong"), ValueError, "furlong"),
+        (lambda mill: imf.Scene(CUBE, mill, pitch=-1.0), ValueError, "the pitch must be a positive finite number"),
+        (lambda mill: imf.Scene(CUBE, mill, pitch=1.0, dims=(3, 3, 3)), ValueError, "pitch or dims"),
+        (lambda mill: imf.Scene(CUBE, mill, pitch=8.0), ValueError, "or allow it"),
+        (lambda mill: imf.Scene(CUBE, mill, pitch=1.0, clearance={"tip": 1}), ValueError, "not of tip"),
+        (lambda mill: imf.Scene(CUBE, mill, pitch=1.0, transform=np.eye(3)), ValueError, "4 × 4"),
+        (lambda mill: imf.Tool({"shape": "flat", "diameter": 8}), ValueError, "length"),
+        (lambda mill: imf.Tool(CUTTER | {"flutes": 3}), ValueError, "flutes"),
+        (lambda mill: imf.Tool.read("none.toml"), FileNotFoundError, "none.toml"),
+        (lambda mill: imf.Scene(CUBE, mill, pitch=1.0).imf("spiral:9"), ValueError, "spiral:9"),
+        (lambda mill: imf.Scene(CUBE, mill, pitch=1.0).imf([[0, 0, 0]]), ValueError, "direction 0 has no length"),
+        (lambda mill: imf.poses([[0, 0, 0]] * 2, [[0, 0, 1]] * 3), ValueError, "2 positions and 3 directions"),
+        (lambda mill: imf.Checker(imf.Scene(CUBE, mill, pitch=1.0)).is_free(np.zeros((2, 5))), ValueError, r"\(2, 5\)"),
+    ],
+)
+def test_what_cannot_be_used_is_said(make: object, error: type[Exception], words: str, mill: imf.Tool) -> None:
+    with pytest.raises(error, match=words):
+        make(mill)  # type: ignore[operator]
+
+
+def test_more_sections_than_memory_holds_are_refused(bracket: imf.Scene) -> None:
+    with pytest.raises(MemoryError, match="10000000 sections of 24157 voxels take 966.3 GB"):
+        bracket.sections("fibonacci:10000000")

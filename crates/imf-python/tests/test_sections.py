@@ -1,0 +1,74 @@
+"""Sections and their minimum against direct sums over voxels."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from conftest import Floats, inside_paper_tool
+from numpy.typing import NDArray
+
+import imf
+
+
+def direct_sum(scene: imf.Scene, axis: Floats) -> NDArray[np.float64]:
+    """The definition: at every voxel the solid voxels in the tool whose tip is there, over the tool's own."""
+    pitch, dims = scene.grid.pitch, np.array(scene.grid.dims)
+    most = int(np.ceil(85.0 / pitch))
+    span = [np.arange(-min(most, n), min(most, n) + 1) for n in dims]
+    # Those beyond the grid count in the tool alone.
+    reach = np.arange(-most, most + 1)
+    whole = np.stack(np.meshgrid(reach, reach, reach, indexing="ij"), -1).reshape(-1, 3)
+    count = inside_paper_tool(whole * pitch, np.zeros(3), axis, pitch).sum()
+    offsets = np.stack(np.meshgrid(*span, indexing="ij"), -1).reshape(-1, 3)
+    offsets = offsets[inside_paper_tool(offsets * pitch, np.zeros(3), axis, pitch)]
+    solid = np.pad(scene.solid.astype(np.int64), [(n, n) for n in dims])
+    total = np.zeros(dims, dtype=np.int64)
+    for dx, dy, dz in offsets + dims:
+        total += solid[dx : dx + dims[0], dy : dy + dims[1], dz : dz + dims[2]]
+    return total / count
+
+
+DIRECTIONS = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.36, -0.48, 0.8]])
+
+
+@pytest.mark.parametrize("axis", DIRECTIONS, ids=["up", "across", "leaning"])
+def test_a_section_is_the_direct_sum(bracket: imf.Scene, axis: Floats) -> None:
+    section = bracket.section(axis)
+    assert section.values.shape == bracket.grid.dims and section.values.dtype == np.float32
+    np.testing.assert_allclose(section.direction, axis, atol=1e-12)
+    expected = direct_sum(bracket, axis)
+    assert expected.max() > 0.1
+    # Whole numbers over the same number, rounded once.
+    np.testing.assert_allclose(section.values, expected, rtol=1e-6)
+
+
+def test_the_minimum_is_that_of_the_sections(bracket: imf.Scene) -> None:
+    sections = bracket.sections("fibonacci:12")
+    assert sections.values.shape == (12, *bracket.grid.dims) and len(sections) == 12
+    found = bracket.imf("fibonacci:12")
+    np.testing.assert_array_equal(found.values, sections.values.min(axis=0))
+    np.testing.assert_array_equal(found.best, sections.values.argmin(axis=0))
+    np.testing.assert_array_equal(found.directions, sections.directions)
+    np.testing.assert_array_equal(bracket.imf(sections.directions).values, found.values)
+
+
+def test_a_rotation_is_its_direction(bracket: imf.Scene) -> None:
+    # A quarter turn about y brings z to x.
+    quaternion = [0.0, np.sqrt(0.5), 0.0, np.sqrt(0.5)]
+    np.testing.assert_array_equal(bracket.section(quaternion).values, bracket.section([1.0, 0.0, 0.0]).values)
+
+
+def test_the_number_of_threads_changes_nothing(bracket: imf.Scene) -> None:
+    usual = bracket.imf("fibonacci:7").values
+    imf.set_threads(1)
+    try:
+        np.testing.assert_array_equal(bracket.imf("fibonacci:7").values, usual)
+    finally:
+        imf.set_threads(0)
+
+
+def test_the_solid_voxels_are_those_whose_centres_are_inside(block: imf.Scene) -> None:
+    assert block.grid.dims == (40, 40, 40) and block.solid.all()
+    np.testing.assert_allclose(block.grid.origin, 0.0, atol=1e-12)
+    np.testing.assert_allclose(block.grid.axes()[0][:2], [0.25, 0.75])
+    assert block.grid.centres().shape == (64_000, 3)

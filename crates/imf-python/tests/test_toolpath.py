@@ -1,0 +1,71 @@
+"""Toolpaths that collide at known places, from arrays and from files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from conftest import CUTTER, HOLDER, slotted_block
+
+import imf
+
+
+def test_a_plunge_is_as_deep_as_it_goes(block: imf.Scene) -> None:
+    report = block.check(imf.poses([[10, 10, 25], [10, 10, 20], [10, 10, 17]], [0, 0, 1]))
+    assert report.collides and report.lines == [4] and report.locations == 3
+    (hit,) = report.collisions
+    assert (hit.element, hit.against, hit.kind) == ("cutter", "part", "feed")
+    assert hit.depth == pytest.approx(3.0, abs=0.6)
+    np.testing.assert_allclose(hit.position, [10, 10, 17], atol=0.2)
+    # As deep as the part may lie in the cutter, nothing collides.
+    assert not block.check(imf.poses([[10, 10, 25], [10, 10, 17]], [0, 0, 1]), contact=3.1).collides
+
+
+def test_a_holder_hits_the_side(block: imf.Scene) -> None:
+    # The holder's face is 30 above the tip, and the top 20: 5 below it.
+    report = block.check(imf.poses([[10, -12, 40], [10, -12, -15]], [0, 0, 1]))
+    assert [(hit.element, hit.against) for hit in report.collisions] == [("holder 1", "part")]
+
+
+PROGRAM = """%
+G21 G90 G17
+T1 M6
+G0 X-20 Y10 Z30
+G1 X-6 Y10 Z10 F500
+G1 X-1 Y10 Z10
+G0 Z40
+M30
+%
+"""
+
+
+def test_a_program_in_g_code_collides_on_its_own_line(block: imf.Scene, tmp_path: Path) -> None:
+    path = tmp_path / "path.nc"
+    path.write_text(PROGRAM)
+    report = block.check(path, tools={1: block.tool})
+    # A cutter of radius 4 beside the face at x = 0 reaches 3 mm into it, going there and going up.
+    assert report.lines == [6, 7]
+    assert report.collisions[0].depth == pytest.approx(3.0, abs=0.6)
+    assert report.collisions[0].tool == 1
+
+
+def test_the_least_stick_out_of_a_path() -> None:
+    tool = imf.Tool(CUTTER | {"length": 10}, {"diameter": 8, "length": 40}, HOLDER, stick_out=12)
+    scene = imf.Scene(slotted_block(12.0, 16.0), tool, pitch=0.5, name="block")
+    report = scene.check(imf.poses([[0, 0, 30], [0, 0, 4.2]], [0, 0, 1]), stick_out=True)
+    assert report.collides
+    (row,) = report.stick_outs
+    assert row["given"] == 12.0 and row["least"] == pytest.approx(15.8, abs=0.6)
+
+
+def test_faults_of_a_path_name_its_line(block: imf.Scene, tmp_path: Path) -> None:
+    path = tmp_path / "path.csv"
+    path.write_text("x,y,z,i,j,k\n0,0,30,0,0,1\n0,0,thirty,0,0,1\n")
+    with pytest.raises(ValueError, match="path.csv, line 3"):
+        block.check(path)
+    with pytest.raises(FileNotFoundError, match="none.csv"):
+        block.check(tmp_path / "none.csv")
+    with pytest.raises(ValueError, match=r"\(n, 6\), not \(2, 5\)"):
+        block.check(np.zeros((2, 5)))
