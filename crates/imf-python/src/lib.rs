@@ -13,6 +13,7 @@
 mod checker;
 mod errors;
 mod field;
+mod memory;
 mod poses;
 mod scene;
 mod sections;

@@ -10,7 +10,7 @@ use imf_core::mesh::Mesh;
 use imf_core::mesh::read::{MeshFile, read_mesh_file};
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
-use imf_core::scene::{self, Bodies, Fixture, GridExtent, Resolution, SceneError, SceneSpec};
+use imf_core::scene::{self, Bodies, Fixture, GridExtent, Guarantee, Resolution, SceneError, SceneSpec};
 use imf_core::tool::{self, Clearance};
 use imf_core::unit::LengthUnit;
 use numpy::{IntoPyArray as _, PyArray1, PyArray2, PyArray3, PyArrayMethods as _, PyReadonlyArray2};
@@ -324,6 +324,14 @@ impl Scene {
     fn clearance(&self) -> [f64; 3] {
         let Clearance { holder, shank, cutter } = self.scene.record.clearance;
         [holder, shank, cutter]
+    }
+
+    /// What exact answers guarantee, in a sentence.
+    #[getter]
+    fn guarantee(&self) -> String {
+        let record = &self.scene.record;
+        let (tool, touches) = (record.bare_tool(), record.contact.is_some());
+        Guarantee::new(record.conservative, tool, &record.clearance, touches, record.grid.pitch).to_string()
     }
 
     /// Solid voxels of part and fixtures, `[x, y, z]`.

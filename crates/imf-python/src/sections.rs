@@ -4,16 +4,17 @@ use std::sync::{Mutex, PoisonError};
 
 use glam::{DQuat, DVec3};
 use imf_core::orientation::{Orientation, OrientationSet};
+use imf_core::scene;
 use imf_core::section::{SectionError, SectionPlan, ToolPoints, imf, stream_sections};
 use numpy::{
     IntoPyArray as _, PyArray1, PyArray2, PyArray3, PyArray4, PyArrayMethods as _, PyReadonlyArray2,
 };
-use pyo3::exceptions::PyMemoryError;
 use pyo3::prelude::*;
 
 use crate::errors::{Raise, value_error};
+use crate::memory;
 use crate::scene::{Scene, directions_array};
-use crate::work::{Progress, run};
+use crate::work::{Progress, run, threads};
 
 /// Directions as Python gives them: the text of a set, directions `[n, 3]`, or quaternions x, y, z, w `[n, 4]`.
 #[derive(FromPyObject)]
@@ -67,6 +68,13 @@ type Minimum<'py> = (Bound<'py, PyArray3<f32>>, Bound<'py, PyArray3<u32>>, Bound
 /// Values `[n, x, y, z]` and the directions `[n, 3]`.
 type Sections<'py> = (Bound<'py, PyArray4<f32>>, Bound<'py, PyArray2<f64>>);
 
+/// Bytes of counting sections.
+fn counting_memory(scene: &scene::Scene) -> u64 {
+    // Contact counts shank and holder apart.
+    let passes = if scene.layer.is_some() { 2 } else { 1 };
+    passes * SectionPlan::memory_estimate(&scene.record.grid, &scene.record.tool, threads())
+}
+
 /// The collision measure at every voxel, of each direction.
 #[pyfunction]
 pub(crate) fn sections<'py>(
@@ -78,17 +86,13 @@ pub(crate) fn sections<'py>(
     let set = directions.of(py, scene.get())?;
     let (count, scene) = (set.len(), &*scene.get().scene);
     let (dims, voxels) = (scene.record.grid.dims, scene.record.grid.len());
-    let mut values: Vec<f32> = Vec::new();
-    let room = count.checked_mul(voxels).filter(|&all| values.try_reserve_exact(all).is_ok());
-    let all = room.ok_or_else(|| {
-        PyMemoryError::new_err(format!(
-            "{count} sections of {voxels} voxels take {:.1} GB: ask for fewer at once, or for their minimum",
-            4e-9 * count as f64 * voxels as f64
-        ))
+    let room = 4 * (count as u64).saturating_mul(voxels as u64);
+    memory::require(counting_memory(scene).saturating_add(room), || {
+        format!("{count} sections of {voxels} voxels; ask for fewer at once, or for their minimum")
     })?;
     let values = run(py, (&progress, "sections", count as u64), |control| {
         let plan = SectionPlan::of_scene(scene, ToolPoints::SharpPoints)?;
-        values.resize(all, 0.0);
+        let mut values = vec![0.0; count * voxels];
         let places: Vec<_> = values.chunks_exact_mut(voxels).map(Mutex::new).collect();
         stream_sections(
             &plan,
@@ -116,7 +120,10 @@ pub(crate) fn minimum<'py>(
 ) -> PyResult<Minimum<'py>> {
     let set = directions.of(py, scene.get())?;
     let scene = &*scene.get().scene;
-    let dims = scene.record.grid.dims;
+    let (dims, voxels) = (scene.record.grid.dims, scene.record.grid.len() as u64);
+    memory::require(counting_memory(scene) + 12 * voxels * (1 + threads() as u64), || {
+        format!("sections of {voxels} voxels; use a larger pitch, or fewer threads")
+    })?;
     let found = run(py, (&progress, "sections", set.len() as u64), |control| {
         let plan = SectionPlan::of_scene(scene, ToolPoints::SharpPoints)?;
         imf(&plan, &set.orientations, control)

@@ -8,7 +8,7 @@ use imf_core::set_cover::CoverSettings;
 use imf_core::surface::{
     ChosenSetup, CollisionEnvironment, PartSetup, Reach, SetupPlan, StickOut, StickOutTool, SurfaceAccess,
     SurfaceError, SurfaceSamples, SurfaceTool, candidate_setups, default_tolerance, fewest_setups,
-    least_stick_outs, surface_access, ways_up, with_ways_up,
+    least_stick_outs, surface_access, surface_memory_estimate, ways_up, with_ways_up,
 };
 use imf_core::tool::{Assembly, ClearanceError};
 use numpy::{PyArray1, PyArray2};
@@ -17,6 +17,7 @@ use pyo3::types::PyDict;
 use rayon::prelude::*;
 
 use crate::errors::{Raise, value_error};
+use crate::memory;
 use crate::scene::{Scene, directions_array, mesh_arrays, rows_of};
 use crate::sections::DirectionsInput;
 use crate::work::{Progress, run};
@@ -81,6 +82,15 @@ pub(crate) fn access<'py>(
     };
     let set = directions.of(py, own)?;
     let record = &own.scene.record;
+    let (voxels, directions) = (record.grid.len() as u64, set.len());
+    // Voxels, counts and distances of every body; of every sample which directions are free, once in bits and once in bytes.
+    let bodies = 2 + own.fixture_names().len() as u64;
+    let of_samples = surface_memory_estimate(8 * samples, directions) + 8 * (samples * directions) as u64;
+    memory::require((26 * bodies + 10) * voxels + of_samples, || {
+        format!(
+            "{samples} samples, {directions} directions, {voxels} voxels; ask for fewer, or use a larger pitch"
+        )
+    })?;
     let tolerance = tolerance.unwrap_or_else(|| default_tolerance(record.grid.pitch, record.unit));
     let (environment, assembly, samples) = run(py, (&None, "", 0), |control| {
         let bodies = own.bodies(control)?;

@@ -6,7 +6,9 @@ use glam::DMat4;
 use imf_core::check::{
     CheckBodies, CheckSettings, MachineBodies, check_toolpath, cutters_not_compared, least_stick_outs,
 };
+use imf_core::control::Control;
 use imf_core::machine::Machine;
+use imf_core::scene::PathGuarantee;
 use imf_core::tool;
 use imf_core::toolpath::{PathReading, Toolpath};
 use pyo3::prelude::*;
@@ -72,6 +74,11 @@ pub(crate) fn check<'py>(
         None => None,
     };
     let mut remarks = path.remarks.clone();
+    for (_, tool) in &tools {
+        // A tool that passes between the voxels' centres would be free everywhere.
+        let warnings = own.with_spec(Control::quiet(), |spec| spec.check_tool(tool, &record.grid));
+        remarks.extend(warnings.map_err(Raise::raise)?.iter().map(ToString::to_string));
+    }
     remarks.extend(cutters_not_compared(&path, &numbered));
     let lines = path.locations.len() as u64;
     let around = CheckBodies { part: &bodies.part, fixtures: &bodies.fixtures, machine: machine.as_ref() };
@@ -89,7 +96,15 @@ pub(crate) fn check<'py>(
             least_stick_outs(&bodies.obstacle().into(), &numbered, &path, &settings, by, control)
         })?;
     }
-    let text = serde_json::to_string(&json!({ "report": report, "stick_outs": stick_outs }));
+    let guarantees = tools.iter().map(|(_, tool)| {
+        let (touches, pitch) = (settings.contact > 0.0, record.grid.pitch);
+        let CheckSettings { clearance, tolerance, .. } = &settings;
+        PathGuarantee::new(record.conservative, tool, clearance, touches, pitch, *tolerance)
+    });
+    let weakest = guarantees.min_by_key(|g| (g.at_all_times.strength(), g.at_poses.strength()));
+    let guarantee = weakest.map_or_else(String::new, |guarantee| guarantee.to_string());
+    let found = json!({ "report": report, "stick_outs": stick_outs, "guarantee": guarantee });
+    let text = serde_json::to_string(&found);
     let text = text.map_err(|error| value_error(error.to_string()))?;
     Ok((text, remarks))
 }

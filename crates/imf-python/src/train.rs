@@ -29,6 +29,7 @@ use pyo3::prelude::*;
 
 use crate::errors::{ImfError, Raise, value_error};
 use crate::field::Field;
+use crate::memory;
 use crate::scene::Scene;
 use crate::work::{Progress, run};
 
@@ -144,11 +145,17 @@ impl Training<'_> {
         if for_distillation {
             (settings.axes, settings.precision) = (usize::MAX, Precision::F32);
         }
-        let sections = section_count(domain, &settings) as u64;
-        let field = run(py, (progress, "sections", sections), |control| {
-            let plan = SectionPlan::of_scene(self.scene, ToolPoints::Tip)?;
-            fit(&plan, domain, &settings, control)
+        let plan = run(py, (&None, "", 0), |_| SectionPlan::of_scene(self.scene, ToolPoints::Tip))?;
+        let needed = |one_pass| FitSettings { one_pass, ..settings }.memory_with(&plan, domain).0;
+        // One pass over the sections where they fit into memory, else two.
+        let passes = [needed(true), needed(false)];
+        let one_pass = passes[0] <= memory::free().max(passes[1]);
+        memory::require(passes[usize::from(!one_pass)], || {
+            format!("a harmonic field of degree {}; use a lower degree, or a larger pitch", settings.degree)
         })?;
+        let sections = section_count(domain, &settings) as u64;
+        let by = FitSettings { one_pass, ..settings };
+        let field = run(py, (progress, "sections", sections), |control| fit(&plan, domain, &by, control))?;
         Ok(HarmonicFile { field, scene: self.scene.clone(), settings, calibration: None })
     }
 

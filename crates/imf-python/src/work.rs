@@ -40,6 +40,12 @@ pub(crate) fn set_threads(threads: usize) -> PyResult<()> {
     Ok(())
 }
 
+/// Threads that compute.
+pub(crate) fn threads() -> usize {
+    let pool = POOL.read().unwrap_or_else(PoisonError::into_inner).clone();
+    pool.map_or_else(rayon::current_num_threads, |pool| pool.current_num_threads())
+}
+
 /// Does `work` without the interpreter's lock; `total` are its units of progress.
 ///
 /// # Errors

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from conftest import CUTTER, HOLDER, slotted_block
+from conftest import CUTTER, HOLDER, box, slotted_block
 
 import imf
 
@@ -69,3 +69,19 @@ def test_faults_of_a_path_name_its_line(block: imf.Scene, tmp_path: Path) -> Non
         block.check(tmp_path / "none.csv")
     with pytest.raises(ValueError, match=r"\(n, 6\), not \(2, 5\)"):
         block.check(np.zeros((2, 5)))
+
+
+def test_a_tool_that_voxels_do_not_show_is_refused(block: imf.Scene) -> None:
+    needle = imf.Tool({"shape": "flat", "diameter": 0.5, "length": 30}, holder=HOLDER, name="needle")
+    path = imf.poses([[10, 10, 25], [10, 10, 5]], [0, 0, 1])
+    with pytest.raises(ValueError, match="needle"):
+        block.check(path, tools={1: needle})
+
+
+def test_what_an_answer_guarantees_is_said(mill: imf.Tool, block: imf.Scene) -> None:
+    path = imf.poses([[10, 10, 25], [10, 10, 24]], [0, 0, 1])
+    usual = block.check(path).guarantee
+    assert "voxel" in block.guarantee and usual
+    strict = imf.Scene(box((0, 0, 0), (20, 20, 20)), mill, pitch=0.5, conservative=True, clearance={"holder": 1, "shank": 1, "cutter": 1})
+    assert strict.guarantee != block.guarantee
+    assert strict.check(path, contact=0).guarantee != usual

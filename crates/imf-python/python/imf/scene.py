@@ -147,6 +147,11 @@ class Scene:
         return dict(zip(("holder", "shank", "cutter"), self._native.clearance))
 
     @property
+    def guarantee(self) -> str:
+        """What exact answers guarantee, in a sentence: of the voxels' centres, or of the mesh itself."""
+        return self._native.guarantee
+
+    @property
     def solid(self) -> NDArray[np.bool_]:
         """Voxels of part and fixtures, ``(nx, ny, nz)``: a copy."""
         return self._native.solid.view(np.bool_)

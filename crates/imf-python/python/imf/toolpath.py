@@ -75,6 +75,8 @@ class CheckReport:
     """By tool, where they were asked for."""
     remarks: list[str]
     """What was taken for granted, with its line."""
+    guarantee: str
+    """What "no collision" guarantees, in a sentence."""
     unit: str
 
     @classmethod
@@ -95,6 +97,7 @@ class CheckReport:
             tolerance=report["settings"]["tolerance"],
             stick_outs=found["stick_outs"],
             remarks=remarks,
+            guarantee=found["guarantee"],
             unit=unit,
         )
 

@@ -1,0 +1,34 @@
+//! Work that would not fit into the memory that is free is refused before it starts: a notebook that the system ends loses everything.
+
+use imf_core::unit::Length;
+use pyo3::exceptions::PyMemoryError;
+use pyo3::prelude::*;
+use sysinfo::{MemoryRefreshKind, RefreshKind, System};
+
+/// Bytes that are free; more than there can be where the system does not say.
+pub(crate) fn free() -> u64 {
+    let what = RefreshKind::nothing().with_memory(MemoryRefreshKind::nothing().with_ram());
+    let Ok(system) = System::new_with_specifics(what) else { return u64::MAX };
+    let free = system.available_memory();
+    // Inside a container its limit counts.
+    let free = system.cgroup_limits().map_or(free, |limits| free.min(limits.free_memory));
+    if free > 0 { free } else { u64::MAX }
+}
+
+/// Refuses what needs more bytes than are free; `what` says of what, and what takes less.
+///
+/// # Errors
+/// `MemoryError`.
+pub(crate) fn require(bytes: u64, what: impl FnOnce() -> String) -> PyResult<()> {
+    let free = free();
+    if bytes <= free {
+        return Ok(());
+    }
+    let gigabytes = |bytes: u64| Length((bytes as f64 / 1e7).round() / 100.0).to_string();
+    Err(PyMemoryError::new_err(format!(
+        "this needs about {} GB of memory, and {} GB are free: {}",
+        gigabytes(bytes),
+        gigabytes(free),
+        what()
+    )))
+}
