@@ -80,6 +80,14 @@ def test_the_guides_chapter_prints_what_it_shows(
     assert ran == 6
 
 
+def test_the_readme_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    for language, text in blocks((HERE / "README.md").read_text()):
+        assert language == "python"
+        exec(compile(text, "README.md", "exec"), {})
+    share, free = capsys.readouterr().out.split()
+    assert 0.9 < float(share) < 1 and free == "True"
+
+
 EXAMPLES = sorted((HERE / "examples").glob("*.py"))
 
 
