@@ -1,13 +1,13 @@
-//! Exact answers for planners: poses and motions of a scene's tool, by [`ExactField`] and [`MotionChecker`].
+//! Exact answers for planners: poses and motions of a scene's tool, by [`ExactField`] and [`world::Checker`](imf_core::world::Checker).
 
 use std::sync::Arc;
 
 use imf_core::control::Cancelled;
 use imf_core::field::{Decision, ExactField, PoseField as _};
 use imf_core::glam::DVec3;
-use imf_core::motion::{MotionChecker, MotionError, MotionResult};
 use imf_core::pose::Pose;
 use imf_core::tool::{ClearanceError, ToolShape};
+use imf_core::world::{self, MotionOptions, MotionResult, QueryError};
 use numpy::{PyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use rayon::prelude::*;
@@ -20,7 +20,10 @@ use crate::work::{Progress, run};
 
 /// The tool of a scene around its part.
 #[pyclass(frozen, module = "imf._imf")]
-pub(crate) struct Checker(MotionChecker);
+pub(crate) struct Checker {
+    field: ExactField,
+    checker: world::Checker,
+}
 
 /// By motion: its code, until when it is free, when it collides.
 type Motions<'py> = (Bound<'py, PyArray1<u8>>, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>);
@@ -28,7 +31,7 @@ type Motions<'py> = (Bound<'py, PyArray1<u8>>, Bound<'py, PyArray1<f64>>, Bound<
 impl Checker {
     /// Poses of this tool.
     fn rows<'a>(&self, poses: &'a PyReadonlyArray2<'_, f64>) -> PyResult<PoseRows<'a>> {
-        let round = matches!(self.0.field().assembly().tool().shape, ToolShape::Revolved(_));
+        let round = matches!(self.field.assembly().tool().shape, ToolShape::Revolved(_));
         Ok(PoseRows::new(poses)?.of_round_tool(round))
     }
 }
@@ -45,7 +48,8 @@ impl Checker {
             let _ = field.collides(&Pose::along(scene.record.grid.origin, DVec3::Z));
             Ok::<_, ClearanceError>(field)
         })?;
-        Ok(Self(MotionChecker::new(field)))
+        let checker = world::Checker::of_field(&field, scene.record.unit);
+        Ok(Self { field, checker })
     }
 
     /// By pose, 0 free and 1 colliding; what is no pose collides.
@@ -56,10 +60,12 @@ impl Checker {
         progress: Progress<'py>,
     ) -> PyResult<Bound<'py, PyArray1<u8>>> {
         let rows = self.rows(&poses)?;
-        let field = self.0.field();
+        let checker = &self.checker;
         let found = run(py, (&progress, "poses", rows.len() as u64), |control| {
             rows.answers(control, |poses, codes| {
-                poses.iter().zip(codes).for_each(|(pose, code)| *code = u8::from(field.collides(pose)));
+                let mut decisions = vec![Decision::Colliding; poses.len()];
+                checker.classify(poses, &mut decisions)?;
+                codes.iter_mut().zip(decisions).for_each(|(own, decision)| *own = code(decision));
                 Ok(())
             })
         })?;
@@ -72,7 +78,7 @@ impl Checker {
         if rows.len() != 1 {
             return Err(value_error("one pose at a time"));
         }
-        Ok(!self.0.field().collides(&rows.pose(0)))
+        Ok(self.checker.is_free(&rows.pose(0)))
     }
 
     /// By pose, the overlap in [0, 1].
@@ -83,7 +89,7 @@ impl Checker {
         progress: Progress<'py>,
     ) -> PyResult<Bound<'py, PyArray1<f32>>> {
         let rows = self.rows(&poses)?;
-        let field = self.0.field();
+        let field = &self.field;
         let found = run(py, (&progress, "poses", rows.len() as u64), |control| {
             rows.answers(control, |poses, values| field.values(poses, values))
         })?;
@@ -98,7 +104,7 @@ impl Checker {
         progress: Progress<'py>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let rows = self.rows(&poses)?;
-        let field = self.0.field();
+        let field = &self.field;
         if rows.len() > 0 && field.signed_clearance(&rows.pose(0)).is_none() {
             return Err(value_error(
                 "clearances are proven for tools of revolution: describe the tool by cutter, shank and holder",
@@ -136,21 +142,26 @@ impl Checker {
                 from.len()
             )));
         }
-        let checker = &self.0;
+        let checker = &self.checker;
+        let options = MotionOptions::default();
         let found = run(py, (&progress, "motions", from.len() as u64), |control| {
             let each = (0..from.len()).into_par_iter().map(|row| {
                 control.check().map_err(MotionsError::from)?;
-                let result = checker.check_motion(&from.pose(row), &to.pose(row));
+                let result = checker.check_motion(&from.pose(row), &to.pose(row), &options);
                 let result = result.map_err(|error| MotionsError::Motion(row, error))?;
                 (control.progress)(1);
                 Ok::<_, MotionsError>(result)
             });
             each.collect::<Result<Vec<MotionResult>, _>>()
         })?;
-        let numbers = found.into_iter().map(|result| match result {
-            MotionResult::Free => (code(Decision::Free), (1.0, f64::NAN)),
-            MotionResult::Colliding { free_until, at, .. } => (code(Decision::Colliding), (free_until, at)),
-            MotionResult::Undecided { from, .. } => (code(Decision::Undecided), (from, f64::NAN)),
+        let numbers = found.into_iter().map(|result| {
+            let decision = match result.first_colliding {
+                Some(_) => Decision::Colliding,
+                None if result.is_proven() => Decision::Free,
+                None => Decision::Undecided,
+            };
+            let at = result.first_colliding.map_or(f64::NAN, |hit| hit.time);
+            (code(decision), (result.proven_until.min(1.0), at))
         });
         let (codes, (free_until, at)): (Vec<u8>, (Vec<f64>, Vec<f64>)) = numbers.unzip();
         Ok((PyArray1::from_vec(py, codes), PyArray1::from_vec(py, free_until), PyArray1::from_vec(py, at)))
@@ -161,7 +172,7 @@ impl Checker {
 #[derive(Debug, thiserror::Error)]
 enum MotionsError {
     #[error("motion {0}: {1}")]
-    Motion(usize, MotionError),
+    Motion(usize, QueryError),
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
 }

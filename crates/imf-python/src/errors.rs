@@ -4,7 +4,6 @@
 use imf_core::check::CheckError;
 use imf_core::field::FieldError;
 use imf_core::file_error::{FaultKind, FileError};
-use imf_core::motion::MotionError;
 use imf_core::orientation::OrientationSetError;
 use imf_core::parts::UnknownPart;
 use imf_core::scene::SceneError;
@@ -13,6 +12,7 @@ use imf_core::surface::{SurfaceError, TooManySetups};
 use imf_core::tool::{ClearanceError, ToolError};
 use imf_core::toolpath::ToolpathError;
 use imf_core::unit::UnknownUnit;
+use imf_core::world::QueryError;
 use imf_fields::field::LoadError;
 use imf_fields::field::calibrate::CalibrationError;
 use imf_fields::file::FieldFileError;
@@ -65,7 +65,7 @@ macro_rules! raise_as {
     };
 }
 
-raise_as!(PyValueError: CheckError, ClearanceError, MotionError, OrientationSetError, RecipeError, ShapeError, SurfaceError, ToolError,
+raise_as!(PyValueError: CheckError, ClearanceError, QueryError, OrientationSetError, RecipeError, ShapeError, SurfaceError, ToolError,
     TooManySetups, UnknownPart, UnknownUnit, CalibrationError);
 
 impl Raise for FileError {

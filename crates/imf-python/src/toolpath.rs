@@ -83,7 +83,7 @@ pub(crate) fn check<'py>(
     let lines = path.locations.len() as u64;
     let around = CheckBodies { part: &bodies.part, fixtures: &bodies.fixtures, machine: machine.as_ref() };
     let mut report = run(py, (&progress, "checking", lines), |control| {
-        check_toolpath(around, &numbered, &path, &settings, |_| false, control)
+        check_toolpath(around, &numbered, &path, &settings, control)
     })?;
     let back = set_up.inverse();
     if set_up != DMat4::IDENTITY {
