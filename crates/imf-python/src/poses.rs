@@ -39,7 +39,7 @@ impl<'a> PoseRows<'a> {
         Ok(Self { numbers, width, round: false })
     }
 
-    /// For a tool of revolution: an axis is reached by the shortest turn, which is found faster than the one without roll.
+    /// For a tool of revolution: an axis is reached by any turn, which is found faster than the one without roll.
     pub(crate) fn of_round_tool(self, round: bool) -> Self {
         Self { round, ..self }
     }
@@ -54,11 +54,7 @@ impl<'a> PoseRows<'a> {
         let tip = DVec3::from_slice(numbers);
         match numbers[3..] {
             [x, y, z, w] => Pose::new(tip, DQuat::from_xyzw(x, y, z, w)),
-            _ if self.round => {
-                let axis = DVec3::from_slice(&numbers[3..]).try_normalize();
-                let turn = axis.map(|axis| DQuat::from_rotation_arc(DVec3::Z, axis));
-                Pose::new(tip, turn.unwrap_or(DQuat::NAN))
-            }
+            _ if self.round => Pose::new(tip, turn_to(DVec3::from_slice(&numbers[3..]))),
             _ => Pose::along(tip, DVec3::from_slice(&numbers[3..])),
         }
     }
@@ -82,4 +78,12 @@ impl<'a> PoseRows<'a> {
         })?;
         Ok(answers)
     }
+}
+
+/// A quaternion, of some length, that brings +z to an axis: about the middle of the two, or of −z and the axis after half a turn about x,
+/// whichever is farther from opposite.
+fn turn_to(axis: DVec3) -> DQuat {
+    let DVec3 { x, y, z } = axis;
+    let length = axis.length();
+    if z >= 0.0 { DQuat::from_xyzw(-y, x, 0.0, length + z) } else { DQuat::from_xyzw(length - z, 0.0, x, -y) }
 }

@@ -40,6 +40,17 @@ def test_a_quaternion_is_its_axis(bracket: imf.Scene, poses: Floats) -> None:
     np.testing.assert_array_equal(checker.is_free(turned), checker.is_free(poses))
 
 
+def test_axes_of_any_length_and_side_are_directions(bracket: imf.Scene, poses: Floats) -> None:
+    checker = imf.Checker(bracket)
+    longer = poses * [1, 1, 1, 1e3, 1e3, 1e3]
+    np.testing.assert_array_equal(checker.is_free(longer), checker.is_free(poses))
+    solid = bracket.grid.centres()[bracket.solid.ravel()]
+    down = imf.poses(poses[:, :3], [0.0, 0.0, -1.0])
+    expected = [not inside_paper_tool(solid, row[:3], row[3:], bracket.grid.pitch).any() for row in down]
+    np.testing.assert_array_equal(checker.is_free(down), expected)
+    assert 0 < sum(expected) < len(expected)
+
+
 def test_what_is_no_pose_is_never_free(bracket: imf.Scene) -> None:
     bad = np.array([[0, 0, np.nan, 0, 0, 1], [0, 0, 500, 0, 0, 0], [np.inf, 0, 0, 0, 0, 1]])
     checker = imf.Checker(bracket)
