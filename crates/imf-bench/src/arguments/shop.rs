@@ -47,7 +47,7 @@ pub(crate) struct ShopArguments {
     #[arg(long, default_value_t = 10, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) alone: u32,
     /// Lines of the machine's path
-    #[arg(long, default_value_t = 50_000, value_name = "N", value_parser = clap::value_parser!(u32).range(1..1_000_000))]
+    #[arg(long, default_value_t = 500_000, value_name = "N", value_parser = clap::value_parser!(u32).range(1..1_000_000))]
     pub(crate) lines: u32,
     /// Seed of the choice of points and tools
     #[arg(long, default_value_t = 0)]
