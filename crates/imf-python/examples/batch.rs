@@ -8,12 +8,12 @@
 use std::f64::consts::TAU;
 use std::time::Instant;
 
-use imf_core::field::ExactField;
+use imf_core::field::Decision;
 use imf_core::glam::DVec3;
 use imf_core::parts::ReferencePart;
 use imf_core::pose::Pose;
 use imf_core::scene::Scene;
-use rayon::prelude::*;
+use imf_core::world::Checker;
 
 /// Multiples of these spread evenly over [0, 1): powers of the real root of x⁶ = x + 1.
 const STEPS: [f64; 5] = [0.881_271_616_6, 0.776_639_662_2, 0.684_430_492_7, 0.603_169_118_3, 0.531_555_824_5];
@@ -21,7 +21,7 @@ const STEPS: [f64; 5] = [0.881_271_616_6, 0.776_639_662_2, 0.684_430_492_7, 0.60
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let count: usize = std::env::args().nth(1).map_or(Ok(1_000_000), |text| text.parse())?;
     let scene = Scene::builder().reference(ReferencePart::Bracket).pitch(1.0).build()?.scene;
-    let field = ExactField::of_scene(&scene, &scene.record.clearance)?;
+    let checker = Checker::of_scene(&scene, &scene.record.clearance)?;
     let pose = |index: usize| {
         let [x, y, z, a, b] = STEPS.map(|step| (index as f64 * step).fract());
         let up = 1.0 - 2.0 * b;
@@ -31,16 +31,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     };
     let poses: Vec<Pose> = (0..count).map(pose).collect();
     let mut best = f64::INFINITY;
-    let mut codes = Vec::new();
+    let mut decisions = vec![Decision::Undecided; count];
     for _ in 0..7 {
         let begun = Instant::now();
-        codes = vec![0u8; count];
-        codes.par_chunks_mut(256).zip(poses.par_chunks(256)).for_each(|(codes, poses)| {
-            poses.iter().zip(codes).for_each(|(pose, code)| *code = u8::from(field.collides(pose)));
-        });
+        checker.classify_on_all_threads(&poses, &mut decisions)?;
         best = best.min(begun.elapsed().as_secs_f64());
     }
-    let free = codes.iter().filter(|code| **code == 0).count();
+    let free = decisions.iter().filter(|decision| **decision == Decision::Free).count();
     println!(
         "Rust: {count} poses, {free} free, {:.1} ms, {:.3} µs a pose",
         1e3 * best,
