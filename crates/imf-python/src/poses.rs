@@ -80,10 +80,15 @@ impl<'a> PoseRows<'a> {
     }
 }
 
-/// A quaternion, of some length, that brings +z to an axis: about the middle of the two, or of −z and the axis after half a turn about x,
+/// A quaternion of length 1, as batches take it, that brings +z to an axis; NaN for one of no length: about the middle of the two, or of −z and the axis after half a turn about x,
 /// whichever is farther from opposite.
 fn turn_to(axis: DVec3) -> DQuat {
     let DVec3 { x, y, z } = axis;
     let length = axis.length();
-    if z >= 0.0 { DQuat::from_xyzw(-y, x, 0.0, length + z) } else { DQuat::from_xyzw(length - z, 0.0, x, -y) }
+    let turn = if z >= 0.0 {
+        DQuat::from_xyzw(-y, x, 0.0, length + z)
+    } else {
+        DQuat::from_xyzw(length - z, 0.0, x, -y)
+    };
+    turn.normalize()
 }
