@@ -102,8 +102,8 @@ struct Blocking {
     voxels: SolidVoxels,
     /// By the square of a centre's distance from the tip, in voxels: cosine and sine of the angle that it blocks at least.
     caps: Vec<Option<DVec2>>,
-    /// Heights at which solid centres near the axis are looked for, in voxels, the most promising ones first.
-    heights: Vec<f64>,
+    /// Its length in voxels.
+    length: u32,
 }
 
 impl Blocking {
@@ -130,8 +130,8 @@ impl Blocking {
             blocked_angle(&bodies, (squared as f64).sqrt() * pitch, pitch)
                 .map(|angle| DVec2::new(angle.cos(), angle.sin()))
         });
-        let heights = (0..=(tool.length() / pitch).ceil() as usize).map(|height| height as f64).collect();
-        Some(Self { field: SolidField::of_tool(voxels.clone(), tool), voxels, caps, heights })
+        let length = (tool.length() / pitch).ceil() as u32;
+        Some(Self { field: SolidField::of_tool(voxels.clone(), tool), voxels, caps, length })
     }
 
     /// The cap of directions that a centre blocks, given by the way there in voxels.
@@ -273,9 +273,12 @@ impl<'a> Search<'a> {
             .filter_map(|&(which, blocker)| Some((which, blocker, blocking[which].cap(blocker - voxel)?)));
         let mut caps: Caps = known.collect();
         let mut cells: Vec<Cell> = self.faces.to_vec();
-        let mut open = false;
-        let mut tried = 0;
+        let (mut open, mut tried) = (false, 0);
         while let Some(cell) = cells.pop() {
+            if tried == MOST_CELLS {
+                open = true;
+                break;
+            }
             tried += 1;
             if let Some(place) = caps.iter().position(|(.., cap)| cap.holds(&cell)) {
                 // What served is tried sooner.
@@ -284,12 +287,7 @@ impl<'a> Search<'a> {
             }
             match self.blocked(voxel, &cell, &mut caps) {
                 Blocked::Whole => {}
-                Blocked::Middle if cell.level == FINEST || tried == MOST_CELLS => {
-                    open = true;
-                    if tried == MOST_CELLS {
-                        break;
-                    }
-                }
+                Blocked::Middle if cell.level == FINEST => open = true,
                 Blocked::Middle => cells.extend(cell.quarters()),
                 Blocked::Not => {
                     if self.witnesses.len() == WITNESSES {
@@ -320,8 +318,8 @@ impl<'a> Search<'a> {
             let distances = blocking.voxels.distances();
             let mut best: Option<(f64, I64Vec3, Cap)> = None;
             let mut last = None;
-            for height in &blocking.heights {
-                let probe = distances.probe(voxel.as_dvec3() + cell.middle * *height);
+            for height in 0..=blocking.length {
+                let probe = distances.probe(voxel.as_dvec3() + cell.middle * f64::from(height));
                 let witness = distances.nearest(probe.index);
                 if witness == last {
                     continue;

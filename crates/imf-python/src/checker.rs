@@ -59,17 +59,8 @@ impl Checker {
         poses: PyReadonlyArray2<'py, f64>,
         progress: Progress<'py>,
     ) -> PyResult<Bound<'py, PyArray1<u8>>> {
-        let rows = self.rows(&poses)?;
-        let checker = &self.checker;
-        let found = run(py, (&progress, "poses", rows.len() as u64), |control| {
-            rows.answers(control, |poses, codes| {
-                let mut decisions = vec![Decision::Colliding; poses.len()];
-                checker.classify(poses, &mut decisions)?;
-                codes.iter_mut().zip(decisions).for_each(|(own, decision)| *own = code(decision));
-                Ok(())
-            })
-        })?;
-        Ok(PyArray1::from_vec(py, found))
+        self.rows(&poses)?
+            .decisions(py, &progress, |poses, decisions| self.checker.classify(poses, decisions))
     }
 
     /// Whether one pose is free, without any of what batches need.
@@ -88,12 +79,7 @@ impl Checker {
         poses: PyReadonlyArray2<'py, f64>,
         progress: Progress<'py>,
     ) -> PyResult<Bound<'py, PyArray1<f32>>> {
-        let rows = self.rows(&poses)?;
-        let field = &self.field;
-        let found = run(py, (&progress, "poses", rows.len() as u64), |control| {
-            rows.answers(control, |poses, values| field.values(poses, values))
-        })?;
-        Ok(PyArray1::from_vec(py, found))
+        self.rows(&poses)?.array(py, &progress, |poses, values| self.field.values(poses, values))
     }
 
     /// By pose, the signed clearance as far as it is proven.
@@ -110,20 +96,11 @@ impl Checker {
                 "clearances are proven for tools of revolution: describe the tool by cutter, shank and holder",
             ));
         }
-        let found = run(py, (&progress, "poses", rows.len() as u64), |control| {
-            rows.answers(control, |poses, values: &mut [f64]| {
-                let each = poses.iter().zip(values);
-                each.for_each(|(pose, value)| {
-                    *value = if pose.is_valid() {
-                        field.signed_clearance(pose).unwrap_or(f64::NAN)
-                    } else {
-                        f64::NAN
-                    };
-                });
-                Ok(())
-            })
-        })?;
-        Ok(PyArray1::from_vec(py, found))
+        let clearance = |pose: &Pose| field.signed_clearance(pose).filter(|_| pose.is_valid());
+        rows.array(py, &progress, |poses, values: &mut [f64]| {
+            poses.iter().zip(values).for_each(|(pose, value)| *value = clearance(pose).unwrap_or(f64::NAN));
+            Ok(())
+        })
     }
 
     /// By motion from a pose of `from` to that of `to`, the same rule as of a toolpath: 0 free, 1 colliding, 2 undecided.

@@ -12,7 +12,7 @@ use pyo3::prelude::*;
 use rayon::prelude::*;
 
 use crate::errors::value_error;
-use crate::poses::{CHUNK, PoseRows};
+use crate::poses::PoseRows;
 use crate::scene::rows_of;
 use crate::work::{Progress, run};
 
@@ -120,11 +120,7 @@ impl Field {
         poses: PyReadonlyArray2<'py, f64>,
         progress: Progress<'py>,
     ) -> PyResult<Bound<'py, PyArray1<f32>>> {
-        let rows = PoseRows::new(&poses)?;
-        let found = run(py, (&progress, "poses", rows.len() as u64), |control| {
-            rows.answers(control, |poses, values| self.field.values(poses, values))
-        })?;
-        Ok(PyArray1::from_vec(py, found))
+        PoseRows::new(&poses)?.array(py, &progress, |poses, values| self.field.values(poses, values))
     }
 
     /// By pose, the value and its derivatives.
@@ -165,17 +161,8 @@ impl Field {
         poses: PyReadonlyArray2<'py, f64>,
         progress: Progress<'py>,
     ) -> PyResult<Bound<'py, PyArray1<u8>>> {
-        let rows = PoseRows::new(&poses)?;
-        let found = run(py, (&progress, "poses", rows.len() as u64), |control| {
-            rows.answers(control, |poses, codes: &mut [u8]| {
-                let mut decisions = [Decision::Undecided; CHUNK];
-                let decisions = &mut decisions[..poses.len()];
-                self.field.classify(poses, decisions)?;
-                decisions.iter().zip(codes).for_each(|(decision, out)| *out = code(*decision));
-                Ok(())
-            })
-        })?;
-        Ok(PyArray1::from_vec(py, found))
+        PoseRows::new(&poses)?
+            .decisions(py, &progress, |poses, decisions| self.field.classify(poses, decisions))
     }
 
     /// At every point `[n, 3]` the best of directions `[m, 3]`.

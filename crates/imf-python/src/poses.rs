@@ -2,16 +2,18 @@
 
 use glam::{DQuat, DVec3};
 use imf_core::control::Control;
-use imf_core::field::FieldError;
+use imf_core::field::{Decision, FieldError};
 use imf_core::pose::Pose;
-use numpy::{PyReadonlyArray2, PyUntypedArrayMethods as _};
+use numpy::{Element, PyArray1, PyReadonlyArray2, PyUntypedArrayMethods as _};
 use pyo3::prelude::*;
 use rayon::prelude::*;
 
 use crate::errors::value_error;
+use crate::field::code;
+use crate::work::{Progress, run};
 
 /// Poses that a thread converts and answers at a time.
-pub(crate) const CHUNK: usize = 256;
+const CHUNK: usize = 256;
 
 /// Rows of poses where they lie.
 #[derive(Clone, Copy)]
@@ -77,6 +79,36 @@ impl<'a> PoseRows<'a> {
             Ok(())
         })?;
         Ok(answers)
+    }
+}
+
+impl PoseRows<'_> {
+    /// [`PoseRows::answers`] as an array, without the interpreter's lock.
+    pub(crate) fn array<'py, T: Copy + Default + Send + Element>(
+        self,
+        py: Python<'py>,
+        progress: &Progress<'py>,
+        answer: impl Fn(&[Pose], &mut [T]) -> Result<(), FieldError> + Sync + Send,
+    ) -> PyResult<Bound<'py, PyArray1<T>>> {
+        let total = self.len() as u64;
+        let found = run(py, (progress, "poses", total), |control| self.answers(control, answer))?;
+        Ok(PyArray1::from_vec(py, found))
+    }
+
+    /// The same of decisions, as numbers.
+    pub(crate) fn decisions<'py>(
+        self,
+        py: Python<'py>,
+        progress: &Progress<'py>,
+        classify: impl Fn(&[Pose], &mut [Decision]) -> Result<(), FieldError> + Sync + Send,
+    ) -> PyResult<Bound<'py, PyArray1<u8>>> {
+        self.array(py, progress, |poses, codes| {
+            let mut decisions = [Decision::Undecided; CHUNK];
+            let decisions = &mut decisions[..poses.len()];
+            classify(poses, decisions)?;
+            decisions.iter().zip(codes).for_each(|(decision, out)| *out = code(*decision));
+            Ok(())
+        })
     }
 }
 

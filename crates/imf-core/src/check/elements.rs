@@ -15,7 +15,14 @@ use crate::pose::Pose;
 use crate::tool::{Element, ElementKind, Tool, ToolShape, distance_to_mesh};
 
 /// Taken off proven clearances, in pitches: more than rounding.
-const MARGIN: f64 = 1e-3;
+pub(super) const MARGIN: f64 = 1e-3;
+
+/// How far a tool may move from a pose in the body's frame, asked no farther than `most`, before it collides; at or below 0 where that
+/// is not known, `None` of meshes.
+pub(super) fn room(field: &SolidField, pose: &Pose, most: f64) -> Option<f64> {
+    let margin = MARGIN * field.voxels().occupancy().grid.pitch;
+    Some(field.clearance_up_to(pose, most + 2.0 * margin)? - margin)
+}
 
 /// Something that may be hit.
 pub(super) struct Body {
@@ -156,7 +163,7 @@ impl Elements {
         let half = (motion.count > 2).then(|| motion.at(0.5));
         let shown = |group: &&Group| {
             half.is_some_and(|pose| {
-                group.room(&pose, 0.5 * farthest).is_some_and(|room| room > 0.5 * farthest)
+                room(&group.field, &pose, 0.5 * farthest).is_some_and(|room| room > 0.5 * farthest)
             })
         };
         let mut found = Vec::new();
@@ -186,13 +193,6 @@ pub(super) struct Step {
 }
 
 impl Group {
-    /// How far the elements may move from a pose in the body's frame, asked no farther than `most`, before one collides; at or
-    /// below 0 where that is not known, `None` of meshes.
-    pub(super) fn room(&self, pose: &Pose, most: f64) -> Option<f64> {
-        let margin = MARGIN * self.body.voxels.grid.pitch;
-        Some(self.field.clearance_up_to(pose, most + 2.0 * margin)? - margin)
-    }
-
     /// Looks at a pose in the body's frame and gives the room there, asked no farther than `most`; `counts` is working memory.
     pub(super) fn follow(
         &self,
@@ -202,7 +202,7 @@ impl Group {
         counts: &mut Vec<u32>,
         most: f64,
     ) -> f64 {
-        if let Some(room) = self.room(pose, most)
+        if let Some(room) = room(&self.field, pose, most)
             && room > 0.0
         {
             return room;

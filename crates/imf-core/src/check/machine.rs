@@ -14,7 +14,7 @@ use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
 
-use super::elements::{Body, Group, Step, Track};
+use super::elements::{Body, Group, MARGIN, Step, Track, room};
 use super::motions::{Motion, look_at_poses, poses_needed};
 use super::{CheckError, CheckSettings, Collision, HitBody};
 use crate::control::{Cancelled, Control};
@@ -83,9 +83,6 @@ impl MachineBodies {
         self.table.iter().map(of).collect()
     }
 }
-
-/// Added to a ball's radius, in pitches: more than rounding.
-const BALL_MARGIN: f64 = 1e-3;
 
 /// Of two values of an axis the one that is farther beyond its range.
 pub(super) fn farther(one: f64, other: f64, [low, high]: [f64; 2]) -> f64 {
@@ -278,7 +275,7 @@ impl Near {
     fn ball_room(&self, ball: &Ball, moved: &Pose) -> f64 {
         let grid = &self.voxels.occupancy().grid;
         let away = self.voxels.distances().probe(grid.continuous(moved.of_point(ball.centre))).squared.sqrt();
-        (away - BALL_MARGIN) * grid.pitch - ball.radius
+        (away - MARGIN) * grid.pitch - ball.radius
     }
 
     /// What collides on a way, on which nothing moves farther than `farthest`.
@@ -309,8 +306,7 @@ impl Pair {
 
     /// Looks at a pose in the body's frame, and gives the room there.
     fn look(&self, step: &Step, pose: &Pose, tracks: &mut [Track], counts: &mut Vec<u32>, most: f64) -> f64 {
-        let around = self.around.as_ref().and_then(|around| around.clearance_up_to(pose, most));
-        match around.map(|room| room - BALL_MARGIN * self.group.body.voxels().grid.pitch) {
+        match self.around.as_ref().and_then(|around| room(around, pose, most)) {
             Some(room) if room > 0.0 => room,
             _ => self.group.follow(step, pose, tracks, counts, most),
         }

@@ -54,7 +54,6 @@ impl fmt::Display for MachineFault {
 /// is not looked at.
 pub struct MachineReach {
     pairs: MachinePairs,
-    machine: Arc<Machine>,
     length: f64,
     /// By the bits of a direction that was announced.
     known: HashMap<[u64; 3], Vec<Turned>>,
@@ -94,10 +93,10 @@ impl MachineReach {
         let fixtures: Vec<Arc<Body>> = fixtures.iter().map(body).collect();
         let here = Pose::new(DVec3::ZERO, glam::DQuat::IDENTITY);
         let pairs = MachinePairs::new(machine, &part, &fixtures, tool, &settings, &here)?;
-        let (machine, length) = (machine.machine.clone(), tool.length());
+        let machine = &machine.machine;
         let axes = directions.iter().filter_map(|orientation| axis_of(orientation.quaternion()));
-        let known = axes.map(|axis| (bits(axis), turned(&machine, axis))).collect();
-        Ok(Self { pairs, machine, length, known })
+        let known = axes.map(|axis| (bits(axis), turned(machine, axis))).collect();
+        Ok(Self { length: tool.length(), pairs, known })
     }
 
     /// True where the machine brings the tool's tip to `tip` with its axis along a unit vector.
@@ -119,20 +118,20 @@ impl MachineReach {
     fn of_direction<T>(&self, axis: DVec3, answer: impl FnOnce(&[Turned]) -> T) -> T {
         match self.known.get(&bits(axis)) {
             Some(turned) => answer(turned),
-            None => answer(&turned(&self.machine, axis)),
+            None => answer(&turned(&self.pairs.machine, axis)),
         }
     }
 
     fn fault_at(&self, tip: DVec3, turned: &Turned) -> Option<MachineFault> {
         let Turned { rotary, place } = turned;
         let head = place.head[2].of_point(DVec3::new(0.0, 0.0, -self.length));
-        let linear = place.table[2].of_point(tip + self.machine.part_zero()) - head;
+        let linear = place.table[2].of_point(tip + self.pairs.machine.part_zero()) - head;
         let joints = Joints { linear, rotary: *rotary };
-        if let Some(out) = self.machine.out_of_travel(&joints) {
+        if let Some(out) = self.pairs.machine.out_of_travel(&joints) {
             return Some(MachineFault::OutOfTravel(out));
         }
         let (what, against) = self.pairs.first_hit(&place.moved(linear))?;
-        let is_solid = self.machine.solids.iter().any(|own| own.side == Side::Head && own.name == what);
+        let is_solid = self.pairs.machine.solids.iter().any(|own| own.side == Side::Head && own.name == what);
         let what = if is_solid { format!("machine's {what}") } else { what.to_owned() };
         Some(MachineFault::Hit { what, against: against.clone() })
     }
