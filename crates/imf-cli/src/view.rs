@@ -17,6 +17,8 @@ pub(crate) struct View<'a> {
     /// Of all lengths.
     pub(crate) unit: LengthUnit,
     pub(crate) mesh: &'a Mesh,
+    /// The box that is looked at, where it is not that of all of the mesh.
+    pub(crate) focus: Option<(DVec3, DVec3)>,
     /// The first is shown first; at least one.
     pub(crate) layers: Vec<Layer>,
     /// Unit vectors from tip to holder.
@@ -44,6 +46,8 @@ pub(crate) struct Layer {
 pub(crate) enum Colours {
     /// Values are the numbers of these.
     Classes(Vec<(String, [u8; 3])>),
+    /// Values are the numbers of these bodies, each of which can be taken away; true where it is at first.
+    Bodies(Vec<(String, [u8; 3], bool)>),
     /// Viridis from the least to the largest value.
     Scale {
         label: String,
@@ -105,6 +109,7 @@ impl Layer {
     fn colour(&self, value: f32, [low, high]: [f32; 2]) -> [u8; 3] {
         match &self.colours {
             Colours::Classes(classes) => classes.get(value as usize).map_or(NONE, |(_, colour)| *colour),
+            Colours::Bodies(bodies) => bodies.get(value as usize).map_or(NONE, |(_, colour, _)| *colour),
             Colours::Scale { .. } if !value.is_finite() => NONE,
             Colours::Scale { .. } if high <= low => ramp(0.0),
             Colours::Scale { .. } => ramp(f64::from((value - low) / (high - low))),

@@ -10,7 +10,7 @@
   const hex = ([r, g, b]) => `rgb(${r}, ${g}, ${b})`;
   const view = document.getElementById('view');
   const reading = document.getElementById('reading');
-  const layers = data.layers.map(layer => ({ ...layer, values: floats(layer.values), hidden: new Set() }));
+  const layers = data.layers.map(layer => ({ ...layer, values: floats(layer.values), hidden: new Set(layer.hidden) }));
   const positions = floats(data.positions);
   const triangles = positions.length / 9;
 
@@ -88,6 +88,12 @@
       for (let corner = 0; corner < 3; corner++) colours.setXYZ(3 * triangle + corner, colour.r, colour.g, colour.b);
     }
     colours.needsUpdate = true;
+    // What is hidden of several bodies is not there; of one surface it is pale.
+    const kept = [];
+    for (let triangle = 0; layer.bodies && triangle < triangles; triangle++) {
+      if (!layer.hidden.has(layer.values[triangle])) kept.push(3 * triangle, 3 * triangle + 1, 3 * triangle + 2);
+    }
+    geometry.setIndex(layer.bodies ? kept : null);
     document.querySelectorAll('#colours button').forEach((button, at) => button.setAttribute('aria-pressed', at === current));
     const legend = document.getElementById('legend');
     legend.replaceChildren();
@@ -145,7 +151,8 @@
     const [hit] = pointer.intersectObject(surface);
     if (!hit) { reading.textContent = ''; return; }
     const at = hit.point.toArray().map((value, axis) => (value + data.middle[axis]).toFixed(2));
-    const lines = layers.map(layer => tell(layer, layer.values[hit.faceIndex]));
+    const triangle = geometry.index ? geometry.index.getX(3 * hit.faceIndex) / 3 : hit.faceIndex;
+    const lines = layers.map(layer => tell(layer, layer.values[triangle]));
     reading.textContent = [`(${at.join(', ')}) ${data.unit}`, ...lines].join('\n');
   });
 

@@ -16,7 +16,8 @@ pub use components::{Component, Components, components};
 pub use free::FreeOrientations;
 pub use map::{AccessMap, access_map};
 pub use removable::{
-    Removable, RemovableError, cutter_of, position_grid, removable, removable_memory_estimate,
+    Removable, RemovableError, cutter_of, position_grid, removable, removable_by_orientation,
+    removable_memory_estimate,
 };
 pub use space::{Space, Volume};
 

@@ -1,7 +1,7 @@
 //! A toolpath checked against what must not be hit, exactly, pose by pose and element by element.
 //!
 //! Between two lines of the toolpath poses are taken so close together that no point of the tool moves farther than
-//! the tolerance from one to the next, roll included. Each stretch is checked with its own tool. Holder and shank, offset by
+//! a step from one to the next, roll included. Each stretch is checked with its own tool. Holder and shank, offset by
 //! their clearance, must hold no solid voxel's centre. The cutter must touch what it cuts: it may hold centres of the part's
 //! voxels, but none deeper below its own surface than `contact`, a length that does not follow the pitch. What lies deep in the
 //! cutter may be a thin wall, so that none is cut through unseen. With fixtures nothing is accepted.
@@ -53,8 +53,8 @@ use motions::{motions, rigid};
 /// use imf_core::unit::LengthUnit;
 ///
 /// let usual = CheckSettings::of_pitch(0.5, LengthUnit::Mm);
-/// let closer = CheckSettings { tolerance: usual.tolerance / 10.0, ..usual };
-/// assert_eq!((closer.tolerance, closer.contact), (0.0125, 0.05));
+/// let closer = CheckSettings { step: usual.step / 10.0, ..usual };
+/// assert_eq!((closer.step, closer.contact), (0.0125, 0.05));
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct CheckSettings {
@@ -64,35 +64,35 @@ pub struct CheckSettings {
     pub contact: f64,
     /// How closely the path is followed: farthest that any point of the tool moves between two poses that are checked. What the cutter
     /// may cut is `contact`.
-    pub tolerance: f64,
+    pub step: f64,
 }
 
 /// Contact that is accepted by default, in mm: chord errors and tolerances of CAM programs are a few hundredths.
 const CONTACT: f64 = 0.05;
 
 impl CheckSettings {
-    /// No clearance, contact of 0.05 mm, tolerance of a quarter of the pitch; lengths in `unit`.
+    /// No clearance, contact of 0.05 mm, a step of a quarter of the pitch; lengths in `unit`.
     #[must_use]
     pub fn of_pitch(pitch: f64, unit: LengthUnit) -> Self {
-        Self { clearance: Clearance::default(), contact: CONTACT / unit.in_mm(), tolerance: pitch / 4.0 }
+        Self { clearance: Clearance::default(), contact: CONTACT / unit.in_mm(), step: pitch / 4.0 }
     }
 
     /// Diameter of the smallest ball whose overlap is certain to be detected at any time of a motion: at the nearest checked
     /// pose, and below the accepted contact, the rest of such an overlap still contains a voxel centre.
     #[must_use]
     pub fn sure_depth(&self, pitch: f64) -> f64 {
-        3f64.sqrt() * pitch + 2.0 * self.contact + self.tolerance
+        3f64.sqrt() * pitch + 2.0 * self.contact + self.step
     }
 
     fn check(&self) -> Result<(), CheckError> {
-        let Self { contact, tolerance, .. } = *self;
+        let Self { contact, step, .. } = *self;
         if !(contact.is_finite() && contact >= 0.0) {
             let wanted = "a finite length of at least 0";
             return Err(CheckError::Setting { name: "contact", wanted, value: contact });
         }
-        if !(tolerance.is_finite() && tolerance > 0.0) {
+        if !(step.is_finite() && step > 0.0) {
             let wanted = "a finite length above 0";
-            return Err(CheckError::Setting { name: "tolerance", wanted, value: tolerance });
+            return Err(CheckError::Setting { name: "step", wanted, value: step });
         }
         Ok(())
     }
@@ -238,15 +238,15 @@ pub enum CheckError {
     },
     /// A motion would need too many poses.
     #[error(
-        "line {line}: {poses:.1e} poses at a tolerance of {tolerance}; use a larger one, or check the toolpath's unit"
+        "line {line}: {poses:.1e} poses at steps of {step}; use larger ones, or check the toolpath's unit"
     )]
     TooLong {
         /// The line the motion ends on.
         line: usize,
         /// Poses it would need.
         poses: f64,
-        /// The tolerance.
-        tolerance: f64,
+        /// The step.
+        step: f64,
     },
     /// The elements of an outline that bends inwards cannot be counted by themselves.
     #[error(
@@ -332,6 +332,7 @@ pub fn check_toolpath(
                     fraction,
                 }));
             }
+            motion.with_joints(&mut collisions);
             (control.progress)(1);
             let found = LineCollisions { line, tool, kind, poses: motion.count, collisions };
             Ok((own[place], found, beyond))

@@ -30,6 +30,7 @@ pub use solids::{MachineSolid, SolidShape};
 use std::collections::BTreeMap;
 
 use glam::{DQuat, DVec3};
+use serde::Serialize;
 
 use crate::pose::Pose;
 use crate::unit::LengthUnit;
@@ -89,7 +90,7 @@ pub struct Machine {
 }
 
 /// Where every axis stands.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Joints {
     /// Machine coordinates of the spindle's face, before the head's rotary axes turn it.
     pub linear: DVec3,
@@ -219,6 +220,17 @@ impl Machine {
         let table = self.placements(Side::Table, &joints.rotary)[2];
         let tool = Pose::new(joints.linear + head.of_point(DVec3::new(0.0, 0.0, -length)), head.rotation);
         let Pose { position, rotation } = table.inverse().of_pose(&tool);
+        Pose::new(position - self.part_zero(), rotation)
+    }
+
+    /// Where a solid of this machine is at these joints: from where it is with all axes at 0, in machine coordinates, to the part's frame.
+    #[must_use]
+    pub fn place(&self, solid: &MachineSolid, joints: &Joints) -> Pose {
+        let own = self.placements(solid.side, &joints.rotary)[solid.level.min(2)];
+        let moved = if solid.side == Side::Head { joints.linear } else { DVec3::ZERO };
+        let own = Pose::new(own.position + moved, own.rotation);
+        let Pose { position, rotation } =
+            self.placements(Side::Table, &joints.rotary)[2].inverse().of_pose(&own);
         Pose::new(position - self.part_zero(), rotation)
     }
 

@@ -130,6 +130,17 @@ impl StraightMotion {
         self.from.position.distance(self.to.position) + self.angle * reach + self.roll.abs() * radius
     }
 
+    /// Upper bound of how far any point of a round body moves that stands about the tool's axis, between two heights above the tip.
+    /// Evenly divided times divide it evenly. A body moves little where the tool tips about a point of it.
+    pub(crate) fn round_motion_bound(&self, heights: [f64; 2], radius: f64) -> f64 {
+        let way = self.to.position - self.from.position;
+        // What a height of 1 on the axis does in the middle of the way; before and after it is turned by half the angle at most.
+        let tipping = self.at(0.5).axis().map_or(DVec3::ZERO, |axis| self.angle * self.pivot.cross(axis));
+        let on_axis =
+            |height: f64| (way + height * tipping).length() + 0.5 * self.angle * self.angle * height.abs();
+        on_axis(heights[0]).max(on_axis(heights[1])) + self.angle * radius
+    }
+
     /// True where the tool rolls by half a turn, to a thousandth of a degree: which way is not defined.
     pub(crate) fn rolls_over(&self) -> bool {
         self.roll.abs() > PI - SAME
@@ -228,15 +239,37 @@ mod tests {
             let ends = a.axis().unwrap().cross(b.axis().unwrap());
             let steps = 64;
             let most = motion.motion_bound(5.0, 3.0) / f64::from(steps);
+            // Without the roll, which moves nothing of a round body.
+            let tipping = StraightMotion { roll: 0.0, ..motion };
+            let round = [([4.0, 4.0], 3.0), ([0.0, 0.0], 3.0), ([4.0, 4.5], 5f64.sqrt())];
+            let rounds = round.map(|(heights, radius)| motion.round_motion_bound(heights, radius));
             for step in 0..steps {
                 let [before, after] = [step, step + 1].map(|s| motion.at(f64::from(s) / f64::from(steps)));
                 let place = |pose: &Pose, point: DVec3| pose.position + pose.rotation * point;
                 let moved = points.map(|p| place(&before, p).distance(place(&after, p)));
                 assert!(moved.into_iter().all(|m| m <= most * (1.0 + 1e-9)), "{moved:?} {most}");
+                let [before, after] = [step, step + 1].map(|s| tipping.at(f64::from(s) / f64::from(steps)));
+                for (point, most) in points.into_iter().zip(rounds) {
+                    let moved = place(&before, point).distance(place(&after, point));
+                    assert!(moved <= most / f64::from(steps) * (1.0 + 1e-9), "{moved} {most}");
+                }
                 // It does not leave the plane of the two axes.
                 assert!(after.axis().unwrap().dot(ends).abs() < 1e-12);
             }
         }
+    }
+
+    #[test]
+    fn what_tips_about_a_point_of_itself_moves_little() {
+        // The tip goes by 1 while the axis tips back by as much at a height of 50.
+        let lean = DVec3::new(-1.0, 0.0, 50.0).normalize();
+        let motion =
+            StraightMotion::new(&Pose::along(DVec3::ZERO, DVec3::Z), &Pose::along(DVec3::X, lean)).unwrap();
+        let at = |height: f64| motion.round_motion_bound([height; 2], 0.0);
+        assert!((at(0.0) - 1.0).abs() < 1e-12 && (at(100.0) - 1.0).abs() < 0.03);
+        assert!(at(50.0) < 0.03 && motion.motion_bound(100.0, 0.0) > 2.99);
+        // Half of what tips is half the angle away from the middle of the way.
+        assert!((motion.round_motion_bound([0.0, 100.0], 2.0) - 1.0).abs() < 0.08);
     }
 
     #[test]

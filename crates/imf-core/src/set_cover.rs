@@ -87,10 +87,42 @@ impl CoverProblem {
         self.sets.push(set);
     }
 
+    /// This universe and another one, with sets that hold those of the same index in both. What all sets cover of the one weighs 1, and
+    /// of the other as well.
+    ///
+    /// # Panics
+    /// If the numbers of sets differ.
+    #[must_use]
+    pub fn beside(&self, other: &Self) -> Self {
+        assert_eq!(self.sets(), other.sets());
+        let share = |one: &Self| {
+            let whole = one.covered(&(0..one.sets()).collect::<Vec<_>>()).max(f64::MIN_POSITIVE);
+            one.weights.iter().map(|weight| weight / whole).collect::<Vec<_>>()
+        };
+        let mut both = Self::new([share(self), share(other)].concat());
+        let own = self.weights.len();
+        for (one, two) in self.sets.iter().zip(&other.sets) {
+            both.add(bits::ones(one).chain(bits::ones(two).map(|element| own + element)));
+        }
+        both
+    }
+
     /// Number of sets.
     #[must_use]
     pub fn sets(&self) -> usize {
         self.sets.len()
+    }
+
+    /// Number of elements.
+    #[must_use]
+    pub fn elements(&self) -> usize {
+        self.weights.len()
+    }
+
+    /// What all elements weigh together.
+    #[must_use]
+    pub fn weight(&self) -> f64 {
+        self.weights.iter().sum()
     }
 
     /// True where the set holds the element.

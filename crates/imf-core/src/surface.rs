@@ -13,6 +13,7 @@ mod crib;
 mod culprits;
 mod environment;
 mod inside;
+mod part_setup;
 mod patches;
 mod sample_query;
 mod samples;
@@ -20,20 +21,22 @@ mod setups;
 mod skyline;
 mod stick_out;
 
+pub(crate) use access::{ColliderCache, ToolDirection};
 pub use access::{SurfaceAccess, surface_access, surface_memory_estimate};
 pub use candidates::{TooManySetups, candidate_setups, ways_up, with_ways_up};
 pub use crib::crib_access;
 pub use culprits::{ElementCollision, LeastOverlap, culprits, least_overlaps};
 pub use environment::{CollisionEnvironment, SolidBody};
+pub use part_setup::PartSetup;
 pub use patches::SurfacePatch;
 pub use samples::{SurfaceSample, SurfaceSamples};
-pub use setups::{ChosenSetup, PartSetup, SetupPlan, fewest_setups};
+pub use setups::{ChosenSetup, SetupPlan, SetupTool, fewest_setups, reached_in_setups, removed_in_setups};
 pub(crate) use stick_out::Raising;
 pub use stick_out::{StickOut, StickOutTool, least_stick_outs};
 
 use std::sync::Arc;
 
-use glam::{DQuat, DVec3};
+use glam::DVec3;
 use thiserror::Error;
 
 use contact::Outline;
@@ -41,8 +44,6 @@ use inside::InnerBalls;
 use sample_query::{Above, Last, Outcome, RingPlaces, SampleQuery};
 
 use crate::field::solid::{SolidField, SolidVoxels};
-use crate::orientation::Orientation;
-use crate::pose::axis_of;
 use crate::tool::{Assembly, ClearanceError, Element, ElementKind, Segment, SharpPoints, Tool, ToolShape};
 use crate::unit::LengthUnit;
 
@@ -135,13 +136,14 @@ pub enum Verdict {
 /// Whether the tool can be brought to a pose: of the tip, and of a unit vector along the tool's axis.
 pub type PoseLimit = Arc<dyn Fn(DVec3, DVec3) -> bool + Send + Sync>;
 
-/// One tool among part and fixtures, for contact poses.
+/// One tool among part and fixtures, for contact poses. A copy shares what it is made of.
+#[derive(Clone)]
 pub struct SurfaceTool {
     name: String,
-    shape: Shape,
+    shape: Arc<Shape>,
     tolerance: f64,
     /// The elements that [`Reach::Obstructed`] can name: as they are tried, and field against each body.
-    elements: Vec<(Element, Vec<SolidField>)>,
+    elements: Arc<Vec<(Element, Vec<SolidField>)>>,
     /// Most bodies of one element that 64 bits can tell apart.
     bodies: usize,
     limit: Option<PoseLimit>,
@@ -187,30 +189,6 @@ struct Revolved {
 /// Voxels that are looked at around a sample, but for a cutter that is thicker.
 const FARTHEST: f64 = 24.0;
 
-/// A direction: the tool's axis, and its rotation.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct ToolDirection {
-    axis: DVec3,
-    rotation: DQuat,
-}
-
-impl ToolDirection {
-    pub(crate) fn new(orientation: &Orientation) -> Self {
-        let rotation = orientation.quaternion();
-        // An orientation's quaternion has a length.
-        Self { axis: axis_of(rotation).unwrap_or(DVec3::Z), rotation }
-    }
-}
-
-/// By direction, what was last in the way of the cutter, and of shank and holder: of samples side by side it is mostly the same.
-pub(crate) struct ColliderCache(Vec<[Last; 2]>);
-
-impl ColliderCache {
-    pub(crate) fn new(directions: usize) -> Self {
-        Self(vec![[None; 2]; directions])
-    }
-}
-
 impl SurfaceTool {
     /// The assembly is in the grid's unit.
     ///
@@ -234,8 +212,8 @@ impl SurfaceTool {
                 _ => mesh.vertices.clone(),
             };
             let inner = InnerBalls::new(mesh, environment.part.occupancy().grid.pitch);
-            let shape = Shape::Mesh { touching, inner, whole };
-            return Ok(Self { name, shape, tolerance, elements: Vec::new(), bodies: 1, limit: None });
+            let shape = Arc::new(Shape::Mesh { touching, inner, whole });
+            return Ok(Self { name, shape, tolerance, elements: Arc::default(), bodies: 1, limit: None });
         };
         let outline = Outline::of(tool).ok_or_else(|| SurfaceError::NoCutter(name.clone()))?;
         let too_thick = || SurfaceError::Tolerance { name: name.clone(), tolerance };
@@ -279,8 +257,8 @@ impl SurfaceTool {
             outline,
         };
         let bodies = 64 / elements.len().max(1);
-        let shape = Shape::Revolved(Box::new(revolved));
-        Ok(Self { name, shape, tolerance, elements, bodies, limit: None })
+        let shape = Arc::new(Shape::Revolved(Box::new(revolved)));
+        Ok(Self { name, shape, tolerance, elements: Arc::new(elements), bodies, limit: None })
     }
 
     /// The same tool where it cannot be brought to every pose, as by a machine: the others are obstructed.
@@ -314,10 +292,7 @@ impl SurfaceTool {
         let (mut reached, mut faced) = (0, false);
         let mut obstructed: Option<(f64, usize, DVec3)> = None;
         for (index, (turn, [at_cutter, at_rest])) in turns.iter().zip(&mut cache.0).enumerate() {
-            let is_free = |tip| self.is_rest_free(tip, turn.axis, at_rest) && self.is_brought(tip, turn.axis);
-            let mut rings = RingPlaces::default();
-            let mut above = Above { rest: self.rest(), is_free, rings: &mut rings };
-            match query.best_pose(turn, at_cutter, &mut above) {
+            match self.at_best(&query, turn, at_cutter, at_rest) {
                 Outcome::Good => {
                     reached += 1;
                     free(index);
@@ -343,9 +318,40 @@ impl SurfaceTool {
         }
     }
 
+    /// True where a sample is reached from any of these directions.
+    fn reaches(
+        &self,
+        sample: &SurfaceSample,
+        turns: impl Iterator<Item = usize>,
+        all: &[ToolDirection],
+        cache: &mut ColliderCache,
+    ) -> bool {
+        let mut turns = turns.peekable();
+        // What lies around the sample is looked for once there is a direction.
+        turns.peek().is_some() && {
+            let query = SampleQuery::new(self, sample, None);
+            turns.any(|index| {
+                let [at_cutter, at_rest] = &mut cache.0[index];
+                self.at_best(&query, &all[index], at_cutter, at_rest) == Outcome::Good
+            })
+        }
+    }
+
+    fn at_best(
+        &self,
+        query: &SampleQuery<'_>,
+        turn: &ToolDirection,
+        at_cutter: &mut Last,
+        at_rest: &mut Last,
+    ) -> Outcome {
+        let is_free = |tip| self.is_rest_free(tip, turn.axis, at_rest) && self.is_brought(tip, turn.axis);
+        let mut rings = RingPlaces::default();
+        query.best_pose(turn, at_cutter, &mut Above { rest: self.rest(), is_free, rings: &mut rings })
+    }
+
     /// Shank and holder; none of a mesh tool.
     fn rest(&self) -> Option<&SolidField> {
-        let Shape::Revolved(revolved) = &self.shape else { return None };
+        let Shape::Revolved(revolved) = &*self.shape else { return None };
         revolved.rest.as_ref()
     }
 

@@ -6,9 +6,10 @@ use imf_core::orientation::{Limits, Orientation, OrientationSet};
 use imf_core::scene::SceneError;
 use imf_core::set_cover::CoverSettings;
 use imf_core::surface::{
-    ChosenSetup, CollisionEnvironment, PartSetup, Reach, SetupPlan, StickOut, StickOutTool, SurfaceAccess,
-    SurfaceError, SurfaceSamples, SurfaceTool, candidate_setups, default_tolerance, fewest_setups,
-    least_stick_outs, surface_access, surface_memory_estimate, ways_up, with_ways_up,
+    ChosenSetup, CollisionEnvironment, PartSetup, Reach, SetupPlan, SetupTool, StickOut, StickOutTool,
+    SurfaceAccess, SurfaceError, SurfaceSamples, SurfaceTool, candidate_setups, default_tolerance,
+    fewest_setups, least_stick_outs, reached_in_setups, surface_access, surface_memory_estimate, ways_up,
+    with_ways_up,
 };
 use imf_core::tool::{Assembly, ClearanceError};
 use numpy::{PyArray1, PyArray2};
@@ -220,8 +221,10 @@ impl Surface {
         let candidates = run(py, (&None, "", 0), |_| candidate_setups(&mesh, &ways, orientations, &limits))?;
         let settings = CoverSettings { fraction, ..CoverSettings::default() };
         let plan = run(py, (&progress, "set-ups", candidates.len() as u64), |control| {
-            let (tools, samples) = ([&self.access], &self.samples.samples);
-            let plan = fewest_setups(&tools, samples, &candidates, &settings, control);
+            let tools = [SetupTool { access: &self.access, brought: None }];
+            let samples = &self.samples.samples;
+            let reached = reached_in_setups(&tools, samples, orientations, &candidates, control);
+            let plan = reached.and_then(|reached| fewest_setups(&candidates, &reached, &settings, control));
             plan.ok_or(SurfaceError::Cancelled)
         })?;
         self.plan_dict(py, &plan, &candidates)
@@ -273,7 +276,7 @@ impl Surface {
             setup.set_item("rests", candidate.rests)?;
             setup.set_item("floor_area", candidate.floor_area)?;
             setup.set_item("directions", candidate.directions.clone())?;
-            setup.set_item("reached", chosen.area / area)?;
+            setup.set_item("reached", chosen.covered / area)?;
             setup.set_item("alone", chosen.alone / area)?;
             Ok(setup)
         });
@@ -291,8 +294,8 @@ impl Surface {
         found.set_item("by_sample", PyArray1::from_vec(py, by_sample))?;
         found.set_item("candidates", candidates.len())?;
         found.set_item("at_least", plan.at_least)?;
-        found.set_item("reached", plan.area / area)?;
-        found.set_item("reachable", plan.reachable / area)?;
+        found.set_item("reached", plan.covered / area)?;
+        found.set_item("reachable", plan.coverable / area)?;
         Ok(found)
     }
 }

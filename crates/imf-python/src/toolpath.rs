@@ -38,7 +38,7 @@ pub(crate) fn check<'py>(
     machine: Option<&str>,
     clearance: Option<[f64; 3]>,
     contact: Option<f64>,
-    tolerance: Option<f64>,
+    step: Option<f64>,
     in_world: bool,
     stick_out: bool,
     progress: Progress<'py>,
@@ -63,7 +63,7 @@ pub(crate) fn check<'py>(
     let mut settings = CheckSettings::of_pitch(record.grid.pitch, record.unit);
     settings.clearance = clearance.map_or(record.clearance, clearance_of);
     settings.contact = contact.unwrap_or(settings.contact);
-    settings.tolerance = tolerance.unwrap_or(settings.tolerance);
+    settings.step = step.unwrap_or(settings.step);
     let numbered: Vec<(Option<u32>, &tool::Tool)> =
         tools.iter().map(|(number, tool)| (*number, tool)).collect();
     let bodies = run(py, (&None, "", 0), |control| own.bodies(control))?;
@@ -98,8 +98,8 @@ pub(crate) fn check<'py>(
     }
     let guarantees = tools.iter().map(|(_, tool)| {
         let (touches, pitch) = (settings.contact > 0.0, record.grid.pitch);
-        let CheckSettings { clearance, tolerance, .. } = &settings;
-        PathGuarantee::new(record.conservative, tool, clearance, touches, pitch, *tolerance)
+        let CheckSettings { clearance, step, .. } = &settings;
+        PathGuarantee::new(record.conservative, tool, clearance, touches, pitch, *step)
     });
     let weakest = guarantees.min_by_key(|g| (g.at_all_times.strength(), g.at_poses.strength()));
     let guarantee = weakest.map_or_else(String::new, |guarantee| guarantee.to_string());

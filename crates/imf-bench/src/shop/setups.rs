@@ -12,8 +12,8 @@ use imf_core::orientation::{Limits, Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
 use imf_core::set_cover::CoverSettings;
 use imf_core::surface::{
-    CollisionEnvironment, PartSetup, SurfaceAccess, SurfaceSample, SurfaceSamples, SurfaceTool,
-    default_tolerance, fewest_setups, surface_access,
+    CollisionEnvironment, PartSetup, SetupTool, SurfaceAccess, SurfaceSample, SurfaceSamples, SurfaceTool,
+    default_tolerance, fewest_setups, reached_in_setups, surface_access,
 };
 use imf_core::tool::{Element, ElementKind, Segment, SharpPoints, Tool, ToolShape};
 use imf_core::unit::LengthUnit;
@@ -77,6 +77,7 @@ pub(super) fn rows(session: &Session, arguments: &ShopArguments) -> Result<Vec<R
 struct Asked {
     samples: Vec<SurfaceSample>,
     access: SurfaceAccess,
+    directions: Vec<Orientation>,
     setups: Vec<PartSetup>,
     seconds: f64,
 }
@@ -106,14 +107,18 @@ impl Asked {
         let of =
             |orientation: &Orientation| PartSetup::all(mesh, orientation.direction(), directions, &upright);
         let setups = directions.iter().flat_map(of).collect();
-        Ok(Self { samples, access, setups, seconds })
+        Ok(Self { samples, access, directions: directions.to_vec(), setups, seconds })
     }
 
     fn row(&self, pool: &ThreadPool, part: String, percent: f64) -> Result<Row> {
         let settings = CoverSettings { fraction: 0.01 * percent, ..CoverSettings::default() };
         let (seconds, plan) = seconds(|| {
-            let find =
-                || fewest_setups(&[&self.access], &self.samples, &self.setups, &settings, Control::quiet());
+            let find = || {
+                let tools = [SetupTool { access: &self.access, brought: None }];
+                let (samples, setups) = (&self.samples, &self.setups);
+                let reached = reached_in_setups(&tools, samples, &self.directions, setups, Control::quiet())?;
+                fewest_setups(setups, &reached, &settings, Control::quiet())
+            };
             pool.install(find).ok_or_else(|| anyhow::anyhow!("a quiet control never stops"))
         })?;
         Ok(Row {

@@ -41,7 +41,8 @@ pub(crate) struct AccessArguments {
     #[arg(long, value_name = "FILE", conflicts_with = "limits")]
     pub(crate) machine: Option<PathBuf>,
     /// The fewest set-ups that reach the surface, proven, on a machine with this range of directions in each: by default that of
-    /// --machine, or of a three-axis machine; else ac:A0:A1:C0:C1, bc:B0:B1:C0:C1 or cone:0,0,1:HALF_ANGLE
+    /// --machine, or of a three-axis machine; else ac:A0:A1:C0:C1, bc:B0:B1:C0:C1 or cone:0,0,1:HALF_ANGLE. With --stock they remove
+    /// the stock as well. With --machine the part stands with the middle of its foot on the zero of G54
     #[arg(long, value_name = "LIMITS", num_args = 0..=1, default_missing_value = "", group = "covering", conflicts_with = "limits")]
     pub(crate) setups: Option<String>,
     /// The percentage that the set-ups, or the tools of a crib, must reach of what all of them together would
@@ -73,7 +74,8 @@ pub(crate) struct AccessArguments {
     /// The stock that a cutter covers at some free pose
     #[arg(long)]
     pub(crate) removable: bool,
-    /// What is cut: box, box:MARGIN around the part, or a file in the part's frame, set up with it; requires --removable
+    /// What is cut, for --removable: box (the default), box:MARGIN around the part, or a file in the part's frame, set up with it;
+    /// FILE@STEPS as for --fixture
     #[arg(long, value_name = "STOCK")]
     pub(crate) stock: Option<String>,
     /// Measure of every direction at this point in the world's frame, drawn over longitude and latitude

@@ -43,13 +43,13 @@ pub(crate) struct CheckArguments {
     pub(crate) frame: Frame,
     /// Farthest that any point of the tool moves between two checked poses; a quarter of a voxel by default
     #[arg(long, value_name = "LENGTH")]
-    pub(crate) tolerance: Option<f64>,
+    pub(crate) step: Option<f64>,
     /// How deep the part may lie in the cutter; 0.05 mm by default, with --conservative √3/2 of a voxel more, by which such
     /// voxels reach out of the part
     #[arg(long, value_name = "LENGTH")]
     pub(crate) contact: Option<f64>,
-    /// The stock that the path cuts, followed line by line: box, box:MARGIN around the part, or a file in the part's frame, set up with it.
-    /// Nothing but the cutter may touch it, and no rapid may cut it
+    /// The stock that the path cuts, followed line by line: box, box:MARGIN around the part, or a file in the part's frame, set up with it;
+    /// FILE@STEPS as for --fixture. --contact loosens it too. Nothing but the cutter may touch it, and no rapid may cut it
     #[arg(long, value_name = "STOCK")]
     pub(crate) stock: Option<String>,
     /// The least stick-out of each tool with which shank and holder are free on the whole path, its holder moved along its shank
@@ -95,7 +95,7 @@ impl CheckArguments {
         CheckSettings {
             clearance: self.scene.clearance.clearance(),
             contact: self.contact.unwrap_or(usual.contact + outside),
-            tolerance: self.tolerance.unwrap_or(usual.tolerance),
+            step: self.step.unwrap_or(usual.step),
         }
     }
 

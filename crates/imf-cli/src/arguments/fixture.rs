@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::str::FromStr as _;
 
-use anyhow::{Context as _, Result, bail, ensure};
+use anyhow::{Context as _, Result, anyhow, bail, ensure};
 use glam::{DMat4, DVec3};
 use imf_core::control::Control;
 use imf_core::grid::Grid;
@@ -11,10 +11,11 @@ use imf_core::mesh::read::{MeshFile, read_mesh_file};
 use imf_core::mesh::{FaceRepair, Mesh};
 use imf_core::occupancy::Occupancy;
 use imf_core::parts::ReferencePart;
-use imf_core::scene::{Fixture, solid_voxels};
+use imf_core::scene::{Fixture, SceneWarning, solid_voxels};
 use imf_core::unit::{LengthUnit, UnknownUnit};
 use imf_core::voxelize::Voxelized;
 
+use super::scene::warn_of;
 use super::transform::parse_transform;
 use crate::session::Session;
 
@@ -142,11 +143,12 @@ pub(crate) struct Stock {
     /// For people.
     pub(crate) name: String,
     pub(crate) mesh: Mesh,
+    repair: FaceRepair,
 }
 
 impl Stock {
     /// Reads `box`, `box:MARGIN` (around the part's box, in its unit) or a file in the part's frame, which is set up as the
-    /// part is.
+    /// part is, after steps of its own as a fixture has them.
     pub(crate) fn read(
         text: &str,
         part_box: (DVec3, DVec3),
@@ -157,7 +159,10 @@ impl Stock {
             _ if text == "box" => Some(0.0),
             Some(("box", margin)) => {
                 let margin: f64 = margin.parse().context("--stock box:MARGIN needs a length")?;
-                ensure!(margin.is_finite() && margin >= 0.0, "--stock box:MARGIN must not be negative");
+                ensure!(
+                    margin.is_finite() && margin >= 0.0,
+                    "--stock box:MARGIN needs a length that is not negative, not {margin}"
+                );
                 Some(margin)
             }
             _ => None,
@@ -166,16 +171,20 @@ impl Stock {
             let mesh = Mesh::cuboid(part_box.0 - margin, part_box.1 + margin);
             let around =
                 if margin > 0.0 { format!(" and {margin} {part_unit} around") } else { String::new() };
-            return Ok(Self { name: format!("the part's box{around}"), mesh });
+            return Ok(Self { name: format!("the part's box{around}"), mesh, repair: FaceRepair::default() });
         }
-        let file = Part::read(text, None, Some(part_unit))
+        let argument =
+            parse_fixture(text).map_err(|why| anyhow!("the stock {text} cannot be used: {why}"))?;
+        let file = Part::read(&argument.file, argument.unit, Some(part_unit))
             .with_context(|| format!("the stock {text} cannot be used"))?;
         let file = file.around_part_in(part_unit);
-        Ok(Self { name: file.name, mesh: file.mesh.transformed(transform) })
+        let mesh = file.mesh.transformed(&(*transform * argument.transform));
+        Ok(Self { name: file.name, mesh, repair: file.repair })
     }
 
     /// Its voxels on a grid. A mesh that does not say what is inside is refused, and one that hardly does is warned of.
     pub(crate) fn voxels(&self, session: &Session, grid: &Grid, control: Control<'_>) -> Result<Occupancy> {
+        warn_of(session, &SceneWarning::of_repair(&self.name, &self.repair, self.mesh.triangles.len()));
         let Voxelized { solid, undecided } = solid_voxels(&self.name, &self.mesh, grid, false, control)?;
         if undecided > 0.0 {
             session.warn(&format!(
@@ -190,6 +199,8 @@ impl Stock {
 
 #[cfg(test)]
 mod tests {
+    use imf_core::mesh::write::write_obj;
+
     use super::*;
 
     #[test]
@@ -197,9 +208,23 @@ mod tests {
         let part = (DVec3::ZERO, DVec3::new(1.0, 2.0, 3.0));
         let stock = Stock::read("box:0.5", part, &DMat4::IDENTITY, LengthUnit::Mm).unwrap();
         assert!((stock.mesh.signed_volume() - 2.0 * 3.0 * 4.0).abs() < 1e-9);
-        for text in ["box:-1", "box:x", "no such file.obj"] {
+        for text in ["box:-1", "box:x", "box:nan", "no such file.obj", "bracket@scale:2"] {
             assert!(Stock::read(text, part, &DMat4::IDENTITY, LengthUnit::Mm).is_err(), "{text}");
         }
+    }
+
+    #[test]
+    fn a_file_of_stock_has_a_unit_and_steps_of_its_own() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("bar.obj");
+        write_obj(&Mesh::cuboid(DVec3::ZERO, DVec3::ONE), &file, "").unwrap();
+        let part = (DVec3::ZERO, DVec3::splat(20.0));
+        let text = format!("{}@unit:inch; translate:0,0,1", file.display());
+        let up = DMat4::from_translation(DVec3::Y);
+        let stock = Stock::read(&text, part, &up, LengthUnit::Mm).unwrap();
+        let (lower, upper) = stock.mesh.bounds().unwrap();
+        assert!(lower.distance(DVec3::new(0.0, 1.0, 1.0)) < 1e-9, "{lower}");
+        assert!(upper.distance(DVec3::new(25.4, 26.4, 26.4)) < 1e-9, "{upper}");
     }
 
     #[test]

@@ -145,9 +145,9 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
     }
     let checked = CheckRun { arguments, record, tools, machine: machine.as_ref(), report, stock, stick_outs };
     if let Some(page) = &page {
-        let shown = view::bodies(&meshes, &back);
+        let shown = view::Shown::new(&checked, &meshes, &back, &set_up);
         let path = page.begin()?;
-        view::view(&checked, &meshes, &shown, &toolpath, &back).write_page(path)?;
+        view::view(&checked, &shown, &toolpath, &back).write_page(path)?;
         session.note(&format!("wrote {}: open it in a browser", path.display()));
     }
     let mut json = checked.json();
@@ -206,10 +206,10 @@ impl CheckRun<'_> {
 
     /// The weakest of all tools: the cutter may touch wherever any contact is accepted.
     fn guarantee(&self) -> String {
-        let CheckSettings { clearance, contact, tolerance } = &self.report.settings;
+        let CheckSettings { clearance, contact, step } = &self.report.settings;
         let of = |tool: &Tool| {
             let (conservative, pitch) = (self.record.conservative, self.record.grid.pitch);
-            PathGuarantee::new(conservative, tool, clearance, *contact > 0.0, pitch, *tolerance)
+            PathGuarantee::new(conservative, tool, clearance, *contact > 0.0, pitch, *step)
         };
         let all = self.tools.iter().map(|(_, tool)| of(tool));
         let weakest = all.min_by_key(|g| (g.at_all_times.strength(), g.at_poses.strength()));

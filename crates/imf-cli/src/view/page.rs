@@ -52,7 +52,7 @@ impl View<'_> {
     }
 
     fn data(&self) -> Value {
-        let (low, high) = self.mesh.bounds().unwrap_or_default();
+        let (low, high) = self.focus.or_else(|| self.mesh.bounds()).unwrap_or_default();
         let middle = 0.5 * (low + high);
         let relative = |points: &mut dyn Iterator<Item = DVec3>| {
             floats(points.flat_map(|at| (at - middle).as_vec3().to_array()))
@@ -85,6 +85,12 @@ impl Layer {
             Colours::Classes(classes) => {
                 let classes = classes.iter().map(|(name, colour)| json!({ "name": name, "colour": colour }));
                 json!({ "classes": classes.collect::<Vec<_>>() })
+            }
+            Colours::Bodies(bodies) => {
+                let classes =
+                    bodies.iter().map(|(name, colour, _)| json!({ "name": name, "colour": colour }));
+                let hidden = (0..bodies.len()).filter(|&body| bodies[body].2).collect::<Vec<_>>();
+                json!({ "classes": classes.collect::<Vec<_>>(), "bodies": true, "hidden": hidden })
             }
             Colours::Scale { label, none } => {
                 let ramp: Vec<_> = (0..STEPS).map(|step| ramp(step as f64 / (STEPS - 1) as f64)).collect();
@@ -145,6 +151,7 @@ mod tests {
             title: name.into(),
             unit: LengthUnit::Mm,
             mesh: &mesh,
+            focus: None,
             layers: vec![Layer {
                 name: "tool",
                 title: "by tool",

@@ -36,7 +36,7 @@ impl View<'_> {
     pub(crate) fn draw_sides(&self, path: &Path) -> Result<()> {
         let layers = self.layers.iter().filter_map(|layer| match &layer.colours {
             Colours::Classes(classes) => Some((layer, classes)),
-            Colours::Scale { .. } => None,
+            Colours::Bodies(_) | Colours::Scale { .. } => None,
         });
         let rows = layers.flat_map(|(layer, classes)| {
             let used =

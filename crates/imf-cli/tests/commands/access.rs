@@ -272,6 +272,33 @@ fn the_fewest_set_ups_are_proven_and_fewer_do_for_less() {
     assert!(fewer == 1 && covered >= 0.01 * (100.0 * best - 0.5), "{fewer} {covered}");
 }
 
+/// A block of 40 × 40 × 20 in a stock of 10 more all around: from above a long mill removes all but what lies below the block.
+#[test]
+fn set_ups_for_a_stock_remove_it_too() {
+    let folder = Folder::new();
+    folder.write("block.obj", cuboid([0, 0, 0], [40, 40, 20], 0));
+    folder.write("mill.toml", mill("mill", 60.0));
+    let usual = ["access", "block.obj", "--unit", "mm", "--pitch", "2", "--tool", "mill.toml"];
+    let usual = [&usual[..], &["--orientations", "axes", "--setups", "--out", "out"]].concat();
+    let run = |more: &[&str]| folder.json(&[&usual[..], more].concat())["setups"].clone();
+    let (surface, both) = (run(&[]), run(&["--stock", "box:10"]));
+    assert!(surface["stock"].is_null() && surface["setups"].as_array().unwrap().len() == 2);
+    let share = |value: &Value| value.as_f64().unwrap();
+    let chosen = both["setups"].as_array().unwrap();
+    assert_eq!((chosen.len(), &both["proven"]), (2, &Value::Bool(true)), "{both}");
+    let stock = 60.0 * 60.0 * 40.0 - 40.0 * 40.0 * 20.0;
+    for setup in chosen {
+        let up = setup["up"][2].as_f64().unwrap().abs();
+        let below = if up == 1.0 { 40.0 * 40.0 * 10.0 } else { 40.0 * 20.0 * 10.0 };
+        let removed = share(&setup["removed"]);
+        assert!((removed - (1.0 - below / stock)).abs() < 0.02, "{setup}");
+    }
+    assert!(share(&both["stock"]["removed"]) > 0.999, "{both}");
+    // What may stay is counted of surface and stock together.
+    let one = run(&["--stock", "box:10", "--cover", "75"]);
+    assert_eq!(one["setups"].as_array().unwrap().len(), 1, "{one}");
+}
+
 /// A table that turns a quarter reaches the slot's ends where the part is turned for it, and says by how much.
 #[test]
 fn a_part_is_turned_to_what_the_rotary_axes_reach() {

@@ -106,7 +106,7 @@ fn what_is_not_understood_is_refused_with_its_line() {
         &[],
         &["path.csv, line 2: the tool axis must not be zero"],
     );
-    refuse("path.csv", "x,y,z\n0,0,40\n", &["--tolerance", "0"], &["tolerance", "above 0"]);
+    refuse("path.csv", "x,y,z\n0,0,40\n", &["--step", "0"], &["step", "above 0"]);
     refuse("path.csv", "", &[], &["path.csv", "no tool location"]);
     refuse("path.csv", "0,0,40,0,.1,-.995\n", &[], &["line 1: numbers alone", "x,y,z,i,j,k"]);
     refuse("path.csv", "x,y,z,A,C\n0,0,40,5,0\n", &[], &["line 1: the column 'a'", "rotary axis", "i,j,k"]);
@@ -254,7 +254,7 @@ fn fixtures_are_hit_by_the_cutter_too_and_contact_does_not_help() {
 }
 
 #[test]
-fn the_guarantee_follows_clearance_voxels_and_tolerance() {
+fn the_guarantee_follows_clearance_voxels_and_step() {
     let path = "x,y,z\n-12,0,24\n12,0,24\n";
     let run = check("pass.csv", path, &["--conservative", "--clearance", "1"]);
     assert_eq!(run.code, Some(0), "{}", run.stderr);

@@ -160,9 +160,51 @@ struct Sweep<'a> {
     widest: Option<Assembly>,
 }
 
+/// The voxels of `stock` that [`removable`] finds covered, by orientation: their indices, ascending. Of voxels that are given thinned
+/// out the others are left out.
+///
+/// # Errors
+/// As [`removable`].
+pub fn removable_by_orientation(
+    obstacle: impl Into<Obstacle>,
+    assembly: impl Into<Assembly>,
+    stock: &Occupancy,
+    cutter: &Tool,
+    orientations: &[Orientation],
+    tau: f64,
+    control: Control<'_>,
+) -> Result<Vec<Vec<u32>>, RemovableError> {
+    let (obstacle, tool) = (obstacle.into(), Some(assembly.into()));
+    let sweep = Sweep { obstacle, tool, cutter, stock, orientations, tau, widest: None };
+    let parts = sweep.each(control, Vec::new, |found, index, dilation| {
+        let swept = std::mem::replace(dilation, Dilation::new(&stock.grid)).covered();
+        let covered = |&voxel: &usize| swept[voxel] & stock.solid[voxel] == 1;
+        let covered: Vec<u32> = (0..swept.len()).filter(covered).map(|voxel| voxel as u32).collect();
+        found.push((index, covered));
+    })?;
+    let mut all: Vec<(usize, Vec<u32>)> = parts.into_iter().flat_map(|(found, _)| found).collect();
+    all.sort_by_key(|(index, _)| *index);
+    Ok(all.into_iter().map(|(_, covered)| covered).collect())
+}
+
 impl Sweep<'_> {
     /// 1 for every voxel of the stock that is covered.
     fn run(&self, control: Control<'_>) -> Result<Vec<u8>, RemovableError> {
+        let mut whole = Dilation::new(&self.stock.grid);
+        let parts = self.each(control, || (), |_, _, _| ())?;
+        parts.iter().for_each(|(_, part)| whole.merge(part));
+        let mut covered = whole.covered();
+        covered.iter_mut().zip(&self.stock.solid).for_each(|(all, &there)| *all &= there);
+        Ok(covered)
+    }
+
+    /// Shows what each thread has covered so far after every orientation.
+    fn each<V: Send>(
+        &self,
+        control: Control<'_>,
+        of_thread: impl Fn() -> V + Sync,
+        show: impl Fn(&mut V, usize, &mut Dilation) + Sync,
+    ) -> Result<Vec<(V, Dilation)>, RemovableError> {
         let Self { obstacle, tool, cutter, stock, orientations, .. } = self;
         let positions = around(&stock.grid, cutter)?;
         let plan = match tool {
@@ -172,8 +214,8 @@ impl Sweep<'_> {
             },
             None => None,
         };
-        let start = || (SectionScratch::default(), Dilation::new(&stock.grid));
-        let visit = |(scratch, dilation): &mut (SectionScratch, Dilation), index: usize| {
+        let start = || (SectionScratch::default(), Dilation::new(&stock.grid), of_thread());
+        let visit = |(scratch, dilation, own): &mut (SectionScratch, Dilation, V), index: usize| {
             let orientation = &orientations[index];
             let body = ToolVoxels::new(cutter, orientation, positions.pitch)?;
             let meeting = meeting_positions(&body, &stock.grid)?;
@@ -193,14 +235,11 @@ impl Sweep<'_> {
                 }
                 None => dilation.cover(&body, &vec![0; meeting.len()], 0),
             }
+            show(own, index, dilation);
             Ok::<(), RemovableError>(())
         };
         let parts = stream_orientations(orientations.len(), control, start, visit)?;
-        let mut whole = Dilation::new(&stock.grid);
-        parts.iter().for_each(|(_, part)| whole.merge(part));
-        let mut covered = whole.covered();
-        covered.iter_mut().zip(&stock.solid).for_each(|(all, &there)| *all &= there);
-        Ok(covered)
+        Ok(parts.into_iter().map(|(_, dilation, own)| (own, dilation)).collect())
     }
 
     fn whole(&self, orientation: &Orientation) -> Result<Option<u32>, ToolError> {
@@ -222,175 +261,4 @@ fn most_free(whole: u32, tau: f64) -> Option<u32> {
 }
 
 #[cfg(test)]
-mod tests {
-    use std::f64::consts::PI;
-
-    use glam::{DMat4, DQuat, DVec2, DVec3};
-
-    use super::*;
-    use crate::access::tests::{slotted, small_tool};
-    use crate::mesh::Mesh;
-    use crate::orientation::OrientationSet;
-    use crate::parts::shell::{Axis, Facing, Shell, area, circle, pocketed, rounded_rectangle};
-    use crate::section::direct_count;
-    use crate::section::test_shapes::orientations;
-    use crate::tool::{Element, Segment};
-    use crate::voxelize::voxelize;
-
-    #[test]
-    fn it_is_what_the_cutter_covers_at_free_poses_counted_one_by_one() {
-        let mut obstacle = slotted();
-        // A cavity that nothing reaches.
-        let cavity = obstacle.grid.index([3, 3, 4]);
-        obstacle.solid[cavity] = 0;
-        let mut stock = Occupancy::empty(obstacle.grid.padded([0, 1, 0], [0, -2, 2]).unwrap());
-        let there = obstacle.on(&stock.grid).unwrap();
-        stock.solid.iter_mut().zip(&there.solid).for_each(|(s, &part)| *s = 1 - part);
-        let set = orientations("0,0;40,25;200,90;0,180");
-        let (tool, cutter) = (small_tool(), cutter_of(&small_tool()).unwrap());
-        for tau in [0.0, 0.1] {
-            let mut expected = vec![0u8; stock.grid.len()];
-            let shift = obstacle.grid.offset_of(&stock.grid).unwrap();
-            for orientation in &set {
-                let whole = ToolVoxels::new(&tool, orientation, 1.0).unwrap();
-                let body = ToolVoxels::new(&cutter, orientation, 1.0).unwrap();
-                for index in (0..stock.grid.len()).filter(|&i| stock.solid[i] == 1) {
-                    let voxel = stock.grid.voxel(index);
-                    // Every pose at which some voxel of the cutter lies on this voxel.
-                    let reaches = (0..body.solid.len()).filter(|&i| body.solid[i] == 1).any(|i| {
-                        let [_, ny, nz] = body.dims;
-                        let local = [i / (ny * nz), i / nz % ny, i % nz];
-                        let tip = [0, 1, 2]
-                            .map(|a| voxel[a] as i64 + shift[a] - local[a] as i64 - i64::from(body.lower[a]));
-                        f64::from(direct_count(&obstacle, &whole, tip)) <= tau * f64::from(whole.count)
-                    });
-                    expected[index] |= u8::from(reaches);
-                }
-            }
-            for threads in [1, 3] {
-                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-                let found = pool.install(|| {
-                    removable(&obstacle, &tool, &stock, &cutter, &set, tau, Control::quiet()).unwrap()
-                });
-                assert_eq!(found.covered, expected);
-                assert!(
-                    found.covered.iter().zip(&found.possible).all(|(covered, possible)| covered <= possible)
-                );
-                assert!(found.possible.iter().zip(&stock.solid).all(|(possible, stock)| possible <= stock));
-            }
-            let count = expected.iter().map(|&v| usize::from(v)).sum::<usize>();
-            assert!(count > 0 && (tau > 0.0 || count < stock.count()));
-        }
-    }
-
-    /// A mill of a radius, 40 long.
-    fn mill(radius: f64) -> Tool {
-        let profile = vec![Segment::Line { from: 0.0, to: 40.0, radius_from: radius, radius_to: radius }];
-        let element = Element { kind: ElementKind::Cutter, profile };
-        Tool { shape: ToolShape::Revolved(vec![element]), ..small_tool() }
-    }
-
-    /// What a mill leaves of the stock that `mesh` leaves of `whole`: least and most, as volumes.
-    fn left(mesh: &Mesh, whole: &Mesh, set: &[Orientation], radius: f64, pitch: f64) -> [f64; 2] {
-        let (lower, upper) = whole.bounds().unwrap();
-        let grid = Grid::with_pitch(lower, upper, pitch, 0).unwrap();
-        let (part, mut stock) = (voxelize(mesh, &grid, false), voxelize(whole, &grid, false));
-        stock.solid.iter_mut().zip(&part.solid).for_each(|(stock, &part)| *stock &= 1 - part);
-        let tool = mill(radius);
-        let found = removable(&part, &tool, &stock, &tool, set, 0.0, Control::quiet()).unwrap();
-        [&found.possible, &found.covered].map(|gone| {
-            let left = stock.solid.iter().zip(gone).filter(|&(&stock, &gone)| stock > gone).count();
-            left as f64 * grid.voxel_volume()
-        })
-    }
-
-    /// A box from the origin to `size`.
-    fn block(size: DVec3) -> Mesh {
-        let (outer, mut shell) = (rectangle(DVec2::ZERO, size.truncate()), Shell::default());
-        shell.post(Axis::Z, &outer, [0.0, size.z]);
-        shell.face(Axis::Z, 0.0, Facing::Down, &outer, &[]);
-        shell.face(Axis::Z, size.z, Facing::Up, &outer, &[]);
-        shell.into_mesh()
-    }
-
-    fn rectangle(lower: DVec2, upper: DVec2) -> Vec<DVec2> {
-        vec![lower, DVec2::new(upper.x, lower.y), upper, DVec2::new(lower.x, upper.y)]
-    }
-
-    /// A plate of 30 × 30 × 12 with a hole of depth 8, and the same without it.
-    fn plate(hole: &[DVec2]) -> [Mesh; 2] {
-        let size = DVec3::new(30.0, 30.0, 12.0);
-        [pocketed(size, hole, 8.0), block(size)]
-    }
-
-    /// What stays lies between both bounds, and their distance falls with the pitch.
-    fn converges(hole: &[DVec2], radius: f64, closed: f64) {
-        let ([part, whole], down) = (plate(hole), orientations("0,0"));
-        let bounds = [1.0, 0.5, 0.25].map(|pitch| left(&part, &whole, &down, radius, pitch));
-        for [least, most] in bounds {
-            assert!((least..=most).contains(&closed), "{closed}: {bounds:?}");
-        }
-        let apart = bounds.map(|[least, most]| most - least);
-        assert!(apart[1] < 0.7 * apart[0] && apart[2] < 0.7 * apart[1], "{apart:?}");
-    }
-
-    #[test]
-    fn what_stays_of_holes_and_pockets_converges_to_the_closed_form() {
-        let centre = DVec2::splat(15.0);
-        // A hole wider than the mill is cleared, one that is narrower is not touched.
-        converges(&circle(centre, 4.0, 64), 3.0, 0.0);
-        let narrow = circle(centre, 4.0, 64);
-        let volume = 8.0 * area(&narrow);
-        let [part, whole] = plate(&narrow);
-        let [least, most] = left(&part, &whole, &orientations("0,0"), 5.0, 0.25);
-        assert!(
-            least > 0.93 * volume && most > 0.97 * volume && most < 1.03 * volume,
-            "{least} {most} {volume}"
-        );
-        // A round corner of a pocket keeps what lies between its radius and a larger one of the mill.
-        let corners = |corner: f64| (4.0 - PI) * (9.0 - corner * corner).max(0.0) * 8.0;
-        let (lower, upper) = (DVec2::new(4.0, 6.0), DVec2::new(26.0, 24.0));
-        converges(&rectangle(lower, upper), 3.0, corners(0.0));
-        for corner in [1.5, 4.0] {
-            converges(&rounded_rectangle(lower, upper, corner, 16), 3.0, corners(corner));
-        }
-    }
-
-    #[test]
-    fn a_deep_hole_in_a_turned_block_is_cleared_along_the_axis_that_the_block_suggests() {
-        let turn = DMat4::from_quat(DQuat::from_axis_angle(DVec3::new(2.0, 1.0, 0.5).normalize(), 0.6));
-        let size = DVec3::new(12.0, 12.0, 40.0);
-        let hole = circle(DVec2::splat(6.0), 4.0, 64);
-        let volume = size.z * area(&hole);
-        let [part, whole] = [pocketed(size, &hole, size.z), block(size)].map(|mesh| mesh.transformed(&turn));
-        let directions = || part.machining_directions().into_iter().map(|found| found.direction).collect();
-        let set = OrientationSet::parse_for("axes+normals+fibonacci:20", directions).unwrap().orientations;
-        let even = orientations("axes+fibonacci:20");
-        let bounds = [1.0, 0.5].map(|pitch| left(&part, &whole, &set, 3.0, pitch));
-        // None of it is out of reach, and what the pitch does not decide gets less.
-        assert!(bounds.iter().all(|[least, _]| *least == 0.0), "{bounds:?}");
-        let shares = bounds.map(|[_, most]| most / volume);
-        assert!(shares[0] < 0.45 && shares[1] < 0.7 * shares[0], "{shares:?}");
-        let [least, _] = left(&part, &whole, &even, 3.0, 1.0);
-        assert!(least > 0.1 * volume, "{least} of {volume} without the hole's axis");
-    }
-
-    #[test]
-    fn the_largest_free_count_is_found_among_all_counts() {
-        for whole in [1, 7, 1000] {
-            for tau in [-1.0, 0.0, 1e-3, 0.07, 1.0 / 7.0, 0.5, 1.0, 3.0] {
-                let share = 1.0 / f64::from(whole);
-                let free = |&count: &u32| f64::from((share * f64::from(count)) as f32) <= tau;
-                assert_eq!(most_free(whole, tau), (0..=whole).filter(free).max(), "{whole}, {tau}");
-            }
-        }
-    }
-
-    #[test]
-    fn a_mesh_has_no_cutter() {
-        let tool = Tool { shape: ToolShape::Mesh(crate::mesh::tests::unit_cube()), ..small_tool() };
-        assert_eq!(cutter_of(&tool), None);
-        let refusal = position_grid(&slotted().grid, &tool).unwrap_err();
-        assert!(refusal.to_string().contains("no cutter"));
-    }
-}
+mod tests;

@@ -343,6 +343,7 @@ impl DeepestCentre {
             position: pose.position.to_array(),
             axis: pose.axis().unwrap_or(DVec3::NAN).to_array(),
             roll: matches!(element.shape, Shape::Mesh(_)).then(|| pose.orientation().roll),
+            joints: None,
             fraction,
             voxels: self.voxels,
             volume: f64::from(self.voxels) * grid.voxel_volume(),

@@ -1,7 +1,7 @@
 //! A machine's head and table on the way along a toolpath, and its travel.
 //!
 //! What the head carries is tried against part, fixtures and what the table carries, and the tool against the latter, each pair in the
-//! frame of the body that is hit, at poses of its own: so close that nothing of the one moves farther than the tolerance as
+//! frame of the body that is hit, at poses of its own: so close that nothing of the one moves farther than the step as
 //! seen from the other.
 
 mod carried;
@@ -121,12 +121,13 @@ struct Near {
 }
 
 /// All pairs of one tool.
+#[derive(Clone)]
 pub(super) struct MachinePairs {
     machine: Arc<Machine>,
-    groups: Vec<Alike>,
+    groups: Arc<Vec<Alike>>,
     /// From the world to where the machine's coordinates are with the table's axes at 0.
     to_machine: Pose,
-    tolerance: f64,
+    step: f64,
 }
 
 impl MachinePairs {
@@ -191,7 +192,12 @@ impl MachinePairs {
             add(&head, body, table_axes, true)?;
         }
         let to_machine = HeadBody::to_machine(&machine, world);
-        Ok(Self { machine, groups, to_machine, tolerance: settings.tolerance })
+        Ok(Self { machine, groups: Arc::new(groups), to_machine, step: settings.step })
+    }
+
+    /// The same with the part's frame elsewhere in the world.
+    fn at(&self, world: &Pose) -> Self {
+        Self { to_machine: HeadBody::to_machine(&self.machine, world), ..self.clone() }
     }
 
     /// The first two bodies that hit one another.
@@ -213,9 +219,9 @@ impl MachinePairs {
         let Some(way) = motion.by_machine() else { return Ok((Vec::new(), Vec::new())) };
         let half = way.placement(0.5);
         let mut found = Vec::new();
-        for group in &self.groups {
+        for group in self.groups.iter() {
             let farthest = way.motion_bound(&group.ball, group.level);
-            let count = poses_needed(farthest, self.tolerance, line)?;
+            let count = poses_needed(farthest, self.step, line)?;
             let half = self.in_body(group, &half);
             for near in &group.pairs {
                 if near.ball_room(&group.ball, &half) <= 0.5 * farthest {
@@ -232,7 +238,7 @@ impl MachinePairs {
     fn beyond(&self, motion: &Motion<'_>, line: usize) -> Result<Vec<Beyond>, CheckError> {
         let Some(way) = motion.by_machine() else { return Ok(Vec::new()) };
         let farthest = way.linear_way();
-        let count = poses_needed(farthest, self.tolerance, line)?;
+        let count = poses_needed(farthest, self.step, line)?;
         let mut found: Vec<Beyond> = Vec::new();
         let turns_within_range = way.turns_within_range();
         if turns_within_range && self.machine.room_in_travel(way.joints(0.5).linear) > 0.5 * farthest {

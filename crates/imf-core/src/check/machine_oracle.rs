@@ -4,10 +4,11 @@ use std::sync::Arc;
 
 use glam::{DMat4, DVec3};
 
+mod reach;
+
 use super::*;
 use crate::grid::Grid;
 use crate::machine::{Joints, Machine, MachineMotion, MachineSolid, RotaryAxis, Side, SolidShape};
-use crate::orientation::Orientation;
 use crate::section::test_shapes::{line, revolved};
 use crate::tool::ElementKind;
 use crate::toolpath::{Location, MachinePoint, MoveKind};
@@ -185,8 +186,8 @@ fn location(machine: &Machine, line: usize, joints: Joints, kind: MoveKind, stra
     Location { line, pose, rolled: true, tool: None, kind, machine: Some(point) }
 }
 
-fn strict(tolerance: f64) -> CheckSettings {
-    CheckSettings { contact: 0.0, tolerance, ..CheckSettings::of_pitch(1.0, LengthUnit::Mm) }
+fn strict(step: f64) -> CheckSettings {
+    CheckSettings { contact: 0.0, step, ..CheckSettings::of_pitch(1.0, LengthUnit::Mm) }
 }
 
 fn check_path(
@@ -271,75 +272,9 @@ fn shallow_contacts(poses: usize) -> usize {
 }
 
 #[test]
-fn a_pose_is_reached_where_some_angles_within_the_ranges_are_free_of_all_contacts() {
-    let part = part();
-    for mut machine in machines() {
-        // From here on the machine is short of travel as well.
-        machine.travel[0] = [-9.0, 9.0];
-        let bodies = MachineBodies::new(machine.clone(), 1.0, Control::quiet()).unwrap();
-        let (insides, pairs) = pairs(&machine, &bodies, &part);
-        // The tool and the part are left to whoever asks.
-        let others = |pair: &&Pair| {
-            let is_tool = matches!(pair.element.as_str(), "cutter" | "holder 1");
-            !(is_tool && pair.against == HitBody::Part)
-        };
-        let assembly = tool().offset(&Clearance::default()).unwrap();
-        let shared = Arc::new(part.clone());
-        let announced = [Orientation::from_direction(DVec3::new(0.3, 0.2, 0.9)).unwrap()];
-        let reach = MachineReach::new(&bodies, &shared, &[], &assembly, &announced).unwrap();
-        let (mut reached, mut missed) = (0, 0);
-        for seed in 0..1_500 {
-            let joints = random(seed);
-            let pose = machine.forward(&joints, 20.0);
-            let (tip, axis) = match seed % 3 {
-                0 => (pose.position, announced[0].direction()),
-                1 => (pose.position, DVec3::Z),
-                _ => (pose.position, pose.axis().unwrap()),
-            };
-            // By brute force: the angles, each eighth of a turn of one that is free, every centre by matrices.
-            let found = machine.inverse(axis);
-            let mut angles = found.angles.clone();
-            if let Some(place) = found.free {
-                for pair in found.angles {
-                    angles.extend((1..8).map(|eighth| {
-                        let mut other = pair;
-                        other[place] = f64::from(eighth) * 45.0;
-                        other
-                    }));
-                }
-            }
-            let (mut free, mut near) = (false, false);
-            for rotary in angles {
-                let joints = Joints { linear: machine.linear(tip, &rotary, 20.0), rotary };
-                let within = machine.out_of_travel(&joints).is_none();
-                let mut deepest = f64::NEG_INFINITY;
-                for pair in pairs.iter().filter(others) {
-                    let matrix = to_head(&machine, &joints, pair.levels);
-                    let depth = |centre: &DVec3| insides[pair.inside](matrix.transform_point3(*centre));
-                    deepest = pair.centres.iter().map(depth).fold(deepest, f64::max);
-                }
-                free |= within && deepest < 0.0;
-                near |= within && deepest.abs() < 1e-6;
-            }
-            if !near {
-                assert_eq!(reach.reaches(tip, axis), free, "{} {tip} {axis}", machine.name);
-                assert_eq!(reach.fault(tip, axis).is_none(), free);
-                reached += usize::from(free);
-                missed += usize::from(!free);
-            }
-        }
-        assert!(reached > 100 && missed > 100, "{reached} {missed}");
-        assert_eq!(
-            reach.fault(DVec3::ZERO, DVec3::NEG_Z).is_some(),
-            !reach.reaches(DVec3::ZERO, DVec3::NEG_Z)
-        );
-    }
-}
-
-#[test]
 fn nothing_is_passed_over_between_two_lines() {
     let part = part();
-    let tolerance = 0.5;
+    let step = 0.5;
     let (mut seen, mut crossed) = (0, 0);
     for machine in machines() {
         let bodies = MachineBodies::new(machine.clone(), 1.0, Control::quiet()).unwrap();
@@ -355,7 +290,7 @@ fn nothing_is_passed_over_between_two_lines() {
                 ],
                 ..Toolpath::default()
             };
-            let report = check_path(&part, &bodies, &path, &strict(tolerance)).unwrap();
+            let report = check_path(&part, &bodies, &path, &strict(step)).unwrap();
             let way = MachineMotion::new(&machine, from, to, 20.0, straight);
             for pair in &pairs {
                 let mut deepest = f64::NEG_INFINITY;
@@ -373,14 +308,9 @@ fn nothing_is_passed_over_between_two_lines() {
                 };
                 let found = of_line(1) || of_line(2);
                 seen += usize::from(found);
-                crossed += usize::from(deepest > 0.5 * tolerance);
+                crossed += usize::from(deepest > 0.5 * step);
                 // What is deeper than half a step at any time holds its centre at a pose that is looked at.
-                assert!(
-                    found || deepest <= 0.5 * tolerance + 1e-9,
-                    "{} {:?} {seed}",
-                    pair.element,
-                    pair.against
-                );
+                assert!(found || deepest <= 0.5 * step + 1e-9, "{} {:?} {seed}", pair.element, pair.against);
             }
         }
     }

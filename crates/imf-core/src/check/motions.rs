@@ -5,7 +5,7 @@ use glam::{DMat3, DMat4, DQuat, DVec3};
 use super::{CheckError, CheckSettings, Collision};
 use crate::machine::{Machine, MachineMotion, Side};
 use crate::pose::{Pose, StraightMotion};
-use crate::tool::Tool;
+use crate::tool::{Element, Segment, Tool, ToolShape};
 use crate::toolpath::{CutterStatement, Location, MoveKind, Toolpath};
 
 /// More poses than this on one motion are a slip of units.
@@ -54,6 +54,13 @@ impl Motion<'_> {
         hit
     }
 
+    /// Says where the machine's axes stand when these happen.
+    pub(super) fn with_joints(&self, hits: &mut [Collision]) {
+        if let Some(way) = self.by_machine() {
+            hits.iter_mut().for_each(|hit| hit.joints = Some(way.joints(hit.fraction)));
+        }
+    }
+
     /// Of a path for a machine.
     pub(super) fn by_machine(&self) -> Option<&MachineMotion<'_>> {
         match &self.way {
@@ -69,10 +76,10 @@ pub(super) fn rigid(motion: &DMat4) -> Pose {
     Pose::new(motion.transform_point3(DVec3::ZERO), rotation)
 }
 
-/// So many poses that nothing moves farther than the tolerance from one to the next.
-pub(super) fn poses_needed(farthest: f64, tolerance: f64, line: usize) -> Result<u64, CheckError> {
-    let poses = (farthest / tolerance - 1e-9).ceil().max(1.0);
-    if poses <= MAX_POSES { Ok(poses as u64) } else { Err(CheckError::TooLong { line, poses, tolerance }) }
+/// So many poses that nothing moves farther than the step from one to the next.
+pub(super) fn poses_needed(farthest: f64, step: f64, line: usize) -> Result<u64, CheckError> {
+    let poses = (farthest / step - 1e-9).ceil().max(1.0);
+    if poses <= MAX_POSES { Ok(poses as u64) } else { Err(CheckError::TooLong { line, poses, step }) }
 }
 
 /// Looks at the poses of a motion in their order, numbered from 1, but at none that follows from one before: `look` tells how far
@@ -84,6 +91,25 @@ pub(super) fn look_at_poses(count: u64, farthest: f64, mut look: impl FnMut(u64,
         let room = look(index, index as f64 / count as f64);
         let known = if room > 0.0 { (room / step) as u64 } else { 0 };
         index = index.saturating_add(1).saturating_add(known);
+    }
+}
+
+/// A round body about the tool's axis that holds an element with its clearance.
+struct Round {
+    heights: [f64; 2],
+    radius: f64,
+}
+
+impl Round {
+    /// Of every element; none of a mesh.
+    fn of(tool: &Tool, room: f64) -> Vec<Self> {
+        let ToolShape::Revolved(elements) = &tool.shape else { return Vec::new() };
+        let of = |element: &Element| {
+            let ranges = element.profile.iter().map(Segment::range);
+            let (low, high) = ranges.reduce(|(low, high), (from, to)| (low.min(from), high.max(to)))?;
+            Some(Self { heights: [low - room, high + room], radius: element.max_radius() + room })
+        };
+        elements.iter().filter_map(of).collect()
     }
 }
 
@@ -105,6 +131,7 @@ pub(super) fn motions<'a>(
     let room = clearance.holder.max(clearance.shank).max(clearance.cutter);
     let sizes: Vec<(f64, f64)> =
         tools.iter().map(|(_, tool)| (tool.reach() + room, tool.rolling_radius())).collect();
+    let rounds: Vec<Vec<Round>> = tools.iter().map(|(_, tool)| Round::of(tool, room)).collect();
     let locations = &toolpath.locations;
     let motion = |index: usize| {
         let to = &locations[index];
@@ -127,12 +154,14 @@ pub(super) fn motions<'a>(
                 if radius > 0.0 && way.rolls_over() {
                     return Err(CheckError::RollsOver { line: to.line });
                 }
-                let farthest = way.motion_bound(reach, radius);
-                (Way::Straight(way), farthest)
+                let all = way.motion_bound(reach, radius);
+                let of_round = |own: &Round| way.round_motion_bound(own.heights, own.radius);
+                let farthest = rounds[chosen[index]].iter().map(of_round).reduce(f64::max);
+                (Way::Straight(way), farthest.map_or(all, |farthest| farthest.min(all)))
             }
             _ => return Err(CheckError::Machine { line: to.line }),
         };
-        let count = poses_needed(farthest, settings.tolerance, to.line)?;
+        let count = poses_needed(farthest, settings.step, to.line)?;
         Ok(Motion { way, tool: chosen[index], count, step: farthest / count as f64 })
     };
     (0..locations.len()).map(motion).collect()

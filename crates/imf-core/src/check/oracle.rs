@@ -200,17 +200,17 @@ fn a_motion_over_the_pole_does_not_turn_a_head_about_its_own_axis() {
     let tool = angled_head();
     let part = Occupancy::empty(Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [4; 3] });
     let bodies = CheckBodies { part: &part, fixtures: &[], machine: None };
-    let settings = CheckSettings { tolerance: 0.01, ..CheckSettings::of_pitch(1.0, LengthUnit::Mm) };
+    let settings = CheckSettings { step: 0.01, ..CheckSettings::of_pitch(1.0, LengthUnit::Mm) };
     let run = |text: &str| {
         let path = Toolpath::parse(text, LengthUnit::Mm, "path").unwrap();
         check_toolpath(bodies, &[(None, &tool)], &path, &settings, Control::quiet()).unwrap().poses
     };
     // θ jumps from 180° to 0°; the roll that goes with it keeps the head as it is.
-    let tilt = 0.04_f64 * tool.reach() / settings.tolerance;
+    let tilt = 0.04_f64 * tool.reach() / settings.step;
     let poses = run("x,y,z,i,j,k,roll\n0,0,9,-.02,0,1,180\n0,0,9,.02,0,1,0\n") as f64;
     assert!((poses - 1.0 - tilt).abs() < 0.02 * tilt + 1.0, "{poses} {tilt}");
     // Its farthest point from the axis goes along with a roll.
     let poses = run("x,y,z,roll\n0,0,9,0\n0,0,9,90\n") as f64;
-    let around = std::f64::consts::FRAC_PI_2 * 6.4_f64.hypot(0.7) / settings.tolerance;
+    let around = std::f64::consts::FRAC_PI_2 * 6.4_f64.hypot(0.7) / settings.step;
     assert!((poses - 1.0 - around).abs() <= 1.0, "{poses} {around}");
 }

@@ -7,6 +7,7 @@ use serde::Serialize;
 
 use super::CheckSettings;
 use super::machine::farther;
+use crate::machine::Joints;
 use crate::toolpath::{MoveKind, Toolpath};
 
 /// What was hit.
@@ -56,6 +57,9 @@ pub struct Collision {
     pub axis: [f64; 3],
     /// Roll at that pose in degrees, of a tool that is not round.
     pub roll: Option<f64>,
+    /// Where a machine's axes stand at that pose, on a path that says so.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub joints: Option<Joints>,
     /// How far on the way to the line that pose is, from 0 to 1.
     pub fraction: f64,
     /// Solid voxels in the element at that pose.

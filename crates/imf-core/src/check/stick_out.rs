@@ -58,7 +58,7 @@ pub fn least_stick_outs(
     let grid = obstacle.grid;
     let environment = CollisionEnvironment::new(&obstacle.clone().into(), &[]);
     let Clearance { holder, shank, cutter } = settings.clearance;
-    let between = 0.5 * settings.tolerance;
+    let between = 0.5 * settings.step;
     let room = Clearance { holder: holder + between, shank: shank + between, cutter };
     let mut found = Vec::new();
     let used = motions(toolpath, tools, settings, machine)?;
@@ -189,7 +189,7 @@ mod tests {
     fn is_free(text: &str, length: f64, clearance: &Clearance) -> bool {
         let path = Toolpath::parse(text, LengthUnit::Mm, "path").unwrap();
         let tool = mill(None);
-        let close = CheckSettings { tolerance: 0.05, ..CheckSettings::of_pitch(1.0, LengthUnit::Mm) };
+        let close = CheckSettings { step: 0.05, ..CheckSettings::of_pitch(1.0, LengthUnit::Mm) };
         let set = tool.with_stick_out(length).unwrap();
         let rest = set.offset(clearance).unwrap().noncutting().unwrap().clone();
         let wall = wall();

@@ -8,7 +8,7 @@
 //! The holder, what a machine's head carries, and all that keeps a clearance, must hold no centre. A shank as wide as its cutter runs in what the cutter has
 //! just cut, and rubs there. So stock is let be that lies, as seen from the tool's axis, where the cutter's flank passed: no deeper below it
 //! than [`CheckSettings::accepted_in_stock`], and no farther outside than the accepted contact. A centre in the shank is in the
-//! stock as it is cut in truth, or the flank passed it between two poses, half the tolerance away, or as far as one
+//! stock as it is cut in truth, or the flank passed it between two poses, half a step away, or as far as one
 //! pass of a program misses another: by the contact. The voxels themselves add nothing: cutter and shank are tried on the same centres.
 
 mod guard;
@@ -34,7 +34,7 @@ impl CheckSettings {
     /// and half of what the tool moves between two poses.
     #[must_use]
     pub fn accepted_in_stock(&self) -> f64 {
-        self.contact + 0.5 * self.tolerance
+        self.contact + 0.5 * self.step
     }
 
     /// Depth below the cutter's surface from which on stock is certain to be detected at rapid rate.
@@ -47,7 +47,7 @@ impl CheckSettings {
     /// is certain to be detected. Where the cutter's flank passed it takes twice [`CheckSettings::accepted_in_stock`] more.
     #[must_use]
     pub fn sure_depth_in_stock(&self, pitch: f64) -> f64 {
-        3f64.sqrt() * pitch + self.tolerance
+        3f64.sqrt() * pitch + self.step
     }
 }
 
@@ -229,6 +229,7 @@ impl Following<'_> {
                 removal.of_part += u64::from((bits & part.from(first)).count_ones());
             }));
         }
+        motion.with_joints(&mut collisions);
         match self.removed.last_mut() {
             Some(last) if last.line == line && kind != MoveKind::Start => {
                 last.voxels += removal.voxels;

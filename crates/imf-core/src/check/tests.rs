@@ -213,7 +213,7 @@ fn what_cannot_be_checked_is_refused() {
     let settings = usual();
     assert!(refuse("0,0,0,0,0,1\n0,0,0,0,0,-1\n", settings).contains("line 3"));
     assert!(refuse("0,0,0\n1e12,0,0\n", settings).contains("line 3"));
-    assert!(refuse("0,0,0\n", CheckSettings { tolerance: 0.0, ..settings }).contains("tolerance"));
+    assert!(refuse("0,0,0\n", CheckSettings { step: 0.0, ..settings }).contains("step"));
     assert!(refuse("0,0,0\n", CheckSettings { contact: -1.0, ..settings }).contains("contact"));
     assert!(refuse("0,0,0\n", CheckSettings { contact: 5.0, ..settings }).contains("twice the contact of 5"));
     // What is left of a radius of 5 is thinner than a voxel's diagonal.
@@ -231,7 +231,7 @@ fn stretches_that_a_pose_proves_free_hold_nothing() {
     let text = "-25,0,24,0,0,1\n25,0,24,0,0.3,1\n0,0,16,0,0,1\n12,0,22,0,0,1\n-40,-40,40,1,0,0.2\n-30,0,24,1,0,1\n30,2,24,-1,0,1\n";
     for (room, contact) in [(0.0, 0.0), (1.5, 0.0), (1.5, 0.05)] {
         let clearance = Clearance { holder: room, shank: room, cutter: 0.0 };
-        let settings = CheckSettings { clearance, contact, tolerance: 0.05 };
+        let settings = CheckSettings { clearance, contact, step: 0.05 };
         let report = check(Some(&post), text, &settings);
         // Every pose of every line, each counted.
         let motions = motions(&path(text), &[(None, &Tool::paper())], &settings, None).unwrap();
@@ -264,19 +264,19 @@ fn mill_and_voxel() -> (Tool, Occupancy) {
 }
 
 #[test]
-fn the_mesh_itself_is_safe_between_poses_only_with_half_the_tolerance_more() {
+fn the_mesh_itself_is_safe_between_poses_only_with_half_the_step_more() {
     let (tool, part) = mill_and_voxel();
-    let (bodies, tolerance) = (CheckBodies { part: &part, fixtures: &[], machine: None }, 1.0);
+    let (bodies, step) = (CheckBodies { part: &part, fixtures: &[], machine: None }, 1.0);
     let (out, centre, vertex) = (DVec3::ONE.normalize(), DVec3::splat(0.5), DVec3::ONE);
     let across = out.any_orthonormal_vector();
     let guarantee = |room: f64| {
         let clearance = Clearance { cutter: room, ..Clearance::default() };
-        PathGuarantee::new(true, &tool, &clearance, false, 1.0, tolerance)
+        PathGuarantee::new(true, &tool, &clearance, false, 1.0, step)
     };
     // The ball's middle passes at a distance along `way`, the axis away from the voxel; true where that is free.
     let passes = |room: f64, middle: DVec3, way: DVec3| {
         let clearance = Clearance { cutter: room, ..Clearance::default() };
-        let settings = CheckSettings { clearance, contact: 0.0, tolerance };
+        let settings = CheckSettings { clearance, contact: 0.0, step };
         let line = |middle: DVec3| {
             let tip = middle - out;
             format!("{:.17},{:.17},{:.17},1,1,1\n", tip.x, tip.y, tip.z)

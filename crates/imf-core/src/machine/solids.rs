@@ -1,13 +1,15 @@
 //! What else a machine can be hit at: spindle head, table and what lies between, as simple solids or meshes.
 
-use glam::DVec3;
+use glam::{DQuat, DVec2, DVec3};
 
 use super::Side;
 use crate::control::{Cancelled, Control};
 use crate::grid::Grid;
 use crate::mesh::Mesh;
 use crate::occupancy::Occupancy;
-use crate::voxelize::voxelize_with;
+use crate::parts::shell::{Axis, Facing, Shell, circle};
+use crate::pose::Pose;
+use crate::voxelize::{voxelize_with, winding_number};
 
 /// A rigid body of the machine.
 #[derive(Clone, Debug, PartialEq)]
@@ -45,6 +47,8 @@ pub enum SolidShape {
     Mesh(Mesh),
 }
 
+/// Sides of a bar's surface.
+const SIDES: usize = 48;
 /// Voxels of one body; a larger one has coarser voxels.
 const MAX_VOXELS: f64 = 8e6;
 
@@ -90,23 +94,50 @@ impl MachineSolid {
         let dims = ((upper - lower) / pitch).map(f64::ceil).to_array().map(|n| (n as usize).max(1));
         let span = DVec3::from_array(dims.map(|n| n as f64)) * pitch;
         let grid = Grid { origin: 0.5 * (lower + upper) - 0.5 * span, pitch, dims };
-        let filled = |contains: &dyn Fn(DVec3) -> bool| Occupancy {
-            grid,
-            solid: (0..grid.len()).map(|index| u8::from(contains(grid.centre(grid.voxel(index))))).collect(),
-        };
         Ok(match &self.shape {
+            SolidShape::Mesh(mesh) => voxelize_with(mesh, &grid, false, control)?.solid,
+            _ => Occupancy {
+                grid,
+                solid: (0..grid.len())
+                    .map(|index| u8::from(self.contains(grid.centre(grid.voxel(index)))))
+                    .collect(),
+            },
+        })
+    }
+
+    /// True of a point that is in it where it is with all axes at 0.
+    #[must_use]
+    pub fn contains(&self, point: DVec3) -> bool {
+        match &self.shape {
             SolidShape::Cylinder { base, top, diameter } => {
                 let (length, axis) = (base.distance(*top), (*top - *base).normalize_or_zero());
-                filled(&|point| {
-                    let height = axis.dot(point - *base);
-                    let radius = (point - *base - axis * height).length();
-                    (0.0..=length).contains(&height) && radius <= 0.5 * diameter
-                })
+                let height = axis.dot(point - *base);
+                let radius = (point - *base - axis * height).length();
+                (0.0..=length).contains(&height) && radius <= 0.5 * diameter
             }
-            SolidShape::Box { lower, upper } => {
-                filled(&|point| point.cmpge(*lower).all() && point.cmple(*upper).all())
+            SolidShape::Box { lower, upper } => point.cmpge(*lower).all() && point.cmple(*upper).all(),
+            SolidShape::Mesh(mesh) => winding_number(mesh, point).abs() > 0.5,
+        }
+    }
+
+    /// Its surface where it is with all axes at 0; a bar by 48 sides.
+    #[must_use]
+    pub fn surface(&self) -> Mesh {
+        match &self.shape {
+            SolidShape::Cylinder { base, top, diameter } => {
+                let (length, axis) = (base.distance(*top), (*top - *base).normalize_or(DVec3::Z));
+                let place = Pose::new(*base, DQuat::from_rotation_arc(DVec3::Z, axis));
+                let rim = circle(DVec2::ZERO, 0.5 * diameter, SIDES);
+                let mut shell = Shell::default();
+                shell.post(Axis::Z, &rim, [0.0, length]);
+                shell.face(Axis::Z, 0.0, Facing::Down, &rim, &[]);
+                shell.face(Axis::Z, length, Facing::Up, &rim, &[]);
+                let mut mesh = shell.into_mesh();
+                mesh.vertices.iter_mut().for_each(|vertex| *vertex = place.of_point(*vertex));
+                mesh
             }
-            SolidShape::Mesh(mesh) => voxelize_with(mesh, &grid, false, control)?.solid,
-        })
+            SolidShape::Box { lower, upper } => Mesh::cuboid(*lower, *upper),
+            SolidShape::Mesh(mesh) => mesh.clone(),
+        }
     }
 }

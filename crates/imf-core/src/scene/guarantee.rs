@@ -62,7 +62,7 @@ impl Guarantee {
 
 /// Which guarantees hold on a path that is checked pose by pose.
 ///
-/// No point of the tool is ever farther than half the tolerance from where it is at the nearest of these poses. An element that
+/// No point of the tool is ever farther than half a step from where it is at the nearest of these poses. An element that
 /// is offset by so much more therefore keeps off the mesh at every time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PathGuarantee {
@@ -77,7 +77,7 @@ pub struct PathGuarantee {
 }
 
 impl PathGuarantee {
-    /// As [`Guarantee::new`], of a path on which no point of the tool moves farther than `tolerance` between two poses that are
+    /// As [`Guarantee::new`], of a path on which no point of the tool moves farther than `step` between two poses that are
     /// checked.
     #[must_use]
     pub fn new(
@@ -86,14 +86,14 @@ impl PathGuarantee {
         clearance: &Clearance,
         contact: bool,
         pitch: f64,
-        tolerance: f64,
+        step: f64,
     ) -> Self {
-        let needed = HALF_DIAGONAL * pitch + 0.5 * tolerance;
+        let needed = HALF_DIAGONAL * pitch + 0.5 * step;
         Self {
             at_poses: Guarantee::new(conservative, tool, clearance, contact, pitch),
             at_all_times: Guarantee::with_needed(conservative, tool, clearance, contact, needed),
             needed,
-            between: 0.5 * tolerance,
+            between: 0.5 * step,
         }
     }
 }
@@ -172,11 +172,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_path_takes_half_of_its_tolerance_more() {
+    fn a_path_takes_half_of_its_step_more() {
         let tool = Tool::paper();
-        let guarantee = |room: f64, tolerance: f64| {
+        let guarantee = |room: f64, step: f64| {
             let clearance = Clearance { holder: room, shank: room, cutter: room };
-            PathGuarantee::new(true, &tool, &clearance, false, 1.0, tolerance)
+            PathGuarantee::new(true, &tool, &clearance, false, 1.0, step)
         };
         let near = guarantee(0.87, 0.25);
         assert_eq!(near.at_poses, Guarantee::Mesh);

@@ -170,3 +170,21 @@ fn caps_of_a_ball_are_covered_by_a_proven_few() {
     let cover = problem.fewest(&CoverSettings::default(), Control::quiet()).unwrap();
     assert_eq!((cover.sets.len(), cover.at_least), (4, 4));
 }
+
+#[test]
+fn two_universes_weigh_the_same_side_by_side() {
+    let mut one = CoverProblem::new(vec![3.0, 1.0, 5.0]);
+    let mut other = CoverProblem::new(vec![10.0, 30.0]);
+    for (sets, more) in [(vec![0], vec![0]), (vec![1], vec![1]), (vec![0, 1], vec![])] {
+        one.add(sets);
+        other.add(more);
+    }
+    let both = one.beside(&other);
+    // The last element of the first is in no set.
+    assert_eq!(both.covered(&[0]), 0.75 + 0.25);
+    assert_eq!(both.covered(&[1]), 0.25 + 0.75);
+    assert_eq!(both.covered(&[2]), 1.0);
+    assert_eq!(both.covered(&[0, 1]), 2.0);
+    let cover = both.fewest(&CoverSettings::default(), Control::quiet()).unwrap();
+    assert_eq!((cover.sets.len(), cover.is_proven()), (2, true));
+}

@@ -1,9 +1,37 @@
 //! What one tool reaches of a whole surface, on all threads.
 
-use super::{ColliderCache, Reach, SurfaceError, SurfaceSample, SurfaceTool, ToolDirection};
+use glam::{DQuat, DVec3};
+
+use super::sample_query::Last;
+use super::{Reach, SurfaceError, SurfaceSample, SurfaceTool};
 use crate::control::Control;
 use crate::orientation::Orientation;
 use crate::parallel;
+use crate::pose::axis_of;
+
+/// A direction: the tool's axis, and its rotation.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ToolDirection {
+    pub(super) axis: DVec3,
+    pub(super) rotation: DQuat,
+}
+
+impl ToolDirection {
+    pub(crate) fn new(orientation: &Orientation) -> Self {
+        let rotation = orientation.quaternion();
+        // An orientation's quaternion has a length.
+        Self { axis: axis_of(rotation).unwrap_or(DVec3::Z), rotation }
+    }
+}
+
+/// By direction, what was last in the way of the cutter, and of shank and holder: of samples side by side it is mostly the same.
+pub(crate) struct ColliderCache(pub(super) Vec<[Last; 2]>);
+
+impl ColliderCache {
+    pub(crate) fn new(directions: usize) -> Self {
+        Self(vec![[None; 2]; directions])
+    }
+}
 
 /// What one tool reaches of a surface.
 #[derive(Clone, Debug, PartialEq)]

@@ -52,7 +52,7 @@ pub fn crib_access(
 
 /// Tools that touch a surface at the same poses, by index, those of the thinner cutters first; a mesh tool is alone.
 fn same_cutters(tools: &[SurfaceTool]) -> Vec<Vec<usize>> {
-    let same = |a: &SurfaceTool, b: &SurfaceTool| match (&a.shape, &b.shape) {
+    let same = |a: &SurfaceTool, b: &SurfaceTool| match (&*a.shape, &*b.shape) {
         (Shape::Revolved(one), Shape::Revolved(other)) => {
             a.tolerance == b.tolerance && one.end == other.end && one.outline == other.outline
         }
@@ -65,7 +65,7 @@ fn same_cutters(tools: &[SurfaceTool]) -> Vec<Vec<usize>> {
             None => groups.push(vec![index]),
         }
     }
-    let radius = |group: &Vec<usize>| match &tools[group[0]].shape {
+    let radius = |group: &Vec<usize>| match &*tools[group[0]].shape {
         Shape::Revolved(revolved) => revolved.radius,
         Shape::Mesh { .. } => f64::INFINITY,
     };
@@ -90,7 +90,7 @@ impl<'a> Group<'a> {
 
     /// A sine of the surface's inward normal above which none of them touches.
     fn highest(&self) -> f64 {
-        match &self.members[0].shape {
+        match &*self.members[0].shape {
             Shape::Revolved(revolved) => revolved.highest,
             Shape::Mesh { .. } => 1.0,
         }
@@ -107,7 +107,7 @@ struct Nested {
 
 impl Nested {
     fn new(members: &[&SurfaceTool]) -> Self {
-        let above = |tool: usize| match &members[tool].shape {
+        let above = |tool: usize| match &*members[tool].shape {
             Shape::Revolved(revolved) => revolved.above.as_ref(),
             Shape::Mesh { .. } => None,
         };

@@ -55,7 +55,7 @@ const CHUNK: usize = 16;
 impl SurfaceTool {
     /// The tool's pieces among the solid that each must stay out of; the cutter's first.
     fn pieces(&self) -> impl Iterator<Item = &SolidField> {
-        let (whole, revolved) = match &self.shape {
+        let (whole, revolved) = match &*self.shape {
             Shape::Mesh { whole, .. } => (Some(&**whole), None),
             Shape::Revolved(tool) => (None, Some(&**tool)),
         };
@@ -67,7 +67,7 @@ impl SurfaceTool {
 
     fn overlap(&self, pose: &Pose) -> [u32; 2] {
         let counts = self.pieces().map(|piece| piece.count(pose).unwrap_or(u32::MAX));
-        let of_cutter = match (&self.shape, self.pieces().next()) {
+        let of_cutter = match (&*self.shape, self.pieces().next()) {
             (Shape::Revolved(_), Some(cutter)) => cutter.count(pose).unwrap_or(u32::MAX),
             _ => 0,
         };
@@ -76,7 +76,7 @@ impl SurfaceTool {
 
     /// The tips of a direction's contact poses.
     fn contact_tips(&self, sample: &SurfaceSample, turn: &ToolDirection, mut visit: impl FnMut(DVec3)) {
-        let tool = match &self.shape {
+        let tool = match &*self.shape {
             Shape::Revolved(tool) => tool,
             Shape::Mesh { touching, .. } => {
                 let support = |v: &&DVec3| -sample.normal.dot(turn.rotation * **v);
@@ -135,10 +135,10 @@ impl SurfaceTool {
             depth += if is_cutter { self.tolerance } else { 0.0 };
             found.push(ElementCollision { kind: element.kind, body, voxels, depth, slimmer });
         };
-        if let Shape::Revolved(revolved) = &self.shape {
+        if let Shape::Revolved(revolved) = &*self.shape {
             try_one(&revolved.eroded, 0, &revolved.cutter);
         }
-        for (element, against) in &self.elements {
+        for (element, against) in self.elements.iter() {
             for (body, solid) in against.iter().enumerate() {
                 if element.kind != ElementKind::Cutter || body > 0 {
                     try_one(element, body, solid);
@@ -192,7 +192,7 @@ pub fn culprits(
     poses: &[(f64, LeastOverlap)],
     control: Control<'_>,
 ) -> Result<Option<(Grid, Vec<f32>)>, SurfaceError> {
-    let Shape::Revolved(revolved) = &tool.shape else { return Ok(None) };
+    let Shape::Revolved(revolved) = &*tool.shape else { return Ok(None) };
     let grid = revolved.cutter.voxels().occupancy().grid;
     let parts = parallel::try_map(poses.len().div_ceil(CHUNK), |chunk| {
         let poses = &poses[chunk * CHUNK..poses.len().min((chunk + 1) * CHUNK)];

@@ -82,13 +82,13 @@ pub(super) struct SampleQuery<'a> {
 impl SurfaceTool {
     /// Radius in voxels of the largest ball around a sample whose solid centres it asks for; `None` where it asks for none.
     pub(super) fn asks_around(&self) -> Option<f64> {
-        let Shape::Revolved(tool) = &self.shape else { return None };
+        let Shape::Revolved(tool) = &*self.shape else { return None };
         tool.outline.convex.then_some(tool.near)
     }
 
     /// The solid centres of the part around a sample, as far as a radius; `None` where there are more than `most`.
     pub(super) fn around(&self, sample: &SurfaceSample, radius: f64, most: u32) -> Option<OutsidePlane> {
-        let Shape::Revolved(tool) = &self.shape else { return None };
+        let Shape::Revolved(tool) = &*self.shape else { return None };
         tool.cutter.voxels().outside_plane(sample.point, sample.normal, radius, most)
     }
 }
@@ -101,7 +101,7 @@ impl<'a> SampleQuery<'a> {
         around: Option<&OutsidePlane>,
     ) -> Self {
         let mut query = Self { tool, sample, free_ball: None, listed: Vec::new() };
-        if let Shape::Revolved(revolved) = &tool.shape
+        if let Shape::Revolved(revolved) = &*tool.shape
             && revolved.outline.convex
         {
             let (near, across) = (revolved.near, revolved.near_across);
@@ -116,7 +116,7 @@ impl<'a> SampleQuery<'a> {
 
     /// True where the cutter may touch with a level ring, and the search for its place depends on shank and holder.
     pub(super) fn has_ring(&self, turn: &ToolDirection) -> bool {
-        let Shape::Revolved(tool) = &self.tool.shape else { return true };
+        let Shape::Revolved(tool) = &*self.tool.shape else { return true };
         let mut ring = false;
         if let Some(facing) = ContactFrame::new(self.sample.normal, turn.axis, tool.highest) {
             tool.outline.touches(facing.slope, self.tool.tolerance, |touch| {
@@ -134,7 +134,7 @@ impl<'a> SampleQuery<'a> {
         above: &mut Above<'_, G>,
     ) -> Outcome {
         let (tolerance, sample) = (self.tool.tolerance, self.sample);
-        let tool = match &self.tool.shape {
+        let tool = match &*self.tool.shape {
             Shape::Revolved(tool) => tool,
             Shape::Mesh { touching, inner, whole } => {
                 // The points that lie farthest towards the surface, a tolerance outside it; between them the tool is flat.

@@ -1,131 +1,36 @@
 //! In how few set-ups a surface is machined: each is one way to put the part on the machine, and gives the tool one
 //! direction (three axes) or all within the ranges of the rotary axes.
 
-use glam::{DQuat, DVec3};
-
-use super::{SurfaceAccess, SurfaceSample};
+use super::part_setup::{PartSetup, words};
+use super::{ColliderCache, SurfaceAccess, SurfaceSample, SurfaceTool, ToolDirection};
 use crate::control::Control;
-use crate::mesh::{Mesh, SAME};
-use crate::orientation::{Limits, Orientation};
+use crate::occupancy::Occupancy;
+use crate::orientation::Orientation;
 use crate::parallel;
 use crate::set_cover::{CoverProblem, CoverSettings};
-
-/// Degrees that rounding may take from the end of a range of turns.
-const SLACK: f64 = 1e-6;
-
-/// One way to put the part on the machine.
-#[derive(Clone, Debug, PartialEq)]
-pub struct PartSetup {
-    /// Unit vector in the part's frame that points along the machine's +z.
-    pub up: DVec3,
-    /// Degrees that the part is turned about the machine's +z, once the shortest way has brought `up` there.
-    pub turn: f64,
-    /// Indices of the directions that the machine gives the tool there.
-    pub directions: Vec<usize>,
-    /// True where the part stands on its lowest face by itself.
-    pub rests: bool,
-    /// Area of the surface that lies on the table, in the part's unit squared.
-    pub floor_area: f64,
-}
-
-impl PartSetup {
-    /// Every set-up with this direction up that matters: no turn about +z gives the tool more of `directions` within the
-    /// machine's limits than one of these. Several only where the turning axis has a range of less than 360°, or a cone leans;
-    /// quarter turns come first then, whatever they give. A direction of `directions` that is next to `up` stands for it.
-    #[must_use]
-    pub fn all(part: &Mesh, up: DVec3, directions: &[Orientation], limits: &Limits) -> Vec<Self> {
-        let near =
-            directions.iter().map(Orientation::direction).filter(|direction| direction.distance(up) <= SAME);
-        let up = near.min_by(|a, b| a.distance(up).total_cmp(&b.distance(up))).unwrap_or(up);
-        let upright = DQuat::from_rotation_arc(up, DVec3::Z);
-        let turns: Vec<Vec<[f64; 2]>> =
-            directions.iter().map(|o| limits.turns((upright * o.direction()).normalize())).collect();
-        let partial = turns.iter().flatten().filter(|[from, to]| to - from < 360.0);
-        // Turned back until the first direction is about to be lost, none is lost.
-        let mut starts: Vec<f64> = partial.map(|turn| turn[0]).collect();
-        starts.sort_by(f64::total_cmp);
-        starts.dedup();
-        let (rests, floor_area) = (part.is_stable_on(-up), part.floor_area(-up));
-        let setup = |turn: f64| {
-            let reached = (0..turns.len()).filter(|&direction| end(&turns[direction], turn).is_some());
-            Self { up, turn, directions: reached.collect(), rests, floor_area }
-        };
-        let quarters = if starts.is_empty() { &[0.0][..] } else { &[0.0, 90.0, 180.0, 270.0] };
-        let mut kept: Vec<Self> = quarters.iter().map(|&turn| setup(turn)).collect();
-        kept.dedup_by(|a, b| a.directions == b.directions);
-        let others = starts.into_iter().map(|start| {
-            let ends = turns.iter().filter_map(|turns| end(turns, start));
-            setup(roundest(start, ends.fold(f64::INFINITY, f64::min)))
-        });
-        let mut others: Vec<Self> = others.collect();
-        // Those with most directions first, of equal ones in the order of their turns.
-        others.sort_by_key(|setup| usize::MAX - setup.directions.len());
-        let bits = |setup: &Self| words(&setup.directions, directions.len());
-        let mut known: Vec<Vec<u64>> = kept.iter().map(bits).collect();
-        for setup in others {
-            let own = bits(&setup);
-            if !known.iter().any(|known| own.iter().zip(known).all(|(own, known)| own & !known == 0)) {
-                known.push(own);
-                kept.push(setup);
-            }
-        }
-        kept
-    }
-
-    /// From the part's frame to the machine's.
-    #[must_use]
-    pub fn rotation(&self) -> DQuat {
-        DQuat::from_rotation_z(self.turn.to_radians()) * DQuat::from_rotation_arc(self.up, DVec3::Z)
-    }
-}
-
-/// Where the range of turns ends that holds one; the latest end of several.
-fn end(turns: &[[f64; 2]], turn: f64) -> Option<f64> {
-    let ends = turns.iter().flat_map(|&[from, to]| {
-        let whole = to - from >= 360.0;
-        let contains = move |shift: &f64| (from - SLACK..=to + SLACK).contains(&(turn + shift));
-        let ends = [0.0, 360.0, -360.0].into_iter().filter(contains).map(move |shift| to - shift);
-        ends.map(move |end| if whole { f64::INFINITY } else { end.max(turn) })
-    });
-    ends.max_by(f64::total_cmp)
-}
-
-/// The angle within a range that one would set by hand.
-fn roundest(from: f64, to: f64) -> f64 {
-    let steps = [360.0, 90.0, 45.0, 30.0, 15.0, 10.0, 5.0, 1.0];
-    let round = steps.into_iter().map(|step| (from / step).ceil() * step).find(|angle| *angle <= to);
-    round.unwrap_or(0.5 * (from + to)).rem_euclid(360.0)
-}
-
-/// Indices as bits, 64 a word, the lowest first.
-fn words(indices: &[usize], count: usize) -> Vec<u64> {
-    let mut words = vec![0u64; count.div_ceil(64)];
-    indices.iter().for_each(|index| words[index / 64] |= 1 << (index % 64));
-    words
-}
 
 /// One of the set-ups that were chosen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChosenSetup {
     /// Its index in the candidates.
     pub candidate: usize,
-    /// The area that it reaches.
-    pub area: f64,
-    /// The area that no other chosen one reaches.
+    /// What it covers: area, of a surface.
+    pub covered: f64,
+    /// What no other chosen one covers.
     pub alone: f64,
 }
 
-/// The fewest set-ups, and what they reach.
+/// The fewest set-ups, and what they cover.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SetupPlan {
     /// The set-ups; each adds the most to those before it.
     pub setups: Vec<ChosenSetup>,
-    /// No fewer of the candidates reach as much.
+    /// No fewer of the candidates cover as much.
     pub at_least: usize,
-    /// The area that the chosen set-ups reach together.
-    pub area: f64,
-    /// The area that all candidates together reach.
-    pub reachable: f64,
+    /// What the chosen set-ups cover together.
+    pub covered: f64,
+    /// What all candidates together cover.
+    pub coverable: f64,
 }
 
 impl SetupPlan {
@@ -136,36 +41,97 @@ impl SetupPlan {
     }
 }
 
-/// The fewest of these set-ups in which any of the tools reaches the fraction of [`CoverSettings`] of the area that all of
-/// them reach; `None` where the control asks to stop. Where a part that stands by itself does too, it is chosen, and of set-ups
-/// that do as well those that come first. One unit of progress is one set-up looked at. Every element of `tools` is of these samples and of the directions that the set-ups count.
+/// A tool in all set-ups.
+#[derive(Clone, Copy)]
+pub struct SetupTool<'a> {
+    /// What it reaches of the samples from all directions.
+    pub access: &'a SurfaceAccess,
+    /// The tool where a set-up's machine brings it ([`SurfaceTool::limited`]); `None` where it is brought to every pose.
+    pub brought: Option<&'a (dyn Fn(&PartSetup) -> SurfaceTool + Sync)>,
+}
+
+/// The samples, weighing their areas, that any of the tools reaches in each set-up; `None` where the control asks to stop. One unit of
+/// progress is one set-up looked at. `directions` are those that the tools' access and the set-ups count.
 ///
 /// # Panics
 /// If the numbers of samples or directions differ.
 #[must_use]
-pub fn fewest_setups(
-    tools: &[&SurfaceAccess],
+pub fn reached_in_setups(
+    tools: &[SetupTool<'_>],
     samples: &[SurfaceSample],
+    directions: &[Orientation],
     setups: &[PartSetup],
-    settings: &CoverSettings,
     control: Control<'_>,
-) -> Option<SetupPlan> {
-    let count = tools.first().map_or(0, |tool| tool.directions());
-    assert!(tools.iter().all(|tool| tool.directions() == count && tool.reach.len() == samples.len()));
+) -> Option<CoverProblem> {
+    let fits = |access: &SurfaceAccess| {
+        access.directions() == directions.len() && access.reach.len() == samples.len()
+    };
+    assert!(tools.iter().all(|tool| fits(tool.access)));
+    let turns: Vec<ToolDirection> = directions.iter().map(ToolDirection::new).collect();
     let reached = parallel::map(setups.len(), |index| {
-        let directions = words(&setups[index].directions, count);
-        let reaches = |sample: &usize| tools.iter().any(|tool| tool.is_free_within(*sample, &directions));
-        let stop = control.is_cancelled();
+        let setup = &setups[index];
+        let given = words(&setup.directions, directions.len());
+        let mut reached = vec![false; samples.len()];
+        for tool in tools {
+            let brought = tool.brought.map(|brought| (brought(setup), ColliderCache::new(turns.len())));
+            let Some((brought, mut cache)) = brought else {
+                let of_all = |sample: usize| tool.access.is_free_within(sample, &given);
+                reached.iter_mut().enumerate().for_each(|(sample, any)| *any |= of_all(sample));
+                continue;
+            };
+            for (sample, any) in reached.iter_mut().enumerate().filter(|(_, any)| !**any) {
+                if control.is_cancelled() {
+                    return Vec::new();
+                }
+                let free = setup.directions.iter().copied().filter(|&d| tool.access.is_free(sample, d));
+                *any = brought.reaches(&samples[sample], free, &turns, &mut cache);
+            }
+        }
         (control.progress)(1);
-        if stop { Vec::new() } else { (0..samples.len()).filter(reaches).collect::<Vec<usize>>() }
+        (0..samples.len()).filter(|&sample| reached[sample]).collect::<Vec<usize>>()
     });
     control.check().ok()?;
     let mut problem = CoverProblem::new(samples.iter().map(|sample| sample.area).collect());
     reached.into_iter().for_each(|samples| problem.add(samples));
+    Some(problem)
+}
+
+/// The stock's voxels that are removed in each set-up, weighing their volume, as elements in the order of `stock`; `removed` has by
+/// direction the indices of those that are removed from there.
+///
+/// # Panics
+/// If an index is not the stock's.
+#[must_use]
+pub fn removed_in_setups(removed: &[Vec<u32>], stock: &Occupancy, setups: &[PartSetup]) -> CoverProblem {
+    let mut element = vec![usize::MAX; stock.solid.len()];
+    let held = (0..element.len()).filter(|&voxel| stock.solid[voxel] == 1);
+    held.enumerate().for_each(|(place, voxel)| element[voxel] = place);
+    let mut problem = CoverProblem::new(vec![stock.grid.voxel_volume(); stock.count()]);
+    for setup in setups {
+        let voxels = setup.directions.iter().flat_map(|&direction| &removed[direction]);
+        problem.add(voxels.map(|&voxel| element[voxel as usize]));
+    }
+    problem
+}
+
+/// The fewest of these set-ups that cover the fraction of [`CoverSettings`] of what all of them cover, set by set those of `problem`;
+/// `None` where the control asks to stop. Where a part that stands by itself does too, it is chosen, and of set-ups that do as well
+/// those that come first.
+///
+/// # Panics
+/// If the problem has another number of sets.
+#[must_use]
+pub fn fewest_setups(
+    setups: &[PartSetup],
+    problem: &CoverProblem,
+    settings: &CoverSettings,
+    control: Control<'_>,
+) -> Option<SetupPlan> {
+    assert_eq!(setups.len(), problem.sets());
     let mut cover = problem.fewest(settings, control)?;
-    let reachable = problem.covered(&(0..setups.len()).collect::<Vec<_>>());
+    let coverable = problem.covered(&(0..setups.len()).collect::<Vec<_>>());
     // Sums in another order differ in their last digits.
-    let enough = problem.covered(&cover.sets).min(settings.fraction * reachable * (1.0 + 1e-12));
+    let enough = problem.covered(&cover.sets).min(settings.fraction * coverable * (1.0 + 1e-12));
     let standing: Vec<usize> = (0..setups.len()).filter(|&index| setups[index].rests).collect();
     for at in 0..cover.sets.len() {
         if setups[cover.sets[at]].rests {
@@ -187,14 +153,14 @@ pub fn fewest_setups(
     let alone = problem.covered_alone(&cover.sets);
     let chosen = cover.sets.iter().zip(alone).map(|(&candidate, alone)| ChosenSetup {
         candidate,
-        area: problem.covered(&[candidate]),
+        covered: problem.covered(&[candidate]),
         alone,
     });
     Some(SetupPlan {
         setups: chosen.collect(),
         at_least: cover.at_least,
-        area: problem.covered(&cover.sets),
-        reachable,
+        covered: problem.covered(&cover.sets),
+        coverable,
     })
 }
 
@@ -202,14 +168,15 @@ pub fn fewest_setups(
 mod tests {
     use std::sync::Arc;
 
-    use glam::DMat4;
+    use glam::{DMat4, DVec3};
 
     use super::*;
     use crate::grid::Grid;
+    use crate::mesh::Mesh;
     use crate::mesh::tests::unit_cube;
-    use crate::orientation::{AXES, OrientationSet};
+    use crate::orientation::{AXES, Limits, OrientationSet};
     use crate::surface::{
-        CollisionEnvironment, SurfaceSamples, SurfaceTool, default_tolerance, surface_access,
+        CollisionEnvironment, Reach, SurfaceSamples, SurfaceTool, default_tolerance, surface_access,
     };
     use crate::tool::{Element, ElementKind, Segment, SharpPoints, Tool, ToolShape};
     use crate::unit::LengthUnit;
@@ -219,12 +186,8 @@ mod tests {
         unit_cube().transformed(&DMat4::from_scale(DVec3::new(40.0, 30.0, 15.0)))
     }
 
-    /// The fewest set-ups for a plain block with a flat end mill whose flutes are longer than the block is high.
-    fn plan(limits: &str, fraction: f64) -> (SetupPlan, Vec<PartSetup>, f64) {
-        plan_of(&AXES, limits, fraction)
-    }
-
-    fn plan_of(ways: &[DVec3], limits: &str, fraction: f64) -> (SetupPlan, Vec<PartSetup>, f64) {
+    /// Flutes of 45 in a holder.
+    fn flat() -> Tool {
         let cylinder = |kind, from, to, radius| Element {
             kind,
             profile: vec![Segment::Line { from, to, radius_from: radius, radius_to: radius }],
@@ -234,8 +197,15 @@ mod tests {
             cylinder(ElementKind::Holder(0), 45.0, 75.0, 12.0),
         ];
         let (name, unit, sharp_points) = ("flat".into(), LengthUnit::Mm, SharpPoints::Tip);
-        let tool =
-            Tool { name, unit, shape: ToolShape::Revolved(elements), sharp_points, overall_length: None };
+        Tool { name, unit, shape: ToolShape::Revolved(elements), sharp_points, overall_length: None }
+    }
+
+    /// The fewest set-ups for a plain block with a flat end mill whose flutes are longer than the block is high.
+    fn plan(limits: &str, fraction: f64) -> (SetupPlan, Vec<PartSetup>, f64) {
+        plan_of(&AXES, limits, fraction)
+    }
+
+    fn plan_of(ways: &[DVec3], limits: &str, fraction: f64) -> (SetupPlan, Vec<PartSetup>, f64) {
         let block = block();
         let grid = Grid::with_pitch(DVec3::splat(-0.4), DVec3::new(40.3, 30.3, 15.3), 1.0, 1).unwrap();
         let solid = Arc::new(voxelize(&block, &grid, false));
@@ -243,13 +213,15 @@ mod tests {
         let environment = CollisionEnvironment::new(&solid.into(), &[]);
         let directions = OrientationSet::parse("0,0;0,180;0,90;180,90;90,90;270,90").unwrap().orientations;
         let tool =
-            SurfaceTool::new(&environment, &tool.into(), default_tolerance(1.0, LengthUnit::Mm)).unwrap();
+            SurfaceTool::new(&environment, &flat().into(), default_tolerance(1.0, LengthUnit::Mm)).unwrap();
         let access = surface_access(&tool, &samples, &directions, Control::quiet()).unwrap();
         let limits = Limits::parse(limits).unwrap();
         let setups: Vec<PartSetup> =
             ways.iter().flat_map(|&up| PartSetup::all(&block, up, &directions, &limits)).collect();
         let settings = CoverSettings { fraction, ..CoverSettings::default() };
-        let plan = fewest_setups(&[&access], &samples, &setups, &settings, Control::quiet()).unwrap();
+        let tools = [SetupTool { access: &access, brought: None }];
+        let problem = reached_in_setups(&tools, &samples, &directions, &setups, Control::quiet()).unwrap();
+        let plan = fewest_setups(&setups, &problem, &settings, Control::quiet()).unwrap();
         (plan, setups, samples.iter().map(|sample| sample.area).sum())
     }
 
@@ -261,10 +233,11 @@ mod tests {
         assert_eq!(floors, [1200.0, 1200.0, 450.0, 450.0, 600.0, 600.0]);
         assert_eq!((three_axes.setups.len(), three_axes.at_least), (2, 2));
         assert!(
-            (three_axes.area - area).abs() < 1e-6 * area && (three_axes.reachable - area).abs() < 1e-6 * area
+            (three_axes.covered - area).abs() < 1e-6 * area
+                && (three_axes.coverable - area).abs() < 1e-6 * area
         );
         // Each leaves the face that it stands on to the other.
-        let faces = three_axes.setups.iter().map(|chosen| area - chosen.area);
+        let faces = three_axes.setups.iter().map(|chosen| area - chosen.covered);
         let [first, second] = faces.collect::<Vec<_>>()[..] else { panic!() };
         assert!((first - three_axes.setups[1].alone).abs() < 1e-6 * area);
         assert!((second - three_axes.setups[0].alone).abs() < 1e-6 * area);
@@ -290,57 +263,40 @@ mod tests {
         let (standing, setups, area) = plan_of(&ways, "cone:0,0,1:60", 0.85);
         assert!(standing.setups.len() == 1 && standing.is_proven());
         assert!(setups[standing.setups[0].candidate].rests);
-        assert!((standing.area / area - 0.9).abs() < 0.01, "{} of {area}", standing.area);
+        assert!((standing.covered / area - 0.9).abs() < 0.01, "{} of {area}", standing.covered);
     }
 
-    /// Where C turns a quarter only, it depends on how the part is turned what the tool reaches: every turn by brute force.
     #[test]
-    fn no_turn_of_the_part_reaches_more_than_the_set_ups_that_are_given() {
-        let part = block();
-        for (limits, several) in [
-            ("ac:-20:100:0:90", true),
-            ("bc:60:110:-30:15", true),
-            ("bc:-90:90:20:20", true),
-            ("cone:1,0,0.1:20", true),
-            ("ac:-30:120:-180:180", false),
-            ("cone:0,0,1:70", false),
-        ] {
-            let limits = Limits::parse(limits).unwrap();
-            let directions = OrientationSet::parse("axes+fibonacci:90").unwrap().orientations;
-            for up in [DVec3::Z, DVec3::NEG_X, DVec3::new(0.48, -0.6, 0.64)] {
-                let setups = PartSetup::all(&part, up, &directions, &limits);
-                assert_eq!(setups.len() > 1, several, "{limits} {up}");
-                let reached = |rotation: DQuat| -> Vec<usize> {
-                    let along = |index: &usize| (rotation * directions[*index].direction()).normalize();
-                    (0..directions.len()).filter(|index| limits.reach(along(index))).collect()
-                };
-                let upright = DQuat::from_rotation_arc(up, DVec3::Z);
-                for degrees in 0..3600 {
-                    let turn = DQuat::from_rotation_z((0.1 * f64::from(degrees)).to_radians());
-                    let there = reached(turn * upright);
-                    let contains =
-                        |setup: &PartSetup| there.iter().all(|index| setup.directions.contains(index));
-                    assert!(setups.iter().any(contains), "{limits} {up} {degrees}: {there:?}");
-                }
-                // And each reaches what it says, but for what lies on the very end of a range.
-                for setup in &setups {
-                    assert!((setup.rotation() * up).distance(DVec3::Z) < 1e-9);
-                    let there = reached(setup.rotation());
-                    assert!(
-                        there.iter().all(|index| setup.directions.contains(index)),
-                        "{limits} {up} {}",
-                        setup.turn
-                    );
-                    let beyond = setup.directions.iter().filter(|index| !there.contains(index));
-                    for &index in beyond {
-                        let turns = [-2.0 * SLACK, 2.0 * SLACK]
-                            .map(|by: f64| DQuat::from_rotation_z(by.to_radians()));
-                        let held =
-                            turns.iter().any(|&turn| reached(turn * setup.rotation()).contains(&index));
-                        assert!(held, "{limits} {up} {} {index}", setup.turn);
-                    }
-                }
+    fn a_tool_that_is_brought_to_some_poses_reaches_what_it_reaches_there_in_each_set_up() {
+        let block = block();
+        let grid = Grid::with_pitch(DVec3::splat(-0.4), DVec3::new(40.3, 30.3, 15.3), 1.0, 1).unwrap();
+        let solid = Arc::new(voxelize(&block, &grid, false));
+        let samples = SurfaceSamples::new(&block, &solid, 300).samples;
+        let environment = CollisionEnvironment::new(&solid.into(), &[]);
+        let directions = OrientationSet::parse("axes").unwrap().orientations;
+        let tool = SurfaceTool::new(&environment, &flat().into(), 0.1).unwrap();
+        let access = surface_access(&tool, &samples, &directions, Control::quiet()).unwrap();
+        let limits = Limits::parse("cone:0,0,1:90").unwrap();
+        let setups: Vec<PartSetup> =
+            AXES.iter().flat_map(|&up| PartSetup::all(&block, up, &directions, &limits)).collect();
+        // The part's half that is up is out of reach.
+        let brought = |setup: &PartSetup| {
+            let up = setup.up;
+            let limit = move |tip: DVec3, _| (tip - DVec3::new(20.0, 15.0, 7.5)).dot(up) < 0.0;
+            tool.clone().limited(Arc::new(limit))
+        };
+        let tools = [SetupTool { access: &access, brought: Some(&brought) }];
+        let found = reached_in_setups(&tools, &samples, &directions, &setups, Control::quiet()).unwrap();
+        let mut fewer = 0;
+        for (index, setup) in setups.iter().enumerate() {
+            let own = setup.directions.iter().map(|&at| directions[at]).collect::<Vec<_>>();
+            let expected = surface_access(&brought(setup), &samples, &own, Control::quiet()).unwrap();
+            for (sample, reach) in expected.reach.iter().enumerate() {
+                let reached = matches!(reach, Reach::Reached { .. });
+                assert_eq!(found.contains(index, sample), reached, "{setup:?} {sample}");
+                fewer += usize::from(!reached && access.is_free_from_any(sample, &setup.directions));
             }
         }
+        assert!(fewer > samples.len(), "{fewer}");
     }
 }

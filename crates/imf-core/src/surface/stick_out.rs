@@ -6,6 +6,8 @@
 //! it may not. The holder ends where its outline ends: what stands above it is not in its way, so that with more than the least it
 //! may collide again, as with a groove of its own that happens to be where something sticks out.
 
+use std::sync::Arc;
+
 use glam::DVec3;
 
 use super::sample_query::{Above, Last, Outcome, RingPlaces, SampleQuery};
@@ -102,7 +104,8 @@ impl StickOutTool {
         let (given, clearance) = (assembly.tool(), assembly.clearance());
         let no_holder = || SurfaceError::NoHolder(given.name.clone());
         let mut tool = SurfaceTool::new(environment, assembly, tolerance)?;
-        let Shape::Revolved(revolved) = &mut tool.shape else { return Err(no_holder()) };
+        // It is not shared yet.
+        let Some(Shape::Revolved(revolved)) = Arc::get_mut(&mut tool.shape) else { return Err(no_holder()) };
         let shortest = given.shortest_stick_out().ok_or_else(no_holder)?;
         let fixed = given.with_stick_out(shortest).ok_or_else(no_holder)?.without_holder();
         let fixed = fixed.offset(clearance)?;

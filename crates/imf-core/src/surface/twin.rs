@@ -11,6 +11,7 @@ use crate::control::Control;
 use crate::grid::Grid;
 use crate::mesh::Mesh;
 use crate::occupancy::Occupancy;
+use crate::orientation::Orientation;
 use crate::tool::{Clearance, Tool, contains};
 use crate::voxelize::voxelize;
 

@@ -55,7 +55,7 @@ def check(
     machine: str | None,
     clearance: _Triple | None,
     contact: float | None,
-    tolerance: float | None,
+    step: float | None,
     in_world: bool,
     stick_out: bool,
     progress: _Progress,

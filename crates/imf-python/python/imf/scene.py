@@ -220,7 +220,7 @@ class Scene:
         machine: str | os.PathLike[str] | None = None,
         clearance: Clearance | None = None,
         contact: float | None = None,
-        tolerance: float | None = None,
+        step: float | None = None,
         frame: str = "part",
         stick_out: bool = False,
         progress: Progress = None,
@@ -229,7 +229,7 @@ class Scene:
 
         path: a file (CSV, APT/CL or G-code), or poses ``(n, 6)``. tools: by number, where the path changes them; else the scene's.
         machine: its file, for paths that need one. clearance: by default the scene's. contact: how deep the part may lie in the
-        cutter, 0.05 mm by default. tolerance: how closely the path is followed, by default a quarter of the pitch. frame: "part" or
+        cutter, 0.05 mm by default. step: farthest that any point of the tool moves between two poses that are looked at, by default a quarter of the pitch. frame: "part" or
         "world", of the path. stick_out: also finds the least stick-out of every tool.
         """
         if frame not in ("part", "world"):
@@ -249,7 +249,7 @@ class Scene:
             None if machine is None else os.fspath(machine),
             None if clearance is None else clearance_input(clearance),
             contact,
-            tolerance,
+            step,
             frame == "world",
             stick_out,
             listener(progress),

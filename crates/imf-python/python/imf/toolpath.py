@@ -69,8 +69,8 @@ class CheckReport:
     """Diameter of the smallest ball whose overlap is certain to be detected."""
     contact: float
     """How deep the part might lie in the cutter."""
-    tolerance: float
-    """How closely the path was followed."""
+    step: float
+    """Farthest that any point of the tool moved between two poses that were checked."""
     stick_outs: list[dict[str, Any]]
     """By tool, where they were asked for."""
     remarks: list[str]
@@ -94,7 +94,7 @@ class CheckReport:
             poses=report["poses"],
             sure_depth=report["sure_depth"],
             contact=report["settings"]["contact"],
-            tolerance=report["settings"]["tolerance"],
+            step=report["settings"]["step"],
             stick_outs=found["stick_outs"],
             remarks=remarks,
             guarantee=found["guarantee"],

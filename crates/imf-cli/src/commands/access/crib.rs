@@ -106,7 +106,7 @@ impl Crib {
         let SurfaceSettings { tolerance, solid, environment, .. } = made;
         let samples = SurfaceSamples::new(&mesh, &solid, SAMPLES);
         let on_machine = |(machine, _): (Machine, AxisLimits)| {
-            OnMachine::new(session, machine.in_unit(unit), &bodies, &kept, &orientations)
+            OnMachine::new(session, machine.in_unit(unit), &bodies, &kept, &orientations, false)
         };
         let machine = machine.map(on_machine).transpose()?;
         let (mut tools, mut among) = (Vec::new(), Vec::new());

@@ -5,7 +5,8 @@ use std::sync::Arc;
 use anyhow::Result;
 use imf_core::check::{MachineBodies, MachineFault, MachineReach};
 use imf_core::machine::Machine;
-use imf_core::orientation::OrientationSet;
+use imf_core::orientation::{Orientation, OrientationSet};
+use imf_core::pose::Pose;
 use imf_core::scene::Bodies;
 use imf_core::surface::{LeastOverlap, PoseLimit, SurfaceTool};
 use imf_core::tool::Assembly;
@@ -21,22 +22,22 @@ pub(super) const IN_THE_WAY: [&str; 2] = ["machine", "its travel, head or table"
 /// A machine in the part's unit.
 pub(super) struct OnMachine {
     pub(super) machine: Machine,
-    /// By tool; none where nothing but its directions is known, since a set-up does not say where the part stands.
+    /// By tool.
     reach: Vec<Arc<MachineReach>>,
+    /// True where the part stands as each set-up says, not where it lies.
+    pub(super) of_setups: bool,
 }
 
 impl OnMachine {
-    /// Of the world as the frame of the work offset G54; with no tools its directions alone count.
+    /// Of the world as the frame of the work offset G54, until a set-up places the part.
     pub(super) fn new(
         session: &Session,
         machine: Machine,
         bodies: &Bodies,
         tools: &[Assembly],
         orientations: &OrientationSet,
+        of_setups: bool,
     ) -> Result<Self> {
-        if tools.is_empty() {
-            return Ok(Self { machine, reach: Vec::new() });
-        }
         let moving = MachineBodies::new(machine.clone(), bodies.part.grid.pitch, session.control(&|_| {}))?;
         let part = Arc::new(bodies.part.clone());
         let fixtures: Vec<_> =
@@ -44,12 +45,24 @@ impl OnMachine {
         let directions = &orientations.orientations;
         let reach = tools.iter().map(|tool| MachineReach::new(&moving, &part, &fixtures, tool, directions));
         let reach = reach.map(|reach| reach.map(Arc::new)).collect::<Result<_, _>>()?;
-        Ok(Self { machine, reach })
+        Ok(Self { machine, reach, of_setups })
     }
 
-    /// A tool where the machine brings it.
+    /// A tool where the machine brings it in a set-up.
+    pub(super) fn in_setup(
+        &self,
+        index: usize,
+        tool: &SurfaceTool,
+        place: &Pose,
+        directions: &[Orientation],
+    ) -> SurfaceTool {
+        let reach = self.reach[index].placed(place, directions);
+        tool.clone().limited(Arc::new(move |tip, axis| reach.reaches(tip, axis)))
+    }
+
+    /// A tool where the machine brings it, with the part where it lies.
     pub(super) fn limit(&self, index: usize, tool: SurfaceTool) -> SurfaceTool {
-        let Some(reach) = self.reach.get(index).cloned() else { return tool };
+        let Some(reach) = self.reach.get(index).filter(|_| !self.of_setups).cloned() else { return tool };
         let limit: PoseLimit = Arc::new(move |tip, axis| reach.reaches(tip, axis));
         tool.limited(limit)
     }
@@ -61,7 +74,7 @@ impl OnMachine {
         at: &LeastOverlap,
         orientations: &OrientationSet,
     ) -> Option<MachineFault> {
-        if at.voxels > 0 {
+        if at.voxels > 0 || self.of_setups {
             return None;
         }
         let axis = orientations.orientations[at.direction as usize].direction();

@@ -111,7 +111,7 @@ impl AccessRun {
                     "looked at for the part's surface, which stands in the frame of G54; for volumes and stick-outs directions alone count"
                 }
                 Some(_) => {
-                    "not looked at for set-ups, which do not say where the part stands: imf check does, along a path"
+                    "looked at for the surface in each set-up, where the middle of the part's foot is on the zero of G54"
                 }
             };
             session.note(&format!(
@@ -256,8 +256,8 @@ impl AccessRun {
             session.warn("a tool without a cutter can touch nothing: the part's surface is left out");
         }
         let on_machine = |(machine, _): (Machine, AxisLimits)| {
-            let seen = if question.is_none() && surface.is_some() { &tools[..] } else { &[] };
-            OnMachine::new(session, machine.in_unit(unit), &bodies, seen, &orientations)
+            let seen = if surface.is_some() { &tools[..] } else { &[] };
+            OnMachine::new(session, machine.in_unit(unit), &bodies, seen, &orientations, question.is_some())
         };
         let machine = machine.map(on_machine).transpose()?;
         let [x, y, z] = query.dims;

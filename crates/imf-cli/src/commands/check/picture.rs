@@ -4,8 +4,9 @@ use std::path::Path;
 
 use anyhow::Result;
 use glam::{DMat4, DVec3};
-use imf_core::check::{CheckBodies, CheckReport, Collision, HitBody};
+use imf_core::check::{CheckBodies, CheckReport, Collision, MachineBodies};
 use imf_core::grid::Grid;
+use imf_core::machine::{Machine, MachineSolid, Side};
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::Orientation;
 use imf_core::pose::Pose;
@@ -24,7 +25,7 @@ use crate::slices;
 const PLACES: usize = 4;
 /// Squares along a side.
 const SIDE: usize = 90;
-const CLASSES: [&str; 6] = ["empty", "part", "fixture", "tool", "tool in a body", "stock"];
+const CLASSES: [&str; 7] = ["empty", "part", "fixture", "tool", "overlap", "stock", "machine"];
 
 /// The frame that a picture is drawn in.
 pub(super) struct Drawn {
@@ -57,21 +58,10 @@ pub(super) fn draw(
 ) -> Result<bool> {
     let unit = frame.unit;
     let mut chosen: Vec<(String, usize, &Collision, &Tool)> = Vec::new();
-    let mut lines = Vec::new();
     for (line, hit) in report.worst() {
-        // What else of the machine hits or is hit is not drawn.
-        let of_tool = |tool: &&(Option<u32>, &Tool)| {
-            let names = match &tool.1.shape {
-                ToolShape::Revolved(elements) => elements.iter().map(|own| own.kind.to_string()).collect(),
-                ToolShape::Mesh(_) => vec!["tool".to_owned()],
-            };
-            !matches!(hit.against, HitBody::Machine(_)) && names.contains(&hit.element)
-        };
-        let tool = tools.iter().find(|(number, _)| number.is_none() || *number == line.tool).filter(of_tool);
-        let Some((_, tool)) = tool.filter(|_| !lines.contains(&line.line) && lines.len() < PLACES) else {
-            continue;
-        };
-        lines.push(line.line);
+        let tool = tools.iter().find(|(number, _)| number.is_none() || *number == line.tool);
+        let is_new = chosen.len() < PLACES && chosen.iter().all(|(_, known, ..)| *known != line.line);
+        let Some((_, tool)) = tool.filter(|_| is_new) else { continue };
         let title = format!(
             "{}: {}, {} {unit} deep in the {}",
             text::place(line),
@@ -88,12 +78,18 @@ pub(super) fn draw(
         .into_iter()
         .map(|(title, line, hit, tool)| {
             let in_stock = |point: DVec3| stock.is_some_and(|stock| stock.is_there(line, point));
-            let plane = |axis| cut(hit, tool, bodies, &in_stock, &frame.set_up, axis);
+            let moving = Moving::new(hit, bodies.machine.map(MachineBodies::machine), &frame.set_up);
+            let plane = |axis| cut(hit, tool, &moving, bodies, &in_stock, &frame.set_up, axis);
             let planes: Vec<_> = (0..3).map(plane).collect();
             (title, planes)
         })
         .collect();
-    let scale = Scale::classes(&CLASSES[..if stock.is_some() { 6 } else { 5 }]);
+    let classes = match (bodies.machine, stock) {
+        (Some(_), _) => 7,
+        (_, Some(_)) => 6,
+        _ => 5,
+    };
+    let scale = Scale::classes(&CLASSES[..classes]);
     let rows = cuts.iter().map(|(title, planes)| PanelRow {
         title: title.clone(),
         panels: planes
@@ -118,10 +114,40 @@ pub(super) fn draw(
     Ok(true)
 }
 
+/// The machine's solids at a collision, each with the way from the world to where it is with all axes at 0.
+struct Moving<'a> {
+    solids: Vec<(&'a MachineSolid, DMat4)>,
+}
+
+impl<'a> Moving<'a> {
+    fn new(hit: &Collision, machine: Option<&'a Machine>, set_up: &DMat4) -> Self {
+        let Some((machine, joints)) = machine.zip(hit.joints) else { return Self { solids: Vec::new() } };
+        let placed = |solid: &'a MachineSolid| {
+            let Pose { position, rotation } = machine.place(solid, &joints);
+            (solid, (*set_up * DMat4::from_rotation_translation(rotation, position)).inverse())
+        };
+        Self { solids: machine.solids.iter().map(placed).collect() }
+    }
+
+    fn holds(&self, side: Side, point: DVec3) -> bool {
+        let own = self.solids.iter().filter(|(solid, _)| solid.side == side);
+        own.into_iter().any(|(solid, back)| solid.contains(back.transform_point3(point)))
+    }
+
+    /// Half the least extent of the head's solid that hits.
+    fn thickness(&self, element: &str) -> Option<f64> {
+        let (solid, _) =
+            self.solids.iter().find(|(solid, _)| solid.side == Side::Head && solid.name == element)?;
+        let (lower, upper) = solid.bounds();
+        Some(0.5 * (upper - lower).min_element())
+    }
+}
+
 /// What lies in the plane of the frame at right angles to `axis` through the contact point: a grid of one layer, and its classes.
 fn cut(
     hit: &Collision,
     tool: &Tool,
+    moving: &Moving<'_>,
     bodies: CheckBodies<'_>,
     in_stock: &impl Fn(DVec3) -> bool,
     set_up: &DMat4,
@@ -134,7 +160,8 @@ fn cut(
         DVec3::from_array(hit.position),
         &Orientation { roll: hit.roll.unwrap_or(0.0), ..orientation },
     );
-    let side = 2.0 * (1.5 * widest(tool, &hit.element)).max(8.0 * bodies.part.grid.pitch);
+    let wide = moving.thickness(&hit.element).unwrap_or_else(|| widest(tool, &hit.element));
+    let side = 2.0 * (1.5 * wide).max(8.0 * bodies.part.grid.pitch);
     let side = side * back.x_axis.length();
     let pitch = side / SIDE as f64;
     let mut dims = [SIDE; 3];
@@ -157,14 +184,19 @@ fn cut(
                 None => tool.element_at(&pose, point).is_some(),
             };
             let in_fixture = || bodies.fixtures.iter().any(|(_, fixture)| is_solid(fixture, point));
-            match (in_tool, is_solid(bodies.part, point)) {
-                (false, true) => 1.0,
-                (true, true) => 4.0,
-                (false, false) if in_fixture() => 2.0,
-                (true, false) if in_fixture() || in_stock(point) => 4.0,
-                (true, false) => 3.0,
-                (false, false) if in_stock(point) => 5.0,
-                (false, false) => 0.0,
+            let of_head = !in_tool && moving.holds(Side::Head, point);
+            let standing = match () {
+                () if is_solid(bodies.part, point) => 1.0,
+                () if in_fixture() => 2.0,
+                () if in_stock(point) => 5.0,
+                () if moving.holds(Side::Table, point) => 6.0,
+                () => 0.0,
+            };
+            match (in_tool, of_head) {
+                (false, false) => standing,
+                _ if standing != 0.0 => 4.0,
+                (true, _) => 3.0,
+                (false, true) => 6.0,
             }
         })
         .collect();

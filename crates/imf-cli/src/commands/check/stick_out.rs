@@ -20,7 +20,7 @@ pub(super) fn lines(checked: &CheckRun<'_>) -> String {
     } else {
         ""
     };
-    let between = short(0.5 * checked.report.settings.tolerance);
+    let between = short(0.5 * checked.report.settings.step);
     format!(
         "{lines}  so set, shank and holder with their clearance and {between} {unit} more, for what lies between two poses, hold no \
          voxel's centre on the whole path{machine}\n"

@@ -1,7 +1,6 @@
 //! The stock of a check: where it comes from, what the path leaves of it, and how that is told.
 
 use std::fmt::Write;
-use std::path::Path;
 
 use anyhow::{Context as _, Result, bail, ensure};
 use glam::{DMat4, DVec3};
@@ -261,8 +260,14 @@ impl StockResult {
         let fields =
             [NamedField::new("stock", &classes[..]), NamedField::new("removed_by_line", &removed_by[..])];
         write_vti(folder.file("stock.vti"), &remaining.grid, &fields)?;
-        write_surface(&folder.file("stock.stl"), remaining, back)?;
+        let comment = concat!("imf ", env!("CARGO_PKG_VERSION"), ": the stock that is left, by voxels");
+        write_stl(&self.surface(back), folder.file("stock.stl"), comment)?;
         Ok(["removed.csv", "stock.vti", "stock.stl"])
+    }
+
+    /// The surface of what is left, by voxels, where `back` leads from the world.
+    pub(super) fn surface(&self, back: &DMat4) -> Mesh {
+        self.report.remaining.faces().transformed(back)
     }
 
     fn table(&self) -> String {
@@ -287,15 +292,6 @@ impl StockResult {
             remaining.solid[index] == 1 || removed_by[index] as usize >= line.max(1)
         }
     }
-}
-
-fn write_surface(path: &Path, solid: &Occupancy, back: &DMat4) -> Result<()> {
-    let mesh = solid.faces().transformed(back);
-    Ok(write_stl(
-        &mesh,
-        path,
-        concat!("imf ", env!("CARGO_PKG_VERSION"), ": the stock that is left, by voxels"),
-    )?)
 }
 
 /// A line and one of its collisions.

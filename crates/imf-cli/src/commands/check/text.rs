@@ -40,7 +40,7 @@ pub(super) fn text(checked: &CheckRun<'_>) -> String {
         "{verdict}: {} lines, {} poses, no point of the tool moving more than {} {unit} between them",
         report.locations,
         report.poses,
-        short(settings.tolerance)
+        short(settings.step)
     );
     text += &stick_out::lines(checked);
     if report.starts > 1 {
@@ -86,7 +86,7 @@ pub(super) fn text(checked: &CheckRun<'_>) -> String {
     if let Some(bodies) = checked.machine {
         let machine = bodies.machine();
         let seen = bodies.coarsest_pitch().map_or_else(String::new, |pitch| {
-            let sure = 3f64.sqrt() * pitch + settings.tolerance;
+            let sure = 3f64.sqrt() * pitch + settings.step;
             format!(
                 "; with its table, overlaps deeper than {} {unit} are certain to be detected",
                 short(sure)

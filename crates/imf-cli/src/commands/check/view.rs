@@ -1,7 +1,10 @@
 //! The path among part and fixtures for the page in 3D: lines that collide in red, the deepest places marked.
 
 use glam::{DMat4, DVec3};
+use imf_core::check::{HitBody, MachineBodies};
+use imf_core::machine::{Joints, MachineSolid, Side};
 use imf_core::mesh::Mesh;
+use imf_core::pose::Pose;
 use imf_core::toolpath::{MoveKind, Toolpath};
 
 use super::{CheckRun, text};
@@ -13,31 +16,74 @@ const PLACES: usize = 50;
 const FEED: [u8; 3] = [40, 90, 170];
 const RAPID: [u8; 3] = [130, 160, 130];
 const COLLIDING: [u8; 3] = [205, 30, 30];
+const STOCK: [u8; 3] = [214, 178, 110];
+const TABLE: [u8; 3] = [165, 190, 205];
+const HEAD: [u8; 3] = [120, 140, 190];
 
-/// The bodies as one mesh in the frame of the answer, and the body of each triangle. `meshes` are in the world, the part first;
-/// `back` leads from there to the answer's frame.
-pub(super) fn bodies(meshes: &[(String, Mesh)], back: &DMat4) -> (Mesh, Vec<f32>) {
-    let (mut all, mut of) = (Mesh::default(), Vec::new());
-    for (index, (_, mesh)) in meshes.iter().enumerate() {
-        all.append(&mesh.transformed(back));
-        of.resize(all.triangles.len(), index as f32);
+/// What is shown as surfaces, all in the frame of the answer.
+pub(super) struct Shown {
+    mesh: Mesh,
+    /// Of every triangle, which of the names.
+    of: Vec<f32>,
+    /// With their colours, and whether they are hidden at first.
+    names: Vec<(String, [u8; 3], bool)>,
+    /// The box around the part, its stock and what is marked.
+    focus: Option<(DVec3, DVec3)>,
+}
+
+impl Shown {
+    /// `meshes` are in the world, the part first; `back` leads from there to the answer's frame, `set_up` from the path's frame to the
+    /// world. A machine's solids are where they are at the deepest collision; without one those alone are shown that go with the part.
+    pub(super) fn new(
+        checked: &CheckRun<'_>,
+        meshes: &[(String, Mesh)],
+        back: &DMat4,
+        set_up: &DMat4,
+    ) -> Self {
+        let mut shown = Self { mesh: Mesh::default(), of: Vec::new(), names: Vec::new(), focus: None };
+        for (index, (name, mesh)) in meshes.iter().enumerate() {
+            shown.add(name, if index == 0 { NONE } else { distinct(index) }, false, &mesh.transformed(back));
+        }
+        if let Some(stock) = &checked.stock {
+            shown.add("stock that is left", STOCK, false, &stock.surface(back));
+        }
+        let worst = checked.report.worst();
+        let places = worst.iter().take(PLACES).map(|(_, hit)| DVec3::from_array(hit.contact));
+        let around = |(lower, upper): (DVec3, DVec3), place: DVec3| (lower.min(place), upper.max(place));
+        shown.focus = shown.mesh.bounds().map(|bounds| places.fold(bounds, around));
+        let Some(machine) = checked.machine.map(MachineBodies::machine) else { return shown };
+        let joints = worst.iter().find_map(|(_, hit)| hit.joints);
+        let top = machine.axes_of(Side::Table);
+        let with_part = |solid: &&MachineSolid| solid.side == Side::Table && solid.level == top;
+        for solid in machine.solids.iter().filter(|solid| joints.is_some() || with_part(solid)) {
+            let joints = joints.unwrap_or(Joints { linear: DVec3::ZERO, rotary: [0.0; 2] });
+            let Pose { position, rotation } = machine.place(solid, &joints);
+            let place = *back * *set_up * DMat4::from_rotation_translation(rotation, position);
+            let colour = if solid.side == Side::Table { TABLE } else { HEAD };
+            // The others would stand before the part.
+            let takes_part = worst.iter().any(|(_, hit)| {
+                hit.element == solid.name || hit.against == HitBody::Machine(solid.name.clone())
+            });
+            shown.add(
+                &format!("machine's {}", solid.name),
+                colour,
+                !takes_part,
+                &solid.surface().transformed(&place),
+            );
+        }
+        shown
     }
-    (all, of)
+
+    fn add(&mut self, name: &str, colour: [u8; 3], is_hidden: bool, mesh: &Mesh) {
+        self.mesh.append(mesh);
+        self.of.resize(self.mesh.triangles.len(), self.names.len() as f32);
+        self.names.push((name.to_owned(), colour, is_hidden));
+    }
 }
 
 /// What is shown; `path` is in the world.
-pub(super) fn view<'a>(
-    checked: &CheckRun<'_>,
-    meshes: &[(String, Mesh)],
-    (mesh, of): &'a (Mesh, Vec<f32>),
-    path: &Toolpath,
-    back: &DMat4,
-) -> View<'a> {
+pub(super) fn view<'a>(checked: &CheckRun<'_>, shown: &'a Shown, path: &Toolpath, back: &DMat4) -> View<'a> {
     let unit = checked.record.unit;
-    let colours = meshes
-        .iter()
-        .enumerate()
-        .map(|(index, (name, _))| (name.clone(), if index == 0 { NONE } else { distinct(index) }));
     let hit: Vec<usize> = checked.report.colliding.iter().map(|line| line.line).collect();
     let mut paths = [("feed", FEED), ("rapid", RAPID), ("lines that collide", COLLIDING)]
         .map(|(name, colour)| PathLines { name, colour, pieces: Vec::new() });
@@ -68,12 +114,13 @@ pub(super) fn view<'a>(
     View {
         title: format!("{}, path {}", checked.record.part, checked.arguments.toolpath.display()),
         unit,
-        mesh,
+        mesh: &shown.mesh,
+        focus: shown.focus,
         layers: vec![Layer {
             name: "body",
             title: "by body",
-            colours: Colours::Classes(colours.collect()),
-            values: of.clone(),
+            colours: Colours::Bodies(shown.names.clone()),
+            values: shown.of.clone(),
         }],
         directions: Vec::new(),
         place_name: "collisions",

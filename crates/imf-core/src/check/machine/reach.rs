@@ -48,14 +48,16 @@ impl fmt::Display for MachineFault {
 
 /// One tool on a machine, among what is set up on its table.
 ///
-/// A pose is the tool's in the frame of the work offset G54. Of all angles that give the tool its direction one must do: the axes
+/// A pose is the tool's in the part's frame, which is that of the work offset G54 until the part is [placed](Self::placed). Of all angles that give the tool its direction one must do: the axes
 /// within their ranges, what the head carries clear of part, fixtures and table, by its clearance (the holder's), and the tool clear of
 /// the table. Where an angle is free, because it turns the tool about itself, each eighth of a turn is tried. How the tool comes there
 /// is not looked at.
 pub struct MachineReach {
     pairs: MachinePairs,
+    /// From the part's frame to that of G54.
+    place: Pose,
     length: f64,
-    /// By the bits of a direction that was announced.
+    /// By the bits of a direction that was announced, in the part's frame.
     known: HashMap<[u64; 3], Vec<Turned>>,
 }
 
@@ -93,10 +95,26 @@ impl MachineReach {
         let fixtures: Vec<Arc<Body>> = fixtures.iter().map(body).collect();
         let here = Pose::new(DVec3::ZERO, glam::DQuat::IDENTITY);
         let pairs = MachinePairs::new(machine, &part, &fixtures, tool, &settings, &here)?;
-        let machine = &machine.machine;
+        let reach = Self { pairs, place: here, length: tool.length(), known: HashMap::new() };
+        Ok(reach.with(directions))
+    }
+
+    /// The same with part and fixtures elsewhere on the table: `place` leads from their frame, that of all poses, to that of G54.
+    /// Poses with one of these directions are answered sooner.
+    #[must_use]
+    pub fn placed(&self, place: &Pose, directions: &[Orientation]) -> Self {
+        let pairs = self.pairs.at(&place.inverse());
+        Self { pairs, place: *place, length: self.length, known: HashMap::new() }.with(directions)
+    }
+
+    fn with(mut self, directions: &[Orientation]) -> Self {
         let axes = directions.iter().filter_map(|orientation| axis_of(orientation.quaternion()));
-        let known = axes.map(|axis| (bits(axis), turned(machine, axis))).collect();
-        Ok(Self { length: tool.length(), pairs, known })
+        self.known = axes.map(|axis| (bits(axis), self.turned(axis))).collect();
+        self
+    }
+
+    fn turned(&self, axis: DVec3) -> Vec<Turned> {
+        turned(&self.pairs.machine, self.place.rotation * axis)
     }
 
     /// True where the machine brings the tool's tip to `tip` with its axis along a unit vector.
@@ -118,14 +136,15 @@ impl MachineReach {
     fn of_direction<T>(&self, axis: DVec3, answer: impl FnOnce(&[Turned]) -> T) -> T {
         match self.known.get(&bits(axis)) {
             Some(turned) => answer(turned),
-            None => answer(&turned(&self.pairs.machine, axis)),
+            None => answer(&self.turned(axis)),
         }
     }
 
     fn fault_at(&self, tip: DVec3, turned: &Turned) -> Option<MachineFault> {
         let Turned { rotary, place } = turned;
         let head = place.head[2].of_point(DVec3::new(0.0, 0.0, -self.length));
-        let linear = place.table[2].of_point(tip + self.pairs.machine.part_zero()) - head;
+        let linear =
+            place.table[2].of_point(self.place.of_point(tip) + self.pairs.machine.part_zero()) - head;
         let joints = Joints { linear, rotary: *rotary };
         if let Some(out) = self.pairs.machine.out_of_travel(&joints) {
             return Some(MachineFault::OutOfTravel(out));

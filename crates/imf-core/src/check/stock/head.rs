@@ -16,7 +16,7 @@ pub(super) struct Heads<'a> {
     bodies: Vec<(HeadBody, Vec<Guard>)>,
     /// From the world to where the machine's coordinates are with the table's axes at 0.
     to_machine: Pose,
-    tolerance: f64,
+    step: f64,
 }
 
 /// On one motion.
@@ -46,7 +46,7 @@ impl<'a> Heads<'a> {
         };
         let bodies = of_head.map(body).collect::<Result<_, CheckError>>()?;
         let to_machine = HeadBody::to_machine(machine, world);
-        Ok(Self { machine, bodies, to_machine, tolerance: settings.tolerance })
+        Ok(Self { machine, bodies, to_machine, step: settings.step })
     }
 
     pub(super) fn forget(&mut self) {
@@ -58,7 +58,7 @@ impl<'a> Heads<'a> {
         let table = self.machine.axes_of(Side::Table);
         let of_body = |(body, guards): &(HeadBody, Vec<Guard>)| {
             let farthest = way.map_or(0.0, |way| way.motion_bound(&body.ball, table));
-            let each = (farthest / self.tolerance / motion.count as f64).ceil().max(1.0);
+            let each = (farthest / self.step / motion.count as f64).ceil().max(1.0);
             let length = farthest / (each * motion.count as f64);
             (each as u64, length, guards.iter().map(|_| Track::default()).collect())
         };

@@ -1,17 +1,24 @@
 //! The fewest set-ups: candidates, result and report.
 
-use std::fmt::{self, Write as _};
+mod lines;
 
 use anyhow::Result;
 use glam::DVec3;
+use imf_core::access::{RemovableError, cutter_of, removable_by_orientation};
 use imf_core::machine::AxisLimits;
+use imf_core::occupancy::Occupancy;
 use imf_core::orientation::Orientation;
-use imf_core::set_cover::CoverSettings;
+use imf_core::pose::Pose;
+use imf_core::section::SectionError;
+use imf_core::set_cover::{CoverProblem, CoverSettings};
 use imf_core::surface::{
-    ChosenSetup, PartSetup, SetupPlan, Verdict, candidate_setups, fewest_setups, ways_up,
+    ChosenSetup, PartSetup, SetupPlan, SetupTool, SurfaceAccess, SurfaceError, SurfaceTool, Verdict,
+    candidate_setups, fewest_setups, reached_in_setups, removed_in_setups, surface_access, ways_up,
 };
-use serde::Serialize;
+pub(in crate::commands::access) use lines::SetupsRow;
+use lines::{AxisRow, LeftRow, SetupRow, StockRow, axis_rows};
 
+use super::super::on_machine::OnMachine;
 use super::{AccessRun, Surface};
 use crate::interrupt::Interrupted;
 use crate::session::Session;
@@ -30,10 +37,17 @@ pub(in crate::commands::access) struct SetupSettings {
     pub(in crate::commands::access) every_direction: bool,
 }
 
+/// Voxels of the stock that set-ups are chosen by, at most.
+const STOCK: usize = 8_000;
+
 /// The answer.
 pub(super) struct Setups {
     plan: SetupPlan,
     candidates: Vec<PartSetup>,
+    /// What each candidate reaches of the samples.
+    surface: CoverProblem,
+    /// What each candidate removes of the stock, where one is given.
+    stock: Option<CoverProblem>,
     /// What reaches these directions, for people.
     machine: String,
     fraction: f64,
@@ -41,6 +55,8 @@ pub(super) struct Setups {
     pub(super) by_sample: Vec<u32>,
     /// By chosen set-up, where the machine has rotary axes.
     rotary: Vec<Vec<AxisRow>>,
+    /// By chosen set-up where the part stands on the machine, where one is given.
+    places: Vec<Option<Pose>>,
 }
 
 impl Setups {
@@ -57,46 +73,87 @@ impl Setups {
             ways_up(&run.suggested)
         };
         let candidates = candidate_setups(&run.mesh, &ways, orientations, &question.range.limits)?;
-        let tools: Vec<_> = surface.tools.iter().map(|(access, ..)| access).collect();
         let samples = &surface.samples.samples;
+        let own = |setup: &PartSetup| -> Vec<Orientation> {
+            setup.directions.iter().map(|&direction| orientations[direction]).collect()
+        };
+        let machine = run.machine.as_ref();
+        let brought = |tool: usize, setup: &PartSetup| {
+            let place = setup.place(&run.mesh);
+            let moved =
+                |machine: &OnMachine| machine.in_setup(tool, &surface.tools[tool].1, &place, &own(setup));
+            machine.map(moved)
+        };
+        let by_tool: Vec<_> = (0..surface.tools.len())
+            .map(|tool| {
+                move |setup: &PartSetup| brought(tool, setup).unwrap_or_else(|| surface.tools[tool].1.clone())
+            })
+            .collect();
+        let tools = surface.tools.iter().zip(&by_tool).map(|((access, _), brought)| SetupTool {
+            access,
+            brought: machine.map(|_| brought as &(dyn Fn(&PartSetup) -> SurfaceTool + Sync)),
+        });
+        let tools: Vec<SetupTool<'_>> = tools.collect();
+        let interrupted = || Interrupted("no result was written: the set-ups were not found".into());
         let stage = session.stage("set-ups", "candidates", candidates.len() as u64);
         let advance = |n| stage.advance(n);
+        let control = session.control(&advance);
+        let reached = reached_in_setups(&tools, samples, orientations, &candidates, control);
+        let reached = reached.ok_or_else(interrupted)?;
+        let stock = run.stock.as_ref().map(|stock| removed(session, run, &stock.solid, &candidates));
+        let stock = stock.transpose()?;
         let settings = CoverSettings { fraction: question.fraction, ..CoverSettings::default() };
-        let plan = fewest_setups(&tools, samples, &candidates, &settings, session.control(&advance));
-        let plan =
-            plan.ok_or_else(|| Interrupted("no result was written: the set-ups were not found".into()))?;
-        stage.finish("");
-        let first = |sample: usize| {
-            let reaches = |chosen: &ChosenSetup| {
-                let directions = &candidates[chosen.candidate].directions;
-                tools.iter().any(|tool| tool.is_free_from_any(sample, directions))
+        let both = stock.as_ref().map(|stock| reached.beside(stock));
+        let plan = fewest_setups(&candidates, both.as_ref().unwrap_or(&reached), &settings, control);
+        let plan = plan.ok_or_else(interrupted)?;
+        // By chosen set-up and tool, from its own directions.
+        let on_machine = |chosen: &ChosenSetup| {
+            let setup = &candidates[chosen.candidate];
+            let one = |tool: &SetupTool<'_>| {
+                let brought = tool.brought?(setup);
+                Some(surface_access(&brought, samples, &own(setup), session.control(&|_| {})))
             };
-            plan.setups.iter().position(reaches).map_or(0, |at| at as u32 + 1)
+            tools.iter().filter_map(one).collect::<Result<Vec<SurfaceAccess>, _>>()
+        };
+        let on_machine = plan.setups.iter().map(on_machine).collect::<Result<Vec<_>, _>>();
+        let on_machine = on_machine.map_err(super::interrupted)?;
+        stage.finish("");
+        let free = |at: usize, sample: usize, place: usize| {
+            let direction = candidates[plan.setups[at].candidate].directions[place];
+            on_machine[at].iter().any(|access| access.is_free(sample, place))
+                || machine.is_none() && tools.iter().any(|tool| tool.access.is_free(sample, direction))
+        };
+        let first = |sample: usize| {
+            let reaches = |&at: &usize| reached.contains(plan.setups[at].candidate, sample);
+            (0..plan.setups.len()).find(reaches).map_or(0, |at| at as u32 + 1)
         };
         let by_sample: Vec<u32> = (0..samples.len()).map(first).collect();
         let rotary = plan.setups.iter().enumerate().map(|(at, chosen)| {
             let candidate = &candidates[chosen.candidate];
-            let angles = |&index: &usize| {
-                let direction = candidate.rotation() * orientations[index].direction();
-                Some((index, question.range.limits.angles(direction.normalize(), SLACK)?))
+            let angles = |place: usize| {
+                let direction = candidate.rotation() * orientations[candidate.directions[place]].direction();
+                Some((place, question.range.limits.angles(direction.normalize(), SLACK)?))
             };
-            let mut angles: Vec<(usize, [f64; 2])> = candidate.directions.iter().filter_map(angles).collect();
+            let mut angles: Vec<(usize, [f64; 2])> =
+                (0..candidate.directions.len()).filter_map(angles).collect();
             angles.sort_by(|(_, a), (_, b)| {
                 a[0].abs().total_cmp(&b[0].abs()).then(a[1].abs().total_cmp(&b[1].abs()))
             });
             // Each sample by the direction that tilts least.
             let own = (0..samples.len()).filter(|&sample| by_sample[sample] == at as u32 + 1);
             let needed = own.filter_map(|sample| {
-                let free = |direction: usize| tools.iter().any(|tool| tool.is_free(sample, direction));
-                angles.iter().find(|(direction, _)| free(*direction)).map(|(_, angles)| *angles)
+                angles.iter().find(|(place, _)| free(at, sample, *place)).map(|(_, angles)| *angles)
             });
             axis_rows(&question.range, needed)
         });
         let rotary = rotary.collect();
-        let own = run.machine.as_ref().map(|own| &own.machine);
-        let own = own.filter(|machine| machine.limits() == Some(question.range));
-        let machine = own.map_or_else(|| question.range.limits.to_string(), |machine| machine.name.clone());
-        Ok(Self { plan, candidates, machine, fraction: question.fraction, by_sample, rotary })
+        let places =
+            plan.setups.iter().map(|chosen| machine.map(|_| candidates[chosen.candidate].place(&run.mesh)));
+        let places = places.collect();
+        let own = machine.map(|own| &own.machine).filter(|own| own.limits() == Some(question.range));
+        let machine = own.map_or_else(|| question.range.limits.to_string(), |own| own.name.clone());
+        let (surface, fraction) = (reached, question.fraction);
+        Ok(Self { plan, candidates, surface, stock, machine, fraction, by_sample, rotary, places })
     }
 
     /// Of the chosen set-ups.
@@ -106,24 +163,42 @@ impl Setups {
 
     pub(super) fn row(&self, surface: &Surface) -> SetupsRow {
         let total = surface.samples.area();
-        let chosen = self.plan.setups.iter().zip(&self.rotary).map(|(chosen, rotary)| {
-            let candidate = &self.candidates[chosen.candidate];
+        let sets: Vec<usize> = self.plan.setups.iter().map(|chosen| chosen.candidate).collect();
+        let all: Vec<usize> = (0..self.candidates.len()).collect();
+        let alone = self.surface.covered_alone(&sets);
+        let of_stock = |stock: &CoverProblem, sets: &[usize]| stock.covered(sets) / stock.weight();
+        let chosen = sets.iter().enumerate().map(|(at, &index)| {
+            let candidate = &self.candidates[index];
             let up = Orientation::from_direction(candidate.up).unwrap_or(Orientation::new(0.0, 0.0));
             SetupRow {
                 up: (candidate.up + 0.0).to_array(),
                 theta: up.theta,
                 phi: up.phi,
-                transform: rotation(candidate),
+                transform: transform(candidate, self.places[at].as_ref()),
                 rests: candidate.rests,
                 lower_face: candidate.floor_area,
-                rotary: rotary.clone(),
-                reached: chosen.area / total,
-                alone: chosen.alone / total,
+                rotary: self.rotary[at].clone(),
+                reached: self.surface.covered(&[index]) / total,
+                alone: alone[at] / total,
+                removed: self.stock.as_ref().map(|stock| of_stock(stock, &[index])),
             }
         });
-        let left = |verdict: Verdict| {
-            surface.share(|sample| self.by_sample[sample] == 0 && surface.best[sample].0 == verdict)
+        let reachable = |sample: usize| all.iter().any(|&set| self.surface.contains(set, sample));
+        let left = |holds: &dyn Fn(usize, Verdict) -> bool| {
+            surface.share(|sample| self.by_sample[sample] == 0 && holds(sample, surface.best[sample].0))
         };
+        let of = |verdict: Verdict| left(&|_, own| own == verdict);
+        let given = |sample: usize| {
+            let reaches = |setup: &PartSetup| {
+                let free =
+                    |tool: &(SurfaceAccess, SurfaceTool)| tool.0.is_free_from_any(sample, &setup.directions);
+                surface.tools.iter().any(free)
+            };
+            self.candidates.iter().any(reaches)
+        };
+        let by_machine = self.places.iter().any(Option::is_some);
+        let kept =
+            left(&|sample, own| by_machine && own == Verdict::Reached && !reachable(sample) && given(sample));
         SetupsRow {
             machine: self.machine.clone(),
             candidates: self.candidates.len(),
@@ -131,156 +206,67 @@ impl Setups {
             setups: chosen.collect(),
             proven: self.plan.is_proven(),
             at_least: self.plan.at_least,
-            reached: self.plan.area / total,
-            reachable: self.plan.reachable / total,
+            reached: self.surface.covered(&sets) / total,
+            reachable: self.surface.covered(&all) / total,
+            stock: self.stock.as_ref().map(|stock| StockRow {
+                removed: of_stock(stock, &sets),
+                removable: of_stock(stock, &all),
+                voxels: stock.elements(),
+            }),
             left: LeftRow {
-                reached_from_other_directions: left(Verdict::Reached),
-                obstructed: left(Verdict::Obstructed),
-                gouged: left(Verdict::Gouged),
-                not_faced: left(Verdict::NotFaced),
+                reached_from_other_directions: of(Verdict::Reached) - kept,
+                kept_away_by_the_machine: kept,
+                obstructed: of(Verdict::Obstructed),
+                gouged: of(Verdict::Gouged),
+                not_faced: of(Verdict::NotFaced),
             },
         }
     }
 }
 
-/// How the part is turned from where it is into a set-up, as `--transform` reads it.
-fn rotation(run: &PartSetup) -> String {
-    let (axis, angle) = run.rotation().to_axis_angle();
+/// What each candidate removes of the stock with any of the tools, by voxels drawn evenly from it.
+fn removed(
+    session: &Session,
+    run: &AccessRun,
+    stock: &Occupancy,
+    candidates: &[PartSetup],
+) -> Result<CoverProblem> {
+    let mut held: Vec<usize> = (0..stock.solid.len()).filter(|&voxel| stock.solid[voxel] == 1).collect();
+    // In an order that keeps to no row of voxels.
+    held.sort_by_key(|&voxel| (voxel as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15));
+    let mut drawn = Occupancy::empty(stock.grid);
+    held.iter().take(STOCK).for_each(|&voxel| drawn.solid[voxel] = 1);
+    let orientations = &run.orientations.orientations;
+    let mut removed = vec![Vec::new(); orientations.len()];
+    for tool in &run.tools {
+        let Some(cutter) = cutter_of(tool.tool()) else { continue };
+        let name = format!("set-ups, stock, {}", tool.tool().name);
+        let stage = session.stage(&name, "sections", orientations.len() as u64);
+        let advance = |n| stage.advance(n);
+        let control = session.control(&advance);
+        let found =
+            removable_by_orientation(&run.obstacle, tool, &drawn, &cutter, orientations, run.tau, control);
+        let found = found.map_err(|error| match error {
+            RemovableError::Section(SectionError::Cancelled) => super::interrupted(SurfaceError::Cancelled),
+            other => other.into(),
+        })?;
+        removed.iter_mut().zip(found).for_each(|(all, more)| all.extend(more));
+        stage.finish("");
+    }
+    Ok(removed_in_setups(&removed, &drawn, candidates))
+}
+
+/// How the part is moved from where it is into a set-up, as `--transform` reads it: onto the zero of G54 where a machine is given.
+fn transform(setup: &PartSetup, place: Option<&Pose>) -> String {
+    let (axis, angle) = setup.rotation().to_axis_angle();
     let number = |value: f64| (1e6 * value).round() / 1e6 + 0.0;
     let [x, y, z] = axis.to_array().map(number);
-    match number(angle.to_degrees()) {
+    let turned = match number(angle.to_degrees()) {
         0.0 => "rotate:0,0,1:0".into(),
         angle => format!("rotate:{x},{y},{z}:{angle}"),
-    }
-}
-
-/// What a set-up needs of one of the machine's rotary axes, in degrees: the range of its angles when each point is machined with the
-/// least tilt.
-#[derive(Clone, Copy, Debug, Serialize)]
-struct AxisRow {
-    axis: char,
-    range: [f64; 2],
-}
-
-/// The tilting axis, then the turning one; none of those that the machine has not.
-fn axis_rows(range: &AxisLimits, angles: impl Iterator<Item = [f64; 2]>) -> Vec<AxisRow> {
-    let wider = |range: Option<[[f64; 2]; 2]>, angles: [f64; 2]| {
-        let known = range.unwrap_or(angles.map(|angle| [angle; 2]));
-        Some([0, 1].map(|axis| [known[axis][0].min(angles[axis]), known[axis][1].max(angles[axis])]))
     };
-    let found = angles.fold(None, wider).unwrap_or_default();
-    let named = range.axes.iter().zip(found).filter_map(|(axis, found)| {
-        let (axis, sign) = (*axis)?;
-        let [one, other] = found.map(|angle| sign * angle + 0.0);
-        Some(AxisRow { axis, range: [one.min(other), one.max(other)] })
-    });
-    named.collect()
-}
-
-impl fmt::Display for AxisRow {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let [low, high] = self.range.map(|angle| (10.0 * angle).round() / 10.0 + 0.0);
-        write!(f, "{} from {low}° to {high}°", self.axis)
-    }
-}
-
-/// One set-up; fractions are of the surface's area.
-#[derive(Debug, Serialize)]
-struct SetupRow {
-    /// What points up, in the world.
-    up: [f64; 3],
-    theta: f64,
-    phi: f64,
-    /// What turns the part so.
-    transform: String,
-    /// The part stands so by itself.
-    rests: bool,
-    /// Area of the surface that it stands on.
-    lower_face: f64,
-    /// Of a machine with rotary axes.
-    rotary: Vec<AxisRow>,
-    reached: f64,
-    /// Reached in no other of the chosen set-ups.
-    alone: f64,
-}
-
-/// What no chosen set-up reaches, by the surface's verdict over all directions.
-#[derive(Debug, Serialize)]
-struct LeftRow {
-    reached_from_other_directions: f64,
-    obstructed: f64,
-    gouged: f64,
-    not_faced: f64,
-}
-
-/// The set-ups in the summary.
-#[derive(Debug, Serialize)]
-pub(in crate::commands::access) struct SetupsRow {
-    machine: String,
-    candidates: usize,
-    /// The fraction required, of what all candidates reach.
-    asked: f64,
-    setups: Vec<SetupRow>,
-    proven: bool,
-    /// No fewer of the candidates do.
-    at_least: usize,
-    reached: f64,
-    /// What all candidates together reach.
-    reachable: f64,
-    left: LeftRow,
-}
-
-impl SetupsRow {
-    /// The report's lines.
-    pub(in crate::commands::access) fn lines(&self, unit: &str) -> String {
-        let percent = |share: f64| format!("{:.1} %", 100.0 * share);
-        let count = self.setups.len();
-        let proof = if self.proven {
-            "proven: no fewer do".to_owned()
-        } else {
-            format!("at least {} are needed: the search for fewer was given up", self.at_least)
-        };
-        let machine = match self.machine.as_str() {
-            "cone:0,0,1:0" => "three axes",
-            range => range,
-        };
-        let mut text = format!(
-            "set-ups ({machine}): {count} of {} candidates reach {} of the surface, of {} that all of them reach ({proof})\n",
-            self.candidates,
-            percent(self.reached),
-            percent(self.reachable)
-        );
-        for (index, row) in self.setups.iter().enumerate() {
-            let [i, j, k] = row.up;
-            let rest = match (row.rests, row.lower_face > 0.0) {
-                (true, true) => format!("stands on flat faces of {:.1} {unit}²", row.lower_face),
-                (true, false) => "stands by itself".into(),
-                (false, _) => "must be held: it does not stand so by itself".into(),
-            };
-            let _ = writeln!(
-                text,
-                "  {}  ({i:.3}, {j:.3}, {k:.3}) up, {}: reaches {}, alone {}; {rest}",
-                index + 1,
-                row.transform,
-                percent(row.reached),
-                percent(row.alone)
-            );
-            if !row.rotary.is_empty() {
-                let axes: Vec<String> = row.rotary.iter().map(AxisRow::to_string).collect();
-                let _ = writeln!(text, "     {}", axes.join(", "));
-            }
-        }
-        let left = [
-            ("from directions that these set-ups do not give", self.left.reached_from_other_directions),
-            ("obstructed", self.left.obstructed),
-            ("the cutter does not fit", self.left.gouged),
-            ("no direction faces it", self.left.not_faced),
-        ];
-        let left = left.into_iter().filter(|(_, share)| *share > 0.0);
-        let left: Vec<String> = left.map(|(why, share)| format!("{why} {}", percent(share))).collect();
-        if !left.is_empty() {
-            let _ = writeln!(text, "  left: {}", left.join(", "));
-        }
-        text
+    match place.map(|place| place.position.to_array().map(number)) {
+        Some([x, y, z]) => format!("{turned}; translate:{x},{y},{z}"),
+        None => turned,
     }
 }

@@ -256,6 +256,7 @@ impl Surface {
             title: format!("{}, tools: {}", run.part, tools.join(", ")),
             unit,
             mesh: &self.samples.mesh,
+            focus: None,
             layers,
             directions: self.shown_directions(run),
             place_name: "places that are not reached",

@@ -1,0 +1,160 @@
+//! The set-ups in the summary, for files and for people.
+
+use std::fmt::{self, Write as _};
+
+use imf_core::machine::AxisLimits;
+use serde::Serialize;
+
+/// What a set-up needs of one of the machine's rotary axes, in degrees: the range of its angles when each point is machined with the
+/// least tilt.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub(super) struct AxisRow {
+    pub(super) axis: char,
+    pub(super) range: [f64; 2],
+}
+
+/// The tilting axis, then the turning one; none of those that the machine has not.
+pub(super) fn axis_rows(range: &AxisLimits, angles: impl Iterator<Item = [f64; 2]>) -> Vec<AxisRow> {
+    let wider = |range: Option<[[f64; 2]; 2]>, angles: [f64; 2]| {
+        let known = range.unwrap_or(angles.map(|angle| [angle; 2]));
+        Some([0, 1].map(|axis| [known[axis][0].min(angles[axis]), known[axis][1].max(angles[axis])]))
+    };
+    let found = angles.fold(None, wider).unwrap_or_default();
+    let named = range.axes.iter().zip(found).filter_map(|(axis, found)| {
+        let (axis, sign) = (*axis)?;
+        let [one, other] = found.map(|angle| sign * angle + 0.0);
+        Some(AxisRow { axis, range: [one.min(other), one.max(other)] })
+    });
+    named.collect()
+}
+
+impl fmt::Display for AxisRow {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [low, high] = self.range.map(|angle| (10.0 * angle).round() / 10.0 + 0.0);
+        write!(f, "{} from {low}° to {high}°", self.axis)
+    }
+}
+
+/// One set-up; fractions are of the surface's area.
+#[derive(Debug, Serialize)]
+pub(super) struct SetupRow {
+    /// What points up, in the world.
+    pub(super) up: [f64; 3],
+    pub(super) theta: f64,
+    pub(super) phi: f64,
+    /// What turns the part so.
+    pub(super) transform: String,
+    /// The part stands so by itself.
+    pub(super) rests: bool,
+    /// Area of the surface that it stands on.
+    pub(super) lower_face: f64,
+    /// Of a machine with rotary axes.
+    pub(super) rotary: Vec<AxisRow>,
+    pub(super) reached: f64,
+    /// Reached in no other of the chosen set-ups.
+    pub(super) alone: f64,
+    /// The share of the stock that is removed, where one is given.
+    pub(super) removed: Option<f64>,
+}
+
+/// What is removed of the stock, as shares of it.
+#[derive(Debug, Serialize)]
+pub(super) struct StockRow {
+    pub(super) removed: f64,
+    /// In any of the candidates.
+    pub(super) removable: f64,
+    /// Of which the shares are.
+    pub(super) voxels: usize,
+}
+
+/// What no chosen set-up reaches, by the surface's verdict over all directions.
+#[derive(Debug, Serialize)]
+pub(super) struct LeftRow {
+    pub(super) reached_from_other_directions: f64,
+    /// Reached by direction in some candidate, but the machine's travel, head or table keeps the tool away.
+    pub(super) kept_away_by_the_machine: f64,
+    pub(super) obstructed: f64,
+    pub(super) gouged: f64,
+    pub(super) not_faced: f64,
+}
+
+/// The set-ups in the summary.
+#[derive(Debug, Serialize)]
+pub(in crate::commands::access) struct SetupsRow {
+    pub(super) machine: String,
+    pub(super) candidates: usize,
+    /// The fraction required, of what all candidates reach.
+    pub(super) asked: f64,
+    pub(super) setups: Vec<SetupRow>,
+    pub(super) proven: bool,
+    /// No fewer of the candidates do.
+    pub(super) at_least: usize,
+    pub(super) reached: f64,
+    /// What all candidates together reach.
+    pub(super) reachable: f64,
+    /// Where a stock is given.
+    pub(super) stock: Option<StockRow>,
+    pub(super) left: LeftRow,
+}
+
+impl SetupsRow {
+    /// The report's lines.
+    pub(in crate::commands::access) fn lines(&self, unit: &str) -> String {
+        let percent = |share: f64| format!("{:.1} %", 100.0 * share);
+        let count = self.setups.len();
+        let proof = if self.proven {
+            "proven: no fewer do".to_owned()
+        } else {
+            format!("at least {} are needed: the search for fewer was given up", self.at_least)
+        };
+        let machine = match self.machine.as_str() {
+            "cone:0,0,1:0" => "three axes",
+            range => range,
+        };
+        let mut text = format!(
+            "set-ups ({machine}): {count} of {} candidates reach {} of the surface, of {} that all of them reach{} ({proof})\n",
+            self.candidates,
+            percent(self.reached),
+            percent(self.reachable),
+            self.stock.as_ref().map_or_else(String::new, |stock| format!(
+                ", and remove {} of the stock, of {}",
+                percent(stock.removed),
+                percent(stock.removable)
+            ))
+        );
+        for (index, row) in self.setups.iter().enumerate() {
+            let [i, j, k] = row.up;
+            let rest = match (row.rests, row.lower_face > 0.0) {
+                (true, true) => format!("stands on flat faces of {:.1} {unit}²", row.lower_face),
+                (true, false) => "stands by itself".into(),
+                (false, _) => "must be held: it does not stand so by itself".into(),
+            };
+            let _ = writeln!(
+                text,
+                "  {}  ({i:.3}, {j:.3}, {k:.3}) up, {}: reaches {}, alone {}{}; {rest}",
+                index + 1,
+                row.transform,
+                percent(row.reached),
+                percent(row.alone),
+                row.removed.map_or_else(String::new, |share| format!(", removes {}", percent(share)))
+            );
+            if !row.rotary.is_empty() {
+                let axes: Vec<String> = row.rotary.iter().map(AxisRow::to_string).collect();
+                let _ = writeln!(text, "     {}", axes.join(", "));
+            }
+        }
+        let left = [
+            ("from directions that these set-ups do not give", self.left.reached_from_other_directions),
+            ("the machine's travel, head or table is in the way", self.left.kept_away_by_the_machine),
+            ("obstructed", self.left.obstructed),
+            ("the cutter does not fit", self.left.gouged),
+            ("no direction faces it", self.left.not_faced),
+        ];
+        let left = left.into_iter().filter(|(_, share)| *share > 0.0);
+        let left: Vec<String> = left.map(|(why, share)| format!("{why} {}", percent(share))).collect();
+        if !left.is_empty() {
+            let _ = writeln!(text, "  left: {}", left.join(", "));
+        }
+        text
+    }
+}

@@ -1,0 +1,113 @@
+//! Which poses a machine reaches, by the same matrices.
+
+use glam::DQuat;
+
+use super::*;
+use crate::orientation::Orientation;
+use crate::pose::Pose;
+
+#[test]
+fn a_pose_is_reached_where_some_angles_within_the_ranges_are_free_of_all_contacts() {
+    let part = part();
+    for mut machine in machines() {
+        // From here on the machine is short of travel as well.
+        machine.travel[0] = [-9.0, 9.0];
+        let bodies = MachineBodies::new(machine.clone(), 1.0, Control::quiet()).unwrap();
+        let (insides, pairs) = pairs(&machine, &bodies, &part);
+        // The tool and the part are left to whoever asks.
+        let others = |pair: &&Pair| {
+            let is_tool = matches!(pair.element.as_str(), "cutter" | "holder 1");
+            !(is_tool && pair.against == HitBody::Part)
+        };
+        let assembly = tool().offset(&Clearance::default()).unwrap();
+        let shared = Arc::new(part.clone());
+        let announced = [Orientation::from_direction(DVec3::new(0.3, 0.2, 0.9)).unwrap()];
+        let reach = MachineReach::new(&bodies, &shared, &[], &assembly, &announced).unwrap();
+        let (mut reached, mut missed) = (0, 0);
+        for seed in 0..1_500 {
+            let joints = random(seed);
+            let pose = machine.forward(&joints, 20.0);
+            let (tip, axis) = match seed % 3 {
+                0 => (pose.position, announced[0].direction()),
+                1 => (pose.position, DVec3::Z),
+                _ => (pose.position, pose.axis().unwrap()),
+            };
+            // By brute force: the angles, each eighth of a turn of one that is free, every centre by matrices.
+            let found = machine.inverse(axis);
+            let mut angles = found.angles.clone();
+            if let Some(place) = found.free {
+                for pair in found.angles {
+                    angles.extend((1..8).map(|eighth| {
+                        let mut other = pair;
+                        other[place] = f64::from(eighth) * 45.0;
+                        other
+                    }));
+                }
+            }
+            let (mut free, mut near) = (false, false);
+            for rotary in angles {
+                let joints = Joints { linear: machine.linear(tip, &rotary, 20.0), rotary };
+                let within = machine.out_of_travel(&joints).is_none();
+                let mut deepest = f64::NEG_INFINITY;
+                for pair in pairs.iter().filter(others) {
+                    let matrix = to_head(&machine, &joints, pair.levels);
+                    let depth = |centre: &DVec3| insides[pair.inside](matrix.transform_point3(*centre));
+                    deepest = pair.centres.iter().map(depth).fold(deepest, f64::max);
+                }
+                free |= within && deepest < 0.0;
+                near |= within && deepest.abs() < 1e-6;
+            }
+            if !near {
+                assert_eq!(reach.reaches(tip, axis), free, "{} {tip} {axis}", machine.name);
+                assert_eq!(reach.fault(tip, axis).is_none(), free);
+                reached += usize::from(free);
+                missed += usize::from(!free);
+            }
+        }
+        assert!(reached > 100 && missed > 100, "{reached} {missed}");
+        assert_eq!(
+            reach.fault(DVec3::ZERO, DVec3::NEG_Z).is_some(),
+            !reach.reaches(DVec3::ZERO, DVec3::NEG_Z)
+        );
+    }
+}
+
+#[test]
+fn a_part_that_is_placed_is_the_same_as_one_that_lies_there() {
+    let part = part();
+    // A quarter turn about z, and whole voxels: y becomes x, and what was x from the other side y.
+    let turn = DQuat::from_rotation_z(-90f64.to_radians());
+    let place = Pose::new(DVec3::new(2.0, -3.0, 1.0), turn);
+    let [nx, ny, nz] = part.grid.dims;
+    let lower = part.grid.origin;
+    let corner = DVec3::new(lower.y, -lower.x - nx as f64 * part.grid.pitch, lower.z) + place.position;
+    let mut lying = Occupancy::empty(Grid { origin: corner, dims: [ny, nx, nz], ..part.grid });
+    for index in (0..part.grid.len()).filter(|&index| part.solid[index] == 1) {
+        let [x, y, z] = part.grid.voxel(index);
+        let there = lying.grid.index([y, nx - 1 - x, z]);
+        assert!(
+            lying.grid.centre([y, nx - 1 - x, z]).distance(place.of_point(part.grid.centre([x, y, z])))
+                < 1e-9
+        );
+        lying.solid[there] = 1;
+    }
+    let assembly = tool().offset(&Clearance::default()).unwrap();
+    let announced = [Orientation::from_direction(DVec3::new(0.3, 0.2, 0.9)).unwrap()];
+    let (part, lying) = (Arc::new(part), Arc::new(lying));
+    for machine in machines() {
+        let bodies = MachineBodies::new(machine.clone(), 1.0, Control::quiet()).unwrap();
+        let expected = MachineReach::new(&bodies, &lying, &[], &assembly, &[]).unwrap();
+        let here = MachineReach::new(&bodies, &part, &[], &assembly, &announced).unwrap();
+        let placed = here.placed(&place, &announced);
+        let (mut counts, mut moved) = ([0, 0], 0);
+        for seed in 0..600 {
+            let pose = place.inverse().of_pose(&machine.forward(&random(seed), 20.0));
+            let axis = if seed % 2 == 0 { announced[0].direction() } else { pose.axis().unwrap() };
+            let reached = placed.reaches(pose.position, axis);
+            assert_eq!(reached, expected.reaches(place.of_point(pose.position), place.rotation * axis));
+            counts[usize::from(reached)] += 1;
+            moved += usize::from(reached != here.reaches(pose.position, axis));
+        }
+        assert!(counts.iter().all(|&count| count > 50) && moved > 20, "{counts:?} {moved}");
+    }
+}
