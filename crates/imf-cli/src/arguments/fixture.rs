@@ -161,7 +161,7 @@ impl Stock {
                 let margin: f64 = margin.parse().context("--stock box:MARGIN needs a length")?;
                 ensure!(
                     margin.is_finite() && margin >= 0.0,
-                    "--stock box:MARGIN needs a length that is not negative, not {margin}"
+                    "--stock box:MARGIN must not be negative, nor infinite"
                 );
                 Some(margin)
             }
