@@ -1,6 +1,7 @@
 //! Which exception an error becomes: `OSError` where a file cannot be opened or written (`FileNotFoundError` where there is none),
 //! `ValueError` where what was given makes no sense, `ImfError` where a computation failed.
 
+use imf_core::access::RemovableError;
 use imf_core::check::CheckError;
 use imf_core::field::FieldError;
 use imf_core::file_error::{FaultKind, FileError};
@@ -65,8 +66,8 @@ macro_rules! raise_as {
     };
 }
 
-raise_as!(PyValueError: CheckError, ClearanceError, QueryError, OrientationSetError, RecipeError, ShapeError, SurfaceError, ToolError,
-    TooManySetups, UnknownPart, UnknownUnit, CalibrationError);
+raise_as!(PyValueError: CheckError, ClearanceError, QueryError, OrientationSetError, RecipeError, RemovableError, ShapeError,
+    SurfaceError, ToolError, TooManySetups, UnknownPart, UnknownUnit, CalibrationError);
 
 impl Raise for FileError {
     fn raise(self) -> PyErr {

@@ -11,12 +11,14 @@
 #![allow(clippy::needless_pass_by_value, reason = "functions that Python calls take what it hands over")]
 
 mod checker;
+mod crib;
 mod errors;
 mod field;
 mod memory;
 mod poses;
 mod scene;
 mod sections;
+mod stock;
 mod surface;
 mod tool;
 mod toolpath;
@@ -40,6 +42,9 @@ fn native_module(native: &Bound<'_, PyModule>) -> PyResult<()> {
     native.add_function(wrap_pyfunction!(sections::sections, native)?)?;
     native.add_function(wrap_pyfunction!(sections::minimum, native)?)?;
     native.add_function(wrap_pyfunction!(surface::access, native)?)?;
+    native.add_function(wrap_pyfunction!(crib::crib, native)?)?;
+    native.add_function(wrap_pyfunction!(crib::fewest_sets, native)?)?;
+    native.add_function(wrap_pyfunction!(stock::removable_stock, native)?)?;
     native.add_function(wrap_pyfunction!(toolpath::check, native)?)?;
     native.add_function(wrap_pyfunction!(train::train, native)?)?;
     native.add_function(wrap_pyfunction!(work::set_threads, native)?)

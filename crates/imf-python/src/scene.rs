@@ -62,6 +62,14 @@ impl MeshInput<'_> {
     }
 }
 
+impl MeshInput<'_> {
+    /// Its name, the mesh, and the unit that a file states.
+    pub(crate) fn mesh(&self, py: Python<'_>) -> PyResult<(String, Mesh, Option<LengthUnit>)> {
+        let Body { name, mesh, unit, .. } = self.read(py, false)?;
+        Ok((name, mesh, unit))
+    }
+}
+
 /// A mesh from its arrays.
 fn mesh_of(vertices: &PyReadonlyArray2<'_, f64>, faces: &PyReadonlyArray2<'_, i64>) -> PyResult<Mesh> {
     let (vertices, faces) = (vertices.as_array(), faces.as_array());

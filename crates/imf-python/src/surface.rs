@@ -25,7 +25,7 @@ use crate::work::{Progress, run};
 
 /// Why a question about a surface fails.
 #[derive(Debug, thiserror::Error)]
-enum QuestionError {
+pub(crate) enum QuestionError {
     #[error(transparent)]
     Scene(#[from] SceneError),
     #[error(transparent)]

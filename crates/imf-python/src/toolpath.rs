@@ -4,7 +4,7 @@ use std::path::Path;
 
 use glam::DMat4;
 use imf_core::check::{
-    CheckBodies, CheckSettings, MachineBodies, check_toolpath, cutters_not_compared, least_stick_outs,
+    CheckBodies, CheckSettings, MachineBodies, check_stock, check_toolpath, cutters_not_compared, least_stick_outs,
 };
 use imf_core::control::Control;
 use imf_core::machine::Machine;
@@ -12,10 +12,12 @@ use imf_core::scene::PathGuarantee;
 use imf_core::tool;
 use imf_core::toolpath::{PathReading, Toolpath};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use serde_json::json;
 
 use crate::errors::{Raise, value_error};
 use crate::scene::{Scene, clearance_of};
+use crate::stock::{self, StockInput};
 use crate::tool::Tool;
 use crate::work::{Progress, run};
 
@@ -28,7 +30,7 @@ pub(crate) enum PathInput {
     File(String),
 }
 
-/// The report of a check as JSON text, and remarks for people.
+/// The report of a check as JSON text, remarks for people, and what is left of the stock, where one is given.
 #[pyfunction]
 pub(crate) fn check<'py>(
     py: Python<'py>,
@@ -41,8 +43,9 @@ pub(crate) fn check<'py>(
     step: Option<f64>,
     in_world: bool,
     stick_out: bool,
+    stock: Option<StockInput<'py>>,
     progress: Progress<'py>,
-) -> PyResult<(String, Vec<String>)> {
+) -> PyResult<(String, Vec<String>, Option<Bound<'py, PyDict>>)> {
     let own = scene.get();
     let record = &own.scene.record;
     let mut tools: Vec<(Option<u32>, tool::Tool)> =
@@ -85,6 +88,15 @@ pub(crate) fn check<'py>(
     let mut report = run(py, (&progress, "checking", lines), |control| {
         check_toolpath(around, &numbered, &path, &settings, control)
     })?;
+    let mut stock_left = None;
+    if let Some(stock) = stock {
+        let voxels = stock.voxels(py, own, &bodies)?;
+        let mut found = run(py, (&progress, "cutting the stock", lines), |control| {
+            check_stock(around, &voxels, &numbered, &path, &settings, control)
+        })?;
+        report.add(std::mem::take(&mut found.colliding));
+        stock_left = Some(stock::report_dict(py, found, &bodies.part)?);
+    }
     let back = set_up.inverse();
     if set_up != DMat4::IDENTITY {
         report.colliding.iter_mut().flat_map(|line| &mut line.collisions).for_each(|hit| hit.place(&back));
@@ -106,5 +118,5 @@ pub(crate) fn check<'py>(
     let found = json!({ "report": report, "stick_outs": stick_outs, "guarantee": guarantee });
     let text = serde_json::to_string(&found);
     let text = text.map_err(|error| value_error(error.to_string()))?;
-    Ok((text, remarks))
+    Ok((text, remarks, stock_left))
 }

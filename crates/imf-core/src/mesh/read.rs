@@ -135,7 +135,8 @@ fn format_of(path: &Path) -> Result<Format, Fault> {
         ),
         "step" | "stp" | "iges" | "igs" | "brep" => (
             "a CAD file of exact surfaces".to_owned(),
-            "convert it to triangles at a deviation well below the voxel pitch, with gmsh \
+            "convert it to triangles at a deviation well below the voxel pitch, with this project's Python package \
+             (`pip install cadquery-ocp`, `python -m imf.step part.step part.stl`), with gmsh \
              (`gmsh part.step -2 -clmax 1 -o part.stl`) or with FreeCAD (Mesh workbench, Create mesh from shape, then \
              export as STL)",
         ),
@@ -192,7 +193,7 @@ mod tests {
             assert_eq!(failure(at(name)).fault.kind, FaultKind::Empty);
         }
         for (name, hint) in [
-            ("a.STEP", "gmsh"),
+            ("a.STEP", "imf.step"),
             ("a.stp", "FreeCAD"),
             ("a.off", "MeshLab"),
             ("a.amf", "MeshLab"),

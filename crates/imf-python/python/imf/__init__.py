@@ -32,7 +32,8 @@ from .checker import Checker, Motions
 from .field import Best, Field, Gradient, load, train
 from .results import Decision, Grid, Inaccessibility, Section, Sections, Verdict
 from .scene import Scene, SceneWarning
-from .surface import Access, PartSetup, SetupPlan, StickOuts
+from .stock import Removable, StockLeft
+from .surface import Access, Crib, FewestTools, PartSetup, SetupPlan, StickOuts
 from .tool import Tool
 from .toolpath import CheckReport, Collision, TravelFault
 
@@ -43,7 +44,9 @@ __all__ = [
     "CheckReport",
     "Checker",
     "Collision",
+    "Crib",
     "Decision",
+    "FewestTools",
     "Field",
     "Gradient",
     "Grid",
@@ -51,12 +54,14 @@ __all__ = [
     "Inaccessibility",
     "Motions",
     "PartSetup",
+    "Removable",
     "Scene",
     "SceneWarning",
     "Section",
     "Sections",
     "SetupPlan",
     "StickOuts",
+    "StockLeft",
     "Tool",
     "TravelFault",
     "Verdict",

@@ -58,8 +58,21 @@ def check(
     step: float | None,
     in_world: bool,
     stick_out: bool,
+    stock: float | _Mesh | None,
     progress: _Progress,
-) -> tuple[str, list[str]]: ...
+) -> tuple[str, list[str], dict[str, Any] | None]: ...
+def removable_stock(
+    scene: Scene, stock: float | _Mesh, directions: str | _Floats | None, progress: _Progress
+) -> dict[str, Any]: ...
+def crib(
+    scene: Scene,
+    tools: Sequence[Tool],
+    directions: str | _Floats | None,
+    samples: int,
+    tolerance: float | None,
+    progress: _Progress,
+) -> dict[str, Any]: ...
+def fewest_sets(holds: NDArray[np.bool_], weights: _Floats, fraction: float) -> tuple[list[int], int]: ...
 def train(
     scene: Scene,
     family: str,

@@ -14,7 +14,8 @@ from . import _imf
 from ._mesh import Mesh, mesh_input
 from ._progress import Progress, listener
 from .results import Grid, Inaccessibility, Section, Sections
-from .surface import Access, SetupPlan, StickOuts
+from .stock import Removable, Stock, StockLeft, stock_input
+from .surface import Access, Crib, SetupPlan, StickOuts
 from .tool import Tool
 from .toolpath import CheckReport
 
@@ -223,14 +224,16 @@ class Scene:
         step: float | None = None,
         frame: str = "part",
         stick_out: bool = False,
+        stock: Stock | None = None,
         progress: Progress = None,
     ) -> CheckReport:
         """Checks every motion of a five-axis toolpath, exactly, element by element.
 
         path: a file (CSV, APT/CL or G-code), or poses ``(n, 6)``. tools: by number, where the path changes them; else the scene's.
         machine: its file, for paths that need one. clearance: by default the scene's. contact: how deep the part may lie in the
-        cutter, 0.05 mm by default. step: farthest that any point of the tool moves between two poses that are looked at, by default a quarter of the pitch. frame: "part" or
-        "world", of the path. stick_out: also finds the least stick-out of every tool.
+        cutter, 0.05 mm by default. step: farthest that any point of the tool moves between two poses that are looked at, by default a
+        quarter of the pitch. frame: "part" or "world", of the path. stick_out: also finds the least stick-out of every tool. stock: what
+        the path cuts (:data:`Stock`): nothing but the cutter may touch it, and no rapid may cut it.
         """
         if frame not in ("part", "world"):
             raise ValueError(f"frame must be 'part' or 'world', not {frame!r}")
@@ -242,7 +245,7 @@ class Scene:
                 raise ValueError(f"the poses of a path must have the shape (n, 6), not {rows.shape}")
             lines = (",".join(map(repr, row)) for row in rows.tolist())
             given = ("x,y,z,i,j,k\n" + "\n".join(lines) + "\n", "poses")
-        text, remarks = _imf.check(
+        text, remarks, left = _imf.check(
             self._native,
             given,
             [(number, tool._native) for number, tool in (tools or {}).items()],
@@ -252,9 +255,34 @@ class Scene:
             step,
             frame == "world",
             stick_out,
+            None if stock is None else stock_input(stock),
             listener(progress),
         )
-        return CheckReport.of(text, remarks, self.unit)
+        return CheckReport.of(text, remarks, None if left is None else StockLeft.of(left), self.unit)
+
+    def removable(
+        self, stock: Stock = 0.0, directions: Directions | None = None, *, progress: Progress = None
+    ) -> Removable:
+        """What of a stock (:data:`Stock`) beside part and fixtures the cutter covers at free poses."""
+        asked = None if directions is None else directions_input(directions)
+        return Removable.of(
+            _imf.removable_stock(self._native, stock_input(stock), asked, listener(progress)), self.unit
+        )
+
+    def crib(
+        self,
+        tools: Sequence[Tool],
+        directions: Directions | None = None,
+        *,
+        samples: int = 8_000,
+        tolerance: float | None = None,
+        progress: Progress = None,
+    ) -> Crib:
+        """Which of many tools reach which places of the surface: the same verdicts as one by one, many times sooner."""
+        asked = None if directions is None else directions_input(directions)
+        native = [tool._native for tool in tools]
+        found = _imf.crib(self._native, native, asked, samples, tolerance, listener(progress))
+        return Crib(names=[tool.name for tool in tools], **found)
 
     def __repr__(self) -> str:
         x, y, z = self.grid.dims

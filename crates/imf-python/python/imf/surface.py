@@ -139,6 +139,46 @@ class Access:
 
 
 @dataclass(frozen=True)
+class Crib:
+    """What each of many tools reaches of a surface."""
+
+    names: list[str]
+    """Of the tools."""
+    verdict: NDArray[np.uint8]
+    """``(tools, n)`` of :class:`Verdict`."""
+    areas: NDArray[np.float64]
+    """``(n,)``: the samples' areas."""
+    vertices: NDArray[np.float64]
+    """``(3 n, 3)``: the triangles' own corners."""
+    faces: NDArray[np.uint32]
+    """``(n, 3)``: the triangle of each sample."""
+
+    @property
+    def reached(self) -> NDArray[np.float64]:
+        """``(tools,)``: the share of the area that each tool reaches."""
+        shares: NDArray[np.float64] = (self.verdict == Verdict.REACHED) @ self.areas / self.areas.sum()
+        return shares
+
+    def fewest(self, cover: float = 1.0) -> FewestTools:
+        """The fewest tools that reach ``cover`` of what all of them reach."""
+        holds = np.ascontiguousarray(self.verdict == Verdict.REACHED)
+        chosen, at_least = _imf.fewest_sets(holds, self.areas, cover)
+        share = float(self.areas[holds[chosen].any(axis=0)].sum() / self.areas.sum())
+        return FewestTools(chosen, at_least, share)
+
+
+class FewestTools(NamedTuple):
+    """The fewest tools of a crib."""
+
+    tools: list[int]
+    """Their places in the crib; each adds the most to those before it."""
+    at_least: int
+    """No fewer reach as much: a proof where that is as many."""
+    reached: float
+    """The share of the area that they reach together."""
+
+
+@dataclass(frozen=True)
 class PartSetup:
     """One way to put the part on the machine."""
 

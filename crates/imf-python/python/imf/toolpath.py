@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .results import optional
+from .stock import StockLeft
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,8 @@ class Collision:
     """``(3,)``: the tool's axis there, from tip to holder."""
     contact: NDArray[np.float64]
     """``(3,)``: the solid voxel's centre that is so deep."""
+    joints: dict[str, Any] | None
+    """Where a machine's axes stand there (``linear`` x, y, z; ``rotary`` in degrees), on a path that says so."""
     fraction: float
     """How far on the way that pose is, from 0 to 1."""
     volume: float
@@ -71,6 +74,8 @@ class CheckReport:
     """How deep the part might lie in the cutter."""
     step: float
     """Farthest that any point of the tool moved between two poses that were checked."""
+    stock: StockLeft | None
+    """What is left of the stock, where one was given."""
     stick_outs: list[dict[str, Any]]
     """By tool, where they were asked for."""
     remarks: list[str]
@@ -80,7 +85,7 @@ class CheckReport:
     unit: str
 
     @classmethod
-    def of(cls, text: str, remarks: list[str], unit: str) -> CheckReport:
+    def of(cls, text: str, remarks: list[str], stock: StockLeft | None, unit: str) -> CheckReport:
         """From the library's report."""
         found = json.loads(text)
         report = found["report"]
@@ -95,6 +100,7 @@ class CheckReport:
             sure_depth=report["sure_depth"],
             contact=report["settings"]["contact"],
             step=report["settings"]["step"],
+            stock=stock,
             stick_outs=found["stick_outs"],
             remarks=remarks,
             guarantee=found["guarantee"],
@@ -148,6 +154,7 @@ def _collision(line: dict[str, Any], hit: dict[str, Any]) -> Collision:
         position=np.array(hit["position"]),
         axis=np.array(hit["axis"]),
         contact=np.array(hit["contact"]),
+        joints=hit.get("joints"),
         fraction=hit["fraction"],
         volume=hit["volume"],
     )

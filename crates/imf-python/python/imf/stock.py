@@ -1,0 +1,87 @@
+"""The stock that a part is cut from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._mesh import Mesh, Native, mesh_input
+from .results import Grid
+
+Stock: TypeAlias = "float | Mesh"
+"""Room around the part's box, in the scene's unit (0 is the box), or a mesh in the part's frame, which is set up as the part is."""
+
+
+def stock_input(stock: Stock) -> float | Native:
+    """What the native module reads."""
+    return float(stock) if isinstance(stock, (int, float)) else mesh_input(stock, "stock")
+
+
+@dataclass(frozen=True)
+class Removable:
+    """What a cutter removes of a stock, from any of the directions, in whatever order. Arrays are ``(nx, ny, nz)``."""
+
+    stock: NDArray[np.bool_]
+    """The voxels that neither part nor fixtures hold."""
+    covered: NDArray[np.bool_]
+    """Those that the cutter covers at a free pose with its tip on a voxel's centre."""
+    possible: NDArray[np.bool_]
+    """Those, and what it may cover with its tip elsewhere; all others stay, whatever the pitch."""
+    grid: Grid
+    unit: str
+
+    @classmethod
+    def of(cls, found: dict[str, Any], unit: str) -> Removable:
+        """From the native module's arrays."""
+        voxels = {name: found[name].view(np.bool_) for name in ("stock", "covered", "possible")}
+        return cls(**voxels, grid=Grid.of(found["grid"]), unit=unit)
+
+    @property
+    def share(self) -> tuple[float, float]:
+        """The least and the largest share of the stock that goes; both tend to what goes as the pitch falls."""
+        whole = max(int(self.stock.sum()), 1)
+        return float(self.covered.sum() / whole), float(self.possible.sum() / whole)
+
+
+@dataclass(frozen=True)
+class StockLeft:
+    """What a toolpath leaves of a stock; volumes in the scene's unit cubed."""
+
+    lines: NDArray[np.int64]
+    """``(m,)``: every line of the path's file that leads somewhere."""
+    kinds: list[str]
+    """How the tool comes there: start, rapid or feed."""
+    removed: NDArray[np.float64]
+    """``(m,)``: the volume that each line takes away."""
+    removed_of_part: NDArray[np.float64]
+    """``(m,)``: what of that is the part's."""
+    volume: float
+    """Of the stock at first."""
+    left_beside_part: float
+    """What is still to be cut."""
+    farthest_from_part: float | None
+    """How far from the part the farthest of it is."""
+    remaining: NDArray[np.bool_]
+    """``(nx, ny, nz)``: what of the stock is left, the part in it included."""
+    removed_by_line: NDArray[np.uint32]
+    """``(nx, ny, nz)``: the line that took each voxel; 0 of others."""
+    grid: Grid
+
+    @classmethod
+    def of(cls, found: dict[str, Any]) -> StockLeft:
+        """From the native module's numbers."""
+        return cls(
+            lines=np.array(found["lines"], dtype=np.int64),
+            kinds=found["kinds"],
+            removed=np.array(found["removed"]),
+            removed_of_part=np.array(found["removed_of_part"]),
+            volume=found["volume"],
+            left_beside_part=found["left_beside_part"],
+            farthest_from_part=found["farthest_from_part"],
+            remaining=found["remaining"].view(np.bool_),
+            removed_by_line=found["removed_by_line"],
+            grid=Grid.of(found["grid"]),
+        )

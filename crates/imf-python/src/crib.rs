@@ -1,0 +1,84 @@
+//! Which tools of a crib serve which places of a surface, and the fewest that serve all.
+
+use imf_core::control::Control;
+use imf_core::set_cover::{CoverProblem, CoverSettings};
+use imf_core::surface::{CollisionEnvironment, SurfaceError, SurfaceSamples, SurfaceTool, crib_access, default_tolerance};
+use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::errors::{Raise, value_error};
+use crate::scene::{Scene, mesh_arrays, rows_of};
+use crate::sections::DirectionsInput;
+use crate::surface::QuestionError;
+use crate::tool::Tool;
+use crate::work::{Progress, run};
+
+/// The verdict of every tool on every sample of the surface, `[tools, n]`, with the samples.
+#[pyfunction]
+pub(crate) fn crib<'py>(
+    py: Python<'py>,
+    scene: &Bound<'py, Scene>,
+    tools: Vec<Py<Tool>>,
+    directions: Option<DirectionsInput<'py>>,
+    samples: usize,
+    tolerance: Option<f64>,
+    progress: Progress<'py>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let own = scene.get();
+    let record = &own.scene.record;
+    if tools.is_empty() {
+        return Err(value_error("a crib has at least one tool"));
+    }
+    let set = directions.unwrap_or_else(|| DirectionsInput::Text(own.usual_directions().into())).of(py, own)?;
+    let tolerance = tolerance.unwrap_or_else(|| default_tolerance(record.grid.pitch, record.unit));
+    let tools: Vec<_> = tools.iter().map(|tool| tool.get().0.in_unit(record.unit)).collect();
+    for tool in &tools {
+        // A tool that passes between the voxels' centres would be free everywhere.
+        own.with_spec(Control::quiet(), |spec| spec.check_tool(tool, &record.grid)).map_err(Raise::raise)?;
+    }
+    let (mesh, clearance) = (own.placed_mesh(), record.clearance);
+    let (environment, samples) = run(py, (&None, "", 0), |control| {
+        let bodies = own.bodies(control)?;
+        let (environment, solid) =
+            own.with_spec(control, |spec| CollisionEnvironment::of_bodies(spec, &bodies))?;
+        Ok::<_, QuestionError>((environment, SurfaceSamples::new(&mesh, &solid, samples)))
+    })?;
+    let verdicts = run(py, (&progress, "crib", samples.samples.len() as u64), |control| {
+        let tool = |tool: &imf_core::tool::Tool| {
+            Ok::<_, QuestionError>(SurfaceTool::new(&environment, &tool.offset(&clearance)?, tolerance)?)
+        };
+        let tools = tools.iter().map(tool).collect::<Result<Vec<_>, _>>()?;
+        Ok::<_, QuestionError>(crib_access(&tools, &samples.samples, &set.orientations, control)?)
+    })?;
+    let (vertices, faces) = mesh_arrays(py, &samples.mesh)?;
+    let found = PyDict::new(py);
+    let flat = verdicts.iter().flatten().map(|verdict| *verdict as u8).collect::<Vec<_>>();
+    found.set_item("verdict", rows_of(py, flat, samples.samples.len())?)?;
+    found.set_item("areas", PyArray1::from_vec(py, samples.samples.iter().map(|own| own.area).collect::<Vec<_>>()))?;
+    found.set_item("vertices", vertices)?;
+    found.set_item("faces", faces)?;
+    Ok(found)
+}
+
+/// The fewest rows of `holds`, `[sets, n]`, that cover a fraction of the weights that all cover, and how many are needed at least.
+#[pyfunction]
+pub(crate) fn fewest_sets<'py>(
+    py: Python<'py>,
+    holds: PyReadonlyArray2<'py, bool>,
+    weights: PyReadonlyArray1<'py, f64>,
+    fraction: f64,
+) -> PyResult<(Vec<usize>, usize)> {
+    if !(fraction > 0.0 && fraction <= 1.0) {
+        return Err(value_error(format!("the fraction to cover must be above 0 and at most 1, not {fraction}")));
+    }
+    let mut problem = CoverProblem::new(weights.as_array().to_vec());
+    for row in holds.as_array().rows() {
+        problem.add((0..row.len()).filter(|&place| row[place]));
+    }
+    let settings = CoverSettings { fraction, ..CoverSettings::default() };
+    let cover = run(py, (&None, "", 0), |control| {
+        problem.fewest(&settings, control).ok_or(SurfaceError::Cancelled)
+    })?;
+    Ok((cover.sets, cover.at_least))
+}
