@@ -54,9 +54,12 @@ def test_a_crib_has_the_verdicts_of_its_tools_one_by_one(block: imf.Scene) -> No
         imf.Tool(CUTTER | {"length": length, "diameter": diameter}, {"diameter": 6, "length": 8}, HOLDER)
         for length, diameter in [(6, 8), (25, 8), (25, 12)]
     ]
-    crib = block.crib(tools, "axes")
+    def cube(tool: imf.Tool) -> imf.Scene:
+        return imf.Scene(box((0, 0, 0), (20, 20, 20)), tool, pitch=2.0, name="block")
+
+    crib = cube(tools[0]).crib(tools, "axes", samples=1_000)
     for tool, verdict in zip(tools, crib.verdict):
-        alone = imf.Scene(box((0, 0, 0), (20, 20, 20)), tool, pitch=block.grid.pitch, name="block").access("axes")
+        alone = cube(tool).access("axes", samples=1_000)
         np.testing.assert_array_equal(verdict, alone.verdict)
         np.testing.assert_allclose(crib.areas, alone.areas)
     shares = crib.reached
