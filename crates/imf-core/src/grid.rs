@@ -92,6 +92,23 @@ impl Grid {
         Ok(Self { origin: (lower + upper) * 0.5 - size * 0.5, pitch, dims })
     }
 
+    /// Checks a grid that was not made by these functions, such as that of a file.
+    ///
+    /// # Errors
+    /// A pitch that is not positive, an origin that is not finite, a zero dimension, or more than 2³¹ voxels.
+    pub fn check(&self) -> Result<(), GridError> {
+        let Self { origin, pitch, dims } = *self;
+        if !(pitch.is_finite() && pitch > 0.0) {
+            return Err(GridError::Pitch(pitch));
+        }
+        if dims.contains(&0) {
+            return Err(GridError::Dims(dims));
+        }
+        check_voxels(dims)?;
+        let upper = origin + DVec3::from_array(dims.map(|d| d as f64)) * pitch;
+        checked_extent(origin, upper).map(drop)
+    }
+
     /// The grid padded by `before` voxels below and `after` above along x, y, z; negative numbers crop.
     /// Voxels keep their places in the world.
     ///
@@ -223,6 +240,18 @@ fn checked_extent(lower: DVec3, upper: DVec3) -> Result<DVec3, GridError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_grid_from_elsewhere_is_checked() {
+        let grid = Grid { origin: DVec3::ZERO, pitch: 0.5, dims: [2, 3, 4] };
+        assert_eq!(grid.check(), Ok(()));
+        let with = |pitch: f64, dims: [usize; 3]| Grid { pitch, dims, ..grid }.check();
+        assert!(matches!(with(-1.0, grid.dims), Err(GridError::Pitch(_))));
+        assert!(matches!(with(0.5, [2, 0, 4]), Err(GridError::Dims(_))));
+        // Their product is 2^66.
+        assert!(matches!(with(0.5, [1 << 32, 1 << 32, 4]), Err(GridError::TooLarge(_))));
+        assert!(matches!(with(1e308, grid.dims), Err(GridError::EmptyBox { .. })));
+    }
 
     #[test]
     fn dims_choose_the_smallest_pitch_and_centre_the_box() {

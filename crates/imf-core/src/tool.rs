@@ -40,6 +40,9 @@ use crate::unit::LengthUnit;
 /// The longest tool that is accepted, in millimetres.
 const LONGEST_MM: f64 = 20_000.0;
 
+/// The most sharp points on a cutter that are asked for by number: 0.07 mm apart on one of 10 mm that is 10 mm long.
+const MOST_SHARP_POINTS: usize = 1 << 16;
+
 /// A holder with its cutter, in its own unit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Tool {
@@ -91,6 +94,16 @@ pub enum ToolError {
         length: f64,
         /// Its unit.
         unit: LengthUnit,
+    },
+    /// More sharp points than any cutter needs.
+    #[error(
+        "the tool '{name}' has {count} sharp points, and at most {MOST_SHARP_POINTS} are followed: choose fewer"
+    )]
+    SharpPoints {
+        /// The tool.
+        name: String,
+        /// Its sharp points.
+        count: usize,
     },
     /// So thin that no voxel centre lies in it.
     #[error(
@@ -280,6 +293,11 @@ impl Tool {
         let volume = self.volume();
         if !(volume.is_finite() && volume > 0.0) {
             return Err(empty(&format!("its volume is {volume}")));
+        }
+        if let SharpPoints::Cutter(count) = self.sharp_points
+            && count > MOST_SHARP_POINTS
+        {
+            return Err(ToolError::SharpPoints { name: self.name.clone(), count });
         }
         let (name, unit) = (self.name.clone(), self.unit);
         let length = self.reach();

@@ -190,7 +190,8 @@ impl Model {
         let file = FORMAT.open(bytes, name)?;
         let Description { network: shape, training: record, optimiser_step: step } = file.description()?;
         shape.check().map_err(|e| file.damaged(&e))?;
-        let mut parameters = Vec::with_capacity(shape.parameter_count());
+        // No more than the file can hold, whatever it says of its network.
+        let mut parameters = Vec::with_capacity(shape.parameter_count().min(bytes.len() / 4));
         for (index, layer) in shape.layers().iter().enumerate() {
             let weights = [layer.outputs, layer.inputs];
             parameters.extend(file.floats(&format!("layers.{index}.weight"), &weights)?);

@@ -112,12 +112,17 @@ impl Machine {
     /// # Errors
     /// Names the file, the line where it is known, the cause and the remedy.
     pub fn read(path: &Path) -> Result<Self, FileError> {
-        let whole = || {
-            let bytes = std::fs::read(path).map_err(|error| Fault::of_system("machine file", &error))?;
-            let text = String::from_utf8(bytes);
-            Reader { text: &text.map_err(|_| Fault::malformed("it is no text in UTF-8"))? }.machine(path)
-        };
-        whole().map_err(|fault: Fault| fault.at(path))
+        let bytes = std::fs::read(path).map_err(|error| Fault::of_system("machine file", &error).at(path))?;
+        let text = String::from_utf8(bytes);
+        Self::parse(&text.map_err(|_| Fault::malformed("it is no text in UTF-8").at(path))?, path)
+    }
+
+    /// As [`Machine::read`], from the text of a machine file called `name`; meshes that it names lie beside that.
+    ///
+    /// # Errors
+    /// As [`Machine::read`].
+    pub fn parse(text: &str, name: &Path) -> Result<Self, FileError> {
+        Reader { text }.machine(name).map_err(|fault| fault.at(name))
     }
 }
 

@@ -43,6 +43,15 @@ pub struct MeshFile {
 }
 
 impl MeshFile {
+    /// Reads a mesh that is in memory already, as [`read_mesh_file`] reads the file `name`, whose ending says the format.
+    ///
+    /// # Errors
+    /// As [`read_mesh_file`]; they call the file `name`.
+    pub fn from_bytes(bytes: &[u8], name: impl AsRef<Path>) -> Result<Self, FileError> {
+        let name = name.as_ref();
+        format_of(name).and_then(|format| parse(bytes, format)).map_err(|fault| fault.at(name))
+    }
+
     /// The mesh with every length in `unit`; as it is where the file states none.
     #[must_use]
     pub fn in_unit(self, unit: LengthUnit) -> Mesh {
@@ -83,11 +92,6 @@ fn read(path: &Path) -> Result<MeshFile, Fault> {
     }
     let format = format_of(path)?;
     parse(&fs::read(path).map_err(refused)?, format)
-}
-
-/// Reads an OBJ that is in memory already, as [`read_mesh`] reads its file; errors name `path`.
-pub(crate) fn parse_obj(content: &[u8], path: &Path) -> Result<Mesh, FileError> {
-    Ok(parse(content, Format::Obj).map_err(|fault| fault.at(path))?.mesh)
 }
 
 fn parse(bytes: &[u8], format: Format) -> Result<MeshFile, Fault> {

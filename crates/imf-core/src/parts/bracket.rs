@@ -7,13 +7,11 @@
 //!
 //! Sizes are in millimetres.
 
-use std::path::Path;
-
 use glam::DVec2;
 
 use super::shell::{Axis, Facing, Shell, circle};
 use crate::mesh::Mesh;
-use crate::mesh::read::parse_obj;
+use crate::mesh::read::MeshFile;
 
 /// Extents of both shapes.
 pub const SIZE: [f64; 3] = [49.0, 147.0, 87.0];
@@ -52,7 +50,7 @@ const STORED: &[u8] = include_bytes!("bracket.obj");
 /// Never: the stored file is part of the program, and the tests read it.
 #[must_use]
 pub(super) fn mesh() -> Mesh {
-    parse_obj(STORED, Path::new("bracket.obj")).expect("the stored bracket is a mesh")
+    MeshFile::from_bytes(STORED, "bracket.obj").expect("the stored bracket is a mesh").mesh
 }
 
 /// The bracket's design domain: closed, one shell, facing outwards.

@@ -5,7 +5,9 @@
 use thiserror::Error;
 
 use super::{Scene, SceneRecord};
+use crate::grid::GridError;
 use crate::occupancy::Occupancy;
+use crate::tool::ToolError;
 
 const OBSTACLE: &str = "obstacle";
 const LAYER: &str = "layer";
@@ -14,6 +16,12 @@ const LAYER: &str = "layer";
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum StoredVoxelsError {
+    /// A grid that is none.
+    #[error("its grid: {0}")]
+    Grid(#[from] GridError),
+    /// A tool that is none.
+    #[error("its tool: {0}")]
+    Tool(#[from] ToolError),
     /// A tensor that the scene needs.
     #[error("it has no voxels '{0}'")]
     Missing(&'static str),
@@ -34,6 +42,22 @@ pub(super) fn crc32(bytes: &[u8]) -> u32 {
     !bytes.iter().fold(!0, |crc, &byte| (0..8).fold(crc ^ u32::from(byte), |crc, _| step(crc)))
 }
 
+impl SceneRecord {
+    /// Checks what a file says of a scene, but for its voxels.
+    ///
+    /// # Errors
+    /// A grid or a tool that is none.
+    #[doc(hidden)]
+    pub fn check(&self) -> Result<(), StoredVoxelsError> {
+        self.grid.check()?;
+        for tool in self.ungrown.iter().chain([&self.tool]) {
+            tool.check()?;
+            tool.check_sharp_points(self.grid.pitch)?;
+        }
+        Ok(())
+    }
+}
+
 impl Scene {
     /// Names and packed bits ([`Occupancy::packed`]) of what a file has to keep beside the record.
     #[doc(hidden)]
@@ -47,12 +71,13 @@ impl Scene {
     /// The scene of a record and of packed bits, looked up by name.
     ///
     /// # Errors
-    /// Bits that are missing, of another length, or not this scene's.
+    /// A grid or a tool that is none; bits that are missing, of another length, or not this scene's.
     #[doc(hidden)]
     pub fn from_packed_voxels<'a>(
         record: SceneRecord,
         bits: impl Fn(&str) -> Option<&'a [u8]>,
     ) -> Result<Self, StoredVoxelsError> {
+        record.check()?;
         let grid = record.grid;
         let voxels = |name| -> Result<_, StoredVoxelsError> {
             let packed = bits(name).ok_or(StoredVoxelsError::Missing(name))?;

@@ -123,12 +123,20 @@ impl Tool {
     /// As [`Tool::read`] of the file; of a library each tool that is incomplete or has no place in a stack of bodies of revolution
     /// is an error of its own.
     pub fn read_all(path: &Path) -> Result<Vec<Result<Self, FileError>>, FileError> {
-        if !library::is_library(path) {
-            return Ok(vec![Ok(read(path, None)?)]);
+        Self::all_from_bytes(&bytes_of(path).map_err(|fault| fault.at(path))?, path)
+    }
+
+    /// As [`Tool::read_all`], from the content of a file called `name`.
+    ///
+    /// # Errors
+    /// As [`Tool::read_all`].
+    pub fn all_from_bytes(bytes: &[u8], name: &Path) -> Result<Vec<Result<Self, FileError>>, FileError> {
+        if !library::is_library(name) {
+            return Ok(vec![Ok(Self::parse(text_of(bytes).map_err(|fault| fault.at(name))?, name)?)]);
         }
-        let tools = bytes_of(path).and_then(|bytes| library::tools(path, &bytes));
-        let checked = |tool: Result<Self, Fault>| tool.and_then(checked).map_err(|fault| fault.at(path));
-        Ok(tools.map_err(|fault| fault.at(path))?.into_iter().map(checked).collect())
+        let tools = library::tools(name, bytes).map_err(|fault| fault.at(name))?;
+        let checked = |tool: Result<Self, Fault>| tool.and_then(checked).map_err(|fault| fault.at(name));
+        Ok(tools.into_iter().map(checked).collect())
     }
 
     /// As [`Tool::read`], of a path, or of `LIBRARY#TOOL`: a tool of several by its name or number.
@@ -150,8 +158,7 @@ fn read(path: &Path, wanted: Option<&str>) -> Result<Tool, FileError> {
         let tool = if library::is_library(path) {
             library::tool(path, &bytes, wanted)?
         } else {
-            let text = String::from_utf8(bytes);
-            Reader { text: &text.map_err(|_| Fault::malformed("it is no text in UTF-8"))? }.tool(path)?
+            Reader { text: text_of(&bytes)? }.tool(path)?
         };
         checked(tool)
     };
@@ -160,6 +167,10 @@ fn read(path: &Path, wanted: Option<&str>) -> Result<Tool, FileError> {
 
 fn bytes_of(path: &Path) -> Result<Vec<u8>, Fault> {
     std::fs::read(path).map_err(|error| Fault::of_system("tool file", &error))
+}
+
+fn text_of(bytes: &[u8]) -> Result<&str, Fault> {
+    std::str::from_utf8(bytes).map_err(|_| Fault::malformed("it is no text in UTF-8"))
 }
 
 fn checked(tool: Tool) -> Result<Tool, Fault> {

@@ -4,7 +4,10 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::profile::{self, Element, ElementKind, Segment};
-use super::{SLACK, Tool, ToolShape, contains};
+use super::{SLACK, Tool, ToolError, ToolShape, contains};
+
+/// The most voxels of a cutter's box that are looked at for sharp points.
+const MOST_LOOKED_AT: f64 = (1_u64 << 26) as f64;
 
 /// The points of a tool at which it cuts: the collision measure is the minimum over them.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -39,6 +42,26 @@ impl Tool {
             }
             _ => vec![DVec3::ZERO],
         }
+    }
+
+    /// Checks that [`Tool::sharp_point_positions`] comes to an end at `pitch`: of a cutter's every voxel it looks at all of its box.
+    pub(crate) fn check_sharp_points(&self, pitch: f64) -> Result<(), ToolError> {
+        let elements = match (&self.sharp_points, &self.shape) {
+            (SharpPoints::Boundary(Some(elements)), _) => elements,
+            (SharpPoints::Boundary(None), ToolShape::Revolved(elements)) => elements,
+            _ => return Ok(()),
+        };
+        for element in elements {
+            let across = 2.0 * element.max_radius();
+            let along: f64 =
+                element.profile.iter().map(|s| s.range()).map(|(from, to)| (to - from).abs()).sum();
+            let sizes = [across, across, along].map(|size| (size / pitch).ceil());
+            if !(sizes.iter().product::<f64>() <= MOST_LOOKED_AT) {
+                let dims = sizes.map(|size| size as u64);
+                return Err(ToolError::TooLarge { name: self.name.clone(), dims, pitch });
+            }
+        }
+        Ok(())
     }
 
     /// An upper bound of the distance from a point that some sharp point reaches to any point of the tool, at `pitch`.

@@ -72,6 +72,7 @@ struct Program<'a> {
     /// The path begins anew.
     broken: bool,
     joints: Joints,
+    chords_left: usize,
     /// By how much corners are rounded at most, in the program's unit.
     rounded: f64,
     /// What has been remarked, by a word for it.
@@ -98,6 +99,7 @@ pub(super) fn parse(text: &str, reading: &PathReading<'_>) -> Result<Toolpath, L
             linear: DVec3::NAN,
             rotary: [0, 1].map(|place| if place < axes { f64::NAN } else { 0.0 }),
         },
+        chords_left: arc::most_chords(text.len()),
         rounded: 0.0,
         remarked: Vec::new(),
     };
@@ -326,7 +328,7 @@ impl Program<'_> {
                     return Err(format!("the arc begins where {} is not known", ['X', 'Y', 'Z'][axis]));
                 }
                 let arc = Arc { from, to, plane: self.plane, clockwise, centre, radius };
-                for point in arc.chords(1.0 / self.reading.unit.in_mm())? {
+                for point in arc.chords(1.0 / self.reading.unit.in_mm(), &mut self.chords_left)? {
                     self.reach(line, point, rotary, motion)?;
                 }
                 Ok(())

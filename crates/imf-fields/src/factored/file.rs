@@ -193,11 +193,13 @@ impl FactoredFile {
             Precision::F32 => file.floats(name, shape),
             Precision::F16 => file.widened(name, shape),
         };
+        // The tables of the basis are made once the file is known to have weights for all of it.
+        let axes = numbers("axes", &[sizes.functions, shape.axes], precision_of_axes(precision, folded))?;
         let field = FactoredField {
             quantity: fit.quantity,
             grid,
+            axes,
             basis: Basis::new(domain, fit.degree),
-            axes: numbers("axes", &[sizes.functions, shape.axes], precision_of_axes(precision, folded))?,
             mean: file.floats("mean", &[sizes.functions])?,
             shape,
             parameters: numbers("parameters", &[shape.parameter_count()], precision)?,

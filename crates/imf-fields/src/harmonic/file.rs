@@ -99,12 +99,14 @@ impl HarmonicFile {
         let (grid, sizes) = (file.scene.record.grid, settings.sizes(domain));
         let [nx, ny, nz] = grid.dims;
         let coefficients = file.bytes("coefficients", kind(settings.precision), &[nx, ny, nz, sizes.axes])?;
+        // The tables of the basis are made once the file is known to have weights for all of it.
+        let axes = file.floats("axes", &[sizes.functions, sizes.axes])?;
         let field = HarmonicField {
             quantity: settings.quantity,
             grid,
-            basis: Basis::new(domain, settings.degree),
-            axes: file.floats("axes", &[sizes.functions, sizes.axes])?,
+            axes,
             mean: file.floats("mean", &[sizes.functions])?,
+            basis: Basis::new(domain, settings.degree),
             coefficients: match settings.precision {
                 Precision::F32 => Coefficients::F32(floats(coefficients)),
                 Precision::F16 => Coefficients::F16(halves(coefficients)),

@@ -281,6 +281,7 @@ impl Manifest {
             return Err(damaged(format!("there is no version {}", header.version)));
         }
         let manifest: Self = serde_json::from_str(&text).map_err(|e| damaged(e.to_string()))?;
+        manifest.scene.check().map_err(|e| damaged(e.to_string()))?;
         if manifest.sections_per_shard == 0
             || manifest.shards.len() != manifest.orientations.len().div_ceil(manifest.sections_per_shard)
         {

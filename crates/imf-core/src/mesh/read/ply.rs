@@ -7,7 +7,9 @@ use std::io::{Cursor, ErrorKind};
 
 use glam::DVec3;
 use ply_rs_bw::parser::{ParseError, Parser, Reader};
-use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult};
+use ply_rs_bw::ply::{
+    ElementDef, Encoding, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType,
+};
 
 use super::{Fault, no_vertex, not_finite};
 use crate::mesh::Mesh;
@@ -70,6 +72,9 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Mesh, Fault> {
     let parser = Parser::<Item>::new();
     let mut reader = Reader::new(Cursor::new(bytes));
     let header = parser.read_header(&mut reader).map_err(|error| explain(&error))?;
+    for element in header.elements.values() {
+        check_count(element, header.encoding, bytes.len())?;
+    }
     let mut payload = parser.read_payload(&mut reader, &header).map_err(|error| explain(&error))?;
     // More than the header guarantees: the header counts wrongly, or two files have become one.
     let read = usize::try_from(reader.into_inner().position()).unwrap_or(bytes.len());
@@ -100,6 +105,35 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Mesh, Fault> {
         welder.push_fan(&face.corners.iter().map(corner).collect::<Result<Vec<_>, _>>()?)?;
     }
     Ok(welder.finish())
+}
+
+/// Refuses an element of which a file of `room` bytes cannot hold as many as its header says: the parser makes room for them, and
+/// would count forever those that take no bytes.
+fn check_count(element: &ElementDef, encoding: Encoding, room: usize) -> Result<(), Fault> {
+    let ElementDef { name, count, properties } = element;
+    let width = |scalar: &ScalarType| match scalar {
+        ScalarType::Char | ScalarType::UChar => 1,
+        ScalarType::Short | ScalarType::UShort => 2,
+        ScalarType::Int | ScalarType::UInt | ScalarType::Float => 4,
+        ScalarType::Double => 8,
+    };
+    let least = |property: &PropertyType| match property {
+        // A digit and what follows it; a list may be empty, and its length stands there.
+        _ if encoding == Encoding::Ascii => 2,
+        PropertyType::Scalar(scalar) | PropertyType::List(scalar, _) => width(scalar),
+    };
+    let bytes: usize = properties.values().map(|property| least(&property.data_type)).sum();
+    if *count > 0 && bytes == 0 {
+        return Err(Fault::malformed(format!("its element `{name}` has no property")));
+    }
+    // The last line needs no end.
+    if count.saturating_mul(bytes) > room + 1 {
+        let cause = format!(
+            "its header says that {count} of the element `{name}` follow, and it has {room} bytes in all"
+        );
+        return Err(Fault::truncated(cause));
+    }
+    Ok(())
 }
 
 fn explain(error: &ParseError) -> Fault {
@@ -216,6 +250,10 @@ pub(super) mod tests {
         assert!(message.contains("vertex_indices"), "{message}");
         let fault = failure(&text.replace("format ascii", "format strange"));
         assert!(fault.line == Some(2) && !fault.cause.contains("Line 2"), "{fault:?}");
+        let message = failure(&text.replace("vertex 8", "vertex 42949672958")).cause;
+        assert!(message.contains("42949672958 of the element `vertex`"), "{message}");
+        let endless = text.replace("element face", "element nothing 99999999999\nelement face");
+        assert!(failure(&endless).cause.contains("`nothing` has no property"));
         let cut = binary(&cube, true);
         assert_eq!(parse(&cut[..cut.len() - 5]).unwrap_err().kind, FaultKind::Truncated);
     }

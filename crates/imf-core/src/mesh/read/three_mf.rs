@@ -27,9 +27,11 @@ use model::{Body, Model, Role};
 
 /// The most bytes that an archive may unfold to, for each of its own: text of meshes is packed some ten times.
 const MAX_UNFOLDING: u64 = 200;
-/// The most placed triangles, and the most placements: a few objects can name each other to any number.
-const MAX_TRIANGLES: usize = 1 << 27;
-const MAX_PLACEMENTS: usize = 1 << 20;
+/// The most placed triangles and placements, for each byte of an archive and beside these: a few objects can name each other to any
+/// number. A thousand screws of 5,000 triangles each take 90 a byte.
+const MAX_TRIANGLES: usize = 100;
+const MAX_PLACEMENTS: usize = 1;
+const MAX_OF_ANY: usize = 1 << 17;
 /// The deepest nesting of components.
 const DEEPEST: usize = 64;
 
@@ -72,7 +74,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<(Mesh, LengthUnit), Fault> {
             count => format!("nothing of its build is to be printed: {count} items have printable=\"0\""),
         }));
     }
-    let mut placing = Placing { models: &models, mesh: Mesh::default(), placements: 0 };
+    let mut placing = Placing { models: &models, mesh: Mesh::default(), placements: 0, bytes: bytes.len() };
     for item in items {
         let (model, object) = (item.path.as_ref().unwrap_or(&root), item.object);
         if models.get(model).and_then(|m| m.objects.get(&object)).is_some_and(|o| o.role == Role::Other) {
@@ -124,13 +126,15 @@ struct Placing<'a> {
     models: &'a HashMap<String, Model>,
     mesh: Mesh,
     placements: usize,
+    /// Of the archive.
+    bytes: usize,
 }
 
 impl Placing<'_> {
     /// Appends an object and all that it is made of.
     fn place(&mut self, model: &str, object: u32, transform: &DMat4, depth: usize) -> Result<(), Fault> {
         self.placements += 1;
-        if depth > DEEPEST || self.placements > MAX_PLACEMENTS {
+        if depth > DEEPEST || self.placements > self.bytes * MAX_PLACEMENTS + MAX_OF_ANY {
             let cause = "its components nest too deeply, in a circle, or are too many";
             return Err(Fault::malformed(cause));
         }
@@ -140,8 +144,11 @@ impl Placing<'_> {
         match &found.body {
             _ if found.role != Role::Part => {}
             Body::Mesh(mesh) => {
-                if self.mesh.triangles.len() + mesh.triangles.len() > MAX_TRIANGLES {
-                    let cause = format!("it places more than {MAX_TRIANGLES} triangles");
+                let most = self.bytes * MAX_TRIANGLES + MAX_OF_ANY;
+                if self.mesh.triangles.len() + mesh.triangles.len() > most {
+                    let cause = format!(
+                        "it places more than {most} triangles, {MAX_TRIANGLES} for each of its bytes; export the placed bodies as one mesh"
+                    );
                     return Err(Fault::new(FaultKind::TooLarge, cause));
                 }
                 let placed = mesh.transformed(transform);

@@ -68,8 +68,8 @@ struct Post {
     number: Option<Value>,
 }
 
-/// More text than any library has.
-const MAX_BYTES: u64 = 1 << 28;
+/// The most bytes that an archive may unfold to, for each of its own.
+const MAX_UNFOLDING: u64 = 200;
 
 /// The tool of a `.json` or `.tools` file that `wanted` names, or its only one.
 pub(super) fn tool(bytes: &[u8], wanted: Option<&str>) -> Result<Tool, Fault> {
@@ -121,8 +121,12 @@ fn unpacked_json(bytes: &[u8]) -> Result<Vec<u8>, String> {
     let name = name.ok_or("the archive holds no JSON")?;
     let file = archive.by_name(&name).map_err(|e| e.to_string())?;
     let mut text = Vec::new();
-    file.take(MAX_BYTES + 1).read_to_end(&mut text).map_err(|e| e.to_string())?;
-    if text.len() as u64 > MAX_BYTES { Err(format!("{name} is larger than 256 MiB")) } else { Ok(text) }
+    let most = bytes.len() as u64 * MAX_UNFOLDING;
+    file.take(most + 1).read_to_end(&mut text).map_err(|e| e.to_string())?;
+    if text.len() as u64 > most {
+        return Err(format!("{name} unfolds to more than {MAX_UNFOLDING} times the file"));
+    }
+    Ok(text)
 }
 
 /// The unit that a text names.

@@ -20,11 +20,17 @@ pub(super) struct Arc {
 pub(super) const CHORD: f64 = 0.001;
 /// Farthest that the ends of an arc differ in their distance from its centre, in mm: programs round to three or four digits.
 const ROUND: f64 = 0.01;
-const MOST: f64 = 1e6;
+/// Chords of a whole turn of a radius of 100 m.
+const MOST: f64 = 25_000.0;
+
+/// The most chords of all arcs of a program of so many bytes: at twelve bytes an arc, whole turns of a radius of a third of a metre.
+pub(super) fn most_chords(bytes: usize) -> usize {
+    bytes.saturating_mul(100).saturating_add(100_000)
+}
 
 impl Arc {
-    /// The ends of its chords, its own end last; `mm` is a millimetre in the unit of the path.
-    pub(super) fn chords(&self, mm: f64) -> Result<Vec<DVec3>, String> {
+    /// The ends of its chords, its own end last, of which there may be `left` yet; `mm` is a millimetre in the unit of the path.
+    pub(super) fn chords(&self, mm: f64, left: &mut usize) -> Result<Vec<DVec3>, String> {
         let [a, b, normal] = self.plane;
         let flat = |p: DVec3| glam::DVec2::new(p[a], p[b]);
         let (from, to) = (flat(self.from), flat(self.to));
@@ -53,6 +59,9 @@ impl Arc {
         if count > MOST {
             return Err(format!("the arc has a radius of {first}: check the unit"));
         }
+        *left = left.checked_sub(count as usize).ok_or_else(|| {
+            format!("the arcs up to this one take more chords of {CHORD} mm than a program of this length may: check the unit, or split the program")
+        })?;
         let angle = if self.clockwise { -sweep } else { sweep };
         let chord = |index: u64| {
             let t = index as f64 / count;
@@ -109,7 +118,7 @@ mod tests {
                 let mut centre = DVec3::ZERO;
                 centre[a] = 10.0;
                 let quarter = Arc { centre: Some(centre), ..arc(to, plane, clockwise) };
-                let points = quarter.chords(1.0).unwrap();
+                let points = quarter.chords(1.0, &mut 100_000).unwrap();
                 assert_eq!(points.last(), Some(&DVec3::from_array(to)));
                 let mut before = quarter.from;
                 let mut way = 0.0;
@@ -125,25 +134,34 @@ mod tests {
                 let turns = if clockwise { 0.25 } else { 0.75 };
                 assert!((way - TAU * 10.0 * turns).abs() < 0.02, "{way}");
                 let signed = if clockwise { 10.0 } else { -10.0 };
-                let by_radius =
-                    Arc { radius: Some(signed), ..arc(to, plane, clockwise) }.chords(1.0).unwrap();
+                let by_radius = Arc { radius: Some(signed), ..arc(to, plane, clockwise) }
+                    .chords(1.0, &mut 100_000)
+                    .unwrap();
                 assert_eq!(by_radius.len(), points.len());
                 assert!((by_radius[3] - points[3]).length() < 1e-9);
             }
         }
         let whole = Arc { centre: Some(DVec3::new(0.0, 5.0, 0.0)), ..arc([0.0; 3], [0, 1, 2], true) };
-        let points = whole.chords(1.0).unwrap();
+        let points = whole.chords(1.0, &mut 100_000).unwrap();
         assert!(points.iter().any(|p| (p.y - 10.0).abs() < 0.01) && points.len() > 50);
     }
 
     #[test]
     fn arcs_that_are_none_are_refused() {
         let of = |centre: Option<DVec3>, radius: Option<f64>| {
-            Arc { centre, radius, ..arc([10.0, 0.0, 0.0], [0, 1, 2], true) }.chords(1.0).unwrap_err()
+            Arc { centre, radius, ..arc([10.0, 0.0, 0.0], [0, 1, 2], true) }
+                .chords(1.0, &mut 100_000)
+                .unwrap_err()
         };
         assert!(of(None, None).contains("neither"));
         assert!(of(Some(DVec3::X), Some(1.0)).contains("both"));
         assert!(of(Some(DVec3::X), None).contains("begins 1 from its centre and ends 9"));
         assert!(of(None, Some(4.0)).contains("farther apart"));
+        let long = Arc { centre: Some(DVec3::X * 5e5), ..arc([0.0; 3], [0, 1, 2], true) };
+        assert!(long.chords(1.0, &mut 100_000).unwrap_err().contains("radius of 500000: check the unit"));
+        let many = Arc { centre: Some(DVec3::X * 500.0), ..arc([0.0; 3], [0, 1, 2], true) };
+        let mut left = 2000;
+        assert_eq!(many.chords(1.0, &mut left).unwrap().len(), 2000 - left);
+        assert!(many.chords(1.0, &mut left).unwrap_err().contains("split the program"));
     }
 }
