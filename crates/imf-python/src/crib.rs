@@ -2,7 +2,9 @@
 
 use imf_core::control::Control;
 use imf_core::set_cover::{CoverProblem, CoverSettings};
-use imf_core::surface::{CollisionEnvironment, SurfaceError, SurfaceSamples, SurfaceTool, crib_access, default_tolerance};
+use imf_core::surface::{
+    CollisionEnvironment, SurfaceError, SurfaceSamples, SurfaceTool, crib_access, default_tolerance,
+};
 use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -30,7 +32,8 @@ pub(crate) fn crib<'py>(
     if tools.is_empty() {
         return Err(value_error("a crib has at least one tool"));
     }
-    let set = directions.unwrap_or_else(|| DirectionsInput::Text(own.usual_directions().into())).of(py, own)?;
+    let set =
+        directions.unwrap_or_else(|| DirectionsInput::Text(own.usual_directions().into())).of(py, own)?;
     let tolerance = tolerance.unwrap_or_else(|| default_tolerance(record.grid.pitch, record.unit));
     let tools: Vec<_> = tools.iter().map(|tool| tool.get().0.in_unit(record.unit)).collect();
     for tool in &tools {
@@ -55,7 +58,10 @@ pub(crate) fn crib<'py>(
     let found = PyDict::new(py);
     let flat = verdicts.iter().flatten().map(|verdict| *verdict as u8).collect::<Vec<_>>();
     found.set_item("verdict", rows_of(py, flat, samples.samples.len())?)?;
-    found.set_item("areas", PyArray1::from_vec(py, samples.samples.iter().map(|own| own.area).collect::<Vec<_>>()))?;
+    found.set_item(
+        "areas",
+        PyArray1::from_vec(py, samples.samples.iter().map(|own| own.area).collect::<Vec<_>>()),
+    )?;
     found.set_item("vertices", vertices)?;
     found.set_item("faces", faces)?;
     Ok(found)
@@ -70,15 +76,16 @@ pub(crate) fn fewest_sets<'py>(
     fraction: f64,
 ) -> PyResult<(Vec<usize>, usize)> {
     if !(fraction > 0.0 && fraction <= 1.0) {
-        return Err(value_error(format!("the fraction to cover must be above 0 and at most 1, not {fraction}")));
+        return Err(value_error(format!(
+            "the fraction to cover must be above 0 and at most 1, not {fraction}"
+        )));
     }
     let mut problem = CoverProblem::new(weights.as_array().to_vec());
     for row in holds.as_array().rows() {
         problem.add((0..row.len()).filter(|&place| row[place]));
     }
     let settings = CoverSettings { fraction, ..CoverSettings::default() };
-    let cover = run(py, (&None, "", 0), |control| {
-        problem.fewest(&settings, control).ok_or(SurfaceError::Cancelled)
-    })?;
+    let cover =
+        run(py, (&None, "", 0), |control| problem.fewest(&settings, control).ok_or(SurfaceError::Cancelled))?;
     Ok((cover.sets, cover.at_least))
 }

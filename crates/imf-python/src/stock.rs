@@ -39,7 +39,9 @@ impl StockInput<'_> {
                 ("stock".to_owned(), Mesh::cuboid(part.0 - *margin, part.1 + *margin))
             }
             Self::Margin(margin) => {
-                return Err(value_error(format!("the room around the part must be a length of at least 0, not {margin}")));
+                return Err(value_error(format!(
+                    "the room around the part must be a length of at least 0, not {margin}"
+                )));
             }
             Self::Mesh(mesh) => {
                 let (name, mesh, unit) = mesh.mesh(py)?;
@@ -48,7 +50,9 @@ impl StockInput<'_> {
                 (name, mesh.with_consistent_faces().0.transformed(&(record.transform * scaled)))
             }
         };
-        let Some((lower, upper)) = mesh.bounds() else { return Err(value_error("the stock has no triangle")) };
+        let Some((lower, upper)) = mesh.bounds() else {
+            return Err(value_error("the stock has no triangle"));
+        };
         let grid = bodies.part.grid.covering(lower.min(part.0), upper.max(part.1), 0);
         let grid = grid.map_err(|error| value_error(error.to_string()))?;
         memory::require(BYTES * grid.len() as u64, || {
@@ -77,7 +81,8 @@ pub(crate) fn removable_stock<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     let own = scene.get();
     let record = &own.scene.record;
-    let set = directions.unwrap_or_else(|| DirectionsInput::Text(own.usual_directions().into())).of(py, own)?;
+    let set =
+        directions.unwrap_or_else(|| DirectionsInput::Text(own.usual_directions().into())).of(py, own)?;
     let Some(cutter) = cutter_of(record.bare_tool()) else {
         return Err(value_error(format!("the tool '{}' has no cutter", record.bare_tool().name)));
     };
@@ -112,7 +117,10 @@ pub(crate) fn report_dict<'py>(
     let dict = PyDict::new(py);
     let lines = &found.removed;
     dict.set_item("lines", lines.iter().map(|own| own.line).collect::<Vec<_>>())?;
-    dict.set_item("kinds", lines.iter().map(|own| format!("{:?}", own.kind).to_lowercase()).collect::<Vec<_>>())?;
+    dict.set_item(
+        "kinds",
+        lines.iter().map(|own| format!("{:?}", own.kind).to_lowercase()).collect::<Vec<_>>(),
+    )?;
     dict.set_item("removed", lines.iter().map(|own| volume(own.voxels)).collect::<Vec<_>>())?;
     dict.set_item("removed_of_part", lines.iter().map(|own| volume(own.of_part)).collect::<Vec<_>>())?;
     dict.set_item("volume", volume(found.voxels))?;

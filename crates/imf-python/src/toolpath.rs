@@ -4,7 +4,8 @@ use std::path::Path;
 
 use glam::DMat4;
 use imf_core::check::{
-    CheckBodies, CheckSettings, MachineBodies, check_stock, check_toolpath, cutters_not_compared, least_stick_outs,
+    CheckBodies, CheckSettings, MachineBodies, check_stock, check_toolpath, cutters_not_compared,
+    least_stick_outs,
 };
 use imf_core::control::Control;
 use imf_core::machine::Machine;
