@@ -1,6 +1,8 @@
 //! Readers of foreign files, on the inputs that fuzzing has kept (`fuzz/corpus`), on files of today's library, and on seeded changes
 //! of both: neither a panic nor more memory than their multiple of the file (`imf_tests::readers`).
 
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
 mod seeds;
 
 use std::fs;

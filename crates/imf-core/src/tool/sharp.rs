@@ -54,9 +54,10 @@ impl Tool {
         for element in elements {
             let across = 2.0 * element.max_radius();
             let along: f64 =
-                element.profile.iter().map(|s| s.range()).map(|(from, to)| (to - from).abs()).sum();
+                element.profile.iter().map(Segment::range).map(|(from, to)| (to - from).abs()).sum();
             let sizes = [across, across, along].map(|size| (size / pitch).ceil());
-            if !(sizes.iter().product::<f64>() <= MOST_LOOKED_AT) {
+            let looked_at = sizes.iter().product::<f64>();
+            if looked_at.is_nan() || looked_at > MOST_LOOKED_AT {
                 let dims = sizes.map(|size| size as u64);
                 return Err(ToolError::TooLarge { name: self.name.clone(), dims, pitch });
             }
