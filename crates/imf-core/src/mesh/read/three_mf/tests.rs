@@ -205,8 +205,12 @@ fn broken_files_are_named_with_what_is_wrong() {
             format!(r#"<object id="{id}"><components>{part}{part}</components></object>"#)
         })
         .collect();
-    let bomb = format!(r#"<object id="1">{}</object>{doubling}"#, mesh_text(&unit_cube()));
-    assert!(refusal(&archive(&model("", &bomb, r#"<item objectid="61"/>"#))).contains("too many"));
+    let cube = mesh_text(&unit_cube());
+    for (first, expected) in [(cube.as_str(), "100 for each of its bytes"), ("<components/>", "too many")] {
+        let bomb = format!(r#"<object id="1">{first}</object>{doubling}"#);
+        let error = refusal(&archive(&model("", &bomb, r#"<item objectid="61"/>"#)));
+        assert!(error.contains(expected), "{error}");
+    }
     // Ten megabytes of spaces.
     let spaces = whole.replace("<resources>", &format!("<resources>{}", " ".repeat(10_000_000)));
     assert!(refusal(&archive(&spaces)).contains("unfolds"));
