@@ -59,8 +59,8 @@ pub const READERS: [Reader; 13] = [
     Reader { constant: 1 << 18, ..Reader::new("tool_toml", 160, |bytes| tools(bytes, "tool.toml")) },
     Reader::new("tool_freecad", 130, |bytes| tools(bytes, "tool.fctb")),
     Reader::new("tool_fusion", 300, |bytes| tools(bytes, "tools.json")),
-    Reader::new("path_csv", 80, |bytes| path(bytes, "path.csv")),
-    Reader::new("path_apt", 60, |bytes| path(bytes, "path.apt")),
+    Reader::new("path_csv", 80, |bytes| !is_program(bytes) && path(bytes, "path.csv")),
+    Reader::new("path_apt", 60, |bytes| !is_program(bytes) && path(bytes, "path.apt")),
     Reader { constant: 48 << 20, ..Reader::new("gcode", 50_000, |bytes| path(bytes, "path.nc")) },
     Reader { constant: 1 << 18, ..Reader::new("machine", 160, machine) },
     Reader { prepare: checksums::of_field, ..Reader::new("field", 50, field) },
@@ -142,6 +142,18 @@ static TRUNNION: LazyLock<Machine> = LazyLock::new(|| {
     let text = include_str!("../../docs/guide/machines/trunnion-ac.toml");
     Machine::parse(text, Path::new("trunnion-ac.toml")).expect("the guide's machine")
 });
+
+/// True for what is read as G-code whatever its name, to which the multiples of tables do not apply.
+fn is_program(bytes: &[u8]) -> bool {
+    let lines = bytes.split(|&byte| byte == b'\n').map(<[u8]>::trim_ascii);
+    let first =
+        lines.filter(|line| !line.is_empty()).find(|line| !line.starts_with(b"#") && !line.starts_with(b";"));
+    let second = first.and_then(|line| line.get(1)).copied().unwrap_or_default();
+    first.is_some_and(|line| {
+        line.starts_with(b"%") || line.starts_with(b"(") || line.starts_with(b"\xef\xbb\xbf")
+    }) || second.is_ascii_digit()
+        || b"+-.".contains(&second)
+}
 
 /// With and without a machine that follows it.
 fn path(bytes: &[u8], name: &str) -> bool {

@@ -1,7 +1,7 @@
 //! Readers of foreign files, on the inputs that fuzzing has kept (`fuzz/corpus`), on files of today's library, and on seeded changes
 //! of both: neither a panic nor more memory than their multiple of the file (`imf_tests::readers`).
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![expect(clippy::unwrap_used, reason = "a test ends at the first surprise, and says where")]
 
 mod seeds;
 

@@ -56,8 +56,8 @@ impl Tool {
             let along: f64 =
                 element.profile.iter().map(Segment::range).map(|(from, to)| (to - from).abs()).sum();
             let sizes = [across, across, along].map(|size| (size / pitch).ceil());
-            let looked_at = sizes.iter().product::<f64>();
-            if looked_at.is_nan() || looked_at > MOST_LOOKED_AT {
+            let voxels: f64 = sizes.iter().product();
+            if voxels.is_nan() || voxels > MOST_LOOKED_AT {
                 let dims = sizes.map(|size| size as u64);
                 return Err(ToolError::TooLarge { name: self.name.clone(), dims, pitch });
             }
