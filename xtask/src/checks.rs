@@ -12,6 +12,7 @@ use crate::adapter;
 use crate::browser;
 use crate::python;
 use crate::stages;
+use crate::web::{TARGET, Toolchain};
 
 /// Runs all checks.
 ///
@@ -55,15 +56,13 @@ fn rustdoc() -> Result<()> {
     cargo(&["doc", "--workspace", "--no-deps"], &[("RUSTDOCFLAGS", "-D warnings")])
 }
 
-/// The target of browsers, where there are no threads and no files.
-const BROWSER: &str = "wasm32-unknown-unknown";
 /// Crates that `imf-core` without its features pulls there, at most.
 const MOST_CRATES: usize = 30;
 
 /// `imf-core` without its features: for browsers where the target is there or can be had, else for this machine, and few crates.
 fn core_alone() -> Result<()> {
     let core = ["-p", "imf-core", "--no-default-features"];
-    let tree = [&["tree", "-e", "normal", "--prefix", "none", "--target", BROWSER][..], &core].concat();
+    let tree = [&["tree", "-e", "normal", "--prefix", "none", "--target", TARGET][..], &core].concat();
     let listed = cargo_command().args(&tree).output().context("cannot start cargo")?;
     ensure!(listed.status.success(), "cargo tree: {}", String::from_utf8_lossy(&listed.stderr));
     let text = String::from_utf8_lossy(&listed.stdout);
@@ -74,13 +73,14 @@ fn core_alone() -> Result<()> {
         crates <= MOST_CRATES,
         "imf-core without features pulls {crates} crates, more than {MOST_CRATES}"
     );
-    let added = Command::new("rustup").args(["target", "add", BROWSER]).status();
     let check = [&["check"][..], &core].concat();
-    if added.is_ok_and(|status| status.success()) {
-        return cargo(&[&check[..], &["--target", BROWSER]].concat(), &[]);
+    match Toolchain::find() {
+        Ok(toolchain) => toolchain.cargo(&check),
+        Err(missing) => {
+            println!("{missing}\nchecked for this machine instead");
+            cargo(&check, &[])
+        }
     }
-    println!("the target {BROWSER} cannot be had here: checked for this machine instead");
-    cargo(&check, &[])
 }
 
 /// Crates that loading a field and asking it pulls, at most, `imf-fields` among them.
@@ -136,8 +136,19 @@ pub(crate) fn cargo(arguments: &[&str], environment: &[(&str, &str)]) -> Result<
 }
 
 /// The cargo that runs this chore, at the root of the workspace, so that the chore works from any folder.
-fn cargo_command() -> Command {
+pub(crate) fn cargo_command() -> Command {
     let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
-    command.current_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/.."));
+    command.current_dir(crate::root());
     command
+}
+
+/// Runs a command with its output shown as it comes.
+///
+/// # Errors
+/// A command that cannot be started, or that fails.
+pub(crate) fn run_shown(command: &mut Command) -> Result<()> {
+    println!("$ {command:?}");
+    let status = command.status().with_context(|| format!("cannot start {command:?}"))?;
+    ensure!(status.success(), "{command:?} failed ({status})");
+    Ok(())
 }

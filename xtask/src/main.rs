@@ -1,16 +1,21 @@
 //! The project's own chores, run as `cargo xtask <chore>`.
 //!
 //! `test` is the whole of what continuous integration runs: see [`checks`]. `mpi` trains in several processes: see
-//! [`ranks`]. `python` tests the Python package, `wheel` as users get it: see [`python`]. `api` writes the lists of the public surface: see [`checks::api`].
+//! [`ranks`]. `python` tests the Python package, `wheel` as users get it: see [`python`]. `web` builds the page for
+//! browsers: see [`web`]. `api` writes the lists of the public surface: see [`checks::api`].
 
 mod adapter;
 mod browser;
 mod checks;
 mod debian;
+#[cfg(feature = "page")]
+mod page;
 mod python;
 mod ranks;
 mod stages;
+mod web;
 
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 const USAGE: &str = "\
@@ -22,6 +27,9 @@ chores:
   python   the tests of the Python package alone
   wheel    builds the Python package's wheel, target/wheels, and tests it in an environment of its own
   api      writes the lists of what imf-core and imf-fields make public, docs/api, anew
+  web      the page that computes in the browser, target/web/imf.html, and the npm package beside it
+  test --browser
+           builds that page and tests it in a headless Chromium
   mpi      the build with the feature mpi, and trainings of several ranks by mpirun; needs an MPI library and libclang
 
 environment:
@@ -35,6 +43,10 @@ fn main() -> ExitCode {
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
     match arguments[..] {
         ["test"] => ended(checks::run()),
+        ["test", "--browser"] => ended(web::test()),
+        ["web"] => ended(web::build()),
+        #[cfg(feature = "page")]
+        ["page"] => ended(page::make()),
         ["mpi"] => ended(ranks::run()),
         ["python"] => ended(python::test()),
         ["wheel"] => ended(python::wheel()),
@@ -48,6 +60,16 @@ fn main() -> ExitCode {
             ExitCode::from(2)
         }
     }
+}
+
+/// The root of the workspace.
+fn root() -> PathBuf {
+    PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
+}
+
+/// Where cargo builds.
+fn target() -> PathBuf {
+    std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from)
 }
 
 fn ended(result: anyhow::Result<()>) -> ExitCode {

@@ -11,8 +11,9 @@ use std::process::Command;
 
 use anyhow::{Context, Result, bail, ensure};
 
-use crate::checks::cargo;
+use crate::checks::{cargo, run_shown};
 use crate::debian;
+use crate::{root, target};
 
 const OPT_OUT: &str = "IMF_NO_PYTHON_TESTS";
 /// Names another interpreter.
@@ -21,16 +22,8 @@ const DEBIAN_INSTALL: &str = "apt-get install -y --no-install-recommends python3
 /// Fails where the interpreter is too old, or cannot make environments.
 const PROBE: &str = "import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 10))";
 
-fn root() -> PathBuf {
-    PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
-}
-
 fn package() -> PathBuf {
     root().join("crates/imf-python")
-}
-
-fn target() -> PathBuf {
-    env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from)
 }
 
 /// Tests the package as the workspace builds it.
@@ -120,7 +113,7 @@ impl Environment {
         // A new one where there is none, or where its interpreter is gone.
         if !environment.executable().is_file() || environment.python(&["-c", PROBE]).is_err() {
             let folder = environment.0.to_string_lossy().into_owned();
-            run(Command::new(python).args(["-m", "venv", "--clear", &folder]))?;
+            run_shown(Command::new(python).args(["-m", "venv", "--clear", &folder]))?;
         }
         let needed = package().join("tests/requirements.txt");
         environment.pip(&["-r", &needed.to_string_lossy()])?;
@@ -132,7 +125,7 @@ impl Environment {
     }
 
     fn python(&self, arguments: &[impl AsRef<OsStr>]) -> Result<()> {
-        run(Command::new(self.executable()).args(arguments))
+        run_shown(Command::new(self.executable()).args(arguments))
     }
 
     fn pip(&self, arguments: &[&str]) -> Result<()> {
@@ -168,14 +161,6 @@ impl Environment {
         let mut tests = Command::new(self.executable());
         // Where nothing but the environment is on the path.
         tests.args(["-m", "pytest", "--durations=5", "-p", "no:cacheprovider"]).current_dir(folder);
-        run(tests.env_remove("PYTHONPATH").env("PYTHONDONTWRITEBYTECODE", "1"))
+        run_shown(tests.env_remove("PYTHONPATH").env("PYTHONDONTWRITEBYTECODE", "1"))
     }
-}
-
-/// Runs a command with its output shown as it comes.
-fn run(command: &mut Command) -> Result<()> {
-    println!("$ {command:?}");
-    let status = command.status().with_context(|| format!("cannot start {command:?}"))?;
-    ensure!(status.success(), "{command:?} failed ({status})");
-    Ok(())
 }

@@ -147,6 +147,7 @@ const IMPORTS: [(&str, &[&str]); 8] = [
     ("imf-bench", &["imf-core", "imf-fields", "imf-train", "imf-gpu", "imf-cli"]),
     ("imf-c", &["imf-core", "imf-fields"]),
     ("imf-python", &["imf-core", "imf-fields", "imf-train"]),
+    ("imf-web", &["imf-core", "imf-fields"]),
 ];
 
 #[test]

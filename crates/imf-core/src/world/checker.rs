@@ -66,6 +66,8 @@ pub struct Contact {
     pub element: Option<ElementKind>,
     /// The voxel's centre in the world; `None` of a mesh too large to be made of voxels.
     pub point: Option<DVec3>,
+    /// How deep it lies below the element's surface; 0 of a mesh.
+    pub depth: f64,
 }
 
 /// The tool, offset by its clearance.
@@ -273,14 +275,14 @@ impl Checker {
         let (mut deepest, mut found) = (f64::NEG_INFINITY, None);
         for one in self.placed.iter().filter(|one| self.gap(one, middle) <= 0.0 && one.collides(pose)) {
             let local = one.local(pose);
-            let here = Contact { obstacle: one.id, element: None, point: None };
+            let here = Contact { obstacle: one.id, element: None, point: None, depth: 0.0 };
             found = found.or(Some(here));
             for (solid, tool) in one.around.field.solids_with_tools() {
                 solid.visit_inside(tool, &local, |depth, element, point| {
                     if depth > deepest {
                         deepest = depth;
                         let element = element.map(|element| element.kind);
-                        found = Some(Contact { element, point: Some(one.at.of_point(point)), ..here });
+                        found = Some(Contact { element, point: Some(one.at.of_point(point)), depth, ..here });
                     }
                 });
             }

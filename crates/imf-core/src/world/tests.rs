@@ -101,12 +101,16 @@ fn poses_among_placed_obstacles_are_decided_as_counted() {
         let contact = checker.contact(pose).unwrap();
         assert_eq!(contact.is_none(), is_free);
         free += usize::from(is_free);
-        if let Some(Contact { obstacle, element, point }) = contact {
+        if let Some(Contact { obstacle, element, point, depth }) = contact {
             hit[obstacle.0 as usize] += 1;
             assert!(counts[obstacle.0 as usize] > 0);
             // Its point lies in that element.
             let held = tool.element_at(&Pose { position: pose.position, ..*pose }, point.unwrap());
             assert!(held == element || held.is_none(), "{held:?} {element:?}");
+            // No deeper than the element is thick.
+            let ToolShape::Revolved(elements) = &tool.shape else { unreachable!() };
+            let own = elements.iter().find(|own| Some(own.kind) == element).unwrap();
+            assert!((0.0..=own.max_radius() + 1e-9).contains(&depth), "{depth}");
         }
     }
     assert!(free > 500 && hit.iter().all(|&hit| hit > 100), "{free} {hit:?}");

@@ -1,0 +1,68 @@
+// After wasm-bindgen's own script, in a worker: answers messages { id, ask, … } by { id, … }, one after the other.
+const post = (id, answer, moved) => self.postMessage({ id, ...answer }, moved ?? []);
+let scene, access, field;
+
+const asks = {
+  async start({ module }) {
+    const packed = Uint8Array.from(atob(module), c => c.charCodeAt(0));
+    const bytes = new Response(new Blob([packed]).stream().pipeThrough(new DecompressionStream('gzip'))).arrayBuffer();
+    await wasm_bindgen({ module_or_path: await bytes });
+    return { ramp: wasm_bindgen.ramp(256) };
+  },
+  scene({ part, file, name, unit, tool, pitch }) {
+    const mesh = file ? wasm_bindgen.Part.read(name, new Uint8Array(file), unit) : wasm_bindgen.Part.reference(part);
+    scene?.free();
+    scene = undefined;
+    scene = new wasm_bindgen.PartScene(mesh, tool, pitch);
+    const { warnings, dims, pitch: used, unit: own, origin } = scene;
+    return { corners: mesh.corners(), tool: scene.tool_corners(), ranks: scene.tool_ranks(), warnings, dims, pitch: used, unit: own, origin };
+  },
+  begin({ directions, samples }) {
+    access?.free();
+    access = undefined;
+    access = new wasm_bindgen.SurfaceAccess(scene, directions, samples);
+    return { triangles: access.triangles };
+  },
+  advance({ count }) {
+    const left = access.advance(count);
+    return left > 0 ? { left } : { left, corners: access.corners(), verdicts: access.verdicts(), areas: access.areas(), by: access.obstructed_by() };
+  },
+  contact({ at: [x, y, z], axis: [i, j, k] }) {
+    const begun = performance.now();
+    const hit = scene.contact(x, y, z, i, j, k);
+    const micro = 1000 * (performance.now() - begun);
+    return { micro, hit: hit && { element: hit.element, rank: hit.rank, depth: hit.depth } };
+  },
+  section({ theta, phi }) {
+    return { values: scene.section(theta, phi), direction: wasm_bindgen.direction(theta, phi) };
+  },
+  sums({ directions }) {
+    const begun = performance.now();
+    return { sums: scene.section_sums(directions), seconds: 0.001 * (performance.now() - begun) };
+  },
+  verdicts({ count }) {
+    const [x, y, z] = scene.dims, pitch = scene.pitch, [ox, oy, oz] = scene.origin;
+    let free = 0, seed = 1;
+    const next = () => (seed = (seed * 16807) % 2147483647) / 2147483647;
+    const begun = performance.now();
+    for (let pose = 0; pose < count; pose++) {
+      free += scene.contact(ox + x * pitch * next(), oy + y * pitch * next(), oz + z * pitch * next(), next() - 0.5, next() - 0.5, next() - 0.5) ? 0 : 1;
+    }
+    return { free, micro: 1000 * (performance.now() - begun) / count };
+  },
+  field({ name, file }) {
+    field?.free();
+    field = undefined;
+    field = wasm_bindgen.FieldFile.read(name, new Uint8Array(file));
+    return { part: field.part, tool: field.tool, dims: field.dims, overlap: field.is_overlap };
+  },
+  compare({ theta, phi }) {
+    const found = field.compare(theta, phi);
+    return { field: found.field(), exact: found.exact(), mse: found.mse, largest: found.largest };
+  },
+};
+
+let last = Promise.resolve();
+self.onmessage = ({ data: { id, ask, ...rest } }) => {
+  last = last.then(() => asks[ask](rest)).then(answer => post(id, answer), error => post(id, { error: String(error?.message ?? error) }));
+};

@@ -1,0 +1,124 @@
+//! What a tool reaches of a part's surface, piece by piece, so that progress can be shown between the pieces.
+
+use imf_core::control::Control;
+use imf_core::orientation::Orientation;
+use imf_core::surface::{
+    CollisionEnvironment, Reach, SurfaceSamples, SurfaceTool, Verdict, default_tolerance, surface_access,
+};
+use wasm_bindgen::JsError;
+use wasm_bindgen::prelude::wasm_bindgen;
+
+use crate::scene::PartScene;
+
+/// The surface of a part, cut into triangles of about the same size, and the verdict on each.
+#[wasm_bindgen]
+pub struct SurfaceAccess {
+    samples: SurfaceSamples,
+    tool: SurfaceTool,
+    directions: Vec<Orientation>,
+    reach: Vec<Reach>,
+    /// Area that each direction reaches.
+    by_direction: Vec<f64>,
+}
+
+#[wasm_bindgen]
+impl SurfaceAccess {
+    /// Cuts the surface into at least about `samples` triangles; nothing is decided yet. `directions` is the text of a set, such as
+    /// `axes+normals+fibonacci:64`.
+    ///
+    /// # Errors
+    /// A text that names no set; a tool without a cutter.
+    #[wasm_bindgen(constructor)]
+    pub fn new(scene: &PartScene, directions: &str, samples: usize) -> Result<SurfaceAccess, JsError> {
+        let directions = scene.set(directions)?.orientations;
+        let record = &scene.scene.record;
+        let solid = scene.solid_voxels();
+        let samples = SurfaceSamples::new(&scene.mesh, &solid, samples);
+        let environment = CollisionEnvironment::new(&solid.into(), &[]);
+        let tolerance = default_tolerance(record.grid.pitch, record.unit);
+        let tool = SurfaceTool::new(&environment, &record.assembly()?, tolerance)?;
+        Ok(Self { samples, tool, by_direction: vec![0.0; directions.len()], directions, reach: Vec::new() })
+    }
+
+    /// Decides the next `count` triangles; gives back how many are left.
+    ///
+    /// # Errors
+    /// None that can be expected: the work is never cancelled from inside.
+    pub fn advance(&mut self, count: usize) -> Result<usize, JsError> {
+        let all = &self.samples.samples;
+        let start = self.reach.len();
+        let piece = &all[start..all.len().min(start + count)];
+        let found = surface_access(&self.tool, piece, &self.directions, Control::quiet())?;
+        self.by_direction.iter_mut().zip(found.area_by_direction(piece)).for_each(|(sum, area)| *sum += area);
+        self.reach.extend(found.reach);
+        Ok(all.len() - self.reach.len())
+    }
+
+    /// Number of triangles.
+    #[wasm_bindgen(getter)]
+    #[must_use]
+    pub fn triangles(&self) -> usize {
+        self.samples.samples.len()
+    }
+
+    /// Three corners of each triangle.
+    #[must_use]
+    pub fn corners(&self) -> Vec<f32> {
+        // Every triangle has vertices of its own.
+        self.samples.mesh.vertices.iter().flat_map(|corner| corner.as_vec3().to_array()).collect()
+    }
+
+    /// By triangle: 0 reached, 1 something is in the way, 2 the cutter does not fit, 3 no direction faces it.
+    #[must_use]
+    pub fn verdicts(&self) -> Vec<u8> {
+        self.reach.iter().map(|reach| reach.verdict() as u8).collect()
+    }
+
+    /// By triangle: the number of directions that reach it; NaN where none does.
+    #[must_use]
+    pub fn direction_counts(&self) -> Vec<f32> {
+        let count = |reach: &Reach| match reach {
+            Reach::Reached { directions } => *directions as f32,
+            _ => f32::NAN,
+        };
+        self.reach.iter().map(count).collect()
+    }
+
+    /// Areas by verdict, in the order of [`SurfaceAccess::verdicts`].
+    #[must_use]
+    pub fn areas(&self) -> Vec<f64> {
+        let mut areas = vec![0.0; Verdict::NotFaced as usize + 1];
+        for (reach, sample) in self.reach.iter().zip(&self.samples.samples) {
+            areas[reach.verdict() as usize] += sample.area;
+        }
+        areas
+    }
+
+    /// What keeps area from being reached: elements of the tool by name with the area that they obstruct, the largest first. Several may
+    /// be in the way of one place.
+    #[must_use]
+    pub fn obstructed_by(&self) -> Vec<String> {
+        let mut areas: Vec<(String, f64)> = Vec::new();
+        for (reach, sample) in self.reach.iter().zip(&self.samples.samples) {
+            let Reach::Obstructed { hits, .. } = reach else { continue };
+            for (kind, _) in self.tool.hits(*hits) {
+                let name = kind.to_string();
+                match areas.iter_mut().find(|(known, _)| *known == name) {
+                    Some((_, area)) => *area += sample.area,
+                    None => areas.push((name, sample.area)),
+                }
+            }
+        }
+        areas.sort_by(|one, other| other.1.total_cmp(&one.1));
+        areas.into_iter().map(|(name, area)| format!("{name}\t{area}")).collect()
+    }
+
+    /// The `most` directions that reach the largest areas, three numbers each.
+    #[must_use]
+    pub fn best_directions(&self, most: usize) -> Vec<f64> {
+        let mut order: Vec<usize> =
+            (0..self.directions.len()).filter(|&at| self.by_direction[at] > 0.0).collect();
+        order.sort_by(|&one, &other| self.by_direction[other].total_cmp(&self.by_direction[one]));
+        order.iter().take(most).flat_map(|&at| self.directions[at].direction().to_array()).collect()
+    }
+}

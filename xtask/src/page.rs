@@ -1,0 +1,86 @@
+//! The page that computes in the browser, and the npm package beside it.
+//!
+//! `crates/imf-web` is compiled to WebAssembly, its JavaScript and TypeScript types are made by wasm-bindgen, and everything is put
+//! into one HTML file, the module compressed, so that the page works from a file as well as from any host.
+
+use std::fs;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, ensure};
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD as BASE64;
+use flate2::Compression;
+use flate2::write::GzEncoder;
+use wasm_bindgen_cli_support::Bindgen;
+
+use crate::root;
+use crate::web::{TARGET, Toolchain, folder};
+
+/// A page that is larger takes too long to load.
+const MOST_BYTES: usize = 5_000_000;
+
+/// Makes page and package.
+///
+/// # Errors
+/// No compiler for the target; a build that fails; a page that is too large.
+pub(crate) fn make() -> Result<()> {
+    Toolchain::find()?.cargo(&["build", "--release", "-p", "imf-web"])?;
+    let folder = folder();
+    let compiled = folder.join("build").join(TARGET).join("release/imf_web.wasm");
+    let mut bindgen = Bindgen::new();
+    bindgen.input_path(&compiled).typescript(true).remove_name_section(true).remove_producers_section(true);
+    // For the page: a plain script, which a worker from a blob can be made of.
+    let parts = folder.join("parts");
+    bindgen.no_modules(true)?.typescript(false).generate(&parts).context("wasm-bindgen")?;
+    package(&folder.join("npm"), &compiled)?;
+    let page = page(&parts)?;
+    let path = folder.join("imf.html");
+    fs::write(&path, &page).with_context(|| path.display().to_string())?;
+    println!("{}: {:.2} MB", path.display(), page.len() as f64 / 1e6);
+    ensure!(page.len() <= MOST_BYTES, "the page has {} bytes, more than {MOST_BYTES}", page.len());
+    Ok(())
+}
+
+/// The package for npm: an ES module with its types.
+fn package(folder: &Path, compiled: &Path) -> Result<()> {
+    let mut bindgen = Bindgen::new();
+    bindgen.input_path(compiled).typescript(true).remove_name_section(true).remove_producers_section(true);
+    bindgen.web(true)?.generate(folder).context("wasm-bindgen")?;
+    let text = fs::read_to_string(root().join("crates/imf-web/page/package.json"))?;
+    fs::write(folder.join("package.json"), text.replace("{{version}}", env!("CARGO_PKG_VERSION")))?;
+    for licence in ["LICENSE-MIT", "LICENSE-APACHE"] {
+        fs::copy(root().join(licence), folder.join(licence))?;
+    }
+    Ok(())
+}
+
+/// The page, everything in it.
+fn page(parts: &Path) -> Result<String> {
+    let read = |path: PathBuf| fs::read_to_string(&path).with_context(|| path.display().to_string());
+    let own = |name: &str| read(root().join("crates/imf-web/page").join(name));
+    let report = |name: &str| read(root().join("crates/imf-cli/viewer").join(name));
+    let module = parts.join("imf_web_bg.wasm");
+    let mut packed = GzEncoder::new(Vec::new(), Compression::best());
+    packed.write_all(&fs::read(&module).with_context(|| module.display().to_string())?)?;
+    let worker = format!("{}\n{}", read(parts.join("imf_web.js"))?, own("worker.js")?);
+    let filled = [
+        ("style", report("viewer.css")? + &own("page.css")?),
+        ("module", BASE64.encode(packed.finish()?)),
+        // An end tag in a script would end it.
+        ("worker", worker.replace("</script", "<\\/script")),
+        ("three", report("three.min.js")?),
+        ("page", own("page.js")?),
+    ];
+    let template = own("index.html")?;
+    // One pass over the template: what is put in may hold braces.
+    let mut pieces = template.split("{{");
+    let mut page = pieces.next().unwrap_or_default().to_owned();
+    for piece in pieces {
+        let (name, rest) = piece.split_once("}}").context("a brace of the page's template is not closed")?;
+        let (_, text) = filled.iter().find(|(own, _)| *own == name).with_context(|| format!("no {name}"))?;
+        page.push_str(text);
+        page.push_str(rest);
+    }
+    Ok(page)
+}
