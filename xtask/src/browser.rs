@@ -10,12 +10,17 @@ const OPT_OUT: &str = "IMF_NO_BROWSER_TESTS";
 const NAMES: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "chrome"];
 const DEBIAN_INSTALL: &str = "apt-get install -y --no-install-recommends chromium";
 
+/// True where tests in a browser are not wanted.
+pub(crate) fn is_left_out() -> bool {
+    env::var(OPT_OUT).is_ok_and(|value| value == "1")
+}
+
 /// Looks for a Chromium, installs it as root on Debian, else says what to type.
 ///
 /// # Errors
 /// None, and none that could be installed.
 pub(crate) fn ensure_browser() -> Result<()> {
-    if env::var(OPT_OUT).is_ok_and(|value| value == "1") {
+    if is_left_out() {
         println!("{OPT_OUT} is set: tests that need a browser are reported as ignored");
         return Ok(());
     }

@@ -12,7 +12,7 @@ use crate::adapter;
 use crate::browser;
 use crate::python;
 use crate::stages;
-use crate::web::{TARGET, Toolchain};
+use crate::web::{self, TARGET, Toolchain};
 
 /// Runs all checks.
 ///
@@ -29,7 +29,20 @@ pub(crate) fn run() -> Result<()> {
         ("browser", browser::ensure_browser),
         ("tests", tests),
         ("Python package", python::test),
+        ("page for browsers", page),
     ])
+}
+
+/// The page that computes in the browser, where the compiler's target for browsers is there or can be had.
+fn page() -> Result<()> {
+    match Toolchain::find() {
+        Ok(_) if browser::is_left_out() => Ok(()),
+        Ok(_) => web::test(),
+        Err(missing) => {
+            println!("not tested: {missing}");
+            Ok(())
+        }
+    }
 }
 
 /// Rewrites the lists of the public surface in `docs/api`.

@@ -1,6 +1,6 @@
 //! For browsers: which compiler serves, and the chores that make the page and test it.
 //!
-//! The page itself is made by [`page`](crate::page), with the feature of that name.
+//! The page itself is made by the module `page`, with the feature of that name.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};

@@ -230,11 +230,12 @@
     const [, question] = decodeURIComponent(location.hash).split('#check=');
     if (!question) return;
     const { part, tool, pitch, directions } = JSON.parse(question);
-    const { dims } = await ask('scene', { part, file: null, tool, pitch });
+    const { dims } = await ask('scene', { part, file: null, tool, pitch: pitch ?? undefined });
     const { sums, seconds } = await ask('sums', { directions });
     const { triangles } = await ask('begin', { directions, samples: 1000 });
     const { areas } = await ask('advance', { count: triangles });
-    console.info(`imf answers ${JSON.stringify({ dims: [...dims], sums: [...sums], areas: [...areas], triangles, seconds })} .`);
+    const { micro } = await ask('verdicts', { count: 10000 });
+    console.info(`imf answers ${JSON.stringify({ dims: [...dims], sums: [...sums], areas: [...areas], triangles, seconds, micro })} .`);
   };
   window.imf.ready = ask('start', { module: text('module') }).then(started => {
     ({ ramp } = started);

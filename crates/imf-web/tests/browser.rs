@@ -59,11 +59,14 @@ fn answer(question: &Value) -> (Value, Vec<String>) {
 #[test]
 #[ignore = "needs the page and Chromium: cargo xtask test --browser"]
 fn the_page_counts_what_this_machine_counts() {
-    for (part, directions) in [("bracket", "axes+fibonacci:20"), ("teapot", "grid:30")] {
-        let question = json!({ "part": part, "tool": TOOL, "pitch": 3.0, "directions": directions });
+    for (part, pitch, directions) in
+        [("bracket", Some(3.0), "axes+fibonacci:20"), ("teapot", None, "fibonacci:225")]
+    {
+        let question = json!({ "part": part, "tool": TOOL, "pitch": pitch, "directions": directions });
         let (found, said) = answer(&question);
         assert!(said.is_empty(), "{said:?}");
-        let mut scene = PartScene::new(&Part::reference(part).ok().unwrap(), TOOL, Some(3.0)).ok().unwrap();
+        println!("{part}: {} s for {directions}, {} µs a verdict", found["seconds"], found["micro"]);
+        let mut scene = PartScene::new(&Part::reference(part).ok().unwrap(), TOOL, pitch).ok().unwrap();
         assert_eq!(found["dims"], json!(scene.dims()), "{part}");
         let numbers = |value: &Value| -> Vec<f64> {
             value.as_array().unwrap().iter().map(|number| number.as_f64().unwrap()).collect()

@@ -138,7 +138,7 @@ fn core_and_fields_need_no_gpu_and_no_command_line() {
 }
 
 /// The project's crates that each of them may import.
-const IMPORTS: [(&str, &[&str]); 8] = [
+const IMPORTS: [(&str, &[&str]); 9] = [
     ("imf-core", &[]),
     ("imf-fields", &["imf-core"]),
     ("imf-train", &["imf-core", "imf-fields"]),

@@ -75,14 +75,22 @@ impl Element {
                     continue;
                 }
                 let offset = DVec3::new(across, along, (z as f64 - tip.z) * pitch);
-                let height = offset.dot(axis);
-                let held = self.profile.iter().find(|s| s.range().0 <= height && height < s.range().1);
-                let squared = offset.length_squared() - height * height;
-                if held.is_some_and(|s| squared <= s.radius(height).powi(2) + SLACK * pitch * pitch) {
-                    visit(row + z, height, squared.max(0.0).sqrt());
+                if let Some((height, radius)) = self.holds(offset, axis, pitch) {
+                    visit(row + z, height, radius);
                 }
             }
         }
+    }
+
+    /// Height on the axis and distance from it of a voxel's centre, given by its offset from the tip, where the element holds it by
+    /// the predicate that defines the tool.
+    #[inline]
+    pub(crate) fn holds(&self, offset: DVec3, axis: DVec3, pitch: f64) -> Option<(f64, f64)> {
+        let height = offset.dot(axis);
+        let held = self.profile.iter().find(|s| s.range().0 <= height && height < s.range().1)?;
+        let squared = offset.length_squared() - height * height;
+        (squared <= held.radius(height).powi(2) + SLACK * pitch * pitch)
+            .then(|| (height, squared.max(0.0).sqrt()))
     }
 
     /// Its radius at a height; 0 where it has none.

@@ -278,13 +278,12 @@ impl Checker {
             let here = Contact { obstacle: one.id, element: None, point: None, depth: 0.0 };
             found = found.or(Some(here));
             for (solid, tool) in one.around.field.solids_with_tools() {
-                solid.visit_inside(tool, &local, |depth, element, point| {
-                    if depth > deepest {
-                        deepest = depth;
-                        let element = element.map(|element| element.kind);
-                        found = Some(Contact { element, point: Some(one.at.of_point(point)), depth, ..here });
-                    }
-                });
+                if let Some(inside) = solid.deepest(tool, &local).filter(|inside| inside.depth > deepest) {
+                    deepest = inside.depth;
+                    let element = inside.element.map(|element| element.kind);
+                    let point = Some(one.at.of_point(inside.centre));
+                    found = Some(Contact { element, point, depth: inside.depth, ..here });
+                }
             }
         }
         Ok(found)

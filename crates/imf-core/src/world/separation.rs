@@ -78,17 +78,9 @@ fn of(one: &Placed, pair: &Separation, lower: f64, upper: f64) -> Distance {
 /// The centre deepest in its element; `None` where the tool is free, and of a mesh.
 fn deepest(field: &ExactField, pose: &Pose) -> Option<Separation> {
     let axis = pose.axis().filter(|_| field.collides(pose))?;
-    let mut deepest: Option<Separation> = None;
-    for (solid, tool) in field.solids_with_tools() {
-        solid.visit_inside(tool, pose, |depth, element, centre| {
-            if deepest.as_ref().is_none_or(|deepest| depth > deepest.distance)
-                && let Some(element) = element
-            {
-                deepest = Some(Separation::of(element, pose.position, axis, centre));
-            }
-        });
-    }
-    deepest
+    let both = field.solids_with_tools().filter_map(|(solid, tool)| solid.deepest(tool, pose));
+    let deepest = both.max_by(|a, b| a.depth.total_cmp(&b.depth))?;
+    Some(Separation::of(deepest.element?, pose.position, axis, deepest.centre))
 }
 
 /// The length of a translation that frees the tool, the shortest of those that were tried; at least `least`.

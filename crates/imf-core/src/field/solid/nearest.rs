@@ -1,9 +1,8 @@
-//! Which solid voxels lie in a tool, and which is the nearest to one that holds none.
+//! Which solid voxel lies deepest in a tool, and which is the nearest to one that holds none.
 
 use glam::{DVec2, DVec3};
 
 use super::{Shape, SolidField};
-use crate::mesh::Mesh;
 use crate::pose::Pose;
 use crate::tool::{Element, ElementKind, Tool, ToolShape};
 
@@ -16,6 +15,16 @@ pub(crate) struct Separation {
     pub(crate) centre: DVec3,
     /// The point of the element's surface that is nearest to it.
     pub(crate) foot: DVec3,
+}
+
+/// A solid voxel's centre in a tool, in world units.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Inside<'a> {
+    /// How far below the element's surface it lies; 0 of a mesh.
+    pub(crate) depth: f64,
+    /// The element that holds it; `None` of a mesh.
+    pub(crate) element: Option<&'a Element>,
+    pub(crate) centre: DVec3,
 }
 
 impl Separation {
@@ -35,26 +44,48 @@ impl Separation {
 }
 
 impl SolidField {
-    /// Visits the solid voxels in the tool, which is the one that this field was made of: how deep each lies in its element, which that
-    /// is, and its centre. Of a mesh neither depth nor element is known. Nothing at an invalid pose.
-    pub(crate) fn visit_inside(
-        &self,
-        tool: &Tool,
-        pose: &Pose,
-        mut visit: impl FnMut(f64, Option<&Element>, DVec3),
-    ) {
+    /// The solid voxel that lies deepest in the element that holds it, of the tool that this field was made of. `None` where the tool
+    /// is free, and at an invalid pose.
+    pub(crate) fn deepest<'a>(&self, tool: &'a Tool, pose: &Pose) -> Option<Inside<'a>> {
+        let placed = self.placed(pose)?;
+        let mut deepest: Option<Inside<'a>> = None;
+        let mut take = |depth: f64, element: Option<&'a Element>, centre: DVec3| {
+            if deepest.as_ref().is_none_or(|deepest| depth > deepest.depth) {
+                deepest = Some(Inside { depth, element, centre });
+            }
+            deepest.as_ref().map_or(f64::NEG_INFINITY, |deepest| deepest.depth)
+        };
         let obstacle = self.voxels.occupancy();
         let centre = |index: usize| obstacle.grid.centre(obstacle.grid.voxel(index));
-        let ToolShape::Revolved(elements) = &tool.shape else {
-            let visited = |_: &Mesh, index: usize, _: DVec3| visit(0.0, None, centre(index));
-            _ = tool.visit_inside_mesh(obstacle, pose, visited);
-            return;
-        };
-        for element in elements {
-            element.visit_inside(obstacle, pose, |index, height, radius| {
-                visit(element.depth(height, radius, true), Some(element), centre(index));
-            });
+        match (&self.shape, &tool.shape) {
+            (Shape::Bodies(bodies), ToolShape::Revolved(elements)) => {
+                let mut most = f64::NEG_INFINITY;
+                self.spheres(bodies).deepest(placed, &self.voxels, |voxel| {
+                    let offset = (DVec3::from_array(voxel) - placed.tip) * placed.pitch;
+                    for element in elements {
+                        if let Some((height, radius)) = element.holds(offset, placed.direction, placed.pitch)
+                        {
+                            let depth = element.depth(height, radius, true);
+                            most = take(depth, Some(element), pose.position + offset);
+                        }
+                    }
+                    most / placed.pitch
+                });
+            }
+            (_, ToolShape::Revolved(elements)) => {
+                for element in elements {
+                    element.visit_inside(obstacle, pose, |index, height, radius| {
+                        take(element.depth(height, radius, true), Some(element), centre(index));
+                    });
+                }
+            }
+            (_, ToolShape::Mesh(_)) => {
+                _ = tool.visit_inside_mesh(obstacle, pose, |_, index, _| {
+                    take(0.0, None, centre(index));
+                });
+            }
         }
+        deepest
     }
 
     /// The distance from the tool, which is the one that this field was made of, to the nearest solid voxel's centre, where it holds none.

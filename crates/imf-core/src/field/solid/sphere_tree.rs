@@ -229,6 +229,62 @@ impl SphereTree {
         }
     }
 
+    /// Finds the solid centre deepest in the tool: `measure` gives the largest depth of the centres that it was given, in voxels, below
+    /// zero while the tool held none of them.
+    pub(super) fn deepest(
+        &self,
+        placed: VoxelPose,
+        voxels: &SolidVoxels,
+        mut measure: impl FnMut([f64; 3]) -> f64,
+    ) {
+        let distances = voxels.distances();
+        let (mut most, mut last_witness) = (f64::NEG_INFINITY, usize::MAX);
+        let (mut stack, mut leaves) = ([0_u32; DEPTH], Vec::new());
+        for root in 0..self.roots as u32 {
+            stack[0] = root;
+            let mut depth = 1;
+            while depth > 0 {
+                depth -= 1;
+                let piece = &self.pieces[stack[depth] as usize];
+                let middle = placed.tip + placed.direction * piece.middle;
+                let probe = distances.probe(middle);
+                // No centre beside the piece is nearer to the axis than this, and none is deeper than what is left to the outline.
+                let half = 0.5 * (piece.to - piece.from);
+                let bound = piece.radius - (probe.squared - half * half).max(0.0).sqrt();
+                if probe.squared > piece.squared || bound < most {
+                    continue;
+                }
+                let Some(witness) = distances.nearest(probe.index) else { return };
+                if witness != last_witness {
+                    last_witness = witness;
+                    most = most.max(measure(distances.voxel(witness)));
+                }
+                if piece.halves == 0 {
+                    leaves.push((bound, middle, half, piece.radius));
+                } else {
+                    stack[depth] = piece.halves;
+                    stack[depth + 1] = piece.halves + 1;
+                    depth += 2;
+                }
+            }
+        }
+        // The deepest centre may be no voxel's nearest: what could be deeper beside a piece is tried, the most promising pieces first.
+        leaves.sort_unstable_by(|a, b| b.0.total_cmp(&a.0));
+        for (bound, middle, half, radius) in leaves {
+            if bound >= most {
+                let around = |most: f64| (radius - most.max(0.0)).max(0.0).hypot(half + MARGIN);
+                voxels.visit_ball(middle, around(most), |voxel| {
+                    let offset = DVec3::from_array(voxel) - middle;
+                    let across = offset.length_squared() - offset.dot(placed.direction).powi(2);
+                    if across <= (radius - most.max(0.0)).max(0.0).powi(2) {
+                        most = most.max(measure(voxel));
+                    }
+                    around(most)
+                });
+            }
+        }
+    }
+
     /// Lower bound of the distance from the tool to any solid voxel's centre, in voxels; below zero where the tool may
     /// hold one, and then no lower than minus the depth it may have. No more than `most`.
     pub(super) fn clearance(&self, placed: VoxelPose, distances: &DistanceField, most: f64) -> f64 {

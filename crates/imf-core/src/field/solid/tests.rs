@@ -8,7 +8,7 @@ use crate::orientation::Orientation;
 use crate::parts::ReferencePart;
 use crate::scene::{Scene, SceneSpec};
 use crate::section::test_shapes::{archs, line, orientations, revolved};
-use crate::tool::{Clearance, ElementKind, ToolVoxels};
+use crate::tool::{Clearance, ElementKind, ToolShape, ToolVoxels};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -94,6 +94,22 @@ fn counts_and_decisions_are_the_definitions_at_random_poses() {
 fn decisions_are_never_wrong_at_many_poses() {
     at_random_poses(60_000, |_, field, pose, case| {
         assert_eq!(field.collides(pose), field.count(pose).unwrap() > 0, "{case}");
+    });
+}
+
+#[test]
+fn the_deepest_centre_is_that_of_all_in_the_tool() {
+    at_random_poses(1500, |scene, field, pose, case| {
+        let tool = &scene.record.tool;
+        let ToolShape::Revolved(elements) = &tool.shape else { unreachable!() };
+        let mut deepest = f64::NEG_INFINITY;
+        for element in elements {
+            element.visit_inside(&scene.obstacle, pose, |_, height, radius| {
+                deepest = deepest.max(element.depth(height, radius, true));
+            });
+        }
+        let found = field.deepest(tool, pose).map_or(f64::NEG_INFINITY, |inside| inside.depth);
+        assert!(found == deepest || (found - deepest).abs() < 1e-6, "{found} {deepest} {case}");
     });
 }
 
