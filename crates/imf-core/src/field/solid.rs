@@ -363,10 +363,15 @@ fn bodies_of(elements: &[Element], pitch: f64) -> Option<Vec<Body>> {
 
 /// Every segment of a body in a pose.
 fn body_segments(body: &Body, placed: VoxelPose) -> impl Iterator<Item = PlacedSegment<'_>> {
-    body.profile.iter().zip(&body.parts).map(move |(world, part)| {
-        let (from, to) = part.segment.range();
-        PlacedSegment::new(placed, world, &part.segment, part.widest, from, to)
-    })
+    body.profile.iter().zip(&body.parts).map(move |(world, part)| part.placed(world, placed))
+}
+
+impl Part {
+    /// All of it in a pose; `world` is the same segment in world units.
+    fn placed<'a>(&self, world: &'a Segment, placed: VoxelPose) -> PlacedSegment<'a> {
+        let (from, to) = self.segment.range();
+        PlacedSegment::new(placed, world, &self.segment, self.widest, from, to)
+    }
 }
 
 #[cfg(test)]

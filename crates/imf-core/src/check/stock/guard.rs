@@ -150,7 +150,12 @@ impl Guard {
         self.approach.forget();
     }
 
-    /// Looks whether it holds stock beside the part at a pose that is not let be, and how deep.
+    /// True where it surely holds no stock at this pose, to which it has moved so far.
+    pub(super) fn is_away(&mut self, stock: &StockVoxels, pose: &Pose, moved: f64) -> bool {
+        self.approach.is_away(stock, pose, moved)
+    }
+
+    /// Looks whether it holds stock beside the part at a pose that is not let be, and how deep; for where it is not away.
     pub(super) fn look(
         &mut self,
         stock: &StockVoxels,
@@ -159,9 +164,6 @@ impl Guard {
         pose: &Pose,
         track: &mut Track,
     ) {
-        if self.approach.is_away(stock, pose, step.length) {
-            return;
-        }
         let (grid, Some(axis)) = (&stock.fine().grid, pose.axis()) else { return };
         let (tip, rotation) = (snapped(grid, pose.position), pose.rotation.normalize());
         let place = Place { tip, axis, rotation, pitch: grid.pitch };

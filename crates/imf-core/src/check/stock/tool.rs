@@ -7,7 +7,11 @@ use super::guard::{Approach, Guard};
 use super::head::{Heads, HeadsOnTheWay};
 use super::voxels::{BitLines, StockVoxels, Taking};
 use crate::field::solid::BodyLines;
+use crate::pose::Pose;
 use crate::tool::{Element, ElementKind, Tool, ToolShape};
+
+/// Poses of a motion at most whose voxels are taken together: farther from each other they share few lines.
+const TOGETHER: usize = 16;
 
 /// The cutter: what it holds goes.
 struct Cutter {
@@ -97,7 +101,9 @@ impl<'a> StockTool<'a> {
         let mut track = Track::default();
         for (index, (fraction, pose)) in (1..).zip(motion.poses()) {
             let step = Step { index, fraction, is_last: index == motion.count, length: motion.step };
-            rapid.look(stock, part, &step, &pose, &mut track);
+            if !rapid.is_away(stock, &pose, motion.step) {
+                rapid.look(stock, part, &step, &pose, &mut track);
+            }
         }
         track.finish()
     }
@@ -112,16 +118,37 @@ impl<'a> StockTool<'a> {
     ) -> Vec<Collision> {
         let mut tracks: Vec<Track> = self.guards.iter().map(|_| Track::default()).collect();
         let mut heads = self.heads.as_mut().map(|heads| heads.begin(motion));
+        let (lines, mut approach) = match &mut self.cutter {
+            Some(Cutter { lines, approach, .. }) => (Some(&*lines), Some(approach)),
+            None => (None, None),
+        };
+        // Poses whose voxels are taken together, before anything is looked at.
+        let mut waiting = Vec::with_capacity(TOGETHER);
+        let mut take = |stock: &mut StockVoxels, waiting: &mut Vec<Pose>| {
+            if let (Some(lines), false) = (lines, waiting.is_empty()) {
+                let grid = stock.fine().grid;
+                lines.visit_all(&grid, waiting, &mut Taking { stock, taken: &mut *taken });
+            }
+            waiting.clear();
+        };
         for (index, (fraction, pose)) in (1..).zip(motion.poses()) {
             let step = Step { index, fraction, is_last: index == motion.count, length: motion.step };
             for (guard, track) in self.guards.iter_mut().zip(&mut tracks) {
-                guard.look(stock, part, &step, &pose, track);
+                // What is still to be taken may make it look nearer than it is.
+                if !guard.is_away(stock, &pose, step.length) {
+                    take(stock, &mut waiting);
+                    guard.look(stock, part, &step, &pose, track);
+                }
             }
-            heads.iter_mut().for_each(|heads| heads.look(stock, part, index));
-            let Some(cutter) = &mut self.cutter else { continue };
-            if !cutter.approach.is_away(stock, &pose, motion.step) {
-                let grid = stock.fine().grid;
-                cutter.lines.visit(&grid, &pose, &mut Taking { stock, taken: &mut *taken });
+            if let Some(heads) = &mut heads {
+                take(stock, &mut waiting);
+                heads.look(stock, part, index);
+            }
+            if approach.as_mut().is_some_and(|approach| !approach.is_away(stock, &pose, motion.step)) {
+                waiting.push(pose);
+            }
+            if waiting.len() == TOGETHER || index == motion.count {
+                take(stock, &mut waiting);
             }
         }
         let mut found: Vec<_> = tracks.into_iter().filter_map(Track::finish).collect();

@@ -172,7 +172,7 @@ pub(super) struct Silhouette {
 impl Silhouette {
     pub(super) fn new(segment: &PlacedSegment<'_>) -> Self {
         let d = segment.placed.direction;
-        let lean = d.x.hypot(d.y);
+        let lean = (d.x * d.x + d.y * d.y).sqrt();
         let along = if lean > 1e-12 { [d.x / lean, d.y / lean] } else { [1.0, 0.0] };
         let spread = segment.widest * d.z.abs();
         Self {

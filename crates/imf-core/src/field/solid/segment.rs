@@ -61,10 +61,11 @@ enum Method {
     Convex,
 }
 
-/// Runs on eight lines: the first whole z inside and one past the last, not above the first where there is none.
+/// Runs on eight lines: the first whole z inside and one past the last, not above the first where there is none; each as [`whole_of`]
+/// reads it.
 pub(super) struct Runs {
-    from: [f64; LANES],
-    to: [f64; LANES],
+    pub(super) from: [f64; LANES],
+    pub(super) to: [f64; LANES],
     /// True where some line must be settled by trying centres; then the runs mean nothing.
     pub(super) doubt: bool,
 }
@@ -72,7 +73,15 @@ pub(super) struct Runs {
 impl Runs {
     #[inline(always)]
     pub(super) fn run(&self, lane: usize) -> (i32, i32) {
-        (self.from[lane].to_bits() as i32, self.to[lane].to_bits() as i32)
+        (whole_of(self.from[lane]), whole_of(self.to[lane]))
+    }
+
+    /// Sets what was in doubt.
+    pub(super) fn settle(&mut self, run: impl Fn(usize) -> (i64, i64)) {
+        for lane in 0..LANES {
+            let (from, to) = run(lane);
+            (self.from[lane], self.to[lane]) = (from as f64 + ROUND, to as f64 + ROUND);
+        }
     }
 
     /// Voxels on all eight lines together.
@@ -211,8 +220,10 @@ impl<'a> PlacedSegment<'a> {
         const STEPS: [f64; LANES] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
         let d = self.placed.direction;
         let all = |value: f64| simd.splat_f64s(value);
-        for start in (0..LANES).step_by(S::F64_LANES) {
-            let y = simd.add_f64s(all(y), simd.partial_load_f64s(&STEPS[start..start + S::F64_LANES]));
+        let (steps, _) = S::as_simd_f64s(&STEPS);
+        let ((froms, _), (tos, _)) = (S::as_mut_simd_f64s(&mut runs.from), S::as_mut_simd_f64s(&mut runs.to));
+        for ((&step, from), to) in steps.iter().zip(froms).zip(tos) {
+            let y = simd.add_f64s(all(y), step);
             let flat = simd.mul_add_f64s(y, all(d.y), all(x * d.x));
             let b = simd.mul_add_f64s(flat, all(self.b[1]), all(self.b[0]));
             let c = simd.mul_add_f64s(flat, all(self.c[2]), all(self.c[1]));
@@ -250,8 +261,7 @@ impl<'a> PlacedSegment<'a> {
             let doubt = simd.first_true_m64s(simd.or_m64s(close, touching)) < S::F64_LANES;
             runs.doubt |= doubt;
             let above = |end| simd.add_f64s(simd.add_f64s(end, all(0.5)), all(ROUND));
-            simd.partial_store_f64s(&mut runs.from[start..start + S::F64_LANES], above(low));
-            simd.partial_store_f64s(&mut runs.to[start..start + S::F64_LANES], above(high));
+            (*from, *to) = (above(low), above(high));
         }
         runs
     }
@@ -367,3 +377,9 @@ fn is_close(end: f64) -> bool {
 
 /// 1.5·2⁵²: adding it rounds to whole numbers, which then stand in the lowest bits.
 const ROUND: f64 = 6_755_399_441_055_744.0;
+
+/// The whole number of a sum with [`ROUND`].
+#[inline(always)]
+pub(super) fn whole_of(rounded: f64) -> i32 {
+    rounded.to_bits() as i32
+}
