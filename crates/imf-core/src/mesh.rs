@@ -3,6 +3,7 @@
 use glam::{DMat4, DVec3};
 use serde::{Deserialize, Serialize};
 
+pub(crate) mod distance;
 mod face_orientation;
 mod features;
 pub mod read;

@@ -20,7 +20,6 @@ mod tool_voxels;
 mod voxel_count;
 
 pub use assembly::Assembly;
-pub(crate) use depth::distance_to_mesh;
 pub use offset::{Clearance, ClearanceError};
 pub use profile::{Element, ElementKind, Segment};
 pub(crate) use voxel_count::snapped;

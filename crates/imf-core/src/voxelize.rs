@@ -4,8 +4,9 @@
 //! self-crossing and inverted meshes (Jacobson et al. 2013). For a closed mesh w is a whole number, and the signed
 //! crossings of a line count it exactly (`columns`). An open mesh is closed by cones over its boundary, which are
 //! counted along, and whose solid angles are then taken away again (`cone`): still exact, and only the boundary's
-//! edges cost a solid angle. With `conservative`, every voxel that the surface touches is solid as well (`surface`).
+//! edges cost a solid angle, for a block of voxels at a time where it decides for all of them (`blocks`). With `conservative`, every voxel that the surface touches is solid as well (`surface`).
 
+mod blocks;
 mod columns;
 mod cone;
 mod surface;
@@ -22,6 +23,7 @@ use crate::mesh::topology::boundary_chain;
 use crate::occupancy::Occupancy;
 use crate::parallel;
 
+use blocks::{PLANES, Planes};
 use columns::WeightedTriangle;
 use cone::BoundaryCone;
 
@@ -52,7 +54,7 @@ pub fn voxelize(mesh: &Mesh, grid: &Grid, conservative: bool) -> Occupancy {
 /// As [`voxelize`], reporting rows of voxels along z as they are finished, with the share of what is undecided.
 ///
 /// # Errors
-/// The caller's [`Control`] asked to stop; it is polled between two voxels of an open mesh, between two planes of a closed one.
+/// The caller's [`Control`] asked to stop; it is polled between two blocks of voxels of an open mesh, between two planes of a closed one.
 pub fn voxelize_with(
     mesh: &Mesh,
     grid: &Grid,
@@ -71,53 +73,48 @@ pub fn voxelize_with(
 
     let (claimed, undecided) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let mut occupancy = Occupancy::empty(*grid);
-    let plane_size = grid.dims[1] * grid.dims[2];
+    let [_, ny, nz] = grid.dims;
+    let together = if cone.is_empty() { 1 } else { PLANES };
     parallel::for_each_chunk(
         &mut occupancy.solid,
-        plane_size,
-        || vec![0i32; grid.dims[1] * (grid.dims[2] + 1)],
-        |counts, x, plane| {
-            if control.is_cancelled() {
-                return;
-            }
-            columns::wind_plane(grid, x, by_plane.of(x).map(|t| &triangles[t]), counts);
-            let (mut near, mut between) = (0, 0);
-            for y in 0..grid.dims[1] {
-                let column = &counts[y * (grid.dims[2] + 1)..][..grid.dims[2]];
-                for (z, &closed) in column.iter().enumerate() {
-                    let solid = if cone.is_empty() {
-                        closed != 0
-                    } else {
-                        if control.is_cancelled() {
-                            return;
-                        }
-                        let winding = cone.open_winding(closed, grid.centre([x, y, z]), mesh).abs();
-                        near += usize::from(winding >= UNDECIDED.0);
-                        between += usize::from(winding >= UNDECIDED.0 && winding < UNDECIDED.1);
-                        winding > 0.5
-                    };
-                    plane[y * grid.dims[2] + z] = u8::from(solid);
+        together * ny * nz,
+        || vec![0i32; together * ny * (nz + 1)],
+        |counts, index, solid| {
+            let (first, planes) = (index * together, solid.len() / (ny * nz));
+            for (x, counts) in (first..first + planes).zip(counts.chunks_exact_mut(ny * (nz + 1))) {
+                if control.is_cancelled() {
+                    return;
                 }
-                // A row of an open mesh may take as long as a whole closed one.
-                if !cone.is_empty() {
-                    (control.progress)(1);
-                }
-            }
-            claimed.fetch_add(near, Ordering::Relaxed);
-            undecided.fetch_add(between, Ordering::Relaxed);
-            if let Some(index) = &touching {
-                for t in index.of(x) {
-                    surface::touch_plane(grid, x, &triangles[t].corners, plane);
-                }
+                columns::wind_plane(grid, x, by_plane.of(x).map(|t| &triangles[t]), counts);
             }
             if cone.is_empty() {
-                (control.progress)(grid.dims[1] as u64);
+                for (solid, closed) in solid.chunks_exact_mut(nz).zip(counts.chunks_exact(nz + 1)) {
+                    solid.iter_mut().zip(closed).for_each(|(solid, &closed)| *solid = u8::from(closed != 0));
+                }
+            } else {
+                let planes = Planes { grid, mesh, cone: &cone, first, closed: counts, control };
+                let doubt = planes.fill(solid);
+                claimed.fetch_add(doubt.claimed, Ordering::Relaxed);
+                undecided.fetch_add(doubt.undecided, Ordering::Relaxed);
             }
+            if let Some(index) = &touching {
+                for (x, plane) in (first..).zip(solid.chunks_exact_mut(ny * nz)) {
+                    for t in index.of(x) {
+                        surface::touch_plane(grid, x, &triangles[t].corners, plane);
+                    }
+                }
+            }
+            (control.progress)((planes * ny) as u64);
         },
     );
     control.check()?;
     let undecided = undecided.into_inner() as f64 / claimed.into_inner().max(1) as f64;
     Ok(Voxelized { solid: occupancy, undecided })
+}
+
+/// What a winding number, whatever its sign, says of a voxel.
+fn is_solid(winding: f64) -> bool {
+    winding > 0.5
 }
 
 /// Generalised winding number of the mesh at a point: the definition.

@@ -10,9 +10,10 @@ use super::{CheckError, CheckSettings, Collision, HitBody};
 use crate::distance::squared_depths;
 use crate::field::solid::SolidField;
 use crate::grid::Grid;
+use crate::mesh::distance::distance_to_mesh;
 use crate::occupancy::Occupancy;
 use crate::pose::Pose;
-use crate::tool::{Element, ElementKind, Tool, ToolShape, distance_to_mesh};
+use crate::tool::{Element, ElementKind, Tool, ToolShape};
 
 /// Taken off proven clearances, in pitches: more than rounding.
 pub(super) const MARGIN: f64 = 1e-3;

@@ -5,9 +5,9 @@ use glam::DVec3;
 use crate::field::solid::SolidVoxels;
 use crate::grid::Grid;
 use crate::mesh::Mesh;
+use crate::mesh::distance::distance_to_mesh;
 use crate::mesh::topology::boundary_chain;
 use crate::pose::Pose;
-use crate::tool::distance_to_mesh;
 use crate::voxelize::voxelize;
 
 /// Balls that are kept, the largest first.

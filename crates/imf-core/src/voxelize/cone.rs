@@ -9,6 +9,7 @@ use glam::DVec3;
 use super::columns::WeightedTriangle;
 use super::winding_number;
 use crate::mesh::Mesh;
+use crate::mesh::distance::squared_to_triangle;
 use crate::mesh::solid_angle::half_angle;
 
 /// Cones over the boundary of a mesh; empty for a closed one.
@@ -38,6 +39,26 @@ impl BoundaryCone {
     /// The triangles that close the mesh: the cones turned round.
     pub(super) fn closing_triangles(&self) -> impl Iterator<Item = WeightedTriangle> {
         self.edges.iter().map(|&(a, b, times)| WeightedTriangle { corners: [self.apex, b, a], weight: times })
+    }
+
+    /// The winding number's part that is not counted, at the middle of a ball, and by how much at most it is another elsewhere in the ball.
+    /// `None` where the ball may meet a cone, on which that part jumps.
+    ///
+    /// Away from the cones it changes as the magnetic field of a current along the boundary has it (Biot and Savart): by no more than
+    /// the sum of length / 4π distance² over the edges.
+    pub(super) fn open_part(&self, middle: DVec3, radius: f64, mesh: &Mesh) -> Option<(f64, f64)> {
+        let mut gradient = 0.0;
+        for &(a, b, times) in &self.edges {
+            if squared_to_triangle([self.apex, a, b], middle) <= radius * radius {
+                return None;
+            }
+            let way = b - a;
+            let foot = ((middle - a).dot(way) / way.length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+            let near = (middle.distance(a + way * foot) - radius).max(0.0);
+            gradient += f64::from(times) * way.length() / (4.0 * std::f64::consts::PI * near * near);
+        }
+        let change = gradient * radius;
+        (change < 0.5).then(|| (self.open_winding(0, middle, mesh), change))
     }
 
     /// Winding number of the open mesh at `point`, from that of the closed one.

@@ -6,8 +6,9 @@ use super::super::HitBody;
 use super::super::elements::{DeepestCentre, DepthElement, Shape, Step, Track};
 use super::voxels::{BLOCK, BitLines, Looking, StockVoxels};
 use crate::field::solid::BodyLines;
+use crate::mesh::distance::distance_to_mesh;
 use crate::pose::Pose;
-use crate::tool::{Element, Tool, distance_to_mesh, snapped};
+use crate::tool::{Element, Tool, snapped};
 use crate::voxelize::winding_number;
 
 /// How far a body is away for sure where it is looked at by blocks, and by voxels, in pitches.
