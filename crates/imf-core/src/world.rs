@@ -345,6 +345,10 @@ fn placed(name: &str, at: Pose) -> Result<Pose, WorldError> {
 #[cfg(test)]
 mod advance_tests;
 #[cfg(test)]
+mod adversary_cases;
+#[cfg(test)]
+mod adversary_tests;
+#[cfg(test)]
 mod separation_tests;
 #[cfg(test)]
 mod tests;
