@@ -158,9 +158,15 @@ impl SolidField {
         })
     }
 
-    /// By the tool's voxels where the tip is on a voxel centre, and by the definition elsewhere.
+    /// Of a mesh by the tool's voxels where the tip is on a voxel centre, and by the definition elsewhere.
     fn definition_count(&self, tool: &Tool, oriented: &OrientedTools, pose: &Pose) -> u32 {
         let obstacle = self.voxels.occupancy();
+        if let ToolShape::Revolved(elements) = &tool.shape {
+            // Along the pose's own axis: angles would turn it by a last bit.
+            let mut count = 0;
+            elements.iter().for_each(|element| element.visit_inside(obstacle, pose, |_, _, _| count += 1));
+            return count;
+        }
         let grid = &obstacle.grid;
         let (tip, orientation) = (snapped(grid, pose.position), pose.orientation());
         if tip == tip.round()

@@ -72,6 +72,17 @@ struct Tally {
 }
 
 impl Tally {
+    /// Of each case the first that is wrong, and how many there are.
+    fn wrong(&self) -> String {
+        let mut cases: std::collections::BTreeMap<&str, (usize, &str)> = Default::default();
+        for wrong in &self.wrong {
+            let (case, _) = wrong.split_once(" Pose").unwrap();
+            cases.entry(case).or_insert((0, wrong)).0 += 1;
+        }
+        let lines = cases.values().map(|(count, first)| format!("{count} times as {first}\n"));
+        format!("{} of {} poses\n{}", self.wrong.len(), self.colliding + self.free, lines.collect::<String>())
+    }
+
     fn and(mut self, other: Self) -> Self {
         self.contacts += other.contacts;
         self.colliding += other.colliding;
@@ -308,7 +319,7 @@ impl Case {
             pair = self.contact(&near, if collides { [other, aside] } else { [aside, other] });
         }
         // A long way with a large turn.
-        if below(random, 4) == 0 {
+        if below(random, 4) == 0 && self.checker.tool.reach < 300.0 * self.pitch {
             let all: Vec<_> = self.solids.iter().map(|solid| solid.centres.clone()).collect();
             let to = self.start(random);
             self.motion(&pair[0], &to, |pose| self.held(&all, pose).is_some(), tally);
@@ -385,8 +396,9 @@ fn attack(cases: &[Case], contacts: usize, places: usize, poses: usize, seed: u6
 
 #[test]
 fn no_pose_at_contact_is_answered_wrongly() {
-    let Tally { contacts, colliding, free, motions, proven, wrong } = attack(&cases(4), 4, 3, 40, 1);
-    assert!(wrong.is_empty(), "{} of {}: {:#?}", wrong.len(), colliding + free, &wrong[..wrong.len().min(8)]);
+    let tally = attack(&cases(4), 2, 3, 40, 1);
+    assert!(tally.wrong.is_empty(), "{}", tally.wrong());
+    let Tally { contacts, colliding, free, motions, proven, .. } = tally;
     assert!(contacts > 100 && colliding > 10_000 && free > 10_000, "{contacts} {colliding} {free}");
     assert!(motions > 100 && proven * 4 > motions, "{motions} {proven}");
 }
@@ -409,5 +421,5 @@ fn no_pose_of_millions_at_contact_is_answered_wrongly() {
             break;
         }
     }
-    assert!(sum.wrong.is_empty(), "{:#?}", &sum.wrong[..sum.wrong.len().min(20)]);
+    assert!(sum.wrong.is_empty(), "{}", sum.wrong());
 }

@@ -360,10 +360,10 @@ impl<'a> PlacedSegment<'a> {
         (low - 1e-3, high + 1e-3)
     }
 
-    /// Whole x whose lines may meet the segment.
+    /// Whole x whose lines may meet the segment; a little generous, also where the axis runs along x.
     pub(super) fn columns(&self) -> (i64, i64) {
         let d = self.placed.direction;
-        let spread = (1.0 - d.x * d.x).max(0.0).sqrt() * self.widest;
+        let spread = (1.0 - d.x * d.x).max(0.0).sqrt() * self.widest + 1e-6;
         let (one, other) = (self.from * d.x, self.to * d.x);
         let x = self.placed.tip.x;
         ((x + one.min(other) - spread).ceil() as i64, (x + one.max(other) + spread).floor() as i64)
