@@ -84,7 +84,7 @@ const OBSTACLES: [Filled; 11] = [
     ("wall across z", [12, 11, 1], |_| true),
     ("sheet", [9, 9, 9], |[x, y, z]| x + y + z == 12),
     ("sheet along z", [12, 12, 9], |[x, y, _]| x == y),
-    ("rod", [1, 1, 30], |_| true),
+    ("rod", [1, 1, 300], |_| true),
     ("block", [6, 7, 8], |_| true),
     ("ball", [11, 11, 11], |v| v.map(|c| c.abs_diff(5).pow(2)).iter().sum::<usize>() <= 25),
     ("comb", [12, 9, 10], |[x, y, z]| x % 3 == 0 && (y + z) % 2 == 0),
@@ -183,5 +183,5 @@ pub(super) fn cases(coarser: usize) -> Vec<Case> {
 
 /// Everything at its own resolution; the longest tool is as long as any may be.
 pub(super) fn long_cases() -> Vec<Case> {
-    [generated(), placed(), parts(1), extreme(999_000.0)].into_iter().flatten().collect()
+    [generated(), placed(), parts(1), extreme(99_000.0)].into_iter().flatten().collect()
 }

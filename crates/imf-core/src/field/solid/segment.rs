@@ -21,8 +21,9 @@ pub(super) const LANES: usize = 8;
 const FAR: f64 = 1e9;
 /// An end this close to a voxel centre is unsure. Rounding moves ends by less, see [`PlacedSegment::new`].
 const CLOSE: f64 = 1e-5;
-/// Tilt of the axis along z below which heights do not bound the line well: |d_z|.
-const LEVEL: f64 = 1e-6;
+/// Tilt of the axis along z below which heights do not bound the line well: |d_z|; at least so much, and so much of a voxel of the tool's
+/// reach, whose rounding a height has.
+const LEVEL: [f64; 2] = [1e-6, 1e-10];
 /// Leading coefficient below which a quadratic is solved by other means.
 const FLAT: f64 = 1e-3;
 
@@ -105,6 +106,8 @@ pub(super) struct PlacedSegment<'a> {
     pub(super) widest: f64,
     method: Method,
     level: bool,
+    /// How much heights on a level line may differ from that at the tip's z.
+    edge: f64,
     near: f64,
     far: f64,
     per_height: f64,
@@ -174,7 +177,9 @@ impl<'a> PlacedSegment<'a> {
         let reach = from.abs().max(to.abs()) + widest + 1.0;
         let rounding = 4e-14 * reach * reach;
         let smallest_root = rounding / (CLOSE * a.abs());
-        let level = d.z.abs() <= LEVEL;
+        let tilt = d.z.abs();
+        let level = tilt <= LEVEL[0].max(LEVEL[1] * reach);
+        let edge = 1e-3 + tilt * (widest + tilt * reach);
         let along = match (lean == 0.0, method, segment) {
             (true, Method::Upright, _) => Some(Along::Cylinder),
             (true, Method::Convex, Segment::Arc { .. }) => Some(Along::Torus),
@@ -195,6 +200,7 @@ impl<'a> PlacedSegment<'a> {
             widest,
             method,
             level,
+            edge,
             near,
             far,
             per_height: if level { 0.0 } else { 1.0 / d.z },
@@ -304,10 +310,10 @@ impl<'a> PlacedSegment<'a> {
         let flat = x * d.x + y * d.y;
         let (enter, leave, edge) = if self.level {
             let margin = (flat - self.from).min(self.to - flat);
-            if margin < -1e-3 {
+            if margin < -self.edge {
                 return MISS;
             }
-            (-FAR, FAR, margin < 1e-3)
+            (-FAR, FAR, margin < self.edge)
         } else {
             ((self.near - flat) * self.per_height, (self.far - flat) * self.per_height, false)
         };
@@ -363,7 +369,8 @@ impl<'a> PlacedSegment<'a> {
     /// Whole x whose lines may meet the segment; a little generous, also where the axis runs along x.
     pub(super) fn columns(&self) -> (i64, i64) {
         let d = self.placed.direction;
-        let spread = (1.0 - d.x * d.x).max(0.0).sqrt() * self.widest + 1e-6;
+        // Not by 1 − d.x², of which nothing is left where the axis hardly leaves x.
+        let spread = d.y.hypot(d.z) * self.widest + 1e-6;
         let (one, other) = (self.from * d.x, self.to * d.x);
         let x = self.placed.tip.x;
         ((x + one.min(other) - spread).ceil() as i64, (x + one.max(other) + spread).floor() as i64)

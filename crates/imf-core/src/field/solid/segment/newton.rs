@@ -17,6 +17,8 @@ impl PlacedSegment<'_> {
         b: f64,
     ) -> (f64, f64, bool) {
         const MISS: (f64, f64, bool) = (FAR, -FAR, false);
+        // A line that came this close may touch the segment by the predicate's slack or by rounding, where the function has no root.
+        let touching = 1e-3 + self.rounding;
         let (mut first, mut last) = (enter, leave);
         if matches!(self.segment, Segment::Arc { .. }) {
             if discriminant < -self.tangent {
@@ -27,24 +29,24 @@ impl PlacedSegment<'_> {
         }
         let mut unsure = edge;
         for (end, side) in [(&mut first, 1.0), (&mut last, -1.0)] {
-            let mut settled = false;
+            let (mut settled, mut least) = (false, f64::INFINITY);
             for _ in 0..60 {
                 let (value, slope, radius) = self.convex(x, y, flat, *end);
+                least = least.min(value);
                 if value <= 1e-11 {
                     unsure |= slope.abs() < 1e-2 || radius < 1e-2;
+                    unsure |= slope.abs() * radius < 1e5 * self.rounding;
                     settled = true;
                     break;
                 }
-                if slope * side >= 0.0 {
-                    if value > 1e-7 {
+                let passed = *end > leave + 1.0 && side > 0.0 || *end < enter - 1.0 && side < 0.0;
+                if passed || slope * side >= 0.0 {
+                    if least > touching {
                         return MISS;
                     }
                     break;
                 }
                 *end -= value / slope;
-                if *end > leave + 1.0 && side > 0.0 || *end < enter - 1.0 && side < 0.0 {
-                    return MISS;
-                }
             }
             unsure |= !settled;
         }
