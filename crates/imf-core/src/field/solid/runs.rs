@@ -187,17 +187,18 @@ impl Silhouette {
     pub(super) fn row(&self, x: f64, tip_y: f64) -> (i64, i64) {
         let [ux, uy] = self.along;
         let (mut low, mut high) = (-1e9, 1e9);
-        // |y·ux − x·uy| ≤ half_width, and the ends ≤ x·ux + y·uy.
+        // |y·ux − x·uy| ≤ half_width, and the ends ≤ x·ux + y·uy. More than rounding is added before a small factor divides it.
         let bounds = [
             (ux, -self.half_width + x * uy, self.half_width + x * uy),
             (uy, self.ends.0 - x * ux, self.ends.1 - x * ux),
         ];
         for (factor, lowest, highest) in bounds {
-            if factor.abs() > 1e-9 {
+            let (lowest, highest) = (lowest - 1e-6, highest + 1e-6);
+            if factor.abs() > 1e-12 {
                 let (one, other) = (lowest / factor, highest / factor);
                 low = f64::max(low, one.min(other));
                 high = f64::min(high, one.max(other));
-            } else if lowest > 1e-6 || highest < -1e-6 {
+            } else if lowest > 0.0 || highest < 0.0 {
                 return (0, -1);
             }
         }
