@@ -120,18 +120,19 @@ fn generated() -> Vec<Case> {
     found
 }
 
-/// Three that are turned, of three pitches; the cutter may enter a layer of one.
+/// Three that are turned, of three pitches, some of them far from the origin; the cutter may enter a layer of one.
 fn placed() -> Vec<Case> {
     let turn = |axis: DVec3, angle: f64| DQuat::from_axis_angle(axis.normalize(), angle);
     let whole = filled(OBSTACLES[8], DVec3::ZERO, 1.0);
     let mut layer = Occupancy::empty(whole.grid);
     (0..whole.grid.len()).for_each(|index| layer.solid[index] = u8::from(whole.grid.voxel(index)[2] > 4));
     let deeper = Obstacle::with_cuttable(&whole, layer);
-    let at = |x: f64, y: f64, z: f64, rotation| Pose::new(DVec3::new(x, y, z), rotation);
     let quarter = turn(DVec3::X, std::f64::consts::FRAC_PI_2);
     let case = |index: usize| {
         let mut world = World::builder().allow_coarse(true).build().unwrap();
         let (name, tool) = tool_of(index, 1.0);
+        let far = DVec3::new(0.0, 1e5, -1e4) * (index % 3) as f64;
+        let at = |x: f64, y: f64, z: f64, rotation| Pose::new(far + DVec3::new(x, y, z), rotation);
         let sheet = filled(OBSTACLES[5], DVec3::ONE, 0.7);
         world.add_voxels("block", deeper.clone(), at(0.0, 3.0, 1.0, quarter)).unwrap();
         world.add_voxels("sheet", sheet, at(12.0, 5.0, -2.0, turn(DVec3::ONE, 1.1))).unwrap();
@@ -168,10 +169,9 @@ fn extreme(length: f64) -> Vec<Case> {
             (ElementKind::Holder(0), &[line(0.9 * length, length, 12.0, 9.0)]),
         ],
     );
-    let mut found = Vec::new();
+    let mut found = vec![alone("long, scattered".into(), &long, filled(OBSTACLES[1], ORIGINS[1], pitch))];
     for obstacle in [OBSTACLES[1], OBSTACLES[2], OBSTACLES[4], OBSTACLES[7]] {
         found.push(alone(format!("disc, {}", obstacle.0), &disc, filled(obstacle, ORIGINS[1], 0.1)));
-        found.push(alone(format!("long, {}", obstacle.0), &long, filled(obstacle, ORIGINS[1], pitch)));
     }
     found
 }
@@ -183,5 +183,5 @@ pub(super) fn cases(coarser: usize) -> Vec<Case> {
 
 /// Everything at its own resolution; the longest tool is as long as any may be.
 pub(super) fn long_cases() -> Vec<Case> {
-    [generated(), placed(), parts(1), extreme(99_000.0)].into_iter().flatten().collect()
+    [generated(), placed(), parts(1), extreme(999_000.0)].into_iter().flatten().collect()
 }

@@ -370,7 +370,7 @@ impl<'a> PlacedSegment<'a> {
     pub(super) fn columns(&self) -> (i64, i64) {
         let d = self.placed.direction;
         // Not by 1 − d.x², of which nothing is left where the axis hardly leaves x.
-        let spread = d.y.hypot(d.z) * self.widest + 1e-6;
+        let spread = (d.y * d.y + d.z * d.z).sqrt() * self.widest + 1e-6;
         let (one, other) = (self.from * d.x, self.to * d.x);
         let x = self.placed.tip.x;
         ((x + one.min(other) - spread).ceil() as i64, (x + one.max(other) + spread).floor() as i64)
