@@ -1,16 +1,20 @@
-"""The rivals of `imf-bench query`: does the tool's mesh meet the part's, by Coal and by FCL, on one core.
+"""The rivals of `imf-bench query` on one core: Coal and FCL on meshes of tool and part, vamp with the tool as balls among points.
 
 Reads scene.json from the folder given as the first argument
   part, tool   {"vertices": [[x, y, z], …], "triangles": [[a, b, c], …]}, the tool in its own frame
+  centres      [[x, y, z], …] of the part's solid voxels
+  balls        [[height, radius], …] on the tool's axis, which together hold it
   poses        [[x, y, z, qx, qy, qz, qw], …]: tip, and rotation from the tool's frame to the world
-and prints one line of JSON: a list of {name, seconds, overhead, colliding, how}, one entry for each library and question.
-`seconds` is the best of three rounds over all poses; `overhead` that of collision for tools so far away that the first
-boxes decide, which is what Python and the call itself cost. `colliding` has the answer for each pose, where the question has one.
-Transforms are made before the clock starts.
+and prints one line of JSON: a list of {name, question, seconds, overhead, colliding, how}, one entry for each library and
+question, which is asked for one pose a call. `seconds` is the best of three rounds over all poses; `overhead` that of collision
+for tools so far away that the first boxes decide, which is what Python and the call itself cost. `colliding` has the answer for
+each pose. Transforms are made before the clock starts.
 """
 
+import ctypes
 import json
 import pathlib
+import subprocess
 import sys
 import time
 
@@ -40,7 +44,7 @@ def best(ask, transforms) -> tuple[float, list]:
     return least, answers
 
 
-def by_coal(part, tool, near, far) -> list[dict]:
+def by_coal(scene, near, far) -> list[dict]:
     import coal
 
     def model(mesh):
@@ -52,7 +56,7 @@ def by_coal(part, tool, near, far) -> list[dict]:
         bvh.endModel()
         return bvh
 
-    part, tool, still = model(part), model(tool), coal.Transform3s.Identity()
+    part, tool, still = model(scene["part"]), model(scene["tool"]), coal.Transform3s.Identity()
     request, result = coal.CollisionRequest(), coal.CollisionResult()
     far_request, distance = coal.DistanceRequest(), coal.DistanceResult()
 
@@ -66,19 +70,17 @@ def by_coal(part, tool, near, far) -> list[dict]:
 
     make = lambda poses: [coal.Transform3s(r, t) for r, t in poses]
     near = make(near)
-    how = f"Coal {coal.__version__}, BVHModelOBBRSS"
+    how = f"Coal {coal.__version__}, BVHModelOBBRSS, {meshes(scene)}"
     overhead, _ = best(collide, make(far))
     found = []
-    for question, ask in [("collide", collide), ("distance", away)]:
+    for question, ask in [("surfaces", collide), ("distance", away)]:
         seconds, answers = best(ask, near)
         colliding = [bool(a) for a in answers] if ask is collide else [bool(a <= 0) for a in answers]
-        found.append(
-            {"name": f"Coal {question}", "seconds": seconds, "overhead": overhead, "colliding": colliding, "how": how}
-        )
+        found.append(entry("Coal", question, seconds, overhead, colliding, how))
     return found
 
 
-def by_fcl(part, tool, near, far) -> list[dict]:
+def by_fcl(scene, near, far) -> list[dict]:
     import fcl
     from importlib.metadata import version
 
@@ -91,8 +93,8 @@ def by_fcl(part, tool, near, far) -> list[dict]:
         bvh.endModel()
         return bvh
 
-    still = fcl.CollisionObject(model(part), fcl.Transform())
-    moving = fcl.CollisionObject(model(tool), fcl.Transform())
+    still = fcl.CollisionObject(model(scene["part"]), fcl.Transform())
+    moving = fcl.CollisionObject(model(scene["tool"]), fcl.Transform())
     request = fcl.CollisionRequest()
 
     def collide(transform):
@@ -102,16 +104,52 @@ def by_fcl(part, tool, near, far) -> list[dict]:
     make = lambda poses: [fcl.Transform(r, t) for r, t in poses]
     seconds, answers = best(collide, make(near))
     overhead, _ = best(collide, make(far))
-    how = f"python-fcl {version('python-fcl')}, BVHModel (OBBRSS)"
-    return [
-        {
-            "name": "FCL collide",
-            "seconds": seconds,
-            "overhead": overhead,
-            "colliding": [bool(a) for a in answers],
-            "how": how,
-        }
-    ]
+    how = f"python-fcl {version('python-fcl')}, BVHModel (OBBRSS), {meshes(scene)}"
+    return [entry("FCL", "surfaces", seconds, overhead, [bool(a) for a in answers], how)]
+
+
+def by_vamp(scene, near, far) -> list[dict]:
+    """By the C++ headers that vamp-planner installs: see vamp_rival.cc, which lies in the folder."""
+    from importlib.metadata import distribution
+
+    if not scene["balls"]:
+        raise ImportError("the tool is no solid of revolution")
+    vamp = distribution("vamp-planner")
+    folder = pathlib.Path(sys.argv[1]).resolve()
+    # The one header that it leaves out; its sort serves only to make the tree.
+    sort = "template <class I, class L> void pdqsort_branchless(I from, I to, L less) { std::sort(from, to, less); }"
+    (folder / "pdqsort.h").write_text(f"#include <algorithm>\n{sort}\n")
+    include = [folder, vamp.locate_file("include"), "/usr/include/eigen3", pathlib.Path(sys.prefix) / "include/eigen3"]
+    # As the package compiles itself.
+    fast = "-fno-math-errno -fno-signed-zeros -fno-trapping-math -fno-rounding-math -ffp-contract=fast -fassociative-math"
+    build = ["c++", "-std=c++17", "-O3", "-march=native", "-mavx2", *fast.split(), "-w", "-shared", "-fPIC"]
+    build += [f"-I{path}" for path in include]
+    library = folder / "vamp_rival.so"
+    subprocess.run([*build, "-o", library, folder / "vamp_rival.cc"], check=True)
+    ask = ctypes.CDLL(library).ask
+    ask.restype = ctypes.c_double
+    balls = np.array(sorted(scene["balls"], key=lambda ball: -ball[1]), np.float32)
+    tips_and_axes = np.array([[*tip, *rotation[:, 2]] for rotation, tip in near], np.float32)
+    centres, colliding = np.array(scene["centres"], np.float32), np.zeros(len(near), bool)
+    lists = [(values.ctypes.data_as(ctypes.c_void_p), ctypes.c_size_t(len(values))) for values in (centres, balls, tips_and_axes)]
+    seconds = ask(*[argument for both in lists for argument in both], colliding.ctypes.data_as(ctypes.c_void_p))
+    how = f"vamp-planner {vamp.version}, its C++ check of {len(balls)} balls around the axis in a cloud of {len(centres)} points (CAPT)"
+    return [entry("vamp", "balls", seconds, 0.0, colliding.tolist(), how)]
+
+
+def meshes(scene) -> str:
+    return f"meshes of {len(scene['part']['triangles'])} and {len(scene['tool']['triangles'])} triangles"
+
+
+def entry(name, question, seconds, overhead, colliding, how) -> dict:
+    return {
+        "name": name,
+        "question": question,
+        "seconds": seconds,
+        "overhead": overhead,
+        "colliding": colliding,
+        "how": how,
+    }
 
 
 def main() -> None:
@@ -120,10 +158,10 @@ def main() -> None:
     near = [(rotation(pose[3:]), pose[:3].copy()) for pose in poses]
     far = [(r, t + FAR) for r, t in near]
     found, missing = [], []
-    for name, measure in [("coal", by_coal), ("python-fcl", by_fcl)]:
+    for name, measure in [("coal", by_coal), ("python-fcl", by_fcl), ("vamp-planner", by_vamp)]:
         try:
-            found.extend(measure(scene["part"], scene["tool"], near, far))
-        except ImportError as error:
+            found.extend(measure(scene, near, far))
+        except (ImportError, OSError, subprocess.CalledProcessError) as error:
             missing.append(f"{name}: {error}")
     print(json.dumps({"found": found, "missing": missing, "python": sys.version.split()[0]}))
 

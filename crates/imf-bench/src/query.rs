@@ -2,7 +2,7 @@
 
 mod libraries;
 
-use anyhow::{Result, ensure};
+use anyhow::{Context as _, Result, ensure};
 use glam::DVec3;
 use imf_cli::output::prepare_folder;
 use imf_cli::session::Session;
@@ -22,7 +22,7 @@ use crate::candidates::reference_scene;
 use crate::document::Document;
 use crate::measurement::{Machine, ROUNDS, least_seconds};
 
-/// Poses in a call.
+/// Poses in a call of what takes batches.
 const BATCH: usize = 1000;
 
 /// One way to know about poses.
@@ -32,6 +32,8 @@ struct Row {
     /// What an answer is.
     answers: String,
     poses: usize,
+    /// Poses in a call.
+    batch: usize,
     poses_per_second: f64,
     /// Fraction of the poses called free, and called colliding.
     free: Option<f64>,
@@ -61,12 +63,16 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
     let poses = random_poses(&record.grid, arguments.poses as usize, arguments.seed)?;
     session.note("exact counts");
     let exact = ExactField::new(&scene.obstacle, record.bare_tool());
-    let mut truth = vec![Decision::Undecided; poses.len()];
-    exact.classify(&poses, &mut truth)?;
+    let collides = |pose| exact.count(pose).map(|count| decided(count > 0)).context("an invalid pose");
+    let truth: Vec<Decision> = poses.iter().map(collides).collect::<Result<_>>()?;
     let trial = Trial { poses: &poses, truth: &truth };
     let proven = ["proven yes or no", "spheres and exact counts"];
     let mut rows = vec![
-        trial.decisions("ExactField", proven, &exact)?,
+        trial.decisions("ExactField", proven, BATCH, |poses, found| Ok(exact.classify(poses, found)?))?,
+        trial.decisions("ExactField", proven, 1, |poses, found| {
+            found.iter_mut().zip(poses).for_each(|(found, pose)| *found = decided(exact.collides(pose)));
+            Ok(())
+        })?,
         trial.values("ExactField", ["exact overlap", "exact counts"], &exact)?,
         trial.single(["exact count", "every direction new"], |pose| exact.count(pose).is_some())?,
         trial.single(["lower bound of the clearance", "distances along the axis"], |pose| {
@@ -90,17 +96,18 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
         };
         let planner = Planner::new(Field::new(file)?)?;
         let (model, name) = (&planner.model, format!("Field, {family}"));
-        rows.push(trial.decisions(&format!("Planner, {family}"), proven, &planner)?);
-        let decided = trial.decisions(&name, ["yes, no or undecided, by calibration", &how], model)?;
+        rows.push(trial.decisions(&format!("Planner, {family}"), proven, BATCH, |poses, found| {
+            Ok(planner.classify(poses, found)?)
+        })?);
+        let by_field = ["yes, no or undecided, by calibration", &how];
+        let row =
+            trial.decisions(&name, by_field, BATCH, |poses, found| Ok(model.classify(poses, found)?))?;
         rows.push(match model.calibration() {
-            Some(_) => decided,
+            Some(_) => row,
             // Every pose is undecided then, which says nothing of the field.
-            None => Row {
-                answers: "not calibrated (imf calibrate)".into(),
-                free: None,
-                colliding: None,
-                ..decided
-            },
+            None => {
+                Row { answers: "not calibrated (imf calibrate)".into(), free: None, colliding: None, ..row }
+            }
         });
         let (value, slopes) = match model.quantity() {
             Quantity::Overlap => ("overlap, approximate", "overlap with both gradients"),
@@ -110,13 +117,8 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
         rows.push(trial.gradients(&name, [slopes, &how], model)?);
     }
     let few = &poses[..poses.len().min(arguments.rival_poses as usize)];
-    let (found, missing) = match libraries::meshes(record) {
-        Some([part, tool]) => {
-            session.note("Coal, FCL and parry3d");
-            libraries::measure(arguments, [&part, &tool], few, &truth)?
-        }
-        None => (Vec::new(), vec!["the libraries need a built-in part, whose mesh is at hand".into()]),
-    };
+    session.note("Coal, FCL, vamp and parry3d");
+    let (found, missing) = libraries::measure(arguments, &scene, few, &truth)?;
     rows.extend(found);
     machine.finish();
     let [x, y, z] = record.grid.dims;
@@ -145,6 +147,11 @@ pub(crate) fn random_poses(grid: &Grid, count: usize, seed: u64) -> Result<Vec<P
     Ok(set.orientations.iter().map(pose).collect())
 }
 
+/// Of what is certain.
+fn decided(collides: bool) -> Decision {
+    if collides { Decision::Colliding } else { Decision::Free }
+}
+
 /// Poses, and whether the tool collides there.
 struct Trial<'a> {
     poses: &'a [Pose],
@@ -158,17 +165,19 @@ impl Trial<'_> {
         &self,
         name: &str,
         [answers, how]: [&str; 2],
+        batch: usize,
         mut ask: impl FnMut(&[Pose], usize) -> Result<()>,
     ) -> Result<Row> {
         let mut seconds = 0.0;
-        for (index, batch) in self.poses.chunks(BATCH).enumerate() {
-            let [least] = least_seconds(ROUNDS, [&mut || ask(batch, index * BATCH)])?;
+        for (index, poses) in self.poses.chunks(BATCH).enumerate() {
+            let [least] = least_seconds(ROUNDS, [&mut || ask(poses, index * BATCH)])?;
             seconds += least;
         }
         Ok(Row {
             name: name.into(),
             answers: answers.into(),
             poses: self.poses.len(),
+            batch: batch.min(self.poses.len()),
             poses_per_second: self.poses.len() as f64 / seconds,
             free: None,
             colliding: None,
@@ -177,11 +186,16 @@ impl Trial<'_> {
         })
     }
 
-    fn decisions(&self, name: &str, about: [&str; 2], field: &dyn PoseField) -> Result<Row> {
+    fn decisions(
+        &self,
+        name: &str,
+        about: [&str; 2],
+        batch: usize,
+        decide: impl Fn(&[Pose], &mut [Decision]) -> Result<()>,
+    ) -> Result<Row> {
         let mut decisions = vec![Decision::Undecided; self.poses.len()];
-        let row = self.row(name, about, |batch, from| {
-            Ok(field.classify(batch, &mut decisions[from..from + batch.len()])?)
-        })?;
+        let row = self
+            .row(name, about, batch, |poses, from| decide(poses, &mut decisions[from..from + poses.len()]))?;
         let fraction = |decision| {
             let of = decisions.iter().filter(|&&d| d == decision).count();
             Some(of as f64 / decisions.len() as f64)
@@ -200,18 +214,18 @@ impl Trial<'_> {
 
     fn values(&self, name: &str, about: [&str; 2], field: &dyn PoseField) -> Result<Row> {
         let mut values = [0.0; BATCH];
-        self.row(name, about, |batch, _| Ok(field.values(batch, &mut values[..batch.len()])?))
+        self.row(name, about, BATCH, |poses, _| Ok(field.values(poses, &mut values[..poses.len()])?))
     }
 
     fn gradients(&self, name: &str, about: [&str; 2], field: &dyn PoseField) -> Result<Row> {
         let mut gradients = vec![Gradient::NAN; BATCH];
-        self.row(name, about, |batch, _| Ok(field.gradients(batch, &mut gradients[..batch.len()])?))
+        self.row(name, about, BATCH, |poses, _| Ok(field.gradients(poses, &mut gradients[..poses.len()])?))
     }
 
     /// Of the exact field, pose by pose; all poses have an answer.
     fn single(&self, about: [&str; 2], answer: impl Fn(&Pose) -> bool) -> Result<Row> {
-        self.row("ExactField", about, |batch, _| {
-            ensure!(batch.iter().filter(|pose| answer(pose)).count() == batch.len(), "an invalid pose");
+        self.row("ExactField", about, 1, |poses, _| {
+            ensure!(poses.iter().filter(|pose| answer(pose)).count() == poses.len(), "an invalid pose");
             Ok(())
         })
     }
@@ -226,6 +240,7 @@ impl Report {
             vec![
                 row.name.clone(),
                 row.answers.clone(),
+                row.batch.to_string(),
                 format!("{:.0}", row.poses_per_second),
                 percent(row.free),
                 percent(row.colliding),
@@ -233,7 +248,10 @@ impl Report {
                 row.how.clone(),
             ]
         });
-        document.table(&["", "answers", "poses/s", "free", "colliding", "as exact", "how"], rows.collect());
+        document.table(
+            &["", "answers", "poses a call", "poses/s", "free", "colliding", "as exact", "how"],
+            rows.collect(),
+        );
         self.missing.iter().for_each(|advice| document.paragraph(advice));
         document
     }

@@ -1,7 +1,7 @@
 //! A rival of `imf-bench query`: does the tool's mesh meet the part's, and how far are they apart, by parry3d on one core.
 //!
 //! Reads the scene.json that `crates/imf-bench/python/query_rivals.py` reads, in the folder given, and prints the same line of JSON: a list of
-//! `{name, seconds, overhead, colliding, how}`. `seconds` is the best of three rounds over the poses asked, batch by batch; `colliding` has
+//! `{name, question, seconds, overhead, colliding, how}`. `seconds` is the best of three rounds over the poses asked, batch by batch; `colliding` has
 //! an answer for each of them. Nothing is lost to a call, so `overhead` is 0. Distances take so long that one
 //! pose in ten is asked.
 
@@ -59,7 +59,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (part, tool, still) = (mesh(&scene["part"])?, mesh(&scene["tool"])?, Pose::identity());
     let poses: Option<Vec<Pose>> = scene["poses"].as_array().ok_or("no poses")?.iter().map(pose).collect();
     let poses = poses.ok_or("a pose is not seven numbers")?;
-    let how = "parry3d 0.31.1, TriMesh";
+    let [of_part, of_tool] = [&part, &tool].map(|mesh| mesh.indices().len());
+    let how = format!("parry3d 0.31.1, TriMesh, meshes of {of_part} and {of_tool} triangles");
     let (seconds, answers) =
         best(&poses, |pose| intersection_test(&still, &part, pose, &tool).map(|found| found.intersecting));
     let colliding = answers.into_iter().collect::<Result<Vec<bool>, _>>()?;
@@ -67,10 +68,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (apart, answers) =
         best(few, |pose| distance(&still, &part, pose, &tool).map(|found| found.distance <= 0.0));
     let touching = answers.into_iter().collect::<Result<Vec<bool>, _>>()?;
-    let found = json!([
-        { "name": "parry3d collide", "seconds": seconds, "overhead": 0.0, "colliding": colliding, "how": how },
-        { "name": "parry3d distance", "seconds": apart, "overhead": 0.0, "colliding": touching, "how": how },
-    ]);
+    let entry = |question: &str, seconds: f64, colliding: &[bool]| {
+        json!({
+            "name": "parry3d", "question": question, "seconds": seconds, "overhead": 0.0, "colliding": colliding, "how": how,
+        })
+    };
+    let found = [entry("surfaces", seconds, &colliding), entry("distance", apart, &touching)];
     println!("{}", json!({ "found": found, "missing": [] }));
     Ok(())
 }

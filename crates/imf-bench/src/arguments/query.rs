@@ -10,7 +10,8 @@ use imf_core::parts::ReferencePart;
 #[command(after_help = "Examples:\n  imf-bench query --part teapot\n  \
                         imf-bench query bracket.safetensors small/field.safetensors --python venv/bin/python\n\n\
                         The fields are of one scene. Where its part is built in, parry3d, Coal and FCL answer for \
-                        collisions of the same tool and part as meshes at the same poses. Writes query.json and query.md.")]
+                        collisions of the same tool and part as meshes at the same poses, and vamp-planner for those of balls \
+                        around the tool with the centres of the part's voxels. Writes query.json and query.md.")]
 pub(crate) struct QueryArguments {
     /// Fields of one scene: models, harmonic or factored fields; without any the exact field alone is measured
     pub(crate) fields: Vec<PathBuf>,
@@ -26,7 +27,7 @@ pub(crate) struct QueryArguments {
     /// How many of them the libraries get
     #[arg(long, default_value_t = 2_000, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) rival_poses: u32,
-    /// Python with coal, python-fcl and numpy (crates/imf-bench/python/requirements-query.txt)
+    /// Python with coal, python-fcl, vamp-planner and numpy (crates/imf-bench/python/requirements-query.txt)
     #[arg(long, default_value = "python3", value_name = "COMMAND")]
     pub(crate) python: String,
     /// Program for parry3d: cargo build --release --manifest-path crates/imf-bench/parry3d/Cargo.toml

@@ -1,15 +1,18 @@
-//! Collision libraries on meshes of the same part and tool, where they are installed.
+//! Collision libraries at the same poses, where they are installed: on meshes of the same part and tool, or with the tool as balls
+//! among the solid voxels' centres.
 
 use std::process::Command;
 use std::str::FromStr;
 
 use anyhow::{Context, Result, ensure};
-use imf_cli::output::write_json;
+use imf_cli::output::{write_json, write_text};
 use imf_core::field::Decision;
 use imf_core::mesh::Mesh;
+use imf_core::occupancy::Occupancy;
 use imf_core::parts::ReferencePart;
 use imf_core::pose::Pose;
-use imf_core::scene::SceneRecord;
+use imf_core::scene::Scene;
+use imf_core::tool::{Tool, ToolShape};
 use serde::Deserialize;
 use serde_json::json;
 
@@ -19,8 +22,16 @@ use crate::revolved::tool_mesh;
 use crate::rivals;
 
 const SCRIPT: &str = include_str!("../../python/query_rivals.py");
+/// Compiled by the script, with the headers that the package installs.
+const VAMP: &str = include_str!("../../python/vamp_rival.cc");
 const INSTALL: &str = "Install: python3 -m pip install -r crates/imf-bench/python/requirements-query.txt";
 const BUILD: &str = "Build: cargo build --release --manifest-path crates/imf-bench/parry3d/Cargo.toml, or name it by --parry3d";
+
+/// Longest stretch of the axis in a ball, in radii of the tool there.
+const STRETCH: f64 = 0.8;
+/// Heights of a stretch that are looked at, and steps to the middle of its ball.
+const STEPS: u32 = 16;
+const THIRDS: u32 = 60;
 
 #[derive(Deserialize)]
 struct Answer {
@@ -31,25 +42,43 @@ struct Answer {
 #[derive(Deserialize)]
 struct Found {
     name: String,
+    question: Question,
     seconds: f64,
     overhead: f64,
     colliding: Vec<bool>,
     how: String,
 }
 
-/// The meshes of a scene's part, where it is built in, and of its tool.
-pub(super) fn meshes(record: &SceneRecord) -> Option<[Mesh; 2]> {
-    let part = ReferencePart::from_str(&record.part).ok()?;
-    Some([part.mesh().transformed(&record.transform), tool_mesh(record.bare_tool())])
+#[derive(Clone, Copy, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum Question {
+    Surfaces,
+    Distance,
+    Balls,
+}
+
+impl Question {
+    fn answers(self) -> &'static str {
+        match self {
+            Self::Surfaces => "do the surfaces meet",
+            Self::Distance => "distance of the surfaces",
+            Self::Balls => "is a centre in balls around the tool",
+        }
+    }
 }
 
 /// The libraries' rows, and why others are missing.
 pub(super) fn measure(
     arguments: &QueryArguments,
-    [part, tool]: [&Mesh; 2],
+    scene: &Scene,
     poses: &[Pose],
     truth: &[Decision],
 ) -> Result<(Vec<Row>, Vec<String>)> {
+    let Ok(part) = ReferencePart::from_str(&scene.record.part) else {
+        return Ok((Vec::new(), vec!["the libraries need a built-in part, whose mesh is at hand".into()]));
+    };
+    let part = part.mesh().transformed(&scene.record.transform);
+    let tool = scene.record.bare_tool();
     // Megabytes that nobody wants to keep, whatever becomes of the run.
     let folder = tempfile::tempdir_in(&arguments.out).context("cannot make a temporary folder")?;
     let folder = folder.path();
@@ -64,19 +93,29 @@ pub(super) fn measure(
             [x, y, z, a, b, c, d]
         })
         .collect();
-    let scene = json!({ "part": listed(part), "tool": listed(tool), "poses": asked });
+    let Occupancy { grid, solid } = &scene.obstacle;
+    let voxels = (0..solid.len()).filter(|&index| solid[index] != 0);
+    let centres: Vec<[f64; 3]> = voxels.map(|index| grid.centre(grid.voxel(index)).to_array()).collect();
+    let scene = json!({
+        "part": listed(&part),
+        "tool": listed(&tool_mesh(tool)),
+        "centres": centres,
+        "balls": balls(tool),
+        "poses": asked,
+    });
     write_json(&folder.join("scene.json"), &scene)?;
+    write_text(&folder.join("vamp_rival.cc"), VAMP)?;
     let (mut rows, mut missing) = (Vec::new(), Vec::new());
     let mut python = Command::new(&arguments.python);
     python.args(["-c", SCRIPT]).arg(folder);
     let mut parry3d = Command::new(&arguments.parry3d);
     parry3d.arg(folder);
-    for (who, command, remedy) in [("Coal and FCL", python, INSTALL), ("parry3d", parry3d, BUILD)] {
+    for (who, command, remedy) in [("Coal, FCL and vamp", python, INSTALL), ("parry3d", parry3d, BUILD)] {
         match rivals::ask::<Answer>(who, &mut { command }, remedy) {
             Ok(answer) => {
                 missing.extend(answer.missing.iter().map(|reason| format!("{reason}. {remedy}")));
                 for found in answer.found {
-                    rows.push(row(found, truth, [part, tool])?);
+                    rows.push(row(found, truth)?);
                 }
             }
             Err(why) => missing.push(why),
@@ -86,28 +125,55 @@ pub(super) fn measure(
 }
 
 /// What a library's answers come to; it may have answered the first of the poses alone.
-fn row(found: Found, truth: &[Decision], [part, tool]: [&Mesh; 2]) -> Result<Row> {
+fn row(found: Found, truth: &[Decision]) -> Result<Row> {
     let count = found.colliding.len();
     ensure!((1..=truth.len()).contains(&count), "{} answered {count} poses", found.name);
     let colliding = found.colliding.iter().filter(|&&c| c).count() as f64 / count as f64;
-    let same = |(c, t): &(&bool, &Decision)| **c == (**t == Decision::Colliding);
-    let agree = found.colliding.iter().zip(truth).filter(same).count() as f64 / count as f64;
-    let distance = found.name.ends_with("distance");
+    let differ = |called: bool| {
+        let pairs = found.colliding.iter().zip(truth);
+        pairs.filter(|&(&c, &t)| c == called && c != (t == Decision::Colliding)).count()
+    };
+    let (missed, invented) = (differ(false), differ(true));
     Ok(Row {
-        answers: if distance { "distance of the surfaces" } else { "do the surfaces meet" }.into(),
+        name: found.name,
+        answers: found.question.answers().into(),
         poses: count,
+        batch: 1,
         // What the call from Python costs is not the library's.
         poses_per_second: count as f64 / (found.seconds - found.overhead).max(f64::MIN_POSITIVE),
         free: Some(1.0 - colliding),
         colliding: Some(colliding),
-        agree: Some(agree),
+        agree: Some(1.0 - (missed + invented) as f64 / count as f64),
         how: format!(
-            "{}, meshes of {} and {} triangles; {:.1} µs a call left out",
+            "{}; {missed} colliding poses called free, {invented} free ones colliding; {:.1} µs a call left out",
             found.how,
-            part.triangles.len(),
-            tool.triangles.len(),
             found.overhead / count as f64 * 1e6
         ),
-        name: found.name,
     })
+}
+
+/// Balls that together hold a tool of revolution, heights of their middles and radii: the smallest around every short stretch of
+/// its axis. None of a mesh tool.
+fn balls(tool: &Tool) -> Vec<[f64; 2]> {
+    let ToolShape::Revolved(elements) = &tool.shape else { return Vec::new() };
+    let mut balls = Vec::new();
+    for segment in elements.iter().flat_map(|element| &element.profile) {
+        let (low, high) = segment.range();
+        let pieces = ((high - low) / (STRETCH * segment.max_radius())).ceil();
+        for piece in 0..pieces as u32 {
+            let at = |part: f64| low + (high - low) * (f64::from(piece) + part) / pieces;
+            let radius = |middle: f64| {
+                let heights = (0..=STEPS).map(|step| at(f64::from(step) / f64::from(STEPS)));
+                heights.map(|h| (h - middle).hypot(segment.radius(h))).fold(0.0, f64::max)
+            };
+            // The radius is convex in the height of the middle.
+            let (mut from, mut to) = (at(0.0), at(1.0));
+            for _ in 0..THIRDS {
+                let third = (to - from) / 3.0;
+                if radius(from + third) < radius(to - third) { to -= third } else { from += third }
+            }
+            balls.push([to, radius(to)]);
+        }
+    }
+    balls
 }
