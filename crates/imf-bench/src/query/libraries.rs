@@ -177,3 +177,26 @@ fn balls(tool: &Tool) -> Vec<[f64; 2]> {
     }
     balls
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_balls_hold_the_tool_and_little_more() {
+        let tool = Tool::paper();
+        let ToolShape::Revolved(elements) = &tool.shape else { panic!("not revolved") };
+        let balls = balls(&tool);
+        for segment in elements.iter().flat_map(|element| &element.profile) {
+            let (low, high) = segment.range();
+            for height in (0..=1000).map(|step| low + (high - low) * f64::from(step) / 1000.0) {
+                let radius = segment.radius(height);
+                let holds = |&[middle, r]: &[f64; 2]| (height - middle).hypot(radius) <= r + 1e-6;
+                assert!(balls.iter().any(holds), "{height}");
+            }
+        }
+        // The ball end is a ball, and no ball is much wider than the tool.
+        assert!(balls.iter().all(|&[_, radius]| radius < 1.1 * 14.5), "{balls:?}");
+        assert!(balls.iter().all(|[middle, radius]| middle - radius > -1e-6), "{balls:?}");
+    }
+}

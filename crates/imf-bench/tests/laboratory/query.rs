@@ -32,4 +32,6 @@ fn a_field_that_is_not_calibrated_is_asked_for_poses_and_not_for_decisions() {
     assert_eq!(row["answers"], "not calibrated (imf calibrate)");
     assert!(row["free"].is_null() && row["colliding"].is_null() && row["agree"].is_null(), "{row}");
     assert!(row["poses_per_second"].as_f64().unwrap() > 0.0, "{row}");
+    let calls: Vec<u64> = rows.iter().map(|row| row["batch"].as_u64().unwrap()).collect();
+    assert!(calls.contains(&1) && calls.contains(&50), "{calls:?}");
 }
