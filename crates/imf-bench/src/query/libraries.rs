@@ -12,7 +12,7 @@ use imf_core::occupancy::Occupancy;
 use imf_core::parts::ReferencePart;
 use imf_core::pose::Pose;
 use imf_core::scene::Scene;
-use imf_core::tool::{Tool, ToolShape};
+use imf_core::tool::{Segment, Tool, ToolShape};
 use serde::Deserialize;
 use serde_json::json;
 
@@ -159,7 +159,11 @@ fn balls(tool: &Tool) -> Vec<[f64; 2]> {
     let mut balls = Vec::new();
     for segment in elements.iter().flat_map(|element| &element.profile) {
         let (low, high) = segment.range();
-        let pieces = ((high - low) / (STRETCH * segment.max_radius())).ceil();
+        // One ball is a ball end.
+        let pieces = match segment {
+            Segment::Line { .. } => ((high - low) / (STRETCH * segment.max_radius())).ceil(),
+            Segment::Arc { .. } => 1.0,
+        };
         for piece in 0..pieces as u32 {
             let at = |part: f64| low + (high - low) * (f64::from(piece) + part) / pieces;
             let radius = |middle: f64| {
