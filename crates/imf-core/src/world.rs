@@ -349,6 +349,8 @@ mod adversary_cases;
 #[cfg(test)]
 mod adversary_tests;
 #[cfg(test)]
+mod adversary_truth;
+#[cfg(test)]
 mod separation_tests;
 #[cfg(test)]
 mod tests;

@@ -3,7 +3,7 @@
 
 use glam::{DQuat, DVec3};
 
-use super::adversary_tests::Case;
+use super::adversary_truth::Case;
 use super::*;
 use crate::grid::Grid;
 use crate::occupancy::Occupancy;

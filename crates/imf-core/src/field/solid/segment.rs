@@ -377,9 +377,10 @@ impl<'a> PlacedSegment<'a> {
     }
 }
 
-/// True where an end is so close to a voxel centre that rounding could decide. `end` is in voxel coordinates.
+/// True where an end is so close to a voxel centre that rounding could decide, and wherever a run's margin reaches one. `end` is in
+/// voxel coordinates.
 fn is_close(end: f64) -> bool {
-    (end - end.round()).abs() < 2.0 * CLOSE
+    (end - end.round()).abs() < 3.0 * CLOSE
 }
 
 /// 1.5·2⁵²: adding it rounds to whole numbers, which then stand in the lowest bits.

@@ -27,6 +27,7 @@ impl PlacedSegment<'_> {
             let root = discriminant.max(0.0).sqrt() + 1e-6;
             (first, last) = (-b - root, -b + root);
         }
+        let (lowest, highest) = (enter.max(first), leave.min(last));
         let mut unsure = edge;
         for (end, side) in [(&mut first, 1.0), (&mut last, -1.0)] {
             let (mut settled, mut least) = (false, f64::INFINITY);
@@ -51,8 +52,8 @@ impl PlacedSegment<'_> {
             unsure |= !settled;
         }
         if unsure {
-            // Tangents are few: let every centre that may be meant be tried.
-            (enter.max(first.min(last) - 1.0), leave.min(last.max(first) + 1.0), true)
+            // Tangents are few, and may run along the segment: let every centre be tried.
+            (lowest, highest, true)
         } else {
             (enter.max(first), leave.min(last), false)
         }

@@ -1,0 +1,123 @@
+//! Where an adversary's tool collides in truth: by the predicate that defines it, tried at every solid centre that may come into it.
+
+use glam::DVec3;
+
+use super::*;
+use crate::grid::Grid;
+use crate::tool::{SLACK, Segment, ToolShape, contains, snapped};
+
+/// Solid centres of one obstacle, and the tool that must stay out of them.
+pub(super) struct Solid {
+    /// Which obstacle of the checker.
+    pub(super) placed: usize,
+    pub(super) grid: Grid,
+    pub(super) profile: Vec<Segment>,
+    /// In continuous voxel coordinates.
+    pub(super) centres: Vec<DVec3>,
+}
+
+impl Solid {
+    /// A centre in the tool at a pose in the obstacle's frame.
+    fn held(&self, local: &Pose, centres: &[DVec3]) -> Option<DVec3> {
+        let (axis, tip, pitch) = (local.axis()?, snapped(&self.grid, local.position), self.grid.pitch);
+        let inside =
+            |centre: DVec3| contains(&self.profile, axis, (centre - tip) * pitch, SLACK * pitch * pitch);
+        centres.iter().copied().find(|&centre| inside(centre))
+    }
+
+    /// Centres that may come into the tool where no point of it moves farther than `room`.
+    fn near(&self, local: &Pose, room: f64) -> Vec<DVec3> {
+        let axis = local.axis().unwrap();
+        let tip = self.grid.continuous(local.position);
+        let spans: Vec<_> = self.profile.iter().map(|s| (s.range(), s.max_radius() + room)).collect();
+        let near = |centre: &&DVec3| {
+            let offset = (**centre - tip) * self.grid.pitch;
+            let height = offset.dot(axis);
+            let away = (offset - axis * height).length();
+            let beside = |&((from, to), radius): &((f64, f64), f64)| {
+                from - room <= height && height <= to + room && away <= radius
+            };
+            spans.iter().any(beside)
+        };
+        self.centres.iter().filter(near).copied().collect()
+    }
+}
+
+/// A checker with all that its tool must stay out of.
+pub(super) struct Case {
+    pub(super) name: String,
+    pub(super) checker: Checker,
+    pub(super) solids: Vec<Solid>,
+    /// The finest.
+    pub(super) pitch: f64,
+}
+
+impl Case {
+    pub(super) fn new(name: String, checker: Checker) -> Self {
+        let solids = checker.placed.iter().enumerate().flat_map(|(placed, one)| {
+            one.around.field.solids_with_tools().map(move |(solid, tool)| {
+                let ToolShape::Revolved(elements) = &tool.shape else { unreachable!() };
+                let occupancy = solid.voxels().occupancy();
+                let grid = occupancy.grid;
+                let solid = (0..grid.len()).filter(|&index| occupancy.solid[index] != 0);
+                let centre = |index| DVec3::from_array(grid.voxel(index).map(|v| v as f64));
+                let profile = elements.iter().flat_map(|element| element.profile.clone()).collect();
+                Solid { placed, grid, profile, centres: solid.map(centre).collect() }
+            })
+        });
+        let solids = solids.collect();
+        Self { name, pitch: checker.finest_pitch().unwrap(), solids, checker }
+    }
+
+    pub(super) fn local(&self, solid: &Solid, pose: &Pose) -> Pose {
+        self.checker.placed[solid.placed].local(pose)
+    }
+
+    /// Farthest that a point of the tool moves from one pose to another, a little generous.
+    pub(super) fn between(&self, a: &Pose, b: &Pose) -> f64 {
+        let turn = a.axis().unwrap().distance(b.axis().unwrap());
+        a.position.distance(b.position) + 1.6 * turn * self.checker.tool.reach
+    }
+
+    pub(super) fn near(&self, pose: &Pose, room: f64) -> Vec<Vec<DVec3>> {
+        self.solids.iter().map(|solid| solid.near(&self.local(solid, pose), room)).collect()
+    }
+
+    /// A centre of those in the tool, in the world.
+    pub(super) fn held(&self, near: &[Vec<DVec3>], pose: &Pose) -> Option<DVec3> {
+        self.solids.iter().zip(near).find_map(|(solid, near)| {
+            let centre = solid.held(&self.local(solid, pose), near)?;
+            let centre = solid.grid.origin + (centre + 0.5) * solid.grid.pitch;
+            Some(self.checker.placed[solid.placed].at.of_point(centre))
+        })
+    }
+
+    /// True where a centre lies in the tool but for what the predicate's own rounding amounts to: there it may hold one centre, and not
+    /// the next one on the same line between others, and a free pose may be called colliding.
+    pub(super) fn rounds(&self, pose: &Pose) -> bool {
+        self.solids.iter().any(|solid| {
+            let local = self.local(solid, pose);
+            let (axis, tip) = (local.axis().unwrap(), snapped(&solid.grid, local.position));
+            let (pitch, reach) = (solid.grid.pitch, self.checker.tool.reach);
+            let slack = SLACK * pitch * pitch + 2e-15 * reach * reach;
+            solid.centres.iter().any(|&centre| {
+                let aside = [0.0, 4e-15 * reach, -4e-15 * reach].map(|by| (centre - tip) * pitch + axis * by);
+                aside.into_iter().any(|offset| contains(&solid.profile, axis, offset, slack))
+            })
+        })
+    }
+
+    /// True where any centre of all is in the tool, by the visits of the library's own definition.
+    pub(super) fn visited(&self, pose: &Pose) -> bool {
+        self.checker.placed.iter().any(|one| {
+            one.around.field.solids_with_tools().any(|(solid, tool)| {
+                let ToolShape::Revolved(elements) = &tool.shape else { unreachable!() };
+                let mut any = false;
+                for element in elements {
+                    element.visit_inside(solid.voxels().occupancy(), &one.local(pose), |_, _, _| any = true);
+                }
+                any
+            })
+        })
+    }
+}
