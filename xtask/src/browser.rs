@@ -1,6 +1,7 @@
 //! Is there a Chromium for the tests of the page in 3D?
 
 use std::env;
+use std::path::PathBuf;
 
 use anyhow::{Result, bail};
 
@@ -15,6 +16,14 @@ pub(crate) fn is_left_out() -> bool {
     env::var(OPT_OUT).is_ok_and(|value| value == "1")
 }
 
+/// A Chromium on the path.
+pub(crate) fn find() -> Option<PathBuf> {
+    let path = env::var_os("PATH").unwrap_or_default();
+    env::split_paths(&path)
+        .flat_map(|folder| NAMES.map(|name| folder.join(name)))
+        .find(|place| place.is_file())
+}
+
 /// Looks for a Chromium, installs it as root on Debian, else says what to type.
 ///
 /// # Errors
@@ -24,10 +33,7 @@ pub(crate) fn ensure_browser() -> Result<()> {
         println!("{OPT_OUT} is set: tests that need a browser are reported as ignored");
         return Ok(());
     }
-    let path = env::var_os("PATH").unwrap_or_default();
-    let found =
-        env::split_paths(&path).flat_map(|folder| NAMES.map(|name| folder.join(name))).find(|p| p.is_file());
-    if let Some(found) = found {
+    if let Some(found) = find() {
         println!("Chromium: {}", found.display());
         return Ok(());
     }

@@ -28,11 +28,9 @@ pub(crate) fn make() -> Result<()> {
     Toolchain::find()?.cargo(&["build", "--release", "-p", "imf-web"])?;
     let folder = folder();
     let compiled = folder.join("build").join(TARGET).join("release/imf_web.wasm");
-    let mut bindgen = Bindgen::new();
-    bindgen.input_path(&compiled).typescript(true).remove_name_section(true).remove_producers_section(true);
     // For the page: a plain script, which a worker from a blob can be made of.
     let parts = folder.join("parts");
-    bindgen.no_modules(true)?.typescript(false).generate(&parts).context("wasm-bindgen")?;
+    bindgen(&compiled).no_modules(true)?.generate(&parts).context("wasm-bindgen")?;
     package(&folder.join("npm"), &compiled)?;
     let page = page(&parts)?;
     let path = folder.join("imf.html");
@@ -42,11 +40,15 @@ pub(crate) fn make() -> Result<()> {
     Ok(())
 }
 
+fn bindgen(compiled: &Path) -> Bindgen {
+    let mut bindgen = Bindgen::new();
+    bindgen.input_path(compiled).typescript(false).remove_name_section(true).remove_producers_section(true);
+    bindgen
+}
+
 /// The package for npm: an ES module with its types.
 fn package(folder: &Path, compiled: &Path) -> Result<()> {
-    let mut bindgen = Bindgen::new();
-    bindgen.input_path(compiled).typescript(true).remove_name_section(true).remove_producers_section(true);
-    bindgen.web(true)?.generate(folder).context("wasm-bindgen")?;
+    bindgen(compiled).web(true)?.typescript(true).generate(folder).context("wasm-bindgen")?;
     let text = fs::read_to_string(root().join("crates/imf-web/page/package.json"))?;
     fs::write(folder.join("package.json"), text.replace("{{version}}", env!("CARGO_PKG_VERSION")))?;
     for licence in ["LICENSE-MIT", "LICENSE-APACHE"] {

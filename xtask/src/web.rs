@@ -5,7 +5,7 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use anyhow::{Result, bail};
+use anyhow::{Context as _, Result, bail};
 
 use crate::browser;
 use crate::checks::{cargo, cargo_command, run_shown};
@@ -92,7 +92,9 @@ pub(crate) fn build() -> Result<()> {
 /// As [`build`]; no browser; a test that fails.
 pub(crate) fn test() -> Result<()> {
     browser::ensure_browser()?;
+    let browser = browser::find().context("there is no Chromium on the PATH")?;
     build()?;
     let test = ["test", "--workspace", "--test", "browser", "--", "--ignored", "--nocapture"];
-    cargo(&test, &[("IMF_WEB_PAGE", &folder().join("imf.html").to_string_lossy())])
+    let page = folder().join("imf.html");
+    cargo(&test, &[("IMF_WEB_PAGE", &page.to_string_lossy()), ("IMF_BROWSER", &browser.to_string_lossy())])
 }

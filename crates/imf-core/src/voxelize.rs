@@ -27,6 +27,8 @@ use blocks::{PLANES, Planes};
 use columns::WeightedTriangle;
 use cone::BoundaryCone;
 
+/// A voxel with a larger winding number, up to its sign, is solid.
+const SOLID: f64 = 0.5;
 /// A winding number between these two, up to its sign, says neither solid nor empty with any confidence: where a surface is
 /// closed it is a whole number.
 const UNDECIDED: (f64, f64) = (0.2, 0.8);
@@ -110,11 +112,6 @@ pub fn voxelize_with(
     control.check()?;
     let undecided = undecided.into_inner() as f64 / claimed.into_inner().max(1) as f64;
     Ok(Voxelized { solid: occupancy, undecided })
-}
-
-/// What a winding number, whatever its sign, says of a voxel.
-fn is_solid(winding: f64) -> bool {
-    winding > 0.5
 }
 
 /// Generalised winding number of the mesh at a point: the definition.

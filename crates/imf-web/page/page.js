@@ -67,7 +67,7 @@
     ['reached', [120, 190, 110]], ['something is in the way', [235, 140, 40]],
     ['the cutter does not fit', [170, 40, 130]], ['no direction faces it', [90, 90, 95]],
   ];
-  let surface, tool, ranks, unit = 'mm', dims = [1, 1, 1], values, ramp, compared;
+  let surface, tool, unit = 'mm', dims = [1, 1, 1], values, ramp, compared;
 
   const show_part = (corners, colour_of) => {
     if (surface) stage.remove(surface);
@@ -106,7 +106,7 @@
     const pitch = Number(get('pitch').value) || undefined;
     tell('voxels …');
     const made = await ask('scene', { part, file: bytes, name: file?.name, unit: get('unit').value, tool: get('tool').value, pitch });
-    ({ unit, dims, ranks } = made);
+    ({ unit, dims } = made);
     get('layer').max = dims[2] - 1;
     get('layer').value = Math.floor(dims[2] / 2);
     show_part(made.corners, () => [160, 160, 165]);

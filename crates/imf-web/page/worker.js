@@ -14,8 +14,8 @@ const asks = {
     scene?.free();
     scene = undefined;
     scene = new wasm_bindgen.PartScene(mesh, tool, pitch);
-    const { warnings, dims, pitch: used, unit: own, origin } = scene;
-    return { corners: mesh.corners(), tool: scene.tool_corners(), ranks: scene.tool_ranks(), warnings, dims, pitch: used, unit: own, origin };
+    const { warnings, dims, pitch: used, unit: own } = scene;
+    return { corners: mesh.corners(), tool: scene.tool_corners(), warnings, dims, pitch: used, unit: own };
   },
   begin({ directions, samples }) {
     access?.free();
@@ -31,7 +31,7 @@ const asks = {
     const begun = performance.now();
     const hit = scene.contact(x, y, z, i, j, k);
     const micro = 1000 * (performance.now() - begun);
-    return { micro, hit: hit && { element: hit.element, rank: hit.rank, depth: hit.depth } };
+    return { micro, hit: hit && { element: hit.element, depth: hit.depth } };
   },
   section({ theta, phi }) {
     return { values: scene.section(theta, phi), direction: wasm_bindgen.direction(theta, phi) };
@@ -54,7 +54,7 @@ const asks = {
     field?.free();
     field = undefined;
     field = wasm_bindgen.FieldFile.read(name, new Uint8Array(file));
-    return { part: field.part, tool: field.tool, dims: field.dims, overlap: field.is_overlap };
+    return { part: field.part, tool: field.tool, dims: field.dims };
   },
   compare({ theta, phi }) {
     const found = field.compare(theta, phi);

@@ -2,7 +2,6 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 use std::io::{BufRead as _, BufReader};
-use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
 use imf_web::{Part, PartScene, SurfaceAccess};
@@ -11,22 +10,14 @@ use serde_json::{Value, json};
 const TOOL: &str = "name = \"ball\"\nunit = \"mm\"\n[cutter]\nshape = \"ball\"\ndiameter = 10.0\nlength = 35.0\n[[holder]]\ndiameter = 29.0\n\
                     length = 48.0\n";
 
-fn browser() -> PathBuf {
-    let named = ["chromium", "chromium-browser", "google-chrome", "chrome"];
-    let path = std::env::var_os("PATH").unwrap_or_default();
-    let mut places = std::env::split_paths(&path).flat_map(|folder| named.map(|name| folder.join(name)));
-    places
-        .find(|place| place.is_file())
-        .expect("there is no Chromium: install it (Debian: apt-get install chromium)")
-}
-
 /// What the page says to a question, and what else its console says before.
 fn answer(question: &Value) -> (Value, Vec<String>) {
-    let page = std::env::var("IMF_WEB_PAGE").expect("cargo xtask test --browser names the page");
+    let [browser, page] = ["IMF_BROWSER", "IMF_WEB_PAGE"]
+        .map(|name| std::env::var(name).expect("cargo xtask test --browser names browser and page"));
     let page = std::fs::canonicalize(page).unwrap();
     let profile = tempfile::tempdir().unwrap();
     let hash: String = question.to_string().bytes().map(|byte| format!("%{byte:02x}")).collect();
-    let mut chromium = Command::new(browser())
+    let mut chromium = Command::new(browser)
         .args(["--headless", "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-sync"])
         .args(["--disable-background-networking", "--disable-component-update", "--disable-extensions"])
         // WebGL without a graphics card.

@@ -19,13 +19,15 @@ pub(crate) fn squared_to_triangle([a, b, c]: [DVec3; 3], point: DVec3) -> f64 {
     if inside && normal.length_squared() > 0.0 {
         return (point - a).dot(normal).powi(2) / normal.length_squared();
     }
-    let edge = |from: DVec3, to: DVec3| {
-        let way = to - from;
-        let foot =
-            if way.length_squared() > 0.0 { (point - from).dot(way) / way.length_squared() } else { 0.0 };
-        point.distance_squared(from + way * foot.clamp(0.0, 1.0))
-    };
+    let edge = |from: DVec3, to: DVec3| squared_to_segment([from, to], point);
     edge(a, b).min(edge(b, c)).min(edge(c, a))
+}
+
+/// Squared distance from a point to a straight line between two others.
+pub(crate) fn squared_to_segment([from, to]: [DVec3; 2], point: DVec3) -> f64 {
+    let way = to - from;
+    let foot = if way.length_squared() > 0.0 { (point - from).dot(way) / way.length_squared() } else { 0.0 };
+    point.distance_squared(from + way * foot.clamp(0.0, 1.0))
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@
 //! every voxel in it. Where it does not, the block is halved along each axis, down to single voxels.
 
 use super::cone::BoundaryCone;
-use super::{UNDECIDED, is_solid};
+use super::{SOLID, UNDECIDED};
 use crate::control::Control;
 use crate::grid::Grid;
 use crate::mesh::Mesh;
@@ -90,7 +90,7 @@ impl Planes<'_> {
                 let winding = winding(self.closed[line * (nz + 1) + z]).abs();
                 doubt.claimed += usize::from(winding >= UNDECIDED.0);
                 doubt.undecided += usize::from(winding >= UNDECIDED.0 && winding < UNDECIDED.1);
-                solid[line * nz + z] = u8::from(is_solid(winding));
+                solid[line * nz + z] = u8::from(winding > SOLID);
             }
         }
     }
@@ -100,7 +100,7 @@ impl Planes<'_> {
 fn decides(open: f64, change: f64) -> bool {
     // More than all rounding.
     let change = change + 1e-9;
-    [UNDECIDED.0, 0.5, UNDECIDED.1].into_iter().all(|bound| {
+    [UNDECIDED.0, SOLID, UNDECIDED.1].into_iter().all(|bound| {
         let off = open - bound;
         (off - off.round()).abs() > change
     })

@@ -9,7 +9,7 @@ use glam::DVec3;
 use super::columns::WeightedTriangle;
 use super::winding_number;
 use crate::mesh::Mesh;
-use crate::mesh::distance::squared_to_triangle;
+use crate::mesh::distance::{squared_to_segment, squared_to_triangle};
 use crate::mesh::solid_angle::half_angle;
 
 /// Cones over the boundary of a mesh; empty for a closed one.
@@ -52,10 +52,8 @@ impl BoundaryCone {
             if squared_to_triangle([self.apex, a, b], middle) <= radius * radius {
                 return None;
             }
-            let way = b - a;
-            let foot = ((middle - a).dot(way) / way.length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
-            let near = (middle.distance(a + way * foot) - radius).max(0.0);
-            gradient += f64::from(times) * way.length() / (4.0 * std::f64::consts::PI * near * near);
+            let near = (squared_to_segment([a, b], middle).sqrt() - radius).max(0.0);
+            gradient += f64::from(times) * a.distance(b) / (4.0 * std::f64::consts::PI * near * near);
         }
         let change = gradient * radius;
         (change < 0.5).then(|| (self.open_winding(0, middle, mesh), change))

@@ -156,8 +156,22 @@ impl Guard {
         self.approach.is_away(stock, pose, moved)
     }
 
-    /// Looks whether it holds stock beside the part at a pose that is not let be, and how deep; for where it is not away.
+    /// Looks whether it holds stock beside the part at a pose that is not let be, and how deep.
     pub(super) fn look(
+        &mut self,
+        stock: &StockVoxels,
+        part: &BitLines,
+        step: &Step,
+        pose: &Pose,
+        track: &mut Track,
+    ) {
+        if !self.is_away(stock, pose, step.length) {
+            self.look_closely(stock, part, step, pose, track);
+        }
+    }
+
+    /// The same where it is not away.
+    pub(super) fn look_closely(
         &mut self,
         stock: &StockVoxels,
         part: &BitLines,

@@ -96,9 +96,7 @@ impl HeadsOnTheWay<'_, '_> {
                 let at = to_machine.inverse().of_pose(&in_machine);
                 let step = Step { index, fraction, is_last: index == count * *each, length: *length };
                 for (guard, track) in guards.iter_mut().zip(tracks.iter_mut()) {
-                    if !guard.is_away(stock, &at, step.length) {
-                        guard.look(stock, part, &step, &at, track);
-                    }
+                    guard.look(stock, part, &step, &at, track);
                 }
             }
         }

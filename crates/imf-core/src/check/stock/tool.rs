@@ -101,9 +101,7 @@ impl<'a> StockTool<'a> {
         let mut track = Track::default();
         for (index, (fraction, pose)) in (1..).zip(motion.poses()) {
             let step = Step { index, fraction, is_last: index == motion.count, length: motion.step };
-            if !rapid.is_away(stock, &pose, motion.step) {
-                rapid.look(stock, part, &step, &pose, &mut track);
-            }
+            rapid.look(stock, part, &step, &pose, &mut track);
         }
         track.finish()
     }
@@ -137,7 +135,7 @@ impl<'a> StockTool<'a> {
                 // What is still to be taken may make it look nearer than it is.
                 if !guard.is_away(stock, &pose, step.length) {
                     take(stock, &mut waiting);
-                    guard.look(stock, part, &step, &pose, track);
+                    guard.look_closely(stock, part, &step, &pose, track);
                 }
             }
             if let Some(heads) = &mut heads {

@@ -179,6 +179,26 @@ impl SphereTree {
         if found == 0 { Verdict::Free } else { Verdict::Open(found) }
     }
 
+    /// Goes down the tree, with the middle of each piece's sphere in voxels: into the halves of a piece where `enter` says so.
+    #[inline(always)]
+    fn walk(&self, placed: VoxelPose, mut enter: impl FnMut(&Piece, DVec3) -> bool) {
+        let mut stack = [0_u32; DEPTH];
+        for root in 0..self.roots as u32 {
+            stack[0] = root;
+            let mut depth = 1;
+            while depth > 0 {
+                depth -= 1;
+                let piece = &self.pieces[stack[depth] as usize];
+                let middle = placed.tip + placed.direction * piece.middle;
+                if enter(piece, middle) && piece.halves != 0 {
+                    stack[depth] = piece.halves;
+                    stack[depth + 1] = piece.halves + 1;
+                    depth += 2;
+                }
+            }
+        }
+    }
+
     /// Finds the solid centre nearest to a tool that holds none: `measure` gives the distance of a centre from the tool, in voxels, and the
     /// least of what it gave is the distance.
     pub(super) fn nearest(
@@ -188,33 +208,22 @@ impl SphereTree {
         mut measure: impl FnMut([f64; 3]) -> f64,
     ) {
         let distances = voxels.distances();
-        let (mut least, mut last_witness) = (f64::INFINITY, usize::MAX);
-        let (mut stack, mut leaves) = ([0_u32; DEPTH], Vec::new());
-        for root in 0..self.roots as u32 {
-            stack[0] = root;
-            let mut depth = 1;
-            while depth > 0 {
-                depth -= 1;
-                let piece = &self.pieces[stack[depth] as usize];
-                let middle = placed.tip + placed.direction * piece.middle;
-                let probe = distances.probe(middle);
-                let bound = probe.squared.sqrt() - piece.radius;
-                let Some(witness) = distances.nearest(probe.index).filter(|_| bound < least) else {
-                    continue;
-                };
-                if witness != last_witness {
-                    last_witness = witness;
-                    least = least.min(measure(distances.voxel(witness)));
-                }
-                if piece.halves == 0 {
-                    leaves.push((bound, middle, piece.radius));
-                } else {
-                    stack[depth] = piece.halves;
-                    stack[depth + 1] = piece.halves + 1;
-                    depth += 2;
-                }
+        let (mut least, mut last_witness, mut leaves) = (f64::INFINITY, usize::MAX, Vec::new());
+        self.walk(placed, |piece, middle| {
+            let probe = distances.probe(middle);
+            let bound = probe.squared.sqrt() - piece.radius;
+            let Some(witness) = distances.nearest(probe.index).filter(|_| bound < least) else {
+                return false;
+            };
+            if witness != last_witness {
+                last_witness = witness;
+                least = least.min(measure(distances.voxel(witness)));
             }
-        }
+            if piece.halves == 0 {
+                leaves.push((bound, middle, piece.radius));
+            }
+            true
+        });
         // The nearest centre may be no voxel's nearest: what a piece can reach is tried, the most promising pieces first.
         leaves.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
         for (bound, middle, radius) in leaves {
@@ -238,50 +247,37 @@ impl SphereTree {
         mut measure: impl FnMut([f64; 3]) -> f64,
     ) {
         let distances = voxels.distances();
-        let (mut most, mut last_witness) = (f64::NEG_INFINITY, usize::MAX);
-        let (mut stack, mut leaves) = ([0_u32; DEPTH], Vec::new());
-        for root in 0..self.roots as u32 {
-            stack[0] = root;
-            let mut depth = 1;
-            while depth > 0 {
-                depth -= 1;
-                let piece = &self.pieces[stack[depth] as usize];
-                let middle = placed.tip + placed.direction * piece.middle;
+        let mut most = f64::NEG_INFINITY;
+        // The deepest centre may be no voxel's nearest: once those are tried, whatever could be deeper beside a piece is tried.
+        for all in [false, true] {
+            let mut last_witness = usize::MAX;
+            self.walk(placed, |piece, middle| {
                 let probe = distances.probe(middle);
                 // No centre beside the piece is nearer to the axis than this, and none is deeper than what is left to the outline.
                 let half = 0.5 * (piece.to - piece.from);
                 let bound = piece.radius - (probe.squared - half * half).max(0.0).sqrt();
                 if probe.squared > piece.squared || bound < most {
-                    continue;
+                    return false;
                 }
-                let Some(witness) = distances.nearest(probe.index) else { return };
-                if witness != last_witness {
-                    last_witness = witness;
-                    most = most.max(measure(distances.voxel(witness)));
-                }
-                if piece.halves == 0 {
-                    leaves.push((bound, middle, half, piece.radius));
-                } else {
-                    stack[depth] = piece.halves;
-                    stack[depth + 1] = piece.halves + 1;
-                    depth += 2;
-                }
-            }
-        }
-        // The deepest centre may be no voxel's nearest: what could be deeper beside a piece is tried, the most promising pieces first.
-        leaves.sort_unstable_by(|a, b| b.0.total_cmp(&a.0));
-        for (bound, middle, half, radius) in leaves {
-            if bound >= most {
-                let around = |most: f64| (radius - most.max(0.0)).max(0.0).hypot(half + MARGIN);
-                voxels.visit_ball(middle, around(most), |voxel| {
-                    let offset = DVec3::from_array(voxel) - middle;
-                    let across = offset.length_squared() - offset.dot(placed.direction).powi(2);
-                    if across <= (radius - most.max(0.0)).max(0.0).powi(2) {
-                        most = most.max(measure(voxel));
+                let Some(witness) = distances.nearest(probe.index) else { return false };
+                if !all {
+                    if witness != last_witness {
+                        last_witness = witness;
+                        most = most.max(measure(distances.voxel(witness)));
                     }
-                    around(most)
-                });
-            }
+                } else if piece.halves == 0 {
+                    let around = |most: f64| (piece.radius - most.max(0.0)).max(0.0).hypot(half + MARGIN);
+                    voxels.visit_ball(middle, around(most), |voxel| {
+                        let offset = DVec3::from_array(voxel) - middle;
+                        let across = offset.length_squared() - offset.dot(placed.direction).powi(2);
+                        if across <= (piece.radius - most.max(0.0)).max(0.0).powi(2) {
+                            most = most.max(measure(voxel));
+                        }
+                        around(most)
+                    });
+                }
+                true
+            });
         }
     }
 
@@ -289,24 +285,14 @@ impl SphereTree {
     /// hold one, and then no lower than minus the depth it may have. No more than `most`.
     pub(super) fn clearance(&self, placed: VoxelPose, distances: &DistanceField, most: f64) -> f64 {
         let mut minimum = most;
-        let mut stack = [0_u32; DEPTH];
-        for root in 0..self.roots as u32 {
-            stack[0] = root;
-            let mut depth = 1;
-            while depth > 0 {
-                depth -= 1;
-                let piece = &self.pieces[stack[depth] as usize];
-                let away = distances.probe(placed.tip + placed.direction * piece.middle).squared.sqrt();
-                let bound = away - piece.radius;
-                if bound < minimum && piece.halves == 0 {
-                    minimum = bound;
-                } else if bound < minimum {
-                    stack[depth] = piece.halves;
-                    stack[depth + 1] = piece.halves + 1;
-                    depth += 2;
-                }
+        self.walk(placed, |piece, middle| {
+            let bound = distances.probe(middle).squared.sqrt() - piece.radius;
+            let goes_on = bound < minimum;
+            if goes_on && piece.halves == 0 {
+                minimum = bound;
             }
-        }
+            goes_on
+        });
         minimum
     }
 }
