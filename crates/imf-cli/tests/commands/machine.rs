@@ -199,6 +199,22 @@ fn access_looks_from_where_the_machine_turns_to_and_names_its_angles() {
             "{axis}"
         );
     }
+    // Where travel leaves one of two branches, its angles are told: a tilted cradle has the part on one side of the A axis.
+    let trunnion = EXAMPLES.iter().find(|(name, _)| *name == "trunnion.toml").unwrap().1;
+    for (travel, side) in [("[-200, -10]", 1.0), ("[10, 200]", -1.0)] {
+        let text = trunnion.replace("y = [-200, 200]", &format!("y = {travel}"));
+        folder.write("half.toml", &text.replace("range = [-110, 30]", "range = [-110, 110]"));
+        // From four sides, all of them oblique.
+        let sides = [&usual[..9], &["0,45+90,45+180,45+270,45", "--machine", "half.toml"]].concat();
+        let found = folder.json(&[&sides[..], &["--setups", "--out", "half"]].concat());
+        let angles = found["setups"]["setups"].as_array().unwrap().iter().flat_map(|setup| {
+            let range = setup["rotary"][0]["range"].as_array().unwrap();
+            range.iter().map(|angle| angle.as_f64().unwrap().round()).collect::<Vec<_>>()
+        });
+        let angles: Vec<f64> = angles.collect();
+        assert!(angles.iter().any(|angle| angle * side > 0.0), "{angles:?}");
+        assert!(angles.iter().all(|angle| angle * side >= 0.0), "{angles:?}");
+    }
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use glam::{DQuat, DVec3};
 
-use super::sample_query::Last;
+use super::sample_query::{Above, Last, RingPlaces, SampleQuery};
 use super::{Reach, SurfaceError, SurfaceSample, SurfaceTool};
 use crate::control::Control;
 use crate::orientation::Orientation;
@@ -30,6 +30,23 @@ pub(crate) struct ColliderCache(pub(super) Vec<[Last; 2]>);
 impl ColliderCache {
     pub(crate) fn new(directions: usize) -> Self {
         Self(vec![[None; 2]; directions])
+    }
+}
+
+impl SurfaceTool {
+    /// Where the tip is as the tool touches the sample from a direction, clear and brought there; `None` where it cannot.
+    #[must_use]
+    pub fn free_tip(&self, sample: &SurfaceSample, direction: &Orientation) -> Option<DVec3> {
+        let turn = ToolDirection::new(direction);
+        let mut found = None;
+        let is_free = |tip| {
+            let is_free = self.is_rest_free(tip, turn.axis, &mut None) && self.is_brought(tip, turn.axis);
+            found = is_free.then_some(tip);
+            is_free
+        };
+        let above = &mut Above { rest: self.rest(), is_free, rings: &mut RingPlaces::default() };
+        SampleQuery::new(self, sample, None).best_pose(&turn, &mut None, above);
+        found
     }
 }
 

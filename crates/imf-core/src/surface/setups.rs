@@ -279,10 +279,11 @@ mod tests {
         let limits = Limits::parse("cone:0,0,1:90").unwrap();
         let setups: Vec<PartSetup> =
             AXES.iter().flat_map(|&up| PartSetup::all(&block, up, &directions, &limits)).collect();
+        const MIDDLE: DVec3 = DVec3::new(20.0, 15.0, 7.5);
         // The part's half that is up is out of reach.
         let brought = |setup: &PartSetup| {
             let up = setup.up;
-            let limit = move |tip: DVec3, _| (tip - DVec3::new(20.0, 15.0, 7.5)).dot(up) < 0.0;
+            let limit = move |tip: DVec3, _| (tip - MIDDLE).dot(up) < 0.0;
             tool.clone().limited(Arc::new(limit))
         };
         let tools = [SetupTool { access: &access, brought: Some(&brought) }];
@@ -295,6 +296,11 @@ mod tests {
                 let reached = matches!(reach, Reach::Reached { .. });
                 assert_eq!(found.contains(index, sample), reached, "{setup:?} {sample}");
                 fewer += usize::from(!reached && access.is_free_from_any(sample, &setup.directions));
+                for (place, direction) in own.iter().enumerate() {
+                    let tip = brought(setup).free_tip(&samples[sample], direction);
+                    assert_eq!(tip.is_some(), expected.is_free(sample, place));
+                    assert!(tip.is_none_or(|tip| (tip - MIDDLE).dot(setup.up) < 0.0));
+                }
             }
         }
         assert!(fewer > samples.len(), "{fewer}");

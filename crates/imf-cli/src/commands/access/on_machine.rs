@@ -8,7 +8,7 @@ use imf_core::machine::Machine;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::pose::Pose;
 use imf_core::scene::Bodies;
-use imf_core::surface::{LeastOverlap, PoseLimit, SurfaceTool};
+use imf_core::surface::{LeastOverlap, SurfaceTool};
 use imf_core::tool::Assembly;
 
 use crate::session::Session;
@@ -48,23 +48,30 @@ impl OnMachine {
         Ok(Self { machine, reach, of_setups })
     }
 
-    /// A tool where the machine brings it in a set-up.
+    /// Letter and sense of its rotary axes, in the order of the machine's own angles.
+    pub(super) fn axes(&self) -> [Option<(char, f64)>; 2] {
+        [0, 1].map(|place| Some((self.machine.rotary.get(place)?.letter, 1.0)))
+    }
+
+    /// Where the machine brings a tool in a set-up.
     pub(super) fn in_setup(
         &self,
         index: usize,
-        tool: &SurfaceTool,
         place: &Pose,
         directions: &[Orientation],
-    ) -> SurfaceTool {
-        let reach = self.reach[index].placed(place, directions);
-        tool.clone().limited(Arc::new(move |tip, axis| reach.reaches(tip, axis)))
+    ) -> Arc<MachineReach> {
+        Arc::new(self.reach[index].placed(place, directions))
+    }
+
+    /// A tool where the machine brings it.
+    pub(super) fn limited(tool: SurfaceTool, reach: Arc<MachineReach>) -> SurfaceTool {
+        tool.limited(Arc::new(move |tip, axis| reach.reaches(tip, axis)))
     }
 
     /// A tool where the machine brings it, with the part where it lies.
     pub(super) fn limit(&self, index: usize, tool: SurfaceTool) -> SurfaceTool {
         let Some(reach) = self.reach.get(index).filter(|_| !self.of_setups).cloned() else { return tool };
-        let limit: PoseLimit = Arc::new(move |tip, axis| reach.reaches(tip, axis));
-        tool.limited(limit)
+        Self::limited(tool, reach)
     }
 
     /// Why a tool is kept from a pose at which it is free of all else.

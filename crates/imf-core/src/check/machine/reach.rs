@@ -120,7 +120,16 @@ impl MachineReach {
     /// True where the machine brings the tool's tip to `tip` with its axis along a unit vector.
     #[must_use]
     pub fn reaches(&self, tip: DVec3, axis: DVec3) -> bool {
-        self.of_direction(axis, |turned| turned.iter().any(|turned| self.fault_at(tip, turned).is_none()))
+        self.angles(tip, axis).is_some()
+    }
+
+    /// The rotary angles at which it does, in degrees and in the order of [`Machine::rotary`]: the first that do of those that the
+    /// machine would choose.
+    #[must_use]
+    pub fn angles(&self, tip: DVec3, axis: DVec3) -> Option<[f64; 2]> {
+        self.of_direction(axis, |turned| {
+            turned.iter().find(|turned| self.fault_at(tip, turned).is_none()).map(|turned| turned.rotary)
+        })
     }
 
     /// Why not, with the angles that the machine would choose first; `None` where it does.

@@ -1,6 +1,7 @@
 //! The fewest set-ups: candidates, result and report.
 
 mod lines;
+mod tilts;
 
 use anyhow::Result;
 use glam::DVec3;
@@ -12,19 +13,17 @@ use imf_core::pose::Pose;
 use imf_core::section::SectionError;
 use imf_core::set_cover::{CoverProblem, CoverSettings};
 use imf_core::surface::{
-    ChosenSetup, PartSetup, SetupPlan, SetupTool, SurfaceAccess, SurfaceError, SurfaceTool, Verdict,
-    candidate_setups, fewest_setups, reached_in_setups, removed_in_setups, surface_access, ways_up,
+    PartSetup, SetupPlan, SetupTool, SurfaceAccess, SurfaceError, SurfaceTool, Verdict, candidate_setups,
+    fewest_setups, reached_in_setups, removed_in_setups, ways_up,
 };
 pub(in crate::commands::access) use lines::SetupsRow;
 use lines::{AxisRow, LeftRow, SetupRow, StockRow, axis_rows};
+use tilts::Tilts;
 
 use super::super::on_machine::OnMachine;
 use super::{AccessRun, Surface};
 use crate::interrupt::Interrupted;
 use crate::session::Session;
-
-/// Degrees by which a direction may lie beyond the end of a range.
-const SLACK: f64 = 1e-5;
 
 /// What set-ups are looked for.
 #[derive(Clone, Copy)]
@@ -79,14 +78,14 @@ impl Setups {
         };
         let machine = run.machine.as_ref();
         let brought = |tool: usize, setup: &PartSetup| {
-            let place = setup.place(&run.mesh);
-            let moved =
-                |machine: &OnMachine| machine.in_setup(tool, &surface.tools[tool].1, &place, &own(setup));
-            machine.map(moved)
+            let reach = machine?.in_setup(tool, &setup.place(&run.mesh), &own(setup));
+            Some((OnMachine::limited(surface.tools[tool].1.clone(), reach.clone()), reach))
         };
         let by_tool: Vec<_> = (0..surface.tools.len())
             .map(|tool| {
-                move |setup: &PartSetup| brought(tool, setup).unwrap_or_else(|| surface.tools[tool].1.clone())
+                move |setup: &PartSetup| {
+                    brought(tool, setup).map_or_else(|| surface.tools[tool].1.clone(), |(tool, _)| tool)
+                }
             })
             .collect();
         let tools = surface.tools.iter().zip(&by_tool).map(|((access, _), brought)| SetupTool {
@@ -106,47 +105,28 @@ impl Setups {
         let both = stock.as_ref().map(|stock| reached.beside(stock));
         let plan = fewest_setups(&candidates, both.as_ref().unwrap_or(&reached), &settings, control);
         let plan = plan.ok_or_else(interrupted)?;
-        // By chosen set-up and tool, from its own directions.
-        let on_machine = |chosen: &ChosenSetup| {
-            let setup = &candidates[chosen.candidate];
-            let one = |tool: &SetupTool<'_>| {
-                let brought = tool.brought?(setup);
-                Some(surface_access(&brought, samples, &own(setup), session.control(&|_| {})))
-            };
-            tools.iter().filter_map(one).collect::<Result<Vec<SurfaceAccess>, _>>()
-        };
-        let on_machine = plan.setups.iter().map(on_machine).collect::<Result<Vec<_>, _>>();
-        let on_machine = on_machine.map_err(super::interrupted)?;
-        stage.finish("");
-        let free = |at: usize, sample: usize, place: usize| {
-            let direction = candidates[plan.setups[at].candidate].directions[place];
-            on_machine[at].iter().any(|access| access.is_free(sample, place))
-                || machine.is_none() && tools.iter().any(|tool| tool.access.is_free(sample, direction))
-        };
         let first = |sample: usize| {
             let reaches = |&at: &usize| reached.contains(plan.setups[at].candidate, sample);
             (0..plan.setups.len()).find(reaches).map_or(0, |at| at as u32 + 1)
         };
         let by_sample: Vec<u32> = (0..samples.len()).map(first).collect();
+        let search = Tilts { tools: &tools, samples, orientations, limits: &question.range.limits };
         let rotary = plan.setups.iter().enumerate().map(|(at, chosen)| {
             let candidate = &candidates[chosen.candidate];
-            let angles = |place: usize| {
-                let direction = candidate.rotation() * orientations[candidate.directions[place]].direction();
-                Some((place, question.range.limits.angles(direction.normalize(), SLACK)?))
+            let tilts = search.of(candidate);
+            let mine = (0..samples.len()).filter(|&sample| by_sample[sample] == at as u32 + 1);
+            let Some(machine) = machine else {
+                return axis_rows(
+                    question.range.axes,
+                    mine.filter_map(|sample| search.angles(sample, &tilts)),
+                );
             };
-            let mut angles: Vec<(usize, [f64; 2])> =
-                (0..candidate.directions.len()).filter_map(angles).collect();
-            angles.sort_by(|(_, a), (_, b)| {
-                a[0].abs().total_cmp(&b[0].abs()).then(a[1].abs().total_cmp(&b[1].abs()))
-            });
-            // Each sample by the direction that tilts least.
-            let own = (0..samples.len()).filter(|&sample| by_sample[sample] == at as u32 + 1);
-            let needed = own.filter_map(|sample| {
-                angles.iter().find(|(place, _)| free(at, sample, *place)).map(|(_, angles)| *angles)
-            });
-            axis_rows(&question.range, needed)
+            let brought: Vec<_> = (0..tools.len()).filter_map(|tool| brought(tool, candidate)).collect();
+            let angles = mine.filter_map(|sample| search.on_machine(sample, &tilts, &brought));
+            axis_rows(machine.axes(), angles)
         });
         let rotary = rotary.collect();
+        stage.finish("");
         let places =
             plan.setups.iter().map(|chosen| machine.map(|_| candidates[chosen.candidate].place(&run.mesh)));
         let places = places.collect();

@@ -2,7 +2,6 @@
 
 use std::fmt::{self, Write as _};
 
-use imf_core::machine::AxisLimits;
 use serde::Serialize;
 
 /// What a set-up needs of one of the machine's rotary axes, in degrees: the range of its angles when each point is machined with the
@@ -13,15 +12,18 @@ pub(super) struct AxisRow {
     pub(super) range: [f64; 2],
 }
 
-/// The tilting axis, then the turning one; none of those that the machine has not.
-pub(super) fn axis_rows(range: &AxisLimits, angles: impl Iterator<Item = [f64; 2]>) -> Vec<AxisRow> {
+/// One of each of the axes that there are: their letters, and what the angles are to be multiplied by to be the machine's.
+pub(super) fn axis_rows(
+    axes: [Option<(char, f64)>; 2],
+    angles: impl Iterator<Item = [f64; 2]>,
+) -> Vec<AxisRow> {
     let wider = |range: Option<[[f64; 2]; 2]>, angles: [f64; 2]| {
         let known = range.unwrap_or(angles.map(|angle| [angle; 2]));
         Some([0, 1].map(|axis| [known[axis][0].min(angles[axis]), known[axis][1].max(angles[axis])]))
     };
     let found = angles.fold(None, wider).unwrap_or_default();
-    let named = range.axes.iter().zip(found).filter_map(|(axis, found)| {
-        let (axis, sign) = (*axis)?;
+    let named = axes.into_iter().zip(found).filter_map(|(axis, found)| {
+        let (axis, sign) = axis?;
         let [one, other] = found.map(|angle| sign * angle + 0.0);
         Some(AxisRow { axis, range: [one.min(other), one.max(other)] })
     });
