@@ -1,5 +1,6 @@
 //! `imf-bench query`: poses a second on one core, and what each answer is worth.
 
+mod change;
 mod libraries;
 
 use anyhow::{Context as _, Result, ensure};
@@ -48,6 +49,7 @@ struct Report {
     machine: Machine,
     scene: String,
     rows: Vec<Row>,
+    changes: Vec<change::ChangeRow>,
     /// Why a library is missing.
     missing: Vec<String>,
 }
@@ -120,6 +122,8 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
     session.note("Coal, FCL, vamp and parry3d");
     let (found, missing) = libraries::measure(arguments, &scene, few, &truth)?;
     rows.extend(found);
+    session.note("a changed obstacle");
+    let changes = change::measure(arguments.part, arguments.seed)?;
     machine.finish();
     let [x, y, z] = record.grid.dims;
     let scene = format!(
@@ -127,7 +131,7 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
         record.part,
         record.bare_tool().name
     );
-    let report = Report { machine, scene, rows, missing };
+    let report = Report { machine, scene, rows, changes, missing };
     let document = report.document();
     document.write(&arguments.out, "query", &report)?;
     document.show(session, &report)
@@ -250,6 +254,31 @@ impl Report {
         });
         document.table(
             &["", "answers", "poses a call", "poses/s", "free", "colliding", "as exact", "how"],
+            rows.collect(),
+        );
+        document.section("A changed obstacle");
+        document.paragraph(
+            "Balls of a thousandth of the part's voxels are taken away and put back; from the change to the end of a batch of poses. Beside \
+             it the same of a world made anew of the voxels.",
+        );
+        let rows = self.changes.iter().map(|row| {
+            let time = |seconds: f64| format!("{:.2}", 1e3 * seconds);
+            let counts = [row.voxels, row.solid, row.changed].map(|count| count.to_string());
+            let times = [row.first, row.median, row.longest, row.anew].map(time);
+            let part = format!("{:.1} %", 100.0 * row.median / row.anew);
+            counts.into_iter().chain(times).chain([part]).collect()
+        });
+        document.table(
+            &[
+                "voxels",
+                "solid",
+                "changed",
+                "first, ms",
+                "median, ms",
+                "longest, ms",
+                "anew, ms",
+                "median of anew",
+            ],
             rows.collect(),
         );
         self.missing.iter().for_each(|advice| document.paragraph(advice));

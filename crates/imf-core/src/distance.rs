@@ -7,13 +7,14 @@
 //! Space outside the grid is empty: for a point out there the distance to the obstacle is bounded from below through
 //! the nearest point of the grid, and as seen from within the obstacle the outside is the nearest empty space.
 
+mod change;
+mod transform;
+
 use glam::DVec3;
 
 use crate::occupancy::Occupancy;
 use crate::parallel;
-
-/// No solid voxel anywhere.
-const NONE: u32 = u32::MAX;
+use transform::{NONE, nearest_voxels};
 
 /// For every voxel its nearest solid voxel and how far away that is.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,6 +22,8 @@ pub struct DistanceField {
     dims: [usize; 3],
     nearest: Vec<u32>,
     distance: Vec<f32>,
+    /// By voxel the nearest solid one of the same z, as x · ny + y; made at the first change.
+    in_plane: Vec<u32>,
 }
 
 impl DistanceField {
@@ -29,15 +32,8 @@ impl DistanceField {
     pub fn new(obstacle: &Occupancy) -> Self {
         let dims = obstacle.grid.dims;
         let nearest = nearest_voxels(obstacle, 1);
-        let distance = parallel::map(nearest.len(), |index| match nearest[index] {
-            NONE => f32::INFINITY,
-            // Rounded down, so that it stays a lower bound.
-            witness => {
-                let squared = squared_distance(dims, index, witness as usize);
-                ((squared as f64).sqrt() as f32).next_down().max(0.0)
-            }
-        });
-        Self { dims, nearest, distance }
+        let distance = parallel::map(nearest.len(), |index| rounded_down(dims, index, nearest[index]));
+        Self { dims, nearest, distance, in_plane: Vec::new() }
     }
 
     /// Voxels along x, y, z.
@@ -155,6 +151,17 @@ pub fn deeper_than(part: &Occupancy, depth: f64) -> Occupancy {
     Occupancy { grid: part.grid, solid }
 }
 
+/// Distance in voxels from a voxel to its nearest one, rounded down, so that it stays a lower bound; infinite where there is none.
+fn rounded_down(dims: [usize; 3], index: usize, nearest: u32) -> f32 {
+    match nearest {
+        NONE => f32::INFINITY,
+        witness => {
+            let squared = squared_distance(dims, index, witness as usize);
+            ((squared as f64).sqrt() as f32).next_down().max(0.0)
+        }
+    }
+}
+
 /// Squared distance in voxels between two voxels.
 fn squared_distance(dims: [usize; 3], a: usize, b: usize) -> u64 {
     let split = |index: usize| [index / (dims[1] * dims[2]), index / dims[2] % dims[1], index % dims[2]];
@@ -162,115 +169,12 @@ fn squared_distance(dims: [usize; 3], a: usize, b: usize) -> u64 {
     (0..3).map(|axis| a[axis].abs_diff(b[axis]) as u64).map(|d| d * d).sum()
 }
 
-/// For every voxel the nearest one whose value is `wanted`, or [`NONE`].
-fn nearest_voxels(obstacle: &Occupancy, wanted: u8) -> Vec<u32> {
-    let [nx, ny, nz] = obstacle.grid.dims;
-    let slab = ny * nz;
-    let mut nearest_x = vec![NONE; nx * slab];
-    // Two sweeps along x, whole slabs at a time.
-    for x in 0..nx {
-        let (before, here) = nearest_x.split_at_mut(x * slab);
-        let solid = &obstacle.solid[x * slab..][..slab];
-        for i in 0..slab {
-            let last = if x > 0 { before[(x - 1) * slab + i] } else { NONE };
-            here[i] = if solid[i] == wanted { x as u32 } else { last };
-        }
-    }
-    for x in (0..nx.saturating_sub(1)).rev() {
-        let (here, after) = nearest_x.split_at_mut((x + 1) * slab);
-        for i in 0..slab {
-            let (low, high) = (here[x * slab + i], after[i]);
-            let closer = high != NONE && (low == NONE || high.abs_diff(x as u32) < (x as u32).abs_diff(low));
-            here[x * slab + i] = if closer { high } else { low };
-        }
-    }
-    let mut nearest = vec![NONE; nx * slab];
-    parallel::for_each_chunk(
-        &mut nearest,
-        slab,
-        || (),
-        |(), x, out| {
-            let along_x = &nearest_x[x * slab..][..slab];
-            let mut envelope = Envelope::default();
-            let mut witness = vec![NONE; slab];
-            let mut squared = vec![u64::MAX; slab];
-            for z in 0..nz {
-                let height = |y: usize| match along_x[y * nz + z] {
-                    NONE => None,
-                    w => Some(u64::from(w).abs_diff(x as u64).pow(2)),
-                };
-                envelope.sweep(ny, height, |y, (from, d2)| {
-                    witness[y * nz + z] = along_x[from * nz + z] * ny as u32 + from as u32;
-                    squared[y * nz + z] = d2;
-                });
-            }
-            for y in 0..ny {
-                let line = &squared[y * nz..][..nz];
-                envelope.sweep(
-                    nz,
-                    |z| Some(line[z]).filter(|&s| s != u64::MAX),
-                    |z, (from, _)| {
-                        out[y * nz + z] = witness[y * nz + from] * nz as u32 + from as u32;
-                    },
-                );
-            }
-        },
-    );
-    nearest
-}
-
-/// The lower envelope of parabolas `(i − j)² + height(j)` over whole numbers `i`; memory is reused between lines.
-#[derive(Default)]
-struct Envelope {
-    /// Parabolas on the envelope from left to right: vertex, height, first place where it is the lowest.
-    parts: Vec<(i64, i64, i64)>,
-}
-
-impl Envelope {
-    /// Calls `visit(i, (j, (i − j)² + height(j)))` with the least parabola `j` for every `i < length`, if there is any.
-    fn sweep(
-        &mut self,
-        length: usize,
-        height: impl Fn(usize) -> Option<u64>,
-        mut visit: impl FnMut(usize, (usize, u64)),
-    ) {
-        self.parts.clear();
-        for j in 0..length {
-            let Some(h) = height(j) else { continue };
-            let (vertex, h) = (j as i64, h as i64);
-            let mut start = 0;
-            while let Some(&(other, g, from)) = self.parts.last() {
-                // From this place on the new parabola is below: (i−v)² + h < (i−o)² + g.
-                let cross = (vertex * vertex - other * other + h - g).div_euclid(2 * (vertex - other)) + 1;
-                if cross > from {
-                    start = cross;
-                    break;
-                }
-                self.parts.pop();
-            }
-            if start < length as i64 {
-                self.parts.push((vertex, h, start.max(0)));
-            }
-        }
-        let mut part = 0;
-        for i in 0..length {
-            while self.parts.get(part + 1).is_some_and(|next| next.2 <= i as i64) {
-                part += 1;
-            }
-            if let Some(&(vertex, h, _)) = self.parts.get(part) {
-                let away = i as i64 - vertex;
-                visit(i, (vertex as usize, (away * away + h) as u64));
-            }
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::grid::Grid;
 
-    fn scattered(dims: [usize; 3], one_in: usize) -> Occupancy {
+    pub(super) fn scattered(dims: [usize; 3], one_in: usize) -> Occupancy {
         let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims };
         let solid = (0..grid.len())
             .map(|i| u8::from((i.wrapping_mul(2_654_435_761) >> 9).is_multiple_of(one_in)))

@@ -1,7 +1,7 @@
 //! What stands around a tool: several obstacles, each with its own voxels and its own place, and checkers that decide by them.
 //!
 //! An obstacle is voxelised once, in its own frame. It may be moved, turned and removed afterwards: its voxels move with it, and a
-//! query is posed in its frame, so that nothing is voxelised anew. A [`Checker`] is one tool in a world, with a clearance: whether a pose
+//! query is posed in its frame, so that nothing is voxelised anew. Voxels of it may become solid or empty ([`World::change`]). A [`Checker`] is one tool in a world, with a clearance: whether a pose
 //! is free, what it hits, how far away it is, and whether a whole motion is free. It counts voxel centres; no fitted model is needed.
 //! Several tools are several checkers, which share the voxels.
 //!
@@ -35,6 +35,7 @@
 //! ```
 
 mod advance;
+mod change;
 mod checker;
 mod obstacle_mesh;
 mod separation;
@@ -108,6 +109,16 @@ pub enum WorldError {
         "the obstacle '{0}' cannot stand there: a number of its place is not finite, or its rotation has no length"
     )]
     Place(String),
+    /// A voxel that cannot become what it should.
+    #[error("voxel {voxel} of the obstacle '{obstacle}' cannot be changed: {why}")]
+    Voxel {
+        /// The obstacle.
+        obstacle: String,
+        /// Its index.
+        voxel: usize,
+        /// Why not.
+        why: &'static str,
+    },
     /// An obstacle that was removed, or of another world.
     #[error("the world has no obstacle {}", .0.0)]
     Unknown(ObstacleId),

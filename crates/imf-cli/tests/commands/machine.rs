@@ -203,7 +203,7 @@ fn access_looks_from_where_the_machine_turns_to_and_names_its_angles() {
     let trunnion = EXAMPLES.iter().find(|(name, _)| *name == "trunnion.toml").unwrap().1;
     for (travel, side) in [("[-200, -10]", 1.0), ("[10, 200]", -1.0)] {
         let text = trunnion.replace("y = [-200, 200]", &format!("y = {travel}"));
-        folder.write("half.toml", &text.replace("range = [-110, 30]", "range = [-110, 110]"));
+        folder.write("half.toml", text.replace("range = [-110, 30]", "range = [-110, 110]"));
         // From four sides, all of them oblique.
         let sides = [&usual[..9], &["0,45+90,45+180,45+270,45", "--machine", "half.toml"]].concat();
         let found = folder.json(&[&sides[..], &["--setups", "--out", "half"]].concat());

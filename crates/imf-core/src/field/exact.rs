@@ -10,6 +10,7 @@ use super::{Best, Decision, FieldError, Gradient, GridField, PoseField, check_le
 use crate::control::Control;
 use crate::grid::Grid;
 use crate::obstacle::Obstacle;
+use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
 use crate::pose::Pose;
 use crate::scene::Scene;
@@ -31,6 +32,28 @@ impl PreparedObstacle {
         &self.obstacle
     }
 
+    /// Makes voxels forbidden, or empty; those that are so already are passed over. The indices are of the obstacle's grid. What no
+    /// other one shares is changed in place.
+    pub(crate) fn change(&mut self, forbidden: &[usize], empty: &[usize]) {
+        let Self { obstacle, forbidden: solid, cuttable } = self;
+        let mut changed: Vec<usize> =
+            forbidden.iter().filter(|&&index| obstacle.forbidden.solid[index] == 0).copied().collect();
+        changed.extend(empty.iter().filter(|&&index| obstacle.forbidden.solid[index] == 1));
+        // The obstacle itself must not share what is to be changed in place.
+        let nothing = Arc::new(Occupancy::empty(Grid { dims: [0; 3], ..*obstacle.grid() }));
+        let layer = obstacle.cuttable.take();
+        obstacle.forbidden = nothing;
+        sort_and_change(solid, changed);
+        obstacle.forbidden = solid.shared();
+        if let Some((cuttable, layer)) = cuttable.as_mut().zip(layer) {
+            let gone: Vec<usize> =
+                forbidden.iter().chain(empty).filter(|&&index| layer.solid[index] == 1).copied().collect();
+            drop(layer);
+            sort_and_change(cuttable, gone);
+            obstacle.cuttable = Some(cuttable.shared());
+        }
+    }
+
     /// True where both are of the same voxels in memory.
     pub(crate) fn is_same(&self, other: &Self) -> bool {
         Arc::ptr_eq(&self.obstacle.forbidden, &other.obstacle.forbidden)
@@ -42,6 +65,14 @@ impl From<Obstacle> for PreparedObstacle {
         let forbidden = obstacle.forbidden.clone().into();
         let cuttable = obstacle.cuttable.clone().map(SolidVoxels::from);
         Self { obstacle, forbidden, cuttable }
+    }
+}
+
+fn sort_and_change(voxels: &mut SolidVoxels, mut changed: Vec<usize>) {
+    changed.sort_unstable();
+    changed.dedup();
+    if !changed.is_empty() {
+        voxels.change(&changed);
     }
 }
 

@@ -185,6 +185,11 @@ impl Checker {
         Ok(())
     }
 
+    /// Lets go of an obstacle until it follows its world again.
+    pub(super) fn forget(&mut self, id: ObstacleId) {
+        self.placed = self.placed.iter().filter(|placed| placed.id != id).cloned().collect();
+    }
+
     /// The tool, offset by its clearance.
     #[must_use]
     pub fn assembly(&self) -> &Assembly {

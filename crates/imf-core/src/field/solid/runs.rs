@@ -7,6 +7,7 @@ use super::segment::{LANES, PlacedSegment};
 use crate::occupancy::Occupancy;
 
 /// Running sums of solid voxels along every line of constant x and y.
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct Columns {
     /// Voxels along x, y, z.
     dims: [usize; 3],
@@ -35,6 +36,30 @@ impl Columns {
             }
         }
         Self { dims: obstacle.grid.dims, sums, rows }
+    }
+
+    /// Follows an obstacle of which these voxels have just become solid or empty.
+    pub(super) fn change(&mut self, obstacle: &Occupancy, changed: &[usize]) {
+        let [_, ny, nz] = self.dims;
+        let mut lines: Vec<usize> = changed.iter().map(|index| index / nz).collect();
+        lines.sort_unstable();
+        lines.dedup();
+        for &line in &lines {
+            let mut sum = 0;
+            let sums = &mut self.sums[line * (nz + 1) + 1..][..nz];
+            for (below, &solid) in sums.iter_mut().zip(&obstacle.solid[line * nz..][..nz]) {
+                sum += u32::from(solid);
+                *below = sum;
+            }
+        }
+        let mut all: Vec<usize> = lines.iter().map(|line| line / ny).collect();
+        all.dedup();
+        for x in all {
+            let holds = |&y: &usize| self.sums[(x * ny + y) * (nz + 1) + nz] > 0;
+            let [first, last] = [(0..ny).find(holds), (0..ny).rfind(holds)];
+            self.rows[x] =
+                first.zip(last).map_or((i64::MAX, i64::MIN), |(first, last)| (first as i64, last as i64));
+        }
     }
 
     /// The sums of the lines of one x, from `y` on.

@@ -15,6 +15,7 @@ use crate::parallel;
 #[derive(Clone)]
 pub(crate) struct SolidVoxels(Arc<Prepared>);
 
+#[derive(Clone)]
 struct Prepared {
     occupancy: Arc<Occupancy>,
     columns: Columns,
@@ -37,9 +38,44 @@ impl From<Arc<Occupancy>> for SolidVoxels {
     }
 }
 
+/// Distance to the nearest solid centre in so many parts of a voxel.
+fn byte(distances: &DistanceField, index: usize, parts: u32) -> u8 {
+    (distances.to_solid(index) * parts as f32).min(255.0) as u8
+}
+
 impl SolidVoxels {
     pub(crate) fn occupancy(&self) -> &Occupancy {
         &self.0.occupancy
+    }
+
+    /// The voxels themselves.
+    pub(crate) fn shared(&self) -> Arc<Occupancy> {
+        self.0.occupancy.clone()
+    }
+
+    /// Makes some voxels solid or empty, each of `changed` once and in order, and everything that was made of them what it would
+    /// be if it were made anew. In place where nobody else shares it; otherwise it is copied first, and the others keep what they have.
+    pub(crate) fn change(&mut self, changed: &[usize]) {
+        if Arc::get_mut(&mut self.0).is_none() {
+            self.0 = Arc::new(Prepared::clone(&self.0));
+        }
+        let Some(prepared) = Arc::get_mut(&mut self.0) else { return };
+        let Prepared { occupancy, columns, distances, depths, bytes } = prepared;
+        let occupancy = Arc::make_mut(occupancy);
+        changed.iter().for_each(|&index| occupancy.solid[index] ^= 1);
+        columns.change(occupancy, changed);
+        // Made again when they are asked for.
+        *depths = OnceLock::new();
+        if let Some(distances) = distances.get_mut() {
+            let moved = distances.change(occupancy, changed);
+            for (parts, bytes) in bytes.iter_mut().enumerate() {
+                if let Some(bytes) = bytes.get_mut() {
+                    moved.iter().for_each(|&index| {
+                        bytes[index as usize] = byte(distances, index as usize, 1 << parts);
+                    });
+                }
+            }
+        }
     }
 
     pub(super) fn columns(&self) -> &Columns {
@@ -54,8 +90,7 @@ impl SolidVoxels {
     /// at the first batch.
     pub(super) fn bytes(&self, parts: u32) -> &[u8] {
         let distances = self.distances();
-        let byte = |index: usize| (distances.to_solid(index) * parts as f32).min(255.0) as u8;
-        let made = || parallel::map(self.0.occupancy.grid.len(), byte);
+        let made = || parallel::map(self.0.occupancy.grid.len(), |index| byte(distances, index, parts));
         self.0.bytes[parts.trailing_zeros() as usize & 3].get_or_init(made)
     }
 

@@ -1,0 +1,110 @@
+//! The transform itself: along x, then y, then z.
+
+use crate::occupancy::Occupancy;
+use crate::parallel;
+
+/// No such voxel anywhere.
+pub(super) const NONE: u32 = u32::MAX;
+
+/// For every voxel the nearest one whose value is `wanted`, or [`NONE`].
+pub(super) fn nearest_voxels(obstacle: &Occupancy, wanted: u8) -> Vec<u32> {
+    let [nx, ny, nz] = obstacle.grid.dims;
+    let slab = ny * nz;
+    let mut nearest_x = vec![NONE; nx * slab];
+    // Two sweeps along x, whole slabs at a time.
+    for x in 0..nx {
+        let (before, here) = nearest_x.split_at_mut(x * slab);
+        let solid = &obstacle.solid[x * slab..][..slab];
+        for i in 0..slab {
+            let last = if x > 0 { before[(x - 1) * slab + i] } else { NONE };
+            here[i] = if solid[i] == wanted { x as u32 } else { last };
+        }
+    }
+    for x in (0..nx.saturating_sub(1)).rev() {
+        let (here, after) = nearest_x.split_at_mut((x + 1) * slab);
+        for i in 0..slab {
+            let (low, high) = (here[x * slab + i], after[i]);
+            let closer = high != NONE && (low == NONE || high.abs_diff(x as u32) < (x as u32).abs_diff(low));
+            here[x * slab + i] = if closer { high } else { low };
+        }
+    }
+    let mut nearest = vec![NONE; nx * slab];
+    parallel::for_each_chunk(
+        &mut nearest,
+        slab,
+        || (),
+        |(), x, out| {
+            let along_x = &nearest_x[x * slab..][..slab];
+            let mut envelope = Envelope::default();
+            let mut witness = vec![NONE; slab];
+            let mut squared = vec![u64::MAX; slab];
+            for z in 0..nz {
+                let height = |y: usize| match along_x[y * nz + z] {
+                    NONE => None,
+                    w => Some(u64::from(w).abs_diff(x as u64).pow(2)),
+                };
+                envelope.sweep(ny, height, |y, (from, d2)| {
+                    witness[y * nz + z] = along_x[from * nz + z] * ny as u32 + from as u32;
+                    squared[y * nz + z] = d2;
+                });
+            }
+            for y in 0..ny {
+                let line = &squared[y * nz..][..nz];
+                envelope.sweep(
+                    nz,
+                    |z| Some(line[z]).filter(|&s| s != u64::MAX),
+                    |z, (from, _)| {
+                        out[y * nz + z] = witness[y * nz + from] * nz as u32 + from as u32;
+                    },
+                );
+            }
+        },
+    );
+    nearest
+}
+
+/// The lower envelope of parabolas `(i − j)² + height(j)` over whole numbers `i`; memory is reused between lines.
+#[derive(Default)]
+pub(super) struct Envelope {
+    /// Parabolas on the envelope from left to right: vertex, height, first place where it is the lowest.
+    parts: Vec<(i64, i64, i64)>,
+}
+
+impl Envelope {
+    /// Calls `visit(i, (j, (i − j)² + height(j)))` with the least parabola `j` for every `i < length`, if there is any.
+    pub(super) fn sweep(
+        &mut self,
+        length: usize,
+        height: impl Fn(usize) -> Option<u64>,
+        mut visit: impl FnMut(usize, (usize, u64)),
+    ) {
+        self.parts.clear();
+        for j in 0..length {
+            let Some(h) = height(j) else { continue };
+            let (vertex, h) = (j as i64, h as i64);
+            let mut start = 0;
+            while let Some(&(other, g, from)) = self.parts.last() {
+                // From this place on the new parabola is below: (i−v)² + h < (i−o)² + g.
+                let cross = (vertex * vertex - other * other + h - g).div_euclid(2 * (vertex - other)) + 1;
+                if cross > from {
+                    start = cross;
+                    break;
+                }
+                self.parts.pop();
+            }
+            if start < length as i64 {
+                self.parts.push((vertex, h, start.max(0)));
+            }
+        }
+        let mut part = 0;
+        for i in 0..length {
+            while self.parts.get(part + 1).is_some_and(|next| next.2 <= i as i64) {
+                part += 1;
+            }
+            if let Some(&(vertex, h, _)) = self.parts.get(part) {
+                let away = i as i64 - vertex;
+                visit(i, (vertex as usize, (away * away + h) as u64));
+            }
+        }
+    }
+}
