@@ -20,10 +20,26 @@ use transform::{NONE, nearest_voxels};
 #[derive(Clone, Debug, PartialEq)]
 pub struct DistanceField {
     dims: [usize; 3],
-    nearest: Vec<u32>,
-    distance: Vec<f32>,
+    cells: Vec<Cell>,
     /// By voxel the nearest solid one of the same z, as x · ny + y; made at the first change.
     in_plane: Vec<u32>,
+}
+
+/// What is known of a voxel, side by side, since who reads the one mostly reads the other.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Cell {
+    /// The nearest solid voxel, or [`NONE`].
+    nearest: u32,
+    /// How far away its centre is, in voxels, rounded down, so that it stays a lower bound.
+    distance: f32,
+}
+
+impl Cell {
+    const NONE: Self = Self { nearest: NONE, distance: f32::INFINITY };
+
+    fn new(nearest: u32, squared: u64) -> Self {
+        Self { nearest, distance: ((squared as f64).sqrt() as f32).next_down().max(0.0) }
+    }
 }
 
 impl DistanceField {
@@ -31,9 +47,8 @@ impl DistanceField {
     #[must_use]
     pub fn new(obstacle: &Occupancy) -> Self {
         let dims = obstacle.grid.dims;
-        let nearest = nearest_voxels(obstacle, 1);
-        let distance = parallel::map(nearest.len(), |index| rounded_down(dims, index, nearest[index]));
-        Self { dims, nearest, distance, in_plane: Vec::new() }
+        let cells = nearest_voxels(obstacle, 1, Cell::NONE, Cell::new);
+        Self { dims, cells, in_plane: Vec::new() }
     }
 
     /// Voxels along x, y, z.
@@ -57,7 +72,7 @@ impl DistanceField {
                 _ => (high[axis] as usize, part[axis]),
             };
             let [(x, a), (y, b), (z, c)] = [pick(0), pick(1), pick(2)];
-            let away = f64::from(self.distance[(x * self.dims[1] + y) * self.dims[2] + z]);
+            let away = f64::from(self.cells[(x * self.dims[1] + y) * self.dims[2] + z].distance);
             let weight = a * b * c;
             if weight > 0.0 {
                 inside += weight * away * away;
@@ -71,7 +86,7 @@ impl DistanceField {
     /// Distance in voxels from a voxel's centre to the nearest solid one, rounded down; infinite where nothing is solid.
     #[inline]
     pub(crate) fn to_solid(&self, index: usize) -> f32 {
-        self.distance[index]
+        self.cells[index].distance
     }
 
     /// The whole coordinates of a voxel.
@@ -85,7 +100,7 @@ impl DistanceField {
     /// The solid voxel nearest to a voxel (positions in C-ordered arrays); `None` where nothing is solid.
     #[must_use]
     pub fn nearest(&self, index: usize) -> Option<usize> {
-        Some(self.nearest[index]).filter(|&w| w != NONE).map(|w| w as usize)
+        Some(self.cells[index].nearest).filter(|&w| w != NONE).map(|w| w as usize)
     }
 
     /// Squared distance in voxels from a voxel's centre to the nearest solid voxel's; `None` where nothing is solid.
@@ -105,7 +120,7 @@ impl DistanceField {
         let centre = DVec3::new(f64::from(x), f64::from(y), f64::from(z));
         let [x, y, z] = [x, y, z].map(|at| at as usize);
         let index = (x * self.dims[1] + y) * self.dims[2] + z;
-        let to_centre = f64::from(self.distance[index]);
+        let to_centre = f64::from(self.cells[index].distance);
         // Every solid centre lies in the box of centres, and the angle at the box's nearest point is obtuse: the
         // squares of the way to the box and of the way on from there add up to a lower bound.
         let inside = (to_centre - (nearest - centre).length()).max(0.0);
@@ -128,16 +143,20 @@ pub struct Probe {
 #[must_use]
 pub fn squared_depths(obstacle: &Occupancy) -> Vec<u64> {
     let dims = obstacle.grid.dims;
-    let nearest = nearest_voxels(obstacle, 0);
-    parallel::map(nearest.len(), |index| {
-        let voxel = obstacle.grid.voxel(index);
-        let face = (0..3).map(|axis| (voxel[axis] + 1).min(dims[axis] - voxel[axis]) as u64).min();
-        let face = face.map_or(0, |d| d * d);
-        match nearest[index] {
-            NONE => face,
-            witness => face.min(squared_distance(dims, index, witness as usize)),
-        }
-    })
+    let mut depths = nearest_voxels(obstacle, 0, u64::MAX, |_, squared| squared);
+    parallel::for_each_chunk(
+        &mut depths,
+        dims[1] * dims[2],
+        || (),
+        |(), x, depths| {
+            for (index, depth) in depths.iter_mut().enumerate() {
+                let voxel = [x, index / dims[2], index % dims[2]];
+                let face = (0..3).map(|axis| (voxel[axis] + 1).min(dims[axis] - voxel[axis]) as u64).min();
+                *depth = face.map_or(0, |face| face * face).min(*depth);
+            }
+        },
+    );
+    depths
 }
 
 /// The solid voxels that lie deeper than `depth` (in the grid's unit) below the surface. The surface is taken to lie
@@ -149,17 +168,6 @@ pub fn deeper_than(part: &Occupancy, depth: f64) -> Occupancy {
     let limit = (depth / part.grid.pitch + 0.5 + 1e-9).powi(2);
     let solid = squared_depths(part).iter().map(|&squared| u8::from(squared as f64 > limit)).collect();
     Occupancy { grid: part.grid, solid }
-}
-
-/// Distance in voxels from a voxel to its nearest one, rounded down, so that it stays a lower bound; infinite where there is none.
-fn rounded_down(dims: [usize; 3], index: usize, nearest: u32) -> f32 {
-    match nearest {
-        NONE => f32::INFINITY,
-        witness => {
-            let squared = squared_distance(dims, index, witness as usize);
-            ((squared as f64).sqrt() as f32).next_down().max(0.0)
-        }
-    }
 }
 
 /// Squared distance in voxels between two voxels.

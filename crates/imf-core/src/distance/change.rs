@@ -5,7 +5,7 @@
 //! one is found again, in the planes of constant z that hold a change.
 
 use super::transform::{Envelope, NONE};
-use super::{DistanceField, rounded_down};
+use super::{Cell, DistanceField};
 use crate::occupancy::Occupancy;
 use crate::parallel;
 
@@ -15,7 +15,7 @@ impl DistanceField {
     ///
     /// # Panics
     /// If the obstacle is on another grid.
-    pub(crate) fn change(&mut self, obstacle: &Occupancy, changed: &[usize]) -> Vec<u32> {
+    pub(crate) fn change(&mut self, obstacle: &Occupancy, changed: &[usize]) -> Vec<usize> {
         assert_eq!(self.dims, obstacle.grid.dims);
         let [nx, ny, nz] = self.dims;
         if self.in_plane.is_empty() {
@@ -47,10 +47,10 @@ impl DistanceField {
             lines[index / nz] = true;
         }
         // Lines along z.
-        let Self { in_plane, nearest, .. } = &*self;
+        let Self { in_plane, cells, .. } = &*self;
         let found = parallel::map(nx, |x| {
             let mut envelope = Envelope::default();
-            let (mut squared, mut found) = (vec![None; nz], Vec::new());
+            let (mut squared, mut line, mut found) = (vec![None; nz], vec![Cell::NONE; nz], Vec::new());
             for y in (0..ny).filter(|y| lines[x * ny + y]) {
                 let start = (x * ny + y) * nz;
                 let in_plane = &in_plane[start..][..nz];
@@ -59,29 +59,22 @@ impl DistanceField {
                     let apart = |a: u32, b: usize| u64::from(a).abs_diff(b as u64).pow(2);
                     *squared = (nearest != NONE).then(|| apart(there, x) + apart(across, y));
                 }
-                let mut any = false;
+                line.fill(Cell::NONE);
                 envelope.sweep(
                     nz,
                     |z| squared[z],
-                    |z, (from, _)| {
-                        any = true;
-                        let witness = in_plane[from] * nz as u32 + from as u32;
-                        if nearest[start + z] != witness {
-                            found.push(((start + z) as u32, witness));
-                        }
+                    |z, (from, squared)| {
+                        line[z] = Cell::new(in_plane[from] * nz as u32 + from as u32, squared);
                     },
                 );
-                if !any {
-                    let all = (start..start + nz).filter(|&index| nearest[index] != NONE);
-                    found.extend(all.map(|index| (index as u32, NONE)));
-                }
+                let all = line.iter().enumerate().map(|(z, cell)| (start + z, *cell));
+                found.extend(all.filter(|&(index, cell)| cells[index] != cell));
             }
             found
         });
         let mut all = Vec::new();
-        for (index, nearest) in found.into_iter().flatten() {
-            self.nearest[index as usize] = nearest;
-            self.distance[index as usize] = rounded_down(self.dims, index as usize, nearest);
+        for (index, cell) in found.into_iter().flatten() {
+            self.cells[index] = cell;
             all.push(index);
         }
         all
@@ -228,14 +221,10 @@ mod tests {
                 changed.iter().for_each(|&index| obstacle.solid[index] ^= 1);
                 let mut moved = field.change(&obstacle, &changed);
                 let anew = DistanceField::new(&obstacle);
-                assert_eq!(
-                    (&field.nearest, &field.distance),
-                    (&anew.nearest, &anew.distance),
-                    "{dims:?} {step}"
-                );
+                assert_eq!(field.cells, anew.cells, "{dims:?} {step}");
                 moved.sort_unstable();
-                let differ = (0..obstacle.solid.len()).filter(|&v| before.nearest[v] != anew.nearest[v]);
-                assert_eq!(moved, differ.map(|v| v as u32).collect::<Vec<_>>());
+                let differ = (0..obstacle.solid.len()).filter(|&v| before.cells[v] != anew.cells[v]);
+                assert_eq!(moved, differ.collect::<Vec<_>>());
             }
         }
     }

@@ -6,8 +6,13 @@ use crate::parallel;
 /// No such voxel anywhere.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// For every voxel the nearest one whose value is `wanted`, or [`NONE`].
-pub(super) fn nearest_voxels(obstacle: &Occupancy, wanted: u8) -> Vec<u32> {
+/// For every voxel what `found` makes of the nearest one whose value is `wanted` and of the squared distance to it in voxels, or `none`.
+pub(super) fn nearest_voxels<T: Copy + Send + Sync>(
+    obstacle: &Occupancy,
+    wanted: u8,
+    none: T,
+    found: impl Fn(u32, u64) -> T + Sync + Send,
+) -> Vec<T> {
     let [nx, ny, nz] = obstacle.grid.dims;
     let slab = ny * nz;
     let mut nearest_x = vec![NONE; nx * slab];
@@ -28,7 +33,7 @@ pub(super) fn nearest_voxels(obstacle: &Occupancy, wanted: u8) -> Vec<u32> {
             here[x * slab + i] = if closer { high } else { low };
         }
     }
-    let mut nearest = vec![NONE; nx * slab];
+    let mut nearest = vec![none; nx * slab];
     parallel::for_each_chunk(
         &mut nearest,
         slab,
@@ -53,8 +58,8 @@ pub(super) fn nearest_voxels(obstacle: &Occupancy, wanted: u8) -> Vec<u32> {
                 envelope.sweep(
                     nz,
                     |z| Some(line[z]).filter(|&s| s != u64::MAX),
-                    |z, (from, _)| {
-                        out[y * nz + z] = witness[y * nz + from] * nz as u32 + from as u32;
+                    |z, (from, squared)| {
+                        out[y * nz + z] = found(witness[y * nz + from] * nz as u32 + from as u32, squared);
                     },
                 );
             }

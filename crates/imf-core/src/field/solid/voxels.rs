@@ -71,7 +71,7 @@ impl SolidVoxels {
             for (parts, bytes) in bytes.iter_mut().enumerate() {
                 if let Some(bytes) = bytes.get_mut() {
                     moved.iter().for_each(|&index| {
-                        bytes[index as usize] = byte(distances, index as usize, 1 << parts);
+                        bytes[index] = byte(distances, index, 1 << parts);
                     });
                 }
             }
