@@ -24,32 +24,17 @@ DEFLECTION = 0.05
 RESULT = "ImfReached"
 
 
-def tool_text(bit):
-    """A tool bit of the CAM (Path) workbench as a tool of imf, in millimetres."""
+def is_bit(own):
+    """A tool bit of the CAM (Path) workbench: its shape has a name."""
+    return any(hasattr(own, name) for name in ("BitShape", "ShapeName", "ShapeType"))
 
-    def length(*names):
-        for name in names:
-            value = getattr(bit, name, None)
-            if value is not None:
-                return float(getattr(value, "Value", value))
-        return None
 
-    kinds = {"endmill": "flat", "ballend": "ball", "bullnose": "bull"}
-    shape = str(getattr(bit, "ShapeName", getattr(bit, "ShapeType", "endmill"))).lower()
-    if shape not in kinds:
-        raise ValueError(f"a tool bit of the shape {shape} is not read: give a tool file")
-    diameter, flutes = length("Diameter"), length("CuttingEdgeHeight")
-    whole, shank = length("Length"), length("ShankDiameter")
-    corner = length("FlatRadius", "TorusRadius", "CornerRadius")
-    if diameter is None or flutes is None:
-        raise ValueError("the tool bit has no Diameter or no CuttingEdgeHeight: give a tool file")
-    lines = [f"name = {json.dumps(bit.Label)}", 'unit = "mm"', "[cutter]"]
-    lines += [f'shape = "{kinds[shape]}"', f"diameter = {diameter}", f"length = {flutes}"]
-    if kinds[shape] == "bull" and corner is not None:
-        lines.append(f"corner_radius = {corner}")
-    if whole is not None and whole > flutes:
-        lines += ["[shank]", f"diameter = {shank or diameter}", f"length = {whole - flutes}"]
-    return "\n".join(lines) + "\n"
+def bit_text(bit):
+    """A tool bit as FreeCAD saves it (.fctb), lengths in millimetres; imf knows which shapes it reads."""
+    shape = next(str(getattr(bit, name)) for name in ("BitShape", "ShapeName", "ShapeType") if hasattr(bit, name))
+    names = getattr(bit, "BitPropertyNames", bit.PropertiesList)
+    values = {name: str(getattr(bit, name)) for name in names if hasattr(getattr(bit, name), "Unit")}
+    return json.dumps({"version": 2, "name": bit.Label, "shape": os.path.basename(shape), "parameter": values})
 
 
 def mesh_of(shape):
@@ -167,16 +152,18 @@ def of_selection():
     from PySide import QtGui
 
     selected = FreeCADGui.Selection.getSelection()
-    bodies = [own for own in selected if getattr(own, "Shape", None) and not hasattr(own, "ShapeName")]
-    bits = [getattr(own, "Tool", own) for own in selected if hasattr(own, "ShapeName") or hasattr(own, "Tool")]
+    # A tool controller has its bit.
+    selected = [getattr(own, "Tool", own) for own in selected]
+    bits = [own for own in selected if is_bit(own)]
+    bodies = [own for own in selected if getattr(own, "Shape", None) and not is_bit(own)]
     if len(bodies) != 1:
         raise RuntimeError("select one body, and a tool bit if there is one")
     body = bodies[0]
     with tempfile.TemporaryDirectory() as folder:
         if bits:
-            tool = os.path.join(folder, "bit.toml")
+            tool = os.path.join(folder, "bit.fctb")
             with open(tool, "w") as file:
-                file.write(tool_text(bits[0]))
+                file.write(bit_text(bits[0]))
         else:
             tool = QtGui.QFileDialog.getOpenFileName(None, "A tool of imf", "", "Tools (*.toml *.fctb *.json)")[0]
             if not tool:
@@ -185,7 +172,9 @@ def of_selection():
     if not hasattr(body, RESULT):
         body.addProperty("App::PropertyFloatList", RESULT, "imf", "Share of each face that the tool reaches")
     setattr(body, RESULT, found)
-    body.ViewObject.DiffuseColor = [colour(share) + (0.0,) for share in found]
+    # What is seen of a body of Part Design is its last feature.
+    for shown in filter(None, (body, getattr(body, "Tip", None))):
+        shown.ViewObject.DiffuseColor = [colour(share) + (0.0,) for share in found]
     FreeCAD.Console.PrintMessage(text)
 
 
