@@ -1,12 +1,17 @@
 //! What a harmonic field is made by, and what making it says of its errors.
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use super::HarmonicError;
 use super::basis::{Basis, Domain};
 use super::coefficients::Precision;
 use crate::metrics::Validation;
 use imf_core::section::Quantity;
+
+/// A count that may mean all: `usize::MAX` of a machine of 64 bits is more than one of 32 bits, such as a browser, counts.
+fn at_most_all<'a, D: Deserializer<'a>>(deserializer: D) -> Result<usize, D::Error> {
+    Ok(usize::try_from(u64::deserialize(deserializer)?).unwrap_or(usize::MAX))
+}
 
 /// What a harmonic field is made by.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -20,6 +25,7 @@ pub struct FitSettings {
     /// Sections for each function, at least 1.
     pub sections_per_function: f64,
     /// Principal axes kept; all functions where there are fewer.
+    #[serde(deserialize_with = "at_most_all")]
     pub axes: usize,
     /// How coefficients are kept.
     pub precision: Precision,
