@@ -65,7 +65,7 @@ fn page(parts: &Path) -> Result<String> {
     let module = parts.join("imf_web_bg.wasm");
     let mut packed = GzEncoder::new(Vec::new(), Compression::best());
     packed.write_all(&fs::read(&module).with_context(|| module.display().to_string())?)?;
-    let worker = format!("{}\n{}", read(parts.join("imf_web.js"))?, own("worker.js")?);
+    let worker = [read(parts.join("imf_web.js"))?, kernels()?, own("gpu.js")?, own("worker.js")?].join("\n");
     let filled = [
         ("style", report("viewer.css")? + &own("page.css")?),
         ("module", BASE64.encode(packed.finish()?)),
@@ -85,4 +85,32 @@ fn page(parts: &Path) -> Result<String> {
         page.push_str(rest);
     }
     Ok(page)
+}
+
+/// The kernels of fields' networks for the page's own WebGPU, and the files that each is put together from. `imf-gpu` does the same for
+/// itself; its constants stand in `prelude.wgsl`, which a test there compares.
+const KERNELS: [(&str, &[&str]); 8] = [
+    ("poses", &["poses"]),
+    ("inputs", &["inputs"]),
+    ("hidden_evaluate", &["product", "product_tiled", "sine", "forward", "hidden_evaluate"]),
+    ("linear", &["product", "product_tiled", "forward", "linear"]),
+    ("outputs", &["sigmoid", "outputs"]),
+    ("minimum", &["minimum"]),
+    ("local_frames", &["local_frames"]),
+    ("row_minimum", &["row_minimum"]),
+];
+
+/// What products take their factors as: f32, not rounded.
+const FACTORS: &str = "alias Factors = vec4<f32>;\nfn rounded(v: vec4<f32>) -> vec4<f32> { return v; }\n";
+
+/// The kernels as JavaScript.
+fn kernels() -> Result<String> {
+    let read = |path: &str| fs::read_to_string(root().join(path)).with_context(|| path.to_owned());
+    let front = read("crates/imf-web/page/prelude.wgsl")? + FACTORS + &read("shaders/uniforms.wgsl")?;
+    let kernel = |(name, files): (&str, &[&str])| {
+        let texts: Result<String> = files.iter().map(|file| read(&format!("shaders/{file}.wgsl"))).collect();
+        Ok((name.to_owned(), (front.clone() + &texts?).into()))
+    };
+    let kernels: serde_json::Map<_, _> = KERNELS.into_iter().map(kernel).collect::<Result<_>>()?;
+    Ok(format!("const KERNELS = {};", serde_json::Value::Object(kernels)))
 }

@@ -8,8 +8,9 @@
   const worker = new Worker(URL.createObjectURL(new Blob([text('worker')], { type: 'text/javascript' })));
   const waiting = new Map();
   let count = 0;
-  worker.onmessage = ({ data: { id, error, ...answer } }) => {
+  worker.onmessage = ({ data: { id, error, done: fraction, ...answer } }) => {
     const { done, failed } = waiting.get(id);
+    if (fraction !== undefined) { get('errors').textContent = `the field: ${(100 * fraction).toFixed(0)} %`; return; }
     waiting.delete(id);
     if (error === undefined) done(answer); else failed(new Error(error));
   };
@@ -200,9 +201,10 @@
   const show_section = async () => {
     const [theta, phi] = ['theta', 'phi'].map(id => Number(get(id).value));
     if (compared) {
-      const found = await ask('compare', { theta, phi });
+      const found = await ask('compare', { theta, phi, over: get('over').value });
       Object.assign(compared, found);
-      get('errors').textContent = `${compared.part}, ${compared.tool}: mean squared error ${found.mse.toExponential(2)}, largest ${found.largest.toPrecision(3)}`;
+      get('errors').textContent = `${compared.part}, ${compared.tool}: mean squared error ${found.mse.toExponential(2)}, largest ${found.largest.toPrecision(3)}`
+        + `; the field by ${found.engine} in ${found.seconds.toPrecision(2)} s`;
     } else {
       ({ values } = await ask('section', { theta, phi }));
     }
@@ -213,11 +215,12 @@
     get(id).addEventListener('input', guarded(async () => { say(); if (id === 'layer') show_layer(); else if (values || compared) await show_section(); }));
     say();
   }
+  get('over').addEventListener('change', guarded(show_section));
   get('field').addEventListener('change', guarded(async ({ target: { files: [given] } }) => {
     if (!given) return;
     const found = await ask('field', { name: given.name, file: await given.arrayBuffer() });
     compared = { ...found };
-    get('fitted').parentElement.hidden = false;
+    get('fitted').parentElement.hidden = get('over').parentElement.hidden = false;
     get('layer').max = found.dims[2] - 1;
     get('layer').value = Math.floor(found.dims[2] / 2);
     await show_section();

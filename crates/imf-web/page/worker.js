@@ -1,6 +1,9 @@
-// After wasm-bindgen's own script, in a worker: answers messages { id, ask, … } by { id, … }, one after the other.
+// After wasm-bindgen's own script and gpu.js, in a worker: answers messages { id, ask, … } by { id, … }, one after the other; before that
+// comes { id, done }, the fraction that is done, of what takes long.
 const post = (id, answer, moved) => self.postMessage({ id, ...answer }, moved ?? []);
-let scene, access, field;
+let scene, access;
+// A field, its network, the same on the graphics card, and in words why it is not there.
+let field, own, gpu, on_gpu, without_gpu;
 
 const asks = {
   async start({ module }) {
@@ -50,19 +53,44 @@ const asks = {
     }
     return { free, micro: 1000 * (performance.now() - begun) / count };
   },
-  field({ name, file }) {
-    field?.free();
-    field = undefined;
+  async field({ name, file, software }) {
+    [field, own].forEach(old => old?.free());
+    field = own = on_gpu = undefined;
     field = wasm_bindgen.FieldFile.read(name, new Uint8Array(file));
+    own = field.network();
+    const voxels = field.dims.reduce((product, count) => product * count, 1);
+    try {
+      if (!own) throw new Error('harmonic fields have no network');
+      if (!gpu || gpu.lost) gpu = await Gpu.open(software);
+      on_gpu = await gpu.guarded(() => new GpuNetwork(gpu, own, voxels));
+    } catch (error) {
+      without_gpu = error.message;
+    }
     return { part: field.part, tool: field.tool, dims: field.dims };
   },
-  compare({ theta, phi }) {
-    const found = field.compare(theta, phi);
-    return { field: found.field(), exact: found.exact(), mse: found.mse, largest: found.largest };
+  async compare({ theta, phi, over }, told) {
+    const directions = over ? wasm_bindgen.Directions.read(over) : wasm_bindgen.Directions.one(theta, phi);
+    const begun = performance.now();
+    let values, engine;
+    if (on_gpu) {
+      try {
+        values = field.clamped(await gpu.guarded(() => on_gpu.minimum(directions, told)));
+        engine = `WebGPU (${gpu.name})`;
+      } catch (error) {
+        [on_gpu, without_gpu] = [undefined, error.message];
+      }
+    }
+    if (!values) {
+      values = field.minimum(directions, told);
+      engine = `WebAssembly (${without_gpu})`;
+    }
+    const seconds = 0.001 * (performance.now() - begun);
+    const found = field.compare(directions, values);
+    return { field: values, exact: found.exact(), mse: found.mse, largest: found.largest, engine, seconds };
   },
 };
 
 let last = Promise.resolve();
 self.onmessage = ({ data: { id, ask, ...rest } }) => {
-  last = last.then(() => asks[ask](rest)).then(answer => post(id, answer), error => post(id, { error: String(error?.message ?? error) }));
+  last = last.then(() => asks[ask](rest, done => post(id, { done }))).then(answer => post(id, answer), error => post(id, { error: String(error?.message ?? error) }));
 };

@@ -10,12 +10,14 @@
 
 mod access;
 mod field;
+mod network;
 mod part;
 mod scene;
 mod tool_surface;
 
 pub use access::SurfaceAccess;
-pub use field::{Comparison, FieldFile};
+pub use field::{Comparison, Directions, FieldFile};
+pub use network::FieldNetwork;
 pub use part::Part;
 pub use scene::{Contact, PartScene};
 

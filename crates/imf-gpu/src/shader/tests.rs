@@ -47,6 +47,12 @@ fn modules() -> impl Iterator<Item = (String, Variant, Module, ModuleInfo)> {
 }
 
 #[test]
+fn the_constants_of_the_page_are_these() {
+    let stored = include_str!("../../../imf-web/page/prelude.wgsl");
+    assert_eq!(stored, prelude(), "put these into crates/imf-web/page/prelude.wgsl");
+}
+
+#[test]
 fn every_shader_is_valid_and_has_one_entry_point() {
     for (name, variant, module, _) in modules() {
         assert_eq!(module.entry_points.len(), 1, "{name}");

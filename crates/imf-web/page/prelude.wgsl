@@ -1,0 +1,23 @@
+// Generated from the constants of `shader.rs`.
+const TILE: u32 = 64;
+const REGISTER_GROUP: u32 = 8;
+const TILED_GROUP: u32 = 16;
+const TILE_DEPTH: u32 = 32;
+const LINEAR_GROUP: u32 = 64;
+const POINT_INPUTS: u32 = 3;
+const DIRECTION_INPUTS: u32 = 2;
+const LOSS_L1: u32 = 0;
+const LOSS_L2: u32 = 1;
+const COUNT_PLACES: u32 = 128;
+const COUNT_DIGITS: u32 = 18;
+const MATRIX_GROUPS: u32 = 64;
+const SOAP_GROUP: u32 = 256;
+const SOAP_PANEL: u32 = 16;
+const NO_AXIS: u32 = 3;
+const FREE: u32 = 0;
+const COLLIDING: u32 = 1;
+const UNDECIDED: u32 = 2;
+const SIGMOID_LIMIT: f32 = 80.0;
+const INPUTS: u32 = 5;
+const SOAP_EPSILON: f32 = 1e-12;
+const ANGLE: f32 = 0.5;
