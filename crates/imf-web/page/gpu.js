@@ -4,7 +4,7 @@ const TEXT = KERNELS.linear;
 const constant = name => Number(TEXT.match(new RegExp(`const ${name}: u32 = (\\d+);`))[1]);
 const TILE = constant('TILE'), GROUP = constant('LINEAR_GROUP');
 const padded = count => Math.ceil(count / TILE) * TILE;
-// Voxels of a pass, and directions that coefficients are multiplied with together.
+// Voxels of a pass, at most, and directions that coefficients are multiplied with together.
 const ROWS = 4096, CHUNK = 512;
 
 class Gpu {
@@ -75,23 +75,23 @@ class Gpu {
 // A field's network and everything that it needs there.
 class GpuNetwork {
   constructor(gpu, network, voxels) {
-    Object.assign(this, { gpu, network, voxels });
+    Object.assign(this, { gpu, network, voxels, rows: Math.min(ROWS, padded(voxels)) });
     const flat = network.layers(), layers = [];
     for (let at = 0; at < flat.length; at += 5) {
       const [inputs, outputs, weights, biases, skip] = flat.subarray(at, at + 5);
       layers.push({ inputs, outputs, weights, biases, skip });
     }
     const parameters = this.place(layers, network.parameters());
-    const signals = [0, 1].map(() => gpu.storage(ROWS * Math.max(...layers.map(layer => layer.columns))));
-    const last = layers.at(-1), rows = ROWS / GROUP, block = padded(network.inputs);
+    const signals = [0, 1].map(() => gpu.storage(this.rows * Math.max(...layers.map(layer => layer.columns))));
+    const last = layers.at(-1), rows = this.rows / GROUP, block = padded(network.inputs);
     this.width = last.rows;
     this.batch = gpu.uniform('Batch', {});
     this.sweep = gpu.uniform('Sweep', {});
-    this.points = gpu.storage(ROWS * network.inputs);
+    this.points = gpu.storage(this.rows * network.inputs);
     this.direction = gpu.storage(2);
     this.least = gpu.storage(padded(voxels));
-    this.best = gpu.storage(ROWS);
-    this.results = gpu.storage(ROWS * last.rows);
+    this.best = gpu.storage(this.rows);
+    this.results = gpu.storage(this.rows * last.rows);
     const inputs = (layer, offset, signal) => {
       const placement = gpu.uniform('Placement', { stride: layer.columns, offset, columns: block, inputs: network.inputs });
       return network.sees_directions
@@ -108,13 +108,13 @@ class GpuNetwork {
         stride: layers[index + 1]?.columns ?? layer.rows, omega: network.omega,
       });
       const [kernel, target] = layer === last ? ['linear', this.results] : ['hidden_evaluate', to];
-      this.pass.push(gpu.bind(kernel, [this.batch, this.last, parameters, from, target], layer.rows / TILE, ROWS / TILE));
+      this.pass.push(gpu.bind(kernel, [this.batch, this.last, parameters, from, target], layer.rows / TILE, this.rows / TILE));
     });
-    this.values = gpu.storage(ROWS * (network.sees_directions ? 1 : CHUNK));
+    this.values = gpu.storage(this.rows * (network.sees_directions ? 1 : CHUNK));
     if (network.sees_directions) this.pass.push(gpu.bind('outputs', [this.batch, this.last, this.sweep, this.results, this.values], rows));
     const degree = network.turned_degree;
     if (degree !== undefined) {
-      this.frames = gpu.storage(3 * ROWS);
+      this.frames = gpu.storage(3 * this.rows);
       const harmonics = gpu.uniform('Harmonics', { degree, stride: last.rows });
       this.pass.push(gpu.bind('local_frames', [this.batch, harmonics, this.frames, this.results], rows * (degree + 1)));
     }
@@ -146,8 +146,8 @@ class GpuNetwork {
     all.set(constants, columns * width);
     const layer = gpu.uniform('Layer', { inputs: width, outputs: columns, weights: 0, biases: columns * width, stride: columns });
     const sweep = gpu.uniform('Sweep', { directions: count, first_direction: first });
-    const dispatch = gpu.bind('linear', [this.batch, layer, gpu.holding(all), this.results, this.values], columns / TILE, ROWS / TILE);
-    return { dispatch, then: (least, best) => gpu.bind('row_minimum', [this.batch, layer, sweep, this.values, least, best], ROWS / GROUP) };
+    const dispatch = gpu.bind('linear', [this.batch, layer, gpu.holding(all), this.results, this.values], columns / TILE, this.rows / TILE);
+    return { dispatch, then: (least, best) => gpu.bind('row_minimum', [this.batch, layer, sweep, this.values, least, best], this.rows / GROUP) };
   }
   // The minimum over the directions at every voxel, not clipped; `progress` gets the fraction that is done.
   async minimum(directions, progress) {
@@ -158,14 +158,14 @@ class GpuNetwork {
       const end = Math.min(first + CHUNK, count), constants = count * own;
       products.push(this.product(given.subarray(first * own, end * own), given.subarray(constants + first, constants + end), first));
     }
-    for (let first = 0; first < voxels; first += ROWS) {
-      const rows = Math.min(ROWS, voxels - first);
+    for (let first = 0; first < voxels; first += this.rows) {
+      const rows = Math.min(this.rows, voxels - first);
       const least = { buffer: this.least, offset: 4 * first, size: 4 * rows };
       gpu.uniform('Batch', { rows, padded_rows: padded(rows) }, this.batch);
       gpu.write(this.points, network.points(first, rows));
       if (this.frames) gpu.write(this.frames, network.frames(first, rows));
       if (network.sees_directions) {
-        const minimum = gpu.bind('minimum', [sweep, this.values, least, best], ROWS / GROUP);
+        const minimum = gpu.bind('minimum', [sweep, this.values, least, best], this.rows / GROUP);
         for (let direction = 0; direction < count; direction++) {
           gpu.uniform('Sweep', { points: rows, directions: 1, first_direction: direction }, sweep);
           gpu.write(this.direction, given.subarray(2 * direction, 2 * direction + 2));
