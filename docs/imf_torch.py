@@ -39,7 +39,8 @@ def box_of_centres(grid):
 
 
 class Siren5(torch.nn.Module):
-    """The paper's network: sines of five inputs in [-1, 1], the inputs again behind one layer, a sigmoid at the end."""
+    """The paper's network: sines of five inputs in [-1, 1], the inputs again behind one layer, a sigmoid at the end that reaches
+    a little below 0, where it is clamped."""
 
     depth = False
 
@@ -65,7 +66,7 @@ class Siren5(torch.nn.Module):
             signal = linear(signal, weight, bias)
             if layer + 1 < len(self.weights):
                 signal = torch.sin(self.omega * signal)
-        return torch.sigmoid(signal[:, 0])
+        return (1.01 * torch.sigmoid(signal[:, 0]) - 0.01).clamp(min=0.0)
 
 
 class Factored(torch.nn.Module):

@@ -1,4 +1,4 @@
-// Purpose: end of the output layer: S + b; the sigmoid is taken by `loss.wgsl` or `outputs.wgsl`.
+// Purpose: end of the output layer: S + b; the output is made of it by `loss.wgsl` or `outputs.wgsl`.
 //
 // One call takes four columns of one row.
 //   results  [padded_rows][outputs]; column 0 is the network's, the others are padding

@@ -1,5 +1,5 @@
 // Purpose: loss of every sample and the delta that starts the backward pass:
-//   y = sigmoid(s);  Δ = scale · ∂loss/∂y · y·(1 − y) / count
+//   y = open(s), for a target of 0 max(open(s), 0);  Δ = scale · ∂loss/∂y · ∂y/∂s / count
 //
 // One invocation computes every (invocations)-th row. Rows of padding get loss and delta 0, which keeps them out of
 // every gradient.
@@ -22,11 +22,14 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
         var loss = 0.0;
         var delta = 0.0;
         if row < batch.rows {
-            let y = sigmoid(sums[row * layer.outputs]);
-            let error = y - targets[row];
+            let open = open_output(sums[row * layer.outputs]);
+            let goal = targets[row];
+            // What is below 0 is right for a target of 0, and the error is 0.
+            let y = select(output_value(open), open, goal > 0.0);
+            let error = y - goal;
             let slope = select(sign(error), 2.0 * error, step.loss == LOSS_L2);
             loss = select(abs(error), error * error, step.loss == LOSS_L2);
-            delta = slope * y * (1.0 - y) * (step.scale * step.inverse_count);
+            delta = slope * open_slope(open) * (step.scale * step.inverse_count);
         }
         row_losses[row] = loss;
         deltas[row * layer.outputs] = delta;

@@ -1,4 +1,4 @@
-// Purpose: values of the network, y = sigmoid(s).
+// Purpose: values of the network, y = max(open(s), 0).
 //
 // One invocation computes every (invocations)-th row.
 //   sums     s [padded_rows][outputs], column 0
@@ -13,6 +13,6 @@
 @compute @workgroup_size(LINEAR_GROUP)
 fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     for (var row = id.x; row < batch.rows; row += groups.x * LINEAR_GROUP) {
-        outputs[sweep.base + row] = sigmoid(sums[row * layer.outputs]);
+        outputs[sweep.base + row] = output_value(open_output(sums[row * layer.outputs]));
     }
 }

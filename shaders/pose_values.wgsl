@@ -1,4 +1,4 @@
-// Purpose: values of poses, y = sigmoid(s), and the delta y·(1 − y) that starts the way back to the inputs.
+// Purpose: values of poses, y = max(open(s), 0), and the delta ∂y/∂s that starts the way back to the inputs.
 //
 // One invocation computes every (invocations)-th row.
 //   poses   from `sweep.base`
@@ -19,8 +19,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
     for (var row = id.x; row < batch.padded_rows; row += groups.x * LINEAR_GROUP) {
         var delta = 0.0;
         if row < batch.rows {
-            let y = sigmoid(sums[row * layer.outputs]);
-            delta = y * (1.0 - y);
+            let open = open_output(sums[row * layer.outputs]);
+            let y = output_value(open);
+            delta = select(0.0, open_slope(open), open > 0.0);
             values[sweep.base + row] = select(bitcast<f32>(world_nan(sweep.base)), y, is_pose(poses[sweep.base + row]));
         }
         deltas[row * layer.outputs] = delta;

@@ -3,7 +3,8 @@
 //!
 //! One sample is five numbers in [−1, 1]: `2u − 1` for the point (`u` = [`imf_core::grid::Grid::unit`]),
 //! `2·θ/360° − 1`, `2·φ/180° − 1`. A hidden layer computes `sin(ω·(W·a + b))`, ω = 30; the input is concatenated
-//! again behind the activations of hidden layer `skip_after`; the output is `sigmoid(W·a + b)`.
+//! again behind the activations of hidden layer `skip_after`; the output is a sigmoid of `W·a + b` that reaches a little
+//! below 0 and is clamped there ([`output`]; the paper has a plain sigmoid).
 //! The coordinates θ = 0° and 360° are one direction but two inputs, and at φ = 0° and 180° θ is idle: the learnt
 //! field may jump there, and its gradient is one-sided and finite.
 //!
@@ -31,6 +32,8 @@ pub mod halves;
 pub mod lanes;
 #[doc(hidden)]
 pub mod matrix;
+#[doc(hidden)]
+pub mod output;
 #[doc(hidden)]
 pub mod plan;
 #[doc(hidden)]

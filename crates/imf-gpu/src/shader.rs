@@ -59,6 +59,8 @@ shared! {
     UNDECIDED: u32 = 2;
     /// Where the sigmoid's argument is clamped.
     SIGMOID_LIMIT: f32 = 80.0;
+    /// How far the sigmoid reaches below 0.
+    STRETCH: f32 = imf_fields::siren::output::STRETCH as f32;
     /// Inputs of the paper's network.
     INPUTS: u32 = imf_fields::siren::INPUTS as u32;
     /// Added to the root of SOAP's second moments.

@@ -3,6 +3,7 @@
 use super::graph::{Graph, Value};
 use super::place::Place;
 use crate::factored::FactoredField;
+use crate::siren::output::STRETCH;
 use crate::siren::{Layer, SirenShape};
 use imf_core::grid::Grid;
 
@@ -69,7 +70,11 @@ pub(super) fn siren(
     let layers = shape.layers();
     let sines = Sines { layers: &layers, is_linear: true, omega: shape.omega, parameters };
     let output = sines.outputs(graph, &input);
-    graph.op("Sigmoid", &[&output])
+    let sigmoid = graph.op("Sigmoid", &[&output]);
+    let (stretch, below) = (graph.number(1.0 + STRETCH), graph.number(STRETCH));
+    let stretched = graph.mul(&sigmoid, &stretch);
+    let open = graph.sub(&stretched, &below);
+    graph.clip(&open, 0.0, 1.0)
 }
 
 /// The network of the point over a grid in the frame of positions: from the position's place to the coefficients in its frame, `[poses, axes]`.

@@ -4,8 +4,9 @@
 use crate::parallel::*;
 use pulp::Arch;
 
-use super::forward::{Network, sigmoid};
+use super::forward::Network;
 use super::matrix::prefer_unpacked;
+use super::output::Output;
 use super::plan::{BLOCK, Plan, transpose_all};
 use super::scratch::{ScratchPool, describe};
 use super::tangent::PanelOfPoint;
@@ -124,9 +125,10 @@ impl CpuEvaluator {
             let bias = if row == 0 { f64::from(self.parameters[last.biases]) } else { 0.0 };
             weights.iter().zip(&signal[row * widest..]).fold(bias, |sum, (w, v)| sum + f64::from(w * v))
         });
-        let value = sigmoid(sums[0] as f32);
-        let slope = value * (1.0 - value);
-        std::array::from_fn(|r| if r == 0 { value as f32 } else { (slope * sums[r]) as f32 })
+        let output = Output::of_sum(sums[0]);
+        std::array::from_fn(
+            |r| if r == 0 { output.value() as f32 } else { (output.slope() * sums[r]) as f32 },
+        )
     }
 
     /// Values of at most one block. `scratch` holds two layers of a block.
@@ -137,7 +139,7 @@ impl CpuEvaluator {
         let last = network.hidden_layers(inputs, first, second);
         network.outputs(last, outputs);
         for output in outputs {
-            *output = sigmoid(*output) as f32;
+            *output = Output::of_sum(f64::from(*output)).value() as f32;
         }
     }
 

@@ -130,11 +130,6 @@ impl Network<'_> {
     }
 }
 
-/// The sigmoid, in f64: the output is one number a sample.
-pub fn sigmoid(sum: f32) -> f64 {
-    1.0 / (1.0 + (-f64::from(sum)).exp())
-}
-
 /// Bias, the network's own inputs, sine and slope for one panel of one block.
 struct Activation<'a> {
     /// Rows `stride` apart, from the panel's first neuron on.

@@ -1,6 +1,7 @@
 //! The network, its loss and one Adam step in f64, written as the mathematics: the definition that every fast
 //! engine is tested against. Slow on purpose.
 
+use super::output::Output;
 use super::stack::Stack;
 use super::{INPUTS, SirenShape};
 use crate::recipe::{AdamConfig, Loss};
@@ -10,7 +11,7 @@ use crate::recipe::{AdamConfig, Loss};
 /// # Panics
 /// If `parameters` does not fit `shape`.
 pub fn forward(shape: &SirenShape, parameters: &[f64], input: &[f64; INPUTS]) -> f64 {
-    output(&activations(&shape.stack(), parameters, input))
+    output(&activations(&shape.stack(), parameters, input)).value()
 }
 
 /// What a forward pass keeps for the backward pass.
@@ -78,9 +79,8 @@ pub(crate) fn backward(
     of_inputs
 }
 
-fn output(kept: &Activations) -> f64 {
-    let last = kept.sums.last().map_or(0.0, |sums| sums[0]);
-    1.0 / (1.0 + (-last).exp())
+fn output(kept: &Activations) -> Output {
+    Output::of_sum(kept.sums.last().map_or(0.0, |sums| sums[0]))
 }
 
 /// Mean loss of a batch and its gradient with respect to every parameter.
@@ -101,9 +101,9 @@ pub fn loss_and_gradient(
     let count = inputs.len() as f64;
     for (input, &target) in inputs.iter().zip(targets) {
         let kept = activations(&stack, parameters, input);
-        let output = output(&kept);
+        let (output, slope) = output(&kept).learnt(target);
         total += loss.value(output, target) / count;
-        let delta = loss.slope(output, target) / count * output * (1.0 - output);
+        let delta = loss.slope(output, target) / count * slope;
         backward(&stack, parameters, &kept, vec![delta], &mut gradient);
     }
     (total, gradient)
@@ -116,9 +116,8 @@ pub fn loss_and_gradient(
 pub fn input_gradient(shape: &SirenShape, parameters: &[f64], input: &[f64; INPUTS]) -> [f64; INPUTS] {
     let stack = shape.stack();
     let kept = activations(&stack, parameters, input);
-    let output = output(&kept);
-    let slopes =
-        backward(&stack, parameters, &kept, vec![output * (1.0 - output)], &mut vec![0.0; parameters.len()]);
+    let delta = vec![output(&kept).slope()];
+    let slopes = backward(&stack, parameters, &kept, delta, &mut vec![0.0; parameters.len()]);
     std::array::from_fn(|axis| slopes[axis])
 }
 
@@ -152,8 +151,13 @@ mod tests {
     const SHAPE: SirenShape = SirenShape { width: 6, hidden: 4, skip_after: Some(2), omega: 3.0 };
     const INPUT: [f64; INPUTS] = [0.3, -0.2, 0.7, -0.9, 0.1];
 
-    fn parameters() -> Vec<f64> {
-        SHAPE.initial_parameters(3).into_iter().map(f64::from).collect()
+    /// A bias of the output that puts it below 0, where it is clamped.
+    const BELOW: f64 = -6.0;
+
+    fn parameters(bias: f64) -> Vec<f64> {
+        let mut parameters: Vec<f64> = SHAPE.initial_parameters(3).into_iter().map(f64::from).collect();
+        *parameters.last_mut().unwrap() = bias;
+        parameters
     }
 
     /// Central differences have an error of h²·|f‴|/6 + ε/h: about 1e-9 here at h = 1e-5, with room for |f‴| ~ 100.
@@ -161,10 +165,10 @@ mod tests {
 
     #[test]
     fn parameter_gradient_agrees_with_central_differences() {
-        let inputs = [INPUT, [0.9, 0.4, -0.6, 0.2, -0.8]];
-        let targets = [0.1, 0.9];
-        for loss in [Loss::L1, Loss::L2] {
-            let weights = parameters();
+        let inputs = [INPUT, [0.9, 0.4, -0.6, 0.2, -0.8], [-0.4, 0.1, 0.8, -0.2, 0.5]];
+        let targets = [0.1, 0.9, 0.0];
+        for (loss, bias) in [Loss::L1, Loss::L2].into_iter().flat_map(|loss| [(loss, 0.2), (loss, BELOW)]) {
+            let weights = parameters(bias);
             let (_, gradient) = loss_and_gradient(&SHAPE, &weights, &inputs, &targets, loss);
             let value = |w: &[f64]| loss_and_gradient(&SHAPE, w, &inputs, &targets, loss).0;
             let mut failures = Vec::new();
@@ -184,7 +188,12 @@ mod tests {
 
     #[test]
     fn input_gradient_agrees_with_central_differences() {
-        let weights = parameters();
+        let clamped = parameters(BELOW);
+        assert_eq!(
+            (forward(&SHAPE, &clamped, &INPUT), input_gradient(&SHAPE, &clamped, &INPUT)),
+            (0.0, [0.0; INPUTS])
+        );
+        let weights = parameters(0.2);
         let gradient = input_gradient(&SHAPE, &weights, &INPUT);
         for axis in 0..INPUTS {
             let mut probe = INPUT;

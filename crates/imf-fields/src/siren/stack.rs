@@ -13,7 +13,7 @@ use super::{Layer, ShapeError};
 /// What stands behind the last sum.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ending {
-    /// One output, through the sigmoid: a collision measure.
+    /// One output, through the clamped sigmoid ([`super::output`]): a collision measure.
     Sigmoid,
     /// Any number of outputs, as they are.
     Linear,

@@ -1,6 +1,7 @@
 //! Evaluation and the minimum over directions on the adapter against the f64 definition and a plain loop.
 
 use imf_fields::siren::EvaluationEngine;
+use imf_fields::siren::output::move_to_the_foot;
 use imf_fields::siren::reference::forward;
 use imf_fields::siren::{INPUTS, SirenShape, features};
 use imf_gpu::{Gpu, GpuEvaluator, GpuLimits, MatrixKernel};
@@ -34,9 +35,18 @@ fn devices() -> Vec<Gpu> {
 #[test]
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
 fn values_agree_with_the_definition() {
-    for (width, hidden, skip_after) in [(37, 5, Some(2)), (64, 3, None), (1, 1, None), (20, 3, Some(1))] {
+    for (width, hidden, skip_after, at_foot) in [
+        (37, 5, Some(2), false),
+        (37, 5, Some(2), true),
+        (64, 3, None, false),
+        (1, 1, None, false),
+        (20, 3, Some(1), false),
+    ] {
         let shape = SirenShape { width, hidden, skip_after, omega: 30.0 };
-        let parameters = shape.initial_parameters(3);
+        let mut parameters = shape.initial_parameters(3);
+        if at_foot {
+            move_to_the_foot(&mut parameters);
+        }
         let exact = wide(&parameters);
         for gpu in devices() {
             let mut evaluator = GpuEvaluator::new(&gpu, shape, &parameters).unwrap();

@@ -32,7 +32,7 @@ pub(crate) fn scene() -> Scene {
 }
 
 /// Thresholds of any worth.
-fn calibration(free_up_to: f32, colliding_from: f32) -> Calibration {
+pub(crate) fn calibration(free_up_to: f32, colliding_from: f32) -> Calibration {
     let rate = Rate::new(0, 0, 0.99);
     let nothing = Judgement {
         poses: 0,

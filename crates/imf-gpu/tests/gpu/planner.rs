@@ -3,16 +3,18 @@
 
 use glam::DVec3;
 use imf_core::control::Control;
-use imf_core::field::{GridField as _, PoseField as _};
+use imf_core::field::{Gradient, GridField as _, PoseField as _};
 use imf_core::orientation::OrientationSet;
 use imf_core::pose::Pose;
 use imf_fields::file::FieldFile;
+use imf_fields::model::Model;
+use imf_fields::siren::output::move_to_the_foot;
 use imf_fields::siren::{EvaluationEngine as _, features};
 use imf_gpu::{Gpu, GpuEvaluator, GpuField};
 
 use crate::devices::{every_device, open};
-use crate::fields::model;
-use crate::queries::{compare, compare_minima, compare_on_device};
+use crate::fields::{calibration, model};
+use crate::queries::{compare, compare_at, compare_minima, compare_on_device, poses};
 use crate::tolerances::SIREN as WITHIN;
 
 fn field(gpu: &Gpu, skip_after: Option<usize>) -> GpuField {
@@ -27,6 +29,25 @@ fn values_gradients_and_decisions_are_the_twins() {
             compare(&field(&gpu, skip), &WITHIN);
         }
     }
+}
+
+#[test]
+#[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
+fn clamped_values_are_the_twins_and_have_no_slope() {
+    let mut model = Model { calibration: Some(calibration(2e-4, 4e-4)), ..model(None) };
+    move_to_the_foot(&mut model.state.parameters);
+    let field = GpuField::new(&open(), FieldFile::Siren(Box::new(model))).expect("a field");
+    let poses = poses(&field.twin().scene().record.grid, 1000);
+    let mut gradients = vec![Gradient::NAN; poses.len()];
+    field.gradients(&poses, &mut gradients).expect("answers");
+    let clamped: Vec<&Gradient> = gradients.iter().filter(|gradient| gradient.value == 0.0).collect();
+    assert!(100 < clamped.len() && clamped.len() < 900, "{} of them", clamped.len());
+    assert!(
+        clamped
+            .iter()
+            .all(|gradient| gradient.position.length() == 0.0 && gradient.direction.length() == 0.0)
+    );
+    compare_at(&field, &WITHIN, &poses);
 }
 
 #[test]

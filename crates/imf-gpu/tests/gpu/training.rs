@@ -2,7 +2,8 @@
 //! tile; the same bits again.
 
 use imf_fields::recipe::{AdamConfig, Loss, TrainingState};
-use imf_fields::siren::reference::{adam_step, loss_and_gradient};
+use imf_fields::siren::output::move_to_the_foot;
+use imf_fields::siren::reference::{adam_step, forward, loss_and_gradient};
 use imf_fields::siren::{INPUTS, SirenShape};
 use imf_gpu::{Gpu, GpuLimits, GpuTrainer, MatrixKernel, TrainerSettings};
 use imf_train::training::TrainingEngine;
@@ -60,12 +61,23 @@ fn worst(found: &[f32], expected: &[f64], absolute: f64, relative: f64) -> f64 {
 fn loss_and_gradient_agree_with_the_definition() {
     for gpu in every_device() {
         for loss in [Loss::L1, Loss::L2] {
-            for (width, hidden, skip_after, count) in
-                [(37, 4, Some(2), 77), (64, 2, None, 64), (8, 1, None, 1), (5, 3, Some(1), 300)]
-            {
+            for (width, hidden, skip_after, count, at_foot) in [
+                (37, 4, Some(2), 77, false),
+                (37, 4, Some(2), 77, true),
+                (64, 2, None, 64, false),
+                (8, 1, None, 1, false),
+                (5, 3, Some(1), 300, false),
+            ] {
                 let shape = SirenShape { width, hidden, skip_after, omega: 30.0 };
-                let (inputs, targets) = batch(count, 11);
-                let state = state(&shape);
+                let (inputs, mut targets) = batch(count, 11);
+                let mut state = state(&shape);
+                if at_foot {
+                    move_to_the_foot(&mut state.parameters);
+                    targets.iter_mut().step_by(3).for_each(|target| *target = 0.0);
+                    let clamped = |row: &[f64; INPUTS]| forward(&shape, &wide(&state.parameters), row) == 0.0;
+                    let clamped = rows::<INPUTS>(&inputs).iter().filter(|row| clamped(row)).count();
+                    assert!(0 < clamped && clamped < count, "{clamped} of {count}");
+                }
                 let (expected_loss, expected) = loss_and_gradient(
                     &shape,
                     &wide(&state.parameters),

@@ -2,7 +2,8 @@
 
 use crate::engine::backward::Backward;
 use imf_fields::recipe::Loss;
-use imf_fields::siren::forward::{Network, sigmoid};
+use imf_fields::siren::forward::Network;
+use imf_fields::siren::output::Output;
 use imf_fields::siren::plan::BLOCK;
 use imf_fields::siren::scratch::ScratchPool;
 use imf_fields::siren::stack::{Stack, TrainedEnding};
@@ -48,10 +49,7 @@ impl BlockLoss {
         for (delta, &target) in outputs.iter_mut().zip(targets) {
             let target = f64::from(target);
             let (output, slope) = match self.ending {
-                TrainedEnding::Sigmoid => {
-                    let output = sigmoid(*delta);
-                    (output, output * (1.0 - output))
-                }
+                TrainedEnding::Sigmoid => Output::of_sum(f64::from(*delta)).learnt(target),
                 TrainedEnding::Linear => (f64::from(*delta), 1.0),
             };
             loss += self.loss.value(output, target);

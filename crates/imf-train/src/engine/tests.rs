@@ -5,6 +5,7 @@ use crate::training::TrainingEngine as _;
 use imf_fields::siren::EvaluationEngine;
 use imf_fields::siren::INPUTS;
 use imf_fields::siren::lanes::archs;
+use imf_fields::siren::output::move_to_the_foot;
 use imf_fields::siren::reference;
 use imf_fields::siren::stack::Ending;
 
@@ -40,19 +41,30 @@ const GRADIENT_TOLERANCE: f64 = 2e-5;
 
 #[test]
 fn the_gradient_is_the_definitions() {
-    for (shape, count) in [
-        (shape(37, 5, Some(2)), 77),
-        (shape(16, 4, None), 128),
-        (shape(70, 3, Some(1)), 300),
-        (shape(9, 1, Some(1)), 5),
-        (shape(1, 2, Some(1)), 1),
-        (shape(300, 3, Some(2)), 130),
+    for (shape, count, at_foot) in [
+        (shape(37, 5, Some(2)), 77, false),
+        (shape(37, 5, Some(2)), 77, true),
+        (shape(16, 4, None), 128, false),
+        (shape(70, 3, Some(1)), 300, true),
+        (shape(9, 1, Some(1)), 5, false),
+        (shape(1, 2, Some(1)), 1, false),
+        (shape(300, 3, Some(2)), 130, false),
     ] {
         for (arch, loss) in archs().into_iter().flat_map(|arch| [(arch, Loss::L1), (arch, Loss::L2)]) {
             let mut engine = engine(shape, loss, count + 60, 5);
             engine.arch = arch;
-            let (inputs, targets) = batch(count, 9);
+            let (inputs, mut targets) = batch(count, 9);
+            if at_foot {
+                move_to_the_foot(&mut engine.state.parameters);
+                targets.iter_mut().step_by(3).for_each(|target| *target = 0.0);
+            }
             let weights = as_f64(engine.parameters());
+            let clamped = |sample: &[f64; INPUTS]| reference::forward(&shape, &weights, sample) == 0.0;
+            let clamped = samples_f64(&inputs).iter().filter(|sample| clamped(sample)).count();
+            assert!(
+                if at_foot { 0 < clamped && clamped < count } else { clamped == 0 },
+                "{clamped} of {count}"
+            );
             let (value, gradient) = reference::loss_and_gradient(
                 &shape,
                 &weights,
