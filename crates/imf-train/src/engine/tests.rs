@@ -5,7 +5,7 @@ use crate::training::TrainingEngine as _;
 use imf_fields::siren::EvaluationEngine;
 use imf_fields::siren::INPUTS;
 use imf_fields::siren::lanes::archs;
-use imf_fields::siren::output::move_to_the_foot;
+use imf_fields::siren::output::{Output, move_to_the_foot};
 use imf_fields::siren::reference;
 use imf_fields::siren::stack::Ending;
 
@@ -294,7 +294,7 @@ fn the_minimum_is_the_first_least_value() {
     let constant = vec![0.0; shape.parameter_count()];
     evaluator.set_parameters(&constant).unwrap();
     evaluator.minimum(&points, &directions, &mut least, &mut best).unwrap();
-    assert!(best.iter().all(|&direction| direction == 0) && least.iter().all(|&value| value == 0.5));
+    assert!(best.iter().all(|&direction| direction == 0) && least.iter().all(|&value| value == constant));
 }
 
 #[test]
