@@ -291,8 +291,8 @@ fn the_minimum_is_the_first_least_value() {
         assert!((least - lowest).abs() <= 1e-6, "{least}, not {lowest}");
         assert!((best as usize) < once.len() && values[best as usize] <= lowest + 1e-6, "direction {best}");
     }
-    let constant = vec![0.0; shape.parameter_count()];
-    evaluator.set_parameters(&constant).unwrap();
+    evaluator.set_parameters(&vec![0.0; shape.parameter_count()]).unwrap();
+    let constant = Output::of_sum(0.0).value() as f32;
     evaluator.minimum(&points, &directions, &mut least, &mut best).unwrap();
     assert!(best.iter().all(|&direction| direction == 0) && least.iter().all(|&value| value == constant));
 }
