@@ -18,6 +18,7 @@ const FREE: u32 = 0;
 const COLLIDING: u32 = 1;
 const UNDECIDED: u32 = 2;
 const SIGMOID_LIMIT: f32 = 80.0;
+const STRETCH: f32 = 0.01;
 const INPUTS: u32 = 5;
 const SOAP_EPSILON: f32 = 1e-12;
 const ANGLE: f32 = 0.5;

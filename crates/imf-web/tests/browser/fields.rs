@@ -6,7 +6,7 @@ use imf_core::parts::ReferencePart;
 use imf_core::scene::{Scene, SceneSpec};
 use imf_core::section::Quantity;
 use imf_core::tool::Tool;
-use imf_fields::factored::{Axis, FactoredField, FactoredShape, Symmetry};
+use imf_fields::factored::{Axis, DistillSettings, FactoredField, FactoredShape, Symmetry};
 use imf_fields::file::FieldFile;
 use imf_fields::harmonic::HarmonicField;
 use imf_fields::harmonic::basis::{Basis, Domain};
@@ -73,8 +73,10 @@ fn siren(scene: &Scene) -> Vec<u8> {
     bytes(&FieldFile::Siren(model))
 }
 
+const DEGREE: usize = 5;
+
 fn functions(axes: usize) -> (Basis, Vec<f32>, Vec<f32>) {
-    let basis = Basis::new(Domain::Directions, 5);
+    let basis = Basis::new(Domain::Directions, DEGREE);
     let mean = (0..basis.len()).map(|k| if k == 0 { 0.5 } else { 0.1 * number(k) / k as f32 }).collect();
     let axes = (0..basis.len() * axes).map(|place| number(place + 1) / 6.0).collect();
     (basis, mean, axes)
@@ -82,14 +84,17 @@ fn functions(axes: usize) -> (Basis, Vec<f32>, Vec<f32>) {
 
 fn factored(scene: &Scene, symmetry: Symmetry, folded: bool) -> Vec<u8> {
     let FieldFile::Factored(mut file) = stored!("factored") else { panic!("another family") };
-    let shape = FactoredShape { width: 44, hidden: 3, omega: 10.0, axes: 21, folded: false, symmetry };
+    let axes = Basis::count(Domain::Directions, DEGREE);
+    let shape = FactoredShape { width: 44, hidden: 3, omega: 10.0, axes, folded: false, symmetry };
     let (basis, mean, axes) = functions(shape.axes);
     let (quantity, grid) = (Quantity::Overlap, scene.record.grid);
     let parameters = shape.initial_parameters(3);
     let field = FactoredField { quantity, grid, basis, axes, mean, shape, parameters, scale: 0.7 };
     file.field = if folded { field.fold() } else { field };
     // As `imf train` has it: more than a browser's 32 bits count.
-    file.fit.axes = usize::MAX;
+    (file.fit.axes, file.fit.degree) = (usize::MAX, DEGREE);
+    file.settings = DistillSettings { width: 44, hidden: 3, omega: 10.0, symmetry, ..file.settings };
+    file.state = None;
     file.scene = scene.clone();
     bytes(&FieldFile::Factored(file))
 }
@@ -101,6 +106,7 @@ fn harmonic(scene: &Scene) -> Vec<u8> {
     let (quantity, grid) = (Quantity::Overlap, scene.record.grid);
     let values = (0..6 * grid.len()).map(|place| 0.3 * number(place)).collect();
     let coefficients = Coefficients::new(values, Precision::F32);
+    (file.settings.axes, file.settings.degree, file.settings.precision) = (6, DEGREE, Precision::F32);
     file.field = HarmonicField { quantity, grid, basis, axes, mean, coefficients, ..file.field };
     file.scene = scene.clone();
     bytes(&FieldFile::Harmonic(file.into()))
