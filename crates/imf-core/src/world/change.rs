@@ -18,7 +18,7 @@ impl World {
     /// these voxels made anew, in a small part of the time.
     ///
     /// `checkers` are those of this world that are to see the change, as by [`Checker::follow`]. All others, and their clones, keep what they
-    /// saw; for their sake the voxels are copied first, which takes about a fifth of the time in which they are made.
+    /// saw; for their sake the voxels are copied first.
     ///
     /// # Errors
     /// An obstacle that is not there, a voxel that its grid has not or that should be both; a checker that cannot follow this world.
