@@ -299,8 +299,7 @@ impl World {
     /// # Errors
     /// An obstacle that is not there, or a place that means nothing.
     pub fn place(&mut self, id: ObstacleId, at: Pose) -> Result<(), WorldError> {
-        let standing =
-            self.obstacles.iter_mut().find(|standing| standing.id == id).ok_or(WorldError::Unknown(id))?;
+        let standing = self.standing_mut(id)?;
         standing.at = placed(&standing.name, at)?;
         Ok(())
     }
@@ -323,6 +322,10 @@ impl World {
     pub fn checker(&self, tool: &Tool, clearance: &Clearance) -> Result<Checker, WorldError> {
         tool.check()?;
         Checker::new(self, tool.in_unit(self.unit).offset(clearance)?)
+    }
+
+    fn standing_mut(&mut self, id: ObstacleId) -> Result<&mut Standing, WorldError> {
+        self.obstacles.iter_mut().find(|standing| standing.id == id).ok_or(WorldError::Unknown(id))
     }
 
     fn stand(&mut self, name: &str, prepared: PreparedObstacle, at: Pose) -> ObstacleId {

@@ -30,11 +30,8 @@ impl World {
         empty: &[usize],
         checkers: &mut [Checker],
     ) -> Result<(), WorldError> {
-        for checker in checkers.iter() {
-            checker.clone().follow(self)?;
-        }
-        let standing = self.obstacles.iter_mut().find(|standing| standing.id == id);
-        let standing = standing.ok_or(WorldError::Unknown(id))?;
+        checkers.iter().try_for_each(|checker| checker.check_world(self))?;
+        let standing = self.standing_mut(id)?;
         let grid = *standing.prepared.obstacle().grid();
         let refused =
             |voxel: usize, why| WorldError::Voxel { obstacle: standing.name.to_string(), voxel, why };
@@ -61,27 +58,27 @@ impl World {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use glam::DVec3;
+    use rand::SeedableRng as _;
+    use rand_chacha::ChaCha8Rng;
 
     use super::*;
     use crate::field::Decision;
+    use crate::occupancy::Occupancy;
     use crate::parts::ReferencePart;
     use crate::pose::Pose;
     use crate::scene::Scene;
     use crate::tool::{Clearance, Tool};
     use crate::world::MotionOptions;
+    use crate::world::tests::number;
 
-    /// Numbers in [0, 1).
-    fn random(state: &mut u64) -> f64 {
-        *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (*state >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    fn poses(state: &mut u64, world: &World, id: ObstacleId, count: usize) -> Vec<Pose> {
+    fn poses(random: &mut ChaCha8Rng, world: &World, id: ObstacleId, count: usize) -> Vec<Pose> {
         let grid = *world.obstacle(id).unwrap().grid();
         let [low, high] =
             [grid.origin, grid.origin + DVec3::from_array(grid.dims.map(|n| n as f64)) * grid.pitch];
-        let mut vector = || DVec3::from_array([0; 3].map(|_| random(state)));
+        let mut vector = || DVec3::from_array([0; 3].map(|_| number(random)));
         let mut pose = || Pose::along(low - 10.0 + (high - low + 20.0) * vector(), vector() * 2.0 - 1.0);
         (0..count).map(|_| pose()).collect()
     }
@@ -90,14 +87,14 @@ mod tests {
     fn after_any_changes_all_answers_are_those_of_an_obstacle_made_anew() {
         let scene =
             Scene::builder().reference(ReferencePart::Bracket).dims([14, 41, 25]).build().unwrap().scene;
-        let mut state = 7;
+        let mut random = ChaCha8Rng::seed_from_u64(7);
         // Of a part of which the cutter may enter a layer, and of one that is forbidden as a whole.
         for layer in [true, false] {
             let mut world = World::builder().allow_coarse(true).build().unwrap();
             let obstacle = Obstacle::from(&scene);
             let obstacle = if layer {
                 let thin = |index: usize| u8::from(index.is_multiple_of(3)) & obstacle.forbidden.solid[index];
-                let mut own = crate::occupancy::Occupancy::empty(*obstacle.grid());
+                let mut own = Occupancy::empty(*obstacle.grid());
                 (0..own.solid.len()).for_each(|index| own.solid[index] = thin(index));
                 Obstacle::with_cuttable(&obstacle.whole(), own)
             } else {
@@ -116,7 +113,7 @@ mod tests {
             for step in 0..12 {
                 // Whoever does not follow keeps what it saw, and is what others are copied for.
                 let kept = (step % 3 == 0).then(|| checkers.clone());
-                let poses = poses(&mut state, &world, id, 200);
+                let poses = poses(&mut random, &world, id, 200);
                 let classify = |checker: &Checker| {
                     let mut decisions = vec![Decision::Undecided; poses.len()];
                     checker.classify(&poses, &mut decisions).unwrap();
@@ -126,12 +123,12 @@ mod tests {
                 let grid = *world.obstacle(id).unwrap().grid();
                 // A ball of voxels, and voxels here and there.
                 let (middle, radius) = (
-                    grid.centre(grid.voxel((random(&mut state) * grid.len() as f64) as usize)),
+                    grid.centre(grid.voxel((number(&mut random) * (grid.len() - 1) as f64) as usize)),
                     8.0 * grid.pitch,
                 );
                 let ball =
                     (0..grid.len()).filter(|&index| grid.centre(grid.voxel(index)).distance(middle) < radius);
-                let more = (0..20).map(|_| (random(&mut state) * grid.len() as f64) as usize);
+                let more = (0..20).map(|_| (number(&mut random) * (grid.len() - 1) as f64) as usize);
                 let voxels: Vec<usize> = ball.chain(more).collect();
                 let (solid, empty): (&[usize], &[usize]) =
                     if step % 2 == 0 { (&voxels, &[]) } else { (&[], &voxels) };
@@ -140,8 +137,8 @@ mod tests {
                 let mut anew = World::builder().allow_coarse(true).build().unwrap();
                 let own = world.obstacle(id).unwrap();
                 let copy = Obstacle {
-                    forbidden: std::sync::Arc::new((*own.forbidden).clone()),
-                    cuttable: own.cuttable.as_ref().map(|layer| std::sync::Arc::new((**layer).clone())),
+                    forbidden: Arc::new((*own.forbidden).clone()),
+                    cuttable: own.cuttable.as_ref().map(|layer| Arc::new((**layer).clone())),
                 };
                 for &voxel in &voxels {
                     assert_eq!(copy.forbidden.solid[voxel], u8::from(step % 2 == 0));

@@ -164,24 +164,29 @@ impl Checker {
     /// # Errors
     /// A tool that passes between the centres of a new obstacle's voxels; a world in another unit.
     pub fn follow(&mut self, world: &World) -> Result<(), WorldError> {
+        self.check_world(world)?;
+        let placed = world.obstacles.iter().filter_map(|standing| {
+            let known = self.placed.iter().find(|placed| {
+                placed.id == standing.id && placed.around.field.prepared().is_same(&standing.prepared)
+            });
+            placed(standing, known, &self.tool.assembly)
+        });
+        self.placed = placed.collect();
+        Ok(())
+    }
+
+    /// Whether it can follow a world.
+    pub(super) fn check_world(&self, world: &World) -> Result<(), WorldError> {
         let tool = &self.tool;
         if world.unit != tool.unit {
             return Err(WorldError::Unit { checker: tool.unit, world: world.unit });
         }
-        let mut all = Vec::with_capacity(world.obstacles.len());
-        for standing in &world.obstacles {
+        for standing in world.obstacles.iter().filter(|_| !world.allow_coarse) {
             let pitch = standing.prepared.obstacle().grid().pitch;
-            if !world.allow_coarse
-                && let Some(coarse) = CoarseTool::of(tool.assembly.tool(), pitch, tool.unit)
-            {
+            if let Some(coarse) = CoarseTool::of(tool.assembly.tool(), pitch, tool.unit) {
                 return Err(WorldError::Coarse { tool: coarse, obstacle: standing.name.to_string() });
             }
-            let known = self.placed.iter().find(|placed| {
-                placed.id == standing.id && placed.around.field.prepared().is_same(&standing.prepared)
-            });
-            all.extend(placed(standing, known, &tool.assembly));
         }
-        self.placed = all.into();
         Ok(())
     }
 
