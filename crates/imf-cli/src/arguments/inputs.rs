@@ -162,7 +162,7 @@ fn chosen(session: &Session, spec: &SceneSpec<'_>, inputs: &SceneInputs) -> Chos
 }
 
 pub(crate) fn read_tool(text: &str) -> Result<Tool> {
-    if text == "paper" && !Path::new(text).exists() {
+    if text == "paper" && !Path::new(text).is_file() {
         return Ok(Tool::paper());
     }
     Tool::find(text).with_context(|| format!("the tool {text} cannot be used"))

@@ -1,9 +1,9 @@
 //! Products of bfloat16 matrices with sums in `f32`, for CPUs that have an instruction for them.
 //!
-//! A bfloat16 is the upper half of an `f32`, rounded to the nearest, ties to even. The instruction (AVX-512 BF16) adds 32
-//! products to 16 sums at the pace of an `f32` one that adds 16, which halves the time of a product. It wants *pairs*: a
-//! `u32` holds two values that follow each other along the inner index, the first in the low half. An odd inner length
-//! ends with half a pair, the other half 0.
+//! A bfloat16 is the upper half of an `f32`, rounded to the nearest, ties to even. AVX-512 BF16 adds 32 products to 16 sums,
+//! on AMD's CPUs at the pace of an `f32` instruction that adds 16, on Intel's at a quarter of it; those have AMX, which adds
+//! 8,192 to 256 sums. Both want *pairs*: a `u32` holds two values that follow each other along the inner index, the first in
+//! the low half. AMX is fast where factors begin at a cache line. What an inner length lacks to a multiple of 16 pairs is zeros.
 //!
 //! ```text
 //! rows    [rows][pairs]                        pairs along a row
@@ -17,6 +17,8 @@
 
 #[cfg(target_arch = "x86_64")]
 mod avx512;
+#[cfg(target_arch = "x86_64")]
+mod tiles;
 
 /// Columns of a strip: two registers of sums.
 pub(crate) const STRIP: usize = 32;
@@ -28,6 +30,9 @@ const CHUNK: usize = 256;
 /// What computes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kernel {
+    /// `tdpbf16ps`.
+    #[cfg(target_arch = "x86_64")]
+    Tiles(tiles::Proof),
     /// `vdpbf16ps`.
     #[cfg(target_arch = "x86_64")]
     Avx512(avx512::Proof),
@@ -37,12 +42,30 @@ pub(crate) enum Kernel {
 }
 
 impl Kernel {
-    /// The kernel of this CPU, if it has one.
+    /// The fastest kernel of this CPU, if it has one.
     pub(crate) fn of_this_machine() -> Option<Self> {
+        Self::all().next()
+    }
+
+    /// All kernels of this CPU, the fastest first.
+    fn all() -> impl Iterator<Item = Self> {
         #[cfg(target_arch = "x86_64")]
-        return avx512::Proof::find().map(Self::Avx512);
+        let all = [tiles::Proof::find().map(Self::Tiles), avx512::Proof::find().map(Self::Avx512)];
         #[cfg(not(target_arch = "x86_64"))]
-        None
+        let all: [Option<Self>; 0] = [];
+        all.into_iter().flatten()
+    }
+
+    /// Its instructions.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            #[cfg(target_arch = "x86_64")]
+            Self::Tiles(_) => "AMX",
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512(_) => "AVX-512 BF16",
+            #[cfg(test)]
+            Self::Twin => "their definition",
+        }
     }
 
     /// Rounds `values [rows][columns]`, rows `stride` apart, into rows of `pairs` pairs each, zeros behind the columns.
@@ -51,6 +74,8 @@ impl Kernel {
         assert!(from.rows > 0 && from.columns > 0 && pairs.is_multiple_of(16) && 2 * pairs >= from.columns);
         assert!(from.length() <= values.len() && from.rows * pairs <= out.len(), "rows do not fit");
         match self {
+            #[cfg(target_arch = "x86_64")]
+            Self::Tiles(proof) => proof.avx512().pack_rows(values, from, pairs, out),
             #[cfg(target_arch = "x86_64")]
             Self::Avx512(proof) => proof.pack_rows(values, from, pairs, out),
             #[cfg(test)]
@@ -66,6 +91,8 @@ impl Kernel {
         assert!(from.length() <= values.len() && strips * pairs * STRIP <= out.len(), "strips do not fit");
         match self {
             #[cfg(target_arch = "x86_64")]
+            Self::Tiles(proof) => proof.avx512().pack_strips(values, from, pairs, out),
+            #[cfg(target_arch = "x86_64")]
             Self::Avx512(proof) => proof.pack_strips(values, from, pairs, out),
             #[cfg(test)]
             Self::Twin => twin::pack_strips(values, from, pairs, out),
@@ -73,12 +100,13 @@ impl Kernel {
     }
 
     /// `out = left·right`, or `out += left·right`: `out [rows][columns]` with its rows `stride` apart. What lies between
-    /// the rows is left alone. The same shapes give the same bits.
+    /// the rows is left alone. The same shapes give the same bits by the same kernel.
     ///
     /// # Panics
     /// Where a factor or the result is too short.
     pub(crate) fn multiply(self, out: &mut [f32], result: Extent, product: Product<'_>, accumulate: bool) {
         assert!(result.rows > 0 && result.columns > 0 && product.pairs > 0 && product.segments > 0);
+        assert!(product.pairs.is_multiple_of(16), "a segment of {} pairs", product.pairs);
         assert!(result.columns <= result.stride || result.rows == 1, "rows of the result overlap");
         assert!(result.length() <= out.len(), "the result is too short");
         assert!(product.left_length(result.rows) <= product.left.len(), "the left factor is too short");
@@ -92,6 +120,8 @@ impl Kernel {
                 ..product
             };
             match self {
+                #[cfg(target_arch = "x86_64")]
+                Self::Tiles(proof) => proof.multiply(out, result, part, accumulate || first > 0),
                 #[cfg(target_arch = "x86_64")]
                 Self::Avx512(proof) => proof.multiply(out, result, part, accumulate || first > 0),
                 #[cfg(test)]
@@ -124,7 +154,7 @@ impl Extent {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Product<'a> {
     pub(crate) segments: usize,
-    /// Of a segment.
+    /// Of a segment: a multiple of 16.
     pub(crate) pairs: usize,
     pub(crate) left: &'a [u32],
     pub(crate) left_row: usize,
@@ -212,4 +242,4 @@ mod twin {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -13,7 +13,10 @@ use crate::training::TrainingEngine;
 impl TrainingEngine for CpuTrainer {
     fn describe(&self) -> String {
         let engine = describe(self.arch);
-        if self.pairs.is_some() { format!("{engine}, products in bfloat16") } else { engine }
+        match &self.pairs {
+            Some(pairs) => format!("{engine}, products in bfloat16 ({})", pairs.kernel().name()),
+            None => engine,
+        }
     }
 
     fn inputs(&self) -> usize {

@@ -1,0 +1,336 @@
+//! The kernel with AMX tiles (`tdpbf16ps`): sixteen rows of sixteen pairs by sixteen pairs of sixteen columns at once.
+//! Shapes and lengths are checked by the callers in the parent module.
+//!
+//! A strip of the right factor is two tiles wide as it lies. Of the left factor a tile wants rows of pairs, so that one
+//! of strips is turned first; rows that there are not are zeros.
+
+use std::arch::asm;
+use std::arch::x86_64::{
+    __cpuid_count, __m512i, _mm512_loadu_si512, _mm512_shuffle_i32x4, _mm512_storeu_si512,
+    _mm512_unpackhi_epi32, _mm512_unpackhi_epi64, _mm512_unpacklo_epi32, _mm512_unpacklo_epi64,
+};
+
+use crate::engine::bf16_kernel::{CHUNK, Extent, Product, STRIP, avx512};
+
+/// Rows of a tile, and values of 32 bits in a row.
+const TILE: usize = 16;
+/// Rows and columns of a square of sums: four tiles, so that each loaded one is used twice.
+const SQUARE: usize = 2 * TILE;
+/// What rows lie apart beyond their length, as those of a power of two push each other out of the cache.
+const APART: usize = 16;
+
+/// A row of a tile that lies across two cache lines costs a product four fifths of its speed.
+#[repr(align(64))]
+struct Aligned<T>(T);
+
+/// That this CPU has the instructions, and that the system lets this process use them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Proof(avx512::Proof);
+
+impl Proof {
+    pub(super) fn find() -> Option<Self> {
+        // CPUID leaf 7: AMX-BF16 is bit 22 of EDX, AMX-TILE bit 24.
+        let tiles = 1 << 22 | 1 << 24;
+        let avx512 = avx512::Proof::find()?;
+        (__cpuid_count(7, 0).edx & tiles == tiles && allowed()).then_some(Self(avx512))
+    }
+
+    /// For packing, which tiles have no part in.
+    pub(super) fn avx512(self) -> avx512::Proof {
+        self.0
+    }
+
+    pub(super) fn multiply(self, out: &mut [f32], result: Extent, product: Product<'_>, accumulate: bool) {
+        let tiles = Configured::new(self);
+        // The rows of a square, where they are not there as a tile wants them.
+        let mut turned = Aligned([0; SQUARE * (CHUNK + APART)]);
+        // More than one segment are at most a CHUNK of pairs together.
+        for first_pair in (0..product.pairs).step_by(CHUNK) {
+            let part = Product {
+                pairs: CHUNK.min(product.pairs - first_pair),
+                left: &product.left[first_pair * product.left_pair..],
+                right: &product.right[first_pair * STRIP..],
+                ..product
+            };
+            for first_row in (0..result.rows).step_by(SQUARE) {
+                let rows = SQUARE.min(result.rows - first_row);
+                let left = &part.left[part.left_start(first_row)..];
+                let mut part = Product { left, ..part };
+                if rows < SQUARE || part.left_pair != 1 {
+                    let row = part.segments * part.pairs + APART;
+                    turn(&part, rows, row, &mut turned.0);
+                    part = Product {
+                        left: &turned.0,
+                        left_row: row,
+                        left_pair: 1,
+                        left_segment: part.pairs,
+                        ..part
+                    };
+                }
+                for first_column in (0..result.columns).step_by(STRIP) {
+                    let right = &part.right[first_column / STRIP * part.right_strip..];
+                    let square = Extent {
+                        rows,
+                        columns: STRIP.min(result.columns - first_column),
+                        stride: result.stride,
+                    };
+                    let out = &mut out[first_row * result.stride + first_column..];
+                    multiply_square(
+                        &tiles,
+                        out,
+                        square,
+                        Product { right, ..part },
+                        accumulate || first_pair > 0,
+                    );
+                }
+            }
+        }
+    }
+}
+
+/// Whether the system lets this process use tiles: Linux wants to be asked, and answers for all threads.
+fn allowed() -> bool {
+    #[cfg(target_os = "linux")]
+    {
+        /// `asm/prctl.h`, and the number of the state that tiles have in XCR0.
+        const ARCH_REQ_XCOMP_PERM: libc::c_long = 0x1023;
+        const TILE_DATA: libc::c_long = 18;
+        #[expect(unsafe_code, reason = "no safe wrapper has this call")]
+        // SAFETY: the call takes two numbers and touches no memory of ours.
+        unsafe {
+            libc::syscall(libc::SYS_arch_prctl, ARCH_REQ_XCOMP_PERM, TILE_DATA) == 0
+        }
+    }
+    #[cfg(not(target_os = "linux"))]
+    false
+}
+
+/// The first `rows` rows of the left factor, all segments behind each other in `row` pairs, and zeros up to `SQUARE` rows.
+fn turn(product: &Product<'_>, rows: usize, row: usize, out: &mut [u32]) {
+    for segment in 0..product.segments {
+        let left = &product.left[segment * product.left_segment..];
+        let first = segment * product.pairs;
+        if rows == SQUARE && product.left_pair == STRIP && product.left_row == 1 {
+            for (i, k) in
+                (0..SQUARE).step_by(TILE).flat_map(|i| (0..product.pairs).step_by(TILE).map(move |k| (i, k)))
+            {
+                let from = &left[k * STRIP + i..][..(TILE - 1) * STRIP + TILE];
+                let to = &mut out[i * row + first + k..][..(TILE - 1) * row + TILE];
+                #[expect(unsafe_code, reason = "instructions that the CPU was asked for")]
+                // SAFETY: a `Proof` exists, and with it AVX-512; both slices have TILE rows of TILE values.
+                unsafe {
+                    transpose(from.as_ptr(), STRIP, to.as_mut_ptr(), row);
+                }
+            }
+            continue;
+        }
+        for i in 0..SQUARE {
+            for k in 0..product.pairs {
+                let value = if i < rows { left[i * product.left_row + k * product.left_pair] } else { 0 };
+                out[i * row + first + k] = value;
+            }
+        }
+    }
+}
+
+/// A square of the result; all slices begin at its first element, the left factor has all rows of a square.
+fn multiply_square(
+    tiles: &Configured,
+    out: &mut [f32],
+    result: Extent,
+    product: Product<'_>,
+    accumulate: bool,
+) {
+    if result.rows == SQUARE && result.columns == SQUARE {
+        run(tiles, &mut out[..(SQUARE - 1) * result.stride + SQUARE], result.stride, product, accumulate);
+        return;
+    }
+    let mut whole = Aligned([0.0; SQUARE * SQUARE]);
+    let whole = &mut whole.0;
+    let rows = whole.chunks_exact_mut(SQUARE).zip(out.chunks_mut(result.stride)).take(result.rows);
+    if accumulate {
+        rows.for_each(|(whole, out)| whole[..result.columns].copy_from_slice(&out[..result.columns]));
+    }
+    run(tiles, whole, SQUARE, product, accumulate);
+    let rows = whole.chunks_exact(SQUARE).zip(out.chunks_mut(result.stride)).take(result.rows);
+    rows.for_each(|(whole, out)| out[..result.columns].copy_from_slice(&whole[..result.columns]));
+}
+
+/// Tiles as they are used here, until it is dropped: a fifth of a product's time where every square does it.
+struct Configured;
+
+impl Configured {
+    fn new(_: Proof) -> Self {
+        let first = |length: usize, value: u8| -> [u8; 16] {
+            std::array::from_fn(|at| if at < length { value } else { 0 })
+        };
+        // `ldtilecfg`: palette 1; of eight tiles the bytes of a row, 16 bits each; their rows.
+        let bytes = std::array::from_fn(|at| if at % 2 == 0 { (TILE * BYTES) as u8 } else { 0 });
+        let settings = [first(1, 1), bytes, [0; 16], first(8, TILE as u8)];
+        #[expect(unsafe_code, reason = "no stable intrinsic")]
+        // SAFETY: a `Proof` is at hand; 64 bytes are read, and nothing but this file uses tiles.
+        unsafe {
+            asm!("ldtilecfg [{}]", in(reg) &raw const settings, options(nostack, readonly, preserves_flags));
+        }
+        Self
+    }
+}
+
+impl Drop for Configured {
+    fn drop(&mut self) {
+        #[expect(unsafe_code, reason = "no stable intrinsic")]
+        // SAFETY: it was made by a `Proof`.
+        unsafe {
+            asm!("tilerelease", options(nostack, nomem, preserves_flags));
+        }
+    }
+}
+
+/// What the loop below reads seldom, and so from memory.
+#[repr(C)]
+struct Settings {
+    out: *mut f32,
+    out_stride: usize,
+    left_segment: usize,
+    right_segment: usize,
+    tiles: usize,
+    accumulate: usize,
+}
+
+/// Lengths in bytes, as the instructions take them.
+const BYTES: usize = size_of::<u32>();
+
+/// Sums of a square, from `accumulate` its own or 0.
+fn run(_: &Configured, out: &mut [f32], stride: usize, product: Product<'_>, accumulate: bool) {
+    let tiles = product.pairs / TILE;
+    let left_end =
+        (SQUARE - 1) * product.left_row + (product.segments - 1) * product.left_segment + product.pairs;
+    let right_end = (product.segments - 1) * product.right_segment + product.pairs * STRIP;
+    assert!(product.left_pair == 1 && product.pairs.is_multiple_of(TILE), "tiles of rows");
+    assert!(left_end <= product.left.len() && right_end <= product.right.len(), "factors of a square");
+    assert!((SQUARE - 1) * stride + SQUARE <= out.len(), "a square of sums");
+    let settings = Settings {
+        out: out.as_mut_ptr(),
+        out_stride: stride * BYTES,
+        left_segment: product.left_segment * BYTES,
+        right_segment: product.right_segment * BYTES,
+        tiles,
+        accumulate: usize::from(accumulate),
+    };
+    #[expect(
+        unsafe_code,
+        reason = "no stable intrinsics: thirty times the speed of AVX-512 BF16 on CPUs that have it"
+    )]
+    // SAFETY: a `Proof` exists, and with it the instructions and the system's leave. Reads and writes are of the lengths
+    // checked above: SQUARE rows of `tiles` tiles of each segment on the left, as many rows of a strip on the right,
+    // and the square of sums. Tiles are configured.
+    unsafe {
+        asm!(
+            "mov {x}, [{s} + 0]",
+            "mov {y}, [{s} + 8]",
+            "mov {z}, {y}",
+            "shl {z}, 4",
+            "add {z}, {x}",
+            "cmp qword ptr [{s} + 40], 0",
+            "je 2f",
+            "tileloadd tmm0, [{x} + {y}*1]",
+            "tileloadd tmm1, [{x} + {y}*1 + 64]",
+            "tileloadd tmm2, [{z} + {y}*1]",
+            "tileloadd tmm3, [{z} + {y}*1 + 64]",
+            "jmp 3f",
+            "2:",
+            "tilezero tmm0",
+            "tilezero tmm1",
+            "tilezero tmm2",
+            "tilezero tmm3",
+            "3:",
+            // A segment: x and z go along the left factor's two tiles, y along the right one's.
+            "mov {x}, {left}",
+            "mov {z}, {left_row}",
+            "shl {z}, 4",
+            "add {z}, {x}",
+            "mov {y}, {right}",
+            "mov {n}, [{s} + 32]",
+            "4:",
+            "tileloadd tmm4, [{x} + {left_row}*1]",
+            "tileloadd tmm6, [{y} + {right_row}*1]",
+            "tileloadd tmm5, [{z} + {left_row}*1]",
+            "tileloadd tmm7, [{y} + {right_row}*1 + 64]",
+            "tdpbf16ps tmm0, tmm4, tmm6",
+            "tdpbf16ps tmm2, tmm5, tmm6",
+            "tdpbf16ps tmm1, tmm4, tmm7",
+            "tdpbf16ps tmm3, tmm5, tmm7",
+            "add {x}, 64",
+            "add {z}, 64",
+            "add {y}, 2048",
+            "dec {n}",
+            "jnz 4b",
+            "add {left}, [{s} + 16]",
+            "add {right}, [{s} + 24]",
+            "dec {segments}",
+            "jnz 3b",
+            "mov {x}, [{s} + 0]",
+            "mov {y}, [{s} + 8]",
+            "mov {z}, {y}",
+            "shl {z}, 4",
+            "add {z}, {x}",
+            "tilestored [{x} + {y}*1], tmm0",
+            "tilestored [{x} + {y}*1 + 64], tmm1",
+            "tilestored [{z} + {y}*1], tmm2",
+            "tilestored [{z} + {y}*1 + 64], tmm3",
+            s = in(reg) &raw const settings,
+            left = inout(reg) product.left.as_ptr() => _,
+            right = inout(reg) product.right.as_ptr() => _,
+            segments = inout(reg) product.segments => _,
+            left_row = in(reg) product.left_row * BYTES,
+            right_row = in(reg) STRIP * BYTES,
+            x = out(reg) _,
+            y = out(reg) _,
+            z = out(reg) _,
+            n = out(reg) _,
+            out("tmm0") _, out("tmm1") _, out("tmm2") _, out("tmm3") _,
+            out("tmm4") _, out("tmm5") _, out("tmm6") _, out("tmm7") _,
+            options(nostack),
+        );
+    }
+}
+
+/// `to[j·to_row + i] = from[i·from_row + j]`, of 16 by 16.
+///
+/// # Safety
+/// The CPU has the feature; both have 16 rows of 16 values.
+#[expect(unsafe_code, reason = "loads and stores through pointers")]
+#[target_feature(enable = "avx512f")]
+unsafe fn transpose(from: *const u32, from_row: usize, to: *mut u32, to_row: usize) {
+    let row = |i: usize| from.wrapping_add(i * from_row).cast::<__m512i>();
+    // SAFETY: as the function's.
+    let rows: [__m512i; TILE] = std::array::from_fn(|i| unsafe { _mm512_loadu_si512(row(i)) });
+    // Of four rows i + 0..4, in each 128-bit lane l: [c] has column 4·l + c of all four.
+    let mut fours = [rows[0]; TILE];
+    for i in (0..TILE).step_by(4) {
+        let [a, b, c, d] = [rows[i], rows[i + 1], rows[i + 2], rows[i + 3]];
+        let (low, high) = (_mm512_unpacklo_epi32(a, b), _mm512_unpackhi_epi32(a, b));
+        let (low_2, high_2) = (_mm512_unpacklo_epi32(c, d), _mm512_unpackhi_epi32(c, d));
+        fours[i] = _mm512_unpacklo_epi64(low, low_2);
+        fours[i + 1] = _mm512_unpackhi_epi64(low, low_2);
+        fours[i + 2] = _mm512_unpacklo_epi64(high, high_2);
+        fours[i + 3] = _mm512_unpackhi_epi64(high, high_2);
+    }
+    for c in 0..4 {
+        let [a, b, d, e] = [fours[c], fours[c + 4], fours[c + 8], fours[c + 12]];
+        // Lanes 0 and 2, then 1 and 3, of two by two.
+        let (even, odd) = (_mm512_shuffle_i32x4::<0x88>(a, b), _mm512_shuffle_i32x4::<0xdd>(a, b));
+        let (even_2, odd_2) = (_mm512_shuffle_i32x4::<0x88>(d, e), _mm512_shuffle_i32x4::<0xdd>(d, e));
+        let columns = [
+            _mm512_shuffle_i32x4::<0x88>(even, even_2),
+            _mm512_shuffle_i32x4::<0x88>(odd, odd_2),
+            _mm512_shuffle_i32x4::<0xdd>(even, even_2),
+            _mm512_shuffle_i32x4::<0xdd>(odd, odd_2),
+        ];
+        for (lane, column) in columns.into_iter().enumerate() {
+            let to = to.wrapping_add((4 * lane + c) * to_row).cast();
+            // SAFETY: as the function's.
+            unsafe { _mm512_storeu_si512(to, column) };
+        }
+    }
+}
