@@ -28,7 +28,7 @@ use schedule::Schedule;
 #[error("training plan: {0}")]
 pub struct RecipeError(pub String);
 
-/// What a step minimises, averaged over the batch.
+/// What a step minimises, averaged over the batch; by the paper's network's gradient with [`crate::siren::output::weight`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Loss {

@@ -61,6 +61,10 @@ shared! {
     SIGMOID_LIMIT: f32 = 80.0;
     /// How far the sigmoid reaches below 0.
     STRETCH: f32 = imf_fields::siren::output::STRETCH as f32;
+    /// What small targets count more.
+    SMALL_MORE: f32 = imf_fields::siren::output::SMALL_MORE as f32;
+    /// See [`SMALL_MORE`].
+    SMALL_BELOW: f32 = imf_fields::siren::output::SMALL_BELOW as f32;
     /// Inputs of the paper's network.
     INPUTS: u32 = imf_fields::siren::INPUTS as u32;
     /// Added to the root of SOAP's second moments.
