@@ -108,8 +108,7 @@
     tell('voxels …');
     const made = await ask('scene', { part, file: bytes, name: file?.name, unit: get('unit').value, tool: get('tool').value, pitch });
     ({ unit, dims } = made);
-    get('layer').max = dims[2] - 1;
-    get('layer').value = Math.floor(dims[2] / 2);
+    set_layers(dims[2]);
     show_part(made.corners, () => [160, 160, 165]);
     if (tool) stage.remove(tool);
     tool = mesh_of(made.tool, new THREE.MeshLambertMaterial({ color: 0x4c78a8, side: THREE.DoubleSide }));
@@ -210,10 +209,15 @@
     }
     show_layer();
   };
+  const say = id => { get(id).nextElementSibling.value = id === 'layer' ? get(id).value : `${get(id).value}°`; };
+  const set_layers = count => {
+    get('layer').max = count - 1;
+    get('layer').value = Math.floor(count / 2);
+    say('layer');
+  };
   for (const id of ['theta', 'phi', 'layer']) {
-    const say = () => { get(id).nextElementSibling.value = id === 'layer' ? get(id).value : `${get(id).value}°`; };
-    get(id).addEventListener('input', guarded(async () => { say(); if (id === 'layer') show_layer(); else if (values || compared) await show_section(); }));
-    say();
+    get(id).addEventListener('input', guarded(async () => { say(id); if (id === 'layer') show_layer(); else if (values || compared) await show_section(); }));
+    say(id);
   }
   get('over').addEventListener('change', guarded(show_section));
   get('field').addEventListener('change', guarded(async ({ target: { files: [given] } }) => {
@@ -221,8 +225,7 @@
     const found = await ask('field', { name: given.name, file: await given.arrayBuffer() });
     compared = { ...found };
     get('fitted').parentElement.hidden = get('over').parentElement.hidden = false;
-    get('layer').max = found.dims[2] - 1;
-    get('layer').value = Math.floor(found.dims[2] / 2);
+    set_layers(found.dims[2]);
     await show_section();
   }));
 

@@ -1,6 +1,7 @@
 //! Weights in f16 that are widened on their way into a register. A single pose reads every weight once or twice and does
 //! little else, so half the bytes are nearly half the time; the values are those of the same weights in `f32`, bit for bit.
 
+#[cfg(target_arch = "x86_64")]
 use half::f16;
 use pulp::{Arch, Simd};
 
@@ -32,18 +33,20 @@ pub struct HalfPanels {
 
 impl HalfPanels {
     /// `None` where a weight needs more than f16, or the CPU would gain nothing.
+    #[cfg(target_arch = "x86_64")]
     pub(crate) fn of(arch: Arch, panels: &[f32]) -> Option<Self> {
-        match arch {
-            #[cfg(target_arch = "x86_64")]
-            Arch::V4(simd) => {
-                let half = |&weight: &f32| {
-                    let half = f16::from_f32(weight);
-                    (half.to_f32().to_bits() == weight.to_bits()).then_some(half.to_bits())
-                };
-                Some(Self { panels: panels.iter().map(half).collect::<Option<_>>()?, simd })
-            }
-            _ => None,
-        }
+        let Arch::V4(simd) = arch else { return None };
+        let half = |&weight: &f32| {
+            let half = f16::from_f32(weight);
+            (half.to_f32().to_bits() == weight.to_bits()).then_some(half.to_bits())
+        };
+        Some(Self { panels: panels.iter().map(half).collect::<Option<_>>()?, simd })
+    }
+
+    /// There are none of these.
+    #[cfg(not(target_arch = "x86_64"))]
+    pub(crate) fn of(_: Arch, _: &[f32]) -> Option<Self> {
+        None
     }
 
     /// The weights, laid out as the panels were.

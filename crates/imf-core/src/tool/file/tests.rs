@@ -1,0 +1,91 @@
+//! Tool files: what is read, and what is refused in which words.
+
+use crate::tool::file::*;
+use crate::tool::ElementKind;
+
+fn read(text: &str) -> Result<Tool, FileError> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("tool.toml");
+    std::fs::write(&path, text).unwrap();
+    Tool::read(&path)
+}
+
+const BALL: &str = "[cutter]\nshape = 'ball'\ndiameter = 10\nlength = 35\n";
+
+#[test]
+fn the_papers_tool_can_be_written_down() {
+    let tool = read(&format!("{BALL}[[holder]]\ndiameter = 29\nlength = 48\n")).unwrap();
+    assert_eq!(tool.shape, Tool::paper().shape);
+}
+
+#[test]
+fn stick_out_hides_what_is_in_the_holder() {
+    let text = format!("stick_out = 30\n{BALL}[[holder]]\ndiameter = 29\nlength = 48\n");
+    let tool = read(&text).unwrap();
+    assert_eq!(tool.length(), 78.0);
+    let ToolShape::Revolved(elements) = tool.shape else { panic!() };
+    assert_eq!(elements[0].profile[1].range(), (5.0, 30.0));
+    let text =
+        format!("stick_out = 50\n{BALL}[shank]\ndiameter = 8\n[[holder]]\ndiameter = 29\nlength = 40\n");
+    let ToolShape::Revolved(elements) = read(&text).unwrap().shape else { panic!() };
+    assert_eq!((elements[1].kind, elements[1].profile[0].range()), (ElementKind::Shank, (35.0, 50.0)));
+}
+
+#[test]
+fn every_cutter_shape_is_smooth_where_arc_meets_flank() {
+    for shape in [
+        "'bull'\ncorner_radius = 2",
+        "'tapered'\nhalf_angle = 8",
+        "'tapered'\nhalf_angle = 8\ncorner_radius = 1",
+    ] {
+        let tool = read(&format!("[cutter]\nshape = {shape}\ndiameter = 10\nlength = 30\n")).unwrap();
+        let ToolShape::Revolved(elements) = tool.shape else { panic!() };
+        let [arc, line] = elements[0].profile[..] else { panic!() };
+        let joint = arc.range().1;
+        assert!((arc.radius(joint) - line.radius(joint)).abs() < 1e-12);
+        let slope = |s: Segment, side: f64| (s.radius(joint + side * 1e-6) - s.radius(joint)) / (side * 1e-6);
+        assert!((slope(arc, -1.0) - slope(line, 1.0)).abs() < 1e-5, "{shape}");
+    }
+    let flat = read("[cutter]\nshape = 'flat'\ndiameter = 10\nlength = 30\n").unwrap();
+    assert!((flat.volume() - 25.0 * std::f64::consts::PI * 30.0).abs() < 1e-9);
+}
+
+#[test]
+fn a_mesh_says_which_of_its_vertices_cut() {
+    let folder = tempfile::tempdir().unwrap();
+    let corners = "v -1 -1 0\nv 1 -1 0\nv 0 1 0\nv 0 0 30\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n";
+    std::fs::write(folder.path().join("head.obj"), corners).unwrap();
+    let read = |within: &str| {
+        let path = folder.path().join("tool.toml");
+        std::fs::write(&path, format!("mesh = 'head.obj'\nsharp_points = {{ within = {within} }}")).unwrap();
+        Tool::read(&path)
+    };
+    let SharpPoints::Points(points) = read("10").unwrap().sharp_points else { panic!() };
+    assert_eq!(points.len(), 3);
+    for wrong in ["0.5", "-1.0", "nan"] {
+        let Fault { line, cause, .. } = read(wrong).unwrap_err().fault;
+        assert!(line == Some(2) && cause.contains("within"), "{wrong}: {cause}");
+    }
+}
+
+#[test]
+fn mistakes_name_their_line_and_key() {
+    let cases = [
+        ("[cutter]\nshape = 'ball'\ndiameter = -1\nlength = 35\n", 3, "cutter.diameter"),
+        ("[cutter]\nshape = 'cube'\ndiameter = 1\nlength = 35\n", 2, "cube"),
+        ("name = 'x'\n", 1, "[cutter]"),
+        ("[cutter]\nshape = 'ball'\ndiameter = 10\nlength = 35\ncolour = 3\n", 5, "colour"),
+        ("[cutter]\nshape = 'ball'\ndiameter = 10\nlength = 2\n", 4, "cutter.length"),
+        ("[cutter]\nshape = 'bull'\ndiameter = 10\nlength = 20\ncorner_radius = 6\n", 5, "corner_radius"),
+        ("stick_out = 90\n[cutter]\nshape = 'ball'\ndiameter = 10\nlength = 20\n", 1, "stick_out"),
+        ("sharp_points = 'all'\n[cutter]\nshape = 'ball'\ndiameter = 10\nlength = 20\n", 1, "sharp_points"),
+        ("[cutter\n", 1, ""),
+    ];
+    for (text, line, key) in cases {
+        let Fault { line: found, cause, .. } = read(text).unwrap_err().fault;
+        assert_eq!(found, Some(line), "{text}: {cause}");
+        assert!(cause.contains(key), "{text}: {cause}");
+    }
+    let missing = Tool::read(Path::new("no/such/tool.toml")).unwrap_err();
+    assert_eq!(missing.fault.kind, FaultKind::Missing);
+}
