@@ -52,7 +52,7 @@ impl Checker {
         Ok(Self { field, checker })
     }
 
-    /// By pose, 0 free and 1 colliding; what is no pose collides.
+    /// By pose, 0 free and 1 colliding; an invalid pose collides.
     fn classify<'py>(
         &self,
         py: Python<'py>,

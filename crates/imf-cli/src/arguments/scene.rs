@@ -244,7 +244,7 @@ impl SceneArguments {
         let scene = scene.with_clearance(&clearance)?;
         let grid = scene.record.grid;
         let [x, y, z] = grid.dims;
-        let grown = clearance_text(&clearance, scene.record.unit);
+        let clearance = clearance_text(&clearance, scene.record.unit);
         session.note(&format!(
             "{}: {x}×{y}×{z} voxels of {} {}, {} solid; tool {}{}; {}",
             scene.record.part,
@@ -252,7 +252,7 @@ impl SceneArguments {
             scene.record.unit,
             scene.obstacle.count(),
             scene.record.tool.name,
-            grown.map_or_else(String::new, |grown| format!(" offset by a clearance ({grown})")),
+            clearance.map_or_else(String::new, |clearance| format!(" offset by a clearance ({clearance})")),
             if self.conservative {
                 "every voxel that the surface touches is solid"
             } else {

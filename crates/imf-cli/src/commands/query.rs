@@ -148,7 +148,7 @@ impl Work {
                 let kept = if whole { "nothing was written" } else { "no further pose is answered" };
                 return Err(Interrupted(format!("{answered} poses were answered; {kept}")).into());
             }
-            // In the place of what is no pose any other is answered, and the answer is not told.
+            // In the place of an invalid pose any other is answered, and the answer is not told.
             asked.clear();
             asked.extend(answers.poses.iter().map(|pose| pose.unwrap_or(ANY)));
             answers.values = self.measure(&asked, |poses, values| self.field.values(poses, values))?;
@@ -180,7 +180,7 @@ impl Work {
         invalid.check(answered)?;
         if invalid.count > 0 {
             session.warn(&format!(
-                "{} of {answered} lines are no pose and have no answer (decision: invalid), the first of them: {}",
+                "{} of {answered} lines are invalid poses and have no answer (decision: invalid), the first of them: {}",
                 invalid.count, invalid.first
             ));
         }

@@ -1,4 +1,4 @@
-//! Poses as CSV: columns by name, in any order, with others among them. A line whose numbers are no pose is invalid, and the others are
+//! Poses as CSV: columns by name, in any order, with others among them. A line whose pose is invalid is told, and the others are
 //! read all the same; one with other columns than the first is refused with all. What is said names the line and the column.
 
 use std::fs::File;
@@ -71,7 +71,7 @@ pub(super) struct PoseReader<R> {
     invalid: Invalid,
 }
 
-/// What was read and is no pose.
+/// Lines read whose pose is invalid.
 #[derive(Default)]
 pub(super) struct Invalid {
     pub(super) count: u64,
@@ -142,12 +142,12 @@ impl<R: Read> PoseReader<R> {
         self.roll.is_some()
     }
 
-    /// What is no pose of what was read so far.
+    /// Invalid poses of what was read so far.
     pub(super) fn invalid(&self) -> &Invalid {
         &self.invalid
     }
 
-    /// Replaces `records` and `poses` by the next lines, at most `most`, by none at the end; `None` is no pose.
+    /// Replaces `records` and `poses` by the next lines, at most `most`, by none at the end; `None` is an invalid one.
     ///
     /// # Errors
     /// The first line with other columns than the header.
@@ -318,7 +318,7 @@ mod tests {
             let message = format!("{:#}", read(text).unwrap_err());
             assert!(message.contains(expected), "{text:?}: {message}");
         }
-        // Two lines of four are no pose, and the others are.
+        // Two lines of four are invalid poses.
         let table = "x,y,z,i,j,k\n1,2,3,0,0,0\n1,2,3,0,0,1\n1,2,oops,0,0,1\n4,5,6,0,0,1\n";
         let mut reader = PoseReader::new(table.as_bytes(), "poses".into()).unwrap();
         let mut poses = vec![];

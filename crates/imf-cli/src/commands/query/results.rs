@@ -14,7 +14,7 @@ use crate::output::same_digits;
 #[derive(Default)]
 pub(super) struct ResultChunk {
     pub(super) records: Vec<StringRecord>,
-    /// `None` is no pose.
+    /// `None`: an invalid pose.
     pub(super) poses: Vec<Option<Pose>>,
     pub(super) values: Vec<f32>,
     /// Empty unless requested.
@@ -36,7 +36,7 @@ fn decision_text(decision: Decision) -> &'static str {
 }
 
 impl ResultChunk {
-    /// What the fields answered to a line; NaN where it is no pose.
+    /// What the fields answered to a line; NaN where its pose is invalid.
     fn of(&self, index: usize) -> impl Iterator<Item = f32> {
         let values = [Some(self.values[index]), self.exact.get(index).copied()].into_iter().flatten();
         let valid = self.poses[index].is_some();
