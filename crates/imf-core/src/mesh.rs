@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 pub(crate) mod distance;
 mod face_orientation;
 mod features;
+pub(crate) mod groups;
 pub mod read;
 mod refine;
 pub(crate) mod solid_angle;

@@ -4,7 +4,7 @@
 //! self-crossing and inverted meshes (Jacobson et al. 2013). For a closed mesh w is a whole number, and the signed
 //! crossings of a line count it exactly (`columns`). An open mesh is closed by cones over its boundary, which are
 //! counted along, and whose solid angles are then taken away again (`cone`): still exact, and only the boundary's
-//! edges cost a solid angle, for a block of voxels at a time where it decides for all of them (`blocks`). With `conservative`, every voxel that the surface touches is solid as well (`surface`).
+//! edges cost solid angles, for a block of voxels at a time where these decide for all of them (`blocks`). With `conservative`, every voxel that the surface touches is solid as well (`surface`).
 
 mod blocks;
 mod columns;

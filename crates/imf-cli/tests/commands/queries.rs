@@ -173,8 +173,10 @@ fn a_line_that_is_no_pose_is_invalid_and_the_others_are_answered() {
     let all =
         [rows[0], &none("24,70,40,0,0,0"), rows[1], &none("24,NaN,40,0,0,1"), rows[2], &none("24,70,,0,0,1")];
     assert_eq!(run.stdout.lines().collect::<Vec<_>>(), all);
-    let said =
-        ["3 of 5 lines are invalid poses", "poses.csv, line 2, columns i,j,k: the direction must not be zero"];
+    let said = [
+        "3 of 5 lines are invalid poses",
+        "poses.csv, line 2, columns i,j,k: the direction must not be zero",
+    ];
     assert!(said.iter().all(|said| run.stderr.contains(said)), "{}", run.stderr);
     // From a pipe it is only known at the end that there was none.
     let run = folder.run_with_input(&["query", "m.safetensors", "-"], "x,y,z,i,j,k\n1,2,3,0,0,0\n");

@@ -7,6 +7,7 @@ use glam::DVec3;
 use serde::Serialize;
 
 use super::Mesh;
+use super::groups::Groups;
 
 /// Directions at less than this angle, in radians, are one: five hundredths of a millimetre at the end of 100 mm.
 pub(crate) const SAME: f64 = 5e-4;
@@ -125,41 +126,6 @@ fn axis(members: &[usize], vectors: &[DVec3], enough: f64) -> Option<DVec3> {
     let square = members.iter().filter(|&&t| vectors[t].normalize_or_zero().dot(axis).abs() < SQUARE);
     let axis = axis.map(|v| if v.abs() < 1e-9 { 0.0 } else { v });
     (square.map(|&t| vectors[t].length()).sum::<f64>() > 0.98 * area).then(|| axis.normalize())
-}
-
-/// Sets of triangles that are joined.
-struct Groups {
-    parent: Vec<usize>,
-}
-
-impl Groups {
-    fn new(count: usize) -> Self {
-        Self { parent: (0..count).collect() }
-    }
-
-    fn root(&mut self, mut index: usize) -> usize {
-        while self.parent[index] != index {
-            self.parent[index] = self.parent[self.parent[index]];
-            index = self.parent[index];
-        }
-        index
-    }
-
-    fn join(&mut self, a: usize, b: usize) {
-        let (a, b) = (self.root(a), self.root(b));
-        self.parent[a.max(b)] = a.min(b);
-    }
-
-    /// In the order of their first members.
-    fn members(&mut self) -> Vec<Vec<usize>> {
-        let mut members = vec![Vec::new(); self.parent.len()];
-        for index in 0..self.parent.len() {
-            let root = self.root(index);
-            members[root].push(index);
-        }
-        members.retain(|group| !group.is_empty());
-        members
-    }
 }
 
 #[cfg(test)]

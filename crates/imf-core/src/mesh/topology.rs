@@ -9,6 +9,7 @@ use glam::DVec3;
 use serde::Serialize;
 
 use super::Mesh;
+use super::groups::Groups;
 use crate::parallel;
 use crate::unit::{Length, LengthUnit};
 
@@ -50,28 +51,16 @@ pub(crate) fn boundary_chain(mesh: &Mesh) -> Vec<([u32; 2], i32)> {
 
 /// Number of pieces of a mesh: sets of triangles connected by shared vertices.
 pub(crate) fn component_count(mesh: &Mesh) -> usize {
-    fn root(parents: &mut [u32], mut vertex: u32) -> u32 {
-        while parents[vertex as usize] != vertex {
-            // Path halving keeps the trees flat.
-            let grandparent = parents[parents[vertex as usize] as usize];
-            parents[vertex as usize] = grandparent;
-            vertex = grandparent;
-        }
-        vertex
-    }
-    let mut parents: Vec<u32> = (0..mesh.vertices.len() as u32).collect();
+    let mut groups = Groups::new(mesh.vertices.len());
     let mut used = vec![false; mesh.vertices.len()];
     for &[a, b, c] in &mesh.triangles {
-        for (from, to) in [(a, b), (b, c)] {
-            let (from, to) = (root(&mut parents, from), root(&mut parents, to));
-            // The smaller index becomes the root.
-            parents[from.max(to) as usize] = from.min(to);
-        }
+        groups.join(a as usize, b as usize);
+        groups.join(b as usize, c as usize);
         for vertex in [a, b, c] {
             used[vertex as usize] = true;
         }
     }
-    (0..parents.len()).filter(|&v| used[v] && parents[v] as usize == v).count()
+    (0..used.len()).filter(|&vertex| used[vertex] && groups.root(vertex) == vertex).count()
 }
 
 /// Facts about a mesh. Lengths and volumes are in the mesh's own unit.

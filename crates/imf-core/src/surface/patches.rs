@@ -5,6 +5,7 @@ use std::collections::HashMap;
 use glam::DVec3;
 
 use super::SurfaceSamples;
+use crate::mesh::groups::Groups;
 
 /// Samples of one connected patch of a surface.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,7 +28,7 @@ impl SurfaceSamples {
     #[must_use]
     pub fn patches(&self, class: impl Fn(usize) -> Option<u32>) -> Vec<SurfacePatch> {
         let count = self.samples.len();
-        let mut parents: Vec<usize> = (0..count).collect();
+        let mut groups = Groups::new(count);
         let mut first_at: HashMap<([u64; 3], u32), usize> = HashMap::new();
         let chosen: Vec<usize> = (0..count).filter(|&sample| class(sample).is_some()).collect();
         for &sample in &chosen {
@@ -36,14 +37,13 @@ impl SurfaceSamples {
                 // Adding zero turns minus zero into zero.
                 let at = (corner + 0.0).to_array().map(f64::to_bits);
                 let first = *first_at.entry((at, class)).or_insert(sample);
-                let (a, b) = (root(&mut parents, first), root(&mut parents, sample));
-                parents[a.max(b)] = a.min(b);
+                groups.join(first, sample);
             }
         }
         let mut patches: Vec<SurfacePatch> = Vec::new();
         let mut patch_of: HashMap<usize, usize> = HashMap::new();
         for &sample in &chosen {
-            let at = *patch_of.entry(root(&mut parents, sample)).or_insert_with(|| {
+            let at = *patch_of.entry(groups.root(sample)).or_insert_with(|| {
                 let bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
                 let (middle, normal) = (DVec3::ZERO, DVec3::ZERO);
                 patches.push(SurfacePatch { samples: Vec::new(), area: 0.0, middle, normal, bounds });
@@ -65,14 +65,6 @@ impl SurfaceSamples {
         patches.sort_by(|a, b| b.area.total_cmp(&a.area));
         patches
     }
-}
-
-fn root(parents: &mut [usize], mut at: usize) -> usize {
-    while parents[at] != at {
-        parents[at] = parents[parents[at]];
-        at = parents[at];
-    }
-    at
 }
 
 #[cfg(test)]

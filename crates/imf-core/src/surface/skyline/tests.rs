@@ -1,7 +1,7 @@
 //! The skyline against the solid that it is of.
 
-use crate::surface::skyline::*;
 use crate::grid::Grid;
+use crate::surface::skyline::*;
 
 fn line(from: f64, to: f64, radius_from: f64, radius_to: f64) -> Segment {
     Segment::Line { from, to, radius_from, radius_to }

@@ -1,7 +1,7 @@
 //! Tool files: what is read, and what is refused in which words.
 
-use crate::tool::file::*;
 use crate::tool::ElementKind;
+use crate::tool::file::*;
 
 fn read(text: &str) -> Result<Tool, FileError> {
     let folder = tempfile::tempdir().unwrap();
