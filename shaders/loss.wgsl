@@ -1,6 +1,5 @@
 // Purpose: loss of every sample and the delta that starts the backward pass:
-//   y = open(s), for a target t of 0 max(open(s), 0);  w = 1 + SMALL_MORE · exp(−t / SMALL_BELOW)
-//   Δ = scale · w · ∂loss/∂y · ∂y/∂s / count
+//   y = open(s), for a target t of 0 max(open(s), 0);  Δ = scale · w · ∂loss/∂y · ∂y/∂s / count
 //
 // One invocation computes every (invocations)-th row. Rows of padding get loss and delta 0, which keeps them out of
 // every gradient.
@@ -29,7 +28,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
             let y = select(output_value(open), open, goal > 0.0);
             let error = y - goal;
             let slope = select(sign(error), 2.0 * error, step.loss == LOSS_L2);
-            let weight = 1.0 + SMALL_MORE * exp(-goal / SMALL_BELOW);
+            let weight = select(1.0, 1.0 + SMALL_MORE * exp(-goal / SMALL_BELOW), step.loss == LOSS_L1_SMALL);
             loss = select(abs(error), error * error, step.loss == LOSS_L2);
             delta = weight * slope * open_slope(open) * (step.scale * step.inverse_count);
         }

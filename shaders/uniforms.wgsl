@@ -49,7 +49,7 @@ struct Step {
     scale: f32,
     /// Values learnt of a sample, padding left out.
     learnt: u32,
-    /// `LOSS_L1` or `LOSS_L2`.
+    /// `LOSS_L1`, `LOSS_L2` or `LOSS_L1_SMALL`.
     loss: u32,
     /// Where the step's mean loss goes.
     slot: u32,

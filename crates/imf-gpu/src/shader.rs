@@ -39,6 +39,8 @@ shared! {
     LOSS_L1: u32 = 0;
     /// `Step::loss` for the mean squared error.
     LOSS_L2: u32 = 1;
+    /// `Step::loss` for the mean absolute error with small targets counted more.
+    LOSS_L1_SMALL: u32 = 2;
     /// Voxels of a line whose counts one invocation adds up together: four words of bits.
     COUNT_PLACES: u32 = 128;
     /// Binary digits of such a count, as many as `count_differences.wgsl` writes out: at most 262,143 run-length differences an orientation.
@@ -62,9 +64,9 @@ shared! {
     /// How far the sigmoid reaches below 0.
     STRETCH: f32 = imf_fields::siren::output::STRETCH as f32;
     /// What small targets count more.
-    SMALL_MORE: f32 = imf_fields::siren::output::SMALL_MORE as f32;
+    SMALL_MORE: f32 = imf_fields::recipe::Loss::SMALL_MORE as f32;
     /// See [`SMALL_MORE`].
-    SMALL_BELOW: f32 = imf_fields::siren::output::SMALL_BELOW as f32;
+    SMALL_BELOW: f32 = imf_fields::recipe::Loss::SMALL_BELOW as f32;
     /// Inputs of the paper's network.
     INPUTS: u32 = imf_fields::siren::INPUTS as u32;
     /// Added to the root of SOAP's second moments.

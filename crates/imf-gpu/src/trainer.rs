@@ -22,7 +22,7 @@ use imf_train::training::TrainingEngine;
 use crate::device::Gpu;
 use crate::forward::{Network, layout_for};
 use crate::kernel::{Dispatch, uniform};
-use crate::shader::{LOSS_L1, LOSS_L2};
+use crate::shader::{LOSS_L1, LOSS_L1_SMALL, LOSS_L2};
 use crate::submit::Recorder;
 use crate::uniforms::{Batch, Step};
 use plan::{LOSS_SLOTS, plan, slice};
@@ -282,6 +282,7 @@ impl GpuTrainer {
             loss: match loss {
                 Loss::L1 => LOSS_L1,
                 Loss::L2 => LOSS_L2,
+                Loss::L1Small => LOSS_L1_SMALL,
             },
             slot: self.slot as u32,
             first: 1,

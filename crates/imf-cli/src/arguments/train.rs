@@ -91,7 +91,7 @@ pub(crate) struct FactoredArguments {
                   --steps 30000\n\n\
                   Writes field.safetensors, checkpoint.safetensors (for --resume), log.jsonl and loss.png. Ctrl-C writes a \
                   checkpoint and stops.\n\n--set also takes seed (0), schedule (cosine: down to a hundredth over all steps; exponential: the \
-                  paper's, from 5e-4 and ×0.93 every epoch), loss (l1 or l2), precision (f32; bf16, on CPUs with AVX-512 BF16; f16, on \
+                  paper's, from 5e-4 and ×0.93 every epoch), loss (l1, l2 or l1-small), precision (f32; bf16, on CPUs with AVX-512 BF16; f16, on \
                   GPUs), weight_decay (1e-6), rate_rule (how the rate follows the batch from 1024 on: constant, sqrt, linear), \
                   held_out (16384 poses to watch the error at), held_out_every (steps) and checkpoint_every (60 seconds)."
 )]

@@ -13,7 +13,7 @@ pub(crate) fn loss_chart(record: &TrainingRecord) -> Chart {
     if let Some(held_out) = &record.held_out {
         let errors = held_out.errors.iter();
         let (name, points) = match record.plan.loss {
-            Loss::L1 => ("held out (MAE)", errors.map(|e| (e.step as f64, e.mae)).collect()),
+            Loss::L1 | Loss::L1Small => ("held out (MAE)", errors.map(|e| (e.step as f64, e.mae)).collect()),
             Loss::L2 => ("held out (MSE)", errors.map(|e| (e.step as f64, e.mse)).collect()),
         };
         series.push(Series { name: name.into(), points, markers: false });

@@ -138,6 +138,11 @@ impl DistillSettings {
     pub fn check(&self) -> Result<(), RecipeError> {
         self.plan.check()?;
         self.online.map_or(Ok(()), |online| online.check())?;
+        if self.plan.loss == Loss::L1Small {
+            return Err(RecipeError(
+                "loss l1-small is for the paper's network, whose outputs are shares".into(),
+            ));
+        }
         if let Some(fault) = self.symmetry.fault() {
             return Err(RecipeError(fault));
         }

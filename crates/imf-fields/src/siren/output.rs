@@ -7,19 +7,6 @@
 /// How far the sigmoid reaches below 0, `e`. At 0.003 and 0.03 the minimum over directions errs a tenth more (`docs/lab/paper-network.md`).
 pub const STRETCH: f64 = 0.01;
 
-/// What a sample of value 0 counts in training beyond one, and the value at which it counts e times less of that. The minimum over
-/// directions is made of small values: it errs half as much as with equal weights, and sections err no more.
-pub const SMALL_MORE: f64 = 6.0;
-/// See [`SMALL_MORE`].
-pub const SMALL_BELOW: f64 = 0.03;
-
-/// What a sample counts in the gradient: 7 at a target of 0, 1 where it is large. The loss that a training tells is the plain
-/// mean over samples.
-#[must_use]
-pub fn weight(target: f64) -> f64 {
-    1.0 + SMALL_MORE * (-target / SMALL_BELOW).exp()
-}
-
 /// The output of one sample.
 #[derive(Clone, Copy, Debug)]
 pub struct Output {

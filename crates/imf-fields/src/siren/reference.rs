@@ -1,7 +1,7 @@
 //! The network, its loss and one Adam step in f64, written as the mathematics: the definition that every fast
 //! engine is tested against. Slow on purpose.
 
-use super::output::{Output, weight};
+use super::output::Output;
 use super::stack::Stack;
 use super::{INPUTS, SirenShape};
 use crate::recipe::{AdamConfig, Loss};
@@ -83,8 +83,7 @@ fn output(kept: &Activations) -> Output {
     Output::of_sum(kept.sums.last().map_or(0.0, |sums| sums[0]))
 }
 
-/// Mean loss of a batch, and the gradient with respect to every parameter of the same loss with each sample counted by its
-/// [`weight`].
+/// Mean loss of a batch and its gradient with respect to every parameter, each sample counted by [`Loss::weight`] in that.
 ///
 /// # Panics
 /// If the lengths of `inputs`, `targets` or `parameters` do not fit.
@@ -104,7 +103,7 @@ pub fn loss_and_gradient(
         let kept = activations(&stack, parameters, input);
         let (output, slope) = output(&kept).learnt(target);
         total += loss.value(output, target) / count;
-        let delta = weight(target) * loss.slope(output, target) / count * slope;
+        let delta = loss.slope(output, target) / count * slope;
         backward(&stack, parameters, &kept, vec![delta], &mut gradient);
     }
     (total, gradient)
@@ -168,11 +167,13 @@ mod tests {
     fn parameter_gradient_agrees_with_central_differences() {
         let inputs = [INPUT, [0.9, 0.4, -0.6, 0.2, -0.8], [-0.4, 0.1, 0.8, -0.2, 0.5]];
         let targets = [0.1, 0.9, 0.0];
-        for (loss, bias) in [Loss::L1, Loss::L2].into_iter().flat_map(|loss| [(loss, 0.2), (loss, BELOW)]) {
+        for (loss, bias) in
+            [Loss::L1, Loss::L2, Loss::L1Small].into_iter().flat_map(|loss| [(loss, 0.2), (loss, BELOW)])
+        {
             let weights = parameters(bias);
             let (_, gradient) = loss_and_gradient(&SHAPE, &weights, &inputs, &targets, loss);
             let one = |w: &[f64], input, target| {
-                weight(target) * loss_and_gradient(&SHAPE, w, &[input], &[target], loss).0
+                loss.weight(target) * loss_and_gradient(&SHAPE, w, &[input], &[target], loss).0
             };
             let value =
                 |w: &[f64]| inputs.into_iter().zip(targets).map(|(x, t)| one(w, x, t)).sum::<f64>() / 3.0;

@@ -60,7 +60,7 @@ fn worst(found: &[f32], expected: &[f64], absolute: f64, relative: f64) -> f64 {
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
 fn loss_and_gradient_agree_with_the_definition() {
     for gpu in every_device() {
-        for loss in [Loss::L1, Loss::L2] {
+        for loss in [Loss::L1, Loss::L2, Loss::L1Small] {
             for (width, hidden, skip_after, count, at_foot) in [
                 (37, 4, Some(2), 77, false),
                 (37, 4, Some(2), 77, true),

@@ -139,7 +139,7 @@ fn train_to_coefficients(
     let targets = Targets::new(field, settings.symmetry).map_err(|error| RecipeError(error.to_string()))?;
     // A loss in units of the field: outputs are coefficients over the scale.
     let unit = match plan.loss {
-        Loss::L1 => f64::from(targets.scale),
+        Loss::L1 | Loss::L1Small => f64::from(targets.scale),
         Loss::L2 => f64::from(targets.scale) * f64::from(targets.scale),
     };
     let mut order = Voxels::new(plan, &field.grid, settings.symmetry, start.cursor);

@@ -3,7 +3,7 @@
 use crate::engine::backward::Backward;
 use imf_fields::recipe::Loss;
 use imf_fields::siren::forward::Network;
-use imf_fields::siren::output::{Output, weight};
+use imf_fields::siren::output::Output;
 use imf_fields::siren::plan::BLOCK;
 use imf_fields::siren::scratch::ScratchPool;
 use imf_fields::siren::stack::{Stack, TrainedEnding};
@@ -43,17 +43,17 @@ pub(super) struct BlockLoss {
 }
 
 impl BlockLoss {
-    /// The summed loss of some samples; the output layer's sums become its δ, by the paper's network's weights of samples.
+    /// The summed loss of some samples; the output layer's sums become its δ.
     pub(super) fn take(self, outputs: &mut [f32], targets: &[f32]) -> f64 {
         let mut loss = 0.0;
         for (delta, &target) in outputs.iter_mut().zip(targets) {
             let target = f64::from(target);
-            let ((output, slope), weight) = match self.ending {
-                TrainedEnding::Sigmoid => (Output::of_sum(f64::from(*delta)).learnt(target), weight(target)),
-                TrainedEnding::Linear => ((f64::from(*delta), 1.0), 1.0),
+            let (output, slope) = match self.ending {
+                TrainedEnding::Sigmoid => Output::of_sum(f64::from(*delta)).learnt(target),
+                TrainedEnding::Linear => (f64::from(*delta), 1.0),
             };
             loss += self.loss.value(output, target);
-            *delta = (weight * self.loss.slope(output, target) / self.batch * slope) as f32;
+            *delta = (self.loss.slope(output, target) / self.batch * slope) as f32;
         }
         loss
     }

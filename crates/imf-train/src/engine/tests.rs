@@ -50,7 +50,8 @@ fn the_gradient_is_the_definitions() {
         (shape(1, 2, Some(1)), 1, false),
         (shape(300, 3, Some(2)), 130, false),
     ] {
-        for (arch, loss) in archs().into_iter().flat_map(|arch| [(arch, Loss::L1), (arch, Loss::L2)]) {
+        let losses = [Loss::L1, Loss::L2, Loss::L1Small];
+        for (arch, loss) in archs().into_iter().flat_map(|arch| losses.map(|loss| (arch, loss))) {
             let mut engine = engine(shape, loss, count + 60, 5);
             engine.arch = arch;
             let (inputs, mut targets) = batch(count, 9);
