@@ -40,7 +40,6 @@ pub enum Loss {
     /// Mean absolute error whose gradient counts a sample more the smaller its target is, up to `1 +` [`Loss::SMALL_MORE`] times: the
     /// minimum over directions is made of small values. It is for the paper's network, where that is wide and trained long
     /// (`docs/lab/paper-network.md`); the loss that is told is the plain mean.
-    #[serde(rename = "l1-small")]
     L1Small,
 }
 
