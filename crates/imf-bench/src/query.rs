@@ -75,7 +75,7 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
             found.iter_mut().zip(poses).for_each(|(found, pose)| *found = decided(exact.collides(pose)));
             Ok(())
         })?,
-        trial.values("ExactField", ["exact overlap", "exact counts"], &exact)?,
+        trial.values("ExactField", ["exact overlap", "exact counts"], BATCH, &exact)?,
         trial.single(["exact count", "every direction new"], |pose| exact.count(pose).is_some())?,
         trial.single(["lower bound of the clearance", "distances along the axis"], |pose| {
             exact.clearance_bound(pose).is_some()
@@ -115,8 +115,10 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
             Quantity::Overlap => ("overlap, approximate", "overlap with both gradients"),
             Quantity::Depth => ("depth, approximate", "depth with both gradients"),
         };
-        rows.push(trial.values(&name, [value, &how], model)?);
-        rows.push(trial.gradients(&name, [slopes, &how], model)?);
+        for batch in [BATCH, 1] {
+            rows.push(trial.values(&name, [value, &how], batch, model)?);
+            rows.push(trial.gradients(&name, [slopes, &how], batch, model)?);
+        }
     }
     let few = &poses[..poses.len().min(arguments.rival_poses as usize)];
     session.note("Coal, FCL, vamp and parry3d");
@@ -216,14 +218,20 @@ impl Trial<'_> {
         })
     }
 
-    fn values(&self, name: &str, about: [&str; 2], field: &dyn PoseField) -> Result<Row> {
-        let mut values = [0.0; BATCH];
-        self.row(name, about, BATCH, |poses, _| Ok(field.values(poses, &mut values[..poses.len()])?))
+    fn values(&self, name: &str, about: [&str; 2], batch: usize, field: &dyn PoseField) -> Result<Row> {
+        let mut values = vec![0.0; batch];
+        self.row(name, about, batch, |poses, _| {
+            Ok(poses.chunks(batch).try_for_each(|poses| field.values(poses, &mut values[..poses.len()]))?)
+        })
     }
 
-    fn gradients(&self, name: &str, about: [&str; 2], field: &dyn PoseField) -> Result<Row> {
-        let mut gradients = vec![Gradient::NAN; BATCH];
-        self.row(name, about, BATCH, |poses, _| Ok(field.gradients(poses, &mut gradients[..poses.len()])?))
+    fn gradients(&self, name: &str, about: [&str; 2], batch: usize, field: &dyn PoseField) -> Result<Row> {
+        let mut gradients = vec![Gradient::NAN; batch];
+        self.row(name, about, batch, |poses, _| {
+            Ok(poses
+                .chunks(batch)
+                .try_for_each(|poses| field.gradients(poses, &mut gradients[..poses.len()]))?)
+        })
     }
 
     /// Of the exact field, pose by pose; all poses have an answer.

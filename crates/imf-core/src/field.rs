@@ -18,10 +18,10 @@
 //! - `siren5` jumps at θ = 0°/360° and knows several values at the poles: gradients there are those of one side and finite
 //!   ([`Gradient`]). Harmonic and factored fields are smooth in every direction.
 //!
-//! Once a thread's working memory has grown, single poses, gradients, proofs and motions allocate nothing (but for tools that
-//! are meshes, which are voxelised). Batches of a model's values are matrix products, for which the library that
-//! multiplies takes some buffers of a few kilobytes a block of 256 poses, and gives them back; minima take as much for each
-//! call.
+//! Once a thread's working memory has grown, single poses, proofs and motions allocate nothing (but for tools that
+//! are meshes, which are voxelised). Batches of a model's values and gradients are matrix products, for which the library that
+//! multiplies takes some buffers of a few kilobytes a block of 256 or 64 poses, and gives them back; minima take as much for each
+//! call. So the last bits of an answer may be others in another batch.
 //!
 //! # Example
 //! ```

@@ -20,6 +20,7 @@
 mod evaluate;
 pub mod file;
 mod fold;
+mod gradients;
 mod point;
 // The definition and the targets that imf-train trains and tests by.
 #[doc(hidden)]
@@ -31,6 +32,7 @@ mod symmetry;
 pub mod targets;
 
 pub use evaluate::FactoredEvaluator;
+pub(crate) use gradients::{GradientScratch, ROWS};
 pub use point::PointScratch;
 pub use settings::DistillSettings;
 pub use state::FactoredState;

@@ -101,7 +101,7 @@ impl<'a> FactoredEvaluator<'a> {
 }
 
 impl FactoredEvaluator<'_> {
-    fn network(&self) -> Network<'_> {
+    pub(super) fn network(&self) -> Network<'_> {
         Network {
             arch: self.arch,
             plan: &self.plan,

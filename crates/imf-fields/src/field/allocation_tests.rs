@@ -20,11 +20,14 @@ const BLOCKS: u64 = 3;
 /// Buffers that the products of a block take: two a product, a product a layer of the networks and one for the weights, the
 /// blocks of a network being half as large.
 const PRODUCTS: u64 = 2 * 2 * 5;
+/// Blocks of 64 poses whose gradients are made together.
+const GRADIENT_BLOCKS: u64 = 11;
 
 /// One call of every method on `poses`.
 fn ask(field: &dyn PoseField, poses: &[Pose], points: &[DVec3], rotations: &[DQuat], room: &mut Room) {
     field.values(poses, &mut room.values[..poses.len()]).unwrap();
     field.gradients(poses, &mut room.gradients[..poses.len()]).unwrap();
+    field.gradients(&poses[..1], &mut room.gradients[..1]).unwrap();
     field.classify(poses, &mut room.decisions[..poses.len()]).unwrap();
     field.best(points, rotations, &mut room.best[..points.len()]).unwrap();
 }
@@ -78,10 +81,14 @@ fn single_poses_gradients_and_proofs_allocate_nothing_after_the_first_call() {
                 let pose = std::slice::from_ref(pose);
                 field.values(pose, &mut room.values[..1]).unwrap();
                 field.classify(pose, &mut room.decisions[..1]).unwrap();
+                field.gradients(pose, &mut room.gradients[..1]).unwrap();
             }
             field.values(&[], &mut []).unwrap();
         });
-        counted("gradients", 0, &|room| field.gradients(&poses, &mut room.gradients).unwrap());
+        let by_products = ["factored", "factored with symmetry", "siren", "planner"].contains(name);
+        counted("gradients", if by_products { PRODUCTS * GRADIENT_BLOCKS } else { 0 }, &|room| {
+            field.gradients(&poses, &mut room.gradients).unwrap();
+        });
         let proven = ["exact", "planner"].contains(name);
         counted("decisions", if proven { 0 } else { PRODUCTS * BLOCKS }, &|room| {
             field.classify(&poses, &mut room.decisions).unwrap();

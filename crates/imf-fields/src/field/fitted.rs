@@ -168,11 +168,7 @@ impl PoseField for Field {
     fn gradients(&self, poses: &[Pose], gradients: &mut [Gradient]) -> Result<(), FieldError> {
         check_lengths(poses.len(), gradients.len())?;
         let grid = &self.scene.record.grid;
-        self.scratch.with(|scratch| {
-            for (pose, out) in poses.iter().zip(gradients) {
-                *out = self.family.gradient(grid, pose, scratch).unwrap_or(Gradient::NAN);
-            }
-        });
+        self.scratch.with(|scratch| self.family.gradients(grid, poses, gradients, scratch));
         Ok(())
     }
 

@@ -24,6 +24,11 @@ pub struct Gradient {
     pub rotation: DVec3,
 }
 
+impl Gradient {
+    pub(crate) const ZERO: Self =
+        Self { value: 0.0, position: DVec3::ZERO, direction: DVec3::ZERO, rotation: DVec3::ZERO };
+}
+
 /// Working memory of a thread that asks for single poses.
 #[derive(Default)]
 pub struct PointScratch {

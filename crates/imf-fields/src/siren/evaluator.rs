@@ -28,6 +28,18 @@ pub(crate) struct TangentScratch {
     next: Vec<f32>,
 }
 
+/// Working memory of a thread that asks for derivatives of many samples.
+#[derive(Default)]
+pub(crate) struct SlopesScratch {
+    /// `[layer][row][stride]`.
+    slopes: Vec<f32>,
+    /// `[row][stride]`.
+    layers: [Vec<f32>; 2],
+    by_inputs: Vec<f32>,
+    /// `[row]`.
+    sums: Vec<f32>,
+}
+
 /// Evaluates a network on the CPU; runs on the rayon pool that it is called in.
 pub struct CpuEvaluator {
     arch: Arch,
@@ -131,10 +143,44 @@ impl CpuEvaluator {
         )
     }
 
+    /// [`Self::value_and_slopes`] of a few samples, backwards, to the rounding of `f32`.
+    pub(crate) fn values_and_slopes(
+        &self,
+        inputs: &[[f32; INPUTS]],
+        found: &mut [[f32; ROWS]],
+        scratch: &mut SlopesScratch,
+    ) {
+        let (stack, stride, rows) = (self.plan.stack, self.plan.stride(), inputs.len());
+        let SlopesScratch { slopes, layers: [first, second], by_inputs, sums } = scratch;
+        slopes.resize(stack.hidden * rows * stride, 0.0);
+        first.resize(rows * stride, 0.0);
+        second.resize(rows * stride, 0.0);
+        by_inputs.resize(rows * INPUTS, 0.0);
+        sums.resize(rows, 0.0);
+        let network = self.network();
+        let [last, other] = network.hidden_layers_with_slopes(inputs.as_flattened(), slopes, first, second);
+        network.outputs(last, sums);
+        let layer = &self.plan.layers[stack.hidden];
+        let weights = &self.parameters[layer.weights..layer.biases];
+        for ((found, &sum), delta) in found.iter_mut().zip(&*sums).zip(last.chunks_exact_mut(stride)) {
+            let output = Output::of_sum(f64::from(sum));
+            found[0] = output.value() as f32;
+            let slope = output.slope() as f32;
+            delta.iter_mut().zip(weights).for_each(|(delta, weight)| *delta = slope * weight);
+        }
+        network.back_to_inputs(slopes, last, other, by_inputs);
+        for (found, slopes) in found.iter_mut().zip(by_inputs.as_chunks::<INPUTS>().0) {
+            found[1..].copy_from_slice(slopes);
+        }
+    }
+
+    fn network(&self) -> Network<'_> {
+        Network { arch: self.arch, plan: &self.plan, parameters: &self.parameters, panels: &self.panels }
+    }
+
     /// Values of at most one block. `scratch` holds two layers of a block.
     fn block(&self, inputs: &[f32], outputs: &mut [f32], scratch: &mut [f32]) {
-        let network =
-            Network { arch: self.arch, plan: &self.plan, parameters: &self.parameters, panels: &self.panels };
+        let network = self.network();
         let (first, second) = scratch.split_at_mut(BLOCK * self.plan.stride());
         let last = network.hidden_layers(inputs, first, second);
         network.outputs(last, outputs);
@@ -257,15 +303,19 @@ mod tests {
                 .collect();
             let mut values = vec![f32::NAN; inputs.len()];
             engine.evaluate_here(inputs.as_flattened(), &mut values);
-            let mut scratch = TangentScratch::default();
-            for (input, value) in inputs.iter().zip(values) {
+            let (mut scratch, mut found_together) =
+                (TangentScratch::default(), vec![[f32::NAN; ROWS]; inputs.len()]);
+            engine.values_and_slopes(&inputs, &mut found_together, &mut SlopesScratch::default());
+            for ((input, value), together) in inputs.iter().zip(values).zip(found_together) {
                 let wide = input.map(f64::from);
                 let found = engine.value_and_slopes(input, &mut scratch);
                 let slopes = input_gradient(&shape, &exact, &wide);
                 // Single precision through four layers, each of which multiplies by ω.
                 assert!((f64::from(value) - forward(&shape, &exact, &wide)).abs() < 1e-5);
                 assert!((value - found[0]).abs() < 1e-5);
+                assert!((value - together[0]).abs() < 1e-5);
                 for axis in 0..INPUTS {
+                    assert!((f64::from(together[1 + axis]) - slopes[axis]).abs() < 1e-4, "{width} {axis}");
                     assert!((f64::from(found[1 + axis]) - slopes[axis]).abs() < 1e-4, "{width} {axis}");
                 }
             }

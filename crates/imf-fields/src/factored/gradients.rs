@@ -1,0 +1,165 @@
+//! Values and derivatives of many poses: the network forwards, then backwards from the functions of each pose's direction.
+
+use glam::DVec3;
+
+use super::FactoredEvaluator;
+use super::symmetry::Place;
+use crate::harmonic::Gradient;
+use crate::harmonic::basis::Facing;
+use crate::siren::matrix::{Matrix, multiply};
+use crate::siren::stack::Ending;
+
+/// Poses that pass together.
+pub(crate) const ROWS: usize = 64;
+
+/// Working memory of a thread; nothing is allocated once it has its size.
+#[derive(Default)]
+pub(crate) struct GradientScratch {
+    /// A position's place and the direction in its frame.
+    places: Vec<(Place, DVec3)>,
+    /// `[row][input]`, and the derivatives by them.
+    inputs: Vec<f32>,
+    by_inputs: Vec<f32>,
+    /// `[layer][row][stride]`.
+    slopes: Vec<f32>,
+    /// `[row][stride]`.
+    layers: [Vec<f32>; 2],
+    /// `[row][axes]`: coefficients, and the derivatives by them.
+    z: Vec<f32>,
+    along: Vec<f32>,
+    /// `[row][K]`: functions, and the coefficients' weights of them.
+    functions: Vec<f32>,
+    weights: Vec<f32>,
+    values: Vec<f64>,
+}
+
+impl FactoredEvaluator<'_> {
+    /// [`FactoredEvaluator::overlap_with_gradient`] of up to [`ROWS`] positions within the box and directions of length 1, to the rounding of `f32`.
+    ///
+    /// # Panics
+    /// Of a field over rotations, for more poses, or if there is not a gradient for each.
+    pub(crate) fn overlaps_with_gradients(
+        &self,
+        poses: &[(DVec3, DVec3)],
+        found: &mut [Gradient],
+        scratch: &mut GradientScratch,
+    ) {
+        assert!(poses.len() == found.len() && poses.len() <= ROWS, "a gradient for each of {ROWS} poses");
+        let (field, rows) = (&*self.field, poses.len());
+        let (stack, stride, network) = (self.plan.stack, self.plan.stride(), self.network());
+        let (axes, count) = (stack.outputs, field.basis.len());
+        let GradientScratch {
+            places,
+            inputs,
+            by_inputs,
+            slopes,
+            layers,
+            z,
+            along,
+            functions,
+            weights,
+            values,
+        } = scratch;
+        places.clear();
+        inputs.clear();
+        values.resize(count, 0.0);
+        functions.clear();
+        for &(position, direction) in poses {
+            let place = field.shape.symmetry.place(position);
+            let local = place.to_local(direction);
+            inputs.extend_from_slice(&field.shape.symmetry.inputs_at(&field.grid, &place));
+            field.basis.values_facing(Facing::Direction(local), values);
+            functions.extend(values.iter().map(|&value| value as f32));
+            places.push((place, local));
+        }
+        by_inputs.resize(inputs.len(), 0.0);
+        slopes.resize(stack.hidden * rows * stride, 0.0);
+        let [first, second] = layers;
+        first.resize(rows * stride, 0.0);
+        second.resize(rows * stride, 0.0);
+        z.resize(rows * axes, 0.0);
+        along.resize(rows * axes, 0.0);
+        weights.clear();
+        (0..rows).for_each(|_| weights.extend_from_slice(&field.mean));
+
+        let [last, other] = network.hidden_layers_with_slopes(inputs, slopes, first, second);
+        network.outputs(last, z);
+        z.iter_mut().for_each(|z| *z *= field.scale);
+        let (turned, z) = (Matrix::dense(&field.axes, axes), Matrix::dense(z, axes));
+        multiply(weights, count, z, turned.transposed(), true);
+        multiply(along, axes, Matrix::dense(functions, count), turned, false);
+        along.iter_mut().for_each(|along| *along *= field.scale);
+        let delta = last;
+        if stack.ending == Ending::Sines {
+            for (delta, along) in delta.chunks_exact_mut(stride).zip(along.chunks_exact(axes)) {
+                delta[..axes].copy_from_slice(along);
+            }
+        } else {
+            let layer = &self.plan.layers[stack.hidden];
+            let matrix = Matrix::dense(&field.parameters[layer.weights..layer.biases], stack.width);
+            multiply(delta, stride, Matrix::dense(along, axes), matrix, false);
+        }
+        network.back_to_inputs(slopes, delta, other, by_inputs);
+
+        let each = poses
+            .iter()
+            .zip(&*places)
+            .zip(weights.chunks_exact(count))
+            .zip(by_inputs.chunks_exact(stack.inputs));
+        for ((((pose, (place, local)), weights), by_inputs), found) in each.zip(found) {
+            let (value, turn) = field.basis.sum_with_gradient(*local, |place| f64::from(weights[place]));
+            let by = |input: usize| f64::from(by_inputs[input]);
+            let angle = place.angle_slopes(field.blunt());
+            let mut position = DVec3::from_array([0, 1, 2].map(by)) * field.inverse_length();
+            for (axis, slopes) in angle.into_iter().enumerate() {
+                position[axis] += slopes
+                    .into_iter()
+                    .zip(3..stack.inputs)
+                    .map(|(slope, input)| slope * by(input))
+                    .sum::<f64>();
+            }
+            let [position, direction] = place.slopes_in_world(*local, position, turn, field.blunt());
+            *found = Gradient { value: value as f32, position, direction, rotation: pose.1.cross(direction) };
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::factored::{Axis, PointScratch, Symmetry};
+    use crate::field::scenes::{factored_file, poses, scene, with_symmetry};
+    use imf_core::tool::Tool;
+
+    #[test]
+    fn gradients_of_many_poses_are_those_of_each_by_itself() {
+        let scene = scene(&Tool::paper(), 0.0);
+        let through = scene.record.grid.origin + 0.5 * scene.record.grid.size();
+        let axis = Some(Axis { along: 0, through });
+        let turned = with_symmetry(&scene, Symmetry { mirrors: [None, Some(through.y), None], axis });
+        let plain = factored_file(&scene);
+        let [low, high] = scene.record.grid.box_of_centres();
+        for field in [plain.field.clone(), plain.field.folded(), turned.field.clone(), turned.field.fold()] {
+            let evaluator = field.evaluator();
+            let mut scratch = (GradientScratch::default(), PointScratch::default());
+            for count in [ROWS, 1, 7] {
+                let pose =
+                    |pose: imf_core::pose::Pose| (pose.position.clamp(low, high), pose.axis().unwrap());
+                let asked: Vec<_> = poses(&scene, count, 5).into_iter().map(pose).collect();
+                let mut found = vec![Gradient::ZERO; count];
+                evaluator.overlaps_with_gradients(&asked, &mut found, &mut scratch.0);
+                for (&(position, direction), found) in asked.iter().zip(found) {
+                    let one = evaluator.overlap_with_gradient(position, direction, &mut scratch.1).unwrap();
+                    assert!((one.value - found.value).abs() < 1e-5, "{} {}", one.value, found.value);
+                    for (one, found) in [
+                        (one.position, found.position),
+                        (one.direction, found.direction),
+                        (one.rotation, found.rotation),
+                    ] {
+                        assert!((one - found).length() < 1e-4 * (1.0 + one.length()), "{one} {found}");
+                    }
+                }
+            }
+        }
+    }
+}
