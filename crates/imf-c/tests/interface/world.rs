@@ -18,14 +18,14 @@ const TOOL: &str = "name = \"mill\"\nunit = \"mm\"\n[cutter]\nshape = \"ball\"\n
 
 /// Miri, for which the bracket would be too much, sees a cube and a few poses.
 fn mesh() -> Mesh {
-    if cfg!(miri) { Mesh::cuboid(DVec3::ZERO, DVec3::splat(80.0)) } else { ReferencePart::Bracket.mesh() }
+    if cfg!(miri) { Mesh::cuboid(DVec3::ZERO, DVec3::splat(30.0)) } else { ReferencePart::Bracket.mesh() }
 }
 
 fn poses() -> Vec<Pose> {
-    let set =
-        OrientationSet::parse(if cfg!(miri) { "random:20:3" } else { "random:400:3" }).unwrap().orientations;
+    let (orientations, room) = if cfg!(miri) { ("random:20:3", 70.0) } else { ("random:400:3", 180.0) };
+    let set = OrientationSet::parse(orientations).unwrap().orientations;
     let spread = |index: usize, prime: usize| (index * prime % 199) as f64 / 199.0;
-    let at = |i: usize| DVec3::new(spread(i, 37), spread(i, 53), spread(i, 71)) * 180.0 - 20.0;
+    let at = |i: usize| DVec3::new(spread(i, 37), spread(i, 53), spread(i, 71)) * room - 20.0;
     set.iter().enumerate().map(|(index, orientation)| Pose::oriented(at(index), orientation)).collect()
 }
 
@@ -39,7 +39,7 @@ fn a_world_of_meshes_is_answered_as_in_rust() {
     let tool_path = folder.path().join("mill.toml");
     std::fs::write(&tool_path, TOOL).unwrap();
     let tool = Tool::read(&tool_path).unwrap();
-    let (mesh, pitch) = (mesh(), if cfg!(miri) { 8.0 } else { 3.0 });
+    let (mesh, pitch) = (mesh(), 3.0);
     let at = Pose::new(DVec3::new(30.0, 10.0, 5.0), DQuat::from_rotation_z(0.7));
     let mut rust = World::builder().pitch(pitch).build().unwrap();
     let first = rust.add(ObstacleMesh::new("bracket", mesh.clone())).unwrap();
