@@ -17,7 +17,7 @@
 //!
 //! Source: Harabin, Mirzendehdel, Behandish, arXiv 2409.02115 (network); Sitzmann et al. 2020 (initialisation).
 
-mod adjoint;
+pub(crate) mod adjoint;
 mod evaluation;
 pub mod evaluator;
 #[doc(hidden)]

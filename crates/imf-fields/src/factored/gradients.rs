@@ -6,6 +6,7 @@ use super::FactoredEvaluator;
 use super::symmetry::Place;
 use crate::harmonic::Gradient;
 use crate::harmonic::basis::Facing;
+use crate::siren::adjoint::AdjointScratch;
 use crate::siren::matrix::{Matrix, multiply};
 use crate::siren::stack::Ending;
 
@@ -17,13 +18,9 @@ pub(crate) const ROWS: usize = 64;
 pub(crate) struct GradientScratch {
     /// A position's place and the direction in its frame.
     places: Vec<(Place, DVec3)>,
-    /// `[row][input]`, and the derivatives by them.
+    /// `[row][input]`.
     inputs: Vec<f32>,
-    by_inputs: Vec<f32>,
-    /// `[layer][row][stride]`.
-    slopes: Vec<f32>,
-    /// `[row][stride]`.
-    layers: [Vec<f32>; 2],
+    adjoint: AdjointScratch,
     /// `[row][axes]`: coefficients, and the derivatives by them.
     z: Vec<f32>,
     along: Vec<f32>,
@@ -48,18 +45,7 @@ impl FactoredEvaluator<'_> {
         let (field, rows) = (&*self.field, poses.len());
         let (stack, stride, network) = (self.plan.stack, self.plan.stride(), self.network());
         let (axes, count) = (stack.outputs, field.basis.len());
-        let GradientScratch {
-            places,
-            inputs,
-            by_inputs,
-            slopes,
-            layers,
-            z,
-            along,
-            functions,
-            weights,
-            values,
-        } = scratch;
+        let GradientScratch { places, inputs, adjoint, z, along, functions, weights, values } = scratch;
         places.clear();
         inputs.clear();
         values.resize(count, 0.0);
@@ -72,34 +58,28 @@ impl FactoredEvaluator<'_> {
             functions.extend(values.iter().map(|&value| value as f32));
             places.push((place, local));
         }
-        by_inputs.resize(inputs.len(), 0.0);
-        slopes.resize(stack.hidden * rows * stride, 0.0);
-        let [first, second] = layers;
-        first.resize(rows * stride, 0.0);
-        second.resize(rows * stride, 0.0);
         z.resize(rows * axes, 0.0);
         along.resize(rows * axes, 0.0);
         weights.clear();
         (0..rows).for_each(|_| weights.extend_from_slice(&field.mean));
 
-        let [last, other] = network.hidden_layers_with_slopes(inputs, slopes, first, second);
-        network.outputs(last, z);
-        z.iter_mut().for_each(|z| *z *= field.scale);
-        let (turned, z) = (Matrix::dense(&field.axes, axes), Matrix::dense(z, axes));
-        multiply(weights, count, z, turned.transposed(), true);
-        multiply(along, axes, Matrix::dense(functions, count), turned, false);
-        along.iter_mut().for_each(|along| *along *= field.scale);
-        let delta = last;
-        if stack.ending == Ending::Sines {
-            for (delta, along) in delta.chunks_exact_mut(stride).zip(along.chunks_exact(axes)) {
-                delta[..axes].copy_from_slice(along);
+        let by_inputs = network.by_inputs(inputs, adjoint, |last| {
+            network.outputs(last, z);
+            z.iter_mut().for_each(|z| *z *= field.scale);
+            let (turned, z) = (Matrix::dense(&field.axes, axes), Matrix::dense(z, axes));
+            multiply(weights, count, z, turned.transposed(), true);
+            multiply(along, axes, Matrix::dense(functions, count), turned, false);
+            along.iter_mut().for_each(|along| *along *= field.scale);
+            if stack.ending == Ending::Sines {
+                for (delta, along) in last.chunks_exact_mut(stride).zip(along.chunks_exact(axes)) {
+                    delta[..axes].copy_from_slice(along);
+                }
+            } else {
+                let layer = &self.plan.layers[stack.hidden];
+                let matrix = Matrix::dense(&field.parameters[layer.weights..layer.biases], stack.width);
+                multiply(last, stride, Matrix::dense(along, axes), matrix, false);
             }
-        } else {
-            let layer = &self.plan.layers[stack.hidden];
-            let matrix = Matrix::dense(&field.parameters[layer.weights..layer.biases], stack.width);
-            multiply(delta, stride, Matrix::dense(along, axes), matrix, false);
-        }
-        network.back_to_inputs(slopes, delta, other, by_inputs);
+        });
 
         let each = poses
             .iter()

@@ -7,54 +7,58 @@ use super::forward::Network;
 use super::matrix::{Matrix, multiply};
 use imf_core::vectorised::vectorised;
 
+/// Working memory of a thread; nothing is allocated once it has its size.
+#[derive(Default)]
+pub(crate) struct AdjointScratch {
+    /// `[layer][row][stride]`.
+    slopes: Vec<f32>,
+    /// `[row][stride]`.
+    layers: [Vec<f32>; 2],
+    /// `[row][input]`.
+    by_inputs: Vec<f32>,
+}
+
 impl Network<'_> {
-    /// All hidden layers of a block with their slopes, `[layer][rows][stride]`, by turns in two buffers `[rows][stride]`; the last
-    /// one's activations are returned, and the buffer that is free.
-    pub(crate) fn hidden_layers_with_slopes<'b>(
+    /// Derivatives by a block's inputs, `[row][input]` as they are. `weigh` gets the last hidden layer's activations, `[row][stride]`, and
+    /// leaves there the derivatives by them.
+    pub(crate) fn by_inputs<'s>(
         &self,
         inputs: &[f32],
-        slopes: &mut [f32],
-        mut previous: &'b mut [f32],
-        mut next: &'b mut [f32],
-    ) -> [&'b mut [f32]; 2] {
-        let values = inputs.len() / self.plan.stack.inputs * self.plan.stride();
-        for (layer, slopes) in slopes.chunks_exact_mut(values).take(self.plan.stack.hidden).enumerate() {
-            self.hidden_layer(layer, inputs, &previous[..values], next, Some(slopes));
-            std::mem::swap(&mut previous, &mut next);
-        }
-        [&mut previous[..values], next]
-    }
-
-    /// From the derivatives by the last hidden layer's activations, `delta [rows][stride]`, those by the inputs into `out`
-    /// `[rows][inputs]`; `delta` and `other` are overwritten.
-    pub(crate) fn back_to_inputs<'b>(
-        &self,
-        slopes: &[f32],
-        mut delta: &'b mut [f32],
-        mut other: &'b mut [f32],
-        out: &mut [f32],
-    ) {
+        scratch: &'s mut AdjointScratch,
+        weigh: impl FnOnce(&mut [f32]),
+    ) -> &'s [f32] {
         let (plan, stride) = (self.plan, self.plan.stride());
         let (axes, width) = (plan.stack.inputs, plan.stack.width);
-        let rows = out.len() / axes;
-        out.fill(0.0);
-        for layer in (0..plan.stack.hidden).rev() {
-            let slopes = &slopes[layer * rows * stride..][..rows * stride];
-            scale(self.arch, delta, slopes);
+        let rows = inputs.len() / axes;
+        let AdjointScratch { slopes, layers: [here, other], by_inputs } = scratch;
+        slopes.resize(plan.stack.hidden * rows * stride, 0.0);
+        here.resize(rows * stride, 0.0);
+        other.resize(rows * stride, 0.0);
+        let (mut here, mut other) = (&mut here[..], &mut other[..]);
+        for (layer, slopes) in slopes.chunks_exact_mut(rows * stride).enumerate() {
+            self.hidden_layer(layer, inputs, here, other, Some(slopes));
+            std::mem::swap(&mut here, &mut other);
+        }
+        weigh(here);
+        by_inputs.clear();
+        by_inputs.resize(inputs.len(), 0.0);
+        for (layer, slopes) in slopes.chunks_exact(rows * stride).enumerate().rev() {
+            scale(self.arch, here, slopes);
             let shape = &plan.layers[layer];
             let weights = &self.parameters[shape.weights..shape.biases];
-            let by_sums = Matrix::row_major(delta, rows, width, stride);
+            let by_sums = Matrix::row_major(here, rows, width, stride);
             let from = |first: usize, columns: usize| {
                 Matrix::row_major(&weights[first..], width, columns, shape.inputs)
             };
             if plan.sees_input(layer) {
-                multiply(out, axes, by_sums, from(plan.neurons_in(layer), axes), true);
+                multiply(by_inputs, axes, by_sums, from(plan.neurons_in(layer), axes), true);
             }
             if layer > 0 {
                 multiply(other, stride, by_sums, from(0, width), false);
-                std::mem::swap(&mut delta, &mut other);
+                std::mem::swap(&mut here, &mut other);
             }
         }
+        by_inputs
     }
 }
 

@@ -4,6 +4,7 @@
 use crate::parallel::*;
 use pulp::Arch;
 
+use super::adjoint::AdjointScratch;
 use super::forward::Network;
 use super::matrix::prefer_unpacked;
 use super::output::Output;
@@ -31,11 +32,7 @@ pub(crate) struct TangentScratch {
 /// Working memory of a thread that asks for derivatives of many samples.
 #[derive(Default)]
 pub(crate) struct SlopesScratch {
-    /// `[layer][row][stride]`.
-    slopes: Vec<f32>,
-    /// `[row][stride]`.
-    layers: [Vec<f32>; 2],
-    by_inputs: Vec<f32>,
+    adjoint: AdjointScratch,
     /// `[row]`.
     sums: Vec<f32>,
 }
@@ -150,25 +147,21 @@ impl CpuEvaluator {
         found: &mut [[f32; ROWS]],
         scratch: &mut SlopesScratch,
     ) {
-        let (stack, stride, rows) = (self.plan.stack, self.plan.stride(), inputs.len());
-        let SlopesScratch { slopes, layers: [first, second], by_inputs, sums } = scratch;
-        slopes.resize(stack.hidden * rows * stride, 0.0);
-        first.resize(rows * stride, 0.0);
-        second.resize(rows * stride, 0.0);
-        by_inputs.resize(rows * INPUTS, 0.0);
-        sums.resize(rows, 0.0);
+        let SlopesScratch { adjoint, sums } = scratch;
+        sums.resize(inputs.len(), 0.0);
         let network = self.network();
-        let [last, other] = network.hidden_layers_with_slopes(inputs.as_flattened(), slopes, first, second);
-        network.outputs(last, sums);
-        let layer = &self.plan.layers[stack.hidden];
+        let layer = &self.plan.layers[self.plan.stack.hidden];
         let weights = &self.parameters[layer.weights..layer.biases];
-        for ((found, &sum), delta) in found.iter_mut().zip(&*sums).zip(last.chunks_exact_mut(stride)) {
-            let output = Output::of_sum(f64::from(sum));
-            found[0] = output.value() as f32;
-            let slope = output.slope() as f32;
-            delta.iter_mut().zip(weights).for_each(|(delta, weight)| *delta = slope * weight);
-        }
-        network.back_to_inputs(slopes, last, other, by_inputs);
+        let by_inputs = network.by_inputs(inputs.as_flattened(), adjoint, |last| {
+            network.outputs(last, sums);
+            let deltas = last.chunks_exact_mut(self.plan.stride());
+            for ((found, &sum), delta) in found.iter_mut().zip(&*sums).zip(deltas) {
+                let output = Output::of_sum(f64::from(sum));
+                found[0] = output.value() as f32;
+                let slope = output.slope() as f32;
+                delta.iter_mut().zip(weights).for_each(|(delta, weight)| *delta = slope * weight);
+            }
+        });
         for (found, slopes) in found.iter_mut().zip(by_inputs.as_chunks::<INPUTS>().0) {
             found[1..].copy_from_slice(slopes);
         }
