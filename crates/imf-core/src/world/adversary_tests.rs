@@ -20,6 +20,8 @@ struct Tally {
     motions: usize,
     /// Motions of which a beginning is proven free.
     proven: usize,
+    /// Distances of free tools and depths of colliding ones.
+    distances: [usize; 2],
     wrong: Vec<String>,
 }
 
@@ -41,6 +43,7 @@ impl Tally {
         self.free += other.free;
         self.motions += other.motions;
         self.proven += other.proven;
+        (0..2).for_each(|i| self.distances[i] += other.distances[i]);
         self.wrong.extend(other.wrong);
         self
     }
@@ -201,6 +204,10 @@ impl Case {
                 }
             }
             asked.answers(self, tally);
+            for _ in 0..4 {
+                let index = below(random, asked.poses.len());
+                self.distance_at(&near, &hit, &asked, index, tally);
+            }
             // From a free pose, away from the surface or on it, to another pose.
             let from = asked.collides.iter().rposition(|&collides| !collides);
             let [from, to] = [from.unwrap_or(0), below(random, asked.poses.len())].map(|i| asked.poses[i]);
@@ -223,6 +230,25 @@ impl Case {
             let to = self.start(random);
             self.motion(&pair[0], &to, |pose| self.held(&all, pose).is_some(), tally);
         }
+    }
+
+    /// How far one of several poses near `hit` is, or how deep.
+    fn distance_at(&self, near: &[Vec<DVec3>], hit: &Pose, asked: &Asked, index: usize, tally: &mut Tally) {
+        let (pose, collides) = (asked.poses[index], asked.collides[index]);
+        // What is counted by the definition has no distance.
+        let Ok(Some(found)) = self.checker.distance(&pose) else { return };
+        let right = match collides {
+            true => {
+                let others = asked.poses.iter().zip(&asked.collides);
+                let free = others.filter(|(_, collides)| !**collides).map(|(other, _)| other);
+                self.is_depth(&pose, &found, free)
+            }
+            false => self.is_distance(near, &pose, &found, 4.0 * self.pitch - self.between(&pose, hit)),
+        };
+        if !right && (collides || !self.rounds(&pose)) {
+            tally.wrong.push(format!("{} {pose:?}: collides {collides}, {found:?}", self.name));
+        }
+        tally.distances[usize::from(collides)] += 1;
     }
 
     fn motion(&self, from: &Pose, to: &Pose, collides: impl Fn(&Pose) -> bool, tally: &mut Tally) {
@@ -301,6 +327,7 @@ fn no_pose_at_contact_is_answered_wrongly() {
     let Tally { contacts, colliding, free, motions, proven, .. } = tally;
     assert!(contacts > 100 && colliding > 10_000 && free > 10_000, "{contacts} {colliding} {free}");
     assert!(motions > 100 && proven * 10 > motions, "{motions} {proven}");
+    assert!(tally.distances.iter().all(|&count| count > 500), "{:?}", tally.distances);
 }
 
 #[test]
@@ -356,9 +383,9 @@ fn no_pose_of_millions_at_contact_is_answered_wrongly() {
     let begun = std::time::Instant::now();
     for seed in 2.. {
         sum = sum.and(attack(&all, 100, 4, 100, seed));
-        let Tally { contacts, colliding, free, motions, proven, ref wrong } = sum;
+        let Tally { contacts, colliding, free, motions, proven, distances, ref wrong } = sum;
         println!(
-            "{contacts} contacts, {colliding} colliding, {free} free, {motions} motions, {proven} of them proven: {} wrong, {:.0} s",
+            "{contacts} contacts, {colliding} colliding, {free} free, {motions} motions, {proven} of them proven, {distances:?} distances and depths: {} wrong, {:.0} s",
             wrong.len(),
             begun.elapsed().as_secs_f64()
         );

@@ -43,6 +43,18 @@ impl Solid {
     }
 }
 
+/// From a point outside a body of revolution, by its height and radius: the least over the heights of the distance from the disc there, which
+/// is convex, as outlines bulge.
+fn to_segment(segment: &Segment, height: f64, radius: f64) -> f64 {
+    let to_disc = |at: f64| (height - at).hypot((radius - segment.radius(at)).max(0.0));
+    let (mut low, mut high) = segment.range();
+    for _ in 0..90 {
+        let [a, b] = [low + (high - low) / 3.0, high - (high - low) / 3.0];
+        if to_disc(a) < to_disc(b) { high = b } else { low = a }
+    }
+    to_disc(low).min(to_disc(high))
+}
+
 /// A checker with all that its tool must stay out of.
 pub(super) struct Case {
     pub(super) name: String,
@@ -90,6 +102,54 @@ impl Case {
             let centre = solid.grid.origin + (centre + 0.5) * solid.grid.pitch;
             Some(self.checker.placed[solid.placed].at.of_point(centre))
         })
+    }
+
+    /// From a free tool to the nearest of some centres.
+    fn distance(&self, near: &[Vec<DVec3>], pose: &Pose) -> f64 {
+        let mut least = f64::INFINITY;
+        for (solid, near) in self.solids.iter().zip(near) {
+            let local = self.local(solid, pose);
+            let (axis, tip) = (local.axis().unwrap(), solid.grid.continuous(local.position));
+            for &centre in near {
+                let offset = (centre - tip) * solid.grid.pitch;
+                let height = offset.dot(axis);
+                let radius = (offset - axis * height).length();
+                for segment in &solid.profile {
+                    let (from, to) = segment.range();
+                    let past = (from - height).max(height - to).max(0.0);
+                    if past.hypot((radius - segment.max_radius()).max(0.0)) < least {
+                        least = least.min(to_segment(segment, height, radius));
+                    }
+                }
+            }
+        }
+        least
+    }
+
+    /// What rounding may do to a length.
+    fn rounding(&self, pose: &Pose) -> f64 {
+        1e-9 * (self.checker.tool.reach + pose.position.abs().max_element())
+    }
+
+    /// Whether a free tool is as far away as that; some centres beyond `room` may be missing among those near it.
+    pub(super) fn is_distance(&self, near: &[Vec<DVec3>], pose: &Pose, found: &Distance, room: f64) -> bool {
+        let (truth, rounding) = (self.distance(near, pose), self.rounding(pose));
+        let witness = found.tool_point.distance(found.obstacle_point);
+        found.lower == found.upper
+            && (witness - found.lower).abs() <= rounding
+            && if truth < room { (found.lower - truth).abs() <= rounding } else { found.lower >= room }
+    }
+
+    /// Whether a colliding tool may be as deep as that: no translation to one of several free poses is shorter.
+    pub(super) fn is_depth<'a>(
+        &self,
+        pose: &Pose,
+        found: &Distance,
+        free: impl Iterator<Item = &'a Pose>,
+    ) -> bool {
+        let mut beside = free.filter(|free| free.rotation == pose.rotation);
+        let far = |free: &Pose| free.position.distance(pose.position) >= -found.upper - self.rounding(pose);
+        found.lower <= found.upper && found.upper <= 0.0 && beside.all(far)
     }
 
     /// True where a centre lies in the tool but for what the predicate's own rounding amounts to: there it may hold one centre, and not
