@@ -26,6 +26,8 @@ pub(crate) mod tangent;
 
 // What the engines of imf-train and the twins of imf-gpu build on.
 #[doc(hidden)]
+pub mod bf16_kernel;
+#[doc(hidden)]
 pub mod forward;
 #[doc(hidden)]
 pub mod halves;
@@ -43,6 +45,7 @@ pub mod reference;
 pub mod scratch;
 #[doc(hidden)]
 pub mod sine;
+pub(crate) mod split;
 #[doc(hidden)]
 pub mod stack;
 

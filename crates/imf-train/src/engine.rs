@@ -9,7 +9,6 @@
 mod adam;
 mod backward;
 mod bf16;
-mod bf16_kernel;
 mod matrices;
 mod orthonormal;
 mod pass;
@@ -22,11 +21,11 @@ use pulp::Arch;
 
 use crate::engine::adam::AdamFactors;
 use crate::engine::backward::scratch_length;
-use crate::engine::bf16_kernel::Kernel;
 use imf_core::field::EngineError;
 use imf_fields::recipe::SoapConfig;
 use imf_fields::recipe::{AdamConfig, Loss, Precision, TrainingState};
 use imf_fields::siren::SirenShape;
+use imf_fields::siren::bf16_kernel::Kernel;
 use imf_fields::siren::forward::Network;
 use imf_fields::siren::matrix::prefer_unpacked;
 use imf_fields::siren::plan::{BLOCK, Plan, WINDOW, transpose_all};
@@ -351,12 +350,7 @@ impl CpuTrainer {
     fn forward_backward(&mut self, inputs: &[f32], targets: &[f32], batch: usize) -> f64 {
         let blocks = (inputs.len() / self.plan.stack.inputs).div_ceil(BLOCK);
         let layer_length = self.window * self.plan.stride();
-        let network = Network {
-            arch: self.arch,
-            plan: &self.plan,
-            parameters: &self.state.parameters,
-            panels: &self.panels,
-        };
+        let network = Network::new(self.arch, &self.plan, &self.state.parameters, &self.panels);
         let loss = BlockLoss { loss: self.loss, batch: batch as f64, ending: self.ending };
         let outputs = &mut self.outputs[..targets.len()];
         let partials = &mut self.partials[..blocks * self.plan.partial_length()];

@@ -19,6 +19,7 @@ use crate::siren::halves::HalfPanels;
 use crate::siren::matrix::{Matrix, multiply, prefer_unpacked};
 use crate::siren::plan::{Plan, transpose, transpose_all};
 use crate::siren::scratch::ScratchPool;
+use crate::siren::split::{SplitBoth, SplitWeights};
 use imf_core::section::{Imf, Quantity};
 use imf_core::workspaces::Workspaces;
 
@@ -31,6 +32,10 @@ pub struct FactoredEvaluator<'a> {
     pub(crate) panels: Vec<f32>,
     /// The same in half the bytes, where that is exact and fast.
     pub halves: Option<HalfPanels>,
+    /// The same for products by tiles.
+    split: Option<SplitWeights>,
+    /// The functions for products by tiles, `[function][axis]`.
+    pub(crate) split_functions: Option<SplitBoth>,
     /// Two layers of a block.
     layers: ScratchPool,
     /// A block's points.
@@ -75,12 +80,25 @@ impl<'a> FactoredEvaluator<'a> {
         let layers = ScratchPool::new(2 * BLOCK * plan.stride());
         let arch = Arch::new();
         let halves = HalfPanels::of(arch, &panels);
+        let split = SplitWeights::new(&plan, &field.parameters);
+        let split_functions = SplitBoth::new(&field.axes, field.basis.len(), field.shape.axes);
         let local = field.local_harmonics().map(|harmonics| {
             let (axes, mut functions) = (field.shape.axes, vec![0.0; field.axes.len()]);
             transpose(&field.axes, harmonics.len(), axes, &mut functions);
             Local { harmonics, functions, outputs: ScratchPool::new(BLOCK * axes) }
         });
-        FactoredEvaluator { field, arch, plan, panels, halves, layers, places: Workspaces::default(), local }
+        FactoredEvaluator {
+            field,
+            arch,
+            plan,
+            panels,
+            halves,
+            split,
+            split_functions,
+            layers,
+            places: Workspaces::default(),
+            local,
+        }
     }
 
     /// Takes over other weights of the same shape; all else stays as it is laid out.
@@ -91,6 +109,7 @@ impl<'a> FactoredEvaluator<'a> {
         assert_eq!(parameters.len(), self.panels.len(), "as many weights as before");
         transpose_all(&self.plan, &parameters, &mut self.panels);
         self.halves = HalfPanels::of(self.arch, &self.panels);
+        self.split = SplitWeights::new(&self.plan, &parameters);
         self.field.to_mut().parameters = parameters;
     }
 
@@ -102,12 +121,8 @@ impl<'a> FactoredEvaluator<'a> {
 
 impl FactoredEvaluator<'_> {
     pub(super) fn network(&self) -> Network<'_> {
-        Network {
-            arch: self.arch,
-            plan: &self.plan,
-            parameters: &self.field.parameters,
-            panels: &self.panels,
-        }
+        let network = Network::new(self.arch, &self.plan, &self.field.parameters, &self.panels);
+        Network { split: self.split.as_ref(), ..network }
     }
 
     /// The coefficients at up to a block's points, in the world's frame, into `z` as `[point][coefficient]`.
@@ -131,8 +146,11 @@ impl FactoredEvaluator<'_> {
             let outputs = &mut outputs[..rows * axes];
             self.outputs_at(places, outputs);
             z.chunks_exact_mut(count).for_each(|row| row.copy_from_slice(&field.mean));
-            let outputs = Matrix::row_major(outputs, rows, axes, axes);
-            multiply(z, count, outputs, Matrix::row_major(functions, axes, count, count), true);
+            let split = self.split_functions.as_ref();
+            if !split.is_some_and(|of| of.multiply(|of| &of.transposed, (outputs, rows, axes), z, true)) {
+                let outputs = Matrix::row_major(outputs, rows, axes, axes);
+                multiply(z, count, outputs, Matrix::row_major(functions, axes, count, count), true);
+            }
         });
         for (row, place) in z.chunks_exact_mut(count).zip(places) {
             harmonics.to_world(place, row);

@@ -5,7 +5,6 @@ use glam::DVec3;
 use super::FactoredEvaluator;
 use super::symmetry::Place;
 use crate::harmonic::Gradient;
-use crate::harmonic::basis::Facing;
 use crate::siren::adjoint::AdjointScratch;
 use crate::siren::matrix::{Matrix, multiply};
 use crate::siren::stack::Ending;
@@ -27,7 +26,8 @@ pub(crate) struct GradientScratch {
     /// `[row][K]`: functions, and the coefficients' weights of them.
     functions: Vec<f32>,
     weights: Vec<f32>,
-    values: Vec<f64>,
+    directions: Vec<DVec3>,
+    side_by_side: Vec<f32>,
 }
 
 impl FactoredEvaluator<'_> {
@@ -45,19 +45,29 @@ impl FactoredEvaluator<'_> {
         let (field, rows) = (&*self.field, poses.len());
         let (stack, stride, network) = (self.plan.stack, self.plan.stride(), self.network());
         let (axes, count) = (stack.outputs, field.basis.len());
-        let GradientScratch { places, inputs, adjoint, z, along, functions, weights, values } = scratch;
+        let GradientScratch {
+            places,
+            inputs,
+            adjoint,
+            z,
+            along,
+            directions,
+            side_by_side,
+            functions,
+            weights,
+        } = scratch;
         places.clear();
         inputs.clear();
-        values.resize(count, 0.0);
-        functions.clear();
         for &(position, direction) in poses {
             let place = field.shape.symmetry.place(position);
             let local = place.to_local(direction);
             inputs.extend_from_slice(&field.shape.symmetry.inputs_at(&field.grid, &place));
-            field.basis.values_facing(Facing::Direction(local), values);
-            functions.extend(values.iter().map(|&value| value as f32));
             places.push((place, local));
         }
+        directions.clear();
+        directions.extend(places.iter().map(|(_, local)| *local));
+        functions.resize(rows * count, 0.0);
+        field.basis.values_of_directions(directions, functions, side_by_side);
         z.resize(rows * axes, 0.0);
         along.resize(rows * axes, 0.0);
         weights.clear();
@@ -66,28 +76,27 @@ impl FactoredEvaluator<'_> {
         let by_inputs = network.by_inputs(inputs, adjoint, |last| {
             network.outputs(last, z);
             z.iter_mut().for_each(|z| *z *= field.scale);
-            let (turned, z) = (Matrix::dense(&field.axes, axes), Matrix::dense(z, axes));
-            multiply(weights, count, z, turned.transposed(), true);
-            multiply(along, axes, Matrix::dense(functions, count), turned, false);
+            let turned = Matrix::dense(&field.axes, axes);
+            let split = self.split_functions.as_ref();
+            if !split.is_some_and(|of| of.multiply(|of| &of.transposed, (z, rows, axes), weights, true)) {
+                multiply(weights, count, Matrix::dense(z, axes), turned.transposed(), true);
+            }
+            if !split.is_some_and(|of| of.multiply(|of| &of.forward, (functions, rows, count), along, false))
+            {
+                multiply(along, axes, Matrix::dense(functions, count), turned, false);
+            }
             along.iter_mut().for_each(|along| *along *= field.scale);
             if stack.ending == Ending::Sines {
                 for (delta, along) in last.chunks_exact_mut(stride).zip(along.chunks_exact(axes)) {
                     delta[..axes].copy_from_slice(along);
                 }
             } else {
-                let layer = &self.plan.layers[stack.hidden];
-                let matrix = Matrix::dense(&field.parameters[layer.weights..layer.biases], stack.width);
-                multiply(last, stride, Matrix::dense(along, axes), matrix, false);
+                network.products_backwards(stack.hidden, (along, rows, axes), last);
             }
         });
 
-        let each = poses
-            .iter()
-            .zip(&*places)
-            .zip(weights.chunks_exact(count))
-            .zip(by_inputs.chunks_exact(stack.inputs));
-        for ((((pose, (place, local)), weights), by_inputs), found) in each.zip(found) {
-            let (value, turn) = field.basis.sum_with_gradient(*local, |place| f64::from(weights[place]));
+        field.basis.sums_with_gradients(directions, weights, side_by_side, |row, (value, turn)| {
+            let ((place, local), by_inputs) = (&places[row], &by_inputs[row * stack.inputs..]);
             let by = |input: usize| f64::from(by_inputs[input]);
             let angle = place.angle_slopes(field.blunt());
             let mut position = DVec3::from_array([0, 1, 2].map(by)) * field.inverse_length();
@@ -99,8 +108,9 @@ impl FactoredEvaluator<'_> {
                     .sum::<f64>();
             }
             let [position, direction] = place.slopes_in_world(*local, position, turn, field.blunt());
-            *found = Gradient { value: value as f32, position, direction, rotation: pose.1.cross(direction) };
-        }
+            let rotation = poses[row].1.cross(direction);
+            found[row] = Gradient { value: value as f32, position, direction, rotation };
+        });
     }
 }
 

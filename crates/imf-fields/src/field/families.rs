@@ -12,6 +12,7 @@ use crate::harmonic::{self, VoxelCoefficients};
 use crate::siren::evaluator::{CpuEvaluator, ROWS, SlopesScratch, TangentScratch};
 use crate::siren::lanes::dot;
 use crate::siren::matrix::{Matrix, multiply};
+use crate::siren::split::SplitBoth;
 use crate::siren::{INPUTS, features};
 use imf_core::field::minimum::{BLOCK, is_better};
 use imf_core::field::{Best, Decision, Gradient};
@@ -27,8 +28,8 @@ const POINTS: usize = 16 * BLOCK;
 pub(super) enum Family {
     /// The paper's network.
     Siren(CpuEvaluator),
-    /// Coefficients at voxels.
-    Harmonic(Arc<HarmonicFile>),
+    /// Coefficients at voxels, and the axes of their functions for products by tiles.
+    Harmonic(Arc<HarmonicFile>, Option<SplitBoth>),
     /// Coefficients by a network.
     Factored(Box<FactoredEvaluator<'static>>),
 }
@@ -44,6 +45,8 @@ pub(super) struct Scratch {
     gradients: factored::GradientScratch,
     /// One orientation's functions.
     functions: Vec<f64>,
+    directions: Vec<DVec3>,
+    side_by_side: Vec<f32>,
     /// `[orientation][K]`.
     rows: Vec<f32>,
     /// `[orientation][axes]`.
@@ -61,16 +64,22 @@ pub(super) struct Scratch {
 pub(super) enum Kind<'a> {
     /// By a network of the whole pose.
     Network(&'a CpuEvaluator),
-    /// As a sum of functions of the orientation, by coefficients of the point.
-    Sum(&'a dyn VoxelCoefficients),
+    /// As a sum of functions of the orientation, by coefficients of the point; the functions' axes for products by tiles.
+    Sum(&'a dyn VoxelCoefficients, Option<&'a SplitBoth>),
 }
 
 impl Family {
+    /// Of a harmonic field.
+    pub(super) fn harmonic(file: Arc<HarmonicFile>) -> Self {
+        let split = SplitBoth::new(&file.field.axes, file.field.basis.len(), file.field.axis_count());
+        Self::Harmonic(file, split)
+    }
+
     /// What its values are.
     pub(super) fn quantity(&self) -> Quantity {
         match self {
             Self::Siren(_) => Quantity::Overlap,
-            Self::Harmonic(file) => file.field.quantity,
+            Self::Harmonic(file, _) => file.field.quantity,
             Self::Factored(evaluator) => evaluator.field().quantity,
         }
     }
@@ -79,15 +88,15 @@ impl Family {
     pub(super) fn kind(&self) -> Kind<'_> {
         match self {
             Self::Siren(network) => Kind::Network(network),
-            Self::Harmonic(file) => Kind::Sum(&file.field),
-            Self::Factored(evaluator) => Kind::Sum(&**evaluator),
+            Self::Harmonic(file, split) => Kind::Sum(&file.field, split.as_ref()),
+            Self::Factored(evaluator) => Kind::Sum(&**evaluator, evaluator.split_functions.as_ref()),
         }
     }
 
     /// Values of up to [`BLOCK`] poses, not clipped; those of invalid poses mean nothing.
     pub(super) fn values(&self, grid: &Grid, poses: &[Pose], values: &mut [f32], scratch: &mut Scratch) {
         match self.kind() {
-            Kind::Sum(source) => values_of(source, grid, poses, values, scratch),
+            Kind::Sum(source, split) => values_of((source, split), grid, poses, values, scratch),
             Kind::Network(network) => {
                 scratch.inputs.resize(poses.len() * INPUTS, 0.0);
                 for (input, pose) in scratch.inputs.as_chunks_mut::<INPUTS>().0.iter_mut().zip(poses) {
@@ -108,7 +117,7 @@ impl Family {
     ) {
         let together = match self {
             Self::Siren(_) => true,
-            Self::Harmonic(_) => false,
+            Self::Harmonic(..) => false,
             Self::Factored(evaluator) => matches!(evaluator.field().basis, Basis::Directions(_)),
         };
         for (poses, found) in poses.chunks(factored::ROWS).zip(found.chunks_mut(factored::ROWS)) {
@@ -148,7 +157,7 @@ impl Family {
             Self::Factored(evaluator) => {
                 evaluator.overlaps_with_gradients(asked, slopes, &mut scratch.gradients);
             }
-            Self::Harmonic(_) => unreachable!("asked pose by pose"),
+            Self::Harmonic(..) => unreachable!("asked pose by pose"),
         }
         for (((found, slopes), pose), (held, _)) in found.iter_mut().zip(slopes).zip(poses).zip(asked) {
             *found = within_box(slopes, pose.position, *held);
@@ -166,7 +175,7 @@ impl Family {
                 let slopes = network.value_and_slopes(&input, &mut scratch.tangents);
                 siren_gradient(grid, slopes, angles, direction)
             }
-            Self::Harmonic(file) => {
+            Self::Harmonic(file, _) => {
                 let facing = facing(pose.rotation, direction, &file.field.basis);
                 file.field.overlap_with_gradient(held, facing, &mut scratch.harmonic)?
             }
@@ -189,9 +198,9 @@ impl Family {
         scratch: &mut Scratch,
         decide: impl Fn(DVec3, f32) -> Decision,
     ) -> bool {
-        let Kind::Sum(source) = self.kind() else { return false };
+        let Kind::Sum(source, split) = self.kind() else { return false };
         for (points, best) in points.chunks(POINTS).zip(best.chunks_mut(POINTS)) {
-            minimum_at(source, grid, points, rotations, best, scratch, &decide);
+            minimum_at((source, split), grid, points, rotations, best, scratch, &decide);
         }
         true
     }
@@ -276,40 +285,53 @@ fn held(position: DVec3, low: DVec3, high: DVec3) -> DVec3 {
 
 /// The weights of up to [`BLOCK`] rotations into the scratch: `[orientation][axes]` and constants.
 fn direction_weights(
-    source: &dyn VoxelCoefficients,
+    (source, split): (&dyn VoxelCoefficients, Option<&SplitBoth>),
     rotations: impl ExactSizeIterator<Item = DQuat>,
     scratch: &mut Scratch,
 ) {
     let (basis, axes, mean) = source.functions();
     let (count, functions, width) = (rotations.len(), basis.len(), source.axes());
     let order = source.order();
-    let Scratch { functions: row, rows, weights, constants, .. } = scratch;
+    let Scratch { functions: row, directions, side_by_side, rows, weights, constants, .. } = scratch;
     row.resize(functions, 0.0);
     rows.resize(count * functions, 0.0);
     constants.resize(count, 0.0);
     weights.resize(count * width, 0.0);
-    let each = rows.chunks_exact_mut(functions).zip(constants.iter_mut());
-    for (rotation, (out, constant)) in rotations.zip(each) {
-        match axis_of(rotation) {
-            Some(direction) => {
-                let ordered = order.map_or(direction, |order| order.map(|axis| direction[axis]).into());
-                basis.values_facing(facing(rotation, ordered, basis), row);
+    if let Basis::Directions(_) = basis {
+        directions.clear();
+        directions.extend(rotations.map(|rotation| {
+            let direction = axis_of(rotation).unwrap_or(DVec3::NAN);
+            order.map_or(direction, |order| order.map(|axis| direction[axis]).into())
+        }));
+        // Where there is an order of directions the functions are the weights.
+        let out = if order.is_some() { &mut *weights } else { &mut *rows };
+        basis.values_of_directions(directions, out, side_by_side);
+    } else {
+        for (rotation, out) in rotations.zip(rows.chunks_exact_mut(functions)) {
+            match axis_of(rotation) {
+                Some(direction) => basis.values_facing(facing(rotation, direction, basis), row),
+                None => row.fill(f64::NAN),
             }
-            None => row.fill(f64::NAN),
+            out.iter_mut().zip(row.iter()).for_each(|(out, &value)| *out = value as f32);
         }
-        *constant = row.iter().zip(mean).map(|(&b, &m)| b * f64::from(m)).sum::<f64>() as f32;
-        out.iter_mut().zip(row.iter()).for_each(|(out, &value)| *out = value as f32);
     }
     if order.is_some() {
-        weights.copy_from_slice(rows);
-        constants.fill(0.0);
-        return;
+        return constants.fill(0.0);
     }
-    multiply(weights, width, Matrix::dense(rows, functions), Matrix::dense(axes, width), false);
+    vectorised!(Arch::new(), {
+        for (constant, row) in constants.iter_mut().zip(rows.chunks_exact(functions)) {
+            *constant = dot(row, mean);
+        }
+    });
+    let by_tiles = split
+        .is_some_and(|split| split.multiply(|both| &both.forward, (rows, count, functions), weights, false));
+    if !by_tiles {
+        multiply(weights, width, Matrix::dense(rows, functions), Matrix::dense(axes, width), false);
+    }
 }
 
 fn values_of(
-    source: &dyn VoxelCoefficients,
+    (source, split): (&dyn VoxelCoefficients, Option<&SplitBoth>),
     grid: &Grid,
     poses: &[Pose],
     values: &mut [f32],
@@ -317,7 +339,7 @@ fn values_of(
 ) {
     let [low, high] = grid.box_of_centres();
     let axes = source.axes();
-    direction_weights(source, poses.iter().map(|pose| pose.rotation), scratch);
+    direction_weights((source, split), poses.iter().map(|pose| pose.rotation), scratch);
     let Scratch { weights, constants, coefficients, corner, .. } = scratch;
     coefficients.resize(poses.len() * axes, 0.0);
     source.at(&mut poses.iter().map(|pose| held(pose.position, low, high)), coefficients, corner);
@@ -330,7 +352,7 @@ fn values_of(
 }
 
 fn minimum_at(
-    source: &dyn VoxelCoefficients,
+    (source, split): (&dyn VoxelCoefficients, Option<&SplitBoth>),
     grid: &Grid,
     points: &[DVec3],
     rotations: &[DQuat],
@@ -348,7 +370,7 @@ fn minimum_at(
     best.fill(Best::NONE);
     for first in (0..rotations.len()).step_by(BLOCK) {
         let rotations = &rotations[first..(first + BLOCK).min(rotations.len())];
-        direction_weights(source, rotations.iter().copied(), scratch);
+        direction_weights((source, split), rotations.iter().copied(), scratch);
         let Scratch { weights, constants, coefficients, products, .. } = scratch;
         let columns = rotations.len();
         let blocks = points.chunks(BLOCK).zip(best.chunks_mut(BLOCK));

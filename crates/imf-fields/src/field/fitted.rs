@@ -62,7 +62,7 @@ impl Field {
             }
             FieldFile::Harmonic(file) => {
                 let (scene, calibration) = (file.scene.clone(), file.calibration);
-                (Family::Harmonic(file), scene, calibration)
+                (Family::harmonic(file), scene, calibration)
             }
             FieldFile::Factored(file) => {
                 (Family::Factored(Box::new(file.field.into_evaluator())), file.scene, file.calibration)
@@ -90,7 +90,7 @@ impl Field {
         let field = evaluator.expanded(Precision::F32, FitReport::default());
         let (scene, settings) = (self.scene.clone(), FitSettings::default());
         let file = HarmonicFile { field, scene, settings, calibration: None };
-        Self { family: Family::Harmonic(Arc::new(file)), ..self }
+        Self { family: Family::harmonic(Arc::new(file)), ..self }
     }
 
     /// What its decisions are worth, where that was measured.

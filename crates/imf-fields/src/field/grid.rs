@@ -22,7 +22,7 @@ impl GridField for Field {
         let voxels = self.grid().len();
         assert_eq!(values.len(), voxels * orientations.len(), "one section for each orientation");
         match self.family().kind() {
-            Kind::Sum(source) => sections_of(source, &source.direction_weights(orientations), values),
+            Kind::Sum(source, _) => sections_of(source, &source.direction_weights(orientations), values),
             Kind::Network(mut network) => {
                 for (orientation, section) in orientations.iter().zip(values.chunks_exact_mut(voxels)) {
                     over_grid::section(&mut network, self.grid(), orientation.angles(), section)?;
@@ -37,7 +37,7 @@ impl GridField for Field {
             return Err(FieldError::Orientations(0));
         }
         match self.family().kind() {
-            Kind::Sum(source) => minimum_over(source, orientations, control),
+            Kind::Sum(source, _) => minimum_over(source, orientations, control),
             Kind::Network(mut network) => {
                 let directions: Vec<[f32; 2]> = orientations.iter().map(Orientation::angles).collect();
                 over_grid::minimum(&mut network, self.grid(), &directions, control)

@@ -125,6 +125,16 @@ impl Basis {
         values.iter_mut().for_each(|v| *v *= scale);
     }
 
+    /// [`Basis::values_of_direction`] of any number of directions, `[direction][function]`; `scratch` is working memory.
+    pub(crate) fn values_of_directions(
+        &self,
+        directions: &[DVec3],
+        values: &mut [f32],
+        scratch: &mut Vec<f32>,
+    ) {
+        self.sphere().values_of_all(directions, (4.0 * PI).sqrt(), values, scratch);
+    }
+
     /// The sum of all functions of a direction, each by the weight that `weight` says of its place, with its gradient along
     /// the sphere.
     ///
@@ -132,9 +142,25 @@ impl Basis {
     /// If the functions are of rotations.
     #[inline]
     pub fn sum_with_gradient(&self, direction: DVec3, weight: impl Fn(usize) -> f64) -> (f64, DVec3) {
-        let (sum, gradient) = self.sphere().sum_with_gradient(direction, weight);
+        let [(sum, gradient)] = self.sphere().sums_with_gradients(&[direction], |place| [weight(place)]);
         let scale = (4.0 * PI).sqrt();
         (sum * scale, gradient * scale)
+    }
+
+    /// The same of any number of directions, by `weights [direction][function]`; `scratch` is working memory.
+    ///
+    /// # Panics
+    /// If the functions are of rotations, or there are not as many weights.
+    pub(crate) fn sums_with_gradients(
+        &self,
+        directions: &[DVec3],
+        weights: &[f32],
+        scratch: &mut Vec<f32>,
+        mut take: impl FnMut(usize, (f64, DVec3)),
+    ) {
+        let scale = (4.0 * PI).sqrt();
+        let scaled = |index, (sum, gradient): (f64, DVec3)| take(index, (sum * scale, gradient * scale));
+        self.sphere().sums_of_all(directions, weights, scratch, scaled);
     }
 
     /// All functions at what [`Basis::facing`] gave.

@@ -8,6 +8,15 @@
 use std::f64::consts::{FRAC_1_PI, SQRT_2};
 
 use glam::DVec3;
+use imf_core::vectorised::vectorised;
+use pulp::Arch;
+
+use crate::siren::plan::transpose;
+
+/// Directions that are taken side by side: a side of the tiles of [`transpose`].
+const TOGETHER: usize = 16;
+/// Fewer are taken one by one.
+const FEW: usize = 4;
 
 /// Functions up to degree `degree`.
 pub const fn function_count(degree: usize) -> usize {
@@ -103,193 +112,185 @@ impl SphereBasis {
     /// # Panics
     /// If `values` has not the length [`SphereBasis::len`].
     pub fn values(&self, direction: DVec3, values: &mut [f64]) {
-        let DVec3 { x, y, z } = direction;
+        self.values_side_by_side(&[direction], |place, [value]| values[place] = value);
+    }
+
+    /// All functions at several unit vectors: `take` gets the place of each function and its values.
+    #[inline(always)]
+    fn values_side_by_side<const N: usize>(
+        &self,
+        directions: &[DVec3; N],
+        mut take: impl FnMut(usize, [f64; N]),
+    ) {
+        let z = directions.map(|direction| direction.z);
         // Re and Im of (x + iy)^m.
-        let (mut cosine, mut sine) = (1.0, 0.0);
+        let (mut cosine, mut sine) = ([1.0; N], [0.0; N]);
         for m in 0..=self.degree {
-            let (mut before, mut value) = (0.0, self.sectoral[m]);
+            let (mut before, mut value) = ([0.0; N], [self.sectoral[m]; N]);
             for l in m..=self.degree {
                 if l > m {
                     let (a, b) = self.steps[l * (l + 1) / 2 + m];
-                    (before, value) = (value, a * (z * value - b * before));
+                    let next = each(|lane| a * (z[lane] * value[lane] - b * before[lane]));
+                    (before, value) = (value, next);
                 }
                 let middle = l * l + l;
                 if m == 0 {
-                    values[middle] = value;
+                    take(middle, value);
                 } else {
-                    let q = SQRT_2 * value;
-                    (values[middle + m], values[middle - m]) = (q * cosine, q * sine);
+                    let q = value.map(|value| SQRT_2 * value);
+                    take(middle + m, each(|lane| q[lane] * cosine[lane]));
+                    take(middle - m, each(|lane| q[lane] * sine[lane]));
                 }
             }
-            (cosine, sine) = (x * cosine - y * sine, x * sine + y * cosine);
+            (cosine, sine) = turned(directions, &cosine, &sine);
         }
     }
 
-    /// The sum of all functions, each by the weight that `weight` says of its place, and its gradient along the sphere: the
-    /// derivative for a small turn of `direction`, tangent to it. Functions of one m share what depends on x and y.
-    #[inline]
-    pub fn sum_with_gradient(&self, direction: DVec3, weight: impl Fn(usize) -> f64) -> (f64, DVec3) {
-        let DVec3 { x, y, z } = direction;
-        let (mut cosine, mut sine) = (1.0, 0.0);
-        let (mut cosine_before, mut sine_before) = (0.0, 0.0);
-        let (mut sum, mut gradient) = (0.0, DVec3::ZERO);
+    /// [`SphereBasis::values`] times a factor of any number of unit vectors, `[direction][function]`; `scratch` is working memory.
+    ///
+    /// # Panics
+    /// If `values` has another length.
+    pub(crate) fn values_of_all(
+        &self,
+        directions: &[DVec3],
+        factor: f64,
+        values: &mut [f32],
+        scratch: &mut Vec<f32>,
+    ) {
+        let count = self.len();
+        assert_eq!(values.len(), directions.len() * count, "{count} values of each direction");
+        if directions.len() < FEW {
+            for (direction, row) in directions.iter().zip(values.chunks_exact_mut(count)) {
+                let take = |place, [value]: [f64; 1]| row[place] = (factor * value) as f32;
+                self.values_side_by_side(&[*direction], take);
+            }
+            return;
+        }
+        let arch = Arch::new();
+        scratch.resize(2 * TOGETHER * count, 0.0);
+        // `[function][direction]`, and turned.
+        let (columns, rows) = scratch.split_at_mut(TOGETHER * count);
+        for (directions, values) in directions.chunks(TOGETHER).zip(values.chunks_mut(TOGETHER * count)) {
+            let mut lanes = [DVec3::Z; TOGETHER];
+            lanes[..directions.len()].copy_from_slice(directions);
+            let places = columns.as_chunks_mut::<TOGETHER>().0;
+            vectorised!(
+                arch,
+                self.values_side_by_side(&lanes, |place, found| {
+                    places[place] = found.map(|value| (factor * value) as f32);
+                })
+            );
+            transpose(columns, count, TOGETHER, rows);
+            values.copy_from_slice(&rows[..values.len()]);
+        }
+    }
+
+    /// At several unit vectors the sum of all functions, each by the weights that `weight` says of its place, and its gradient along the
+    /// sphere: the derivative for a small turn of the direction, tangent to it. Functions of one m share what depends on x and y.
+    #[inline(always)]
+    pub fn sums_with_gradients<const N: usize>(
+        &self,
+        directions: &[DVec3; N],
+        weight: impl Fn(usize) -> [f64; N],
+    ) -> [(f64, DVec3); N] {
+        let z = directions.map(|direction| direction.z);
+        let (mut cosine, mut sine) = ([1.0; N], [0.0; N]);
+        let (mut cosine_before, mut sine_before) = ([0.0; N], [0.0; N]);
+        let mut found = [(0.0, DVec3::ZERO); N];
         for m in 0..=self.degree {
-            let (mut before, mut value) = (0.0, self.sectoral[m]);
-            let (mut slope_before, mut slope) = (0.0, 0.0);
+            let (mut before, mut value) = ([0.0; N], [self.sectoral[m]; N]);
+            let (mut slope_before, mut slope) = ([0.0; N], [0.0; N]);
             // Of the functions with the cosine and with the sine: values and slopes in z.
-            let (mut values, mut slopes) = ([0.0; 2], [0.0; 2]);
+            let (mut values, mut slopes) = ([[0.0; N]; 2], [[0.0; N]; 2]);
             for l in m..=self.degree {
                 if l > m {
                     let (a, b) = self.steps[l * (l + 1) / 2 + m];
-                    let next = a * (z * value - b * before);
-                    let next_slope = a * (value + z * slope - b * slope_before);
+                    let next = each(|lane| a * (z[lane] * value[lane] - b * before[lane]));
+                    let next_slope =
+                        each(|lane| a * (value[lane] + z[lane] * slope[lane] - b * slope_before[lane]));
                     (before, value) = (value, next);
                     (slope_before, slope) = (slope, next_slope);
                 }
                 let middle = l * l + l;
                 for (side, place) in [middle + m, middle - m].into_iter().enumerate() {
-                    values[side] += weight(place) * value;
-                    slopes[side] += weight(place) * slope;
+                    let weight = weight(place);
+                    for lane in 0..N {
+                        values[side][lane] += weight[lane] * value[lane];
+                        slopes[side][lane] += weight[lane] * slope[lane];
+                    }
                 }
             }
-            if m == 0 {
-                (sum, gradient.z) = (values[0], slopes[0]);
-            } else {
-                let ([c, s], turn) = (values.map(|v| SQRT_2 * v), m as f64);
-                sum += c * cosine + s * sine;
-                gradient.x += turn * (c * cosine_before + s * sine_before);
-                gradient.y += turn * (s * cosine_before - c * sine_before);
-                gradient.z += SQRT_2 * (slopes[0] * cosine + slopes[1] * sine);
+            for (lane, (sum, gradient)) in found.iter_mut().enumerate() {
+                if m == 0 {
+                    (*sum, gradient.z) = (values[0][lane], slopes[0][lane]);
+                    continue;
+                }
+                let ([c, s], turn) = (values.map(|v| SQRT_2 * v[lane]), m as f64);
+                *sum += c * cosine[lane] + s * sine[lane];
+                gradient.x += turn * (c * cosine_before[lane] + s * sine_before[lane]);
+                gradient.y += turn * (s * cosine_before[lane] - c * sine_before[lane]);
+                gradient.z += SQRT_2 * (slopes[0][lane] * cosine[lane] + slopes[1][lane] * sine[lane]);
             }
             (cosine_before, sine_before) = (cosine, sine);
-            (cosine, sine) = (x * cosine - y * sine, x * sine + y * cosine);
+            (cosine, sine) = turned(directions, &cosine, &sine);
         }
-        (sum, gradient - direction * gradient.dot(direction))
+        each(|lane| {
+            let (direction, (sum, gradient)) = (directions[lane], found[lane]);
+            (sum, gradient - direction * gradient.dot(direction))
+        })
     }
+
+    /// [`SphereBasis::sums_with_gradients`] of any number of unit vectors, by `weights [direction][function]`; `scratch` is working
+    /// memory.
+    ///
+    /// # Panics
+    /// If there are not as many weights.
+    pub(crate) fn sums_of_all(
+        &self,
+        directions: &[DVec3],
+        weights: &[f32],
+        scratch: &mut Vec<f32>,
+        mut take: impl FnMut(usize, (f64, DVec3)),
+    ) {
+        let count = self.len();
+        assert_eq!(weights.len(), directions.len() * count, "{count} weights of each direction");
+        let arch = Arch::new();
+        scratch.resize(2 * TOGETHER * count, 0.0);
+        let (columns, rows) = scratch.split_at_mut(TOGETHER * count);
+        let blocks = directions.chunks(TOGETHER).zip(weights.chunks(TOGETHER * count));
+        for (block, (directions, weights)) in blocks.enumerate() {
+            let mut lanes = [DVec3::Z; TOGETHER];
+            lanes[..directions.len()].copy_from_slice(directions);
+            rows[..weights.len()].copy_from_slice(weights);
+            transpose(rows, TOGETHER, count, columns);
+            let places = columns.as_chunks::<TOGETHER>().0;
+            let found =
+                vectorised!(arch, self.sums_with_gradients(&lanes, |place| places[place].map(f64::from)));
+            for (lane, found) in found.into_iter().take(directions.len()).enumerate() {
+                take(block * TOGETHER + lane, found);
+            }
+        }
+    }
+}
+
+/// A number of each lane.
+#[inline(always)]
+fn each<T, const N: usize>(of: impl FnMut(usize) -> T) -> [T; N] {
+    std::array::from_fn(of)
+}
+
+/// Re and Im of (x + iy)^(m + 1) from those of (x + iy)^m.
+#[inline(always)]
+fn turned<const N: usize>(
+    directions: &[DVec3; N],
+    cosine: &[f64; N],
+    sine: &[f64; N],
+) -> ([f64; N], [f64; N]) {
+    (
+        each(|lane| directions[lane].x * cosine[lane] - directions[lane].y * sine[lane]),
+        each(|lane| directions[lane].x * sine[lane] + directions[lane].y * cosine[lane]),
+    )
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use imf_core::orientation::{Orientation, OrientationSet};
-    use std::f64::consts::PI;
-
-    #[test]
-    fn low_degrees_have_their_closed_forms() {
-        let d = DVec3::new(0.48, -0.6, 0.64);
-        let basis = SphereBasis::new(2);
-        let mut values = [0.0; 9];
-        basis.values(d, &mut values);
-        let DVec3 { x, y, z } = d;
-        let c = |number: f64| (number / PI).sqrt();
-        let expected = [
-            0.5 * c(1.0),
-            c(0.75) * y,
-            c(0.75) * z,
-            c(0.75) * x,
-            0.5 * c(15.0) * x * y,
-            0.5 * c(15.0) * y * z,
-            0.25 * c(5.0) * (3.0 * z * z - 1.0),
-            0.5 * c(15.0) * x * z,
-            0.25 * c(15.0) * (x * x - y * y),
-        ];
-        for (place, (found, expected)) in values.iter().zip(expected).enumerate() {
-            assert!((found - expected).abs() < 1e-14, "function {place}: {found} against {expected}");
-        }
-    }
-
-    /// Gauss-Legendre in z by equal steps is not needed: an even spiral integrates to a few parts in a thousand, and the
-    /// addition theorem holds exactly at each point.
-    #[test]
-    fn squares_of_a_degree_add_up_at_every_direction_also_at_the_poles() {
-        let degree = 40;
-        let basis = SphereBasis::new(degree);
-        let mut values = vec![0.0; basis.len()];
-        let mut directions: Vec<DVec3> = OrientationSet::parse("random:20:3")
-            .unwrap()
-            .orientations
-            .iter()
-            .map(Orientation::direction)
-            .collect();
-        directions.extend([DVec3::Z, -DVec3::Z, DVec3::X, -DVec3::Y]);
-        for d in directions {
-            basis.values(d.normalize(), &mut values);
-            for l in 0..=degree {
-                let sum: f64 = values[l * l..(l + 1) * (l + 1)].iter().map(|v| v * v).sum();
-                let expected = (2 * l + 1) as f64 / (4.0 * PI);
-                assert!((sum / expected - 1.0).abs() < 1e-11, "degree {l} at {d}: {sum} against {expected}");
-            }
-        }
-    }
-
-    #[test]
-    fn the_functions_are_orthonormal() {
-        let basis = SphereBasis::new(6);
-        let n = 20_000;
-        let set = OrientationSet::parse(&format!("fibonacci:{n}")).unwrap();
-        let mut gram = vec![0.0; basis.len() * basis.len()];
-        let mut values = vec![0.0; basis.len()];
-        for o in &set.orientations {
-            basis.values(o.direction(), &mut values);
-            for i in 0..basis.len() {
-                for j in 0..basis.len() {
-                    gram[i * basis.len() + j] += values[i] * values[j] * 4.0 * PI / f64::from(n);
-                }
-            }
-        }
-        for i in 0..basis.len() {
-            for j in 0..basis.len() {
-                let expected = f64::from(u8::from(i == j));
-                // The spiral's own error at 20,000 points.
-                assert!((gram[i * basis.len() + j] - expected).abs() < 2e-3, "({i}, {j})");
-            }
-        }
-    }
-
-    #[test]
-    fn gradients_of_sums_are_central_differences_also_at_the_poles() {
-        let basis = SphereBasis::new(12);
-        let n = basis.len();
-        let (mut values, mut ahead, mut behind) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
-        let step = 1e-5;
-        for d in [DVec3::Z, -DVec3::Z, DVec3::new(0.3, -0.5, 0.2).normalize(), DVec3::X] {
-            basis.values(d, &mut values);
-            let (u, v) = d.any_orthonormal_pair();
-            for tangent in [u, v] {
-                basis.values((d + tangent * step).normalize(), &mut ahead);
-                basis.values((d - tangent * step).normalize(), &mut behind);
-                for place in 0..n {
-                    let alone = |other: usize| f64::from(u8::from(other == place));
-                    let (value, gradient) = basis.sum_with_gradient(d, alone);
-                    let expected = (ahead[place] - behind[place]) / (2.0 * step);
-                    let found = gradient.dot(tangent);
-                    // Third derivatives of degree 12 are some 12³; times step².
-                    assert!((found - expected).abs() < 1e-6, "function {place} at {d}: {found}, {expected}");
-                    assert!(gradient.dot(d).abs() < 1e-10 && (value - values[place]).abs() < 1e-12);
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn a_sum_is_that_of_its_functions() {
-        for degree in [0, 1, 5, 20] {
-            let basis = SphereBasis::new(degree);
-            let mut values = vec![0.0; basis.len()];
-            let weight = |place: usize| ((place * 37 + 11) % 23) as f64 - 11.0;
-            for d in [DVec3::Z, -DVec3::Z, DVec3::X, DVec3::new(0.3, -0.5, 0.2).normalize()] {
-                basis.values(d, &mut values);
-                let (sum, slope) = basis.sum_with_gradient(d, weight);
-                let (mut value, mut gradient) = (0.0, DVec3::ZERO);
-                for (place, of_place) in values.iter().enumerate() {
-                    value += weight(place) * of_place;
-                    let alone = |other: usize| f64::from(u8::from(other == place));
-                    gradient += weight(place) * basis.sum_with_gradient(d, alone).1;
-                }
-                // Some hundred terms of up to a thousand in f64.
-                assert!((sum - value).abs() < 1e-9, "degree {degree} at {d}: {sum}, {value}");
-                assert!(slope.distance(gradient) < 1e-8, "degree {degree} at {d}: {slope}, {gradient}");
-            }
-        }
-    }
-}
+mod tests;

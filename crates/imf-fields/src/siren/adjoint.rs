@@ -5,6 +5,7 @@ use pulp::Arch;
 
 use super::forward::Network;
 use super::matrix::{Matrix, multiply};
+use super::split::FEWEST;
 use imf_core::vectorised::vectorised;
 
 /// Working memory of a thread; nothing is allocated once it has its size.
@@ -46,19 +47,44 @@ impl Network<'_> {
             scale(self.arch, here, slopes);
             let shape = &plan.layers[layer];
             let weights = &self.parameters[shape.weights..shape.biases];
-            let by_sums = Matrix::row_major(here, rows, width, stride);
-            let from = |first: usize, columns: usize| {
-                Matrix::row_major(&weights[first..], width, columns, shape.inputs)
-            };
             if plan.sees_input(layer) {
-                multiply(by_inputs, axes, by_sums, from(plan.neurons_in(layer), axes), true);
+                let by_sums = Matrix::row_major(here, rows, width, stride);
+                let of_inputs = &weights[plan.neurons_in(layer)..];
+                multiply(
+                    by_inputs,
+                    axes,
+                    by_sums,
+                    Matrix::row_major(of_inputs, width, axes, shape.inputs),
+                    true,
+                );
             }
             if layer > 0 {
-                multiply(other, stride, by_sums, from(0, width), false);
+                self.products_backwards(layer, (here, rows, stride), other);
                 std::mem::swap(&mut here, &mut other);
             }
         }
         by_inputs
+    }
+
+    /// From derivatives by a layer's sums, so many rows so far apart, to those by the neurons before it, `[row][stride]` into `out`.
+    pub(crate) fn products_backwards(
+        &self,
+        layer: usize,
+        (by_sums, rows, stride): (&[f32], usize, usize),
+        out: &mut [f32],
+    ) {
+        let split = self.split.filter(|_| rows >= FEWEST);
+        let factor = split.and_then(|split| split.backward(layer, self.plan, self.parameters));
+        if let Some((split, factor)) = split.zip(factor) {
+            return split.scratch.with(|scratch| {
+                factor.multiply(out, self.plan.stride(), (by_sums, rows, stride), false, scratch);
+            });
+        }
+        let shape = &self.plan.layers[layer];
+        let weights = &self.parameters[shape.weights..shape.biases];
+        let weights = Matrix::row_major(weights, shape.outputs, self.plan.neurons_in(layer), shape.inputs);
+        let by_sums = Matrix::row_major(by_sums, rows, shape.outputs, stride);
+        multiply(out, self.plan.stride(), by_sums, weights, false);
     }
 }
 

@@ -10,6 +10,7 @@ use super::matrix::prefer_unpacked;
 use super::output::Output;
 use super::plan::{BLOCK, Plan, transpose_all};
 use super::scratch::{ScratchPool, describe};
+use super::split::SplitWeights;
 use super::tangent::PanelOfPoint;
 use crate::siren::EvaluationEngine;
 use crate::siren::{INPUTS, SirenShape, features};
@@ -43,6 +44,7 @@ pub struct CpuEvaluator {
     plan: Plan,
     parameters: Vec<f32>,
     panels: Vec<f32>,
+    split: Option<SplitWeights>,
     scratch: ScratchPool,
 }
 
@@ -60,7 +62,8 @@ impl CpuEvaluator {
         let mut panels = vec![0.0; parameters.len()];
         transpose_all(&plan, parameters, &mut panels);
         let scratch = ScratchPool::new(BLOCK * (2 * plan.stride() + INPUTS + 1));
-        Ok(Self { arch: Arch::new(), plan, parameters: parameters.to_vec(), panels, scratch })
+        let split = SplitWeights::new(&plan, parameters);
+        Ok(Self { arch: Arch::new(), plan, parameters: parameters.to_vec(), panels, split, scratch })
     }
 
     /// Replaces the network's parameters, as training goes on.
@@ -74,6 +77,7 @@ impl CpuEvaluator {
             .map_err(|error| EngineError::Shape(error.to_string()))?;
         self.parameters.copy_from_slice(parameters);
         transpose_all(&self.plan, &self.parameters, &mut self.panels);
+        self.split = SplitWeights::new(&self.plan, &self.parameters);
         Ok(())
     }
 
@@ -168,7 +172,8 @@ impl CpuEvaluator {
     }
 
     fn network(&self) -> Network<'_> {
-        Network { arch: self.arch, plan: &self.plan, parameters: &self.parameters, panels: &self.panels }
+        let network = Network::new(self.arch, &self.plan, &self.parameters, &self.panels);
+        Network { split: self.split.as_ref(), ..network }
     }
 
     /// Values of at most one block. `scratch` holds two layers of a block.

@@ -9,6 +9,7 @@ use super::lanes::{GROUP, load, store};
 use super::matrix::{Matrix, multiply};
 use super::plan::Plan;
 use super::sine::{sine, sine_cosine};
+use super::split::{FEWEST, SplitWeights};
 use super::stack::Ending;
 
 /// A network ready to run: its plan, its flat parameters and their transposed panels.
@@ -22,6 +23,16 @@ pub struct Network<'a> {
     pub parameters: &'a [f32],
     /// The weights transposed, panel by panel.
     pub panels: &'a [f32],
+    /// The weights for products by tiles.
+    pub(crate) split: Option<&'a SplitWeights>,
+}
+
+impl<'a> Network<'a> {
+    /// With products in `f32`.
+    #[must_use]
+    pub fn new(arch: Arch, plan: &'a Plan, parameters: &'a [f32], panels: &'a [f32]) -> Self {
+        Self { arch, plan, parameters, panels, split: None }
+    }
 }
 
 impl Network<'_> {
@@ -41,8 +52,9 @@ impl Network<'_> {
         let stride = plan.stride();
         let rows = inputs.len() / plan.stack.inputs;
         let neurons_in = plan.neurons_in(layer);
+        let multiplied = layer > 0 && self.multiply_split(layer, previous, rows, sums, stride, false);
         for neurons in plan.panels(layer) {
-            if layer > 0 {
+            if layer > 0 && !multiplied {
                 let panel = &self.panels[plan.panel_range(layer, &neurons)];
                 let activations = Matrix::row_major(previous, rows, neurons_in, stride);
                 let weights = Matrix::row_major(panel, neurons_in, neurons.len(), neurons.len());
@@ -50,6 +62,25 @@ impl Network<'_> {
             }
             self.activate(layer, neurons, inputs, sums, slopes.as_deref_mut());
         }
+    }
+
+    /// A layer's products by tiles; false, and nothing is done, where others are faster.
+    fn multiply_split(
+        &self,
+        layer: usize,
+        previous: &[f32],
+        rows: usize,
+        sums: &mut [f32],
+        stride: usize,
+        accumulate: bool,
+    ) -> bool {
+        let split = self.split.filter(|_| rows >= FEWEST);
+        let Some((split, factor)) = split.and_then(|split| Some((split, split.forward(layer)?))) else {
+            return false;
+        };
+        let left = (previous, rows, self.plan.stride());
+        split.scratch.with(|scratch| factor.multiply(sums, stride, left, accumulate, scratch));
+        true
     }
 
     /// From the sums of a panel's products (of layer 0: from nothing) to its activations and slopes, as
@@ -120,6 +151,9 @@ impl Network<'_> {
         }
         let rows = out.len() / stack.outputs;
         out.chunks_exact_mut(stack.outputs).for_each(|row| row.copy_from_slice(biases));
+        if self.multiply_split(stack.hidden, last, rows, out, stack.outputs, true) {
+            return;
+        }
         let last = Matrix::row_major(last, rows, stack.width, self.plan.stride());
         for neurons in self.plan.panels(stack.hidden) {
             let (first, columns) = (neurons.start, neurons.len());

@@ -61,6 +61,13 @@ impl<T: Copy + Default> Lines<T> {
         lines
     }
 
+    /// Makes them as many where they are fewer.
+    pub(crate) fn resize_to_at_least(&mut self, length: usize) {
+        if self.range.len() < length {
+            self.resize(length);
+        }
+    }
+
     /// Makes them so many; all are zeros where they were not.
     fn resize(&mut self, length: usize) {
         if self.range.len() != length {

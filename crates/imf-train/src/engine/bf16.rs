@@ -16,7 +16,7 @@ use rayon::prelude::*;
 
 use crate::engine::BlockLoss;
 use crate::engine::backward::Backward;
-use crate::engine::bf16_kernel::{Extent, Kernel, Product, STRIP};
+use imf_fields::siren::bf16_kernel::{Extent, Kernel, Product, STRIP};
 use imf_fields::siren::forward::Network;
 use imf_fields::siren::plan::{BLOCK, PANEL, Plan};
 use imf_fields::siren::scratch::{Lines, ScratchPool};

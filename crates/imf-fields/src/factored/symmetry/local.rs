@@ -9,7 +9,7 @@ use pulp::Arch;
 
 use super::{Axis, Place, Symmetry};
 use crate::harmonic::rotations::RotationBasis;
-use crate::harmonic::sphere::change_sign;
+use crate::harmonic::sphere::all_that_change_sign;
 use imf_core::vectorised::vectorised;
 
 /// What takes coefficients of all harmonics up to a degree from one frame to the other.
@@ -19,6 +19,8 @@ pub struct LocalHarmonics {
     along: usize,
     /// M of every degree by columns, `[2l + 1][2l + 1]`, one behind the other, where the order of axes is not the world's.
     columns: Vec<f32>,
+    /// By which of the axes in order are mirrored, the first one's bit the lowest: 1 or −1 of each function.
+    signs: Vec<f32>,
     arch: Arch,
 }
 
@@ -43,7 +45,10 @@ impl LocalHarmonics {
                 start += size * size;
             }
         }
-        Self { degree, along, columns, arch: Arch::new() }
+        let mirrored = (0..8).map(|bits: usize| [0, 1, 2].map(|axis| bits >> axis & 1 == 1));
+        let changes = mirrored.flat_map(|axes| all_that_change_sign(degree, axes));
+        let signs = changes.map(|changes| if changes { -1.0 } else { 1.0 }).collect();
+        Self { degree, along, columns, signs, arch: Arch::new() }
     }
 
     /// Number of coefficients.
@@ -123,21 +128,9 @@ impl LocalHarmonics {
 
     /// Functions that are odd across what was mirrored change their sign.
     fn mirror(&self, place: &Place, coefficients: &mut [f32]) {
-        let coordinates = self.order().map(|axis| place.signs[axis] < 0.0);
-        if !coordinates.contains(&true) {
-            return;
-        }
-        for l in 0..=self.degree {
-            for m in 0..=l {
-                let (even, odd) = change_sign(l, m, coordinates);
-                let middle = l * l + l;
-                if even {
-                    coefficients[middle + m] = -coefficients[middle + m];
-                }
-                if odd && m > 0 {
-                    coefficients[middle - m] = -coefficients[middle - m];
-                }
-            }
-        }
+        let mirrored = self.order().map(|axis| usize::from(place.signs[axis] < 0.0));
+        let count = self.len();
+        let signs = &self.signs[(mirrored[0] + 2 * mirrored[1] + 4 * mirrored[2]) * count..][..count];
+        coefficients.iter_mut().zip(signs).for_each(|(coefficient, sign)| *coefficient *= sign);
     }
 }

@@ -1,11 +1,11 @@
 //! Training in bfloat16 against the same training by the twin's products, and against the definition.
 
-use crate::engine::bf16_kernel::{Kernel, tests::kernels};
 use crate::engine::tests::{as_f64, batch, engine, samples_f64, shape};
 use crate::engine::{CpuTrainer, WINDOW};
 use crate::training::TrainingEngine;
 use imf_core::field::EngineError;
 use imf_fields::recipe::{AdamConfig, Loss, Precision, TrainingState};
+use imf_fields::siren::bf16_kernel::Kernel;
 use imf_fields::siren::stack::{Ending, Stack};
 use imf_fields::siren::{INPUTS, SirenShape, reference};
 
@@ -73,7 +73,7 @@ fn the_gradient_is_the_twins_and_near_the_definitions() {
         assert!((twin_loss - loss).abs() <= 1e-3, "{shape:?}: loss {twin_loss}, not {loss}");
         // Where there is a product between layers it is rounded, or this tests nothing.
         assert!(shape.hidden == 1 || rounded > 1e-5, "{shape:?}: {rounded}");
-        for kernel in kernels() {
+        for kernel in Kernel::all().chain([Kernel::Twin]) {
             let (found, found_loss) = gradient(kernel, shape, count, omega);
             let by_kernel = apart(&found, &as_f64(&twin));
             println!("  {by_kernel:.1e} between {} and twin", kernel.name());

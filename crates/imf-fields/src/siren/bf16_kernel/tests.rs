@@ -1,9 +1,9 @@
 //! The kernel of this CPU against the twin. On a CPU without one these tests are of the twin alone, and say so.
 
-use crate::engine::bf16_kernel::*;
+use crate::siren::bf16_kernel::*;
 
 /// The kernels that this machine has, the definition last.
-pub(crate) fn kernels() -> Vec<Kernel> {
+fn kernels() -> Vec<Kernel> {
     let machine: Vec<_> = Kernel::all().collect();
     let names: Vec<_> = machine.iter().map(|kernel| kernel.name()).collect();
     eprintln!("kernels of this CPU: {names:?}");
@@ -53,15 +53,25 @@ fn packing_rounds_and_lays_out_as_the_twin_does() {
             })
             .collect();
         assert!(packed.iter().all(|p| p == &packed[0]), "{rows}×{columns}");
+        // What rounding leaves, where it is finite.
+        let finite: Vec<f32> = values.iter().map(|value| value.clamp(-1e38, 1e38)).collect();
+        let split = kernels().into_iter().map(|kernel| {
+            let mut halves = [(); 2].map(|()| vec![7; rows * row_pairs]);
+            let [out, rests] = &mut halves;
+            kernel.pack_rows_and_rests(&finite, from, row_pairs, out, rests);
+            halves
+        });
+        let split: Vec<_> = split.collect();
+        assert!(split.iter().all(|s| s == &split[0]), "{rows}×{columns}, with rests");
         let (as_rows, as_strips) = &packed[0];
         let low = |pair: u32| f32::from_bits(pair << 16);
         let (i, j) = (rows - 1, (columns - 1) / 2 * 2);
-        let expected = half::bf16::from_f32(values[i * stride + j]).to_f32();
+        let expected = bf16::from_f32(values[i * stride + j]).to_f32();
         assert_eq!(low(as_rows[i * row_pairs + j / 2]), expected);
         let j = columns - 1;
         let pair = as_strips[(j / STRIP * strip_pairs + i / 2) * STRIP + j % STRIP];
         let found = f32::from_bits(if i % 2 == 0 { pair << 16 } else { pair & 0xffff_0000 });
-        assert_eq!(found, half::bf16::from_f32(values[i * stride + j]).to_f32());
+        assert_eq!(found, bf16::from_f32(values[i * stride + j]).to_f32());
     }
 }
 
@@ -124,7 +134,7 @@ fn products_are_the_twins_whatever_the_shape_and_the_layout() {
                     results.push(out);
                 }
             }
-            let round = |value: f32| half::bf16::from_f32(value).to_f64();
+            let round = |value: f32| bf16::from_f32(value).to_f64();
             for (index, found) in results.iter().enumerate() {
                 let start = if index % 2 == 1 { 0.5 } else { 0.0 };
                 for (place, &found) in found.iter().enumerate() {

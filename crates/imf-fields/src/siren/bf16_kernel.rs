@@ -20,8 +20,10 @@ mod avx512;
 #[cfg(target_arch = "x86_64")]
 mod tiles;
 
+use half::bf16;
+
 /// Columns of a strip: two registers of sums.
-pub(crate) const STRIP: usize = 32;
+pub const STRIP: usize = 32;
 
 /// Pairs of a strip that the sums of a tile run over before they are stored: 32 KiB, so that a strip stays in the
 /// level-1 cache for all rows.
@@ -29,7 +31,7 @@ const CHUNK: usize = 256;
 
 /// What computes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Kernel {
+pub enum Kernel {
     /// `tdpbf16ps`.
     #[cfg(target_arch = "x86_64")]
     Tiles(tiles::Proof),
@@ -37,18 +39,25 @@ pub(crate) enum Kernel {
     #[cfg(target_arch = "x86_64")]
     Avx512(avx512::Proof),
     /// The definition.
-    #[cfg(test)]
     Twin,
 }
 
 impl Kernel {
     /// The fastest kernel of this CPU, if it has one.
-    pub(crate) fn of_this_machine() -> Option<Self> {
+    pub fn of_this_machine() -> Option<Self> {
         Self::all().next()
     }
 
+    /// AMX, where this CPU has it.
+    pub(crate) fn tiles() -> Option<Self> {
+        #[cfg(target_arch = "x86_64")]
+        return tiles::Proof::find().map(Self::Tiles);
+        #[cfg(not(target_arch = "x86_64"))]
+        None
+    }
+
     /// All kernels of this CPU, the fastest first.
-    fn all() -> impl Iterator<Item = Self> {
+    pub fn all() -> impl Iterator<Item = Self> {
         #[cfg(target_arch = "x86_64")]
         let all = [tiles::Proof::find().map(Self::Tiles), avx512::Proof::find().map(Self::Avx512)];
         #[cfg(not(target_arch = "x86_64"))]
@@ -57,20 +66,19 @@ impl Kernel {
     }
 
     /// Its instructions.
-    pub(crate) fn name(self) -> &'static str {
+    pub fn name(self) -> &'static str {
         match self {
             #[cfg(target_arch = "x86_64")]
             Self::Tiles(_) => "AMX",
             #[cfg(target_arch = "x86_64")]
             Self::Avx512(_) => "AVX-512 BF16",
-            #[cfg(test)]
             Self::Twin => "their definition",
         }
     }
 
     /// Rounds `values [rows][columns]`, rows `stride` apart, into rows of `pairs` pairs each, zeros behind the columns.
     /// `pairs` is a multiple of 16.
-    pub(crate) fn pack_rows(self, values: &[f32], from: Extent, pairs: usize, out: &mut [u32]) {
+    pub fn pack_rows(self, values: &[f32], from: Extent, pairs: usize, out: &mut [u32]) {
         assert!(from.rows > 0 && from.columns > 0 && pairs.is_multiple_of(16) && 2 * pairs >= from.columns);
         assert!(from.length() <= values.len() && from.rows * pairs <= out.len(), "rows do not fit");
         match self {
@@ -78,14 +86,39 @@ impl Kernel {
             Self::Tiles(proof) => proof.avx512().pack_rows(values, from, pairs, out),
             #[cfg(target_arch = "x86_64")]
             Self::Avx512(proof) => proof.pack_rows(values, from, pairs, out),
-            #[cfg(test)]
             Self::Twin => twin::pack_rows(values, from, pairs, out),
+        }
+    }
+
+    /// [`Self::pack_rows`], and beside it the same of what rounding leaves of every value.
+    pub(crate) fn pack_rows_and_rests(
+        self,
+        values: &[f32],
+        from: Extent,
+        pairs: usize,
+        out: &mut [u32],
+        rests: &mut [u32],
+    ) {
+        assert!(from.rows > 0 && from.columns > 0 && pairs.is_multiple_of(16) && 2 * pairs >= from.columns);
+        let length = out.len().min(rests.len());
+        assert!(from.length() <= values.len() && from.rows * pairs <= length, "rows do not fit");
+        match self {
+            #[cfg(target_arch = "x86_64")]
+            Self::Tiles(proof) => proof.avx512().pack_rows_and_rests(values, from, pairs, out, rests),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512(proof) => proof.pack_rows_and_rests(values, from, pairs, out, rests),
+            Self::Twin => {
+                twin::pack_rows(values, from, pairs, out);
+                let left = |&value: &f32| value - bf16::from_f32(value).to_f32();
+                let left: Vec<f32> = values.iter().map(left).collect();
+                twin::pack_rows(&left, from, pairs, rests);
+            }
         }
     }
 
     /// Rounds `values [rows][columns]`, rows `stride` apart, into strips of `pairs` pairs: pair `k` of a column has the
     /// values of rows `2k` and `2k + 1`, zeros behind the rows.
-    pub(crate) fn pack_strips(self, values: &[f32], from: Extent, pairs: usize, out: &mut [u32]) {
+    pub fn pack_strips(self, values: &[f32], from: Extent, pairs: usize, out: &mut [u32]) {
         assert!(from.rows > 0 && from.columns > 0 && 2 * pairs >= from.rows);
         let strips = from.columns.div_ceil(STRIP);
         assert!(from.length() <= values.len() && strips * pairs * STRIP <= out.len(), "strips do not fit");
@@ -94,7 +127,6 @@ impl Kernel {
             Self::Tiles(proof) => proof.avx512().pack_strips(values, from, pairs, out),
             #[cfg(target_arch = "x86_64")]
             Self::Avx512(proof) => proof.pack_strips(values, from, pairs, out),
-            #[cfg(test)]
             Self::Twin => twin::pack_strips(values, from, pairs, out),
         }
     }
@@ -104,7 +136,7 @@ impl Kernel {
     ///
     /// # Panics
     /// Where a factor or the result is too short.
-    pub(crate) fn multiply(self, out: &mut [f32], result: Extent, product: Product<'_>, accumulate: bool) {
+    pub fn multiply(self, out: &mut [f32], result: Extent, product: Product<'_>, accumulate: bool) {
         assert!(result.rows > 0 && result.columns > 0 && product.pairs > 0 && product.segments > 0);
         assert!(product.pairs.is_multiple_of(16), "a segment of {} pairs", product.pairs);
         assert!(result.columns <= result.stride || result.rows == 1, "rows of the result overlap");
@@ -124,7 +156,6 @@ impl Kernel {
                 Self::Tiles(proof) => proof.multiply(out, result, part, accumulate || first > 0),
                 #[cfg(target_arch = "x86_64")]
                 Self::Avx512(proof) => proof.multiply(out, result, part, accumulate || first > 0),
-                #[cfg(test)]
                 Self::Twin => twin::multiply(out, result, part, accumulate || first > 0),
             }
         }
@@ -133,11 +164,13 @@ impl Kernel {
 
 /// A row-major matrix inside a slice.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Extent {
-    pub(crate) rows: usize,
-    pub(crate) columns: usize,
+pub struct Extent {
+    /// How many.
+    pub rows: usize,
+    /// How many.
+    pub columns: usize,
     /// Distance of two rows.
-    pub(crate) stride: usize,
+    pub stride: usize,
 }
 
 impl Extent {
@@ -152,18 +185,19 @@ impl Extent {
 /// - of row `i`: `left[i/32·left_strip + i%32·left_row + s·left_segment + k·left_pair]`
 /// - of column `j`: `right[j/32·right_strip + s·right_segment + k·32 + j%32]`
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Product<'a> {
-    pub(crate) segments: usize,
+#[expect(missing_docs, reason = "all of them are in the formulae above")]
+pub struct Product<'a> {
+    pub segments: usize,
     /// Of a segment: a multiple of 16.
-    pub(crate) pairs: usize,
-    pub(crate) left: &'a [u32],
-    pub(crate) left_row: usize,
-    pub(crate) left_strip: usize,
-    pub(crate) left_pair: usize,
-    pub(crate) left_segment: usize,
-    pub(crate) right: &'a [u32],
-    pub(crate) right_strip: usize,
-    pub(crate) right_segment: usize,
+    pub pairs: usize,
+    pub left: &'a [u32],
+    pub left_row: usize,
+    pub left_strip: usize,
+    pub left_pair: usize,
+    pub left_segment: usize,
+    pub right: &'a [u32],
+    pub right_strip: usize,
+    pub right_segment: usize,
 }
 
 impl Product<'_> {
@@ -187,7 +221,6 @@ impl Product<'_> {
 }
 
 /// The definition: rounding value by value, products and sums in `f32`.
-#[cfg(test)]
 mod twin {
     use super::{Extent, Product, STRIP};
     use half::bf16;
@@ -242,4 +275,4 @@ mod twin {
 }
 
 #[cfg(test)]
-pub(crate) mod tests;
+mod tests;

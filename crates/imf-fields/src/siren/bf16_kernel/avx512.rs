@@ -1,12 +1,13 @@
 //! The kernels with AVX-512 BF16. Shapes and lengths are checked by the callers in the parent module.
 
 use std::arch::x86_64::{
-    __m512, __m512bh, __m512i, __mmask16, _mm512_cvtne2ps_pbh, _mm512_dpbf16_ps, _mm512_loadu_si512,
+    __m512, __m512bh, __m512i, __mmask16, _mm512_castsi512_ps, _mm512_castsi512_si256, _mm512_cvtepu16_epi32,
+    _mm512_cvtne2ps_pbh, _mm512_dpbf16_ps, _mm512_extracti64x4_epi64, _mm512_loadu_si512,
     _mm512_mask_storeu_ps, _mm512_maskz_loadu_epi32, _mm512_maskz_loadu_ps, _mm512_permutex2var_epi16,
-    _mm512_set1_epi32, _mm512_setzero_ps, _mm512_storeu_si512,
+    _mm512_set1_epi32, _mm512_setzero_ps, _mm512_slli_epi32, _mm512_storeu_si512, _mm512_sub_ps,
 };
 
-use crate::engine::bf16_kernel::{Extent, Product, STRIP};
+use crate::siren::bf16_kernel::{Extent, Product, STRIP};
 
 /// Lanes of a register.
 const LANES: usize = 16;
@@ -16,7 +17,7 @@ const ROWS: usize = 8;
 
 /// That this CPU has the instructions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Proof(());
+pub struct Proof(());
 
 impl Proof {
     pub(super) fn find() -> Option<Self> {
@@ -30,6 +31,19 @@ impl Proof {
     pub(super) fn pack_rows(self, values: &[f32], from: Extent, pairs: usize, out: &mut [u32]) {
         // SAFETY: `self` exists where the CPU has the features.
         unsafe { pack_rows(values, from, pairs, out) }
+    }
+
+    #[expect(unsafe_code, reason = "instructions that the CPU was asked for")]
+    pub(super) fn pack_rows_and_rests(
+        self,
+        values: &[f32],
+        from: Extent,
+        pairs: usize,
+        out: &mut [u32],
+        rests: &mut [u32],
+    ) {
+        // SAFETY: `self` exists where the CPU has the features.
+        unsafe { pack_rows_and_rests(values, from, pairs, out, rests) }
     }
 
     #[expect(unsafe_code, reason = "instructions that the CPU was asked for")]
@@ -160,22 +174,34 @@ fn as_pairs(register: __m512i) -> __m512bh {
     unsafe { std::mem::transmute::<__m512i, __m512bh>(register) }
 }
 
-/// 32 values of a row from `at` on, rounded; 0 past its end.
+/// 32 values of a row from `at` on; 0 past its end.
 #[expect(unsafe_code, reason = "masked loads take a pointer")]
-#[target_feature(enable = "avx512f,avx512bw,avx512bf16")]
-fn rounded(row: &[f32], at: usize) -> __m512i {
+#[target_feature(enable = "avx512f")]
+fn load(row: &[f32], at: usize) -> [__m512; 2] {
     let left = row.len().saturating_sub(at);
     let from = row.as_ptr().wrapping_add(at);
     // SAFETY: the masks leave out what lies past the row's end.
-    let (low, high): (__m512, __m512) = unsafe {
-        (
+    unsafe {
+        [
             _mm512_maskz_loadu_ps(mask(left), from),
             _mm512_maskz_loadu_ps(mask(left.saturating_sub(LANES)), from.wrapping_add(LANES)),
-        )
-    };
+        ]
+    }
+}
+
+/// 32 values as pairs.
+#[expect(unsafe_code, reason = "no intrinsic has this reinterpretation")]
+#[target_feature(enable = "avx512f,avx512bf16")]
+fn round([low, high]: [__m512; 2]) -> __m512i {
     let pairs = _mm512_cvtne2ps_pbh(high, low);
     // SAFETY: 512 bits each, and all bits are values.
     unsafe { std::mem::transmute::<__m512bh, __m512i>(pairs) }
+}
+
+/// 32 values of a row from `at` on, rounded; 0 past its end.
+#[target_feature(enable = "avx512f,avx512bf16")]
+fn rounded(row: &[f32], at: usize) -> __m512i {
+    round(load(row, at))
 }
 
 #[expect(unsafe_code, reason = "a store through a pointer")]
@@ -192,6 +218,24 @@ fn pack_rows(values: &[f32], from: Extent, pairs: usize, out: &mut [u32]) {
         let row = &values[row * from.stride..][..from.columns];
         for at in (0..pairs).step_by(LANES) {
             store(out, at, rounded(row, 2 * at));
+        }
+    }
+}
+
+#[target_feature(enable = "avx512f,avx512bw,avx512bf16")]
+fn pack_rows_and_rests(values: &[f32], from: Extent, pairs: usize, out: &mut [u32], rests: &mut [u32]) {
+    let out = out.chunks_exact_mut(pairs).zip(rests.chunks_exact_mut(pairs)).take(from.rows);
+    for (row, (out, rests)) in out.enumerate() {
+        let row = &values[row * from.stride..][..from.columns];
+        for at in (0..pairs).step_by(LANES) {
+            let [low, high] = load(row, 2 * at);
+            let pairs = round([low, high]);
+            store(out, at, pairs);
+            // The upper half of an `f32` is its bfloat16.
+            let halves = [_mm512_castsi512_si256(pairs), _mm512_extracti64x4_epi64::<1>(pairs)];
+            let [first, second] =
+                halves.map(|half| _mm512_castsi512_ps(_mm512_slli_epi32::<16>(_mm512_cvtepu16_epi32(half))));
+            store(rests, at, round([_mm512_sub_ps(low, first), _mm512_sub_ps(high, second)]));
         }
     }
 }

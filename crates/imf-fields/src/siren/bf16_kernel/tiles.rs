@@ -10,7 +10,7 @@ use std::arch::x86_64::{
     _mm512_unpackhi_epi32, _mm512_unpackhi_epi64, _mm512_unpacklo_epi32, _mm512_unpacklo_epi64,
 };
 
-use crate::engine::bf16_kernel::{CHUNK, Extent, Product, STRIP, avx512};
+use crate::siren::bf16_kernel::{CHUNK, Extent, Product, STRIP, avx512};
 
 /// Rows of a tile, and values of 32 bits in a row.
 const TILE: usize = 16;
@@ -25,7 +25,7 @@ struct Aligned<T>(T);
 
 /// That this CPU has the instructions, and that the system lets this process use them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Proof(avx512::Proof);
+pub struct Proof(avx512::Proof);
 
 impl Proof {
     pub(super) fn find() -> Option<Self> {
