@@ -16,7 +16,7 @@ use serde::Serialize;
 use tempfile::{Builder, NamedTempFile};
 
 pub(crate) use self::stale::SUMMARY;
-use self::stale::remove_stale;
+use self::stale::{remove_stale, stale_files};
 use crate::session::{Remarks, Session, remarks};
 
 /// A folder for results. It is made only when there is a result to put into it.
@@ -39,6 +39,14 @@ impl OutputFolder {
         };
         ensure!(existing.is_dir(), "{}: {} is a file", fail(), existing.display());
         // A name of its own: other threads and processes may be asking about the same folder.
+        if let Some(read) =
+            stale_files(path).iter().find(|file| named_files().any(|named| is_same(&named, file)))
+        {
+            bail!(
+                "{} is read, and would be replaced with the results in its folder: choose another --out",
+                read.display()
+            );
+        }
         let probe = Builder::new().prefix(".imf-").suffix(".probe").tempfile_in(existing);
         probe.and_then(NamedTempFile::close).with_context(fail)?;
         Ok(Self { path: path.to_owned() })
@@ -144,6 +152,17 @@ pub(crate) fn keep_former(session: &Session, path: &Path) -> Result<()> {
     Ok(())
 }
 
+/// What the command line names, as `--option FILE`, `--option=FILE` or `--option NUMBER=FILE`.
+fn named_files() -> impl Iterator<Item = PathBuf> {
+    let after_sign = |word: &str| word.rsplit('=').next().map(PathBuf::from);
+    std::env::args().skip(1).filter_map(move |word| after_sign(&word))
+}
+
+/// True where both name one file that exists.
+fn is_same(one: &Path, other: &Path) -> bool {
+    matches!((one.canonicalize(), other.canonicalize()), (Ok(one), Ok(other)) if one == other)
+}
+
 /// Also true for a link that leads nowhere, which cannot be made a folder.
 fn exists(path: &Path) -> bool {
     fs::symlink_metadata(path).is_ok()
@@ -164,6 +183,9 @@ impl OutputFile {
     pub(crate) fn check(path: &Path) -> Result<Self> {
         if path.is_dir() {
             bail!("cannot write {}: it names a folder; give the name of a file", path.display());
+        }
+        if named_files().filter(|named| is_same(named, path)).nth(1).is_some() {
+            bail!("{} is also read: choose another name for what is written", path.display());
         }
         let around = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let folder =

@@ -41,7 +41,7 @@ use crate::toolpath::Toolpath;
 use crate::unit::LengthUnit;
 use elements::{Body, Elements};
 use machine::{Beyond, MachinePairs};
-pub use motions::cutters_not_compared;
+pub use motions::{cutters_not_compared, never_near};
 use motions::{motions, rigid};
 
 /// Accepted contact, clearances, and how densely the path is sampled. Lengths in the unit of the part's grid.

@@ -106,10 +106,9 @@ pub(crate) fn access<'py>(
         Ok::<_, QuestionError>((tool, access))
     })?;
     let coarse = run(py, (&progress, "surface at twice the pitch", count), |control| {
-        let solid = own.with_spec(control, |spec| {
+        let environment = own.with_spec(control, |spec| {
             CollisionEnvironment::at_twice_the_pitch(spec, &own.bodies(control)?.part.grid)
         })?;
-        let environment = CollisionEnvironment::new(&solid.into(), &[]);
         let tool = SurfaceTool::new(&environment, &assembly, tolerance)?;
         let access = surface_access(&tool, &samples.samples, &set.orientations, control)?;
         let reached = access.reach.iter().zip(&samples.samples);

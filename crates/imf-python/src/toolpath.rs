@@ -5,7 +5,7 @@ use std::path::Path;
 use glam::DMat4;
 use imf_core::check::{
     CheckBodies, CheckSettings, MachineBodies, check_stock, check_toolpath, cutters_not_compared,
-    least_stick_outs,
+    least_stick_outs, never_near,
 };
 use imf_core::control::Control;
 use imf_core::machine::Machine;
@@ -84,6 +84,7 @@ pub(crate) fn check<'py>(
         remarks.extend(warnings.map_err(Raise::raise)?.iter().map(ToString::to_string));
     }
     remarks.extend(cutters_not_compared(&path, &numbered));
+    remarks.extend(never_near(&path, &numbered, &bodies.part));
     let lines = path.locations.len() as u64;
     let around = CheckBodies { part: &bodies.part, fixtures: &bodies.fixtures, machine: machine.as_ref() };
     let mut report = run(py, (&progress, "checking", lines), |control| {

@@ -13,7 +13,7 @@ use anyhow::Result;
 use glam::DMat4;
 use imf_core::check::{
     CheckBodies, CheckError, CheckReport, CheckSettings, MachineBodies, PathStickOut, check_stock,
-    check_toolpath, cutters_not_compared, least_stick_outs,
+    check_toolpath, cutters_not_compared, least_stick_outs, never_near,
 };
 use imf_core::machine::Machine;
 use imf_core::scene::{PathGuarantee, SceneRecord};
@@ -86,6 +86,7 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
         None => None,
     };
     cutters_not_compared(&toolpath, &numbered).iter().for_each(|remark| session.note(remark));
+    never_near(&toolpath, &numbered, &bodies.part).iter().for_each(|remark| session.warn(remark));
     let stage = session.stage("checking", "lines", toolpath.locations.len() as u64);
     let advance = |n| stage.advance(n);
     let control = session.control(&advance);

@@ -2,7 +2,7 @@
 
 use std::fs;
 use std::io::ErrorKind;
-use std::path::{Component, Path};
+use std::path::{Component, Path, PathBuf};
 
 use anyhow::{Context as _, Result};
 use serde::Deserialize;
@@ -17,24 +17,29 @@ struct StaleSummary {
     files: Vec<String>,
 }
 
-/// Removes the files that a summary of this program names, the summary last, and tells how many there were. Files that
-/// no summary names are left alone, and so is everything outside the folder.
-///
-/// # Errors
-/// A file that cannot be removed.
-pub(super) fn remove_stale(folder: &Path) -> Result<usize> {
+/// The files that a summary of this program names, the summary last. What no summary names is none of them, nor is anything outside the
+/// folder.
+pub(super) fn stale_files(folder: &Path) -> Vec<PathBuf> {
     let summary = folder.join(SUMMARY);
-    let Ok(text) = fs::read_to_string(&summary) else { return Ok(0) };
-    let Ok(StaleSummary { program, files }) = serde_json::from_str(&text) else { return Ok(0) };
+    let Ok(text) = fs::read_to_string(&summary) else { return Vec::new() };
+    let Ok(StaleSummary { program, files }) = serde_json::from_str(&text) else { return Vec::new() };
     if !program.starts_with("imf ") {
-        return Ok(0);
+        return Vec::new();
     }
     let is_name = |file: &&String| {
         let mut parts = Path::new(file.as_str()).components();
         matches!((parts.next(), parts.next()), (Some(Component::Normal(_)), None)) && *file != SUMMARY
     };
+    files.iter().filter(is_name).map(|file| folder.join(file)).chain([summary]).collect()
+}
+
+/// Removes [`stale_files`] and tells how many there were.
+///
+/// # Errors
+/// A file that cannot be removed.
+pub(super) fn remove_stale(folder: &Path) -> Result<usize> {
     let mut removed = 0;
-    for path in files.iter().filter(is_name).map(|file| folder.join(file)).chain([summary.clone()]) {
+    for path in stale_files(folder) {
         match fs::remove_file(&path) {
             Ok(()) => removed += 1,
             Err(error) if error.kind() == ErrorKind::NotFound => {}

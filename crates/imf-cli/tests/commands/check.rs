@@ -272,3 +272,32 @@ fn the_guarantee_follows_clearance_voxels_and_step() {
     let run = check("pass.csv", path, &["--clearance=-1"]);
     run.is_refusal(&["clearance of the holder", "not -1"], &["check"]);
 }
+
+#[test]
+fn a_path_that_never_comes_near_the_part_is_warned_of() {
+    // In a unit that is 25.4 times too large.
+    let far = check("far.csv", "x,y,z\n0,0,1016\n254,0,762\n", &[]);
+    assert_eq!(far.code, Some(0), "{}", far.stderr);
+    assert!(far.stderr.contains("warning: the tips of the whole path stay 742"), "{}", far.stderr);
+    // Straight over the part from far away on either side.
+    let over = check("over.csv", "x,y,z\n0,0,1016\n0,0,-1016\n", &[]);
+    assert!(over.code == Some(3) && !over.stderr.contains("the whole path stay"), "{}", over.stderr);
+}
+
+#[test]
+fn what_is_read_is_not_written_over() {
+    let folder = Folder::new();
+    folder.write("block.obj", BLOCK);
+    folder.write("pass.csv", "x,y,z\n0,0,30\n0,0,25\n");
+    let asked = ["check", "block.obj", "pass.csv", "--pitch", "1", "--tool", "paper"];
+    for (page, read) in [("block.obj", BLOCK), ("./pass.csv", "x,y,z\n0,0,30\n0,0,25\n")] {
+        folder.refuse(&[&asked[..], &["--html", page]].concat(), &[page, "also read"]);
+        assert_eq!(folder.read(page), read);
+    }
+    // The stock that an earlier run left in the folder.
+    let cut = |stock: &'static str| [&asked[..], &["--stock", stock, "--out", "out"]].concat();
+    folder.succeed(&cut("box:5"));
+    let left = folder.read("out/summary.json");
+    folder.refuse(&cut("out/stock.stl"), &["stock.stl is read", "another --out"]);
+    assert_eq!(folder.read("out/summary.json"), left);
+}

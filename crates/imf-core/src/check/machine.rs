@@ -227,7 +227,12 @@ impl MachinePairs {
                 if near.ball_room(&group.ball, &half) <= 0.5 * farthest {
                     let at = |fraction| self.in_body(group, &way.placement(fraction));
                     let hits = near.follow(&group.ball, count, farthest, at);
-                    found.extend(hits.into_iter().map(|hit| self.in_the_world(group, motion, hit)));
+                    found.extend(hits.into_iter().map(|hit| {
+                        // These poses are closer together, or less close, than the motion's: as many of those.
+                        let poses =
+                            (hit.poses as f64 * motion.count as f64 / count as f64).round().max(1.0) as u64;
+                        self.in_the_world(group, motion, Collision { poses, ..hit })
+                    }));
                 }
             }
         }

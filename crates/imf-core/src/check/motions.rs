@@ -4,6 +4,7 @@ use glam::{DMat3, DMat4, DQuat, DVec3};
 
 use super::{CheckError, CheckSettings, Collision};
 use crate::machine::{Machine, MachineMotion, Side};
+use crate::occupancy::Occupancy;
 use crate::pose::{Pose, StraightMotion};
 use crate::tool::{Element, Segment, Tool, ToolShape};
 use crate::toolpath::{CutterStatement, Location, MoveKind, Toolpath};
@@ -205,6 +206,24 @@ pub fn cutters_not_compared(toolpath: &Toolpath, tools: &[(Option<u32>, &Tool)])
         ))
     };
     toolpath.cutters.iter().filter_map(remark).collect()
+}
+
+/// That nothing of a path comes within a tool's length of the part, in words: such a path is of another part, unit or frame.
+#[must_use]
+pub fn never_near(toolpath: &Toolpath, tools: &[(Option<u32>, &Tool)], part: &Occupancy) -> Option<String> {
+    let (low, high) = part.extent()?;
+    let part = [low, high].map(|voxel| part.grid.centre(voxel));
+    let reach = tools.iter().map(|(_, tool)| tool.reach()).fold(0.0, f64::max);
+    let tips = || toolpath.locations.iter().map(|location| location.pose.position);
+    let path = [tips().reduce(DVec3::min)?, tips().reduce(DVec3::max)?];
+    // Between two locations tips stay in the box of all.
+    let apart = (part[0] - path[1]).max(path[0] - part[1]).max(DVec3::ZERO).length();
+    (apart > reach).then(|| {
+        format!(
+            "the tips of the whole path stay {apart:.1} away from the part, farther than any tool reaches ({reach:.1}): check the path's unit \
+             and the frame that it is in"
+        )
+    })
 }
 
 /// The tool of every location, by its place among those that are given.

@@ -72,7 +72,7 @@ impl Patch {
 
 impl Mesh {
     /// The same triangles in the same order, flipped where need be so that they face consistently and shells face outwards, and what
-    /// was done. Where every triangle is there twice, one of each is left out; where triangles have edges of their own, vertices closer together than 10⁻⁵ of the mesh's diagonal are joined.
+    /// was done. Of triangles that are there twice one is left out, whichever way they face where all are, else where they face alike; where triangles have edges of their own, vertices closer together than 10⁻⁵ of the mesh's diagonal are joined.
     ///
     /// # Panics
     /// If a triangle names a vertex that does not exist.
@@ -91,6 +91,18 @@ impl Mesh {
             });
             repair.doubled = before - self.triangles.len();
             edges = sorted_edges(&self);
+        } else if runs(&edges).any(|run| run.len() > 2) {
+            // Some may be there twice, facing alike: by chance, as where faces were exported with two bodies.
+            let before = self.triangles.len();
+            let mut known = HashSet::new();
+            self.triangles.retain(|&[a, b, c]| {
+                let turned = [[a, b, c], [b, c, a], [c, a, b]];
+                known.insert(turned.into_iter().min())
+            });
+            repair.doubled = before - self.triangles.len();
+            if repair.doubled > 0 {
+                edges = sorted_edges(&self);
+            }
         }
         let single = single_edges(&edges);
         if single > 0 {

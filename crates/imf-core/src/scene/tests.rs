@@ -1,8 +1,11 @@
+use std::path::Path;
+
 use glam::DVec3;
 
 use super::*;
 use crate::control::Control;
 use crate::mesh::tests::unit_cube;
+use crate::tool::{Clearance, ElementKind};
 
 /// A cube of 4 mm, held by a clamp that lies on it and sticks out 6 mm to either side.
 fn spec<'a>(cube: &'a Mesh, tool: &'a Tool, fixtures: &'a [Fixture<'a>]) -> SceneSpec<'a> {
@@ -252,4 +255,29 @@ fn voxelising_reports_its_rows_and_can_be_cancelled() {
     assert_eq!(rows.load(Ordering::Relaxed), (2 * x * y) as u64);
     stop.store(true, Ordering::Relaxed);
     assert!(matches!(spec.scene(), Err(SceneError::Cancelled(_))));
+}
+
+#[test]
+fn a_shank_wider_than_its_cutter_by_less_than_a_voxel_is_told() {
+    let tool = |shank: f64| {
+        Tool::parse(
+            &format!(
+                "name = \"t\"\nunit = \"mm\"\nstick_out = 40.0\n[cutter]\nshape = \"flat\"\ndiameter = 8.0\nlength = 20.0\n[shank]\n\
+                 diameter = {shank}\n[[holder]]\ndiameter = 30.0\nlength = 60.0\n"
+            ),
+            Path::new("t.toml"),
+        )
+        .unwrap()
+    };
+    let told = |shank: f64, clearance: f64, pitch: f64| {
+        let assembly = tool(shank).offset(&Clearance::around_holder_and_shank(clearance)).unwrap();
+        match SceneWarning::of_step(&assembly, pitch) {
+            Some(SceneWarning::Step { element, step, .. }) => Some((element, (1e6 * step).round() / 1e6)),
+            _ => None,
+        }
+    };
+    assert_eq!(told(9.0, 0.0, 1.0), Some((ElementKind::Shank, 0.5)));
+    assert_eq!(told(8.0, 0.5, 1.0), Some((ElementKind::Shank, 0.5)));
+    // As wide as the cutter, narrower, and one that voxels see.
+    assert_eq!([told(8.0, 0.0, 1.0), told(7.0, 0.0, 1.0), told(9.0, 0.0, 0.5)], [None; 3]);
 }

@@ -4,7 +4,7 @@ use std::fmt;
 
 use super::CoarseTool;
 use crate::mesh::FaceRepair;
-use crate::tool::Tool;
+use crate::tool::{Assembly, Element, ElementKind, Tool, ToolShape};
 use crate::unit::{ImplausibleProportion, Length, LengthUnit};
 
 /// A warning about a scene.
@@ -64,6 +64,19 @@ pub enum SceneWarning {
     },
     /// A tool that passes between the voxels' centres, where that is allowed.
     Coarse(CoarseTool),
+    /// An element that is wider than the cutter, by less than a voxel.
+    Step {
+        /// The tool.
+        tool: String,
+        /// The element.
+        element: ElementKind,
+        /// By how much a side, its clearance with it.
+        step: f64,
+        /// The grid's pitch.
+        pitch: f64,
+        /// Of both.
+        unit: LengthUnit,
+    },
     /// A part and a tool whose sizes hardly belong together.
     Proportion(ImplausibleProportion),
     /// A part of few voxels across.
@@ -107,6 +120,21 @@ impl SceneWarning {
     pub fn of_tool(tool: &Tool) -> Option<Self> {
         (!tool.has_holder()).then(|| Self::NoHolder { tool: tool.name.clone() })
     }
+
+    /// Of a tool whose shank or holder, with its clearance, is wider than its cutter by less than a voxel: along a wall that the cutter
+    /// touches no centre need lie so near. The assembly is in the grid's unit.
+    #[must_use]
+    pub fn of_step(assembly: &Assembly, pitch: f64) -> Option<Self> {
+        let ToolShape::Revolved(elements) = &assembly.tool().shape else { return None };
+        let cutting = elements.iter().filter(|element| element.kind == ElementKind::Cutter);
+        let cutter = cutting.map(Element::max_radius).reduce(f64::max)?;
+        let ToolShape::Revolved(above) = &assembly.noncutting()?.shape else { return None };
+        let wider = above.iter().map(|element| (element.kind, element.max_radius() - cutter));
+        let unseen = wider.filter(|(_, step)| (1e-6 * pitch..(1.0 - 1e-6) * pitch).contains(step));
+        let (element, step) = unseen.min_by(|a, b| a.1.total_cmp(&b.1))?;
+        let (tool, unit) = (assembly.tool().name.clone(), assembly.tool().unit);
+        Some(Self::Step { tool, element, step, pitch, unit })
+    }
 }
 
 impl fmt::Display for SceneWarning {
@@ -123,10 +151,9 @@ impl fmt::Display for SceneWarning {
                 f,
                 "{part}: {corners} corners lay within a hundred-thousandth of its size from others and were joined to them"
             ),
-            Self::Doubled { part, triangles } => write!(
-                f,
-                "{part} has every triangle more than once, as meshes of two sides do: {triangles} were left out"
-            ),
+            Self::Doubled { part, triangles } => {
+                write!(f, "{part}: {triangles} triangles were there more than once and were left out")
+            }
             Self::Nested { part, bodies } => write!(
                 f,
                 "{part}: {}, and was taken as solid within solid; if a cavity is meant, its triangles must face inwards",
@@ -145,6 +172,15 @@ impl fmt::Display for SceneWarning {
                 "{part}: {triangles} triangles are of a surface with one side alone (as a Möbius strip), which has no inside"
             ),
             Self::Coarse(coarse) => coarse.fmt(f),
+            Self::Step { tool, element, step, pitch, unit } => write!(
+                f,
+                "the {element} of the tool '{tool}', with its clearance, is {} {unit} a side wider than the cutter, which voxels of {} {unit} see \
+                 at some walls and not at others: what it keeps from being reached may be far off; choose a pitch of at most {}, or \
+                 conservative voxels",
+                Length(*step),
+                Length(*pitch),
+                Length(*step)
+            ),
             Self::Proportion(proportion) => write!(f, "{proportion}; check the units of part and tool"),
             Self::Thin { part, voxels, pitch } => write!(
                 f,

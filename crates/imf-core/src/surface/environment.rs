@@ -111,21 +111,29 @@ impl CollisionEnvironment {
         Ok((Self::new(&part, &fixtures), solid))
     }
 
-    /// Part and fixtures of a scene on the larger voxels of twice the pitch of `grid`, by the rule of voxel centres and as one body:
-    /// what is reached there tells how far an answer has converged.
+    /// Part and fixtures of a scene as tools meet them on the larger voxels of twice the pitch of `grid`: what is reached there tells how
+    /// far an answer has converged.
     ///
     /// # Errors
     /// As [`SceneSpec::bodies`].
     #[doc(hidden)]
-    pub fn at_twice_the_pitch(spec: &SceneSpec<'_>, grid: &Grid) -> Result<Arc<Occupancy>, SceneError> {
+    pub fn at_twice_the_pitch(spec: &SceneSpec<'_>, grid: &Grid) -> Result<Self, SceneError> {
         let coarse = Grid { pitch: 2.0 * grid.pitch, dims: grid.dims.map(|n| n.div_ceil(2)), ..*grid };
+        // Larger voxels that are touched reach farther.
+        let coarse = if spec.conservative { coarse.padded([1; 3], [1; 3])? } else { coarse };
         // A part that is too thin for the larger voxels has none, which says that nothing has converged.
-        match (SceneSpec { conservative: false, ..*spec }).bodies(&coarse) {
-            Ok(bodies) => Ok(Arc::new(bodies.obstacle())),
+        match spec.bodies(&coarse) {
+            Ok(bodies) => Ok(Self::of_bodies(spec, &bodies)?.0),
             Err(SceneError::NoSolid { .. } | SceneError::ThinFixture { .. }) => {
-                Ok(Arc::new(Occupancy::empty(coarse)))
+                Ok(Self::new(&Arc::new(Occupancy::empty(coarse)).into(), &[]))
             }
             Err(error) => Err(error),
         }
+    }
+
+    /// Edge of a voxel.
+    #[must_use]
+    pub fn pitch(&self) -> f64 {
+        self.part.occupancy().grid.pitch
     }
 }

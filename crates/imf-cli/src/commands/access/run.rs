@@ -11,7 +11,7 @@ use imf_core::mesh::{MachiningDirection, Mesh};
 use imf_core::obstacle::Obstacle;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::{Limits, OrientationSet};
-use imf_core::scene::{Bodies, Guarantee, SceneSpec};
+use imf_core::scene::{Bodies, Guarantee, SceneSpec, SceneWarning};
 use imf_core::section::{ElementPlans, SectionPlan};
 use imf_core::surface::{CollisionEnvironment, SurfaceError, default_tolerance, with_ways_up};
 use imf_core::tool::{Assembly, Clearance, SharpPoints, Tool, ToolShape};
@@ -146,8 +146,12 @@ impl AccessRun {
         let spec = arguments.scene.spec(session, &inputs, &fixtures, tools[0].tool());
         let border = [i64::try_from(arguments.border)?; 3];
         let query = spec.grid()?.padded(border, border)?;
-        for tool in &inputs.tools {
-            warn_of(session, &spec.check_tool(tool, &query)?);
+        for (tool, assembly) in inputs.tools.iter().zip(&tools) {
+            let mut warnings = spec.check_tool(tool, &query)?;
+            if !spec.conservative {
+                warnings.extend(SceneWarning::of_step(assembly, query.pitch));
+            }
+            warn_of(session, &warnings);
         }
         if tools.iter().all(|tool| tool.tool().is_axisymmetric())
             && orientations.orientations.iter().any(|o| o.roll != 0.0)

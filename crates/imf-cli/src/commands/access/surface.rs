@@ -9,12 +9,12 @@ mod stick_out;
 
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::Arc;
 
 use anyhow::Result;
 use imf_core::field_files::{NamedField, write_ply, write_vti, write_vtp};
 use imf_core::mesh::Mesh;
 use imf_core::occupancy::Occupancy;
+use imf_core::scene::Guarantee;
 use imf_core::surface::{
     CollisionEnvironment, Reach, SurfaceAccess, SurfaceError, SurfaceSamples, SurfaceTool, Verdict,
     surface_access, surface_memory_estimate,
@@ -45,8 +45,8 @@ pub(super) struct SurfaceSettings {
     pub(super) solid: Occupancy,
     /// Part and fixtures as tools meet them.
     pub(super) environment: CollisionEnvironment,
-    /// The same by the rule of voxel centres at twice the pitch, as one body.
-    pub(super) coarse: Arc<Occupancy>,
+    /// The same at twice the pitch.
+    pub(super) coarse: CollisionEnvironment,
     /// The fewest set-ups are looked for.
     pub(super) setups: Option<SetupSettings>,
     /// The least stick-outs are looked for.
@@ -152,9 +152,8 @@ impl Surface {
     /// The share of the area that any tool reaches among voxels twice as large.
     fn at_twice_the_pitch(&self, session: &Session, run: &AccessRun, asked: &SurfaceSettings) -> Result<f64> {
         let mut reached = vec![false; self.samples.samples.len()];
-        let coarse = CollisionEnvironment::new(&asked.coarse.clone().into(), &[]);
         for tool in 0..run.tools.len() {
-            let coarse = (&coarse, asked.coarse.grid.pitch);
+            let coarse = (&asked.coarse, asked.coarse.pitch());
             let (access, _) = one_tool(session, run, tool, coarse, asked.tolerance, &self.samples)?;
             let any = |(all, one): (&mut bool, &Reach)| *all |= matches!(one, Reach::Reached { .. });
             reached.iter_mut().zip(&access.reach).for_each(any);
@@ -243,7 +242,8 @@ impl Surface {
     }
 
     pub(super) fn stick_out_rows(&self, run: &AccessRun) -> Vec<StickOutRow> {
-        self.stick_outs.iter().map(|found| found.row(&self.samples, &run.orientations)).collect()
+        let voxel = (run.guarantee == Guarantee::Centres).then_some(run.query.pitch);
+        self.stick_outs.iter().map(|found| found.row(&self.samples, &run.orientations, voxel)).collect()
     }
 
     /// The share that one tool reaches by itself.

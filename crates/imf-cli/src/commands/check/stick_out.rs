@@ -21,9 +21,16 @@ pub(super) fn lines(checked: &CheckRun<'_>) -> String {
         ""
     };
     let between = short(0.5 * checked.report.settings.step);
+    let surface = match checked.record.conservative {
+        true => String::new(),
+        false => format!(
+            "; the surface lies up to a voxel nearer than its centres: set it {} {unit} longer, or ask with --conservative",
+            short(checked.record.grid.pitch)
+        ),
+    };
     format!(
         "{lines}  so set, shank and holder with their clearance and {between} {unit} more, for what lies between two poses, hold no \
-         voxel's centre on the whole path{machine}\n"
+         voxel's centre on the whole path{machine}{surface}\n"
     )
 }
 

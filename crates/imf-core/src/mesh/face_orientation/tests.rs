@@ -192,3 +192,18 @@ fn a_mesh_with_every_triangle_for_either_side_is_what_it_bounds() {
     let (same, repair) = touching.clone().with_consistent_faces();
     assert!(boundary_chain(&same).is_empty() && (same.signed_volume() - 2.0).abs() < 1e-12, "{repair:?}");
 }
+
+#[test]
+fn of_triangles_that_are_there_twice_one_is_left_out() {
+    let cube = unit_cube();
+    let mut some = cube.clone();
+    // One as it is, one beginning at another corner.
+    let ([first, [a, b, c]], count) = ([cube.triangles[0], cube.triangles[5]], cube.triangles.len());
+    some.triangles.extend([first, [b, c, a]]);
+    let (mended, repair) = some.with_consistent_faces();
+    assert_eq!((repair.doubled, repair.flipped, mended.triangles.len()), (2, 0, count));
+    // One that faces the other way is another face.
+    let mut flap = cube.clone();
+    flap.triangles.push([a, c, b]);
+    assert_eq!(flap.with_consistent_faces().1.doubled, 0);
+}

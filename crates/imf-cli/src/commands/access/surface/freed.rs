@@ -51,6 +51,7 @@ pub(super) fn stick_out(lengths: impl Iterator<Item = f64>) -> Option<(f64, f64)
 /// That, in words.
 pub(super) fn stick_out_text(
     (length, fraction): (f64, f64),
+    voxel: f64,
     assembly: &Assembly,
     unit: &str,
     on_machine: bool,
@@ -62,8 +63,8 @@ pub(super) fn stick_out_text(
         Some(overall) if length > overall => format!(", more than its overall length of {overall:.1}"),
         _ => String::new(),
     };
-    // Rounded up: a shorter one is not enough.
-    let length = (10.0 * length - 1e-6).ceil() / 10.0;
+    // The surface lies up to a voxel nearer than its centres; rounded up: a shorter one is not enough.
+    let length = (10.0 * (length + voxel) - 1e-6).ceil() / 10.0;
     let of = if on_machine { " of part and fixtures" } else { "" };
     Some(format!("a stick-out of {length:.1} {unit} instead of {given:.1}{beyond} frees {what}{of}"))
 }

@@ -12,6 +12,7 @@ use super::freed::{slimmer, stick_out, stick_out_text};
 use super::{AccessRun, Surface, Verdict, rgb};
 use crate::output::show_measure;
 use crate::view::{Colours, Layer, NONE, Place, Table, TableRow, View, distinct};
+use imf_core::scene::Guarantee;
 
 /// Places that are not reached, at most: the largest.
 const PLACES: usize = 30;
@@ -117,9 +118,11 @@ impl Surface {
         let longer = stick_out(patch.samples.iter().filter(of_tool).filter_map(|&sample| self.freed[sample]));
         if let Some((_, _, tool, _)) = &nearest {
             let assembly = &run.tools[*tool];
-            quantified.extend(
-                longer.and_then(|longer| stick_out_text(longer, assembly, &unit, on_machine.is_some())),
-            );
+            let nearer = if run.guarantee == Guarantee::Centres { run.query.pitch } else { 0.0 };
+            quantified
+                .extend(longer.and_then(|longer| {
+                    stick_out_text(longer, nearer, assembly, &unit, on_machine.is_some())
+                }));
             let frees = |diameter: f64| {
                 format!(
                     "a holder slimmer by {:.1} {unit} frees its nearest place",

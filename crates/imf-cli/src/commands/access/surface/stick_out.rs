@@ -11,6 +11,7 @@ use imf_core::tool::Assembly;
 use serde::Serialize;
 
 use crate::interrupt::Interrupted;
+use crate::output::short;
 use crate::session::Session;
 
 /// Lengths of the table, evenly from the shortest to the largest that is needed.
@@ -55,7 +56,12 @@ impl ToolStickOut {
         if length.is_finite() { length as f32 } else { -1.0 }
     }
 
-    pub(super) fn row(&self, samples: &SurfaceSamples, orientations: &OrientationSet) -> StickOutRow {
+    pub(super) fn row(
+        &self,
+        samples: &SurfaceSamples,
+        orientations: &OrientationSet,
+        surface_nearer_by: Option<f64>,
+    ) -> StickOutRow {
         let total = samples.area();
         let share = |holds: &dyn Fn(&StickOut) -> bool| {
             let chosen = self.found.iter().zip(&samples.samples).filter(|(found, _)| holds(found));
@@ -103,6 +109,7 @@ impl ToolStickOut {
             given,
             shortest,
             longest: longest.is_finite().then_some(longest),
+            surface_nearer_by,
             needed_at_most: lengths.into_iter().map(|length| (length, at_most(length))).collect(),
             needed_for: [0.5, 0.9, 0.99]
                 .map(|fraction| (fraction, quantile(fraction).unwrap_or(f64::NAN)))
@@ -135,6 +142,8 @@ pub(in crate::commands::access) struct StickOutRow {
     shortest: f64,
     /// The overall length, where the tool states it.
     longest: Option<f64>,
+    /// The lengths are for voxel centres: by so much the surface may lie nearer.
+    surface_nearer_by: Option<f64>,
     /// A length, and the share that needs no more.
     needed_at_most: Vec<(f64, f64)>,
     /// A fraction of what the tool reaches at some length, and what that needs at most.
@@ -193,6 +202,13 @@ impl StickOutRow {
         let left: Vec<String> = left.map(|(why, share)| format!("{why} {}", percent(share))).collect();
         if !left.is_empty() {
             let _ = writeln!(text, "  left: {}", left.join(", "));
+        }
+        if let Some(voxel) = self.surface_nearer_by {
+            let _ = writeln!(
+                text,
+                "  lengths are for voxel centres, and the surface lies up to a voxel nearer: set {} {unit} more, or ask with --conservative",
+                short(voxel)
+            );
         }
         text
     }
