@@ -92,6 +92,14 @@ impl Header {
     fn read(text: &str, machine: Option<&Machine>) -> Result<Self, String> {
         let separator = [';', '\t', ','].into_iter().find(|&separator| text.contains(separator));
         let titles: Vec<String> = fields(text, separator).into_iter().map(str::to_ascii_lowercase).collect();
+        // Titles are told to people, and a terminal takes control characters as orders.
+        if text.contains(|letter: char| {
+            letter.is_control() && letter != '\t' || letter == char::REPLACEMENT_CHARACTER
+        }) {
+            return Err(format!(
+                "this is no text: a table of numbers is wanted, below a line with their columns, {WANTED}"
+            ));
+        }
         if titles.iter().any(|title| title.parse::<f64>().is_ok()) {
             return Err(format!(
                 "numbers alone do not say what they are: name the columns in a line above, {WANTED}"
@@ -302,6 +310,7 @@ mod tests {
             ("x,y,z\n1,2,nan\n", 2, "finite"),
             ("\n0,30,98,0,.1,-.995\n", 2, "name the columns"),
             ("0;30;98\n", 1, "name the columns"),
+            ("\u{1b}[2J,y,z\n1,2,3\n", 1, "no text"),
             ("x,y,z,i\n", 1, "not complete"),
             ("x,y,i,j,k\n", 1, "not complete"),
             ("x,y,z,A,C\n0,30,98,5,0\n", 1, "'a' is an angle of a rotary axis"),

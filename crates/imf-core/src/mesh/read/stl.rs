@@ -22,6 +22,10 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Mesh, Fault> {
     let Some(count) = announced_triangles(bytes) else {
         return Err(Fault::malformed("this is neither a binary nor an ASCII STL file"));
     };
+    // So many triangles as four letters announce, no file has.
+    if bytes[..PREAMBLE].iter().all(|&byte| byte.is_ascii_graphic() || byte.is_ascii_whitespace()) {
+        return Err(Fault::malformed("this is text, and no STL file: give it the ending of its own format"));
+    }
     let records = bytes[PREAMBLE..].chunks_exact(RECORD);
     if records.len() < count {
         let cause = format!("it holds {} of the {count} triangles that it announces", records.len());
@@ -196,5 +200,13 @@ pub(super) mod tests {
         bytes[PREAMBLE + RECORD + 24..][..4].copy_from_slice(&f32::INFINITY.to_le_bytes());
         let error = parse_stl(&bytes).unwrap_err();
         assert!(error.contains("corner 2 of triangle 2"), "{error}");
+    }
+
+    #[test]
+    fn text_of_another_format_is_told_from_a_binary_file_that_was_cut_short() {
+        let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n".repeat(4);
+        assert!(parse_stl(text.as_bytes()).unwrap_err().contains("this is text"));
+        let binary = binary(&unit_cube());
+        assert!(parse_stl(&binary[..200]).unwrap_err().contains("cut short"));
     }
 }
