@@ -255,6 +255,24 @@ fn a_slot_is_reached_by_cutters_up_to_its_width() {
 }
 
 #[test]
+fn a_shank_as_wide_as_its_cutter_may_touch_the_wall_that_the_cutter_touches() {
+    let slot = slotted(10.0, [10.0, 10.0]);
+    let (lower, upper) = slot.bounds().unwrap();
+    // Voxel centres lie in the wall at x = 25.
+    let grid = Grid::with_pitch(lower - DVec3::new(2.0, 1.7, 1.3), upper + 2.0, 2.0, 0).unwrap();
+    let centres = (25.0 - grid.origin.x) / 2.0 - 0.5;
+    assert_eq!(centres, centres.round());
+    let solid = Arc::new(voxelize(&slot, &grid, false));
+    let samples = SurfaceSamples::new(&slot, &solid, SAMPLES).samples;
+    let slot = Part { samples, environment: CollisionEnvironment::new(&solid.into(), &[]), pitch: 2.0 };
+    let wall = |s: &SurfaceSample| s.normal.x < -0.9 && (s.point.x - 25.0).abs() < 0.1;
+    let with_shank =
+        |radius: f64| slot.found(&tool(vec![line(0.0, 4.0, 4.0, 4.0)], radius), DOWN).reached(wall);
+    assert!(with_shank(4.0) > 0.999, "{}", with_shank(4.0));
+    assert!(with_shank(4.5) < 0.7, "{}", with_shank(4.5));
+}
+
+#[test]
 fn a_dimple_is_reached_by_balls_up_to_its_radius() {
     let (big, depth) = (10.0, 5.0);
     let middle = DVec3::new(15.0, 15.0, 20.0 - depth + big);

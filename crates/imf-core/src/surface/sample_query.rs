@@ -45,6 +45,10 @@ const VERTICES: usize = 48;
 /// Solid centres outside the tangent plane that are tried one by one in every direction.
 const FEW: u32 = 16;
 
+/// How far an obstructed tool stands off the surface when it is tried once more, in tolerances: a shank as wide as its cutter touches the
+/// wall that the cutter touches, and rounding must not decide.
+pub(super) const TOUCH: f64 = 0.01;
+
 /// A voxel that was in the way of a pose before, and is tried first.
 pub(super) type Last = Option<[f64; 3]>;
 
@@ -169,11 +173,13 @@ impl<'a> SampleQuery<'a> {
             best = best.or(match touch {
                 Touch::Point { height, radius } => {
                     let tip = facing.tip(sample.point, height, radius);
-                    let outcome = self.at(tool, tip, turn.axis, last, above);
-                    if outcome == Outcome::Gouged {
-                        self.avoid_gouge(tool, tip, turn, last, above)
-                    } else {
-                        outcome
+                    match self.at(tool, tip, turn.axis, last, above) {
+                        Outcome::Gouged => self.avoid_gouge(tool, tip, turn, last, above),
+                        outcome @ Outcome::Obstructed(_) => {
+                            let tip = tip + sample.normal * (TOUCH * tolerance);
+                            outcome.or(self.at(tool, tip, turn.axis, last, above))
+                        }
+                        outcome => outcome,
                     }
                 }
                 Touch::Ring { height, inner, outer } => {

@@ -6,6 +6,7 @@ use glam::{DMat4, DQuat, DVec3};
 
 use super::closed_forms::solids::{ball, extruded, flat, line, tapered, tool};
 use super::contact::ContactFrame;
+use super::sample_query::TOUCH;
 use super::*;
 use crate::control::Control;
 use crate::grid::Grid;
@@ -93,15 +94,21 @@ impl Definition {
         self.outline.touches(frame.slope, self.tolerance, |touch| touches.push(touch));
         for touch in touches {
             let contact::Touch::Point { height, radius } = touch else { return None };
-            let tip = frame.tip(sample.point, height, radius);
-            let found = if self.any(0, &self.cutter, tip, axis) {
-                (Outcome::Gouged, Vec::new())
-            } else {
+            let at = |tip: DVec3| {
+                if self.any(0, &self.cutter, tip, axis) {
+                    return (Outcome::Gouged, Vec::new());
+                }
                 match self.hits(tip, axis) {
                     hits if hits.is_empty() => (Outcome::Good, hits),
                     hits => (Outcome::Obstructed(tip), hits),
                 }
             };
+            let tip = frame.tip(sample.point, height, radius);
+            let mut found = at(tip);
+            if matches!(found.0, Outcome::Obstructed(_)) {
+                let off = at(tip + sample.normal * (TOUCH * self.tolerance));
+                found = if off.0 == Outcome::Good { off } else { found };
+            }
             let better = match best.0 {
                 Outcome::NoContact => true,
                 Outcome::Gouged => found.0 != Outcome::Gouged,
