@@ -81,7 +81,7 @@ impl GpuField {
     /// Weights that do not fit their network.
     pub fn new(gpu: &Gpu, file: FieldFile) -> Result<Self, LoadError> {
         let rolls = file.basis().is_some_and(|basis| basis.domain() == Domain::Rotations);
-        let field = Field::new(file.clone())?;
+        let field = Field::new(file.clone())?.in_f32();
         let record = &field.scene().record;
         let is_tip_alone = record.tool.sharp_point_positions(record.grid.pitch) == [DVec3::ZERO];
         Ok(Self {

@@ -19,7 +19,7 @@ use crate::siren::halves::HalfPanels;
 use crate::siren::matrix::{Matrix, multiply, prefer_unpacked};
 use crate::siren::plan::{Plan, transpose, transpose_all};
 use crate::siren::scratch::ScratchPool;
-use crate::siren::split::{SplitBoth, SplitWeights};
+use crate::siren::split::{GRID, SplitBoth, SplitWeights, where_many};
 use imf_core::section::{Imf, Quantity};
 use imf_core::workspaces::Workspaces;
 
@@ -33,7 +33,7 @@ pub struct FactoredEvaluator<'a> {
     /// The same in half the bytes, where that is exact and fast.
     pub halves: Option<HalfPanels>,
     /// The same for products by tiles.
-    split: Option<SplitWeights>,
+    pub(crate) split: Option<SplitWeights>,
     /// The functions for products by tiles, `[function][axis]`.
     pub(crate) split_functions: Option<SplitBoth>,
     /// Two layers of a block.
@@ -120,36 +120,39 @@ impl<'a> FactoredEvaluator<'a> {
 }
 
 impl FactoredEvaluator<'_> {
-    pub(super) fn network(&self) -> Network<'_> {
+    /// For a call of so many points.
+    pub(super) fn network(&self, asked: usize) -> Network<'_> {
         let network = Network::new(self.arch, &self.plan, &self.field.parameters, &self.panels);
-        Network { split: self.split.as_ref(), ..network }
+        Network { split: where_many(self.split.as_ref(), asked), ..network }
     }
 
-    /// The coefficients at up to a block's points, in the world's frame, into `z` as `[point][coefficient]`.
-    pub(crate) fn block(&self, points: impl Iterator<Item = DVec3>, z: &mut [f32]) {
+    /// The coefficients at up to a block's points, of a call of so many, in the world's frame, into `z` as `[point][coefficient]`.
+    pub(crate) fn block(&self, points: impl Iterator<Item = DVec3>, asked: usize, z: &mut [f32]) {
         let symmetry = &self.field.shape.symmetry;
         self.places.with(|places| {
             places.clear();
             places.extend(points.map(|point| symmetry.place(point)));
-            self.block_at(places, z);
+            self.block_at(places, asked, z);
         });
     }
 
     /// As [`Self::block`].
-    fn block_at(&self, places: &[Place], z: &mut [f32]) {
+    fn block_at(&self, places: &[Place], asked: usize, z: &mut [f32]) {
         let field = &*self.field;
         let Some(Local { harmonics, functions, outputs }) = &self.local else {
-            return self.outputs_at(places, z);
+            return self.outputs_at(places, asked, z);
         };
         let (rows, axes, count) = (places.len(), field.shape.axes, harmonics.len());
         outputs.with(|outputs| {
             let outputs = &mut outputs[..rows * axes];
-            self.outputs_at(places, outputs);
+            self.outputs_at(places, asked, outputs);
             z.chunks_exact_mut(count).for_each(|row| row.copy_from_slice(&field.mean));
-            let split = self.split_functions.as_ref();
-            if !split.is_some_and(|of| of.multiply(|of| &of.transposed, (outputs, rows, axes), z, true)) {
-                let outputs = Matrix::row_major(outputs, rows, axes, axes);
-                multiply(z, count, outputs, Matrix::row_major(functions, axes, count, count), true);
+            match where_many(self.split_functions.as_ref(), asked) {
+                Some(split) => split.multiply(|of| &of.transposed, (outputs, rows, axes), z, true),
+                None => {
+                    let outputs = Matrix::row_major(outputs, rows, axes, axes);
+                    multiply(z, count, outputs, Matrix::row_major(functions, axes, count, count), true);
+                }
             }
         });
         for (row, place) in z.chunks_exact_mut(count).zip(places) {
@@ -158,7 +161,7 @@ impl FactoredEvaluator<'_> {
     }
 
     /// The network's outputs at up to a block's places, scaled, into `z` as `[place][axes]`.
-    fn outputs_at(&self, places: &[Place], z: &mut [f32]) {
+    fn outputs_at(&self, places: &[Place], asked: usize, z: &mut [f32]) {
         let field = &*self.field;
         let mut inputs = [0.0; BLOCK * MOST_INPUTS];
         let inputs = &mut inputs[..places.len() * self.plan.stack.inputs];
@@ -167,7 +170,7 @@ impl FactoredEvaluator<'_> {
         }
         self.layers.with(|layers| {
             let (first, second) = layers.split_at_mut(BLOCK * self.plan.stride());
-            let network = self.network();
+            let network = self.network(asked);
             let last = network.hidden_layers(inputs, first, second);
             network.outputs(last, z);
         });
@@ -177,7 +180,7 @@ impl FactoredEvaluator<'_> {
     /// The network's own outputs, not scaled, `[sample][axes]` into `out`, of `[sample][input]`.
     pub fn outputs(&self, inputs: &[f32], out: &mut [f32]) {
         let (stride, axes) = (self.plan.stride(), self.field.shape.axes);
-        let network = self.network();
+        let network = self.network(GRID);
         self.layers.with(|layers| {
             let (first, second) = layers.split_at_mut(BLOCK * stride);
             for (inputs, out) in
@@ -199,7 +202,7 @@ impl FactoredEvaluator<'_> {
         let (width, stride, axes) = (self.plan.stack.width, self.plan.stride(), self.field.shape.axes);
         let mut inputs = Vec::with_capacity(points.size_hint().0 * self.field.shape.symmetry.inputs());
         points.for_each(|point| inputs.extend_from_slice(&self.field.input(point)));
-        let network = self.network();
+        let network = self.network(GRID);
         self.layers.with(|layers| {
             let (first, second) = layers.split_at_mut(BLOCK * stride);
             let blocks = last.chunks_mut(BLOCK * (width + 1)).zip(outputs.chunks_mut(BLOCK * axes));
@@ -235,7 +238,7 @@ impl FactoredEvaluator<'_> {
         coefficients.par_chunks_mut(BLOCK * axes).enumerate().for_each(|(block, z)| {
             let from = block * BLOCK;
             let voxels = from..from + z.len() / axes;
-            self.block(voxels.map(|voxel| field.grid.centre(field.grid.voxel(voxel))), z);
+            self.block(voxels.map(|voxel| field.grid.centre(field.grid.voxel(voxel))), GRID, z);
         });
         let (functions, mean) = field.functions_in_world();
         HarmonicField {
@@ -281,12 +284,12 @@ impl VoxelCoefficients for FactoredEvaluator<'_> {
     fn read<'a>(&'a self, voxels: Range<usize>, scratch: &'a mut Vec<f32>) -> &'a [f32] {
         scratch.resize(voxels.len() * self.axes(), 0.0);
         let grid = &self.field.grid;
-        self.block(voxels.map(|voxel| grid.centre(grid.voxel(voxel))), scratch);
+        self.block(voxels.map(|voxel| grid.centre(grid.voxel(voxel))), GRID, scratch);
         scratch
     }
 
     fn at(&self, points: &mut dyn Iterator<Item = DVec3>, z: &mut [f32], _: &mut Vec<f32>) {
-        self.block(points, z);
+        self.block(points, z.len() / self.axes(), z);
     }
 
     fn functions(&self) -> (&Basis, &[f32], &[f32]) {

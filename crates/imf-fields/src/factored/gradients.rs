@@ -7,6 +7,7 @@ use super::symmetry::Place;
 use crate::harmonic::Gradient;
 use crate::siren::adjoint::AdjointScratch;
 use crate::siren::matrix::{Matrix, multiply};
+use crate::siren::split::where_many;
 use crate::siren::stack::Ending;
 
 /// Poses that pass together.
@@ -43,7 +44,7 @@ impl FactoredEvaluator<'_> {
     ) {
         assert!(poses.len() == found.len() && poses.len() <= ROWS, "a gradient for each of {ROWS} poses");
         let (field, rows) = (&*self.field, poses.len());
-        let (stack, stride, network) = (self.plan.stack, self.plan.stride(), self.network());
+        let (stack, stride, network) = (self.plan.stack, self.plan.stride(), self.network(rows));
         let (axes, count) = (stack.outputs, field.basis.len());
         let GradientScratch {
             places,
@@ -77,13 +78,15 @@ impl FactoredEvaluator<'_> {
             network.outputs(last, z);
             z.iter_mut().for_each(|z| *z *= field.scale);
             let turned = Matrix::dense(&field.axes, axes);
-            let split = self.split_functions.as_ref();
-            if !split.is_some_and(|of| of.multiply(|of| &of.transposed, (z, rows, axes), weights, true)) {
-                multiply(weights, count, Matrix::dense(z, axes), turned.transposed(), true);
-            }
-            if !split.is_some_and(|of| of.multiply(|of| &of.forward, (functions, rows, count), along, false))
-            {
-                multiply(along, axes, Matrix::dense(functions, count), turned, false);
+            match where_many(self.split_functions.as_ref(), rows) {
+                Some(split) => {
+                    split.multiply(|of| &of.transposed, (z, rows, axes), weights, true);
+                    split.multiply(|of| &of.forward, (functions, rows, count), along, false);
+                }
+                None => {
+                    multiply(weights, count, Matrix::dense(z, axes), turned.transposed(), true);
+                    multiply(along, axes, Matrix::dense(functions, count), turned, false);
+                }
             }
             along.iter_mut().for_each(|along| *along *= field.scale);
             if stack.ending == Ending::Sines {

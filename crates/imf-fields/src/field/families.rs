@@ -12,7 +12,7 @@ use crate::harmonic::{self, VoxelCoefficients};
 use crate::siren::evaluator::{CpuEvaluator, ROWS, SlopesScratch, TangentScratch};
 use crate::siren::lanes::dot;
 use crate::siren::matrix::{Matrix, multiply};
-use crate::siren::split::SplitBoth;
+use crate::siren::split::{SplitBoth, where_many};
 use crate::siren::{INPUTS, features};
 use imf_core::field::minimum::{BLOCK, is_better};
 use imf_core::field::{Best, Decision, Gradient};
@@ -323,10 +323,9 @@ fn direction_weights(
             *constant = dot(row, mean);
         }
     });
-    let by_tiles = split
-        .is_some_and(|split| split.multiply(|both| &both.forward, (rows, count, functions), weights, false));
-    if !by_tiles {
-        multiply(weights, width, Matrix::dense(rows, functions), Matrix::dense(axes, width), false);
+    match where_many(split, count) {
+        Some(split) => split.multiply(|both| &both.forward, (rows, count, functions), weights, false),
+        None => multiply(weights, width, Matrix::dense(rows, functions), Matrix::dense(axes, width), false),
     }
 }
 

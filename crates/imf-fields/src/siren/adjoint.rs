@@ -5,7 +5,6 @@ use pulp::Arch;
 
 use super::forward::Network;
 use super::matrix::{Matrix, multiply};
-use super::split::FEWEST;
 use imf_core::vectorised::vectorised;
 
 /// Working memory of a thread; nothing is allocated once it has its size.
@@ -73,7 +72,7 @@ impl Network<'_> {
         (by_sums, rows, stride): (&[f32], usize, usize),
         out: &mut [f32],
     ) {
-        let split = self.split.filter(|_| rows >= FEWEST);
+        let split = self.split;
         let factor = split.and_then(|split| split.backward(layer, self.plan, self.parameters));
         if let Some((split, factor)) = split.zip(factor) {
             return split.scratch.with(|scratch| {

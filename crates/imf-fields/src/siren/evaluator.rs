@@ -10,7 +10,7 @@ use super::matrix::prefer_unpacked;
 use super::output::Output;
 use super::plan::{BLOCK, Plan, transpose_all};
 use super::scratch::{ScratchPool, describe};
-use super::split::SplitWeights;
+use super::split::{GRID, SplitWeights, where_many};
 use super::tangent::PanelOfPoint;
 use crate::siren::EvaluationEngine;
 use crate::siren::{INPUTS, SirenShape, features};
@@ -44,7 +44,7 @@ pub struct CpuEvaluator {
     plan: Plan,
     parameters: Vec<f32>,
     panels: Vec<f32>,
-    split: Option<SplitWeights>,
+    pub(crate) split: Option<SplitWeights>,
     scratch: ScratchPool,
 }
 
@@ -87,9 +87,10 @@ impl CpuEvaluator {
     /// If there are not as many values as inputs need.
     pub(crate) fn evaluate_here(&self, inputs: &[f32], outputs: &mut [f32]) {
         assert_eq!(inputs.len(), outputs.len() * INPUTS, "{INPUTS} inputs for each value");
+        let asked = outputs.len();
         self.scratch.with(|scratch| {
             for (inputs, outputs) in inputs.chunks(BLOCK * INPUTS).zip(outputs.chunks_mut(BLOCK)) {
-                self.block(inputs, outputs, scratch);
+                self.block(inputs, outputs, asked, scratch);
             }
         });
     }
@@ -153,7 +154,7 @@ impl CpuEvaluator {
     ) {
         let SlopesScratch { adjoint, sums } = scratch;
         sums.resize(inputs.len(), 0.0);
-        let network = self.network();
+        let network = self.network(inputs.len());
         let layer = &self.plan.layers[self.plan.stack.hidden];
         let weights = &self.parameters[layer.weights..layer.biases];
         let by_inputs = network.by_inputs(inputs.as_flattened(), adjoint, |last| {
@@ -171,14 +172,15 @@ impl CpuEvaluator {
         }
     }
 
-    fn network(&self) -> Network<'_> {
+    /// For a call of so many samples.
+    fn network(&self, asked: usize) -> Network<'_> {
         let network = Network::new(self.arch, &self.plan, &self.parameters, &self.panels);
-        Network { split: self.split.as_ref(), ..network }
+        Network { split: where_many(self.split.as_ref(), asked), ..network }
     }
 
-    /// Values of at most one block. `scratch` holds two layers of a block.
-    fn block(&self, inputs: &[f32], outputs: &mut [f32], scratch: &mut [f32]) {
-        let network = self.network();
+    /// Values of at most one block of a call of so many samples. `scratch` holds two layers of a block.
+    fn block(&self, inputs: &[f32], outputs: &mut [f32], asked: usize, scratch: &mut [f32]) {
+        let network = self.network(asked);
         let (first, second) = scratch.split_at_mut(BLOCK * self.plan.stride());
         let last = network.hidden_layers(inputs, first, second);
         network.outputs(last, outputs);
@@ -205,7 +207,7 @@ impl CpuEvaluator {
                 let [theta, phi] = directions[pose % directions.len()];
                 sample.copy_from_slice(&features(points[pose / directions.len()], theta, phi));
             }
-            self.block(&inputs[..count * INPUTS], &mut outputs[..count], layers);
+            self.block(&inputs[..count * INPUTS], &mut outputs[..count], GRID, layers);
             for (&value, pose) in outputs[..count].iter().zip(first..) {
                 let (point, direction) = (pose / directions.len(), pose % directions.len());
                 if direction == 0 || value < least[point] {
@@ -230,8 +232,9 @@ impl EvaluationEngine for &CpuEvaluator {
             )));
         }
         let blocks = inputs.par_chunks(BLOCK * INPUTS).zip(outputs.par_chunks_mut(BLOCK));
-        blocks
-            .for_each(|(inputs, outputs)| self.scratch.with(|scratch| self.block(inputs, outputs, scratch)));
+        blocks.for_each(|(inputs, outputs)| {
+            self.scratch.with(|scratch| self.block(inputs, outputs, GRID, scratch));
+        });
         Ok(())
     }
 

@@ -9,7 +9,7 @@ use super::lanes::{GROUP, load, store};
 use super::matrix::{Matrix, multiply};
 use super::plan::Plan;
 use super::sine::{sine, sine_cosine};
-use super::split::{FEWEST, SplitWeights};
+use super::split::SplitWeights;
 use super::stack::Ending;
 
 /// A network ready to run: its plan, its flat parameters and their transposed panels.
@@ -64,7 +64,7 @@ impl Network<'_> {
         }
     }
 
-    /// A layer's products by tiles; false, and nothing is done, where others are faster.
+    /// A layer's products by tiles; false, and nothing is done, where there are none.
     fn multiply_split(
         &self,
         layer: usize,
@@ -74,8 +74,7 @@ impl Network<'_> {
         stride: usize,
         accumulate: bool,
     ) -> bool {
-        let split = self.split.filter(|_| rows >= FEWEST);
-        let Some((split, factor)) = split.and_then(|split| Some((split, split.forward(layer)?))) else {
+        let Some((split, factor)) = self.split.and_then(|split| Some((split, split.forward(layer)?))) else {
             return false;
         };
         let left = (previous, rows, self.plan.stride());

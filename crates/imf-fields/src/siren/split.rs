@@ -15,8 +15,17 @@ use super::scratch::Lines;
 use half::bf16;
 use imf_core::workspaces::Workspaces;
 
-/// Fewer rows are sooner multiplied in `f32`: tiles take 32 at once.
-pub(crate) const FEWEST: usize = 12;
+/// Fewer samples are sooner multiplied in `f32`, as tiles take 32 at once. It is the whole call's samples that count, not those of one of its
+/// blocks: how a call is cut changes no bit.
+const FEWEST: usize = 12;
+
+/// What is asked of a whole grid, of which a block may be small.
+pub(crate) const GRID: usize = usize::MAX;
+
+/// Products by tiles, where a call has enough samples.
+pub(crate) fn where_many<T>(split: Option<&T>, asked: usize) -> Option<&T> {
+    split.filter(|_| asked >= FEWEST)
+}
 
 /// Pairs between rows that are nobody's: rows a power of two apart push each other out of the cache.
 const APART: usize = 16;
@@ -106,22 +115,17 @@ impl SplitBoth {
         Some(Self { forward, transposed, scratch: Workspaces::default() })
     }
 
-    /// `out = left·side`, or `out += left·side`, of `left [rows][inner]`, both without room between their rows; false, and nothing is
-    /// done, where products in `f32` are faster.
+    /// `out = left·side`, or `out += left·side`, of `left [rows][inner]`, both without room between their rows.
     pub(crate) fn multiply(
         &self,
         side: impl Fn(&Self) -> &SplitFactor,
         (left, rows, inner): (&[f32], usize, usize),
         out: &mut [f32],
         accumulate: bool,
-    ) -> bool {
-        if rows < FEWEST {
-            return false;
-        }
+    ) {
         let factor = side(self);
         self.scratch
             .with(|scratch| factor.multiply(out, factor.columns, (left, rows, inner), accumulate, scratch));
-        true
     }
 }
 
