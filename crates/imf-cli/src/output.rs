@@ -38,7 +38,6 @@ impl OutputFolder {
             _ => Path::new("."),
         };
         ensure!(existing.is_dir(), "{}: {} is a file", fail(), existing.display());
-        // A name of its own: other threads and processes may be asking about the same folder.
         if let Some(read) =
             stale_files(path).iter().find(|file| named_files().any(|named| is_same(&named, file)))
         {
@@ -47,6 +46,7 @@ impl OutputFolder {
                 read.display()
             );
         }
+        // A name of its own: other threads and processes may be asking about the same folder.
         let probe = Builder::new().prefix(".imf-").suffix(".probe").tempfile_in(existing);
         probe.and_then(NamedTempFile::close).with_context(fail)?;
         Ok(Self { path: path.to_owned() })
@@ -129,13 +129,11 @@ pub fn lock_folder(folder: &Path) -> Result<FolderLock> {
 
 /// Refuses a source in the place where what is made of it is to be written.
 pub(crate) fn require_other(source: &Path, replaced: &Path) -> Result<()> {
-    if let (Ok(from), Ok(to)) = (source.canonicalize(), replaced.canonicalize()) {
-        ensure!(
-            from != to,
-            "{} would be replaced by what is made of it: choose another --out",
-            replaced.display()
-        );
-    }
+    ensure!(
+        !is_same(source, replaced),
+        "{} would be replaced by what is made of it: choose another --out",
+        replaced.display()
+    );
     Ok(())
 }
 
@@ -154,8 +152,7 @@ pub(crate) fn keep_former(session: &Session, path: &Path) -> Result<()> {
 
 /// What the command line names, as `--option FILE`, `--option=FILE` or `--option NUMBER=FILE`.
 fn named_files() -> impl Iterator<Item = PathBuf> {
-    let after_sign = |word: &str| word.rsplit('=').next().map(PathBuf::from);
-    std::env::args().skip(1).filter_map(move |word| after_sign(&word))
+    std::env::args().skip(1).map(|word| PathBuf::from(word.rsplit('=').next().unwrap_or_default()))
 }
 
 /// True where both name one file that exists.

@@ -17,7 +17,6 @@ use imf_core::surface::{
 use imf_core::tool::ElementKind;
 
 use super::on_machine::OnMachine;
-use super::run::surface;
 use super::surface::{SAMPLES, SurfaceSettings, rgb};
 use crate::arguments::access::AccessArguments;
 use crate::arguments::orientations::{Directions, default_for};
@@ -101,8 +100,9 @@ impl Crib {
         })?;
         let bodies = voxelise_with_progress(session, &spec, &grid, |spec| spec.bodies(&grid))?;
         warn_of(session, &spec.warnings(&bodies)?);
-        let made =
-            voxelise_with_progress(session, &spec, &grid, |spec| surface(spec, &bodies, arguments, None))?;
+        let made = voxelise_with_progress(session, &spec, &grid, |spec| {
+            SurfaceSettings::new(spec, &bodies, arguments, None)
+        })?;
         let SurfaceSettings { tolerance, solid, environment, .. } = made;
         let samples = SurfaceSamples::new(&mesh, &solid, SAMPLES);
         let on_machine = |(machine, _): (Machine, AxisLimits)| {

@@ -11,9 +11,9 @@ use imf_core::mesh::{MachiningDirection, Mesh};
 use imf_core::obstacle::Obstacle;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::{Limits, OrientationSet};
-use imf_core::scene::{Bodies, Guarantee, SceneSpec, SceneWarning};
+use imf_core::scene::{Guarantee, SceneSpec, SceneWarning};
 use imf_core::section::{ElementPlans, SectionPlan};
-use imf_core::surface::{CollisionEnvironment, SurfaceError, default_tolerance, with_ways_up};
+use imf_core::surface::{SurfaceError, with_ways_up};
 use imf_core::tool::{Assembly, Clearance, SharpPoints, Tool, ToolShape};
 use imf_core::unit::LengthUnit;
 
@@ -240,7 +240,7 @@ impl AccessRun {
             _ => None,
         };
         let surface = tools.iter().all(can_touch).then(|| {
-            let made = |spec: &SceneSpec<'_>| surface(spec, &bodies, arguments, question);
+            let made = |spec: &SceneSpec<'_>| SurfaceSettings::new(spec, &bodies, arguments, question);
             voxelise_with_progress(session, &spec, &obstacle_grid, made)
         });
         let surface = surface.transpose()?;
@@ -308,25 +308,6 @@ impl AccessRun {
 fn can_touch(assembly: &Assembly) -> bool {
     let tool = assembly.tool();
     tool.has_cutter() || matches!(tool.shape, ToolShape::Mesh(_))
-}
-
-/// Part and fixtures as tools meet them at the pitch, and at twice the pitch.
-pub(super) fn surface(
-    spec: &SceneSpec<'_>,
-    bodies: &Bodies,
-    arguments: &AccessArguments,
-    setups: Option<SetupSettings>,
-) -> Result<SurfaceSettings> {
-    let (grid, unit) = (&bodies.part.grid, spec.unit);
-    let (environment, solid) = CollisionEnvironment::of_bodies(spec, bodies)?;
-    Ok(SurfaceSettings {
-        tolerance: arguments.tolerance.unwrap_or_else(|| default_tolerance(grid.pitch, unit)),
-        solid,
-        environment,
-        coarse: CollisionEnvironment::at_twice_the_pitch(spec, grid)?,
-        setups,
-        stick_out: arguments.stickout,
-    })
 }
 
 /// Adds to the name of each of several tools its place in the list, as their files and `best_tool` count it: from 0.

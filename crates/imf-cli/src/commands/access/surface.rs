@@ -14,10 +14,10 @@ use anyhow::Result;
 use imf_core::field_files::{NamedField, write_ply, write_vti, write_vtp};
 use imf_core::mesh::Mesh;
 use imf_core::occupancy::Occupancy;
-use imf_core::scene::Guarantee;
+use imf_core::scene::{Bodies, Guarantee, SceneSpec};
 use imf_core::surface::{
     CollisionEnvironment, Reach, SurfaceAccess, SurfaceError, SurfaceSamples, SurfaceTool, Verdict,
-    surface_access, surface_memory_estimate,
+    default_tolerance, surface_access, surface_memory_estimate,
 };
 
 pub(super) use row::SurfaceRow;
@@ -29,6 +29,7 @@ pub(super) use stick_out::StickOutRow;
 
 use super::on_machine::IN_THE_WAY;
 use super::run::AccessRun;
+use crate::arguments::access::AccessArguments;
 use crate::interrupt::Interrupted;
 use crate::session::Session;
 
@@ -54,6 +55,25 @@ pub(super) struct SurfaceSettings {
 }
 
 impl SurfaceSettings {
+    /// Part and fixtures as tools meet them at the pitch, and at twice the pitch.
+    pub(super) fn new(
+        spec: &SceneSpec<'_>,
+        bodies: &Bodies,
+        arguments: &AccessArguments,
+        setups: Option<SetupSettings>,
+    ) -> Result<Self> {
+        let (grid, unit) = (&bodies.part.grid, spec.unit);
+        let (environment, solid) = CollisionEnvironment::of_bodies(spec, bodies)?;
+        Ok(Self {
+            tolerance: arguments.tolerance.unwrap_or_else(|| default_tolerance(grid.pitch, unit)),
+            solid,
+            environment,
+            coarse: CollisionEnvironment::at_twice_the_pitch(spec, grid)?,
+            setups,
+            stick_out: arguments.stickout,
+        })
+    }
+
     /// Bytes for so many directions and tools, beside the voxels.
     pub(super) fn memory_estimate(directions: usize, tools: usize) -> u64 {
         surface_memory_estimate(8 * SAMPLES, directions) * tools as u64
