@@ -6,6 +6,7 @@
 
 mod builder;
 mod guarantee;
+mod lost_surface;
 mod pitch;
 mod resolution;
 mod spec;

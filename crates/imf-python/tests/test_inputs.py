@@ -54,6 +54,9 @@ def test_warnings_are_warnings(mill: imf.Tool) -> None:
     vertices, faces = CUBE
     with pytest.warns(imf.SceneWarning, match="12 of 12 triangles faced the wrong way"):
         imf.Scene((vertices, faces[:, ::-1]), mill, pitch=1.0, name="cube")
+    shank = imf.Tool({"shape": "flat", "diameter": 8, "length": 20}, shank={"diameter": 9, "length": 20})
+    with pytest.warns(imf.SceneWarning, match="the shank .* is 0.5 mm a side wider than the cutter"):
+        imf.Scene(CUBE, shank, pitch=1.0)
 
 
 def test_a_tool_is_described_as_in_its_file(tmp_path: Path) -> None:

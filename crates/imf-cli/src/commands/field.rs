@@ -7,6 +7,8 @@ mod inaccessibility;
 mod saved;
 mod sections;
 
+use std::fs::File;
+use std::io::Read;
 use std::path::Path;
 
 use anyhow::{Result, bail};
@@ -107,9 +109,14 @@ fn of_saved(session: &Session, arguments: &FieldArguments, path: &Path, folder: 
         .run(arguments.imf)
 }
 
-/// Whether a part is none, but looks like a saved field.
+/// Whether a part is none, but looks like a saved field. One without an ending begins as its format does: the length of its header in
+/// eight bytes, and a brace.
 pub(super) fn is_field(part: &Path) -> bool {
-    part.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("safetensors"))
+    let begins_so = || {
+        let mut start = [0; 9];
+        File::open(part).and_then(|mut file| file.read_exact(&mut start)).is_ok() && start[8] == b'{'
+    };
+    part.extension().map_or_else(begins_so, |ending| ending.eq_ignore_ascii_case("safetensors"))
 }
 
 /// Says so where a tool whose roll matters is never rolled.

@@ -14,6 +14,7 @@ use imf_core::unit::LengthUnit;
 use imf_fields::file::FieldFile;
 use serde_json::Value;
 
+use super::field::is_field;
 use crate::arguments::InfoArguments;
 use crate::output::{aligned, print_result};
 use crate::session::Session;
@@ -57,10 +58,12 @@ fn describe(session: &Session, path: &Path, unit: Option<LengthUnit>) -> Result<
     if path.is_dir() {
         return fields::dataset(path);
     }
+    if is_field(path) {
+        return fields::field(path, &FieldFile::read(path)?);
+    }
     let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
     match ending.as_deref() {
         Some("toml" | "fctb" | "json" | "tools") => Ok(geometry::tool(&Tool::read(path)?)),
-        Some("safetensors") => fields::field(path, &FieldFile::read(path)?),
         _ => geometry::mesh_file(session, path, unit),
     }
 }

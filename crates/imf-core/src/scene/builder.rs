@@ -235,6 +235,9 @@ impl<'a> SceneBuilder<'a> {
         }
         warnings.extend(spec.warnings(&bodies)?);
         warnings.extend(spec.check_tool(&tool, &scene.record.grid)?);
+        if !self.conservative {
+            warnings.extend(SceneWarning::of_step(&scene.record.assembly()?, scene.record.grid.pitch));
+        }
         Ok(BuiltScene { scene, warnings, undecided: bodies.undecided, chosen_pitch: chosen })
     }
 }

@@ -5,6 +5,7 @@ use std::fmt;
 
 use glam::{DMat4, DVec3};
 
+use super::lost_surface::LostSurface;
 use super::{Bodies, SceneError, SceneSpec, SceneWarning};
 use crate::control::Control;
 use crate::grid::Grid;
@@ -118,18 +119,23 @@ impl SceneSpec<'_> {
     }
 
     /// What is to be known of part and fixtures on their grid: what openings of the part's mesh leave open, a part of few voxels
-    /// across, fixtures that overlap it.
+    /// across, walls that lie between the centres, fixtures that overlap the part.
     ///
     /// # Errors
     /// As [`SceneSpec::bodies`].
     pub fn warnings(&self, bodies: &Bodies) -> Result<Vec<SceneWarning>, SceneError> {
         let grid = bodies.part.grid;
         let mut warnings = SceneWarning::of_body(self.part, self.mesh, &bodies.part, bodies.undecided);
+        let lost = |name: &str, mesh: &Mesh, transform: &DMat4, solid: &Occupancy| {
+            SceneWarning::of_lost_surface(name, &mesh.transformed(transform), solid, &grid, self.unit)
+        };
+        warnings.extend(lost(self.part, self.mesh, &self.transform, &bodies.part));
         let part = self.part_bounds()?;
         let boxes = self.fixture_boxes()?;
         for ((fixture, (_, voxels)), (name, low, high)) in
             self.fixtures.iter().zip(&bodies.fixtures).zip(boxes)
         {
+            warnings.extend(lost(name, fixture.mesh, &fixture.transform, voxels));
             let (lower, upper) = (low.max(part.0), high.min(part.1));
             // Faces that touch share no room.
             if (upper - lower).min_element() <= 1e-6 * grid.pitch {
@@ -190,6 +196,18 @@ impl SceneWarning {
             part,
         });
         thin.into_iter().chain(open).collect()
+    }
+
+    /// Of surface that the voxels of a body in its place lost, within a grid.
+    pub(crate) fn of_lost_surface(
+        part: &str,
+        mesh: &Mesh,
+        solid: &Occupancy,
+        grid: &Grid,
+        unit: LengthUnit,
+    ) -> Option<Self> {
+        let LostSurface { area, share, at } = LostSurface::of(mesh, solid, grid)?;
+        Some(Self::Lost { part: part.to_owned(), area, share, at, pitch: grid.pitch, unit })
     }
 }
 

@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use glam::DVec3;
+
 use super::CoarseTool;
 use crate::mesh::FaceRepair;
 use crate::tool::{Assembly, Element, ElementKind, Tool, ToolShape};
@@ -88,6 +90,21 @@ pub enum SceneWarning {
         /// The grid's pitch.
         pitch: f64,
     },
+    /// Surface of walls, ribs and edges that lie between the voxels' centres.
+    Lost {
+        /// The part or fixture.
+        part: String,
+        /// Its area.
+        area: f64,
+        /// Share of the whole surface.
+        share: f64,
+        /// A point of it.
+        at: DVec3,
+        /// The grid's pitch.
+        pitch: f64,
+        /// Unit of them all.
+        unit: LengthUnit,
+    },
     /// A fixture that shares room with the part.
     Overlap {
         /// The fixture.
@@ -145,7 +162,7 @@ impl fmt::Display for SceneWarning {
                 "{part} is open ({boundary_edges} boundary edges): it was taken as solid, its openings closed as by a skin over \
                  their rims, which leaves {} of the voxel centres in it or near it in doubt; if it is a sheet, or faces are missing, \
                  make it one closed solid and export it again",
-                if *share < 0.01 { "less than 1 %".to_owned() } else { format!("{:.0} %", 100.0 * share) }
+                percent(*share)
             ),
             Self::Joined { part, corners } => write!(
                 f,
@@ -175,7 +192,7 @@ impl fmt::Display for SceneWarning {
             Self::Step { tool, element, step, pitch, unit } => write!(
                 f,
                 "the {element} of the tool '{tool}', with its clearance, is {} {unit} a side wider than the cutter, which voxels of {} {unit} see \
-                 at some walls and not at others: what it keeps from being reached may be far off; choose a pitch of at most {}, or \
+                 at some walls and not at others: what it hits, and keeps from being reached, may be far off; choose a pitch of at most {}, or \
                  conservative voxels",
                 Length(*step),
                 Length(*pitch),
@@ -189,6 +206,15 @@ impl fmt::Display for SceneWarning {
                 if *voxels == 1 { "voxel" } else { "voxels" },
                 Length(*pitch)
             ),
+            Self::Lost { part, area, share, at, pitch, unit } => write!(
+                f,
+                "{part}: {} {unit}² of its surface ({}), as at ({}), is of walls, ribs or edges so thin that they lie between the centres of \
+                 voxels of {} {unit}: a tool passes through them unseen; choose a smaller pitch, or conservative voxels",
+                Length(*area),
+                percent(*share),
+                at.to_array().map(|v| Length(v).to_string()).join(", "),
+                Length(*pitch)
+            ),
             Self::Overlap { fixture, volume, unit } => write!(
                 f,
                 "the fixture {fixture} overlaps the part by {} {unit}³: check where it stands, and its unit",
@@ -197,4 +223,9 @@ impl fmt::Display for SceneWarning {
             Self::NoHolder { tool } => write!(f, "the tool {tool} has no holder: what holds it is not seen"),
         }
     }
+}
+
+/// A share in words.
+fn percent(share: f64) -> String {
+    if share < 0.01 { "less than 1 %".to_owned() } else { format!("{:.0} %", 100.0 * share) }
 }

@@ -263,6 +263,13 @@ impl Reader<'_> {
                 );
                 return Err(self.wrong(stick, what));
             }
+            if diameter.is_some() && face < cutter_length && !text.holder.is_empty() {
+                let what = format!(
+                    "stick_out {face} ends within the cutter ({cutter_length}), which leaves nothing of the [shank]: state a longer \
+                     one, or leave out the shank"
+                );
+                return Err(self.wrong(stick, what));
+            }
             if diameter.is_none() && face > cutter_length {
                 let what = format!(
                     "stick_out {face} is longer than the cutter ({cutter_length}): a [shank] is needed"

@@ -69,6 +69,7 @@ impl ObstacleMesh {
         }
         let mut warnings = SceneWarning::of_repair(&name, &repair, mesh.triangles.len());
         warnings.extend(SceneWarning::of_body(&name, &mesh, &solid, undecided));
+        warnings.extend(SceneWarning::of_lost_surface(&name, &mesh, &solid, &grid, unit));
         let body = Bodies { part: solid.cropped(), fixtures: Vec::new(), undecided };
         let obstacle = match contact {
             0.0 => body.part.into(),

@@ -1,6 +1,7 @@
 //! The part's surface: how much of its area is reached, from where, and what keeps the rest from being reached.
 
 mod blame;
+mod cavities;
 mod freed;
 mod row;
 mod setups;

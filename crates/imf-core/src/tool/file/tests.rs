@@ -78,6 +78,12 @@ fn mistakes_name_their_line_and_key() {
         ("[cutter]\nshape = 'ball'\ndiameter = 10\nlength = 2\n", 4, "cutter.length"),
         ("[cutter]\nshape = 'bull'\ndiameter = 10\nlength = 20\ncorner_radius = 6\n", 5, "corner_radius"),
         ("stick_out = 90\n[cutter]\nshape = 'ball'\ndiameter = 10\nlength = 20\n", 1, "stick_out"),
+        (
+            "stick_out = 10\n[cutter]\nshape = 'ball'\ndiameter = 10\nlength = 20\n[shank]\ndiameter = 10\n[[holder]]\ndiameter = 29\n\
+             length = 48\n",
+            1,
+            "stick_out",
+        ),
         ("sharp_points = 'all'\n[cutter]\nshape = 'ball'\ndiameter = 10\nlength = 20\n", 1, "sharp_points"),
         ("[cutter\n", 1, ""),
     ];

@@ -8,11 +8,16 @@ use serde::Serialize;
 
 use super::super::on_machine::REMEDY;
 use super::blame::remedy;
+use super::cavities::Cavities;
 use super::freed::{slimmer, stick_out, stick_out_text};
 use super::{AccessRun, Surface, Verdict, rgb};
 use crate::output::show_measure;
 use crate::view::{Colours, Layer, NONE, Place, Table, TableRow, View, distinct};
 use imf_core::scene::Guarantee;
+
+/// What helps at the wall of a cavity.
+const CLOSED_OFF: &str =
+    "nothing: the voxels of part and fixtures close it off on all sides";
 
 /// Places that are not reached, at most: the largest.
 const PLACES: usize = 30;
@@ -89,10 +94,15 @@ impl Surface {
             why => Some(why as u32),
         };
         let patches = self.samples.patches(class);
-        patches.iter().take(PLACES).map(|patch| self.patch(patch, run)).collect()
+        if patches.is_empty() {
+            return Vec::new();
+        }
+        let cavities = Cavities::of(&run.solid);
+        let shown = patches.iter().take(PLACES);
+        shown.map(|patch| self.patch(patch, cavities.closes_off(patch.middle, patch.normal), run)).collect()
     }
 
-    fn patch(&self, patch: &SurfacePatch, run: &AccessRun) -> UnreachedPatch {
+    fn patch(&self, patch: &SurfacePatch, closed_off: bool, run: &AccessRun) -> UnreachedPatch {
         let verdict = patch.samples.first().map_or(Verdict::NotFaced, |&sample| self.best[sample].0);
         // The sample that comes nearest to being reached.
         let poses = patch.samples.iter().filter_map(|&s| Some((self.blame.nearest[s]?, self.best[s].1)));
@@ -111,7 +121,9 @@ impl Surface {
                 fixture => run.fixtures.get(fixture - 1).map_or("a fixture", String::as_str),
             };
             let volume = show_measure(f64::from(hit.voxels) * run.query.voxel_volume());
-            format!("{} {} {unit} deep in {body}, {volume} {unit}³", hit.kind, show_measure(hit.depth))
+            // Centres that lie on its surface but for rounding.
+            let depth = if hit.depth < 1e-6 * run.query.pitch { 0.0 } else { hit.depth };
+            format!("{} {} {unit} deep in {body}, {volume} {unit}³", hit.kind, show_measure(depth))
         });
         let mut quantified = Vec::new();
         let of_tool = |sample: &&usize| nearest.as_ref().is_some_and(|near| near.2 == self.best[**sample].1);
@@ -140,8 +152,9 @@ impl Surface {
             tool: nearest.as_ref().map(|(_, _, tool, _)| self.tools[*tool].1.name().to_owned()),
             direction: nearest.as_ref().map(|(direction, ..)| (*direction + 0.0).to_array()),
             hits: in_words.chain(fault.as_ref().map(ToString::to_string)).collect(),
-            stick_out: longer,
+            stick_out: longer.filter(|_| !closed_off),
             would_help: match fault {
+                _ if closed_off => CLOSED_OFF.to_owned(),
                 Some(_) => REMEDY.to_owned(),
                 None => remedy(verdict, hits, &quantified),
             },
