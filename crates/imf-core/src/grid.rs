@@ -62,10 +62,11 @@ impl Grid {
         let extent = checked_extent(lower, upper)?;
         // A box that is a whole number of voxels up to rounding keeps that number.
         let dims = (extent / pitch - 1e-9).ceil().max(DVec3::ONE) + 2.0 * margin as f64;
-        if dims.max_element() > f64::from(i32::MAX) {
-            return Err(GridError::TooLarge([usize::MAX; 3]));
-        }
+        let most = dims.max_element();
         let dims = dims.to_array().map(|d| d as usize);
+        if most > f64::from(i32::MAX) {
+            return Err(GridError::TooLarge(dims));
+        }
         Self::centred(lower, upper, pitch, dims)
     }
 

@@ -1,5 +1,7 @@
 //! Work on all threads of the current pool; without the feature `parallel` on the thread that calls. The results are the same.
 
+use std::sync::OnceLock;
+
 #[cfg(feature = "parallel")]
 use rayon::prelude::*;
 
@@ -64,6 +66,18 @@ pub(crate) fn on_each_thread(most: usize, work: impl Fn() + Sync) {
     {
         let _ = most;
         work();
+    }
+}
+
+/// The value of a cell, made where there is none. A thread that makes it on all threads may meanwhile be given other work that asks
+/// for the same cell, and would wait for itself: so nothing is locked while it is made. Of what several threads make at once the first is kept.
+pub(crate) fn make_once<T>(cell: &OnceLock<T>, make: impl FnOnce() -> T) -> &T {
+    match cell.get() {
+        Some(value) => value,
+        None => {
+            let made = make();
+            cell.get_or_init(|| made)
+        }
     }
 }
 

@@ -83,6 +83,20 @@ impl Axis {
         Self::new(AxisScale::Linear, [low, high], most)
     }
 
+    /// A linear axis along so many pixels, with at most seven numbers, as many as stand apart.
+    pub(super) fn along(low: f64, high: f64, pixels: u32) -> Self {
+        let apart = |axis: &Self| match axis.numbers[..] {
+            [first, second, ..] => {
+                let step = (second - first).abs() / (high - low) * f64::from(pixels);
+                step >= f64::from(axis.widest() + 8)
+            }
+            _ => true,
+        };
+        let axes = (2..=7).rev().map(|most| Self::linear(low, high, most));
+        axes.reduce(|kept, fewer| if apart(&kept) { kept } else { fewer })
+            .unwrap_or_else(|| Self::linear(low, high, 2))
+    }
+
     /// Rows from top to bottom with their names, each one long.
     pub(super) fn rows(names: Vec<String>) -> Self {
         let numbers = (0..names.len()).map(|row| row as f64 + 0.5).collect();
@@ -115,8 +129,13 @@ impl Axis {
 
     /// Room for what is written along the axis, if it is one upwards, and for its ticks and its name.
     pub(super) fn room(&self) -> u32 {
+        self.widest() + 36
+    }
+
+    /// Pixels of the widest number.
+    fn widest(&self) -> u32 {
         let style = text(TICK_SIZE, FAINT_INK);
-        self.labels().iter().map(|label| width(label, &style)).max().unwrap_or(0) + 36
+        self.labels().iter().map(|label| width(label, &style)).max().unwrap_or(0)
     }
 
     fn labels(&self) -> Vec<String> {
@@ -214,6 +233,14 @@ mod tests {
         for limit in [0.0047, 0.0057] {
             assert!((3..6).contains(&Axis::linear(-limit, limit, 3).labels().len()));
         }
+    }
+
+    #[test]
+    fn numbers_along_so_many_pixels_stand_apart() {
+        assert_eq!(Axis::along(0.0, 0.99, 360).labels(), Axis::linear(0.0, 0.99, 7).labels());
+        let long = Axis::along(-7.5e-4, 7.5e-4, 360);
+        let step = (long.numbers[1] - long.numbers[0]) / 1.5e-3 * 360.0;
+        assert!(long.numbers.len() > 1 && step > f64::from(long.widest()), "{:?}", long.labels());
     }
 
     #[test]

@@ -180,7 +180,7 @@ fn bar(area: &Area<'_>, scale: &Scale, (left, top): (u32, u32)) -> Result<()> {
     let value = |column| low + (f64::from(column) + 0.5) / f64::from(BAR_LENGTH) * (high - low);
     let colours = RgbImage::from_fn(BAR_LENGTH, SWATCH, |column, _| scale.colour(value(column) as f32));
     let whole = area.clone().shrink((left, top), (BAR_LENGTH, SWATCH + 24));
-    plot(&whole, [0, 24], [Axis::linear(low, high, 7), Axis::linear(0.0, 1.0, 2)], ["", ""], false)?;
+    plot(&whole, [0, 24], [Axis::along(low, high, BAR_LENGTH), Axis::linear(0.0, 1.0, 2)], ["", ""], false)?;
     show(area, (left, top), colours)
 }
 

@@ -12,6 +12,7 @@ use crate::field::solid::SolidField;
 use crate::grid::Grid;
 use crate::mesh::distance::distance_to_mesh;
 use crate::occupancy::Occupancy;
+use crate::parallel::make_once;
 use crate::pose::Pose;
 use crate::tool::{Element, ElementKind, Tool, ToolShape};
 
@@ -49,7 +50,7 @@ impl Body {
     /// Half a pitch less than to the nearest empty centre.
     fn depth(&self, index: usize) -> f64 {
         let pitch = self.voxels.grid.pitch;
-        let depths = self.depths.get_or_init(|| {
+        let depths = make_once(&self.depths, || {
             let below = |squared: u64| (((squared as f64).sqrt() - 0.5) * pitch).max(0.0) as f32;
             squared_depths(&self.voxels).into_iter().map(below).collect()
         });

@@ -21,6 +21,7 @@ use std::sync::OnceLock;
 use glam::{DQuat, DVec3};
 use pulp::Arch;
 
+use crate::parallel::make_once;
 use crate::pose::{Pose, axis_of};
 use crate::tool::{Element, Segment, Tool, ToolError, ToolShape, snapped};
 use batch::BatchSpheres;
@@ -334,12 +335,12 @@ impl SolidField {
     pub(crate) fn penetration_bound(&self, pose: &Pose) -> Option<f64> {
         let Shape::Bodies(bodies) = &self.shape else { return None };
         let Some(placed) = self.placed(pose) else { return Some(0.0) };
-        let inscribed = self.inscribed.get_or_init(|| InscribedSpheres::new(bodies));
+        let inscribed = make_once(&self.inscribed, || InscribedSpheres::new(bodies));
         Some(inscribed.bound(placed, &self.voxels) * placed.pitch)
     }
 
     fn spheres(&self, bodies: &[Body]) -> &SphereTree {
-        self.spheres.get_or_init(|| SphereTree::new(bodies))
+        make_once(&self.spheres, || SphereTree::new(bodies))
     }
 
     /// `None` for an invalid pose.

@@ -19,6 +19,7 @@ use crate::grid::Grid;
 use crate::obstacle::Obstacle;
 use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
+use crate::parallel::make_once;
 use crate::tool::{Assembly, Tool, ToolError, ToolVoxels};
 
 /// How overlaps are counted. Both methods give the same whole numbers.
@@ -216,12 +217,12 @@ impl OverlapCounter {
     ) {
         // A deviation from whole numbers near ½ would be ambiguous: a quarter is already a reason for f64.
         if self.fits_single(tool) {
-            let convolver = self.single.get_or_init(|| Convolver::new(&self.obstacle, self.size));
+            let convolver = make_once(&self.single, || Convolver::new(&self.obstacle, self.size));
             if convolver.correlate(clipped, query, &mut scratch.single, counts) < 0.25 {
                 return;
             }
         }
-        let convolver = self.double.get_or_init(|| Convolver::new(&self.obstacle, self.size));
+        let convolver = make_once(&self.double, || Convolver::new(&self.obstacle, self.size));
         convolver.correlate(clipped, query, &mut scratch.double, counts);
     }
 
@@ -241,7 +242,7 @@ impl OverlapCounter {
     }
 
     fn run_length(&self) -> &RunLengthCounter {
-        self.run_length.get_or_init(|| RunLengthCounter::new(self.arch, &self.obstacle, &self.size))
+        make_once(&self.run_length, || RunLengthCounter::new(self.arch, &self.obstacle, &self.size))
     }
 
     /// A tool before the first plane of a box, to be counted by its run boundaries.

@@ -2,7 +2,8 @@
 //! blame for.
 //!
 //! The overlap of a pose counts the solid voxel centres that are in the way of its cutter, shank and holder. Its least value over
-//! contact poses is a sample's *obstruction*, in volume; over the surface it sums to `J = Σ area · obstruction`. With the
+//! the contact poses at which the cutter fits among the part, or over all where it fits at none, is a sample's *obstruction*, in
+//! volume; over the surface it sums to `J = Σ area · obstruction`. With the
 //! poses fixed, `J` is linear in the material of each voxel, so that [`culprits`] is its exact derivative: what J loses when a
 //! voxel goes.
 
@@ -18,7 +19,7 @@ use crate::parallel;
 use crate::pose::Pose;
 use crate::tool::{Element, ElementKind};
 
-/// The contact pose of one sample that overlaps least.
+/// The contact pose of one sample that overlaps least, of those at which the cutter fits among the part where there are any.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LeastOverlap {
     /// The direction's number.
@@ -30,6 +31,14 @@ pub struct LeastOverlap {
     pub voxels: u32,
     /// Those of them in the way of the cutter.
     pub of_cutter: u32,
+}
+
+impl LeastOverlap {
+    /// Less is nearer to being reached.
+    #[must_use]
+    pub fn key(&self) -> (bool, u32) {
+        (self.of_cutter > 0, self.voxels)
+    }
 }
 
 /// An element that collides with a body at a pose. Lengths are in the grid's unit, of the element offset by its clearance.
@@ -109,9 +118,10 @@ impl SurfaceTool {
         for (direction, turn) in turns.iter().enumerate() {
             self.contact_tips(sample, turn, |tip| {
                 let [voxels, of_cutter] = self.overlap(&Pose::new(tip, turn.rotation));
-                if least.is_none_or(|before| voxels < before.voxels) {
-                    let (direction, rotation) = (direction as u32, turn.rotation);
-                    least = Some(LeastOverlap { direction, tip, rotation, voxels, of_cutter });
+                let (direction, rotation) = (direction as u32, turn.rotation);
+                let here = LeastOverlap { direction, tip, rotation, voxels, of_cutter };
+                if least.is_none_or(|before| here.key() < before.key()) {
+                    least = Some(here);
                 }
             });
         }
@@ -150,7 +160,7 @@ impl SurfaceTool {
     }
 }
 
-/// For each of some samples the contact pose that overlaps least, of all directions; `None` where the cutter has no point that
+/// For each of some samples the [`LeastOverlap`] of all directions; `None` where the cutter has no point that
 /// could touch. On all threads; one unit of progress is one sample.
 ///
 /// # Errors

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::checker::{Checker, Contact, Placed, QueryError};
 use crate::field::ExactField;
 use crate::machine::MachineMotion;
-use crate::parallel;
+use crate::parallel::{self, make_once};
 use crate::pose::{Pose, StraightMotion};
 
 /// How motions are followed.
@@ -165,7 +165,7 @@ impl Checker {
             return Err(QueryError::Mesh);
         }
         for one in self.placed.iter() {
-            let offset = one.around.offset.get_or_init(|| offset_further(&one.around.field));
+            let offset = make_once(&one.around.offset, || offset_further(&one.around.field));
             offset.as_ref().ok_or(QueryError::Offset)?;
         }
         advance(self, way, options)

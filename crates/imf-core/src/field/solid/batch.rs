@@ -9,6 +9,7 @@ use glam::DVec3;
 use super::inscribed::InscribedSpheres;
 use super::sphere_tree::SphereTree;
 use super::{Body, SolidField};
+use crate::parallel::make_once;
 use crate::pose::Pose;
 use crate::vectorised::vectorised;
 
@@ -192,7 +193,7 @@ impl SolidField {
             }
             return;
         }
-        let spheres = self.batch.get_or_init(|| BatchSpheres::new(bodies, self.spheres(bodies)));
+        let spheres = make_once(&self.batch, || BatchSpheres::new(bodies, self.spheres(bodies)));
         let bytes = self.voxels.bytes(spheres.parts);
         let dims = self.voxels.occupancy().grid.dims;
         let lookup = Lookup {

@@ -8,7 +8,7 @@ use super::FreeBall;
 use super::runs::Columns;
 use crate::distance::{DistanceField, squared_depths};
 use crate::occupancy::Occupancy;
-use crate::parallel;
+use crate::parallel::{self, make_once};
 
 /// An obstacle's voxels with their running sums and, from the first decision on, their distance transform. Cloning it
 /// copies nothing.
@@ -83,7 +83,7 @@ impl SolidVoxels {
     }
 
     pub(crate) fn distances(&self) -> &DistanceField {
-        self.0.distances.get_or_init(|| DistanceField::new(&self.0.occupancy))
+        make_once(&self.0.distances, || DistanceField::new(&self.0.occupancy))
     }
 
     /// By voxel the distance to the nearest solid centre, in so many parts of a voxel (1, 2, 4 or 8), rounded down, 255 where it is larger. Made
@@ -91,15 +91,15 @@ impl SolidVoxels {
     pub(super) fn bytes(&self, parts: u32) -> &[u8] {
         let distances = self.distances();
         let made = || parallel::map(self.0.occupancy.grid.len(), |index| byte(distances, index, parts));
-        self.0.bytes[parts.trailing_zeros() as usize & 3].get_or_init(made)
+        make_once(&self.0.bytes[parts.trailing_zeros() as usize & 3], made).as_slice()
     }
 
     /// By voxel the distance to the nearest empty centre, in voxels, rounded down; 0 where empty. Made at the first bound of a
     /// penetration.
     pub(super) fn depths(&self) -> &[f32] {
         let round_down = |squared: u64| ((squared as f64).sqrt() as f32).next_down().max(0.0);
-        let made = || squared_depths(&self.0.occupancy).into_iter().map(round_down).collect();
-        self.0.depths.get_or_init(made)
+        let made = || -> Vec<f32> { squared_depths(&self.0.occupancy).into_iter().map(round_down).collect() };
+        make_once(&self.0.depths, made).as_slice()
     }
 
     /// Visits the solid centres within a radius of a point, all in voxels; `visit` may make the radius smaller.

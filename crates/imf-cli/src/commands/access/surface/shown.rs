@@ -16,8 +16,7 @@ use crate::view::{Colours, Layer, NONE, Place, Table, TableRow, View, distinct};
 use imf_core::scene::Guarantee;
 
 /// What helps at the wall of a cavity.
-const CLOSED_OFF: &str =
-    "nothing: the voxels of part and fixtures close it off on all sides";
+const CLOSED_OFF: &str = "nothing: the voxels of part and fixtures close it off on all sides";
 
 /// Places that are not reached, at most: the largest.
 const PLACES: usize = 30;
@@ -106,7 +105,7 @@ impl Surface {
         let verdict = patch.samples.first().map_or(Verdict::NotFaced, |&sample| self.best[sample].0);
         // The sample that comes nearest to being reached.
         let poses = patch.samples.iter().filter_map(|&s| Some((self.blame.nearest[s]?, self.best[s].1)));
-        let nearest = poses.min_by_key(|(at, _)| at.voxels).map(|(at, tool)| {
+        let nearest = poses.min_by_key(|(at, _)| at.key()).map(|(at, tool)| {
             let direction = run.orientations.orientations[at.direction as usize].direction();
             (direction, self.tools[tool].1.collisions(&at), tool, at)
         });
