@@ -73,7 +73,7 @@ typedef enum {
 
 // What is known of a motion.
 typedef enum {
-  // No pose of it collides.
+  // No pose of it was found to collide; where proven_until is 1 none does.
   IMF_MOTION_KIND_FREE = 0,
   // A pose of it collides.
   IMF_MOTION_KIND_COLLIDING = 1,
@@ -156,7 +156,7 @@ typedef struct {
   // Which of the two.
   ImfMotionKind kind;
   // Before this time every pose is proven free. From then on, where the tool passes too closely for a proof, poses were tried between
-  // which no point of the tool moves farther than a hundredth of a pitch.
+  // which no point of the tool moves farther than a hundredth of a pitch, or than the resolution that was asked for.
   double proven_until;
   // Up to this time the motion is free; 1 where all of it is, 0 where it begins with a collision.
   double free_until;
@@ -191,8 +191,8 @@ typedef struct {
   double pitch;
   // How deep below its surface the cutter may reach, in the world's unit; 0 for what is not to be cut.
   double contact;
-  // Whether every voxel that the surface touches is solid.
-  bool conservative;
+  // Whether every voxel that the surface touches is solid; 0 for no.
+  uint8_t conservative;
 } ImfMesh;
 
 // A distance with its bounds, in the world's unit: above 0 between the tool, offset by its clearance, and the nearest solid voxel's centre;
@@ -338,12 +338,12 @@ ImfStatus imf_check_motion(const ImfField *field,
                            const ImfPose *b,
                            ImfMotion *motion);
 
-// Makes a world without obstacles: its unit, and the edge of a voxel of obstacles that have none of their own. On failure *world is
+// Makes a world without obstacles: its unit, an ImfUnit, and the edge of a voxel of obstacles that have none of their own. On failure *world is
 // NULL.
 //
 // # Safety
 // world has room for a pointer.
-ImfStatus imf_world_create(ImfUnit unit,
+ImfStatus imf_world_create(uint32_t unit,
                            double pitch,
                            ImfWorld **world);
 
@@ -367,6 +367,15 @@ ImfStatus imf_world_add_file(ImfWorld *world,
                              const ImfMesh *mesh,
                              const ImfPose *at,
                              uint64_t *id);
+
+// What is to be known of the meshes that were added, a text for each index from 0; NULL beyond the last, and of a world that is NULL. Walls that
+// lie between the voxels' centres are told so, through which a tool would pass unseen, and meshes that are not closed. A text stays
+// until the world is closed.
+//
+// # Safety
+// world was created and not closed, and no other thread changes it.
+const char *imf_world_warning(const ImfWorld *world,
+                              size_t index);
 
 // Moves an obstacle: at is from its own frame into the world. Checkers see it once they follow.
 //

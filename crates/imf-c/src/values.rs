@@ -73,7 +73,7 @@ pub struct ImfBest {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ImfMotionKind {
-    /// No pose of it collides.
+    /// No pose of it was found to collide; where proven_until is 1 none does.
     Free = 0,
     /// A pose of it collides.
     Colliding = 1,
@@ -86,7 +86,7 @@ pub struct ImfMotion {
     /// Which of the two.
     pub kind: ImfMotionKind,
     /// Before this time every pose is proven free. From then on, where the tool passes too closely for a proof, poses were tried between
-    /// which no point of the tool moves farther than a hundredth of a pitch.
+    /// which no point of the tool moves farther than a hundredth of a pitch, or than the resolution that was asked for.
     pub proven_until: f64,
     /// Up to this time the motion is free; 1 where all of it is, 0 where it begins with a collision.
     pub free_until: f64,
@@ -137,8 +137,8 @@ pub struct ImfMesh {
     pub pitch: f64,
     /// How deep below its surface the cutter may reach, in the world's unit; 0 for what is not to be cut.
     pub contact: f64,
-    /// Whether every voxel that the surface touches is solid.
-    pub conservative: bool,
+    /// Whether every voxel that the surface touches is solid; 0 for no.
+    pub conservative: u8,
 }
 
 /// A distance with its bounds, in the world's unit: above 0 between the tool, offset by its clearance, and the nearest solid voxel's centre;

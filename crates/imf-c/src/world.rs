@@ -1,6 +1,6 @@
 //! Obstacles that move, and checkers of one tool among them.
 
-use std::ffi::c_char;
+use std::ffi::{CString, c_char};
 use std::path::Path;
 
 use imf_core::field::Decision;
@@ -16,7 +16,20 @@ use crate::boundary::{ImfStatus, Refusal, call, output, path, read, read_one, te
 use crate::values::{ImfDecision, ImfDistance, ImfMesh, ImfMotion, ImfPose, ImfUnit};
 
 /// Obstacles with their places.
-pub struct ImfWorld(World);
+pub struct ImfWorld {
+    world: World,
+    /// What is to be known of its meshes, as texts that stay where they are.
+    warnings: Vec<CString>,
+}
+
+impl ImfWorld {
+    fn add(&mut self, obstacle: ObstacleMesh) -> Result<u64, Refusal> {
+        let id = self.world.add(obstacle).map_err(|error| of_world(&error))?;
+        let more = self.world.warnings().iter().skip(self.warnings.len());
+        self.warnings.extend(more.map(|warning| CString::new(warning.to_string()).unwrap_or_default()));
+        Ok(id.0)
+    }
+}
 
 /// One tool among the obstacles of a world, with a clearance.
 pub struct ImfChecker(Checker);
@@ -29,19 +42,25 @@ fn of_query(error: QueryError) -> Refusal {
     Refusal::new(ImfStatus::NoAnswer, error.to_string())
 }
 
-/// Makes a world without obstacles: its unit, and the edge of a voxel of obstacles that have none of their own. On failure *world is
+/// Makes a world without obstacles: its unit, an ImfUnit, and the edge of a voxel of obstacles that have none of their own. On failure *world is
 /// NULL.
 ///
 /// # Safety
 /// world has room for a pointer.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn imf_world_create(unit: ImfUnit, pitch: f64, world: *mut *mut ImfWorld) -> ImfStatus {
+pub unsafe extern "C" fn imf_world_create(unit: u32, pitch: f64, world: *mut *mut ImfWorld) -> ImfStatus {
     call(|| {
         // SAFETY: guaranteed by the caller.
         let place = &mut unsafe { output(world, 1, "world") }?[0];
         place.write(std::ptr::null_mut());
-        let made = World::builder().unit(unit.into()).pitch(pitch).build();
-        place.write(Box::into_raw(Box::new(ImfWorld(made.map_err(|error| of_world(&error))?))));
+        let unit = unit_of(unit).ok_or_else(|| {
+            Refusal::new(
+                ImfStatus::Argument,
+                format!("unit {unit} is none: they run from 0 to 3, see ImfUnit"),
+            )
+        })?;
+        let world = World::builder().unit(unit).pitch(pitch).build().map_err(|error| of_world(&error))?;
+        place.write(Box::into_raw(Box::new(ImfWorld { world, warnings: Vec::new() })));
         Ok(())
     })
 }
@@ -80,7 +99,7 @@ pub unsafe extern "C" fn imf_world_add_mesh(
         }
         let triangles = triangles.as_chunks().0.to_vec();
         let obstacle = mesh.obstacle(name, Mesh { vertices, triangles }, at.to_pose());
-        place[0].write(world.0.add(obstacle).map_err(|error| of_world(&error))?.0);
+        place[0].write(world.add(obstacle)?);
         Ok(())
     })
 }
@@ -105,10 +124,24 @@ pub unsafe extern "C" fn imf_world_add_file(
         let (name, path, place) =
             unsafe { (text(mesh.name, "mesh.name")?, path(path_text)?, output(id, 1, "id")?) };
         let file = read_mesh_file(path).map_err(|error| Refusal::new(ImfStatus::File, error.to_string()))?;
-        let obstacle = mesh.obstacle(name, file.in_unit(world.0.unit()), at.to_pose());
-        place[0].write(world.0.add(obstacle).map_err(|error| of_world(&error))?.0);
+        let obstacle = mesh.obstacle(name, file.in_unit(world.world.unit()), at.to_pose());
+        place[0].write(world.add(obstacle)?);
         Ok(())
     })
+}
+
+/// What is to be known of the meshes that were added, a text for each index from 0; NULL beyond the last, and of a world that is NULL. Walls that
+/// lie between the voxels' centres are told so, through which a tool would pass unseen, and meshes that are not closed. A text stays
+/// until the world is closed.
+///
+/// # Safety
+/// world was created and not closed, and no other thread changes it.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn imf_world_warning(world: *const ImfWorld, index: usize) -> *const c_char {
+    // SAFETY: guaranteed by the caller.
+    let world = unsafe { read_one(world, "world") };
+    let warning = world.ok().and_then(|world| world.warnings.get(index));
+    warning.map_or(std::ptr::null(), |text| text.as_ptr())
 }
 
 /// Moves an obstacle: at is from its own frame into the world. Checkers see it once they follow.
@@ -120,7 +153,7 @@ pub unsafe extern "C" fn imf_world_place(world: *mut ImfWorld, id: u64, at: *con
     call(|| {
         // SAFETY: guaranteed by the caller.
         let (world, at) = unsafe { (write_one(world, "world")?, read_one(at, "at")?) };
-        world.0.place(ObstacleId(id), at.to_pose()).map_err(|error| of_world(&error))
+        world.world.place(ObstacleId(id), at.to_pose()).map_err(|error| of_world(&error))
     })
 }
 
@@ -133,7 +166,7 @@ pub unsafe extern "C" fn imf_world_remove(world: *mut ImfWorld, id: u64) -> ImfS
     call(|| {
         // SAFETY: guaranteed by the caller.
         let world = unsafe { write_one(world, "world") }?;
-        world.0.remove(ObstacleId(id)).map_err(|error| of_world(&error))
+        world.world.remove(ObstacleId(id)).map_err(|error| of_world(&error))
     })
 }
 
@@ -170,7 +203,7 @@ pub unsafe extern "C" fn imf_checker_create(
         let tool = Tool::read(Path::new(path));
         let tool = tool.map_err(|error| Refusal::new(ImfStatus::File, error.to_string()))?;
         let clearance = Clearance { holder: clearance[0], shank: clearance[1], cutter: clearance[2] };
-        let made = world.0.checker(&tool, &clearance).map_err(|error| of_world(&error))?;
+        let made = world.world.checker(&tool, &clearance).map_err(|error| of_world(&error))?;
         place.write(Box::into_raw(Box::new(ImfChecker(made))));
         Ok(())
     })
@@ -185,7 +218,7 @@ pub unsafe extern "C" fn imf_checker_follow(checker: *mut ImfChecker, world: *co
     call(|| {
         // SAFETY: guaranteed by the caller.
         let (checker, world) = unsafe { (write_one(checker, "checker")?, read_one(world, "world")?) };
-        checker.0.follow(&world.0).map_err(|error| of_world(&error))
+        checker.0.follow(&world.world).map_err(|error| of_world(&error))
     })
 }
 
@@ -300,20 +333,20 @@ impl ImfMesh {
             scale: if self.scale == 0.0 { 1.0 } else { self.scale },
             at,
             pitch: (self.pitch != 0.0).then_some(self.pitch),
-            conservative: Some(self.conservative),
+            conservative: Some(self.conservative != 0),
             contact: self.contact,
             ..ObstacleMesh::new(name, mesh)
         }
     }
 }
 
-impl From<ImfUnit> for LengthUnit {
-    fn from(unit: ImfUnit) -> Self {
-        match unit {
-            ImfUnit::Mm => Self::Mm,
-            ImfUnit::Cm => Self::Cm,
-            ImfUnit::M => Self::M,
-            ImfUnit::Inch => Self::Inch,
-        }
-    }
+/// The unit of an [`ImfUnit`]'s number, which C may get wrong.
+fn unit_of(number: u32) -> Option<LengthUnit> {
+    let all = [
+        (ImfUnit::Mm, LengthUnit::Mm),
+        (ImfUnit::Cm, LengthUnit::Cm),
+        (ImfUnit::M, LengthUnit::M),
+        (ImfUnit::Inch, LengthUnit::Inch),
+    ];
+    all.into_iter().find(|(unit, _)| *unit as u32 == number).map(|(_, unit)| unit)
 }

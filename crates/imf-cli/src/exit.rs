@@ -105,7 +105,9 @@ fn remedy(cause: &(dyn std::error::Error + 'static)) -> Option<&'static str> {
             return Some("--tool NUMBER=FILE");
         }
         Some(CheckError::Contact { .. }) => return Some("--contact, --pitch"),
-        Some(CheckError::ThinSolid { .. }) => return Some("--pitch, or the machine's file"),
+        Some(CheckError::ThinSolid { .. } | CheckError::LostSolid { .. }) => {
+            return Some("--pitch, or the machine's file");
+        }
         _ => {}
     }
     if let Some(OnnxError::Rotations(_)) = cause.downcast_ref() {
@@ -126,6 +128,7 @@ fn was_cancelled(error: &anyhow::Error) -> bool {
         matches!(cause.downcast_ref(), Some(SectionError::Cancelled))
             || matches!(cause.downcast_ref(), Some(SceneError::Cancelled(_)))
             || cause.is::<Cancelled>()
+            || matches!(cause.downcast_ref(), Some(CheckError::Cancelled))
             || matches!(evaluation, Some(EvaluationError::Section(SectionError::Cancelled)))
     });
     section && interrupt::requested()

@@ -29,12 +29,14 @@ pub use stock::{LineRemoval, StockLeft, StockReport, check_stock};
 
 use std::sync::Arc;
 
+use glam::DVec3;
 use serde::Serialize;
 use thiserror::Error;
 
 use crate::control::Control;
 use crate::occupancy::Occupancy;
 use crate::parallel;
+use crate::scene::SceneError;
 use crate::surface::SurfaceError;
 use crate::tool::{Clearance, ClearanceError, Tool, ToolError};
 use crate::toolpath::Toolpath;
@@ -75,6 +77,13 @@ impl CheckSettings {
     #[must_use]
     pub fn of_pitch(pitch: f64, unit: LengthUnit) -> Self {
         Self { clearance: Clearance::default(), contact: CONTACT / unit.in_mm(), step: pitch / 4.0 }
+    }
+
+    /// The same around conservative voxels, which reach out of the part by up to half their diagonal: the cutter may enter so much more.
+    #[must_use]
+    pub fn of_conservative(pitch: f64, unit: LengthUnit) -> Self {
+        let usual = Self::of_pitch(pitch, unit);
+        Self { contact: usual.contact + 0.75_f64.sqrt() * pitch, ..usual }
     }
 
     /// Diameter of the smallest ball whose overlap is certain to be detected at any time of a motion: at the nearest checked
@@ -212,6 +221,23 @@ pub enum CheckError {
         /// Of its voxels.
         pitch: f64,
     },
+    /// A solid of which walls lie between the voxels' centres.
+    #[error(
+        "the machine's solid '{name}' has walls that lie between the centres of voxels of {pitch} (an area of {area:.1}, as at {at:.1}),          and would be overlooked there: choose a smaller pitch, or describe it by boxes and cylinders"
+    )]
+    LostSolid {
+        /// The solid's name.
+        name: String,
+        /// Area of their surface.
+        area: f64,
+        /// A point of it.
+        at: DVec3,
+        /// Of its voxels.
+        pitch: f64,
+    },
+    /// A solid's mesh that does not say what is inside.
+    #[error(transparent)]
+    Solid(#[from] SceneError),
     /// Tools that cannot be told apart.
     #[error("the tools are {0}: give one tool without a number, or each its own")]
     Tools(String),
@@ -261,6 +287,14 @@ pub enum CheckError {
     /// The stock lies between the part's voxels.
     #[error("the voxels of the stock are not those of the part and the fixtures")]
     StockGrid,
+    /// The tip's place depends on the tool's length.
+    #[error(
+        "line {line}: the head is tilted and no centre point is kept, so that the tip moves with the tool's length: no stick-out can be          found for such a path; write it with the centre point kept (G43.4)"
+    )]
+    TipMoves {
+        /// The line.
+        line: usize,
+    },
     /// No stick-out can be found for the tool.
     #[error(transparent)]
     StickOut(#[from] SurfaceError),

@@ -45,6 +45,13 @@ impl Mesh {
         }
     }
 
+    /// True where every triangle's vertices are there, and finite.
+    #[must_use]
+    pub fn is_sound(&self) -> bool {
+        let is_sound = |&vertex: &u32| self.vertices.get(vertex as usize).is_some_and(|at| at.is_finite());
+        self.triangles.iter().flatten().all(is_sound)
+    }
+
     /// The lower and upper corner of the box around the vertices that triangles use; `None` without triangles.
     #[must_use]
     pub fn bounds(&self) -> Option<(DVec3, DVec3)> {

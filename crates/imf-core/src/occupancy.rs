@@ -23,6 +23,12 @@ impl Occupancy {
         Self { grid, solid: vec![0; grid.len()] }
     }
 
+    /// True where there is a byte for each voxel, 0 or 1.
+    #[must_use]
+    pub fn is_sound(&self) -> bool {
+        self.solid.len() == self.grid.len() && self.solid.iter().all(|&solid| solid <= 1)
+    }
+
     /// Number of solid voxels.
     #[must_use]
     pub fn count(&self) -> usize {

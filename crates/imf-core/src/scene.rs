@@ -15,8 +15,10 @@ mod warning;
 
 pub use builder::{BuiltScene, SceneBuilder};
 pub use guarantee::{Guarantee, PathGuarantee};
+pub(crate) use lost_surface::LostSurface;
 pub use pitch::{ChosenPitch, PitchReason};
 pub use resolution::CoarseTool;
+pub(crate) use resolution::decided;
 // For the stock, which is no body of a scene.
 #[doc(hidden)]
 pub use resolution::solid_voxels;
@@ -269,6 +271,17 @@ pub enum SceneError {
     /// A clearance that is no length, or around a tool that cannot be offset.
     #[error(transparent)]
     Clearance(#[from] ClearanceError),
+    /// A depth of contact that is no length.
+    #[error("the cutter cannot reach {0} deep into the part: give a finite length of at least 0")]
+    Contact(f64),
+    /// A tool that is to touch, and does not say with what.
+    #[error(
+        "contact lets a cutter touch the part, and the tool '{0}' names none: describe it by cutter, shank and holder"
+    )]
+    NoCutter(String),
+    /// A mesh that is none.
+    #[error("the mesh of '{0}' has a triangle whose vertex is not there, or a coordinate that is not finite")]
+    Unsound(String),
     /// The part has no triangle.
     #[error("the part '{0}' has no triangle")]
     NoTriangles(String),

@@ -5,6 +5,7 @@
 
 mod assembly;
 mod depth;
+mod disc;
 mod erode;
 #[cfg(feature = "formats")]
 mod file;
@@ -287,7 +288,12 @@ impl Tool {
             ToolShape::Mesh(mesh) if mesh.triangles.is_empty() => {
                 return Err(empty("its mesh has no triangle"));
             }
-            _ => {}
+            ToolShape::Revolved(elements) => {
+                if let Some(element) = elements.iter().find(|element| !element.runs_upwards()) {
+                    return Err(empty(&format!("the outline of its {} does not run upwards", element.kind)));
+                }
+            }
+            ToolShape::Mesh(_) => {}
         }
         let volume = self.volume();
         if !(volume.is_finite() && volume > 0.0) {

@@ -104,6 +104,11 @@ pub enum WorldError {
         /// Edge of a voxel.
         pitch: f64,
     },
+    /// Voxels that are none.
+    #[error(
+        "the obstacle '{0}' has not a byte of 0 or 1 for each voxel of its grid, or a layer for the cutter on another grid"
+    )]
+    Voxels(String),
     /// A place with a number that is not finite, or a rotation of no length.
     #[error(
         "the obstacle '{0}' cannot stand there: a number of its place is not finite, or its rotation has no length"
@@ -283,15 +288,21 @@ impl World {
     /// Adds an obstacle of voxels, whose grid is in its own frame.
     ///
     /// # Errors
-    /// A place that means nothing.
+    /// A place that means nothing; bytes that are not the voxels of one grid.
     pub fn add_voxels(
         &mut self,
         name: &str,
         obstacle: impl Into<Obstacle>,
         at: Pose,
     ) -> Result<ObstacleId, WorldError> {
-        let at = placed(name, at)?;
-        Ok(self.stand(name, obstacle.into().into(), at))
+        let (at, obstacle) = (placed(name, at)?, obstacle.into());
+        let layer = obstacle.cuttable.as_deref();
+        if !obstacle.forbidden.is_sound()
+            || layer.is_some_and(|l| !l.is_sound() || l.grid != *obstacle.grid())
+        {
+            return Err(WorldError::Voxels(name.to_owned()));
+        }
+        Ok(self.stand(name, obstacle.into(), at))
     }
 
     /// Moves an obstacle: `at` is from its own frame into the world.
@@ -364,6 +375,8 @@ mod adversary_cases;
 mod adversary_tests;
 #[cfg(test)]
 mod adversary_truth;
+#[cfg(test)]
+mod hostile_tests;
 #[cfg(test)]
 mod separation_tests;
 #[cfg(test)]

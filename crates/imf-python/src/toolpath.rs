@@ -64,7 +64,11 @@ pub(crate) fn check<'py>(
     });
     let set_up = if in_world { DMat4::IDENTITY } else { record.transform };
     let path = path.map_err(Raise::raise)?.placed(&set_up);
-    let mut settings = CheckSettings::of_pitch(record.grid.pitch, record.unit);
+    let usual = CheckSettings::of_pitch(record.grid.pitch, record.unit);
+    let mut settings = match record.conservative {
+        true => CheckSettings::of_conservative(record.grid.pitch, record.unit),
+        false => usual,
+    };
     settings.clearance = clearance.map_or(record.clearance, clearance_of);
     settings.contact = contact.unwrap_or(settings.contact);
     settings.step = step.unwrap_or(settings.step);
@@ -94,6 +98,8 @@ pub(crate) fn check<'py>(
     if let Some(stock) = stock {
         let voxels = stock.voxels(py, own, &bodies)?;
         let mut found = run(py, (&progress, "cutting the stock", lines), |control| {
+            // Voxels of the stock reach nowhere out of it.
+            let settings = CheckSettings { contact: contact.unwrap_or(usual.contact), ..settings };
             check_stock(around, &voxels, &numbered, &path, &settings, control)
         })?;
         report.add(std::mem::take(&mut found.colliding));

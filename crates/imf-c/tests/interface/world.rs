@@ -43,7 +43,7 @@ fn a_world_of_meshes_is_answered_as_in_rust() {
     let at = Pose::new(DVec3::new(30.0, 10.0, 5.0), DQuat::from_rotation_z(0.7));
     let mut rust = World::builder().pitch(pitch).build().unwrap();
     let first = rust.add(ObstacleMesh::new("bracket", mesh.clone())).unwrap();
-    rust.add(ObstacleMesh { at, scale: 0.5, ..ObstacleMesh::new("half", mesh.clone()) }).unwrap();
+    rust.add(ObstacleMesh { at, scale: 0.5, ..ObstacleMesh::new("bracket", mesh.clone()) }).unwrap();
     let room = Clearance { holder: 2.0, shank: 1.0, cutter: 0.5 };
     let mut expected = rust.checker(&tool, &room).unwrap();
 
@@ -60,7 +60,7 @@ fn a_world_of_meshes_is_answered_as_in_rust() {
         scale: 0.0,
         pitch: 0.0,
         contact: 0.0,
-        conservative: false,
+        conservative: 0,
     };
     let here = of(&Pose::new(DVec3::ZERO, DQuat::IDENTITY));
     let obj = folder.path().join("bracket.obj");
@@ -77,7 +77,7 @@ fn a_world_of_meshes_is_answered_as_in_rust() {
     // SAFETY: everything lives on, and there are as many elements as is said; what is NULL is refused before it is read.
     unsafe {
         let (mut world, mut checker) = (null_mut(), null_mut());
-        assert_eq!(imf_world_create(ImfUnit::Mm, pitch, &mut world), ImfStatus::Ok);
+        assert_eq!(imf_world_create(ImfUnit::Mm as u32, pitch, &mut world), ImfStatus::Ok);
         let (mut one, mut other) = (u64::MAX, u64::MAX);
         assert_eq!(imf_world_add_mesh(world, &whole, &here, &mut one), ImfStatus::Ok, "{}", last_error());
         let half = ImfMesh { scale: 0.5, vertices: null(), triangles: null(), ..whole };
@@ -122,6 +122,35 @@ fn a_world_of_meshes_is_answered_as_in_rust() {
         assert_eq!(imf_world_remove(world, one), ImfStatus::Ok);
         assert_eq!(imf_world_remove(world, one), ImfStatus::Argument);
         assert!(last_error().contains("no obstacle"), "{}", last_error());
+        // A sheet between the centres is told, and what C has not is refused.
+        let warning = |index: usize| {
+            let text = imf_world_warning(world, index);
+            (!text.is_null()).then(|| std::ffi::CStr::from_ptr(text).to_str().unwrap().to_owned())
+        };
+        let told: Vec<String> = (0..).map_while(warning).collect();
+        assert_eq!(told, rust.warnings().iter().map(ToString::to_string).collect::<Vec<_>>());
+        assert!(imf_world_warning(null(), 0).is_null());
+        let mut plate = Mesh::cuboid(DVec3::ZERO, DVec3::splat(20.0));
+        plate.append(&Mesh::cuboid(DVec3::new(30.3, 0.0, 0.0), DVec3::new(30.5, 20.0, 20.0)));
+        let of_plate = ImfMesh {
+            vertices: plate.vertices.as_ptr().cast(),
+            vertex_count: plate.vertices.len(),
+            triangles: plate.triangles.as_ptr().cast(),
+            triangle_count: plate.triangles.len(),
+            pitch: 1.0,
+            ..whole
+        };
+        assert_eq!(
+            imf_world_add_mesh(world, &of_plate, &here, &mut other),
+            ImfStatus::Ok,
+            "{}",
+            last_error()
+        );
+        let sheet = (told.len()..).map_while(warning).find(|text| text.contains("between the centres"));
+        assert!(sheet.is_some(), "{:?}", (0..).map_while(warning).collect::<Vec<_>>());
+        let mut nothing = null_mut();
+        assert_eq!(imf_world_create(4, pitch, &mut nothing), ImfStatus::Argument);
+        assert!(nothing.is_null() && last_error().contains("unit 4"), "{}", last_error());
         let bad = [99_u32; 3];
         let bad = ImfMesh { triangles: bad.as_ptr(), triangle_count: 1, vertex_count: 3, ..whole };
         assert_eq!(imf_world_add_mesh(world, &bad, &here, &mut one), ImfStatus::Argument);

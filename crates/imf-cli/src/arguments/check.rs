@@ -90,11 +90,12 @@ impl CheckArguments {
 
     /// The settings, with defaults that follow the scene.
     pub(crate) fn settings(&self, pitch: f64, unit: LengthUnit) -> CheckSettings {
-        let usual = CheckSettings::of_pitch(pitch, unit);
-        let outside = if self.scene.conservative { 0.75_f64.sqrt() * pitch } else { 0.0 };
+        let conservative = self.scene.conservative;
+        let of = if conservative { CheckSettings::of_conservative } else { CheckSettings::of_pitch };
+        let usual = of(pitch, unit);
         CheckSettings {
             clearance: self.scene.clearance.clearance(),
-            contact: self.contact.unwrap_or(usual.contact + outside),
+            contact: self.contact.unwrap_or(usual.contact),
             step: self.step.unwrap_or(usual.step),
         }
     }

@@ -16,7 +16,7 @@ use imf_core::check::{
     check_toolpath, cutters_not_compared, least_stick_outs, never_near,
 };
 use imf_core::machine::Machine;
-use imf_core::scene::{PathGuarantee, SceneRecord};
+use imf_core::scene::{CoarseTool, PathGuarantee, SceneError, SceneRecord};
 use imf_core::tool::{Element, Tool, ToolShape};
 use imf_core::toolpath::{PathReading, Toolpath, ToolpathError};
 use imf_core::unit::LengthUnit;
@@ -76,6 +76,15 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
     if let ([(None, tool)], [Some(number)]) = (tools.as_slice(), toolpath.tools().as_slice()) {
         session
             .note(&format!("the toolpath calls its only tool {number}: it is checked with '{}'", tool.name));
+    }
+    let others = tools.iter().map(|(_, tool)| tool).filter(|tool| *tool != record.bare_tool());
+    if let Some(coarse) =
+        others.filter_map(|tool| CoarseTool::of(tool, record.grid.pitch, record.unit)).next()
+    {
+        if !arguments.scene.allow_coarse {
+            return Err(SceneError::Coarse(coarse).into());
+        }
+        session.warn(&coarse.to_string());
     }
     let numbered: Vec<(Option<u32>, &Tool)> = tools.iter().map(|(number, tool)| (*number, tool)).collect();
     let settings = arguments.settings(record.grid.pitch, record.unit);

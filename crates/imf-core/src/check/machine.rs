@@ -17,11 +17,12 @@ use glam::{DQuat, DVec3};
 use super::elements::{Body, Group, MARGIN, Step, Track, room};
 use super::motions::{Motion, look_at_poses, poses_needed};
 use super::{CheckError, CheckSettings, Collision, HitBody};
-use crate::control::{Cancelled, Control};
+use crate::control::Control;
 use crate::field::solid::{SolidField, SolidVoxels};
-use crate::machine::{Ball, Machine, MachineSolid, OutOfTravel, Placement, Side, SolidShape};
+use crate::machine::{Ball, Machine, OutOfTravel, Placement, Side, SolidShape};
 use crate::occupancy::Occupancy;
 use crate::pose::Pose;
+use crate::scene::{LostSurface, decided};
 use crate::tool::{Element, Tool, ToolShape};
 
 /// A machine, and the voxels of what its table carries.
@@ -36,13 +37,25 @@ impl MachineBodies {
     /// In the machine's unit, with voxels of `pitch`, or larger ones where these would be too many.
     ///
     /// # Errors
-    /// The caller's [`Control`] asked to stop.
-    pub fn new(machine: Machine, pitch: f64, control: Control<'_>) -> Result<Self, Cancelled> {
-        let of_table = machine.solids.iter().filter(|solid| solid.side == Side::Table);
-        let voxels = |solid: &MachineSolid| -> Result<_, Cancelled> {
-            Ok((solid.name.clone(), solid.level, Arc::new(solid.voxels(pitch, control)?)))
-        };
-        let table = of_table.map(voxels).collect::<Result<_, _>>()?;
+    /// A mesh that does not say what is inside, or of which walls lie between the voxels' centres; the caller's [`Control`] asked to stop.
+    pub fn new(machine: Machine, pitch: f64, control: Control<'_>) -> Result<Self, CheckError> {
+        let mut table = Vec::new();
+        for solid in &machine.solids {
+            let is_mesh = matches!(solid.shape, SolidShape::Mesh(_));
+            if solid.side == Side::Table || is_mesh {
+                let voxels = solid.voxels(pitch, control).map_err(|_| CheckError::Cancelled)?;
+                let voxels = decided(&solid.name, voxels)?;
+                if let SolidShape::Mesh(mesh) = &solid.shape
+                    && let Some(lost) = LostSurface::of(mesh, &voxels.solid, &voxels.solid.grid)
+                {
+                    let (name, pitch) = (solid.name.clone(), voxels.solid.grid.pitch);
+                    return Err(CheckError::LostSolid { name, area: lost.area, at: lost.at, pitch });
+                }
+                if solid.side == Side::Table {
+                    table.push((solid.name.clone(), solid.level, Arc::new(voxels.solid)));
+                }
+            }
+        }
         Ok(Self { machine: Arc::new(machine), table })
     }
 

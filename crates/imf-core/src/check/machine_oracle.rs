@@ -5,6 +5,7 @@ use std::sync::Arc;
 use glam::{DMat4, DVec3};
 
 mod reach;
+mod refusals;
 
 use super::*;
 use crate::grid::Grid;
@@ -143,7 +144,7 @@ fn pairs(machine: &Machine, bodies: &MachineBodies, part: &Occupancy) -> (Vec<In
     };
     let mut others = vec![(HitBody::Part, top.1, centres(part, machine.part_zero()))];
     for solid in machine.solids.iter().filter(|solid| solid.side == Side::Table) {
-        let voxels = solid.voxels(1.0, Control::quiet()).unwrap();
+        let voxels = solid.voxels(1.0, Control::quiet()).unwrap().solid;
         others.push((HitBody::Machine(solid.name.clone()), solid.level, centres(&voxels, DVec3::ZERO)));
     }
     assert_eq!(bodies.coarsest_pitch(), Some(1.0));

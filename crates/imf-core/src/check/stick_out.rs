@@ -5,17 +5,18 @@
 
 use std::sync::Arc;
 
+use glam::DVec3;
 use serde::Serialize;
 
 use super::motions::{Motion, motions};
 use super::{CheckError, CheckSettings};
 use crate::control::Control;
-use crate::machine::Machine;
+use crate::machine::{Machine, Side};
 use crate::occupancy::Occupancy;
 use crate::parallel;
 use crate::surface::{CollisionEnvironment, Raising, StickOutTool, default_tolerance};
 use crate::tool::{Clearance, Tool};
-use crate::toolpath::Toolpath;
+use crate::toolpath::{Location, Toolpath};
 
 /// The least stick-out of one tool over its part of a path, in the grid's unit.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -41,11 +42,11 @@ pub struct PathStickOut {
 const AHEAD: f64 = 1.25;
 
 /// For each tool that the path uses the least stick-out with which shank and holder, with their clearance, are free of `obstacle` on
-/// the whole path, also between the poses that are looked at. What the cutter meets is not looked at, nor are a machine's head and
-/// table. One unit of progress is one location.
+/// the whole path, also between the poses that are looked at. What the cutter meets is not looked at, nor are a machine's head,
+/// table and travel. One unit of progress is one location.
 ///
 /// # Errors
-/// As of [`check_toolpath`](super::check_toolpath); a tool without a holder.
+/// As of [`check_toolpath`](super::check_toolpath); a tool without a holder; a path on which the tip moves with the tool's length.
 pub fn least_stick_outs(
     obstacle: &Arc<Occupancy>,
     tools: &[(Option<u32>, &Tool)],
@@ -55,6 +56,16 @@ pub fn least_stick_outs(
     control: Control<'_>,
 ) -> Result<Vec<PathStickOut>, CheckError> {
     settings.check()?;
+    // A control that keeps no centre point adds the length to Z, and a tilted tool's tip moves aside with it.
+    let moves = |location: &&Location| {
+        location.machine.zip(machine).is_some_and(|(point, machine)| {
+            let head = machine.placements(Side::Head, &point.joints.rotary)[2].rotation;
+            !point.tip_goes_straight && (head * DVec3::Z).distance(DVec3::Z) > 1e-9
+        })
+    };
+    if let Some(location) = toolpath.locations.iter().find(moves) {
+        return Err(CheckError::TipMoves { line: location.line });
+    }
     let grid = obstacle.grid;
     let environment = CollisionEnvironment::new(&obstacle.clone().into(), &[]);
     let Clearance { holder, shank, cutter } = settings.clearance;

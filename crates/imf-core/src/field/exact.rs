@@ -56,7 +56,12 @@ impl PreparedObstacle {
 
     /// True where both are of the same voxels in memory.
     pub(crate) fn is_same(&self, other: &Self) -> bool {
-        Arc::ptr_eq(&self.obstacle.forbidden, &other.obstacle.forbidden)
+        let same = |a: &Arc<Occupancy>, b: &Arc<Occupancy>| Arc::ptr_eq(a, b);
+        let layers = match (&self.obstacle.cuttable, &other.obstacle.cuttable) {
+            (Some(own), Some(others)) => same(own, others),
+            (own, others) => own.is_none() && others.is_none(),
+        };
+        layers && same(&self.obstacle.forbidden, &other.obstacle.forbidden)
     }
 }
 

@@ -19,15 +19,17 @@ pub struct RotarySolutions {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum NoAngles {
     /// No angles within the ranges give this direction.
-    #[error("the machine cannot turn the tool along {0},{1},{2}")]
+    #[error("no angles within the ranges of the machine's axes turn the tool along {0:.6},{1:.6},{2:.6}")]
     OutOfReach(f64, f64, f64),
     /// The pose is invalid.
     #[error("the pose is invalid: a number is not finite, or the rotation has no length")]
     InvalidPose,
 }
 
-/// Directions this near to an axis of rotation are along it.
-const POLE: f64 = 1e-9;
+/// Directions this near to an axis of rotation, or to those that an axis alone gives, are taken for them: files give six digits.
+const POLE: f64 = 2e-6;
+/// Degrees outside a range that are taken for its end, for the same reason.
+const END: f64 = 1e-4;
 
 impl Machine {
     /// Rotary axes from the part to the tool: places, and how a positive angle turns the tool as seen from the part.
@@ -102,9 +104,9 @@ impl Machine {
             }
             // Without limits two turns either way are listed.
             let (low, high) = (low.max(pair[place] - 720.0), high.min(pair[place] + 720.0));
-            let first = ((low - SLACK - pair[place]) / 360.0).ceil() as i64;
-            let last = ((high + SLACK - pair[place]) / 360.0).floor() as i64;
-            (first..=last).map(|turn| pair[place] + 360.0 * turn as f64).collect()
+            let first = ((low - END - pair[place]) / 360.0).ceil() as i64;
+            let last = ((high + END - pair[place]) / 360.0).floor() as i64;
+            (first..=last).map(|turn| (pair[place] + 360.0 * turn as f64).clamp(low, high)).collect()
         };
         let second = of(1);
         of(0).into_iter().flat_map(|a| second.iter().map(move |&b| [a, b])).collect()

@@ -9,7 +9,7 @@ use crate::mesh::Mesh;
 use crate::occupancy::Occupancy;
 use crate::parts::shell::{Axis, Facing, Shell, circle};
 use crate::pose::Pose;
-use crate::voxelize::{voxelize_with, winding_number};
+use crate::voxelize::{Voxelized, voxelize_with, winding_number};
 
 /// A rigid body of the machine.
 #[derive(Clone, Debug, PartialEq)]
@@ -87,22 +87,19 @@ impl MachineSolid {
     ///
     /// # Errors
     /// The caller's [`Control`] asked to stop.
-    pub fn voxels(&self, pitch: f64, control: Control<'_>) -> Result<Occupancy, Cancelled> {
+    pub fn voxels(&self, pitch: f64, control: Control<'_>) -> Result<Voxelized, Cancelled> {
         let (lower, upper) = self.bounds();
         let cells = ((upper - lower) / pitch + 2.0).to_array().into_iter().product::<f64>();
         let pitch = pitch * (cells / MAX_VOXELS).cbrt().max(1.0);
         let dims = ((upper - lower) / pitch).map(f64::ceil).to_array().map(|n| (n as usize).max(1));
         let span = DVec3::from_array(dims.map(|n| n as f64)) * pitch;
         let grid = Grid { origin: 0.5 * (lower + upper) - 0.5 * span, pitch, dims };
-        Ok(match &self.shape {
-            SolidShape::Mesh(mesh) => voxelize_with(mesh, &grid, false, control)?.solid,
-            _ => Occupancy {
-                grid,
-                solid: (0..grid.len())
-                    .map(|index| u8::from(self.contains(grid.centre(grid.voxel(index)))))
-                    .collect(),
-            },
-        })
+        if let SolidShape::Mesh(mesh) = &self.shape {
+            return voxelize_with(mesh, &grid, false, control);
+        }
+        let inside = |index| u8::from(self.contains(grid.centre(grid.voxel(index))));
+        let solid = Occupancy { grid, solid: (0..grid.len()).map(inside).collect() };
+        Ok(Voxelized { solid, undecided: 0.0 })
     }
 
     /// True of a point that is in it where it is with all axes at 0.

@@ -314,7 +314,7 @@ fn files_are_read_and_mistakes_named_with_their_line() {
     assert_eq!((machine.rotary[0].direction, machine.rotary[0].letter), (DVec3::X, 'A'));
     assert_eq!((machine.travel[0], machine.travel[2]), (FREE, [-400.0, 0.0]));
     assert_eq!((machine.solids[0].level, machine.solids[1].side), (2, Side::Head));
-    let voxels = machine.solids[0].voxels(1.0, crate::control::Control::quiet()).unwrap();
+    let voxels = machine.solids[0].voxels(1.0, crate::control::Control::quiet()).unwrap().solid;
     assert!((voxels.volume() / (std::f64::consts::PI * 625.0 * 20.0) - 1.0).abs() < 0.01);
     let cases = [
         ("", "G54"),

@@ -176,13 +176,24 @@ impl<'a> SceneBuilder<'a> {
     /// Makes the triangles of part and fixtures face consistently, and voxelises.
     ///
     /// # Errors
-    /// No part, or one that cannot be read, is of an implausible size, or of which no voxel is left; no tool, or one that is too
+    /// No part, or one that cannot be read, is of an implausible size, or of which no voxel is left; a mesh whose triangles name no
+    /// vertices; a depth of contact that is no length, or of a tool without a cutter; no tool, or one that is too
     /// thin for the grid; a mesh that does not say what is inside; a grid that cannot be made; a fixture that
     /// sticks out of it; a clearance that is no length; [`SceneError::Cancelled`].
     pub fn build(self) -> Result<BuiltScene, SceneError> {
         let Part { name, mesh, unit, reference } = self.part?;
         let tool = self.tool.or_else(|| reference.map(|_| Tool::paper()));
         let tool = tool.ok_or_else(|| SceneError::NoTool(name.clone()))?;
+        match self.contact {
+            Some(depth) if !(depth.is_finite() && depth >= 0.0) => return Err(SceneError::Contact(depth)),
+            Some(_) if !tool.has_cutter() => return Err(SceneError::NoCutter(tool.name)),
+            _ => {}
+        }
+        for (name, mesh) in self.fixtures.iter().map(|(name, mesh, _)| (name, mesh)).chain([(&name, &mesh)]) {
+            if !mesh.is_sound() {
+                return Err(SceneError::Unsound(name.clone()));
+            }
+        }
         let mut warnings = Vec::new();
         let (mesh, repair) = mesh.with_consistent_faces();
         let report = MeshReport::new(&mesh);

@@ -9,13 +9,13 @@ use crate::parallel;
 
 /// Surface of a mesh with no solid centre near it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct LostSurface {
+pub(crate) struct LostSurface {
     /// Its area.
-    pub(super) area: f64,
+    pub(crate) area: f64,
     /// Share of the whole surface.
-    pub(super) share: f64,
+    pub(crate) share: f64,
     /// A point of it.
-    pub(super) at: DVec3,
+    pub(crate) at: DVec3,
 }
 
 /// Squared distance in voxels within which every point of a thick body's surface has a solid centre: a ball of radius √3/2 holds a
@@ -29,7 +29,7 @@ const FEW: f64 = 9.0;
 impl LostSurface {
     /// Of a body in its place, by its voxels, which need not fill the grid; `None` where it is too little to matter. What lies outside
     /// the grid is not asked for.
-    pub(super) fn of(mesh: &Mesh, solid: &Occupancy, grid: &Grid) -> Option<Self> {
+    pub(crate) fn of(mesh: &Mesh, solid: &Occupancy, grid: &Grid) -> Option<Self> {
         let pitch = grid.pitch;
         let found = parallel::map(mesh.triangles.len(), |triangle| {
             let mut found = Found::default();

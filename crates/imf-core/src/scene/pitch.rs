@@ -75,6 +75,11 @@ impl ChosenPitch {
         if pitch > seen && is_bounded(seen, MORE) {
             (pitch, reason) = (seen, PitchReason::Coarsest(thinnest));
         }
+        let disc = tools.iter().filter_map(|tool| tool.thinnest_disc(pitch)).map(|(_, thick)| thick);
+        let disc = disc.fold(f64::INFINITY, f64::min);
+        if disc < pitch && is_bounded(rounded(disc, false), MORE) {
+            (pitch, reason) = (rounded(disc, false), PitchReason::Coarsest(disc));
+        }
         Self { pitch, unit, reason }
     }
 }

@@ -20,6 +20,9 @@ use crate::voxelize::{Voxelized, voxelize_with};
 /// diagonal of a voxel's face.
 pub(super) const VOXELS_THICK: f64 = SQRT_2;
 
+/// Voxels along a disc of the tool at which it is resolved: as thick, it holds a layer of centres however it stands.
+const DISC_THICK: f64 = 1.0;
+
 /// A part that is nowhere thicker than this many voxels is thin.
 const THIN: usize = 3;
 
@@ -43,7 +46,11 @@ pub fn solid_voxels(
     conservative: bool,
     control: Control<'_>,
 ) -> Result<Voxelized, SceneError> {
-    let voxels = voxelize_with(mesh, grid, conservative, control)?;
+    decided(name, voxelize_with(mesh, grid, conservative, control)?)
+}
+
+/// Voxels of a mesh that says what is inside.
+pub(crate) fn decided(name: &str, voxels: Voxelized) -> Result<Voxelized, SceneError> {
     if voxels.undecided > MAX_UNDECIDED {
         let (name, share) = (name.to_owned(), voxels.undecided);
         return Err(SceneError::Undecided { name, share, most: MAX_UNDECIDED });
@@ -58,8 +65,10 @@ pub struct CoarseTool {
     pub tool: String,
     /// The thinnest of its elements.
     pub element: String,
-    /// Its largest diameter, in `unit`.
+    /// Its largest diameter, or the length of its thinnest disc, in `unit`.
     pub thickness: f64,
+    /// Voxels across it at which it is resolved.
+    pub voxels: f64,
     /// The grid's pitch, in `unit`.
     pub pitch: f64,
     /// The part's unit.
@@ -68,23 +77,27 @@ pub struct CoarseTool {
 
 impl CoarseTool {
     /// What passes between the centres of voxels of a pitch, of a tool in `unit`; `None` where all of it is seen.
-    pub(crate) fn of(tool: &Tool, pitch: f64, unit: LengthUnit) -> Option<Self> {
-        let (element, thickness) = tool.thinnest();
-        // Equal up to rounding is equal.
-        let coarse = thickness * (1.0 + 1e-9) < VOXELS_THICK * pitch;
-        coarse.then(|| Self { tool: tool.name.clone(), element, thickness, pitch, unit })
+    #[must_use]
+    pub fn of(tool: &Tool, pitch: f64, unit: LengthUnit) -> Option<Self> {
+        let thin = |(element, thickness): (String, f64), voxels: f64| {
+            // Equal up to rounding is equal.
+            let coarse = thickness * (1.0 + 1e-9) < voxels * pitch;
+            coarse.then(|| Self { tool: tool.name.clone(), element, thickness, voxels, pitch, unit })
+        };
+        thin(tool.thinnest(), VOXELS_THICK)
+            .or_else(|| tool.thinnest_disc(pitch).and_then(|disc| thin(disc, DISC_THICK)))
     }
 
     /// The largest pitch that resolves the element.
     #[must_use]
     pub fn most(&self) -> f64 {
-        self.thickness / VOXELS_THICK
+        self.thickness / self.voxels
     }
 }
 
 impl fmt::Display for CoarseTool {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { tool, element, thickness, pitch, unit } = self;
+        let Self { tool, element, thickness, pitch, unit, .. } = self;
         // Rounded down, so that it may be chosen.
         let digits = 10f64.powi(3 - self.most().log10().floor() as i32);
         let most = (self.most() * digits).floor() / digits;
@@ -103,7 +116,7 @@ impl SceneSpec<'_> {
     /// What is to be known of a tool (in any unit, without clearance) on a grid.
     ///
     /// # Errors
-    /// [`SceneError::Coarse`] of a tool thinner than √2 voxels, unless the spec allows it.
+    /// [`SceneError::Coarse`] of a tool thinner than √2 voxels, or with a disc thinner than one, unless the spec allows it.
     pub fn check_tool(&self, tool: &Tool, grid: &Grid) -> Result<Vec<SceneWarning>, SceneError> {
         let tool = tool.in_unit(self.unit);
         let (lower, upper) = self.part_bounds()?;

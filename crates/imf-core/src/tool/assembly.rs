@@ -23,7 +23,7 @@ impl Tool {
     pub fn offset(&self, clearance: &Clearance) -> Result<Assembly, ClearanceError> {
         Ok(Assembly {
             whole: self.with_clearance(clearance)?,
-            noncutting: self.without_cutter().map(|rest| rest.with_clearance(clearance)).transpose()?,
+            noncutting: self.kept_out().map(|rest| rest.with_clearance(clearance)).transpose()?,
             tool: self.clone(),
             clearance: *clearance,
         })
@@ -37,7 +37,7 @@ impl Assembly {
         &self.whole
     }
 
-    /// Shank and holder, offset; `None` where there are none, and of a mesh.
+    /// Shank and holder, offset; `None` where there are none. A mesh, which does not say what of it cuts, is all of it.
     #[must_use]
     pub fn noncutting(&self) -> Option<&Tool> {
         self.noncutting.as_ref()
@@ -77,6 +77,11 @@ impl Assembly {
 }
 
 impl Tool {
+    /// What stays out of what a cutter may enter.
+    fn kept_out(&self) -> Option<Self> {
+        if self.mesh().is_some() { Some(self.clone()) } else { self.without_cutter() }
+    }
+
     /// Every element eroded by itself: where one element stands on another, a little more is taken away than need be.
     fn eroded(&self, depth: f64) -> Option<Self> {
         let ToolShape::Revolved(elements) = &self.shape else { return None };
@@ -88,7 +93,7 @@ impl Tool {
 /// The tool as it is.
 impl From<Tool> for Assembly {
     fn from(tool: Tool) -> Self {
-        let noncutting = tool.without_cutter();
+        let noncutting = tool.kept_out();
         Self { whole: tool.clone(), noncutting, tool, clearance: Clearance::default() }
     }
 }

@@ -51,6 +51,17 @@ pub struct Element {
 }
 
 impl Element {
+    /// True where its segments follow each other from its lower to its upper end.
+    pub(crate) fn runs_upwards(&self) -> bool {
+        let mut end = f64::NEG_INFINITY;
+        self.profile.iter().all(|segment| {
+            let (from, to) = segment.range();
+            let follows = from <= to && from >= end - 1e-9 * end.abs();
+            end = to;
+            follows
+        })
+    }
+
     /// Largest radius of the element.
     #[must_use]
     pub fn max_radius(&self) -> f64 {

@@ -52,6 +52,9 @@ impl ObstacleMesh {
         if !(contact.is_finite() && contact >= 0.0) {
             return Err(WorldError::Depth { name, depth: contact });
         }
+        if !mesh.is_sound() {
+            return Err(SceneError::Unsound(name).into());
+        }
         let (mesh, repair) =
             mesh.transformed(&DMat4::from_scale(DVec3::splat(scale))).with_consistent_faces();
         let (lower, upper) = mesh.bounds().ok_or_else(|| WorldError::NoTriangles(name.clone()))?;

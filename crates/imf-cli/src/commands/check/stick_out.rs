@@ -16,7 +16,7 @@ pub(super) fn lines(checked: &CheckRun<'_>) -> String {
         return lines;
     }
     let machine = if checked.machine.is_some() {
-        "; the machine's head and table are not looked at for it"
+        "; the machine's head, table and travel are not looked at for it"
     } else {
         ""
     };

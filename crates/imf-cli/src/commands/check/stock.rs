@@ -128,10 +128,10 @@ impl StockResult {
         [sum(|line| line.voxels), sum(|line| line.of_part), sum(|line| u64::from(line.voxels > 0))]
     }
 
-    /// Voxels that go at rapid rate, and where the tool comes in.
+    /// Voxels beside the part that go at rapid rate, and where the tool comes in.
     fn not_at_feed(&self) -> u64 {
         let others = self.report.removed.iter().filter(|line| line.kind != MoveKind::Feed);
-        others.map(|line| line.voxels).sum()
+        others.map(|line| line.voxels - line.of_part).sum()
     }
 
     /// Of the row of rapids that a line ends, which is tried on the stock before it, the first line that takes something.

@@ -1,0 +1,53 @@
+//! What of a machine cannot be checked.
+
+use super::*;
+use crate::mesh::Mesh;
+
+#[test]
+fn a_solids_mesh_that_voxels_do_not_show_is_refused() {
+    let with = |mesh: Mesh, side| {
+        let mut machine = machines()[0].clone();
+        machine.solids.push(MachineSolid {
+            name: "guard".into(),
+            side,
+            level: 0,
+            shape: SolidShape::Mesh(mesh),
+        });
+        MachineBodies::new(machine, 1.0, Control::quiet()).map(|_| ())
+    };
+    let cuboid =
+        |size: [f64; 3]| Mesh::cuboid(DVec3::splat(0.3), DVec3::splat(0.3) + DVec3::from_array(size));
+    // An angle of sheet.
+    let mut sheet = cuboid([0.15, 30.0, 30.0]);
+    sheet.append(&cuboid([30.0, 0.15, 30.0]));
+    let mut open = cuboid([30.0, 30.0, 30.0]);
+    open.triangles.truncate(6);
+    for side in [Side::Table, Side::Head] {
+        assert!(
+            matches!(with(sheet.clone(), side), Err(CheckError::LostSolid { area, .. }) if area > 3_000.0)
+        );
+        assert!(matches!(with(open.clone(), side), Err(CheckError::Solid(SceneError::Undecided { .. }))));
+        assert!(with(cuboid([30.0, 30.0, 2.0]), side).is_ok());
+    }
+}
+
+#[test]
+fn no_stick_out_is_found_where_the_tip_moves_with_the_length() {
+    let obstacle = Arc::new(part());
+    let machine = machines()[1].clone();
+    let found = |b: f64, straight: bool| {
+        let joints = Joints { linear: DVec3::new(0.0, 0.0, 200.0), rotary: [b, 30.0] };
+        let locations = vec![location(&machine, 7, joints, MoveKind::Start, straight)];
+        let path = Toolpath { locations, ..Toolpath::default() };
+        least_stick_outs(
+            &obstacle,
+            &[(None, &tool())],
+            &path,
+            &strict(0.25),
+            Some(&machine),
+            Control::quiet(),
+        )
+    };
+    assert!(matches!(found(40.0, false), Err(CheckError::TipMoves { line: 7 })));
+    assert!(found(40.0, true).is_ok() && found(0.0, false).is_ok());
+}
