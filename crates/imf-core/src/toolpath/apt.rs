@@ -1,37 +1,42 @@
 //! Toolpaths in APT or CL form: `WORD/numbers`, one statement a line.
 //!
-//! Read are `GOTO/` and `FROM/` (x, y, z and, with an axis, i, j, k; the last axis holds on), `GODLTA/` (a step from
-//! where the tool is), `TLAXIS/` (the axis alone), `RAPID`, `UNITS/` and tool changes by number (`LOADTL/`, `LOAD/TOOL`,
-//! `TURRET/`). `CUTTER/` and `TLDATA/MILL` say what cutter the path was made for. `$$` begins a comment, a `$` at the end continues the statement on the next line. Words that can move nothing
-//! are skipped. Words that transform coordinates are skipped where they change nothing and refused otherwise, since programs
+//! Read are `GOTO/` (x, y, z and, with an axis, i, j, k; the last axis holds on, up to `MULTAX/OFF`), `FROM/` (the same: where the tool
+//! is, to which no way leads), `GODLTA/` (a step from where the tool is), `TLAXIS/` (the axis alone), `RAPID`, `UNITS/` and tool changes
+//! by number (`LOADTL/`, `LOAD/TOOL`, `TURRET/`); locations before the first of these belong to its tool. `CUTTER/` and `TLDATA/MILL`
+//! say what cutter the path was made for. `$$` begins a comment, a `$` at the end continues the statement on the next line, but a text
+//! (`PARTNO`, `PPRINT`) never. Words that can move nothing are skipped. Words that transform coordinates are skipped where they change nothing and refused otherwise, since programs
 //! disagree on what they mean for the part. Every other word is refused.
+
+mod frame;
+mod statement;
 
 use std::str::FromStr;
 
 use super::{CutterStatement, Direction, LineError, Location, MoveKind, Toolpath, pose};
 use crate::unit::LengthUnit;
+use frame::{TRANSFORMS, changes_nothing};
+use statement::{Statement, first_word, is_of, numbers, statements};
 
 /// Words that neither move the tool nor change what its coordinates mean.
-const STILL: &str = "AUXFUN CLEARP COOLNT DELAY DISPLY DWELL END END-OF-PATH FEDRAT FINI INTOL LEADER MACHIN MULTAX OPSKIP OPSTOP \
+const STILL: &str = "AUXFUN CLEARP COOLNT DELAY DISPLY DWELL END END-OF-PATH FEDRAT FINI INTOL LEADER MACHIN OPSTOP \
                      OUTTOL PAINT PARTNO PPRINT REMARK SELCTL SELECT SEQNO SPINDL STOP TOLER TPRINT";
 
 /// Words that move the tool along a path that is not in the file.
 const MOVING: &str = "CIRCLE CYCLE GOBACK GODOWN GOFWD GOHOME GOLFT GORGT GOUP RETRCT SPLINE THREAD";
 
-/// Words that change where later coordinates lie.
-const TRANSFORMS: &str = "COPY CUTCOM LCS MODE MSYS ORIGIN PREFUN ROTABL ROTATE ROTHED TMARK TRACUT TRANS";
-
-/// True where a word is one of a list.
-fn is_of(list: &str, word: &str) -> bool {
-    list.split_ascii_whitespace().any(|known| known == word)
-}
+/// The axis of three-axis milling.
+const UP: [f64; 3] = [0.0, 0.0, 1.0];
 
 /// State of the interpreter.
 struct State {
     locations: Vec<Location>,
     axis: [f64; 3],
+    /// `MULTAX/OFF`: the axis is +z.
+    upright: bool,
     /// From the file's unit.
     factor: f64,
+    /// The path's unit, while the file has not said its own.
+    unit_taken: Option<LengthUnit>,
     rapid: bool,
     tool: Option<u32>,
     /// Loaded since the last location.
@@ -43,13 +48,18 @@ struct State {
     cutters: Vec<CutterStatement>,
     /// Cutters described since the last location: of the tool that is loaded by the next one.
     described_since: Vec<CutterStatement>,
+    remarks: Vec<String>,
+    /// The last comment of a coordinate system.
+    system: String,
 }
 
 pub(super) fn parse(text: &str, unit: LengthUnit) -> Result<Toolpath, LineError> {
     let mut state = State {
         locations: Vec::new(),
-        axis: [0.0, 0.0, 1.0],
+        axis: UP,
+        upright: false,
         factor: 1.0,
+        unit_taken: Some(unit),
         rapid: false,
         tool: None,
         loaded: false,
@@ -57,18 +67,25 @@ pub(super) fn parse(text: &str, unit: LengthUnit) -> Result<Toolpath, LineError>
         differs: None,
         cutters: Vec::new(),
         described_since: Vec::new(),
+        remarks: Vec::new(),
+        system: String::new(),
     };
-    for (line, statement) in statements(text) {
-        state.take(line, &statement, unit)?;
+    for Statement { line, text, is_comment } in statements(text) {
+        if is_comment {
+            state.take_comment(line, text);
+        } else {
+            state.take(line, &text, unit)?;
+        }
     }
-    Ok(Toolpath { locations: state.locations, cutters: state.cutters, ..Toolpath::default() })
+    let State { locations, cutters, remarks, .. } = state;
+    Ok(Toolpath { locations, cutters, remarks, ..Toolpath::default() })
 }
 
 impl State {
     fn take(&mut self, line: usize, statement: &str, unit: LengthUnit) -> Result<(), LineError> {
-        let (word, rest) = statement.split_once('/').unwrap_or((statement, ""));
+        let rest = statement.split_once('/').map_or("", |(_, rest)| rest);
         // PARTNO, PPRINT and their like may be followed by text without a slash.
-        let word = word.split_whitespace().next().unwrap_or_default().to_ascii_uppercase();
+        let word = first_word(statement);
         let wrong = |what: String| LineError { line, what };
         match word.as_str() {
             "" => {}
@@ -77,12 +94,13 @@ impl State {
                 let position = match *values.as_slice() {
                     [x, y, z] => [x, y, z],
                     [x, y, z, i, j, k] => {
-                        self.axis = [i, j, k];
+                        self.turn_to([i, j, k], &word).map_err(wrong)?;
                         [x, y, z]
                     }
                     _ => return Err(wrong(format!("{word} needs 3 or 6 numbers, not {}", values.len()))),
                 };
-                self.go_to(line, position.map(|v| v * self.factor))?;
+                let is_start = word == "FROM";
+                self.go_to(line, position.map(|v| v * self.factor), is_start)?;
             }
             "GODLTA" => {
                 let values = numbers(rest).map_err(wrong)?;
@@ -95,19 +113,36 @@ impl State {
                     .pose
                     .position;
                 let step = [x, y, z].map(|v| v * self.factor);
-                self.go_to(line, [last.x + step[0], last.y + step[1], last.z + step[2]])?;
+                self.go_to(line, [last.x + step[0], last.y + step[1], last.z + step[2]], false)?;
             }
             "TLAXIS" => {
                 let values = numbers(rest).map_err(wrong)?;
-                self.axis =
+                let axis =
                     <[f64; 3]>::try_from(values).map_err(|_| wrong("TLAXIS needs 3 numbers".into()))?;
+                self.turn_to(axis, &word).map_err(wrong)?;
             }
             "RAPID" => self.rapid = true,
+            "MULTAX" => match rest.trim().to_ascii_uppercase().as_str() {
+                "" | "ON" => self.upright = false,
+                "OFF" => (self.upright, self.axis) = (true, UP),
+                _ => {
+                    return Err(wrong(format!(
+                        "{statement} is not understood, and says whether the tool turns: write MULTAX/ON or MULTAX/OFF"
+                    )));
+                }
+            },
+            "OPSKIP" if is_off(rest) => {}
+            "OPSKIP" => {
+                return Err(wrong(format!(
+                    "the lines after {statement} are skipped or not by a switch of the machine: take them out, or {statement} alone"
+                )));
+            }
             "UNITS" => {
                 let named = rest.trim().to_ascii_lowercase();
                 let named = if named == "inches" { "inch" } else { &named };
                 let file = LengthUnit::from_str(named).map_err(|error| wrong(error.to_string()))?;
                 self.factor = file.in_mm() / unit.in_mm();
+                self.unit_taken = None;
             }
             "LOADTL" | "TURRET" | "LOAD" => {
                 let number = if word == "LOAD" {
@@ -175,22 +210,72 @@ impl State {
         Ok(())
     }
 
-    fn go_to(&mut self, line: usize, position: [f64; 3]) -> Result<(), LineError> {
-        if let Some((line, word)) = self.differs.take().filter(|_| !self.loaded) {
-            return Err(LineError {
-                line,
-                what: format!(
+    /// Sets the tool's axis.
+    fn turn_to(&mut self, axis: [f64; 3], word: &str) -> Result<(), String> {
+        let [i, j, k] = axis;
+        if self.upright && !(i == 0.0 && j == 0.0 && k > 0.0) {
+            return Err(format!(
+                "{word} turns the tool to ({i}, {j}, {k}) after MULTAX/OFF, where it stands along +z: write MULTAX/ON before"
+            ));
+        }
+        self.axis = axis;
+        Ok(())
+    }
+
+    fn go_to(&mut self, line: usize, position: [f64; 3], is_start: bool) -> Result<(), LineError> {
+        let differs = self.differs.take();
+        match differs {
+            Some((line, word)) if !self.loaded => {
+                let what = format!(
                     "{word} describes another tool, and no number is loaded: write LOADTL/ and the number"
-                ),
-            });
+                );
+                return Err(LineError { line, what });
+            }
+            None if self.loaded => self.adopt(),
+            _ => {}
+        }
+        if let Some(unit) = self.unit_taken.take() {
+            self.remarks
+                .push(format!("line {line}: the file moves without UNITS/: its unit is taken to be {unit}"));
         }
         let pose = pose(line, position, Direction::Axis(self.axis), None)?;
-        let kind = if std::mem::take(&mut self.rapid) { MoveKind::Rapid } else { MoveKind::Feed };
+        // RAPID is of the next motion, and where the tool is said to be is none.
+        let kind = if is_start {
+            MoveKind::Start
+        } else if std::mem::take(&mut self.rapid) {
+            MoveKind::Rapid
+        } else {
+            MoveKind::Feed
+        };
         self.locations.push(Location { line, pose, rolled: false, tool: self.tool, kind, machine: None });
         let tool = self.tool;
         self.cutters.extend(self.described_since.drain(..).map(|cutter| CutterStatement { tool, ..cutter }));
         self.loaded = false;
         Ok(())
+    }
+
+    /// Locations before the first tool call are the first tool's: CATIA writes where tools are changed before it.
+    fn adopt(&mut self) {
+        let (Some(number), Some(first)) = (self.tool, self.locations.first()) else { return };
+        if self.locations.last().is_some_and(|last| last.tool.is_some()) {
+            return;
+        }
+        self.remarks.push(format!(
+            "line {}: the tool of the locations before the first tool call is taken to be the one called there, {number}",
+            first.line
+        ));
+        self.locations.iter_mut().for_each(|location| location.tool = self.tool);
+        self.cutters.iter_mut().for_each(|cutter| cutter.tool = self.tool);
+    }
+
+    /// A comment that states something.
+    fn take_comment(&mut self, line: usize, comment: String) {
+        if let Some(remark) = frame::remark_on(&comment)
+            && self.system != comment
+        {
+            self.remarks.push(format!("line {line}: {remark}"));
+            self.system = comment;
+        }
     }
 
     /// Diameter and, where it stands there, corner radius; what follows them only says more of tapers.
@@ -221,126 +306,5 @@ fn is_off(rest: &str) -> bool {
     rest.trim().eq_ignore_ascii_case("OFF")
 }
 
-/// True where a transformation leaves every coordinate as it is.
-fn changes_nothing(word: &str, rest: &str) -> bool {
-    let rest = rest.trim().to_ascii_uppercase();
-    let are = |wanted: &[f64]| numbers(&rest).is_ok_and(|values| values == wanted);
-    match word {
-        "CUTCOM" | "LCS" => rest == "OFF",
-        "TRACUT" => rest == "NOMORE",
-        "MODE" => rest == "MILL" || rest == "ABSOL",
-        "TRANS" | "ORIGIN" => are(&[0.0; 3]),
-        // Origin, then the directions of x and y.
-        "MSYS" => are(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]),
-        _ => false,
-    }
-}
-
-/// Statements with the line they begin on, comments taken out and continuations joined.
-fn statements(text: &str) -> Vec<(usize, String)> {
-    let mut found: Vec<(usize, String)> = Vec::new();
-    let mut open = false;
-    for (index, line) in text.lines().enumerate() {
-        let line = line.split("$$").next().unwrap_or_default().trim();
-        let (line, continues) = match line.strip_suffix('$') {
-            Some(start) => (start, true),
-            None => (line, false),
-        };
-        match found.last_mut().filter(|_| open) {
-            Some((_, statement)) => statement.push_str(line),
-            None => found.push((index + 1, line.to_owned())),
-        }
-        open = continues;
-    }
-    found
-}
-
-fn numbers(text: &str) -> Result<Vec<f64>, String> {
-    text.split(',')
-        .map(str::trim)
-        .map(|field| field.parse().map_err(|_| format!("'{field}' is not a number")))
-        .collect()
-}
-
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use glam::DVec3;
-
-    #[test]
-    fn positions_axes_units_and_tools_are_read() {
-        let text = "PARTNO BRACKET 5X / REV 2\n$$ a comment, GOTO/9,9,9\nUNITS/INCHES\nMULTAX/ON\nLOADTL/4,LENGTH,80\n\
-                    MSYS/0.0000,0.0000,0.0000,1.0000000,0.0000000,0.0000000,0.0000000,1.0000000,0.0000000\nRAPID\n\
-                    FROM/0.,0.,1.\nfedrat/20.,IPM\nGOTO / 1., 2.,$\n .5, 0., 0.6, 0.8 $$ tilted\nGOTO/1,2,3\n\
-                    GODLTA/0,0,-1\nTLAXIS/1,0,0\nGOTO/0,0,0\nFINI\n";
-        let path = parse(text, LengthUnit::Mm).unwrap().locations;
-        let lines: Vec<usize> = path.iter().map(|l| l.line).collect();
-        assert_eq!(lines, [8, 10, 12, 13, 15]);
-        let (position, axis) = (|i: usize| path[i].pose.position, |i: usize| path[i].pose.axis().unwrap());
-        assert_eq!(position(0), DVec3::new(0.0, 0.0, 25.4));
-        assert!((axis(1) - DVec3::new(0.0, 0.6, 0.8)).length() < 1e-15);
-        assert_eq!(axis(2), axis(1));
-        assert!((position(3).z - 50.8).abs() < 1e-12);
-        assert_eq!(axis(4), DVec3::X);
-        assert_eq!((path[0].kind, path[1].kind, path[4].tool), (MoveKind::Rapid, MoveKind::Feed, Some(4)));
-    }
-
-    #[test]
-    fn tools_are_known_by_number_alone() {
-        let of = |text: &str| parse(text, LengthUnit::Mm).map(|path| path.locations.last().unwrap().tool);
-        assert_eq!(of("LOAD/TOOL,62,ADJUST,62\nSELECT/TOOL,3\nGOTO/1,2,3\n").unwrap(), Some(62));
-        let first = "TOOL PATH/A,TOOL,D10\nTLDATA/MILL,10\nGOTO/1,2,3\n";
-        // The same description again, and another one with its number before or after.
-        assert_eq!(of(&format!("{first}TOOL PATH/B,TOOL,D10\nTLDATA/MILL,10\nGOTO/1,2,4\n")).unwrap(), None);
-        for change in ["TLDATA/MILL,6\nLOADTL/2\n", "LOADTL/2\nTLDATA/MILL,6\n"] {
-            assert_eq!(of(&format!("{first}{change}GOTO/1,2,4\n")).unwrap(), Some(2));
-        }
-        let wrong = of(&format!("{first}TOOL PATH/B,TOOL,D6\nGOTO/1,2,4\n")).unwrap_err();
-        assert_eq!(wrong.line, 4);
-        assert!(wrong.what.contains("TOOL PATH describes another tool"), "{}", wrong.what);
-    }
-
-    #[test]
-    fn cutters_are_read_in_the_files_unit_and_belong_to_the_tool_that_follows() {
-        let text = "UNITS/INCH\nLOADTL/1\nCUTTER/.5,.125\nGOTO/1,2,3\nTLDATA/MILL,.25,0,3,0,0\nLOADTL/2\nGOTO/1,2,3\n";
-        let cutters = parse(text, LengthUnit::Mm).unwrap().cutters;
-        let known: Vec<_> = cutters.iter().map(|c| (c.line, c.tool, c.diameter, c.corner_radius)).collect();
-        assert_eq!(known, [(3, Some(1), 12.7, Some(3.175)), (5, Some(2), 6.35, Some(0.0))]);
-        let wrong = parse("CUTTER/BALL\nGOTO/1,2,3\n", LengthUnit::Mm).unwrap_err();
-        assert!(wrong.line == 1 && wrong.what.contains("'BALL' is not a number"), "{}", wrong.what);
-    }
-
-    #[test]
-    fn what_is_not_followed_is_refused_with_its_line() {
-        let cases = [
-            ("GOTO/1,2,3\nGOTO/1,2\n", 2, "3 or 6"),
-            ("\nGOTO/1,2,x\n", 2, "'x'"),
-            ("GODLTA/1,2,3\n", 1, "before any"),
-            ("UNITS/FURLONG\n", 1, "furlong"),
-            ("GOTO/1,2,3,0,0,0\n", 1, "zero"),
-            ("GOTO/1,2,3\nCYCLE/DRILL,9,1\n", 2, "CYCLE moves"),
-            ("CIRCLE/0,0,0,0,0,1,5\n", 1, "GOTO/ lines"),
-            ("CYCLE/OFF\nFIXTUR/2\n", 2, "'FIXTUR' is not understood"),
-            ("INSERT/G54\n", 1, "'INSERT' is not understood"),
-            ("GOTO/1,2,3\nTRANS/0,0,50\n", 2, "TRANS/0,0,50 changes where"),
-            ("ROTATE/AAXIS,90\n", 1, "changes where"),
-            ("ROTABL/90\n", 1, "changes where"),
-            ("MSYS/0,0,-50,1,0,0,0,1,0\n", 1, "changes where"),
-            ("ORIGIN/1,0,0\n", 1, "changes where"),
-            ("COPY/1,TRANSL,5,0,0,3\n", 1, "changes where"),
-            ("TRACUT/1\n", 1, "changes where"),
-            ("CUTCOM/LEFT\n", 1, "changes where"),
-            ("MODE/INCR\n", 1, "changes where"),
-            ("LOADTL/BALL6\n", 1, "does not say the tool's number"),
-            ("AUXFUN/8\nAUXFUN/6\n", 2, "changes the tool"),
-        ];
-        for (text, line, what) in cases {
-            let Err(wrong) = parse(text, LengthUnit::Mm) else { panic!("{text}") };
-            assert_eq!(wrong.line, line, "{text}");
-            assert!(wrong.what.contains(what), "{text}: {}", wrong.what);
-        }
-        let idle =
-            "TRANS/0,0,0\nORIGIN/0.,0.,0.\nCUTCOM/OFF\nTRACUT/NOMORE\nCYCLE/OFF\nMODE/MILL\nGOTO/1,2,3\n";
-        assert_eq!(parse(idle, LengthUnit::Mm).unwrap().locations.len(), 1);
-    }
-}
+mod tests;
