@@ -4,21 +4,24 @@
 //! machine, G43 with G49, G43.4 and G234 (the tool's centre point is kept), G54 to G59, G90 and G91, T with M6, and words that move
 //! nothing. Every other word is refused with its line.
 //!
-//! Without a machine X, Y and Z are the tip's and the tool stands along +z. With one, and with the centre point kept, they are the tip's in the
+//! Without a machine X, Y and Z are the tip's and the tool stands along +z; once a tool length has ended (G49, M6 after G43, D0) Z must not
+//! move. With one, and with the centre point kept, they are the tip's in the
 //! frame that turns with the part, and the tip goes straight there; otherwise they move the linear axes: with a tool length (G43) they are where
 //! the tip would be with the head upright, in the work offset that does not turn. Angles are followed as they are written: from C350
-//! to C10 is 340° back.
+//! to C10 is 340° back, which is remarked.
 
 mod arc;
+mod arrival;
 mod block;
+mod coordinates;
+mod length;
 mod reference;
 mod words;
 
-use glam::{DQuat, DVec3};
+use glam::DVec3;
 
-use super::{LineError, Location, MachinePoint, MoveKind, PathReading, Toolpath};
+use super::{LineError, PathReading, Toolpath};
 use crate::machine::{Joints, Machine};
-use crate::pose::Pose;
 use arc::Arc;
 use block::Block;
 
@@ -64,8 +67,16 @@ struct Program<'a> {
     offset: u8,
     /// A tool length is in force.
     length: bool,
+    /// One has been.
+    has_used_length: bool,
+    /// D has named a tool's edge.
+    has_used_edge: bool,
+    /// The word that has ended a tool length, while none is in force again.
+    ended_by: Option<&'static str>,
     /// The tool's centre point is kept.
     centre_point: bool,
+    /// While it is: the coordinates that the program has said, which the axes do not tell while one of them is unknown.
+    kept: DVec3,
     tool: Option<u32>,
     /// The last T, with its line.
     called: Option<(usize, u32)>,
@@ -91,7 +102,11 @@ pub(super) fn parse(text: &str, reading: &PathReading<'_>) -> Result<Toolpath, L
         factor: None,
         offset: 54,
         length: false,
+        has_used_length: false,
+        has_used_edge: false,
+        ended_by: None,
         centre_point: false,
+        kept: DVec3::NAN,
         tool: None,
         called: None,
         broken: true,
@@ -179,122 +194,9 @@ impl Program<'_> {
         }
     }
 
-    fn change_tool(&mut self) -> Result<(), String> {
-        let (_, number) =
-            self.called.ok_or("M6 changes the tool, and no T says to which: write T and its number")?;
-        if self.centre_point {
-            return Err("the tool changes while its centre point is kept: end that with G49 before".into());
-        }
-        self.tool = Some(number);
-        self.length = false;
-        // The way to where tools are changed is the machine's own.
-        self.joints.linear = DVec3::NAN;
-        self.broken = true;
-        Ok(())
-    }
-
-    fn set_offset(&mut self, offset: u8) -> Result<(), String> {
-        let known = match self.machine {
-            Some(machine) => machine.offsets.contains_key(&offset),
-            // Of one offset alone it does not matter where it lies.
-            None => self.offset == offset || self.path.locations.is_empty(),
-        };
-        if !known {
-            return Err(format!(
-                "G{offset} is another work offset than that of the part, and where it lies is not known: a machine says so ([offsets])"
-            ));
-        }
-        self.offset = offset;
-        Ok(())
-    }
-
-    fn take_length(&mut self, block: &Block) -> Result<(), String> {
-        let Some(length) = block.length else { return Ok(()) };
-        if let (Some(number), Some(tool)) = (block.length_number, self.tool)
-            && length.is_some()
-            && number != tool
-        {
-            return Err(format!("H{number} is the length of another tool than T{tool}"));
-        }
-        let keeps = length == Some(true);
-        if keeps && self.machine.is_none_or(|machine| machine.rotary.is_empty()) {
-            return Err("it keeps the tool's centre point while rotary axes turn, and no machine with such axes is given".into());
-        }
-        (self.length, self.centre_point) = (length.is_some(), keeps);
-        Ok(())
-    }
-
-    /// From the spindle's face to the tip of the tool in use; 0 without a machine, where both are one.
-    fn tool_length(&self) -> Result<f64, String> {
-        if self.machine.is_none() {
-            return Ok(0.0);
-        }
-        self.reading.length_of(self.tool).ok_or_else(|| match self.tool {
-            Some(number) => format!("tool {number} is not given, and its length moves the machine"),
-            None => "no tool is called before this motion, and the tools that are given have numbers".into(),
-        })
-    }
-
-    /// The origin of the program's coordinates in the machine's.
-    fn origin(&self) -> DVec3 {
-        self.machine
-            .map_or(DVec3::ZERO, |machine| machine.offsets.get(&self.offset).copied().unwrap_or(DVec3::NAN))
-    }
-
-    /// Where the program's coordinates stand.
-    fn position(&self) -> Result<DVec3, String> {
-        let below = DVec3::new(0.0, 0.0, self.tool_length()?);
-        let Some(machine) = self.machine.filter(|_| self.centre_point) else {
-            let below = if self.length || self.machine.is_none() { below } else { DVec3::ZERO };
-            return Ok(self.joints.linear - self.origin() - below);
-        };
-        let turned = |place: usize| self.joints.rotary[place] != 0.0;
-        if turned(0) || turned(1) || !self.joints.linear.is_nan() {
-            let pose = machine.forward(&self.joints, below.z);
-            return Ok(pose.position + machine.part_zero() - self.origin());
-        }
-        // With nothing turned one coordinate does not touch another.
-        Ok(self.joints.linear - below - self.origin())
-    }
-
-    fn value(&self, given: f64) -> f64 {
-        given * self.factor.unwrap_or(1.0)
-    }
-
-    /// Where a block leads: the program's coordinates, and the angles.
-    fn target(&self, block: &Block) -> Result<(DVec3, [f64; 2]), String> {
-        let (mut to, mut rotary) = (self.position()?, self.joints.rotary);
-        for axis in 0..3 {
-            if let Some(given) = block.linear[axis] {
-                let value = self.value(given);
-                to[axis] = if self.absolute { value } else { to[axis] + value };
-                if to[axis].is_nan() {
-                    let letter = ['X', 'Y', 'Z'][axis];
-                    return Err(format!(
-                        "{letter} is a step (G91) from a place that is not known: give {letter} by G90 before"
-                    ));
-                }
-            }
-        }
-        for (place, angle) in rotary.iter_mut().enumerate() {
-            if let Some(given) = block.rotary[place] {
-                *angle = if self.absolute { given } else { *angle + given };
-            }
-        }
-        Ok((to, rotary))
-    }
-
     fn go(&mut self, line: usize, block: &Block) -> Result<(), String> {
         let motion = self.motion.ok_or("axes move, and none of G0, G1, G2 and G3 says how")?;
-        if let Some(machine) = self.machine
-            && !self.length
-            && block.linear[2].is_some()
-        {
-            let more = if machine.rotary.is_empty() { "" } else { ", or G43.4" };
-            return Err(format!(
-                "Z moves while no tool length is in force: whether it is the tip's or the spindle's is not said (write G43 H{more} before)"
-            ));
-        }
+        self.check_length(block)?;
         let is_arc = matches!(motion, Motion::Clockwise | Motion::CounterClockwise);
         if !is_arc && (block.centre.is_some() || block.radius.is_some()) {
             return Err("I, J, K and R belong to an arc (G2, G3), and this is none".into());
@@ -334,63 +236,6 @@ impl Program<'_> {
                 Ok(())
             }
         }
-    }
-
-    /// Moves to program coordinates.
-    fn reach(&mut self, line: usize, to: DVec3, rotary: [f64; 2], motion: Motion) -> Result<(), String> {
-        let below = DVec3::new(0.0, 0.0, self.tool_length()?);
-        let linear = match self.machine {
-            Some(machine) if self.centre_point => {
-                machine.linear(to + self.origin() - machine.part_zero(), &rotary, below.z)
-            }
-            Some(_) if !self.length => to + self.origin(),
-            _ => to + self.origin() + below,
-        };
-        let straight = self.centre_point;
-        self.arrive(line, Joints { linear, rotary }, motion, straight)
-    }
-
-    /// A location, once every axis is known.
-    fn arrive(&mut self, line: usize, joints: Joints, motion: Motion, straight: bool) -> Result<(), String> {
-        self.joints = joints;
-        let unknown = (0..3).find(|&axis| joints.linear[axis].is_nan()).map(|axis| ['X', 'Y', 'Z'][axis]);
-        let rotary = self.machine.map_or(&[][..], |machine| machine.rotary.as_slice());
-        let turned =
-            rotary.iter().zip(joints.rotary).find(|(_, angle)| angle.is_nan()).map(|(axis, _)| axis.letter);
-        if let Some(letter) = turned.or(unknown) {
-            if motion == Motion::Rapid {
-                return Ok(());
-            }
-            return Err(format!(
-                "where {letter} stands is not known: write it before the first cut, such as G0 {letter}0."
-            ));
-        }
-        let length = self.tool_length()?;
-        let (pose, machine) = match self.machine {
-            Some(machine) => {
-                let point = MachinePoint { joints, length, tip_goes_straight: straight };
-                (machine.forward(&joints, length), Some(point))
-            }
-            None => (Pose::new(joints.linear, DQuat::IDENTITY), None),
-        };
-        if !pose.is_valid() {
-            return Err("a position must be finite".into());
-        }
-        let kind = match motion {
-            _ if self.broken => MoveKind::Start,
-            Motion::Rapid => MoveKind::Rapid,
-            _ => MoveKind::Feed,
-        };
-        self.broken = false;
-        self.path.locations.push(Location {
-            line,
-            pose,
-            rolled: machine.is_some(),
-            tool: self.tool,
-            kind,
-            machine,
-        });
-        Ok(())
     }
 }
 

@@ -34,6 +34,13 @@ impl Arc {
         let [a, b, normal] = self.plane;
         let flat = |p: DVec3| glam::DVec2::new(p[a], p[b]);
         let (from, to) = (flat(self.from), flat(self.to));
+        if self.centre.is_some_and(|centre| centre[normal] != 0.0) {
+            return Err(format!(
+                "{} stands at right angles to the arc's plane, where some controls read it as the pitch of several turns: take it out, or \
+                 choose the plane (G17, G18, G19)",
+                ['I', 'J', 'K'][normal]
+            ));
+        }
         let centre = match (self.centre, self.radius) {
             (Some(centre), None) => from + flat(centre),
             (None, Some(radius)) => self.by_radius(from, to, radius, mm)?,

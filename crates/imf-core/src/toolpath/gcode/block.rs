@@ -17,6 +17,8 @@ pub(super) struct Block {
     /// `Some(None)` ends a tool length, `Some(Some(true))` keeps the tool's centre point as well.
     pub(super) length: Option<Option<bool>>,
     pub(super) length_number: Option<u32>,
+    /// D, and whether it is 0.
+    pub(super) ends_edge: Option<bool>,
     pub(super) in_machine_coordinates: bool,
     pub(super) goes_home: bool,
     pub(super) dwells: bool,
@@ -73,6 +75,9 @@ impl Block {
                 .then_some(value as u32)
                 .ok_or_else(|| format!("{letter}{text} is no number of a {letter} word"))
         };
+        if "XYZABCIJKR".contains(letter) {
+            self.has_decimals_missing |= value != 0.0 && !text.contains('.');
+        }
         match letter {
             'G' => self.take_g(value, text)?,
             'M' => match whole()? {
@@ -84,8 +89,10 @@ impl Block {
                     ));
                 }
             },
-            // Numbers of blocks and programs, feed, spindle speed, the place of a radius in the control.
-            'N' | 'O' | 'F' | 'S' | 'D' => {}
+            // Numbers of blocks and programs, feed, spindle speed.
+            'N' | 'O' | 'F' | 'S' => {}
+            // The place of a radius in the control, or a tool's edge.
+            'D' => self.ends_edge = Some(value == 0.0),
             'T' => self.tool = Some(whole()?),
             'H' => self.length_number = Some(whole()?),
             'P' => self.lengths[0] = Some(value),
@@ -93,7 +100,6 @@ impl Block {
             'L' | 'U' => {}
             'X' | 'Y' | 'Z' => {
                 self.linear["XYZ".find(letter).unwrap_or_default()] = Some(value);
-                self.has_decimals_missing |= value != 0.0 && !text.contains('.');
             }
             'I' | 'J' | 'K' => {
                 let place = "IJK".find(letter).unwrap_or_default();

@@ -3,7 +3,8 @@
 use glam::DVec3;
 
 use super::*;
-use crate::machine::tests::meeting_trunnion;
+use crate::machine::tests::{machine_of, meeting_trunnion};
+use crate::toolpath::MoveKind;
 use crate::unit::LengthUnit;
 
 fn trunnion() -> Machine {
@@ -107,6 +108,8 @@ fn what_is_not_followed_is_refused_with_line_and_word() {
         ("G1 X3. I2.", "belong to an arc"),
         ("G2 X3. Y0.", "neither a centre"),
         ("G2 X3. Y0. I1.", "begins 1 from its centre and ends 2"),
+        ("G3 X0. Y0. Z-20. I5. J0. K5.", "K stands at right angles to the arc's plane"),
+        ("G18 G3 X0. Z9. I5. J-1. K0.", "J stands at right angles to the arc's plane"),
         ("M6", "no T says"),
         ("T2 M6 H2", "neither G43"),
         ("G43 X#5", "'X#5'"),
@@ -202,5 +205,120 @@ fn programs_are_known_by_name_or_first_word() {
         ["x,y,z\n1,2,3\n", "GOTO/1,2,3\n", "PARTNO A\nGOTO/1,2,3\n", "# made\nx y z\n", "$$ x\nLOADTL/1\n"]
     {
         assert!(!is_program(text, "path.csv"), "{text}");
+    }
+}
+
+#[test]
+fn after_the_end_of_a_tool_length_z_is_not_followed_without_a_machine() {
+    let start = "G21 G90 G17 G49\nT1 M6\nG54 G0 X0. Y0.\nG43 H1 Z100.\nG1 Z31. F500\n";
+    for (text, line, word) in [
+        ("G0 G49 Z100.\nM30\n", 6, "G49"),
+        ("G49\nX5.\nZ100.\n", 8, "G49"),
+        ("G49\nG91 X5. Z1.\n", 7, "G49"),
+        ("T2 M6\nG0 X0. Y0.\nZ50.\n", 8, "M6"),
+        ("G49\nT2 M6\nX0. Y0. Z50.\n", 8, "M6"),
+        ("G49\nD0\nZ50.\n", 8, "G49"),
+    ] {
+        let wrong = read(&format!("{start}{text}")).unwrap_err();
+        assert_eq!(wrong.line, line, "{text}");
+        let cause = format!(
+            "Z moves after {word} has ended the tool length: it is the spindle's place and not the tip's"
+        );
+        let remedy = "(write G43 H and the tool's number before, take the motion out, or give the machine)";
+        assert!(wrong.what.starts_with(&cause) && wrong.what.ends_with(remedy), "{text}: {}", wrong.what);
+    }
+    let siemens = "G90 G17 G71\nT1 D1\nM6\nG0 X0 Y0\nZ60\nD0\nX5\n".replace("G71", "G21");
+    let wrong = read(&format!("{siemens}Z100\n")).unwrap_err();
+    assert_eq!(wrong.line, 8);
+    assert!(wrong.what.contains("Z moves after D0") && wrong.what.contains("(write D and"), "{}", wrong.what);
+    // A length that is in force again, one that was never used, and radii's places beside G43.
+    for (text, last) in [
+        (format!("{start}G49\nX5.\n"), [5.0, 0.0, 31.0]),
+        (format!("{start}G49\nT2 M6\nG0 X0. Y0.\nG43 H2 Z50.\n"), [0.0, 0.0, 50.0]),
+        (format!("{start}G40 D0\nZ50.\n"), [0.0, 0.0, 50.0]),
+        (format!("{siemens}D2 Z70\n"), [5.0, 0.0, 70.0]),
+        ("D0 G49\nT1 M6\nG0 X0. Y0. Z9.\nG49\nT2 M6\nX0. Y0. Z8.\n".to_owned(), [0.0, 0.0, 8.0]),
+    ] {
+        let path = read(&text).unwrap_or_else(|wrong| panic!("{text}: {}", wrong.what));
+        assert_eq!(positions(&path).last(), Some(&last), "{text}");
+    }
+}
+
+#[test]
+fn a_work_offset_changes_only_before_any_coordinate() {
+    let wrong = read("G21 G90\nT1 M6\nG54 G0 X-100. Y0.\nG55 G43 H1 Z10.\n").unwrap_err();
+    assert!(wrong.line == 4 && wrong.what.contains("G55 is another work offset"), "{}", wrong.what);
+    // A tool change forgets where the axes stand, and not where the path was.
+    let wrong = read("G21 G90\nG54 G0 X1. Y0. Z9.\nT1 M6\nG55 X1. Y0. Z9.\n").unwrap_err();
+    assert!(wrong.line == 4 && wrong.what.contains("G55 is another work offset"), "{}", wrong.what);
+    assert_eq!(positions(&read("G21 G90 G54\nG55 G0 X1. Y2. Z3.\n").unwrap()), [[1.0, 2.0, 3.0]]);
+}
+
+#[test]
+fn an_axis_beyond_its_range_is_refused_though_others_are_unknown() {
+    let mut mill = machine_of(Vec::new());
+    mill.travel[2] = [-500.0, 0.0];
+    mill.offsets.insert(54, DVec3::new(0.0, 0.0, -500.0));
+    // 600 above the part's zero and the tool's 80.
+    let wrong = on(&mill, "G21 G90 G17\nG43 H1 G0 Z600.\nX0. Y0. Z100.\n").unwrap_err();
+    let said = "Z would have to be at 180.000 mm, and goes from -500 mm to 0 mm";
+    assert!(wrong.line == 2 && wrong.what.starts_with(said), "{}", wrong.what);
+    let path = on(&mill, "G21 G90 G17\nG43 H1 G0 Z400.\nX0. Y0.\nZ600.\n").unwrap();
+    // What the path's check sees is left to it.
+    assert_eq!(positions(&path), [[0.0, 0.0, 400.0], [0.0, 0.0, 600.0]]);
+    let mut machine = trunnion();
+    machine.rotary[0].range = [-110.0, 30.0];
+    let wrong = on(&machine, "G21 G90\nG0 A-150. C0.\nA0.\nG43.4 H1 X0. Y0. Z60.\n").unwrap_err();
+    let said = "A would have to be at -150.000°, and goes from -110° to 30°";
+    assert!(wrong.line == 2 && wrong.what.starts_with(said), "{}", wrong.what);
+}
+
+#[test]
+fn long_turns_as_written_are_remarked_once() {
+    let mut machine = trunnion();
+    let program = "G21 G90 G0 A-30. C320.\nG43.4 H1 X0. Y0. Z60.\nG1 C140. F100\nC320.\nC40.\nC350.\n";
+    let path = on(&machine, program).unwrap();
+    let said = "line 5: C turns by 280° as written; a control whose axis rolls over takes the short way, so check its settings";
+    assert_eq!(path.remarks, [said]);
+    // Steps say their own way, and an axis with ends has one way only.
+    let steps = on(&machine, "G21 G90 G0 A0. C0.\nG43.4 H1 X0. Y0. Z60.\nG91 G1 C280. F100\n").unwrap();
+    assert!(steps.remarks.is_empty(), "{:?}", steps.remarks);
+    machine.rotary[1].range = [-400.0, 400.0];
+    assert!(on(&machine, program).unwrap().remarks.is_empty());
+}
+
+#[test]
+fn with_the_centre_point_kept_axes_may_be_said_one_after_another() {
+    let machine = trunnion();
+    for (text, line) in [
+        ("G0 A0. C0.\nG43.4 H1 X0. Y-80.\nZ10.\nG1 Y-31. F400\n", 4),
+        ("G0 A-90. C90.\nG43.4 H1 X0.\nY-80.\nZ10.\nG1 Y-31. F400\n", 5),
+        // Angles last, and a table's turn on the way, which the tip follows.
+        ("G43.4 H1 G0 X0. Y-80. Z10.\nC30.\nA0.\nG1 Y-31. F400\n", 4),
+        ("G0 A0. C0.\nG43.4 H1 X0. Y-80.\nA-90.\nZ10.\nG1 Y-31. F400\n", 5),
+        // The origin moves by 10 along x.
+        ("G0 A0. C0.\nG55 G43.4 H1 X-10. Y-80.\nG54 Z10.\nG1 Y-31. F400\n", 4),
+        ("G0 A0. C0.\nG43.4 H1 X0. Y-90.\nG91 Y10.\nG90 Z10.\nG1 Y-31. F400\n", 5),
+    ] {
+        let path = on(&machine, &format!("G21 G90\n{text}"))
+            .unwrap_or_else(|wrong| panic!("{text}: {}", wrong.what));
+        assert_eq!(positions(&path), [[0.0, -80.0, 10.0], [0.0, -31.0, 10.0]], "{text}");
+        assert_eq!(path.locations[0].line, line, "{text}");
+    }
+    // What was said with the centre point kept does not hold without.
+    let wrong = on(&machine, "G21 G90 G0 A-90. C0.\nG43.4 H1 X0. Y-80.\nG49\nG43.4 H1 Z10.\nG1 Y3. F9\n")
+        .unwrap_err();
+    assert!(wrong.line == 5 && wrong.what.contains("where X stands is not known"), "{}", wrong.what);
+}
+
+#[test]
+fn any_number_without_a_decimal_point_is_remarked() {
+    let machine = trunnion();
+    let start = "G21 G90 G0 A0. C0.\nG43 H1 X0. Y0. Z9.\n";
+    for text in ["G1 A-90 F9", "G1 C5 F9", "G2 X1. I.5 J0 F9", "G2 X2. I1 F9", "G2 X2. R1 F9"] {
+        let path = on(&machine, &format!("{start}{text}\n")).unwrap();
+        let said = "line 3: numbers without a decimal point are taken as whole units";
+        let expected: &[&str] = if text.contains("J0") { &[] } else { &[said] };
+        assert_eq!(path.remarks, expected, "{text}");
     }
 }

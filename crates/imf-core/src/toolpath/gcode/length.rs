@@ -1,0 +1,97 @@
+//! Tools and their lengths: when one is in force, and how long it is.
+
+use glam::DVec3;
+
+use super::Program;
+use super::block::Block;
+
+impl Program<'_> {
+    pub(super) fn change_tool(&mut self) -> Result<(), String> {
+        let (_, number) =
+            self.called.ok_or("M6 changes the tool, and no T says to which: write T and its number")?;
+        if self.centre_point {
+            return Err("the tool changes while its centre point is kept: end that with G49 before".into());
+        }
+        self.tool = Some(number);
+        if self.has_used_length {
+            self.ended_by = Some("M6");
+        }
+        self.length = false;
+        // The way to where tools are changed is the machine's own.
+        self.joints.linear = DVec3::NAN;
+        self.broken = true;
+        Ok(())
+    }
+
+    pub(super) fn take_length(&mut self, block: &Block) -> Result<(), String> {
+        self.take_edge(block);
+        let Some(length) = block.length else { return Ok(()) };
+        if let (Some(number), Some(tool)) = (block.length_number, self.tool)
+            && length.is_some()
+            && number != tool
+        {
+            return Err(format!("H{number} is the length of another tool than T{tool}"));
+        }
+        let keeps = length == Some(true);
+        if keeps && self.machine.is_none_or(|machine| machine.rotary.is_empty()) {
+            return Err("it keeps the tool's centre point while rotary axes turn, and no machine with such axes is given".into());
+        }
+        if length.is_some() {
+            (self.has_used_length, self.ended_by) = (true, None);
+        } else if self.length {
+            self.ended_by = Some("G49");
+        }
+        if keeps != self.centre_point {
+            self.kept = DVec3::NAN;
+        }
+        (self.length, self.centre_point) = (length.is_some(), keeps);
+        Ok(())
+    }
+
+    /// Where no G43 takes up a length, D may be a tool's edge (Siemens): in force from the tool change on, up to D0.
+    fn take_edge(&mut self, block: &Block) {
+        let Some(is_none) = block.ends_edge else { return };
+        if is_none && !self.has_used_length && (self.tool.is_some() || self.has_used_edge) {
+            self.ended_by = Some("D0");
+        }
+        if !is_none {
+            self.has_used_edge = true;
+            self.ended_by = self.ended_by.filter(|&word| word != "D0");
+        }
+    }
+
+    /// What Z means must be known: the place of the tip.
+    pub(super) fn check_length(&self, block: &Block) -> Result<(), String> {
+        if block.linear[2].is_none() {
+            return Ok(());
+        }
+        match (self.machine, self.ended_by) {
+            (Some(machine), _) if !self.length => {
+                let more = if machine.rotary.is_empty() { "" } else { ", or G43.4" };
+                Err(format!(
+                    "Z moves while no tool length is in force: whether it is the tip's or the spindle's is not said (write G43 H{more} before)"
+                ))
+            }
+            (None, Some(word)) => {
+                let remedy =
+                    if word == "D0" { "D and the edge's number" } else { "G43 H and the tool's number" };
+                Err(format!(
+                    "Z moves after {word} has ended the tool length: it is the spindle's place and not the tip's, and how far the tip is \
+                     below is not known without a machine (write {remedy} before, take the motion out, or give the machine)"
+                ))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// From the spindle's face to the tip of the tool in use; 0 without a machine, where both are one.
+    pub(super) fn tool_length(&self) -> Result<f64, String> {
+        if self.machine.is_none() {
+            return Ok(0.0);
+        }
+        self.reading.length_of(self.tool).ok_or_else(|| match self.tool {
+            Some(number) => format!("tool {number} is not given, and its length moves the machine"),
+            None => "no tool is called before this motion, and the tools that are given have numbers".into(),
+        })
+    }
+}
