@@ -73,11 +73,15 @@ impl Program<'_> {
                 ))
             }
             (None, Some(word)) => {
-                let remedy =
-                    if word == "D0" { "D and the edge's number" } else { "G43 H and the tool's number" };
+                // With a machine too, Z needs G43.
+                let remedy = if word == "D0" {
+                    "write D and the edge's number before, or take the motion out"
+                } else {
+                    "write G43 H and the tool's number before, take the motion out, or give the machine"
+                };
                 Err(format!(
                     "Z moves after {word} has ended the tool length: it is the spindle's place and not the tip's, and how far the tip is \
-                     below is not known without a machine (write {remedy} before, take the motion out, or give the machine)"
+                     below is not known ({remedy})"
                 ))
             }
             _ => Ok(()),
