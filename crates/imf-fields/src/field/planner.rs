@@ -16,7 +16,8 @@ use imf_core::world::Checker;
 /// [`Decision::Colliding`], and `Free` only where the checker proves it. What the model itself would call free is a hint and
 /// no more.
 ///
-/// The two need not be of the same voxels: a model of the part alone steers well among fixtures that the checker knows.
+/// The two need not be of the same voxels: a model of the part alone steers well among fixtures that the checker knows. Their lengths are in one
+/// unit and one frame.
 pub struct Planner {
     /// What decides.
     pub checker: Checker,
