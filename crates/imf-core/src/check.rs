@@ -223,7 +223,8 @@ pub enum CheckError {
     },
     /// A solid of which walls lie between the voxels' centres.
     #[error(
-        "the machine's solid '{name}' has walls that lie between the centres of voxels of {pitch} (an area of {area:.1}, as at {at:.1}),          and would be overlooked there: choose a smaller pitch, or describe it by boxes and cylinders"
+        "the machine's solid '{name}' has walls that lie between the centres of voxels of {pitch} (an area of {area:.1}, as at {at:.1}), and \
+         would be overlooked there: choose a smaller pitch, or describe it by boxes and cylinders"
     )]
     LostSolid {
         /// The solid's name.
@@ -289,7 +290,8 @@ pub enum CheckError {
     StockGrid,
     /// The tip's place depends on the tool's length.
     #[error(
-        "line {line}: the head is tilted and no centre point is kept, so that the tip moves with the tool's length: no stick-out can be          found for such a path; write it with the centre point kept (G43.4)"
+        "line {line}: the head is tilted and no centre point is kept, so that the tip moves with the tool's length: no stick-out \
+         can be found for such a path; write it with the centre point kept (G43.4)"
     )]
     TipMoves {
         /// The line.
