@@ -74,7 +74,9 @@ pub fn write_keeping_previous(
 pub fn keep_previous(path: impl AsRef<Path>, previous: impl AsRef<Path>) -> io::Result<()> {
     let path = path.as_ref();
     let folder = folder_of(path);
-    keep_as(path, previous.as_ref(), tempfile::Builder::new().prefix(".").suffix(PART), folder)?;
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let prefix = format!(".{name}.");
+    keep_as(path, previous.as_ref(), tempfile::Builder::new().prefix(&prefix).suffix(PART), folder)?;
     sync_folder(folder)
 }
 

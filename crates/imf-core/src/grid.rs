@@ -208,7 +208,11 @@ impl Grid {
     #[must_use]
     pub fn is_between_centres(&self, point: DVec3) -> bool {
         let continuous = self.continuous(point);
-        (0..3).all(|axis| (-1e-9..=(self.dims[axis] - 1) as f64 + 1e-9).contains(&continuous[axis]))
+        let size = point.abs().max_element().max(self.origin.abs().max_element());
+        let slack = 1e-9 + 4.0 * f64::EPSILON * size / self.pitch;
+        let within =
+            |axis: usize| (-slack..=(self.dims[axis] - 1) as f64 + slack).contains(&continuous[axis]);
+        point.is_finite() && (0..3).all(within)
     }
 
     /// The corners of the box of the voxel centres.
@@ -303,5 +307,22 @@ mod tests {
         assert!(matches!(Grid::with_pitch(unit, DVec3::ZERO, 1.0, 0), Err(GridError::EmptyBox { .. })));
         assert!(matches!(Grid::with_pitch(DVec3::ZERO, unit, 1e-9, 0), Err(GridError::TooLarge(_))));
         assert!(matches!(Grid::with_dims(DVec3::ZERO, unit, [4, 4, 4], 2), Err(GridError::Margin { .. })));
+    }
+
+    #[test]
+    fn the_box_of_the_centres_holds_its_corners_however_far_the_grid_lies() {
+        for (far, pitch) in [(0.0, 0.3), (1e4, 0.1), (1e6, 0.01), (5.4e6, 0.1), (-5.4e6, 0.1)] {
+            for step in 0..200 {
+                let origin = DVec3::new(far + 0.37 * f64::from(step), far - 0.11 * f64::from(step), 1.0);
+                let grid = Grid { origin, pitch, dims: [7, 40, 3] };
+                let [low, high] = grid.box_of_centres();
+                assert!(grid.is_between_centres(low) && grid.is_between_centres(high), "{grid:?}");
+                assert!(!grid.is_between_centres(low - DVec3::X * 1e-4 * pitch.max(1e-2)), "{grid:?}");
+            }
+        }
+        let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [4; 3] };
+        assert!(
+            ![f64::INFINITY, f64::NAN].into_iter().any(|v| grid.is_between_centres(DVec3::new(1.0, v, 1.0)))
+        );
     }
 }

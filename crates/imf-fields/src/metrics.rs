@@ -137,7 +137,11 @@ impl Validation {
             orientations: errors.len(),
             mse,
             standard_error: (spread / n).sqrt(),
-            mpe: errors.iter().map(|&(_, largest)| largest).fold(0.0, f64::max),
+            // A NaN must not vanish in a maximum.
+            mpe: errors.iter().fold(
+                0.0,
+                |most, &(_, largest)| if largest > most || largest.is_nan() { largest } else { most },
+            ),
         }
     }
 }

@@ -211,7 +211,7 @@ impl<'a> Loaded<'a> {
         self.finite(name, halves.into_iter().map(f16::to_f32).collect())
     }
 
-    fn finite(&self, name: &str, values: Vec<f32>) -> Result<Vec<f32>, FieldFileError> {
+    pub(crate) fn finite(&self, name: &str, values: Vec<f32>) -> Result<Vec<f32>, FieldFileError> {
         let finite = values.iter().all(|value| value.is_finite());
         if finite {
             Ok(values)

@@ -67,6 +67,8 @@ impl CheckpointFiles {
             return files;
         }
         remove_all_leftovers(out);
+        // Of a process that was killed before it had its name.
+        let _ = fs::remove_file(&files.next);
         if let Some(steps) = steps {
             let current = T::read(&files.current).map(|field| field.progress());
             match current {

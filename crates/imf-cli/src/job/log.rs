@@ -52,6 +52,8 @@ pub(super) struct Log {
     file: File,
     /// True where a row could not be written, which has been said.
     failing: bool,
+    /// The last row may have been written in part.
+    cut: bool,
 }
 
 impl Log {
@@ -68,7 +70,8 @@ impl Log {
             Err(error) => return Err(error).with_context(cannot),
         };
         let rows = || text.lines().map(|line| (line, serde_json::from_str::<Row>(line)));
-        if rows().next().is_some_and(|(_, row)| row.is_err()) {
+        // The rows of a training that goes on are its own, though the first may have been cut short.
+        if steps == 0 && rows().next().is_some_and(|(_, row)| row.is_err()) {
             bail!("{} is no log of a training: move it, or choose another folder", path.display());
         }
         let kept: String = rows()
@@ -79,7 +82,7 @@ impl Log {
             write_atomically(path, |file| file.write_all(kept.as_bytes()))?;
         }
         let file = OpenOptions::new().append(true).open(path).with_context(cannot)?;
-        Ok(Self { path: path.to_owned(), file, failing: false })
+        Ok(Self { path: path.to_owned(), file, failing: false, cut: false })
     }
 
     pub(super) fn add(&mut self, session: &Session, row: &Row) {
@@ -90,10 +93,11 @@ impl Log {
     }
 
     fn write(&mut self, row: &Row) -> Result<()> {
-        let line = serde_json::to_string(row)? + "\n";
-        self.file
-            .write_all(line.as_bytes())
-            .with_context(|| format!("cannot write the log {}", self.path.display()))
+        let start = if self.cut { "\n" } else { "" };
+        let line = format!("{start}{}\n", serde_json::to_string(row)?);
+        let written = self.file.write_all(line.as_bytes());
+        self.cut = written.is_err();
+        written.with_context(|| format!("cannot write the log {}", self.path.display()))
     }
 }
 
@@ -134,6 +138,16 @@ mod tests {
         assert_eq!([0, 70].map(|steps| seconds_until(folder.path(), steps)), [0.0, row(60).seconds]);
         lines.write(&row(80)).unwrap();
         assert_eq!(steps(&path), [20, 40, 60, 80]);
+        // A first line that was cut is no reason to refuse a training that goes on.
+        let text = std::fs::read_to_string(&path).unwrap();
+        std::fs::write(&path, format!("{{\"st\n{text}")).unwrap();
+        let mut lines = Log::open(&path, 80).unwrap();
+        lines.cut = true;
+        lines.file.write_all(b"{\"step\":9").unwrap();
+        lines.write(&row(100)).unwrap();
+        assert_eq!(seconds_until(folder.path(), 100), row(100).seconds);
+        drop(Log::open(&path, 100).unwrap());
+        assert_eq!(steps(&path), [20, 40, 60, 80, 100]);
         // A training from the start begins a new log.
         Log::open(&path, 0).unwrap().write(&row(20)).unwrap();
         assert_eq!(steps(&path), [20]);

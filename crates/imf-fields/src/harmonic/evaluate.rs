@@ -201,8 +201,10 @@ impl VoxelCoefficients for HarmonicField {
 
     fn at(&self, points: &mut dyn Iterator<Item = DVec3>, z: &mut [f32], scratch: &mut Vec<f32>) {
         for (point, z) in points.zip(z.chunks_exact_mut(self.axis_count())) {
-            // In the box there is an answer.
-            let _ = self.coefficients_at(point, z, scratch);
+            // In the box there is an answer; rounding far from the origin must not leave that of another point.
+            if self.coefficients_at(point, z, scratch).is_none() {
+                z.fill(f32::NAN);
+            }
         }
     }
 

@@ -108,8 +108,14 @@ impl HarmonicFile {
             mean: file.floats("mean", &[sizes.functions])?,
             basis: Basis::new(domain, settings.degree),
             coefficients: match settings.precision {
-                Precision::F32 => Coefficients::F32(floats(coefficients)),
-                Precision::F16 => Coefficients::F16(halves(coefficients)),
+                Precision::F32 => Coefficients::F32(file.finite("coefficients", floats(coefficients))?),
+                Precision::F16 => {
+                    let halves = halves(coefficients);
+                    if !halves.iter().all(|half| half.is_finite()) {
+                        return Err(file.damaged("coefficients holds a number that is not finite"));
+                    }
+                    Coefficients::F16(halves)
+                }
             },
             report,
         };

@@ -15,8 +15,8 @@ use super::scratch::Lines;
 use half::bf16;
 use imf_core::workspaces::Workspaces;
 
-/// Fewer samples are sooner multiplied in `f32`, as tiles take 32 at once. It is the whole call's samples that count, not those of one of its
-/// blocks: how a call is cut changes no bit.
+/// Fewer samples are sooner multiplied in `f32`, as tiles take 32 at once. It is a call's samples that count: the last
+/// of one that is cut into several, as a field cuts at 256, may be multiplied so, and differ by the error of tiles.
 const FEWEST: usize = 12;
 
 /// What is asked of a whole grid, of which a block may be small.

@@ -210,6 +210,9 @@ impl Manifest {
             if let Some(what) = found.difference(&comparable) {
                 return Err(DatasetError::Other { path: folder.display().to_string(), what });
             }
+            if found.scene(folder).is_err() {
+                write_obstacle(folder, scene)?;
+            }
             return Ok((found, otherwise));
         }
         write_obstacle(folder, scene)?;

@@ -73,6 +73,14 @@ fn an_interrupted_dataset_goes_on_and_is_the_same() {
     assert!(matches!(load(broken.path()), Err(DatasetError::Unfinished { .. })));
     make(broken.path()).unwrap();
     assert_eq!(load(whole.path()).unwrap().2, load(broken.path()).unwrap().2);
+    // The obstacle too is made again where it is damaged or gone.
+    let obstacle = broken.path().join("obstacle.safetensors");
+    std::fs::write(&obstacle, b"half").unwrap();
+    assert!(load(broken.path()).is_err());
+    make(broken.path()).unwrap();
+    std::fs::remove_file(&obstacle).unwrap();
+    make(broken.path()).unwrap();
+    assert_eq!(load(whole.path()).unwrap().1, load(broken.path()).unwrap().1);
     // Nothing is left to do, and nothing is done again.
     assert_eq!(make(broken.path()).unwrap().made, 0);
 }

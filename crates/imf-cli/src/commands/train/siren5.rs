@@ -117,7 +117,8 @@ fn trained(
     if let Some((path, _)) = from.as_ref().filter(|_| !run.resume) {
         require_other(path, &folder.file(FIELD))?;
     }
-    let _lock = lock_folder(folder.path())?;
+    // Of several ranks the first writes.
+    let _lock = session.rank().is_first().then(|| lock_folder(folder.path())).transpose()?;
     // Before anything is made for a training that cannot go on, or need not.
     let found = job::to_resume::<Model>(folder.path(), run.resume)?;
     let settings = Settings {
