@@ -229,10 +229,14 @@ impl SurfaceTool {
         let bodies = &environment.bodies;
         let mut elements = Vec::new();
         // The cutter is named for fixtures alone: cutting into the part has a verdict of its own, `Gouged`.
-        let held = environment.fixtures.as_ref().map(of_cutter).transpose()?;
-        let at_fixtures = bodies.iter().map(|[centres, _]| of_cutter(centres));
+        let room = assembly.clearance().cutter;
+        let clear = [if room > 0.0 { cutter.offset(room) } else { eroded[0].clone() }];
+        let clear_of =
+            |voxels: &SolidVoxels| SolidField::of_elements(voxels.clone(), &clear).ok_or_else(too_thick);
+        let held = environment.fixtures.as_ref().map(clear_of).transpose()?;
+        let at_fixtures = bodies.iter().map(|[centres, _]| clear_of(centres));
         if held.is_some() {
-            elements.push((eroded[0].clone(), at_fixtures.collect::<Result<Vec<_>, _>>()?));
+            elements.push((clear[0].clone(), at_fixtures.collect::<Result<Vec<_>, _>>()?));
         }
         for element in offset.into_iter().filter(|e| e.kind != ElementKind::Cutter) {
             let element = std::slice::from_ref(&element);

@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 
+use earcut::Earcut;
 use glam::{BVec3, DVec3};
 
 use super::Mesh;
@@ -37,14 +38,44 @@ impl Welder {
         Ok(())
     }
 
-    /// Adds a polygon as a fan of triangles; fewer than three corners are nothing.
-    pub(crate) fn push_fan(&mut self, corners: &[DVec3]) -> Result<(), Fault> {
+    /// Adds a polygon: a convex one as a fan of triangles, others by their ears; fewer than three corners are nothing.
+    pub(crate) fn push_polygon(&mut self, corners: &[DVec3]) -> Result<(), Fault> {
+        let turns = |normal: DVec3| {
+            let count = corners.len();
+            (0..count).map(move |at| {
+                let [a, b, c] = [at, at + 1, at + 2].map(|at| corners[at % count]);
+                (b - a).cross(c - b).dot(normal)
+            })
+        };
+        if corners.len() > 3 {
+            let start = corners[0];
+            let normal: DVec3 = corners.windows(2).map(|w| (w[0] - start).cross(w[1] - start)).sum();
+            if turns(normal).any(|turn| turn < -1e-9 * normal.length_squared()) {
+                let ears = ears(corners, normal);
+                if !ears.is_empty() {
+                    return ears.into_iter().try_for_each(|ear| self.push(ear));
+                }
+            }
+        }
         corners.windows(2).skip(1).try_for_each(|pair| self.push([corners[0], pair[0], pair[1]]))
     }
 
     pub(crate) fn finish(self) -> Mesh {
         self.mesh
     }
+}
+
+/// The triangles of a polygon that is not convex, seen along its normal; none where it has no inside there.
+fn ears(corners: &[DVec3], normal: DVec3) -> Vec<[DVec3; 3]> {
+    let (u, v) = normal.normalize_or(DVec3::Z).any_orthonormal_pair();
+    let plane = corners.iter().map(|corner| [corner.dot(u), corner.dot(v)]);
+    let mut found = Vec::new();
+    Earcut::new().earcut(plane, &[], &mut found);
+    let facing = |ear: &[usize]| {
+        let [a, b, c] = [ear[0], ear[1], ear[2]].map(|at| corners[at]);
+        if (b - a).cross(c - a).dot(normal) < 0.0 { [a, c, b] } else { [a, b, c] }
+    };
+    found.chunks_exact(3).map(facing).collect()
 }
 
 fn too_large() -> Fault {
@@ -122,6 +153,39 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     use super::*;
+
+    #[test]
+    fn a_polygon_that_is_not_convex_keeps_to_its_inside() {
+        // A U of 60 × 40 with a notch of 20 × 20, tilted, from each of its corners and either way round.
+        let u = [[0., 0.], [60., 0.], [60., 40.], [40., 40.], [40., 20.], [20., 20.], [20., 40.], [0., 40.]];
+        let turn = glam::DQuat::from_euler(glam::EulerRot::XYZ, 0.7, -1.2, 0.4);
+        for first in 0..8 {
+            for backwards in [false, true] {
+                let mut corners: Vec<DVec3> = u.iter().map(|&[x, y]| turn * DVec3::new(x, y, 5.0)).collect();
+                corners.rotate_left(first);
+                if backwards {
+                    corners.reverse();
+                }
+                let mut welder = Welder::default();
+                welder.push_polygon(&corners).unwrap();
+                let mesh = welder.finish();
+                let vector = |[a, b, c]: [DVec3; 3]| 0.5 * (b - a).cross(c - a);
+                let all: Vec<DVec3> = (0..mesh.triangles.len()).map(|t| vector(mesh.corners(t))).collect();
+                let area: f64 = all.iter().map(|own| own.length()).sum();
+                let facing =
+                    all.iter().sum::<DVec3>().dot(turn * DVec3::Z) * if backwards { -1.0 } else { 1.0 };
+                assert!(
+                    (area - 2000.0).abs() < 1e-6 && (facing - 2000.0).abs() < 1e-6,
+                    "{first}: {area} {facing}"
+                );
+                assert_eq!((mesh.triangles.len(), mesh.vertices.len()), (6, 8));
+            }
+        }
+        // Convex ones stay fans.
+        let mut welder = Welder::default();
+        welder.push_polygon(&[DVec3::ZERO, DVec3::X, DVec3::X + DVec3::Y, DVec3::Y]).unwrap();
+        assert_eq!(welder.finish().triangles, [[0, 1, 2], [0, 2, 3]]);
+    }
 
     #[test]
     fn equal_vertices_are_shared_and_unused_ones_dropped() {

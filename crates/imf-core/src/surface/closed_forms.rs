@@ -1,6 +1,7 @@
 //! Parts of which geometry tells what a tool reaches, at pitches that halve: every answer stays within a bound of the closed
 //! form, and the bound falls with the pitch.
 
+mod cutter_clearance;
 pub(super) mod solids;
 
 use std::f64::consts::PI;

@@ -59,7 +59,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Mesh, Fault> {
                 return Err(fault.on_line(line.map_or(face.line, |(line, _)| line)));
             }
         }
-        welder.push_fan(&corners)?;
+        welder.push_polygon(&corners)?;
     }
     let mesh = welder.finish();
     refuse_cut(bytes, &mesh)?;

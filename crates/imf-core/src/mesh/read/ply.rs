@@ -102,7 +102,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Mesh, Fault> {
     };
     let mut welder = Welder::default();
     for face in &faces {
-        welder.push_fan(&face.corners.iter().map(corner).collect::<Result<Vec<_>, _>>()?)?;
+        welder.push_polygon(&face.corners.iter().map(corner).collect::<Result<Vec<_>, _>>()?)?;
     }
     Ok(welder.finish())
 }

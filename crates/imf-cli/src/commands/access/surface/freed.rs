@@ -59,12 +59,12 @@ pub(super) fn stick_out_text(
     let given = assembly.tool().stick_out()?;
     let what =
         if fraction < 1.0 { format!("{:.0} % of it", (100.0 * fraction).floor()) } else { "it".into() };
+    // The surface lies up to a voxel nearer than its centres; rounded up: a shorter one is not enough.
+    let length = (10.0 * (length + voxel) - 1e-6).ceil() / 10.0;
     let beyond = match assembly.tool().overall_length {
         Some(overall) if length > overall => format!(", more than its overall length of {overall:.1}"),
         _ => String::new(),
     };
-    // The surface lies up to a voxel nearer than its centres; rounded up: a shorter one is not enough.
-    let length = (10.0 * (length + voxel) - 1e-6).ceil() / 10.0;
     let of = if on_machine { " of part and fixtures" } else { "" };
     Some(format!("a stick-out of {length:.1} {unit} instead of {given:.1}{beyond} frees {what}{of}"))
 }
