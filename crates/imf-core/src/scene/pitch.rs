@@ -4,7 +4,7 @@ use std::fmt;
 
 use glam::DVec3;
 
-use super::resolution::VOXELS_THICK;
+use super::resolution::{DISC_OUT, VOXELS_THICK};
 use crate::tool::Tool;
 use crate::unit::{Length, LengthUnit};
 
@@ -75,7 +75,8 @@ impl ChosenPitch {
         if pitch > seen && is_bounded(seen, MORE) {
             (pitch, reason) = (seen, PitchReason::Coarsest(thinnest));
         }
-        let disc = tools.iter().filter_map(|tool| tool.thinnest_disc(pitch)).map(|(_, thick)| thick);
+        let disc =
+            tools.iter().filter_map(|tool| tool.thinnest_disc(DISC_OUT * pitch)).map(|(_, thick)| thick);
         let disc = disc.fold(f64::INFINITY, f64::min);
         if disc < pitch && is_bounded(rounded(disc, false), MORE) {
             (pitch, reason) = (rounded(disc, false), PitchReason::Coarsest(disc));

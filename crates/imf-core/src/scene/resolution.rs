@@ -22,6 +22,8 @@ pub(super) const VOXELS_THICK: f64 = SQRT_2;
 
 /// Voxels along a disc of the tool at which it is resolved: as thick, it holds a layer of centres however it stands.
 const DISC_THICK: f64 = 1.0;
+/// Voxels by which a disc stands out of its neighbours, at least: a cone's rim, which is thin, is missed by less.
+pub(super) const DISC_OUT: f64 = 2.0;
 
 /// A part that is nowhere thicker than this many voxels is thin.
 const THIN: usize = 3;
@@ -85,7 +87,7 @@ impl CoarseTool {
             coarse.then(|| Self { tool: tool.name.clone(), element, thickness, voxels, pitch, unit })
         };
         thin(tool.thinnest(), VOXELS_THICK)
-            .or_else(|| tool.thinnest_disc(pitch).and_then(|disc| thin(disc, DISC_THICK)))
+            .or_else(|| tool.thinnest_disc(DISC_OUT * pitch).and_then(|disc| thin(disc, DISC_THICK)))
     }
 
     /// The largest pitch that resolves the element.

@@ -1,41 +1,73 @@
 //! Thin discs of a tool: a slitting saw, a key cutter, a flange.
 
-use super::{Element, Segment, Tool, ToolShape};
+use super::{ElementKind, Segment, Tool, ToolShape};
 
 /// Heights that are looked at along a segment.
 const ALONG: u32 = 16;
+/// Halvings of the step between two of them.
+const HALVINGS: u32 = 40;
+
+/// A point of the outline: its height and radius, its element, and its segment's number.
+struct Spot<'a> {
+    height: f64,
+    radius: f64,
+    kind: ElementKind,
+    segment: (usize, &'a Segment),
+}
 
 impl Tool {
     /// The thinnest disc of the tool that stands out by more than `out` on both sides: the name of its element, and for how long along
-    /// the axis the tool is so wide. `None` where there is none, and of a mesh.
+    /// the axis the tool is wider than that. `None` where there is none, and of a mesh.
     pub(crate) fn thinnest_disc(&self, out: f64) -> Option<(String, f64)> {
         let ToolShape::Revolved(elements) = &self.shape else { return None };
-        let heights = |segment: &Segment| {
+        let segments =
+            elements.iter().flat_map(|element| element.profile.iter().map(|own| (element.kind, own)));
+        let spots = segments.enumerate().flat_map(|(number, (kind, segment))| {
             let (from, to) = segment.range();
-            let at = |step: u32| from + (to - from) * f64::from(step) / f64::from(ALONG);
-            (0..=ALONG).map(|step| (at(step), segment.radius(at(step)))).collect::<Vec<_>>()
-        };
-        let of = |element: &Element| {
-            let all: Vec<(f64, f64)> = element.profile.iter().flat_map(heights).collect();
-            all.into_iter().map(|(height, radius)| (height, radius, element.kind)).collect::<Vec<_>>()
-        };
-        let mut outline: Vec<_> = elements.iter().flat_map(of).collect();
-        outline.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let length = |peak: usize| {
-            let is_wide = |&&(_, radius, _): &&(f64, f64, _)| radius > outline[peak].1 - out;
-            let below = outline[..peak].iter().rev().take_while(is_wide).last();
-            let above = outline[peak..].iter().take_while(is_wide).last();
-            above.map_or(0.0, |last| last.0) - below.map_or(outline[peak].0, |first| first.0)
-        };
-        let peaks = (0..outline.len()).filter(|&peak| outline[peak].1 > out);
-        let discs = peaks.map(|peak| (outline[peak].2.to_string(), length(peak)));
+            (0..=ALONG).map(move |step| {
+                let height = from + (to - from) * f64::from(step) / f64::from(ALONG);
+                Spot { height, radius: segment.radius(height), kind, segment: (number, segment) }
+            })
+        });
+        let mut outline: Vec<Spot<'_>> = spots.collect();
+        outline.sort_by(|a, b| a.height.total_cmp(&b.height).then(a.segment.0.cmp(&b.segment.0)));
+        let peaks = (0..outline.len()).filter(|&peak| outline[peak].radius > out);
+        let discs = peaks.map(|peak| {
+            let level = outline[peak].radius - out;
+            let [low, high] = [-1, 1].map(|step| end(&outline, peak, step, level));
+            (outline[peak].kind.to_string(), high - low)
+        });
         discs.min_by(|a, b| a.1.total_cmp(&b.1))
+    }
+}
+
+/// The height up to which the outline is wider than `level`, from a spot on and one way.
+fn end(outline: &[Spot<'_>], peak: usize, step: isize, level: f64) -> f64 {
+    let mut at = peak;
+    loop {
+        let here = &outline[at];
+        let Some(next) = at.checked_add_signed(step).and_then(|next| outline.get(next)) else {
+            return here.height;
+        };
+        if next.radius <= level {
+            // Between two segments the outline jumps.
+            if next.segment.0 != here.segment.0 {
+                return here.height;
+            }
+            let (mut wide, mut thin) = (here.height, next.height);
+            for _ in 0..HALVINGS {
+                let middle = 0.5 * (wide + thin);
+                *(if here.segment.1.radius(middle) > level { &mut wide } else { &mut thin }) = middle;
+            }
+            return wide;
+        }
+        at = at.saturating_add_signed(step);
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::{ElementKind, SharpPoints};
+    use super::super::{Element, SharpPoints};
     use super::*;
     use crate::unit::LengthUnit;
 
@@ -74,7 +106,23 @@ mod tests {
             (Shank, [4.0, 60.0, 6.0, 6.0]),
         ]);
         let (_, thin) = rim.thinnest_disc(2.0).unwrap();
-        assert!(thin > 0.4 && thin <= 0.8, "{thin}");
+        assert!((thin - 0.8).abs() < 1e-9, "{thin}");
         assert_eq!(Tool::paper().thinnest_disc(2.0).unwrap().1, 48.0);
+    }
+
+    #[test]
+    fn a_countersink_is_no_disc_however_fine_the_voxels_are() {
+        use ElementKind::{Cutter, Shank};
+        // Half angles of 45 and 60 degrees; the shank is slimmer.
+        for height in [10.0, 10.0 / 3_f64.sqrt()] {
+            let sink = tool(&[(Cutter, [0.0, height, 0.0, 10.0]), (Shank, [height, 60.0, 5.0, 5.0])]);
+            for pitch in [0.01, 0.1, 0.5, 1.5] {
+                let (_, thin) = sink.thinnest_disc(2.0 * pitch).unwrap();
+                assert!(
+                    (thin - 2.0 * pitch * height / 10.0).abs() < 1e-9 && thin > pitch,
+                    "{height} {pitch}: {thin}"
+                );
+            }
+        }
     }
 }
