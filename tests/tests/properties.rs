@@ -63,6 +63,7 @@ fn tool(random: &mut Random) -> Tool {
         ]),
         sharp_points: SharpPoints::Tip,
         overall_length: None,
+        back_cutting: false,
     }
 }
 

@@ -184,6 +184,7 @@ fn ball_end_mill() -> Tool {
         ]),
         sharp_points: SharpPoints::Tip,
         overall_length: None,
+        back_cutting: false,
     }
 }
 

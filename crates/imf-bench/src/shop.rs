@@ -158,6 +158,7 @@ fn mill(end: End, radius: f64, flutes: f64, stick_out: f64, [holder, long]: [f64
         ]),
         sharp_points: SharpPoints::Tip,
         overall_length: None,
+        back_cutting: false,
     }
 }
 

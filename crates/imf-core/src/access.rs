@@ -153,6 +153,7 @@ pub(crate) mod tests {
             ]),
             sharp_points: SharpPoints::Tip,
             overall_length: None,
+            back_cutting: false,
         }
     }
 

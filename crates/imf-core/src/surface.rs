@@ -1,7 +1,8 @@
 //! How much of a part's surface a tool reaches, sample by sample and direction by direction, at contact poses.
 //!
 //! A sample is reached from a direction where some contact pose is good: shank and holder, offset by their clearance,
-//! hold no solid voxel centre, and the cutter none deeper below its own surface than a tolerance in length. On a facet of a
+//! hold no solid voxel centre, and the cutter none of the part deeper below its own surface than a tolerance in length, and none of a
+//! fixture at all. On a facet of a
 //! curved surface a cutter that would cut deeper may turn about the sample as far as the facet's neighbours do, its own
 //! surface within the tolerance of the sample: a hole of facets takes the cutter of its diameter. Voxel centres that the part does not hold are never solid, so that
 //! the answer converges with the pitch, from above.
@@ -13,6 +14,7 @@ mod crib;
 mod culprits;
 mod environment;
 mod inside;
+mod level_ring;
 mod part_setup;
 mod patches;
 mod sample_query;
@@ -24,6 +26,7 @@ mod stick_out;
 pub(crate) use access::{ColliderCache, ToolDirection};
 pub use access::{SurfaceAccess, surface_access, surface_memory_estimate};
 pub use candidates::{TooManySetups, candidate_setups, ways_up, with_ways_up};
+pub use contact::contact_reach;
 pub use crib::crib_access;
 pub use culprits::{ElementCollision, LeastOverlap, culprits, least_overlaps};
 pub use environment::{CollisionEnvironment, SolidBody};
@@ -39,12 +42,13 @@ use std::sync::Arc;
 use glam::DVec3;
 use thiserror::Error;
 
-use contact::Outline;
+use contact::{Outline, touching};
 use inside::InnerBalls;
-use sample_query::{Above, Last, Outcome, RingPlaces, SampleQuery};
+use level_ring::RingPlaces;
+use sample_query::{Above, Last, Outcome, SampleQuery, TOUCH};
 
 use crate::field::solid::{SolidField, SolidVoxels};
-use crate::tool::{Assembly, ClearanceError, Element, ElementKind, Segment, SharpPoints, Tool, ToolShape};
+use crate::tool::{Assembly, ClearanceError, Element, ElementKind, Segment, Tool, ToolShape};
 use crate::unit::LengthUnit;
 
 /// Why what a tool reaches of a surface cannot be computed.
@@ -151,7 +155,7 @@ pub struct SurfaceTool {
 
 enum Shape {
     Revolved(Box<Revolved>),
-    /// What of it may touch, in the tool's frame: its sharp points where they are a list, else all vertices.
+    /// What of it may touch, in the tool's frame.
     Mesh {
         touching: Vec<DVec3>,
         inner: InnerBalls,
@@ -170,7 +174,7 @@ struct Revolved {
     cutter: SolidField,
     /// The same as an element.
     eroded: Element,
-    /// The same against the fixtures.
+    /// The cutter against the fixtures, into which it may not cut at all.
     held: Option<SolidField>,
     /// Shank and holder.
     rest: Option<SolidField>,
@@ -207,10 +211,7 @@ impl SurfaceTool {
         let ToolShape::Revolved(parts) = &tool.shape else {
             let ToolShape::Mesh(mesh) = &tool.shape else { return Err(SurfaceError::NoCutter(name)) };
             let whole = Box::new(SolidField::of_tool(environment.keep_out.clone(), tool));
-            let touching = match &tool.sharp_points {
-                SharpPoints::Points(points) => points.clone(),
-                _ => mesh.vertices.clone(),
-            };
+            let touching = touching(tool, mesh).to_vec();
             let inner = InnerBalls::new(mesh, environment.part.occupancy().grid.pitch);
             let shape = Arc::new(Shape::Mesh { touching, inner, whole });
             return Ok(Self { name, shape, tolerance, elements: Arc::default(), bodies: 1, limit: None });
@@ -222,7 +223,7 @@ impl SurfaceTool {
         let end = profile.last().map_or(0.0, |s| s.range().1);
         let cutter = Element { kind: ElementKind::Cutter, profile };
         let radius = cutter.max_radius();
-        let eroded = [cutter.eroded(tolerance, outline.has_shoulder()).ok_or_else(too_thick)?];
+        let eroded = [cutter.eroded(tolerance, outline.shoulder).ok_or_else(too_thick)?];
         let of_cutter =
             |voxels: &SolidVoxels| SolidField::of_elements(voxels.clone(), &eroded).ok_or_else(too_thick);
         let offset = tool.offset_elements(assembly.clearance())?;
@@ -230,17 +231,18 @@ impl SurfaceTool {
         let mut elements = Vec::new();
         // The cutter is named for fixtures alone: cutting into the part has a verdict of its own, `Gouged`.
         let room = assembly.clearance().cutter;
-        let clear = [if room > 0.0 { cutter.offset(room) } else { eroded[0].clone() }];
+        let at_contact = || cutter.eroded(TOUCH * tolerance, outline.shoulder).ok_or_else(too_thick);
+        let clear = [if room > 0.0 { cutter.offset(room) } else { at_contact()? }];
         let clear_of =
             |voxels: &SolidVoxels| SolidField::of_elements(voxels.clone(), &clear).ok_or_else(too_thick);
         let held = environment.fixtures.as_ref().map(clear_of).transpose()?;
-        let at_fixtures = bodies.iter().map(|[centres, _]| clear_of(centres));
+        let at_fixtures = bodies.iter().map(clear_of);
         if held.is_some() {
             elements.push((clear[0].clone(), at_fixtures.collect::<Result<Vec<_>, _>>()?));
         }
         for element in offset.into_iter().filter(|e| e.kind != ElementKind::Cutter) {
             let element = std::slice::from_ref(&element);
-            let alone = bodies.iter().map(|[_, body]| SolidField::of_elements(body.clone(), element));
+            let alone = bodies.iter().map(|body| SolidField::of_elements(body.clone(), element));
             elements.extend(alone.collect::<Option<Vec<_>>>().map(|alone| (element[0].clone(), alone)));
         }
         let touching = cutter.offset(tolerance);

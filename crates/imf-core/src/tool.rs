@@ -58,6 +58,9 @@ pub struct Tool {
     /// is not known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub overall_length: Option<f64>,
+    /// Whether the cutter's upper end cuts too where it is wider than what stands on it, as that of a T-slot cutter does.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub back_cutting: bool,
 }
 
 /// What a tool is made of.
@@ -148,6 +151,7 @@ impl Tool {
             ]),
             sharp_points: SharpPoints::Tip,
             overall_length: None,
+            back_cutting: false,
         }
     }
 
@@ -172,6 +176,7 @@ impl Tool {
             shape,
             sharp_points: self.sharp_points.scaled(factor),
             overall_length: self.overall_length.map(|length| length * factor),
+            back_cutting: self.back_cutting,
         }
     }
 

@@ -27,5 +27,6 @@ pub(crate) fn small_tool() -> Tool {
         ]),
         sharp_points: SharpPoints::Tip,
         overall_length: None,
+        back_cutting: false,
     }
 }

@@ -62,8 +62,7 @@ impl Errors {
             let error = (f - e).abs();
             self.squared += error * error;
             self.absolute += error;
-            // A NaN must not vanish in a maximum.
-            self.largest = if error.is_nan() { f64::NAN } else { self.largest.max(error) };
+            self.largest = larger(self.largest, error);
             self.exact_sum += e;
             self.exact_squared += e * e;
             let (collides, clear, blocked) = (bare > 0.0, e <= 0.0, f > threshold);
@@ -137,13 +136,14 @@ impl Validation {
             orientations: errors.len(),
             mse,
             standard_error: (spread / n).sqrt(),
-            // A NaN must not vanish in a maximum.
-            mpe: errors.iter().fold(
-                0.0,
-                |most, &(_, largest)| if largest > most || largest.is_nan() { largest } else { most },
-            ),
+            mpe: errors.iter().fold(0.0, |most, &(_, largest)| larger(most, largest)),
         }
     }
+}
+
+/// The larger of two errors; a NaN does not vanish in it.
+pub(crate) fn larger(a: f64, b: f64) -> f64 {
+    if a.is_nan() || b <= a { a } else { b }
 }
 
 #[cfg(test)]

@@ -26,7 +26,12 @@ pub struct GpuLimits {
 impl GpuLimits {
     /// 4-byte elements that one buffer can hold and one binding show.
     pub(crate) fn elements(self) -> usize {
-        self.storage_binding.min(self.buffer) as usize / 4
+        self.binding() as usize / 4
+    }
+
+    /// Bytes that one buffer can hold and one binding show: no more than shaders can index, who count 4-byte elements by `u32`.
+    pub(crate) fn binding(self) -> u64 {
+        self.storage_binding.min(self.buffer).min(4 * u64::from(u32::MAX) / 256 * 256)
     }
 }
 

@@ -6,6 +6,7 @@
 //! the kernels of its family (`field/siren.rs`, `field/factored.rs`, `field/harmonic.rs`); whole grids stand in `field/grid.rs`.
 //! Buffers for slices of the host are kept from call to call.
 
+mod apart;
 mod coefficients;
 mod device_types;
 mod factored;
@@ -39,6 +40,7 @@ use imf_fields::siren::over_grid;
 
 use crate::device::Gpu;
 use crate::over_orientations::Source;
+use apart::apart;
 use grid::GridCoefficients;
 use passes::{Call, check_size};
 use poses::PoseKernels;
@@ -174,23 +176,32 @@ impl GpuField {
         let mut guard = self.over_poses.lock().unwrap_or_else(PoisonError::into_inner);
         let made = match guard.take() {
             Some(made) => made,
-            None => Box::new(PoseKernels::new(&self.gpu, &self.file, &self.field)?),
+            None => apart(|| PoseKernels::new(&self.gpu, &self.file, &self.field).map(Box::new))?,
         };
         work(guard.insert(made))
     }
 
+    /// As [`Self::with`], for work that shares itself among threads.
+    fn with_threads<T: Send, E: From<EngineError> + Send>(
+        &self,
+        work: impl FnOnce(&mut PoseKernels) -> Result<T, E> + Send,
+    ) -> Result<T, E> {
+        self.with(|kernels| Ok(apart(|| work(kernels))))?
+    }
+
     /// The same for whole grids of harmonic and factored fields.
-    fn with_grid<T, E: From<EngineError>>(
+    fn with_grid<T: Send, E: From<EngineError> + Send>(
         &self,
         source: Source<'_>,
-        work: impl FnOnce(&mut GridCoefficients) -> Result<T, E>,
+        work: impl FnOnce(&mut GridCoefficients) -> Result<T, E> + Send,
     ) -> Result<T, E> {
         let mut guard = self.over_grid.lock().unwrap_or_else(PoisonError::into_inner);
         let made = match guard.take() {
             Some(made) => made,
-            None => GridCoefficients::new(&self.gpu, source)?,
+            None => apart(|| GridCoefficients::new(&self.gpu, source))?,
         };
-        work(guard.insert(made))
+        let made = guard.insert(made);
+        apart(|| work(made))
     }
 
     /// What says what orientations are worth; `None` for the paper's network.
@@ -281,7 +292,7 @@ impl PoseField for GpuField {
         let [low, high] = grid.box_of_centres();
         let held: Vec<DVec3> =
             points.iter().map(|point| if point.is_finite() { point.clamp(low, high) } else { low }).collect();
-        let found = self.with(|kernels| kernels.minimum(grid, &held, &orientations))?;
+        let found = self.with_threads(|kernels| kernels.minimum(grid, &held, &orientations))?;
         let Imf { value: least, best: chosen } = found;
         let quantity = self.field.quantity();
         for (((point, best), value), orientation) in points.iter().zip(best).zip(least).zip(chosen) {
@@ -306,13 +317,13 @@ impl GridField for GpuField {
         assert_eq!(values.len(), voxels * orientations.len(), "one section for each orientation");
         match self.source() {
             Some(source) => self.with_grid(source, |grid| grid.sections(source, orientations, values))?,
-            None => self.with(|kernels| {
+            None => self.with_threads(|kernels| {
                 let Some(evaluator) = kernels.evaluator() else { return Ok(()) };
                 for (orientation, section) in orientations.iter().zip(values.chunks_exact_mut(voxels.max(1)))
                 {
                     over_grid::section(evaluator, self.grid(), orientation.angles(), section)?;
                 }
-                Ok(())
+                Ok::<_, FieldError>(())
             })?,
         }
         Ok(())
@@ -324,10 +335,10 @@ impl GridField for GpuField {
         }
         let Some(source) = self.source() else {
             let directions: Vec<[f32; 2]> = orientations.iter().map(Orientation::angles).collect();
-            return self.with(|kernels| match kernels.evaluator() {
-                Some(evaluator) => Ok(over_grid::minimum(evaluator, self.grid(), &directions, control)),
-                None => Ok(Err(FieldError::Orientations(0))),
-            })?;
+            return self.with_threads(|kernels| match kernels.evaluator() {
+                Some(evaluator) => over_grid::minimum(evaluator, self.grid(), &directions, control),
+                None => Err(FieldError::Orientations(0)),
+            });
         };
         self.with_grid(source, |grid| grid.minimum(source, orientations, control))
     }

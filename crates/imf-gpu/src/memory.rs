@@ -31,7 +31,7 @@ impl Plan {
 
     /// Refuses a plan with a buffer beyond the limits.
     pub(crate) fn check(&self, limits: GpuLimits) -> Result<(), EngineError> {
-        let limit = limits.buffer.min(limits.storage_binding);
+        let limit = limits.binding();
         match self.items.iter().max_by_key(|(_, bytes)| *bytes) {
             Some((name, bytes)) if *bytes > limit => Err(EngineError::Device(format!(
                 "this needs {} of GPU memory, {} of it in one buffer ({name}), but this adapter binds at most {}. Take a \
@@ -92,7 +92,7 @@ impl Room {
             return Ok(buffer.clone());
         }
         let limits = gpu.limits();
-        let limit = limits.buffer.min(limits.storage_binding) / 4 * 4;
+        let limit = limits.binding() / 4 * 4;
         if wanted > limit {
             return Err(EngineError::Device(format!(
                 "{} take {} of GPU memory, but this adapter binds at most {}. Ask for less at a time, take a larger pitch, or \

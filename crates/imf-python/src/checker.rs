@@ -14,6 +14,7 @@ use rayon::prelude::*;
 
 use crate::errors::{Raise, value_error};
 use crate::field::code;
+use crate::memory;
 use crate::poses::PoseRows;
 use crate::scene::{Scene, clearance_of};
 use crate::work::{Progress, run};
@@ -42,6 +43,10 @@ impl Checker {
     fn new(py: Python<'_>, scene: &Bound<'_, Scene>, clearance: Option<[f64; 3]>) -> PyResult<Self> {
         let scene = Arc::clone(&scene.get().scene);
         let clearance = clearance.map_or(scene.record.clearance, clearance_of);
+        let voxels = scene.record.grid.len() as u64;
+        memory::require(26 * voxels, || {
+            format!("decisions among {voxels} voxels; use a scene of a larger pitch")
+        })?;
         let field = run(py, (&None, "", 0), |_| {
             let field = ExactField::of_scene(&scene, &clearance)?;
             // What decisions are made by is made at the first of them.

@@ -43,9 +43,9 @@ pub(crate) fn crib<'py>(
     let (mesh, clearance) = (own.placed_mesh(), record.clearance);
     let (environment, samples) = run(py, (&None, "", 0), |control| {
         let bodies = own.bodies(control)?;
-        let (environment, solid) =
-            own.with_spec(control, |spec| CollisionEnvironment::of_bodies(spec, &bodies))?;
-        Ok::<_, QuestionError>((environment, SurfaceSamples::new(&mesh, &solid, samples)))
+        let environment = own.with_spec(control, |spec| CollisionEnvironment::of_bodies(spec, &bodies))?;
+        let samples = SurfaceSamples::new(&mesh, environment.part(), samples);
+        Ok::<_, QuestionError>((environment, samples))
     })?;
     let verdicts = run(py, (&progress, "crib", samples.samples.len() as u64), |control| {
         let tool = |tool: &imf_core::tool::Tool| {

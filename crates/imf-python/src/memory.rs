@@ -1,5 +1,6 @@
 //! Work that would not fit into the memory that is free is refused before it starts: a notebook that the system ends loses everything.
 
+use imf_core::glam::DVec3;
 use imf_core::unit::Length;
 use pyo3::exceptions::PyMemoryError;
 use pyo3::prelude::*;
@@ -31,4 +32,28 @@ pub(crate) fn require(bytes: u64, what: impl FnOnce() -> String) -> PyResult<()>
         gigabytes(free),
         what()
     )))
+}
+
+/// Refuses a grid around boxes that needs more bytes than are free, so many for each voxel; one of a pitch that is chosen for the
+/// user is chosen by its voxels.
+///
+/// # Errors
+/// `MemoryError`.
+pub(crate) fn require_for_voxels(
+    dims: Option<[usize; 3]>,
+    pitch: Option<f64>,
+    margin: usize,
+    boxes: impl Iterator<Item = (DVec3, DVec3)>,
+    each: u64,
+) -> PyResult<()> {
+    let voxels = match (dims, pitch) {
+        (Some(dims), _) => dims.iter().map(|&n| n as f64).product(),
+        (None, Some(pitch)) if pitch > 0.0 => {
+            let all = boxes.reduce(|(a, b), (c, d)| (a.min(c), b.max(d)));
+            let size = all.map_or(DVec3::ZERO, |(lower, upper)| upper - lower);
+            (size / pitch + 2.0 * margin as f64 + 1.0).element_product()
+        }
+        _ => 0.0,
+    };
+    require((voxels * each as f64) as u64, || format!("{voxels:.2e} voxels; use a larger pitch"))
 }

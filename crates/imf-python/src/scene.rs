@@ -17,6 +17,7 @@ use numpy::{IntoPyArray as _, PyArray1, PyArray2, PyArray3, PyArrayMethods as _,
 use pyo3::prelude::*;
 
 use crate::errors::{Raise, value_error};
+use crate::memory;
 use crate::tool::Tool;
 use crate::work::{Progress, run};
 
@@ -272,6 +273,9 @@ impl Scene {
         for (name, mesh, at) in &held {
             builder = builder.fixture(name, mesh.clone(), *at);
         }
+        let fixtures = held.iter().filter(|_| around_all).map(|(_, mesh, at)| mesh.transformed(at).bounds());
+        let boxes = std::iter::once(mesh.transformed(&transform).bounds()).chain(fixtures);
+        memory::require_for_voxels(dims, pitch, margin, boxes.flatten(), 6 * (1 + held.len() as u64))?;
         let rows = if let Some([x, y, _]) = dims { x * y * (1 + held.len()) } else { 0 };
         let built =
             run(py, (&progress, "voxelising", rows as u64), |control| builder.control(control).build())?;

@@ -95,9 +95,9 @@ pub(crate) fn access<'py>(
     let tolerance = tolerance.unwrap_or_else(|| default_tolerance(record.grid.pitch, record.unit));
     let (environment, assembly, samples) = run(py, (&None, "", 0), |control| {
         let bodies = own.bodies(control)?;
-        let (environment, solid) =
-            own.with_spec(control, |spec| CollisionEnvironment::of_bodies(spec, &bodies))?;
-        Ok::<_, QuestionError>((environment, record.assembly()?, SurfaceSamples::new(&mesh, &solid, samples)))
+        let environment = own.with_spec(control, |spec| CollisionEnvironment::of_bodies(spec, &bodies))?;
+        let samples = SurfaceSamples::new(&mesh, environment.part(), samples);
+        Ok::<_, QuestionError>((environment, record.assembly()?, samples))
     })?;
     let count = samples.samples.len() as u64;
     let (tool, access) = run(py, (&progress, "surface", count), |control| {

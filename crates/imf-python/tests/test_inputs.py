@@ -67,6 +67,7 @@ def test_a_tool_is_described_as_in_its_file(tmp_path: Path) -> None:
     path = tmp_path / "mill.toml"
     path.write_text('name = "mill"\n[cutter]\nshape = "flat"\ndiameter = 8.0\nlength = 30.0\n')
     assert imf.Tool.read(path).name == "mill" and [one.name for one in imf.Tool.library(path)] == ["mill"]
+    assert imf.Tool(CUTTER | {"back_cutting": True}, name="T-slot cutter").name == "T-slot cutter"
     points = imf.Tool(CUTTER, sharp_points=[[4.0, 0, 0], [-4.0, 0, 0]], name="two points")
     assert points.reach == pytest.approx(np.hypot(4, 30))
 
@@ -106,3 +107,5 @@ def test_more_than_memory_holds_is_refused(bracket: imf.Scene) -> None:
         bracket.sections("fibonacci:10000000")
     with pytest.raises(MemoryError, match="1000000 samples, 1000000 directions"):
         bracket.access("fibonacci:1000000", samples=1_000_000)
+    with pytest.raises(MemoryError, match="voxels; use a larger pitch"):
+        imf.Scene(CUBE, imf.Tool(CUTTER), pitch=1e-4)

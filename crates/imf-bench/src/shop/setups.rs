@@ -148,6 +148,7 @@ fn flat_end_mill() -> Tool {
         ]),
         sharp_points: SharpPoints::Tip,
         overall_length: None,
+        back_cutting: false,
     }
 }
 

@@ -15,7 +15,7 @@ use serde_json::{Value, json};
 
 use crate::arguments::saved::CalibrateArguments;
 use crate::interrupt::{self, Interrupted};
-use crate::output::{OutputFile, print_result};
+use crate::output::{OutputFile, print_result, short};
 use crate::session::{Session, show_bytes};
 
 pub(crate) fn run(session: &Session, arguments: &CalibrateArguments) -> Result<()> {
@@ -117,9 +117,14 @@ impl DecisionQuality {
     }
 }
 
-/// Measures the error rates of a field's decisions, with more poses where too few collide to resolve the required rate; `kept`
-/// says what an interruption leaves.
-pub(crate) fn measure_decisions(session: &Session, field: &Field, kept: &str) -> Result<DecisionQuality> {
+/// Measures the error rates of the decisions of a field that holds so many bytes, with more poses where too few collide to resolve
+/// the required rate; `kept` says what an interruption leaves.
+pub(crate) fn measure_decisions(
+    session: &Session,
+    field: &Field,
+    held: u64,
+    kept: &str,
+) -> Result<DecisionQuality> {
     if matches!(field.scene().record.bare_tool().shape, ToolShape::Mesh(_)) {
         let why = "a mesh tool is voxelised at every pose, which may take hours (imf calibrate does it)";
         return Ok(DecisionQuality::Unknown(why.into()));
@@ -127,6 +132,10 @@ pub(crate) fn measure_decisions(session: &Session, field: &Field, kept: &str) ->
     let mut settings = CalibrationSettings::default();
     interrupt::leave(kept.to_owned().into());
     loop {
+        let (needed, limit) = (settings.memory_bytes().saturating_add(held), session.memory_limit());
+        if needed > limit {
+            return Ok(DecisionQuality::Unknown(no_room(needed, limit)));
+        }
         let stage = session.stage("calibrating", "batches", settings.units());
         let advance = |n| stage.advance(n);
         match calibrate(field, &settings, session.control(&advance)) {
@@ -152,6 +161,14 @@ pub(crate) fn measure_decisions(session: &Session, field: &Field, kept: &str) ->
     }
 }
 
+fn no_room(needed: u64, limit: u64) -> String {
+    format!(
+        "that takes about {} of memory, and {} may be used; imf calibrate does it where there is more",
+        show_bytes(needed),
+        show_bytes(limit)
+    )
+}
+
 /// Calibrates a field just written and saves the calibration in its file: the last step of making or training one. Where that is
 /// not possible the file stays as it is.
 pub(super) fn calibrate_written(session: &Session, path: &Path, wanted: bool) -> Result<DecisionQuality> {
@@ -161,18 +178,14 @@ pub(super) fn calibrate_written(session: &Session, path: &Path, wanted: bool) ->
     // The file's bytes, and the field that they become.
     let (needed, limit) = (2 * std::fs::metadata(path)?.len(), session.memory_limit());
     if needed > limit {
-        return Ok(DecisionQuality::Unknown(format!(
-            "that takes about {} of memory, and {} may be used; imf calibrate does it where there is more",
-            show_bytes(needed),
-            show_bytes(limit)
-        )));
+        return Ok(DecisionQuality::Unknown(no_room(needed, limit)));
     }
     let field = Field::load(path)?;
     if let Some(known) = field.calibration() {
         return Ok(DecisionQuality::Known(Box::new(*known)));
     }
-    let quality =
-        measure_decisions(session, &field, &format!("{} is written; imf calibrate goes on", path.display()))?;
+    let kept = format!("{} is written; imf calibrate goes on", path.display());
+    let quality = measure_decisions(session, &field, needed, &kept)?;
     drop(field);
     if let Some(&calibration) = quality.calibration() {
         keep(path, calibration, path)?;
@@ -190,7 +203,7 @@ fn keep(field: &Path, calibration: Calibration, out: &Path) -> Result<()> {
 /// A value of a field in words: a length in a scene's unit, or a fraction.
 pub(crate) fn threshold_text(value: f64, quantity: Quantity, unit: impl std::fmt::Display) -> String {
     match quantity {
-        Quantity::Depth => format!("{value:.3} {unit}"),
+        Quantity::Depth => format!("{} {unit}", short(value)),
         Quantity::Overlap => format!("{value:.3e}"),
     }
 }

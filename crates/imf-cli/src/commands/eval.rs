@@ -41,7 +41,15 @@ pub(crate) fn run(session: &Session, arguments: &EvalArguments) -> Result<()> {
 pub(super) fn decision_quality(session: &Session, stored: &FieldFile) -> Result<DecisionQuality> {
     match stored.calibration() {
         Some(known) => Ok(DecisionQuality::Known(Box::new(*known))),
-        None => measure_decisions(session, &Field::new(stored.clone())?, "no report was made"),
+        None => {
+            let field = Field::new(stored.clone())?;
+            measure_decisions(
+                session,
+                &field,
+                Device::Cpu.copied_bytes(stored, Workload::Many),
+                "no report was made",
+            )
+        }
     }
 }
 

@@ -228,7 +228,7 @@ impl<'a> FactoredStart<'a> {
     }
 
     /// Refuses a checkpoint of a network along other functions than `field`'s, though they were chosen by the same settings.
-    fn require_functions(&self, field: &FactoredField) -> Result<()> {
+    fn require_functions(&self, session: &Session, field: &FactoredField) -> Result<()> {
         let Some((found, checkpoint)) = self.found() else { return Ok(()) };
         // Components are of length 1; means are fractions of the tool, or depths. Rounding moves either by far less.
         let near = |there: &[f32], here: &[f32]| {
@@ -241,6 +241,12 @@ impl<'a> FactoredStart<'a> {
              settings: resume as it was begun (--memory), or choose another --out",
             checkpoint.display()
         );
+        if found.field.axes != field.axes || found.field.mean != field.mean {
+            session.warn(
+                "the functions differ in their last digits from those that this was begun with (less or more memory, or another \
+                 processor): the weights will not be those of an uninterrupted run to the bit",
+            );
+        }
         Ok(())
     }
 
@@ -291,7 +297,10 @@ impl Distillation<'_> {
         let resumed = start.state(session);
         let state = match &resumed {
             Some(state) => {
-                start.require_functions(&target.field(&settings, state.training.parameters.clone())?)?;
+                start.require_functions(
+                    session,
+                    &target.field(&settings, state.training.parameters.clone())?,
+                )?;
                 state.clone()
             }
             None => initial_state(&source, &settings, from)?,

@@ -349,3 +349,27 @@ fn places_that_no_asked_direction_reaches_are_decided_over_all() {
     let sharp = arguments(&["--tool", "sharp.toml", "--orientations", "0,0", "--certify"]);
     folder.run(&sharp).is_refusal(&["only sharp point"], &sharp);
 }
+
+#[test]
+fn a_face_mill_meets_a_wall_beside_the_part_that_is_farther_than_it_is_long_and_cuts_nothing_with_its_back() {
+    let folder = Folder::new();
+    folder.write("slab.obj", cuboid([0, 0, 0], [30, 30, 10], 0));
+    folder.write("wall.obj", cuboid([101, -100, -20], [120, 130, 60], 0));
+    let mill = "name = \"face mill\"\n[cutter]\nshape = \"flat\"\ndiameter = 80.0\nlength = 20.0\n[[holder]]\n\
+                diameter = 30.0\nlength = 10.0\n";
+    folder.write("face.toml", mill);
+    folder.write("back.toml", mill.replace("[[holder]]", "back_cutting = true\n[[holder]]"));
+    let share = |tool: &str, what: &str| {
+        let run =
+            ["access", "slab.obj", "--unit", "mm", "--pitch", "2", "--orientations", "0,0", "--out", "out"];
+        let summary = folder.json(&[&run[..], &["--tool", tool, "--fixture", "wall.obj"]].concat());
+        summary["surface"][what].as_f64().unwrap()
+    };
+    // Of 3,000 mm² the side towards the wall is 300, and the underside 900.
+    let near =
+        |found: f64, expected: f64| assert!((found - expected).abs() < 0.004, "{found} for {expected}");
+    near(share("face.toml", "obstructed"), 0.1);
+    near(share("face.toml", "not_faced"), 0.3);
+    near(share("face.toml", "reached"), 0.6);
+    near(share("back.toml", "not_faced"), 0.0);
+}

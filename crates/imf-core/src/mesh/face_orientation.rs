@@ -9,7 +9,7 @@
 //! Everything here follows vertex indices, as in [`super::topology`]. Where that leaves edges which one triangle uses, corners that
 //! all but coincide are joined first: programs that write each triangle by itself round its corners by themselves.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 
 use glam::DVec3;
 
@@ -72,7 +72,9 @@ impl Patch {
 
 impl Mesh {
     /// The same triangles in the same order, flipped where need be so that they face consistently and shells face outwards, and what
-    /// was done. Of triangles that are there twice one is left out, whichever way they face where all are, else where they face alike; where triangles have edges of their own, vertices closer together than 10⁻⁵ of the mesh's diagonal are joined.
+    /// was done. Of triangles that are there twice one is left out, whichever way they face where all are, else where they face alike, and both
+    /// where that leaves fewer edges open; where triangles have edges of their own, vertices closer together than 10⁻⁵ of the mesh's
+    /// diagonal are joined.
     ///
     /// # Panics
     /// If a triangle names a vertex that does not exist.
@@ -92,16 +94,16 @@ impl Mesh {
             repair.doubled = before - self.triangles.len();
             edges = sorted_edges(&self);
         } else if runs(&edges).any(|run| run.len() > 2) {
-            // Some may be there twice, facing alike: by chance, as where faces were exported with two bodies.
-            let before = self.triangles.len();
-            let mut known = HashSet::new();
-            self.triangles.retain(|&[a, b, c]| {
-                let turned = [[a, b, c], [b, c, a], [c, a, b]];
-                known.insert(turned.into_iter().min())
-            });
-            repair.doubled = before - self.triangles.len();
-            if repair.doubled > 0 {
-                edges = sorted_edges(&self);
+            // Some may be there twice, facing alike: by chance, as where faces were exported with two bodies, or as the common face of
+            // two bodies of which one faces inwards, which bounds nothing.
+            let once = self.without_repeated(|_| 1);
+            if once.triangles.len() < self.triangles.len() {
+                let odd = self.without_repeated(|count| count % 2);
+                let [of_once, of_odd] = [&once, &odd].map(sorted_edges);
+                let fewer = single_edges(&of_odd) < single_edges(&of_once);
+                let (kept, its_edges) = if fewer { (odd, of_odd) } else { (once, of_once) };
+                repair.doubled = self.triangles.len() - kept.triangles.len();
+                (self, edges) = (kept, its_edges);
             }
         }
         let single = single_edges(&edges);
@@ -139,6 +141,27 @@ impl Mesh {
             }
         }
         (self, repair)
+    }
+}
+
+impl Mesh {
+    /// Of triangles that are there several times, facing alike, so many as `keep` says of their number.
+    fn without_repeated(&self, keep: impl Fn(usize) -> usize) -> Self {
+        let turned = |&[a, b, c]: &[u32; 3]| [[a, b, c], [b, c, a], [c, a, b]].into_iter().min();
+        let mut left: HashMap<Option<[u32; 3]>, usize> = HashMap::new();
+        for triangle in &self.triangles {
+            *left.entry(turned(triangle)).or_default() += 1;
+        }
+        left.values_mut().for_each(|count| *count = keep(*count));
+        let mut kept = self.clone();
+        kept.triangles.retain(|triangle| {
+            left.get_mut(&turned(triangle)).is_some_and(|left| {
+                let any = *left > 0;
+                *left -= usize::from(any);
+                any
+            })
+        });
+        kept
     }
 }
 

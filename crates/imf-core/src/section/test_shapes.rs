@@ -27,6 +27,7 @@ pub(crate) fn revolved(elements: impl IntoIterator<Item = (ElementKind, Vec<Segm
         shape: ToolShape::Revolved(elements),
         sharp_points: SharpPoints::Tip,
         overall_length: None,
+        back_cutting: false,
     }
 }
 

@@ -2,7 +2,8 @@
 
 use glam::{DQuat, DVec3};
 
-use super::sample_query::{Above, Last, RingPlaces, SampleQuery};
+use super::level_ring::RingPlaces;
+use super::sample_query::{Above, Last, SampleQuery};
 use super::{Reach, SurfaceError, SurfaceSample, SurfaceTool};
 use crate::control::Control;
 use crate::orientation::Orientation;

@@ -1,7 +1,9 @@
 //! Parts of which geometry tells what a tool reaches, at pitches that halve: every answer stays within a bound of the closed
 //! form, and the bound falls with the pitch.
 
+mod bodies;
 mod cutter_clearance;
+mod own_diameter;
 pub(super) mod solids;
 
 use std::f64::consts::PI;
@@ -15,7 +17,7 @@ use crate::grid::Grid;
 use crate::mesh::Mesh;
 use crate::orientation::OrientationSet;
 use crate::parts::shell::{circle, pocketed, rounded_rectangle};
-use crate::tool::Tool;
+use crate::tool::{SharpPoints, Tool};
 use crate::voxelize::voxelize;
 use solids::{ball, cylinder, dimpled, extruded, flat, line, of_mesh, slotted, tapered, tool};
 
@@ -215,7 +217,8 @@ fn undercuts_are_reached_by_the_cutters_made_for_them() {
         |s: &SurfaceSample| within(s) && s.normal.x.abs() > 0.4 && (5.9..12.1).contains(&s.point.z);
     let ceiling = |s: &SurfaceSample| within(s) && s.normal.z < -0.9 && s.point.z > 1.0;
     let floor = |s: &SurfaceSample| within(s) && s.normal.z > 0.9 && s.point.z < 7.0;
-    let slotter = tool(vec![line(0.0, 4.0, 8.0, 8.0)], 1.8);
+    let wide = tool(vec![line(0.0, 4.0, 8.0, 8.0)], 1.8);
+    let slotter = Tool { back_cutting: true, ..wide.clone() };
     let taper = 6.0 / 3.0_f64.sqrt();
     let dovetail = tool(vec![line(0.0, 6.0, 8.0, 8.0 - taper)], 2.0);
     for pitch in PITCHES {
@@ -231,6 +234,8 @@ fn undercuts_are_reached_by_the_cutters_made_for_them() {
         for area in [&head_walls as &dyn Fn(&SurfaceSample) -> bool, &ceiling, &floor] {
             assert!(made_for_it.reached(area) > 0.99, "{pitch}: {}", made_for_it.reached(area));
         }
+        // One that does not cut with its back.
+        assert_eq!(t_slot.found(&wide, DOWN).share(ceiling, |r| *r == Reach::NotFaced), 1.0);
         let tail = Part::new(&slotted(20.0 - 2.0 * taper, [20.0, 20.0 - 2.0 * taper]), pitch);
         assert_eq!(tail.found(&flat(3.0), DOWN).reached(head_walls), 0.0);
         let made_for_it = tail.found(&dovetail, DOWN);
@@ -249,9 +254,10 @@ fn a_slot_is_reached_by_cutters_up_to_its_width() {
             assert!(found > 0.99, "{pitch} {radius}: {found}");
         }
         let too_wide = slot.found(&flat(5.0), AXES);
-        // From the open ends a tool lies on the last voxel of the floor, or on the last sample.
+        // At both ends its round reaches into the slot until its chord is 8 wide, less what the voxels of the walls leave.
+        let expected = 2.0 * (25.0 * 0.6_f64.acos() - 12.0) / (8.0 * 20.0);
         let reached = too_wide.reached(floor);
-        assert!(reached < 0.12 + 0.12 * pitch || pitch > 1.0, "{pitch}: {reached}");
+        assert!((reached - expected).abs() < 0.03 + 0.13 * pitch || pitch > 1.0, "{pitch}: {reached}");
     }
 }
 

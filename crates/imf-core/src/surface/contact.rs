@@ -8,7 +8,8 @@ use std::f64::consts::FRAC_PI_2;
 
 use glam::DVec3;
 
-use crate::tool::{Element, ElementKind, Segment, Tool, ToolShape};
+use crate::mesh::Mesh;
+use crate::tool::{Element, ElementKind, Segment, SharpPoints, Tool, ToolShape};
 
 /// Angles closer than this are one, in radians.
 const SAME: f64 = 1e-9;
@@ -25,6 +26,7 @@ pub(super) struct Slope {
 
 impl Slope {
     const DOWN: Self = Self { sine: -1.0, cosine: 0.0 };
+    const ACROSS: Self = Self { sine: 0.0, cosine: 1.0 };
     const UP: Self = Self { sine: 1.0, cosine: 0.0 };
 
     /// Of a vector, by its parts along the axis and away from it.
@@ -74,6 +76,8 @@ pub(super) struct Outline {
     undercuts: bool,
     /// True where the cutter lies on one side of every plane that touches it.
     pub(super) convex: bool,
+    /// True where the cutter's upper end sticks out beyond what stands on it.
+    pub(super) shoulder: bool,
 }
 
 impl Outline {
@@ -104,8 +108,12 @@ impl Outline {
             (height, radius, builder.slope) = (high, segment.radius(high), ends);
         }
         let convex = builder.convex;
-        if radius > neck {
+        let shoulder = radius - neck > SAME * radius;
+        if shoulder && tool.back_cutting {
             builder.step(height, [radius, neck]);
+        } else if radius >= neck {
+            // The end of its edges cuts as steeply as a wall.
+            builder.turn(Slope::ACROSS, height, radius);
         }
         let all = elements.iter().flat_map(|e| &e.profile);
         let mut widest = 0.0;
@@ -115,12 +123,19 @@ impl Outline {
             undercuts |= segment.radius(low).min(segment.radius(high)) < widest * (1.0 - SAME);
             widest = segment.max_radius().max(widest);
         }
-        Some(Self { pieces: builder.pieces, undercuts, convex })
+        Some(Self { pieces: builder.pieces, undercuts, convex, shoulder })
     }
 
-    /// True where the cutter's upper end sticks out beyond what stands on it.
-    pub(super) fn has_shoulder(&self) -> bool {
-        matches!(self.pieces.last(), Some(Piece::Level { slope, .. }) if slope.sine > 0.0)
+    /// How far from the tip the cutter touches, at most.
+    pub(super) fn reach(&self) -> f64 {
+        let farthest = self.pieces.iter().map(|piece| match *piece {
+            Piece::Level { height, outer, .. } => height.hypot(outer),
+            Piece::Edge { height, radius, .. } => height.hypot(radius),
+            Piece::Flank { from, to, .. } if !self.undercuts && from[1] == to[1] => from[0].hypot(from[1]),
+            Piece::Flank { from, to, .. } => from[0].hypot(from[1]).max(to[0].hypot(to[1])),
+            Piece::Round { centre, radius, .. } => centre[0].hypot(centre[1]) + radius,
+        });
+        farthest.fold(0.0, f64::max)
     }
 
     /// A sine above which no surface is touched whose inward normal has it.
@@ -236,6 +251,23 @@ fn piece(segment: &Segment) -> Piece {
     }
 }
 
+/// How far from its tip a tool touches a surface, at most, in its own unit: by so much farther it reaches at contact poses.
+#[must_use]
+pub fn contact_reach(tool: &Tool) -> f64 {
+    match &tool.shape {
+        ToolShape::Revolved(_) => Outline::of(tool).map_or(0.0, |outline| outline.reach()),
+        ToolShape::Mesh(mesh) => touching(tool, mesh).iter().map(|point| point.length()).fold(0.0, f64::max),
+    }
+}
+
+/// The points of a mesh tool that may touch: its sharp points where they are a list, else all vertices.
+pub(super) fn touching<'a>(tool: &'a Tool, mesh: &'a Mesh) -> &'a [DVec3] {
+    match &tool.sharp_points {
+        SharpPoints::Points(points) => points,
+        _ => &mesh.vertices,
+    }
+}
+
 /// The frame of a contact: the axis, and the direction across it in which the surface lies.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ContactFrame {
@@ -270,7 +302,6 @@ impl ContactFrame {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tool::SharpPoints;
     use crate::unit::LengthUnit;
 
     fn tool(elements: &[(ElementKind, Vec<Segment>)]) -> Tool {
@@ -282,6 +313,7 @@ mod tests {
             shape: ToolShape::Revolved(elements.collect()),
             sharp_points: SharpPoints::Tip,
             overall_length: None,
+            back_cutting: false,
         }
     }
 
@@ -309,10 +341,10 @@ mod tests {
             let (sine, cosine) = f64::to_radians(degrees).sin_cos();
             assert!((height - 3.0 - 3.0 * sine).abs() < 1e-12 && (radius - 3.0 * cosine).abs() < 1e-12);
         }
-        // The ball's equator, the flank's lower end, and the edge of the open end.
-        assert_eq!(found(&tool, 0.0).len(), 3);
-        // A plain end, and a surface that would have to be cut from behind.
-        assert_eq!(found(&tool, 30.0), [Touch::Point { height: 20.0, radius: 3.0 }]);
+        // The ball's equator, and the flank's lower end.
+        assert_eq!(found(&tool, 0.0).len(), 2);
+        assert_eq!(found(&tool, 30.0), [], "what would have to be cut from behind");
+        assert!((6.0..7.3).contains(&Outline::of(&tool).unwrap().reach()));
     }
 
     #[test]
@@ -333,7 +365,12 @@ mod tests {
     fn a_slot_cutter_touches_with_its_shoulder_and_a_drill_with_its_point() {
         let head = line(0.0, 4.0, 8.0, 8.0);
         let neck = line(4.0, 30.0, 3.0, 3.0);
-        let slotter = tool(&[(ElementKind::Cutter, vec![head]), (ElementKind::Shank, vec![neck])]);
+        let wide = tool(&[(ElementKind::Cutter, vec![head]), (ElementKind::Shank, vec![neck])]);
+        // The back of a face mill, or of a mill with a neck, cuts nothing.
+        assert_eq!((found(&wide, 90.0), found(&wide, 30.0)), (vec![], vec![]));
+        assert!(Outline::of(&wide).unwrap().shoulder);
+        let slotter = Tool { back_cutting: true, ..wide };
+        assert_eq!(Outline::of(&slotter).unwrap().reach(), f64::hypot(4.0, 8.0));
         let shoulder = Touch::Ring { height: 4.0, inner: 3.0, outer: 8.0 };
         assert_eq!(found(&slotter, 90.0), [Touch::Point { height: 4.0, radius: 8.0 }, shoulder]);
         // Its flank at all heights, and both its edges.
@@ -342,6 +379,10 @@ mod tests {
         assert_eq!(found(&drill, -90.0), [Touch::Point { height: 0.0, radius: 0.0 }]);
         assert_eq!(found(&drill, -45.0).len(), 33 + 2);
         assert_eq!(found(&drill, -20.0), [Touch::Point { height: 2.0, radius: 2.0 }]);
+        // The widest end of a cone cuts walls that are steeper than itself.
+        let cone = tool(&[(ElementKind::Cutter, vec![line(0.0, 4.0, 1.0, 3.0)])]);
+        let end = Touch::Point { height: 4.0, radius: 3.0 };
+        assert_eq!((found(&cone, -10.0), found(&cone, 10.0)), (vec![end], vec![]));
     }
 
     #[test]

@@ -6,7 +6,8 @@
 //! one of them cuts into from a direction is tried first for the next, which mostly cuts into it as well. The verdicts are those
 //! of [`surface_access`](super::surface_access), tool by tool.
 
-use super::sample_query::{Above, Last, RingPlaces, SampleQuery};
+use super::level_ring::RingPlaces;
+use super::sample_query::{Above, Last, SampleQuery};
 use super::{Shape, SurfaceError, SurfaceSample, SurfaceTool, ToolDirection, Verdict};
 use crate::control::Control;
 use crate::field::solid::OutsidePlane;
@@ -291,7 +292,7 @@ mod tests {
             vec![line(0.0, 3.0, 4.0)],
         ];
         let mut tools = Vec::new();
-        for cutter in &cutters {
+        for (index, cutter) in cutters.iter().enumerate() {
             let end = cutter.last().unwrap().range().1;
             for (shank, face, holder) in
                 [(1.9, 12.0, 8.0), (2.0, 12.0, 8.0), (2.0, 20.0, 8.0), (2.0, 30.0, 14.0), (2.0, 20.0, 5.0)]
@@ -309,6 +310,7 @@ mod tests {
                     ),
                     sharp_points: SharpPoints::Tip,
                     overall_length: None,
+                    back_cutting: index == 3,
                 });
             }
         }
@@ -329,15 +331,15 @@ mod tests {
             let [x, y, z] = clamp.voxel(index);
             *s = u8::from(x < 4 && y < 8 && z > 20);
         }
-        let environment = CollisionEnvironment::new(&solid.into(), &[Arc::new(held).into()]);
+        let environment = CollisionEnvironment::new(&solid.into(), &[Arc::new(held)]);
         let tools: Vec<SurfaceTool> = crib()
             .into_iter()
             .map(|tool| SurfaceTool::new(&environment, &tool.into(), 0.1).unwrap())
             .collect();
-        // A slimmer shank is another shoulder of the cutter, or none.
+        // A slimmer shank is another shoulder of a slot cutter, and where the shank is as wide as the cutter there is none.
         let mut sizes: Vec<usize> = same_cutters(&tools).iter().map(Vec::len).collect();
         sizes.sort_unstable();
-        assert_eq!(sizes, [1, 1, 1, 1, 4, 4, 4, 4]);
+        assert_eq!(sizes, [1, 1, 1, 4, 4, 4, 5]);
         let directions = OrientationSet::parse("axes+fibonacci:40").unwrap().orientations;
         let together = crib_access(&tools, &samples, &directions, Control::quiet()).unwrap();
         let mut counts = [0; 4];

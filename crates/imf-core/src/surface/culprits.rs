@@ -284,6 +284,7 @@ mod tests {
             shape: ToolShape::Revolved(elements),
             sharp_points: SharpPoints::Tip,
             overall_length: None,
+            back_cutting: false,
         }
     }
 

@@ -1,10 +1,9 @@
 //! The contact poses of one tool at one sample, tested direction by direction.
 
-use std::f64::consts::TAU;
-
 use glam::DVec3;
 
 use super::contact::{ContactFrame, Touch};
+use super::level_ring::RingPlaces;
 use super::{Revolved, Shape, SurfaceSample, SurfaceTool, ToolDirection, Verdict};
 use crate::field::solid::{FreeBall, OutsidePlane, SolidField};
 use crate::pose::Pose;
@@ -29,15 +28,11 @@ impl Outcome {
         }
     }
 
-    fn or(self, other: Self) -> Self {
+    pub(super) fn or(self, other: Self) -> Self {
         if other.verdict() < self.verdict() { other } else { self }
     }
 }
 
-/// Start points around a level ring, how many of them are refined, and steps of each refinement.
-const STARTS: u32 = 8;
-const TRIES: usize = 3;
-const STEPS: usize = 6;
 /// Most steps by which a gouging cutter is moved aside.
 const GOUGE_STEPS: usize = 24;
 /// Points of a mesh tool that are tried.
@@ -59,19 +54,6 @@ pub(super) struct Above<'a, G> {
     /// True of a tip where they are free.
     pub(super) is_free: G,
     pub(super) rings: &'a mut RingPlaces,
-}
-
-/// By level ring that a cutter touches with from one direction, in order: what the cutter does at the places from which its search
-/// begins, as far as it is known. Tools of one cutter share it.
-#[derive(Default)]
-pub(super) struct RingPlaces(Vec<Vec<RingPlace>>);
-
-struct RingPlace {
-    /// From where the ring's own middle touches.
-    offset: DVec3,
-    of_cutter: Option<Outcome>,
-    /// The step off what the cutter hits most.
-    step: Option<Option<DVec3>>,
 }
 
 /// Tests the contact poses of a tool at a sample.
@@ -261,64 +243,8 @@ impl<'a> SampleQuery<'a> {
         Outcome::Gouged
     }
 
-    /// The best pose at which a level ring of the cutter touches: `middle` is the tip with the ring's own middle on the sample.
-    /// From a few starting places the tool steps away from what it hits, as far as the ring allows.
-    fn on_ring(
-        &self,
-        tool: &Revolved,
-        middle: DVec3,
-        turn: &ToolDirection,
-        ([inner, outer], ring): ([f64; 2], usize),
-        last: &mut Last,
-        above: &mut Above<'_, impl FnMut(DVec3) -> bool>,
-    ) -> Outcome {
-        let u = turn.axis.any_orthonormal_vector();
-        if above.rings.0.len() == ring {
-            above.rings.0.push(ring_places(u, turn.axis.cross(u), inner, outer));
-        }
-        let rest = above.rest;
-        let mut best = Outcome::NoContact;
-        for place in 0..above.rings.0[ring].len() {
-            let start = &mut above.rings.0[ring][place];
-            let tip = middle + start.offset;
-            let of_cutter =
-                *start.of_cutter.get_or_insert_with(|| self.cutter_at(tool, tip, turn.axis, last));
-            best = best.or(with_rest(of_cutter, tip, above));
-            if best == Outcome::Good {
-                return best;
-            }
-        }
-        let separation = |solids: [Option<&SolidField>; 2], offset: DVec3| {
-            let pose = Pose::new(middle + offset, turn.rotation);
-            longest(solids.map(|solid| solid?.lateral_separation(&pose)))
-        };
-        let of_cutter = |offset| separation([Some(&tool.cutter), tool.held.as_ref()], offset);
-        let of_rest = |offset| separation([rest, None], offset);
-        let mut steps: Vec<(DVec3, DVec3)> = Vec::new();
-        for RingPlace { offset, step, .. } in &mut above.rings.0[ring] {
-            let own = *step.get_or_insert_with(|| of_cutter(*offset));
-            steps.extend(longest([own, of_rest(*offset)]).map(|step| (*offset, step)));
-        }
-        // The places with the least in the way.
-        steps.sort_by(|a, b| a.1.length_squared().total_cmp(&b.1.length_squared()));
-        for &(start, step) in steps.iter().take(TRIES) {
-            let (mut offset, mut step) = (start, step);
-            for _ in 0..STEPS {
-                let next = offset + step;
-                offset = next.normalize_or(u) * next.length().clamp(inner, outer);
-                best = best.or(self.at(tool, middle + offset, turn.axis, last, above));
-                if best == Outcome::Good {
-                    return best;
-                }
-                let Some(next) = longest([of_cutter(offset), of_rest(offset)]) else { break };
-                step = next;
-            }
-        }
-        best
-    }
-
     /// One contact pose.
-    fn at(
+    pub(super) fn at(
         &self,
         tool: &Revolved,
         tip: DVec3,
@@ -330,7 +256,7 @@ impl<'a> SampleQuery<'a> {
     }
 
     /// One contact pose, for all but shank and holder: good where they decide.
-    fn cutter_at(&self, tool: &Revolved, tip: DVec3, axis: DVec3, last: &mut Last) -> Outcome {
+    pub(super) fn cutter_at(&self, tool: &Revolved, tip: DVec3, axis: DVec3, last: &mut Last) -> Outcome {
         let among = |voxel: &[f64; 3]| tool.cutter.contains(tip, axis, *voxel);
         if last.as_ref().is_some_and(among) || self.listed.iter().any(among) {
             return Outcome::Gouged;
@@ -354,29 +280,15 @@ fn of_cutter(
     if held { Outcome::Obstructed(tip) } else { Outcome::Good }
 }
 
-fn with_rest(of_cutter: Outcome, tip: DVec3, above: &mut Above<'_, impl FnMut(DVec3) -> bool>) -> Outcome {
+pub(super) fn with_rest(
+    of_cutter: Outcome,
+    tip: DVec3,
+    above: &mut Above<'_, impl FnMut(DVec3) -> bool>,
+) -> Outcome {
     match of_cutter {
         Outcome::Good if !(above.is_free)(tip) => Outcome::Obstructed(tip),
         other => other,
     }
-}
-
-/// Where the search on a ring between two radii begins.
-fn ring_places(u: DVec3, v: DVec3, inner: f64, outer: f64) -> Vec<RingPlace> {
-    let around = [0.5 * (inner + outer), outer].into_iter().flat_map(|radius| {
-        (0..STARTS).map(move |start| {
-            let (sine, cosine) = (f64::from(start) * TAU / f64::from(STARTS)).sin_cos();
-            (u * cosine + v * sine) * radius
-        })
-    });
-    let middle = (inner == 0.0).then_some(DVec3::ZERO);
-    let place = |offset| RingPlace { offset, of_cutter: None, step: None };
-    middle.into_iter().chain(around).map(place).collect()
-}
-
-/// The longest of two steps.
-fn longest(steps: [Option<DVec3>; 2]) -> Option<DVec3> {
-    steps.into_iter().flatten().max_by(|a, b| a.length_squared().total_cmp(&b.length_squared()))
 }
 
 /// The best of some outcomes, up to the first that is good.

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use crate::mesh::Mesh;
-use crate::mesh::topology::component_count;
+use crate::mesh::topology::{boundary_chain, component_count};
 use crate::occupancy::Occupancy;
 use crate::parallel;
 
@@ -28,7 +28,7 @@ pub struct SurfaceSamples {
     pub mesh: Mesh,
     /// In the order of the triangles.
     pub samples: Vec<SurfaceSample>,
-    /// Area that lies inside the part, where bodies of the mesh cross each other. It has no samples.
+    /// Area that lies inside the part, where bodies of the mesh cross or touch each other. It has no samples.
     pub hidden_area: f64,
 }
 
@@ -36,39 +36,56 @@ pub struct SurfaceSamples {
 const SMOOTH: f64 = 0.866;
 /// How far outside the surface its voxel is looked up, in pitches.
 const OUTSIDE: f64 = 0.75;
-/// How far outside the surface crossings are counted, in pitches.
+/// How far on either side of the surface crossings are counted, in pitches.
 const CLOSE: f64 = 1e-3;
 
 impl SurfaceSamples {
     /// At least about `count` samples of a mesh; `solid` holds its voxels.
+    ///
+    /// Of bodies that cross or touch each other the surface is what has the part on one side alone, and it faces the other,
+    /// whichever way its triangles do. Where the mesh is open, what a triangle faces is solid if its voxel is too.
     #[must_use]
     pub fn new(mesh: &Mesh, solid: &Occupancy, count: usize) -> Self {
         let area: f64 = (0..mesh.triangles.len()).map(|t| area_vector(mesh.corners(t)).length()).sum();
         // The edge of an equilateral triangle of that area.
         let edge = (area / count.max(1) as f64 * 4.0 / 3.0_f64.sqrt()).sqrt();
         let welded = mesh.welded();
-        let bends = bends(&welded);
+        let edges = sorted_edges(&welded);
+        let bends = bends(&welded, &edges);
         let (fine, origins) = welded.refined_with_origins(edge, count.saturating_mul(8));
         let outward = if fine.signed_volume() < 0.0 { -1.0 } else { 1.0 };
         let grid = &solid.grid;
         // One body alone hides none of its own surface.
-        let crossings = (component_count(&fine) > 1).then(|| Crossings::new(&fine, grid.pitch));
+        let touching = edges.chunk_by(|a, b| a.0 == b.0).any(|run| run.len() > 2);
+        let several = touching || component_count(&welded) > 1;
+        let crossings = several.then(|| Crossings::new(&fine, grid.pitch));
+        let is_closed = several && boundary_chain(&welded).is_empty();
         let found = parallel::map(fine.triangles.len(), |triangle| {
             let corners = fine.corners(triangle);
             let vector = area_vector(corners) * outward;
-            let sample = SurfaceSample {
+            let mut sample = SurfaceSample {
                 point: (corners[0] + corners[1] + corners[2]) / 3.0,
                 normal: vector.try_normalize()?,
                 area: vector.length(),
                 bend: bends[origins[triangle] as usize],
             };
+            let Some(crossings) = &crossings else { return Some((sample, false)) };
+            let is_inside = |side: f64| {
+                crossings.winding(&fine, sample.point + sample.normal * (side * CLOSE * grid.pitch)) != 0
+            };
+            let before = is_inside(1.0);
+            if is_closed {
+                let behind = is_inside(-1.0);
+                if before && !behind {
+                    sample.normal = -sample.normal;
+                }
+                return Some((sample, before && behind));
+            }
             let outside = grid.continuous(sample.point + sample.normal * (OUTSIDE * grid.pitch)).round();
             let within = (0..3).all(|axis| (0.0..grid.dims[axis] as f64).contains(&outside[axis]));
             let is_solid =
                 within && solid.solid[grid.index(outside.to_array().map(|v| v.max(0.0) as usize))] != 0;
-            let close = sample.point + sample.normal * (CLOSE * grid.pitch);
-            let hidden = is_solid && crossings.as_ref().is_some_and(|c| c.winding(&fine, close) != 0);
-            Some((sample, hidden))
+            Some((sample, before && is_solid))
         });
         let mut all = Self { mesh: Mesh::default(), samples: Vec::new(), hidden_area: 0.0 };
         for (triangle, found) in found.into_iter().enumerate() {
@@ -93,15 +110,20 @@ impl SurfaceSamples {
     }
 }
 
-/// By triangle, [`SurfaceSample::bend`].
-fn bends(mesh: &Mesh) -> Vec<f64> {
-    let normals: Vec<DVec3> =
-        (0..mesh.triangles.len()).map(|t| area_vector(mesh.corners(t)).normalize_or_zero()).collect();
-    let mut edges: Vec<([u32; 2], u32)> = Vec::with_capacity(3 * mesh.triangles.len());
+/// Every edge with every triangle that has it, those of one edge together.
+fn sorted_edges(mesh: &Mesh) -> Vec<([u32; 2], u32)> {
+    let mut edges = Vec::with_capacity(3 * mesh.triangles.len());
     for (triangle, &[a, b, c]) in mesh.triangles.iter().enumerate() {
         edges.extend([(a, b), (b, c), (c, a)].map(|(p, q)| ([p.min(q), p.max(q)], triangle as u32)));
     }
     parallel::sort(&mut edges);
+    edges
+}
+
+/// By triangle, [`SurfaceSample::bend`].
+fn bends(mesh: &Mesh, edges: &[([u32; 2], u32)]) -> Vec<f64> {
+    let normals: Vec<DVec3> =
+        (0..mesh.triangles.len()).map(|t| area_vector(mesh.corners(t)).normalize_or_zero()).collect();
     let mut bends = vec![0.0_f64; mesh.triangles.len()];
     for pair in edges.chunk_by(|a, b| a.0 == b.0) {
         // An edge of more than two triangles bends nothing.

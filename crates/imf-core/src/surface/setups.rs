@@ -197,7 +197,14 @@ mod tests {
             cylinder(ElementKind::Holder(0), 45.0, 75.0, 12.0),
         ];
         let (name, unit, sharp_points) = ("flat".into(), LengthUnit::Mm, SharpPoints::Tip);
-        Tool { name, unit, shape: ToolShape::Revolved(elements), sharp_points, overall_length: None }
+        Tool {
+            name,
+            unit,
+            shape: ToolShape::Revolved(elements),
+            sharp_points,
+            overall_length: None,
+            back_cutting: false,
+        }
     }
 
     /// The fewest set-ups for a plain block with a flat end mill whose flutes are longer than the block is high.

@@ -10,7 +10,8 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::sample_query::{Above, Last, Outcome, RingPlaces, SampleQuery};
+use super::level_ring::RingPlaces;
+use super::sample_query::{Above, Last, Outcome, SampleQuery};
 use super::skyline::{Body, Skyline, Waiting, boundary};
 use super::{CollisionEnvironment, Shape, SurfaceError, SurfaceSample, SurfaceTool, ToolDirection, Verdict};
 use crate::control::Control;

@@ -61,6 +61,8 @@ struct Definition {
     tolerance: f64,
     /// What lies deeper than the tolerance in the cutter.
     cutter: Element,
+    /// The same of fixtures.
+    at_fixtures: Element,
     /// Shank and holder, offset.
     rest: Vec<Element>,
     slack: f64,
@@ -75,7 +77,7 @@ impl Definition {
     /// What collides with what, from the tip upwards.
     fn hits(&self, tip: DVec3, axis: DVec3) -> Vec<(ElementKind, usize)> {
         let all = 0..self.bodies.len();
-        let cutter = all.clone().skip(1).filter(|&body| self.any(body, &self.cutter, tip, axis));
+        let cutter = all.clone().skip(1).filter(|&body| self.any(body, &self.at_fixtures, tip, axis));
         let mut hits: Vec<_> = cutter.map(|body| (ElementKind::Cutter, body)).collect();
         for element in &self.rest {
             let bodies = all.clone().filter(|&body| self.any(body, element, tip, axis));
@@ -132,7 +134,7 @@ fn verdicts_are_those_of_every_voxel_against_every_element() {
         tapered(0.8, 12.0, 12.0),
         tool(vec![bull, line(1.0, 9.0, 2.5, 2.5)], 2.0),
         // A slot cutter, and one with a step.
-        tool(vec![line(0.0, 2.5, 3.0, 3.0)], 1.2),
+        Tool { back_cutting: true, ..tool(vec![line(0.0, 2.5, 3.0, 3.0)], 1.2) },
         tool(vec![line(0.0, 4.0, 1.0, 1.0), line(4.0, 9.0, 2.2, 2.2)], 2.2),
     ];
     let (mut seen, mut searched) = ([0; 4], 0);
@@ -150,18 +152,20 @@ fn verdicts_are_those_of_every_voxel_against_every_element() {
         let tolerance = default_tolerance(pitch, LengthUnit::Mm);
 
         let outline = Outline::of(tool).unwrap();
-        let cutter = tool.cutter().unwrap().0.eroded(tolerance, outline.has_shoulder()).unwrap();
+        let shoulder = outline.shoulder;
+        let at = |depth: f64| tool.cutter().unwrap().0.eroded(depth, shoulder).unwrap();
         let offset = tool.offset_elements(&clearance).unwrap();
         let definition = Definition {
             bodies: solids.iter().map(|solid| centres(solid)).collect(),
             outline,
             tolerance,
-            cutter,
+            cutter: at(tolerance),
+            at_fixtures: at(TOUCH * tolerance),
             rest: offset.into_iter().filter(|e| e.kind != ElementKind::Cutter).collect(),
             slack: crate::tool::SLACK * pitch * pitch,
         };
-        let [body, fixture] = solids.map(SolidBody::from);
-        let environment = CollisionEnvironment::new(&body, &[fixture]);
+        let [body, fixture] = solids;
+        let environment = CollisionEnvironment::new(&body.into(), &[fixture]);
         let assembly = Tool::offset(tool, &clearance).unwrap();
         let fast = SurfaceTool::new(&environment, &assembly, tolerance).unwrap();
         let found = surface_access(&fast, &samples, &directions, Control::quiet()).unwrap();

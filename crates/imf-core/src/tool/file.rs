@@ -13,6 +13,7 @@
 //! length = 35.0
 //! # corner_radius = 1.0         # bull; tapered (half the diameter unless given)
 //! # half_angle = 5.0            # tapered, degrees
+//! # back_cutting = true         # its upper end cuts too, as that of a T-slot cutter
 //!
 //! [shank]                       # optional
 //! diameter = 10.0
@@ -83,6 +84,8 @@ struct CutterText {
     length: Spanned<f64>,
     corner_radius: Option<Spanned<f64>>,
     half_angle: Option<Spanned<f64>>,
+    #[serde(default)]
+    back_cutting: bool,
 }
 
 #[derive(Deserialize)]
@@ -240,7 +243,9 @@ impl Reader<'_> {
             })?,
         };
         let of_file = || path.file_stem().map_or_else(|| "tool".into(), |s| s.to_string_lossy().into_owned());
-        Ok(Tool { name: text.name.unwrap_or_else(of_file), unit, shape, sharp_points, overall_length })
+        let back_cutting = text.cutter.as_ref().is_some_and(|cutter| cutter.back_cutting);
+        let name = text.name.unwrap_or_else(of_file);
+        Ok(Tool { name, unit, shape, sharp_points, overall_length, back_cutting })
     }
 
     /// The stack, and the length of cutter and shank where the file states it beside the stick-out.

@@ -128,6 +128,7 @@ mod tests {
             shape: ToolShape::Revolved(elements.to_vec()),
             sharp_points: SharpPoints::Tip,
             overall_length: Some(60.0),
+            back_cutting: false,
         }
     }
 

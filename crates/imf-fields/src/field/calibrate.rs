@@ -21,6 +21,7 @@ use thiserror::Error;
 
 use crate::calibration::{Calibration, Goals, Judgement, Rate, decide, most_errors};
 use crate::field::Field;
+use crate::metrics::larger;
 use imf_core::control::Control;
 use imf_core::field::{Decision, ExactField, FieldError, PoseField};
 use imf_core::pose::Pose;
@@ -71,6 +72,9 @@ pub enum CalibrationError {
         /// The target rate.
         rate: f64,
     },
+    /// The field has a value that is no number.
+    #[error("the field has values that are not finite: it decides nothing, make or train it anew")]
+    NotFinite,
     /// Poses cannot be answered.
     #[error(transparent)]
     Planner(#[from] FieldError),
@@ -133,6 +137,9 @@ pub fn calibrate(
     let goals = settings.goals;
     let truth = Truth::new(field)?;
     let seen = truth.seen(Draw::Uniform, settings.uniform, 0, settings.seed, 0, control)?;
+    if seen.iter().any(|seen| !seen.value.is_finite()) {
+        return Err(CalibrationError::NotFinite);
+    }
     let values = |kind: Kind| {
         let mut values: Vec<f32> = seen.iter().filter(|s| s.kind == kind).map(|s| s.value).collect();
         values.sort_by(f32::total_cmp);
@@ -392,7 +399,7 @@ impl Thresholds {
             undecided: count(None, Some(Decision::Undecided)),
             found_free: count(Some(Kind::Clear), Some(Decision::Free)),
             misordered: Rate::new(misordered, pairs().count() as u64, self.goals.confidence),
-            largest_error: seen.iter().map(|s| s.error).fold(0.0, f64::max),
+            largest_error: seen.iter().map(|s| s.error).fold(0.0, larger),
         }
     }
 }

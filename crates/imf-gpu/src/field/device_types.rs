@@ -1,7 +1,7 @@
 //! Poses, gradients and decisions as the device reads and writes them.
 
 use bytemuck::{Pod, Zeroable};
-use glam::DQuat;
+use glam::{DQuat, DVec3};
 use imf_core::field::Decision;
 use imf_core::pose::Pose;
 
@@ -22,9 +22,17 @@ impl From<Pose> for DevicePose {
         // Of length 1 in double precision, so that no length is lost by rounding.
         let DQuat { x, y, z, w } = pose.rotation.normalize();
         let rotation = [x, y, z, w].map(|v| v as f32);
-        Self { position: pose.position.as_vec3().extend(0.0).to_array(), rotation }
+        // What is beyond single precision lies beyond every grid on the same side; what is no number stays none.
+        let held = match pose.position.is_finite() {
+            true => pose.position.clamp(DVec3::splat(-FARTHEST), DVec3::splat(FARTHEST)),
+            false => DVec3::NAN,
+        };
+        Self { position: held.as_vec3().extend(0.0).to_array(), rotation }
     }
 }
+
+/// Beyond this a coordinate is held: far beyond every grid, and far from where single precision ends.
+const FARTHEST: f64 = 1e30;
 
 /// A value and its derivatives as the device writes them.
 #[repr(C)]

@@ -22,7 +22,7 @@ pub(super) const LOSS_SLOTS: usize = 4096;
 pub(super) fn plan(layout: &PaddedLayout, limits: GpuLimits, max_batch: usize) -> (Plan, usize, usize) {
     let (inputs, outputs) = (layout.stack.inputs, layout.stack.outputs);
     let rows = rows_per_pass(layout, limits, max_batch);
-    let binding = limits.storage_binding.min(limits.buffer) as usize;
+    let binding = limits.binding() as usize;
     let max_slices = (binding / (4 * layout.parameters)).clamp(1, MAX_SLICES);
     // A smaller batch may have more slices than the largest one, never more than this.
     let slices = rows.div_ceil(SLICE_ROWS).min(max_slices);

@@ -2,12 +2,16 @@
 //! the paper's network.
 
 use glam::DVec3;
+use imf_core::field::{Best, PoseField as _};
+use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::pose::Pose;
 use imf_core::section::Quantity;
 use imf_fields::file::FieldFile;
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::coefficients::Precision;
 use imf_gpu::{Gpu, GpuField};
+use rayon::ThreadPoolBuilder;
+use rayon::prelude::*;
 
 use crate::devices::{every_device, open};
 use crate::fields::{Spec, scene, symmetries};
@@ -121,5 +125,36 @@ fn fields_over_rotations_are_answered_as_on_the_cpu() {
             compare_on_device(&gpu, &field);
             compare_minima_of(&field, &WITHIN, 300, "so3:40");
         }
+    }
+}
+
+/// More threads than there may be cores: one of them holds the field while it is made, and the others ask for it.
+#[test]
+#[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
+fn tasks_of_a_pool_ask_a_field_that_is_still_to_be_made() {
+    let (gpu, pool) = (open(), ThreadPoolBuilder::new().num_threads(8).build().expect("threads"));
+    let file = Spec::new(Domain::Directions, 7, 21, Quantity::Overlap).harmonic(Precision::F16);
+    let set = OrientationSet::parse("fibonacci:40").expect("a set").orientations;
+    let rotations: Vec<_> = set.iter().map(Orientation::quaternion).collect();
+    for _ in 0..4 {
+        let field = made(&gpu, FieldFile::Harmonic(file.clone()));
+        let poses = poses(&field.twin().scene().record.grid, 400);
+        let points: Vec<DVec3> = poses.iter().map(|pose| pose.position).collect();
+        let mut values = vec![f32::NAN; poses.len()];
+        let mut best = vec![Best::NONE; points.len()];
+        pool.install(|| {
+            let of_poses = poses.par_chunks(10).zip(values.par_chunks_mut(10));
+            let of_points = points.par_chunks(10).zip(best.par_chunks_mut(10));
+            of_poses.zip(of_points).for_each(|((poses, values), (points, best))| {
+                field.values(poses, values).expect("answers");
+                field.best(points, &rotations, best).expect("answers");
+            });
+        });
+        let (mut alone, mut best_alone) = (values.clone(), best.clone());
+        field.values(&poses, &mut alone).expect("answers");
+        field.best(&points, &rotations, &mut best_alone).expect("answers");
+        let bits = |values: &[f32]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
+        assert_eq!(bits(&alone), bits(&values));
+        assert!(best.iter().zip(&best_alone).all(|(a, b)| (a.value - b.value).abs() < WITHIN.value));
     }
 }

@@ -21,7 +21,7 @@ Conventions
 Everything computes without the interpreter's lock, on all cores or on those of :func:`set_threads`, and ends within a second of
 Ctrl-C. ``progress`` is a function of a stage's name, the units that are done and their number, or True for bars by ``tqdm``.
 
-Errors: ``ValueError`` for what makes no sense, ``OSError`` for files that cannot be read or written, ``MemoryError`` before
+Errors: ``ValueError`` for what makes no sense, ``OSError`` for files that cannot be read or written, ``MemoryError`` before voxels,
 sections, surfaces, trainings or a stock that would not fit, :class:`ImfError` for a computation that failed; :class:`SceneWarning` for what should be known of a scene that can
 be used all the same.
 """

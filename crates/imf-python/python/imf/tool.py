@@ -18,6 +18,8 @@ def _toml(value: Any) -> str:
     """A value as a tool file has it."""
     if isinstance(value, str):
         return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, (bool, np.bool_)):
+        return "true" if value else "false"
     if isinstance(value, Mapping):
         return "{ " + ", ".join(f"{key} = {_toml(own)}" for key, own in value.items()) + " }"
     if isinstance(value, (Sequence, np.ndarray)):
@@ -29,7 +31,7 @@ class Tool:
     """A tool of revolution, stacked from its tip upwards, or a mesh. Tool frame: the tip at the origin, +z from tip to holder.
 
     cutter: ``shape`` ("flat", "ball", "bull" or "tapered"), ``diameter`` (at the tip of a tapered one) and ``length``;
-    ``corner_radius`` of "bull" and "tapered", ``half_angle`` in degrees of "tapered".
+    ``corner_radius`` of "bull" and "tapered", ``half_angle`` in degrees of "tapered"; ``back_cutting`` where its upper end cuts too.
     shank: ``diameter`` and, where it is known, ``length``, with ``stick_out`` all of it, what is in the holder included.
     holder: parts from the tip upwards, each ``diameter`` and ``length``, and ``top_diameter`` of a cone.
     stick_out: from the tip to the holder's face; by default cutter and shank end to end.

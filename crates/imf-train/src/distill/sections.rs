@@ -20,7 +20,7 @@ use super::target::steps_before;
 use super::voxels::Voxels;
 use crate::training::TrainingEngine;
 use crate::training::online::with_arrivals;
-use crate::training::run::{Observer, Outcome, Start, TrainError, train_by};
+use crate::training::run::{Observer, Outcome, Report, Start, TrainError, train_by};
 use imf_core::control::Control;
 use imf_core::field::EngineError;
 use imf_core::grid::Grid;
@@ -141,6 +141,8 @@ impl<'a> SectionSource<'a> {
         let source = Source::new(self.plan, self.quantity)?;
         let field = self.field(settings.shape(self.axis_count()), engine.weights()?);
         let field = field.map_err(|error| EngineError::Shape(error.to_string()))?;
+        // A loss in units of the field; what watches the training sees it over the scale.
+        let squared = f64::from(field.scale).powi(2);
         let mut corrected = Corrected::new(engine, self, online, field, first);
         let mut scratch = SourceScratch::default();
         let make = |number| {
@@ -161,7 +163,9 @@ impl<'a> SectionSource<'a> {
                     });
                     Ok(())
                 };
-            train_by(plan, grid.len(), &mut feed, &mut corrected, start, observer)
+            train_by(plan, grid.len(), &mut feed, &mut corrected, start, &mut |report, engine| {
+                observer(&Report { mean_loss: report.mean_loss * squared, ..*report }, engine)
+            })
         })
     }
 }
@@ -279,7 +283,7 @@ impl TrainingEngine for Corrected<'_> {
             .collect();
         self.engine.step(inputs, &self.targets, learning_rate)?;
         self.gain = Some(gain);
-        self.squares += squares.iter().sum::<f64>() * f64::from(scale).powi(2) / values.len() as f64;
+        self.squares += squares.iter().sum::<f64>() / values.len() as f64;
         (self.done, self.steps) = (self.done + 1, self.steps + 1);
         Ok(())
     }

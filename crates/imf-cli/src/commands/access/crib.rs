@@ -12,7 +12,7 @@ use imf_core::machine::{AxisLimits, Machine};
 use imf_core::orientation::OrientationSet;
 use imf_core::set_cover::{CoverProblem, CoverSettings};
 use imf_core::surface::{
-    Reach, SurfaceError, SurfaceSamples, SurfaceTool, Verdict, crib_access, surface_access,
+    Reach, SurfaceError, SurfaceSamples, SurfaceTool, Verdict, contact_reach, crib_access, surface_access,
 };
 use imf_core::tool::ElementKind;
 
@@ -90,7 +90,8 @@ impl Crib {
                 Err(error) => undecided.push(Undecided::new(&tool.name, &error)),
             }
         }
-        let reach = kept.iter().map(|assembly| assembly.whole().reach()).fold(0.0, f64::max);
+        let reach =
+            kept.iter().map(|tool| tool.whole().reach() + contact_reach(tool.tool())).fold(0.0, f64::max);
         // A machine's head reaches farther than the tools.
         let reach = if machine.is_some() { f64::INFINITY } else { reach };
         let grid = spec.obstacle_grid(&query, reach)?;
@@ -103,8 +104,8 @@ impl Crib {
         let made = voxelise_with_progress(session, &spec, &grid, |spec| {
             SurfaceSettings::new(spec, &bodies, arguments, None)
         })?;
-        let SurfaceSettings { tolerance, solid, environment, .. } = made;
-        let samples = SurfaceSamples::new(&mesh, &solid, SAMPLES);
+        let SurfaceSettings { tolerance, environment, .. } = made;
+        let samples = SurfaceSamples::new(&mesh, environment.part(), SAMPLES);
         let on_machine = |(machine, _): (Machine, AxisLimits)| {
             OnMachine::new(session, machine.in_unit(unit), &bodies, &kept, &orientations, false)
         };

@@ -13,7 +13,7 @@ use imf_core::occupancy::Occupancy;
 use imf_core::orientation::{Limits, OrientationSet};
 use imf_core::scene::{Guarantee, SceneSpec, SceneWarning};
 use imf_core::section::{ElementPlans, SectionPlan};
-use imf_core::surface::{SurfaceError, with_ways_up};
+use imf_core::surface::{SurfaceError, contact_reach, with_ways_up};
 use imf_core::tool::{Assembly, Clearance, SharpPoints, Tool, ToolShape};
 use imf_core::unit::LengthUnit;
 
@@ -191,8 +191,12 @@ impl AccessRun {
             let whole = (positions.origin, positions.origin + positions.size());
             positions = positions.covering(lower.min(whole.0), upper.max(whole.1), 0)?;
         }
-        let reach =
-            tools.iter().map(|tool| tool.whole().reach_from_sharp_points(query.pitch)).fold(0.0, f64::max);
+        // From sharp points on the part's voxels, and from contact poses.
+        let reach = tools.iter().map(|tool| {
+            let whole = tool.whole();
+            whole.reach_from_sharp_points(query.pitch).max(whole.reach() + contact_reach(tool.tool()))
+        });
+        let reach = reach.fold(0.0, f64::max);
         // A tool that sticks out farther reaches farther, and so does a machine's head.
         let seen = if arguments.stickout || machine.is_some() { f64::INFINITY } else { reach };
         let obstacle_grid = spec.obstacle_grid(&positions, seen)?;
@@ -357,11 +361,11 @@ fn needed(
     let stock = stock.map_or(0, |stock| stock.len() as u64 * (3 + tools.len() as u64));
     // And up to half a dozen elements of each tool.
     let results = query.len() as u64 * (40 + 32 * tools.len() as u64);
-    // The surface: voxels, counts, distances and nearest voxels of every body, twice where shank and holder have their own, of all
-    // fixtures and of everything; and what distances are made from.
+    // The surface: voxels, counts, distances and nearest voxels of every body, twice of the part where shank and holder have their
+    // own, of all fixtures and of everything; and what distances are made from.
     let fixtures = spec.fixtures.len() as u64;
     let each = if spec.conservative { 2 } else { 1 };
-    let sets = each * (1 + fixtures) + if fixtures > 0 { 2 } else { 0 };
+    let sets = each + fixtures + if fixtures > 0 { 2 } else { 0 };
     let surface = (13 * sets + 10) * obstacle.len() as u64
         + SurfaceSettings::memory_estimate(orientations.len(), tools.len());
     let bodies = spec.fixture_voxels(obstacle)? + 4 * obstacle.len() as u64;

@@ -14,7 +14,6 @@ use std::path::Path;
 use anyhow::Result;
 use imf_core::field_files::{NamedField, write_ply, write_vti, write_vtp};
 use imf_core::mesh::Mesh;
-use imf_core::occupancy::Occupancy;
 use imf_core::scene::{Bodies, Guarantee, SceneSpec};
 use imf_core::surface::{
     CollisionEnvironment, Reach, SurfaceAccess, SurfaceError, SurfaceSamples, SurfaceTool, Verdict,
@@ -43,8 +42,6 @@ const LISTED: usize = 5;
 pub(super) struct SurfaceSettings {
     /// How deep a cutter may cut below the surface, in the part's unit.
     pub(super) tolerance: f64,
-    /// Part and fixtures by the rule of voxel centres.
-    pub(super) solid: Occupancy,
     /// Part and fixtures as tools meet them.
     pub(super) environment: CollisionEnvironment,
     /// The same at twice the pitch.
@@ -64,10 +61,9 @@ impl SurfaceSettings {
         setups: Option<SetupSettings>,
     ) -> Result<Self> {
         let (grid, unit) = (&bodies.part.grid, spec.unit);
-        let (environment, solid) = CollisionEnvironment::of_bodies(spec, bodies)?;
+        let environment = CollisionEnvironment::of_bodies(spec, bodies)?;
         Ok(Self {
             tolerance: arguments.tolerance.unwrap_or_else(|| default_tolerance(grid.pitch, unit)),
-            solid,
             environment,
             coarse: CollisionEnvironment::at_twice_the_pitch(spec, grid)?,
             setups,
@@ -114,11 +110,11 @@ pub(super) fn rgb(verdict: Verdict) -> [u8; 3] {
 
 impl Surface {
     pub(super) fn find(session: &Session, run: &AccessRun, asked: &SurfaceSettings) -> Result<Self> {
-        let samples = SurfaceSamples::new(&run.mesh, &asked.solid, SAMPLES);
+        let samples = SurfaceSamples::new(&run.mesh, asked.environment.part(), SAMPLES);
         let orientations = &run.orientations;
         let mut tools = Vec::new();
         for tool in 0..run.tools.len() {
-            let among = (&asked.environment, asked.solid.grid.pitch);
+            let among = (&asked.environment, asked.environment.pitch());
             tools.push(one_tool(session, run, tool, among, asked.tolerance, &samples)?);
         }
         let best = (0..samples.samples.len()).map(|sample| {

@@ -119,6 +119,7 @@ pub(super) fn tool(tool: &Tool) -> Description {
         "volume": tool.volume(),
         "axisymmetric": symmetric,
         "sharp_points": sharp,
+        "back_cutting": tool.back_cutting,
     });
     Description { lines, json }
 }
@@ -140,8 +141,9 @@ fn describe_element(element: &Element, tool: &Tool) -> (Line, serde_json::Value)
     let radii =
         if least == largest { short(largest) } else { format!("{} to {}", short(least), short(largest)) };
     let (unit, percent) = (tool.unit, 100.0 * volume / tool.volume());
+    let cuts = if tool.back_cutting && name == "cutter" { "; its upper end cuts too" } else { "" };
     let text = format!(
-        "{} to {} {unit} above the tip, radius {radii} {unit}, {percent:.1} % of the volume",
+        "{} to {} {unit} above the tip, radius {radii} {unit}, {percent:.1} % of the volume{cuts}",
         short(from),
         short(to)
     );

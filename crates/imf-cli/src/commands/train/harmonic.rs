@@ -17,7 +17,7 @@ use crate::arguments::harmonic::HarmonicArguments;
 use crate::arguments::quantity::scene_of;
 use crate::commands::calibrate;
 use crate::interrupt::Interrupted;
-use crate::output::{OutputFile, print_result};
+use crate::output::{OutputFile, print_result, short};
 use crate::session::{Session, show_bytes};
 
 pub(super) fn run(session: &Session, arguments: &HarmonicArguments) -> Result<()> {
@@ -84,7 +84,7 @@ pub(in crate::commands) fn validation_text(
     match quantity {
         Quantity::Overlap => format!("{at}, largest error {mpe:.3}"),
         Quantity::Depth => {
-            format!("{at} {unit}² (root {:.2} {unit}), largest error {mpe:.3} {unit}", mse.sqrt())
+            format!("{at} {unit}² (root {} {unit}), largest error {} {unit}", short(mse.sqrt()), short(*mpe))
         }
     }
 }

@@ -99,6 +99,7 @@ fn centred(name: &str, mesh: &Mesh) -> (Pose, HeadShape) {
         shape: ToolShape::Mesh(mesh),
         sharp_points: SharpPoints::Tip,
         overall_length: None,
+        back_cutting: false,
     };
     (Pose::new(middle, DQuat::IDENTITY), HeadShape::Mesh(tool))
 }

@@ -12,10 +12,10 @@ const STEP: f64 = 0.5;
 const BEYOND: f64 = 1e-3;
 
 impl SolidField {
-    /// The lateral step, in world units, that separates the tool from the solid centre that is deepest in it, measured across its
-    /// axis, among those nearest to the voxels around the axis. `None` where none of these is in the tool, at an invalid
-    /// pose, and of mesh tools.
-    pub(crate) fn lateral_separation(&self, pose: &Pose) -> Option<DVec3> {
+    /// The solid centre that is deepest in the tool, measured across its axis, among those nearest to the voxels around the axis,
+    /// in voxels; and the lateral step, in world units, that separates the tool from it. `None` where none of these is in the
+    /// tool, at an invalid pose, and of mesh tools.
+    pub(crate) fn lateral_separation(&self, pose: &Pose) -> Option<([f64; 3], DVec3)> {
         let Shape::Bodies(bodies) = &self.shape else { return None };
         let placed = self.placed(pose)?;
         // What holds no centre at all is sooner known.
@@ -24,7 +24,7 @@ impl SolidField {
         }
         let distances = self.voxels.distances();
         let dims = distances.dims();
-        let mut deepest = (0.0, DVec3::ZERO);
+        let mut deepest = (0.0, DVec3::ZERO, [0.0; 3]);
         let mut last = [usize::MAX; 8];
         for body in bodies {
             for part in &body.parts {
@@ -44,15 +44,15 @@ impl SolidField {
                             let (height, away) = seen_from_the_side(placed, voxel);
                             let depth = radius(&body.parts, height) - away.length();
                             if depth > deepest.0 {
-                                deepest = (depth, away);
+                                deepest = (depth, away, voxel);
                             }
                         }
                     }
                 }
             }
         }
-        let (depth, away) = deepest;
-        Some(away.try_normalize()? * (-(depth + BEYOND) * placed.pitch))
+        let (depth, away, voxel) = deepest;
+        Some((voxel, away.try_normalize()? * (-(depth + BEYOND) * placed.pitch)))
     }
 
     /// Height of a voxel along the axis of a tool, and its distance from it, in world units.

@@ -29,6 +29,7 @@ pub(in crate::surface) fn tool(cutter: Vec<Segment>, shank: f64) -> Tool {
         ),
         sharp_points: SharpPoints::Tip,
         overall_length: None,
+        back_cutting: false,
     }
 }
 
@@ -135,5 +136,6 @@ pub(in crate::surface) fn of_mesh(mesh: Mesh) -> Tool {
         shape: ToolShape::Mesh(mesh),
         sharp_points: SharpPoints::Tip,
         overall_length: None,
+        back_cutting: false,
     }
 }

@@ -36,6 +36,7 @@ fn tool(cutter: Vec<Segment>, shank: f64, holder: [Segment; 2]) -> Tool {
         shape: ToolShape::Revolved(elements.map(|(kind, profile)| Element { kind, profile }).to_vec()),
         sharp_points: SharpPoints::Tip,
         overall_length: None,
+        back_cutting: false,
     }
 }
 

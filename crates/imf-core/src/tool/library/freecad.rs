@@ -38,7 +38,14 @@ pub(super) fn tool(bytes: &[u8], wanted: Option<&str>) -> Result<Tool, Fault> {
     }
     let shape = bit.stack().map_err(|what| refused(&bit.name, &what))?.shape();
     let overall_length = bit.optional_length("Length").ok().flatten();
-    Ok(Tool { name: bit.name, unit: LengthUnit::Mm, shape, sharp_points: SharpPoints::Tip, overall_length })
+    Ok(Tool {
+        name: bit.name,
+        unit: LengthUnit::Mm,
+        shape,
+        sharp_points: SharpPoints::Tip,
+        overall_length,
+        back_cutting: false,
+    })
 }
 
 impl Bit {

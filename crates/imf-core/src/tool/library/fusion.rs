@@ -161,7 +161,7 @@ impl Entry {
         // A library that states none has 0.
         let overall_length =
             self.number_of("OAL").map_err(|what| refused(&name, &what))?.filter(|&l| l > 0.0);
-        Ok(Tool { name, unit, shape: stack.shape(), sharp_points, overall_length })
+        Ok(Tool { name, unit, shape: stack.shape(), sharp_points, overall_length, back_cutting: false })
     }
 
     /// The unit that the entry states, and its parts in it.

@@ -10,7 +10,7 @@ use crate::harmonic::HarmonicError;
 use crate::harmonic::basis::Basis;
 use crate::harmonic::mirror::Planes;
 use crate::harmonic::settings::{FitReport, FitSettings};
-use crate::metrics::Validation;
+use crate::metrics::{Validation, larger};
 use crate::siren::matrix::{Matrix, multiply, product};
 use imf_core::control::Control;
 use imf_core::orientation::Orientation;
@@ -142,7 +142,7 @@ impl Sample {
 /// Mean squared and largest error of a section's values.
 pub(super) fn section_error(values: impl Iterator<Item = f32>, exact: &[f32]) -> (f64, f64) {
     let errors = values.zip(exact).map(|(value, exact)| f64::from(value - exact));
-    let (sum, largest) = errors.fold((0.0, 0.0f64), |(sum, most), e| (sum + e * e, most.max(e.abs())));
+    let (sum, largest) = errors.fold((0.0, 0.0), |(sum, most), e| (sum + e * e, larger(most, e.abs())));
     (sum / exact.len() as f64, largest)
 }
 
