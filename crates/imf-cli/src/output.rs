@@ -2,6 +2,7 @@
 //!
 //! Answers go through `write`, not `println`: a reader that closes the pipe early then ends the command quietly.
 
+pub(crate) mod length;
 mod stale;
 
 use std::fs::{self, File, TryLockError};

@@ -38,7 +38,7 @@ use crate::occupancy::Occupancy;
 use crate::parallel;
 use crate::scene::SceneError;
 use crate::surface::SurfaceError;
-use crate::tool::{Clearance, ClearanceError, Tool, ToolError};
+use crate::tool::{Clearance, ClearanceError, Tool, ToolError, ToolShape};
 use crate::toolpath::Toolpath;
 use crate::unit::LengthUnit;
 use elements::{Body, Elements};
@@ -375,7 +375,17 @@ pub fn check_toolpath(
         })?);
     }
     lines.sort_by_key(|(index, ..)| *index);
-    Ok(report::gather(&lines, toolpath, settings, bodies.part.grid.pitch))
+    let mut report = report::gather(&lines, toolpath, settings, bodies.part.grid.pitch);
+    let ball = report.sure_depth;
+    // A slender tip is wide enough only farther up; one that never is, is never certain to be seen.
+    let of_tip = |&(_, tool): &(Option<u32>, &Tool)| match &tool.shape {
+        ToolShape::Revolved(_) => {
+            tool.tip_depth(0.5 * ball.min(tool.thinnest().1)).unwrap_or_else(|| tool.length())
+        }
+        ToolShape::Mesh(_) => ball,
+    };
+    report.sure_depth = tools.iter().map(of_tip).fold(ball, f64::max);
+    Ok(report)
 }
 
 #[cfg(test)]

@@ -60,8 +60,8 @@ impl Grid {
             return Err(GridError::Pitch(pitch));
         }
         let extent = checked_extent(lower, upper)?;
-        // A box that is a whole number of voxels up to rounding keeps that number.
-        let dims = (extent / pitch - 1e-9).ceil().max(DVec3::ONE) + 2.0 * margin as f64;
+        // A box that is a whole number of voxels keeps that number, also where its corners were rounded to seven digits.
+        let dims = (extent / pitch * (1.0 - 1e-6) - 1e-6).ceil().max(DVec3::ONE) + 2.0 * margin as f64;
         let most = dims.max_element();
         let dims = dims.to_array().map(|d| d as usize);
         if most > f64::from(i32::MAX) {

@@ -34,7 +34,7 @@ use glam::DMat4;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::control::Cancelled;
+use crate::control::{Cancelled, Control};
 use crate::distance::deeper_than;
 use crate::file_error::FileError;
 use crate::grid::{Grid, GridError};
@@ -43,6 +43,7 @@ use crate::obstacle::Obstacle;
 use crate::occupancy::Occupancy;
 use crate::tool::{Assembly, Clearance, ClearanceError, Tool};
 use crate::unit::{ImplausibleSize, LengthUnit};
+use crate::voxelize::voxelize_with;
 
 /// How the grid around the part is chosen.
 #[doc(hidden)]
@@ -206,6 +207,25 @@ impl Bodies {
     #[must_use]
     pub fn all_fixtures(&self) -> Occupancy {
         self.with_fixtures(Occupancy::empty(self.part.grid))
+    }
+
+    /// The same bodies by the rule of voxel centres, of the meshes where they are placed, the part's first: what stock is compared with,
+    /// since a voxel that the part only touches may hold some.
+    ///
+    /// # Errors
+    /// [`SceneError::Cancelled`].
+    pub fn by_centres<'m>(
+        &self,
+        placed: impl IntoIterator<Item = &'m Mesh>,
+        control: Control<'_>,
+    ) -> Result<Self, SceneError> {
+        let of =
+            |mesh: &Mesh, grid: &Grid| Ok::<_, SceneError>(voxelize_with(mesh, grid, false, control)?.solid);
+        let mut meshes = placed.into_iter();
+        let part = meshes.next().map_or_else(|| Ok(self.part.clone()), |mesh| of(mesh, &self.part.grid))?;
+        let fixtures = meshes.zip(&self.fixtures);
+        let fixtures = fixtures.map(|(mesh, (name, own))| Ok((name.clone(), of(mesh, &own.grid)?)));
+        Ok(Self { part, fixtures: fixtures.collect::<Result<_, SceneError>>()?, ..*self })
     }
 
     fn with_fixtures(&self, mut solid: Occupancy) -> Occupancy {

@@ -96,8 +96,10 @@ impl CoverProblem {
     pub fn beside(&self, other: &Self) -> Self {
         assert_eq!(self.sets(), other.sets());
         let share = |one: &Self| {
-            let whole = one.covered(&(0..one.sets()).collect::<Vec<_>>()).max(f64::MIN_POSITIVE);
-            one.weights.iter().map(|weight| weight / whole).collect::<Vec<_>>()
+            let whole = one.covered(&(0..one.sets()).collect::<Vec<_>>());
+            // Where no set covers anything there is nothing to choose by.
+            let share = |weight: &f64| if whole > 0.0 { weight / whole } else { 0.0 };
+            one.weights.iter().map(share).collect::<Vec<_>>()
         };
         let mut both = Self::new([share(self), share(other)].concat());
         let own = self.weights.len();

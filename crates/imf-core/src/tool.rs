@@ -14,6 +14,7 @@ mod library;
 mod offset;
 mod profile;
 mod sharp;
+mod slender_tip;
 #[cfg(feature = "formats")]
 mod stack;
 mod stick_out;

@@ -12,7 +12,7 @@ pub use csv::column_remedy;
 
 use std::path::Path;
 
-use glam::{DMat3, DMat4, DQuat, DVec3};
+use glam::{DMat4, DVec3};
 use serde::Serialize;
 use thiserror::Error;
 
@@ -248,13 +248,14 @@ impl Toolpath {
         Ok(())
     }
 
-    /// The path where a rigid motion puts it: from the part's own frame into the world.
+    /// The path where the part's motion puts it, which may scale evenly: from the part's own frame into the world.
     #[must_use]
     pub fn placed(&self, set_up: &DMat4) -> Self {
         if *set_up == DMat4::IDENTITY {
             return self.clone();
         }
-        let turn = DQuat::from_mat3(&DMat3::from_mat4(*set_up));
+        // A part that is scaled is turned as well, and the tool turned alone.
+        let (_, turn, _) = set_up.to_scale_rotation_translation();
         let placed = |location: &Location| {
             let Pose { position, rotation } = location.pose;
             let pose = Pose::new(set_up.transform_point3(position), turn * rotation);
@@ -346,5 +347,9 @@ mod tests {
         let placed = path.placed(&turn).locations[2];
         assert!((placed.pose.position - DVec3::new(-2.0, 1.0, 4.0)).length() < 1e-12);
         assert!((placed.pose.axis().unwrap() - DVec3::Y).length() < 1e-12);
+        // A part that is scaled as well takes its path along, and turns the tool as much.
+        let scaled = path.placed(&(DMat4::from_scale(DVec3::splat(2.0)) * turn)).locations[2].pose;
+        assert!((scaled.position - 2.0 * placed.pose.position).length() < 1e-12);
+        assert!((scaled.axis().unwrap() - DVec3::Y).length() < 1e-12);
     }
 }

@@ -9,8 +9,9 @@ use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
+use crate::arrays::{mesh_arrays, rows_of};
 use crate::errors::{Raise, value_error};
-use crate::scene::{Scene, mesh_arrays, rows_of};
+use crate::scene::Scene;
 use crate::sections::DirectionsInput;
 use crate::surface::QuestionError;
 use crate::tool::Tool;

@@ -11,9 +11,9 @@ use numpy::{PyArray1, PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
 use rayon::prelude::*;
 
+use crate::arrays::rows_of;
 use crate::errors::value_error;
 use crate::poses::PoseRows;
-use crate::scene::rows_of;
 use crate::work::{Progress, run};
 
 /// A decision as arrays hold it.

@@ -10,6 +10,7 @@
 //! - Errors keep the library's words; which exception they become is said in `errors`.
 #![allow(clippy::needless_pass_by_value, reason = "functions that Python calls take what it hands over")]
 
+mod arrays;
 mod checker;
 mod crib;
 mod errors;

@@ -8,14 +8,15 @@ use glam::{DMat4, DVec3};
 use imf_core::control::Control;
 use imf_core::mesh::Mesh;
 use imf_core::mesh::read::{MeshFile, read_mesh_file};
-use imf_core::orientation::{Orientation, OrientationSet};
+use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
 use imf_core::scene::{self, Bodies, Fixture, GridExtent, Guarantee, Resolution, SceneError, SceneSpec};
 use imf_core::tool::{self, Clearance};
 use imf_core::unit::LengthUnit;
-use numpy::{IntoPyArray as _, PyArray1, PyArray2, PyArray3, PyArrayMethods as _, PyReadonlyArray2};
+use numpy::{IntoPyArray as _, PyArray3, PyArrayMethods as _, PyReadonlyArray2};
 use pyo3::prelude::*;
 
+use crate::arrays::{MeshArrays, OrientationArrays, mesh_arrays, orientation_arrays};
 use crate::errors::{Raise, value_error};
 use crate::memory;
 use crate::tool::Tool;
@@ -236,6 +237,10 @@ impl Scene {
             )));
         }
         let unit = given.or(stated).unwrap_or_default();
+        if reference.is_some() && unit != LengthUnit::Mm {
+            return Err(value_error(format!("the built-in part {name} is in mm: leave unit out")));
+        }
+        let overruled = stated.filter(|stated| *stated != unit);
         let transform = matrix_of(&transform)?;
         let tool = match (tool, reference) {
             (Some(tool), _) => Some(tool.get().0.clone()),
@@ -282,6 +287,9 @@ impl Scene {
         let scene::BuiltScene { scene, warnings, undecided, chosen_pitch } = built;
         let mut warnings: Vec<String> = warnings.iter().map(ToString::to_string).collect();
         warnings.extend(chosen_pitch.map(|chosen| chosen.to_string()));
+        warnings.extend(
+            overruled.map(|stated| format!("{name} says that it is in {stated}; unit='{unit}' overrules it")),
+        );
         let (mesh, fixtures) = py.detach(|| {
             let consistent =
                 |(name, mesh, at): (String, Mesh, DMat4)| (name, mesh.with_consistent_faces().0, at);
@@ -364,37 +372,9 @@ impl Scene {
         self.usual_directions()
     }
 
-    /// The directions of a set, `[n, 3]`, from tip to holder.
-    fn directions<'py>(&self, py: Python<'py>, text: &str) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    /// Of a set.
+    fn orientations<'py>(&self, py: Python<'py>, text: &str) -> PyResult<OrientationArrays<'py>> {
         let set = py.detach(|| self.set(text)).map_err(Raise::raise)?;
-        directions_array(py, &set.orientations)
+        orientation_arrays(py, &set.orientations)
     }
-}
-
-/// Vertices `[n, 3]` and triangles `[m, 3]`.
-pub(crate) type MeshArrays<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<u32>>);
-
-/// A mesh as arrays.
-pub(crate) fn mesh_arrays<'py>(py: Python<'py>, mesh: &Mesh) -> PyResult<MeshArrays<'py>> {
-    let vertices: Vec<f64> = mesh.vertices.iter().flat_map(DVec3::to_array).collect();
-    let triangles: Vec<u32> = mesh.triangles.iter().flatten().copied().collect();
-    Ok((rows_of(py, vertices, 3)?, rows_of(py, triangles, 3)?))
-}
-
-/// Directions `[n, 3]`.
-pub(crate) fn directions_array<'py>(
-    py: Python<'py>,
-    orientations: &[Orientation],
-) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    rows_of(py, orientations.iter().flat_map(|o| o.direction().to_array()).collect(), 3)
-}
-
-/// Numbers as rows of a width.
-pub(crate) fn rows_of<T: numpy::Element>(
-    py: Python<'_>,
-    numbers: Vec<T>,
-    width: usize,
-) -> PyResult<Bound<'_, PyArray2<T>>> {
-    let rows = numbers.len() / width;
-    PyArray1::from_vec(py, numbers).reshape([rows, width])
 }

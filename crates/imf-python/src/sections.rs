@@ -6,14 +6,13 @@ use glam::{DQuat, DVec3};
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::scene;
 use imf_core::section::{SectionError, SectionPlan, ToolPoints, imf, stream_sections};
-use numpy::{
-    IntoPyArray as _, PyArray1, PyArray2, PyArray3, PyArray4, PyArrayMethods as _, PyReadonlyArray2,
-};
+use numpy::{IntoPyArray as _, PyArray1, PyArray3, PyArray4, PyArrayMethods as _, PyReadonlyArray2};
 use pyo3::prelude::*;
 
+use crate::arrays::{OrientationArrays, orientation_arrays};
 use crate::errors::{Raise, value_error};
 use crate::memory;
-use crate::scene::{Scene, directions_array};
+use crate::scene::Scene;
 use crate::work::{Progress, run, threads};
 
 /// Directions as Python gives them: the text of a set, directions `[n, 3]`, or quaternions x, y, z, w `[n, 4]`.
@@ -62,11 +61,11 @@ fn rotation_of(rotation: DQuat) -> Option<Orientation> {
     pose.is_valid().then(|| pose.orientation())
 }
 
-/// Values and best direction `[x, y, z]` of every voxel, and the directions `[n, 3]` that are counted.
-type Minimum<'py> = (Bound<'py, PyArray3<f32>>, Bound<'py, PyArray3<u32>>, Bound<'py, PyArray2<f64>>);
+/// Values and best orientation `[x, y, z]` of every voxel, and the orientations that are counted.
+type Minimum<'py> = (Bound<'py, PyArray3<f32>>, Bound<'py, PyArray3<u32>>, OrientationArrays<'py>);
 
-/// Values `[n, x, y, z]` and the directions `[n, 3]`.
-type Sections<'py> = (Bound<'py, PyArray4<f32>>, Bound<'py, PyArray2<f64>>);
+/// Values `[n, x, y, z]`, and the orientations.
+type Sections<'py> = (Bound<'py, PyArray4<f32>>, OrientationArrays<'py>);
 
 /// Bytes of counting sections.
 fn counting_memory(scene: &scene::Scene) -> u64 {
@@ -107,7 +106,7 @@ pub(crate) fn sections<'py>(
         Ok::<_, SectionError>(values)
     })?;
     let shape = [count, dims[0], dims[1], dims[2]];
-    Ok((PyArray1::from_vec(py, values).reshape(shape)?, directions_array(py, &set.orientations)?))
+    Ok((PyArray1::from_vec(py, values).reshape(shape)?, orientation_arrays(py, &set.orientations)?))
 }
 
 /// The minimum of the collision measure over directions at every voxel, and the first direction that has it.
@@ -129,5 +128,5 @@ pub(crate) fn minimum<'py>(
         imf(&plan, &set.orientations, control)
     })?;
     let value = found.value.into_pyarray(py).reshape(dims)?;
-    Ok((value, found.best.into_pyarray(py).reshape(dims)?, directions_array(py, &set.orientations)?))
+    Ok((value, found.best.into_pyarray(py).reshape(dims)?, orientation_arrays(py, &set.orientations)?))
 }

@@ -17,9 +17,10 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rayon::prelude::*;
 
+use crate::arrays::{mesh_arrays, orientation_arrays, rows_of};
 use crate::errors::{Raise, value_error};
 use crate::memory;
-use crate::scene::{Scene, directions_array, mesh_arrays, rows_of};
+use crate::scene::Scene;
 use crate::sections::DirectionsInput;
 use crate::work::{Progress, run};
 
@@ -141,7 +142,9 @@ impl Surface {
         found.set_item("areas", PyArray1::from_vec(py, areas))?;
         found.set_item("verdict", PyArray1::from_vec(py, verdicts))?;
         found.set_item("free", rows_of(py, free, columns)?)?;
-        found.set_item("directions", directions_array(py, &self.set.orientations)?)?;
+        let (directions, rotations) = orientation_arrays(py, &self.set.orientations)?;
+        found.set_item("directions", directions)?;
+        found.set_item("rotations", rotations)?;
         Ok(found)
     }
 

@@ -9,7 +9,7 @@ use imf_core::check::{
 };
 use imf_core::control::Control;
 use imf_core::machine::Machine;
-use imf_core::scene::PathGuarantee;
+use imf_core::scene::{Bodies, PathGuarantee};
 use imf_core::tool;
 use imf_core::toolpath::{PathReading, Toolpath};
 use pyo3::prelude::*;
@@ -97,6 +97,13 @@ pub(crate) fn check<'py>(
     let mut stock_left = None;
     if let Some(stock) = stock {
         let voxels = stock.voxels(py, own, &bodies)?;
+        let bodies = match record.conservative {
+            true => run(py, (&None, "", 0), |control| {
+                own.with_spec(control, |spec| bodies.by_centres(&spec.placed(), control))
+            })?,
+            false => Bodies::clone(&bodies),
+        };
+        let around = CheckBodies { part: &bodies.part, fixtures: &bodies.fixtures, ..around };
         let mut found = run(py, (&progress, "cutting the stock", lines), |control| {
             // Voxels of the stock reach nowhere out of it.
             let settings = CheckSettings { contact: contact.unwrap_or(usual.contact), ..settings };

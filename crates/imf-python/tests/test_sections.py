@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
-from conftest import Floats, inside_paper_tool
+from conftest import Floats, box, inside_paper_tool
 from numpy.typing import NDArray
 
 import imf
@@ -72,3 +74,21 @@ def test_the_solid_voxels_are_those_whose_centres_are_inside(block: imf.Scene) -
     np.testing.assert_allclose(block.grid.origin, 0.0, atol=1e-12)
     np.testing.assert_allclose(block.grid.axes()[0][:2], [0.25, 0.75])
     assert block.grid.centres().shape == (64_000, 3)
+
+
+def test_the_best_rotation_of_a_tool_that_is_not_round_is_free(tmp_path: Path) -> None:
+    vertices, faces = box((-3, -3, 0), (9, 3, 12))
+    lines = [f"v {x} {y} {z}" for x, y, z in vertices] + [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in faces]
+    (tmp_path / "head.obj").write_text("\n".join(lines))
+    (tmp_path / "head.toml").write_text('unit = "mm"\nmesh = "head.obj"\n')
+    part = box((0, 0, 0), (20, 20, 20))
+    scene = imf.Scene(part, imf.Tool.read(tmp_path / "head.toml"), pitch=1.0, margin=3)
+    found = scene.imf("so3:40")
+    places = np.argwhere(found.values == 0)
+    tips = np.stack([axis[places[:, k]] for k, axis in enumerate(scene.grid.axes())], -1)
+    best = found.best[tuple(places.T)]
+    checker = imf.Checker(scene)
+    assert len(places) > 1000 and not checker.classify(imf.poses(tips, found.rotations[best])).any()
+    # A direction does not say how the tool is rolled.
+    assert checker.classify(imf.poses(tips, found.directions[best])).any()
+    np.testing.assert_array_equal(scene.rotations("so3:40"), found.rotations)

@@ -100,14 +100,22 @@
   get('file').addEventListener('change', event => event.target.files[0] && take(event.target.files[0]));
   document.addEventListener('dragover', event => event.preventDefault());
   document.addEventListener('drop', guarded(event => event.dataTransfer.files[0] && take(event.dataTransfer.files[0])));
+  // Of several computations that were asked for, the last.
+  let latest = 0;
   const compute = async () => {
+    const mine = ++latest;
     const part = get('part').value;
     if (!part && !file) throw new Error('Choose a mesh file first, or a built-in part.');
     const bytes = part ? null : await file.arrayBuffer();
     const pitch = Number(get('pitch').value) || undefined;
     tell('voxels …');
     const made = await ask('scene', { part, file: bytes, name: file?.name, unit: get('unit').value, tool: get('tool').value, pitch });
+    if (mine !== latest) return;
     ({ unit, dims } = made);
+    // A field that was loaded may be of another part.
+    compared = undefined;
+    get('field').value = get('errors').textContent = '';
+    get('fitted').parentElement.hidden = get('over').parentElement.hidden = true;
     set_layers(dims[2]);
     show_part(made.corners, () => [160, 160, 165]);
     if (tool) stage.remove(tool);
@@ -118,12 +126,13 @@
     const begun = performance.now();
     const { triangles } = await ask('begin', { directions: get('directions').value, samples: 8000 });
     for (let left = triangles, found; left > 0; left = found.left) {
+      if (mine !== latest) return;
       found = await ask('advance', { count: 512 });
       const seconds = 0.001 * (performance.now() - begun), done = triangles - found.left;
       tell(`${done} of ${triangles} places, ${(seconds * found.left / Math.max(done, 1)).toFixed(0)} s left`);
       if (found.left === 0) show_access(found, seconds, made);
     }
-    await show_section();
+    if (mine === latest) await show_section();
   };
   const show_access = ({ corners, verdicts, areas, by }, seconds, { warnings, pitch }) => {
     show_part(corners, triangle => VERDICTS[verdicts[triangle]][1]);
@@ -146,14 +155,14 @@
   let asked = false, next = null;
   const place = async () => {
     while (next) {
-      const { point, axis } = next;
+      const { point, axis, tip } = next;
       next = null;
       const { hit, micro } = await ask('contact', { at: point.toArray(), axis: axis.toArray() });
       tool.position.copy(point);
       tool.quaternion.setFromUnitVectors(new THREE.Vector3(0, 0, 1), axis);
       tool.material.color.set(hit ? 0xcd1e1e : 0x3f8f4f);
       tool.visible = true;
-      reading.textContent = `${hit ? `the ${hit.element} hits, ${hit.depth.toPrecision(3)} ${unit} deep` : 'free'} · ${micro.toFixed(0)} µs`;
+      reading.textContent = `${tip}${hit ? `the ${hit.element} hits, ${hit.depth.toPrecision(3)} ${unit} deep` : 'free'} · ${micro.toFixed(0)} µs`;
       draw();
     }
     asked = false;
@@ -167,7 +176,8 @@
     if (!hit) { tool.visible = false; reading.textContent = ''; draw(); return; }
     const angles = document.querySelector('input[name=from][value=angles]').checked;
     const axis = angles ? direction() : hit.face.normal.clone().normalize();
-    next = { point: hit.point.clone(), axis };
+    // Along the surface's own normal the tool touches with its tip; else the tip alone is there.
+    next = { point: hit.point.clone(), axis, tip: angles ? 'with the tip here: ' : '' };
     if (!asked) { asked = true; place().catch(error => tell(error.message, true)); }
   });
 

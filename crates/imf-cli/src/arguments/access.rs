@@ -51,7 +51,7 @@ pub(crate) struct AccessArguments {
     /// Tools to choose from, in place of --tool: files, folders of them, whole libraries of FreeCAD and Fusion. The surface alone is
     /// decided: which tools serve it where, the fewest that cover it, and what none reaches
     #[arg(long, value_name = "PATH", num_args = 1.., group = "covering", conflicts_with_all =
-        ["tool", "setups", "stickout", "removable", "stock", "map", "lists", "contact", "tau"])]
+        ["tool", "setups", "stickout", "removable", "stock", "map", "lists", "contact", "tau", "html"])]
     pub(crate) crib: Vec<String>,
     /// The least stick-out with which each tool reaches the surface, its holder moved along its shank
     #[arg(long)]

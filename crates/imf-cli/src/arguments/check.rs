@@ -28,7 +28,7 @@ use super::scene::SceneArguments;
                         and travel is checked; the part lies in the frame of the machine's work offset G54.\n\
                         Coordinates are in the part's frame, that of its file, or with --frame world in the frame into which \
                         --transform sets the part up; so are those of the answer.\n\
-                        Exit code 3 says that something collides, 2 that the toolpath or a tool cannot be checked."
+                        Exit code 3 says that something collides or leaves the travel, 2 that the toolpath or a tool cannot be checked."
 )]
 pub(crate) struct CheckArguments {
     #[command(flatten)]

@@ -1,5 +1,7 @@
 //! The meshes of a scene: the part, fixtures around it, each `FILE[@STEPS]`, and the stock it is cut from.
 
+use std::fs::File;
+use std::io::Read as _;
 use std::path::Path;
 use std::str::FromStr as _;
 
@@ -17,6 +19,7 @@ use imf_core::voxelize::Voxelized;
 
 use super::scene::warn_of;
 use super::transform::parse_transform;
+use crate::output::short;
 use crate::session::Session;
 
 /// A part as read, before it is voxelised.
@@ -144,6 +147,20 @@ pub(crate) struct Stock {
     pub(crate) name: String,
     pub(crate) mesh: Mesh,
     repair: FaceRepair,
+    /// The pitch of the voxels of which a path's check left it so, in the part's unit.
+    left_by: Option<f64>,
+}
+
+/// Before the pitch of the voxels in the comment of what a path's check leaves of a stock.
+pub(crate) const BY_VOXELS: &str = "by voxels of ";
+
+/// That pitch, and its unit; `None` of other files.
+fn left_by(path: &Path) -> Option<(f64, LengthUnit)> {
+    let mut head = [0; 80];
+    File::open(path).ok()?.read_exact(&mut head).ok()?;
+    let text = String::from_utf8_lossy(&head);
+    let mut words = text.split_once(BY_VOXELS)?.1.split_whitespace();
+    Some((words.next()?.parse().ok()?, words.next()?.trim_end_matches('\0').parse().ok()?))
 }
 
 impl Stock {
@@ -171,7 +188,8 @@ impl Stock {
             let mesh = Mesh::cuboid(part_box.0 - margin, part_box.1 + margin);
             let around =
                 if margin > 0.0 { format!(" and {margin} {part_unit} around") } else { String::new() };
-            return Ok(Self { name: format!("the part's box{around}"), mesh, repair: FaceRepair::default() });
+            let name = format!("the part's box{around}");
+            return Ok(Self { name, mesh, repair: FaceRepair::default(), left_by: None });
         }
         let argument =
             parse_fixture(text).map_err(|why| anyhow!("the stock {text} cannot be used: {why}"))?;
@@ -179,12 +197,23 @@ impl Stock {
             .with_context(|| format!("the stock {text} cannot be used"))?;
         let file = file.around_part_in(part_unit);
         let mesh = file.mesh.transformed(&(*transform * argument.transform));
-        Ok(Self { name: file.name, mesh, repair: file.repair })
+        let left_by = left_by(Path::new(&argument.file));
+        let left_by = left_by.map(|(pitch, unit)| pitch * unit.in_mm() / part_unit.in_mm());
+        Ok(Self { name: file.name, mesh, repair: file.repair, left_by })
     }
 
     /// Its voxels on a grid. A mesh that does not say what is inside is refused, and one that hardly does is warned of.
     pub(crate) fn voxels(&self, session: &Session, grid: &Grid, control: Control<'_>) -> Result<Occupancy> {
         warn_of(session, &SceneWarning::of_repair(&self.name, &self.repair, self.mesh.triangles.len()));
+        if let Some(pitch) = self.left_by.filter(|pitch| *pitch > grid.pitch * (1.0 + 1e-6)) {
+            session.warn(&format!(
+                "the stock '{}' is what was left by voxels of {}, larger than those of now: its faces lie up to {} from where the cutter \
+                 passed, and what touches it less deep may be missed; follow all programs at one pitch",
+                self.name,
+                short(pitch),
+                short(0.75_f64.sqrt() * pitch)
+            ));
+        }
         let Voxelized { solid, undecided } = solid_voxels(&self.name, &self.mesh, grid, false, control)?;
         if undecided > 0.0 {
             session.warn(&format!(

@@ -44,6 +44,13 @@ impl SceneArguments {
     /// given and the part is not built in.
     pub(crate) fn read(&self, session: &Session, asks: bool) -> Result<SceneInputs> {
         let part = Part::read(&self.part, self.unit, None)?.scaled(self.scale);
+        if part.reference.is_some() && self.unit.is_some_and(|unit| unit != part.unit) {
+            bail!(
+                "the built-in part {} is in {}: leave --unit out (--scale makes it larger)",
+                part.name,
+                part.unit
+            );
+        }
         let mut tools = self.tool.iter().map(|tool| read_tool(tool)).collect::<Result<Vec<_>>>()?;
         if tools.is_empty() && part.reference.is_some() {
             tools.push(Tool::paper());

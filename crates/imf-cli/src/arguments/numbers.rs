@@ -33,6 +33,14 @@ pub fn parse_threshold(text: &str) -> Result<f64, String> {
     }
 }
 
+/// A value of a field, which its quantity bounds.
+pub fn parse_value(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() => Ok(value),
+        _ => Err("a finite number, such as 0.001 or -0.5".into()),
+    }
+}
+
 /// How many of something that there must be.
 pub fn parse_count(text: &str) -> Result<usize, String> {
     match text.parse::<usize>() {

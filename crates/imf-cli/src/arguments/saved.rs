@@ -8,7 +8,7 @@ use imf_fields::calibration::Goals;
 use imf_fields::field::calibrate::CalibrationSettings;
 
 use super::FieldDeviceArguments;
-use super::numbers::parse_threshold;
+use super::numbers::parse_value;
 
 /// Choose a field's thresholds for free and colliding, measure the error rates of its decisions, and save both in its file
 #[derive(Args)]
@@ -84,7 +84,7 @@ pub(crate) struct EvalArguments {
     pub(crate) imf: Option<String>,
     /// Value above which a pose is called colliding, instead of the calibrated one; a field that was never calibrated is, for the
     /// report
-    #[arg(long, value_name = "τ", value_parser = parse_threshold)]
+    #[arg(long, value_name = "τ", value_parser = parse_value)]
     pub(crate) threshold: Option<f64>,
     /// Seed of the random orientations
     #[arg(long, default_value_t = 1)]

@@ -7,6 +7,7 @@ mod stock;
 mod text;
 mod view;
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use anyhow::Result;
@@ -88,7 +89,14 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
     }
     let numbered: Vec<(Option<u32>, &Tool)> = tools.iter().map(|(number, tool)| (*number, tool)).collect();
     let settings = arguments.settings(record.grid.pitch, record.unit);
-    let read_stock = |text: &String| StockInput::read(session, text, record, &bodies, &meshes[0].1);
+    let bare = match record.conservative && arguments.stock.is_some() {
+        true => {
+            let placed = meshes.iter().map(|(_, mesh)| mesh);
+            Cow::Owned(bodies.by_centres(placed, session.control(&|_| {}))?)
+        }
+        false => Cow::Borrowed(&bodies),
+    };
+    let read_stock = |text: &String| StockInput::read(session, text, record, &bare.part, &meshes[0].1);
     let stock = arguments.stock.as_ref().map(read_stock).transpose()?;
     let machine = match machine {
         Some(machine) => Some(MachineBodies::new(machine, record.grid.pitch, session.control(&|_| {}))?),
@@ -124,13 +132,14 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
             // Voxels of the stock reach nowhere out of it.
             let settings =
                 CheckSettings { contact: arguments.contact_of_bare_voxels(record.unit), ..settings };
+            let around = CheckBodies { part: &bare.part, fixtures: &bare.fixtures, ..around };
             let stage = session.stage("cutting the stock", "lines", toolpath.locations.len() as u64);
             let advance = |n| stage.advance(n);
             let control = session.control(&advance);
             let found = check_stock(around, &stock.voxels, &numbered, &toolpath, &settings, control);
             let found = found.map_err(stopped)?;
             stage.finish("");
-            Some(StockResult::new(stock, found, &mut report, &bodies.part, settings, &toolpath, record))
+            Some(StockResult::new(stock, found, &mut report, &bare.part, settings, &toolpath, record))
         }
     };
     let mut written = Vec::new();
@@ -145,7 +154,7 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
             written.push("worst.png");
         }
         if let Some(stock) = &stock {
-            written.extend(stock.write_files(&bodies.part, &record.transform.inverse(), folder)?);
+            written.extend(stock.write_files(&bare.part, &record.transform.inverse(), folder)?);
         }
     }
     let back = set_up.inverse();

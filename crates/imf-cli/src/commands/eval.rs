@@ -1,6 +1,6 @@
 //! `imf eval`: a field of any family against the exact one.
 
-use anyhow::Result;
+use anyhow::{Result, ensure};
 use imf_core::orientation::OrientationSet;
 use imf_core::section::SectionPlan;
 use imf_fields::field::Field;
@@ -10,7 +10,7 @@ use imf_fields::harmonic::basis::Basis;
 use crate::arguments::saved::EvalArguments;
 use crate::commands::calibrate::{DecisionQuality, measure_decisions};
 use crate::engine::{Device, DeviceField, Workload};
-use crate::output::{prepare_folder, print_result};
+use crate::output::{prepare_folder, print_result, short};
 use crate::report::{EvaluationSettings, Subject, evaluate};
 use crate::session::Session;
 
@@ -65,6 +65,13 @@ pub(super) fn require_memory(session: &Session, device: &Device, stored: &FieldF
 /// What is compared; of a field over rotations the random orientations roll too.
 fn eval_settings(arguments: &EvalArguments, stored: &FieldFile) -> Result<EvaluationSettings> {
     let EvalArguments { in_sample, out_of_sample, random, seed, threshold, .. } = *arguments;
+    let [least, most] = stored.quantity().bounds(stored.scene().record.grid.pitch);
+    ensure!(
+        threshold.is_none_or(|threshold| (least..most).contains(&threshold)),
+        "a threshold of this field is at least {} and below {}, as its values are",
+        short(least),
+        short(most)
+    );
     let (random, imf) = match stored {
         FieldFile::Siren(model) => {
             let random = OrientationSet::parse(&format!("random:{random}:{seed}"))?;

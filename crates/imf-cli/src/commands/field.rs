@@ -17,7 +17,7 @@ use imf_core::mesh::MachiningDirection;
 use imf_core::obstacle::Obstacle;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::scene::Scene;
-use imf_core::section::{DepthPlan, ElementPlans, Quantity, SectionPlan, ToolPoints};
+use imf_core::section::{DEPTH_CAP, DepthPlan, ElementPlans, Quantity, SectionPlan, ToolPoints};
 use imf_core::unit::LengthUnit;
 use imf_fields::calibration::{Calibration, Verdict};
 use imf_fields::file::FieldFile;
@@ -32,7 +32,7 @@ use super::notes;
 use crate::arguments::field::FieldArguments;
 use crate::arguments::orientations::{Directions, default_set};
 use crate::engine::Device;
-use crate::output::{OutputFolder, SUMMARY, same_digits};
+use crate::output::{OutputFolder, SUMMARY, same_digits, short};
 use crate::session::Session;
 
 /// The list of orientations beside the fields: their indices count its lines.
@@ -197,7 +197,7 @@ impl Work<'_> {
             Values::Exact(ExactSections { depth: None, .. }) => Quantity::Overlap,
             Values::Exact(_) => Quantity::Depth,
         };
-        Measure::of(quantity, self.scene.record.unit)
+        Measure::of(quantity, self.scene.record.unit, self.scene.record.grid.pitch)
     }
 
     /// Largest value of what counts as accessible: 0 where values are counted; of a saved field its calibrated threshold, if it has
@@ -266,6 +266,7 @@ impl Work<'_> {
             "computed_by": self.computed_by(),
             "guarantee": self.guarantee(),
             "quantity": self.measure().quantity,
+            "clamped_within": (!self.measure().quantity.is_overlap()).then(|| self.measure().most),
             "tau": self.tau().map(same_digits),
             "verdict": self.verdict(),
             "harmonic": null,
@@ -321,10 +322,14 @@ struct Measure {
     minimum_label: String,
     /// Before the largest value.
     short: String,
+    /// How large values can be.
+    most: f64,
+    pitch: f64,
 }
 
 impl Measure {
-    fn of(quantity: Quantity, unit: LengthUnit) -> Self {
+    fn of(quantity: Quantity, unit: LengthUnit, pitch: f64) -> Self {
+        let [_, most] = quantity.bounds(pitch);
         let [section, minimum, section_label, minimum_label, short] = match quantity {
             Quantity::Overlap => {
                 ["cmf", "imf", "collision measure CMF", "inaccessibility measure IMF", "CMF"]
@@ -338,7 +343,21 @@ impl Measure {
                 format!("depth, {unit}"),
             ],
         };
-        Self { quantity, section, minimum, section_label, minimum_label, short }
+        Self { quantity, section, minimum, section_label, minimum_label, short, most, pitch }
+    }
+
+    /// The largest value in words: depths end at a bound, and what is as deep as that may be deeper.
+    fn largest(&self, value: f32) -> String {
+        let is_held = !self.quantity.is_overlap() && f64::from(value) >= self.most - 0.6 * self.pitch;
+        format!("{}{value:.4}", if is_held { "at least " } else { "" })
+    }
+
+    /// What a reader of depths must know; nothing of overlaps.
+    fn held(&self, unit: LengthUnit) -> Option<String> {
+        let [pitches, most] = [DEPTH_CAP as f64, self.most].map(short);
+        (!self.quantity.is_overlap()).then(|| {
+            format!("depths are known within {pitches} voxels, {most} {unit}: what is deeper, or farther away, has that bound")
+        })
     }
 }
 
@@ -350,8 +369,15 @@ struct Outside {
 }
 
 impl Outside {
-    fn percent(self) -> f64 {
-        100.0 * self.accessible as f64 / (self.accessible + self.inaccessible).max(1) as f64
+    /// How many of the voxels, that are at a place, are accessible.
+    fn text(self, place: &str) -> String {
+        match self.accessible + self.inaccessible {
+            0 => "no voxel of the grid is outside the part".into(),
+            all => {
+                let percent = 100.0 * self.accessible as f64 / all as f64;
+                format!("{} of {all} voxels{place} ({percent:.1} %)", self.accessible)
+            }
+        }
     }
 }
 

@@ -48,7 +48,15 @@ pub(crate) fn run(session: &Session, arguments: &VoxelizeArguments) -> Result<()
     });
     let [x, y, z] = grid.dims;
     let surface = if mesh.closed {
-        let added = if mesh.components > 1 { ", of all components added up" } else { "" };
+        // Of enough voxels, which differ from the mesh by less.
+        let differs = obstacle.count() > 1000 && (mesh.signed_volume.abs() / volume - 1.0).abs() > 0.2;
+        let added = match (mesh.components > 1, differs) {
+            (true, _) => ", of all components added up",
+            (false, true) => {
+                " by the sides that its faces show, not the voxels': it crosses itself, or some of it faces inwards"
+            }
+            (false, false) => "",
+        };
         format!("closed, volume {} {unit}³{added}", show_measure(mesh.signed_volume.abs()))
     } else {
         format!(

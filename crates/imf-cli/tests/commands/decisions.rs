@@ -78,6 +78,11 @@ fn a_field_of_depth_is_calibrated_when_it_is_made_and_leaves_little_near() {
     assert!((depth - counted).abs() < 3.87 && counted > 0.0, "{exact}");
     assert_eq!((&exact[0]["decision"], &exact[0]["outside"]), (&"colliding".into(), &false.into()));
     // The report's decisions follow the file's threshold, and its error is a stranger's.
+    // As the field's values are.
+    folder.refuse(
+        &["eval", "depth.safetensors", "--threshold", "1e6"],
+        &["a threshold of this field is at least -"],
+    );
     let eval = folder.json(&["eval", "depth.safetensors", "--random", "6", "--imf", "fibonacci:6"]);
     let told = &info["report"]["validation"];
     let number = |value: &Value| value.as_f64().unwrap_or_else(|| panic!("{value}"));

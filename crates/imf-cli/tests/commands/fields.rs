@@ -280,3 +280,33 @@ fn ctrl_c_keeps_finished_sections() {
     let left = folder.entries().into_iter().filter(|path| path.to_string_lossy().contains("cmf-")).count();
     assert_eq!(left, 0);
 }
+
+#[test]
+fn a_tool_that_is_not_at_its_tip_is_said_and_so_is_how_far_depths_are_known() {
+    let folder = Folder::new();
+    folder.write(
+        "off.toml",
+        "name = 'off'\nsharp_points = [[0, 0, -50]]\n[cutter]\nshape = 'flat'\ndiameter = 30\nlength = 60\n",
+    );
+    let run = folder.run(&arguments(&[
+        "--tool",
+        "off.toml",
+        "--orientations",
+        "0,0;90,0",
+        "--imf",
+        "--quantity",
+        "depth",
+        "--out",
+        "out",
+    ]));
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    assert!(run.stderr.contains("another of its sharp points, is 50 mm away from it"), "{}", run.stderr);
+    assert!(
+        run.stdout.contains("largest depth ") && run.stdout.contains("depths are known within 8 voxels"),
+        "{}",
+        run.stdout
+    );
+    let summary: serde_json::Value = serde_json::from_str(&folder.read("out/summary.json")).unwrap();
+    let pitch = summary["scene"]["grid"]["pitch"].as_f64().unwrap();
+    assert!((summary["clamped_within"].as_f64().unwrap() / pitch - 8.0).abs() < 1e-6);
+}

@@ -193,3 +193,36 @@ fn of_a_row_of_rapids_the_first_that_cuts_is_named() {
         (Some(3), &json!(2), &json!(3))
     );
 }
+
+#[test]
+fn what_is_left_of_the_stock_is_so_by_centres_where_voxels_are_conservative_too() {
+    let folder = folder("face.nc", &facing());
+    let of = |more: &[&str]| {
+        let (_, found) =
+            answer(&check(&folder, "face.nc", &[&["--stock", "box:3", "--json"], more].concat()));
+        (found["stock"]["left"].clone(), found["stock"]["removed"].clone())
+    };
+    assert_eq!(of(&["--conservative", "--contact", "0.5"]), of(&[]));
+}
+
+#[test]
+fn a_stock_that_larger_voxels_left_is_warned_of() {
+    let folder = folder("face.nc", &facing());
+    check(&folder, "face.nc", &["--stock", "box:3", "--out", "out"]);
+    let again = |pitch: &str| {
+        let usual = [
+            "check",
+            "block.obj",
+            "face.nc",
+            "--unit",
+            "mm",
+            "--tool",
+            "mill.toml",
+            "--stock",
+            "out/stock.stl",
+        ];
+        folder.run(&[&usual[..], &["--pitch", pitch]].concat()).stderr
+    };
+    assert!(again("0.4").contains("was left by voxels of 0.5, larger than those of now"), "{}", again("0.4"));
+    assert!(!again("0.5").contains("was left by"));
+}

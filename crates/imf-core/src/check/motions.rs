@@ -1,6 +1,6 @@
 //! The motions of a toolpath: which tool makes each, and at how many poses it is looked at.
 
-use glam::{DMat3, DMat4, DQuat, DVec3};
+use glam::{DMat4, DVec3};
 
 use super::{CheckError, CheckSettings, Collision};
 use crate::machine::{Machine, MachineMotion, Side};
@@ -71,9 +71,9 @@ impl Motion<'_> {
     }
 }
 
-/// A rigid motion as a pose.
+/// A rigid motion as a pose, what it scales by left out.
 pub(super) fn rigid(motion: &DMat4) -> Pose {
-    let rotation = DQuat::from_mat3(&DMat3::from_mat4(*motion)).normalize();
+    let (_, rotation, _) = motion.to_scale_rotation_translation();
     Pose::new(motion.transform_point3(DVec3::ZERO), rotation)
 }
 

@@ -117,7 +117,8 @@ pub struct TravelFault {
 pub struct CheckReport {
     /// What was accepted.
     pub settings: CheckSettings,
-    /// [`CheckSettings::sure_depth`] of these settings and voxels.
+    /// How deep an overlap must be to be certain to be detected, in walls no thinner: it then holds the ball of
+    /// [`CheckSettings::sure_depth`], which a slender tip does only where it is deep enough to be as wide.
     pub sure_depth: f64,
     /// Lines of the toolpath that lead somewhere.
     pub locations: usize,

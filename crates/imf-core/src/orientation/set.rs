@@ -200,6 +200,8 @@ impl OrientationSet {
         let text = std::fs::read_to_string(path)
             .map_err(|source| OrientationSetError::Read { path: spec.clone(), source })?;
         let fail = |what: String| OrientationSetError::Value { spec: spec.clone(), what };
+        // Some editors begin a file with a byte order mark.
+        let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
         let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
         let header = lines.next().map(|(_, line)| line.replace(' ', "").to_ascii_lowercase());
         // As `imf field` lists its orientations.

@@ -35,6 +35,17 @@ impl Guarantee {
         Self::with_needed(conservative, tool, clearance, contact, HALF_DIAGONAL * pitch)
     }
 
+    /// By how much the surface may lie nearer to shank and holder than what they were kept off, on voxels of a pitch; `None` where it
+    /// does not.
+    #[must_use]
+    pub fn surface_nearer_by(&self, pitch: f64) -> Option<f64> {
+        match *self {
+            Self::Centres => Some(pitch),
+            Self::Voxels { needed } => Some(needed),
+            Self::HolderAndShank | Self::Mesh => None,
+        }
+    }
+
     /// Which guarantee a clearance gives of which `needed` is enough.
     fn with_needed(
         conservative: bool,

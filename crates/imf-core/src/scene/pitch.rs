@@ -37,6 +37,8 @@ pub struct ChosenPitch {
 pub enum PitchReason {
     /// Six voxels across the tool's thinnest element, of this diameter.
     Tool(f64),
+    /// Six voxels across the ball of this diameter that a tool's slender tip holds within three diameters from its end.
+    Tip(f64),
     /// 48 voxels along the part's longest side, of this length.
     Part(f64),
     /// Four voxels across the part's shortest side, of this length.
@@ -53,8 +55,10 @@ impl ChosenPitch {
     pub fn new(extents: DVec3, unit: LengthUnit, tools: &[Tool], fits: &dyn Fn(f64) -> bool) -> Self {
         let (longest, shortest) = (extents.max_element(), extents.min_element());
         let thinnest = tools.iter().map(|tool| tool.thinnest().1).fold(f64::INFINITY, f64::min);
+        let tip = tools.iter().filter_map(Tool::slender_tip).fold(f64::INFINITY, f64::min);
         let mut candidates = vec![
             (thinnest / ACROSS_TOOL, PitchReason::Tool(thinnest)),
+            (tip / ACROSS_TOOL, PitchReason::Tip(tip)),
             (longest / ALONG_PART, PitchReason::Part(longest)),
             (shortest / ACROSS_PART, PitchReason::Sheet(shortest)),
         ];
@@ -103,6 +107,11 @@ impl fmt::Display for ChosenPitch {
             PitchReason::Tool(across) => {
                 write!(f, "a sixth of the tool's thinnest element ({} {unit})", Length(*across))
             }
+            PitchReason::Tip(across) => write!(
+                f,
+                "a sixth of the largest ball that the tool's slender tip holds near its end ({} {unit})",
+                Length(*across)
+            ),
             PitchReason::Part(along) => {
                 write!(f, "a 48th of the part's longest side ({} {unit})", Length(*along))
             }

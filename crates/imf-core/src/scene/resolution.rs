@@ -124,6 +124,7 @@ impl SceneSpec<'_> {
         let (lower, upper) = self.part_bounds()?;
         let proportion = proportion_check((upper - lower).max_element(), tool.thinnest().1, self.unit);
         let mut warnings: Vec<SceneWarning> = proportion.map(SceneWarning::Proportion).into_iter().collect();
+        warnings.extend(SceneWarning::of_frame(&tool, grid.pitch));
         if let Some(coarse) = CoarseTool::of(&tool, grid.pitch, self.unit) {
             if !self.allow_coarse {
                 return Err(SceneError::Coarse(coarse));

@@ -226,6 +226,14 @@ impl<'a> SceneSpec<'a> {
         Ok(Bodies { part, fixtures, undecided })
     }
 
+    /// Part and fixtures where they are placed, in the order of [`Bodies`].
+    #[must_use]
+    pub fn placed(&self) -> Vec<Mesh> {
+        let part = self.mesh.transformed(&self.transform);
+        let fixtures = self.fixtures.iter().map(|fixture| fixture.mesh.transformed(&fixture.transform));
+        std::iter::once(part).chain(fixtures).collect()
+    }
+
     /// Voxels of a grid that the fixtures take at most, each on a box of its own.
     ///
     /// # Errors

@@ -79,6 +79,31 @@ pub enum SceneWarning {
         /// Of both.
         unit: LengthUnit,
     },
+    /// A tool that is not where its tip or another of its sharp points is.
+    TipOff {
+        /// The tool.
+        tool: String,
+        /// How far that is from the tool.
+        distance: f64,
+        /// Unit of the distance.
+        unit: LengthUnit,
+    },
+    /// A tool whose tip is so slender that it passes between the voxels' centres for a while.
+    SlenderTip {
+        /// The tool.
+        tool: String,
+        /// How deep it must stand in a solid to be surely met.
+        depth: f64,
+        /// The grid's pitch.
+        pitch: f64,
+        /// Of both.
+        unit: LengthUnit,
+    },
+    /// A mesh tool more of which lies below its tip than above.
+    UpsideDown {
+        /// The tool.
+        tool: String,
+    },
     /// A part and a tool whose sizes hardly belong together.
     Proportion(ImplausibleProportion),
     /// A part of few voxels across.
@@ -116,7 +141,27 @@ pub enum SceneWarning {
     },
 }
 
+/// Pitches that a tip must be deep in a solid to be surely met, from which on it is called slender; 1.7 of a flat end, 2.6 of a point
+/// of 60 degrees.
+const SLENDER: f64 = 5.0;
+
 impl SceneWarning {
+    /// What is to be known of where a tool is in its own frame, among voxels of a pitch.
+    pub(super) fn of_frame(tool: &Tool, pitch: f64) -> Vec<Self> {
+        let name = || tool.name.clone();
+        let distance = tool.sharp_points_off();
+        let off = (distance > 2.0 * pitch).then(|| Self::TipOff { tool: name(), distance, unit: tool.unit });
+        let turned = match &tool.shape {
+            ToolShape::Mesh(mesh) => mesh.bounds().filter(|(lower, upper)| -lower.z > upper.z.max(0.0)),
+            ToolShape::Revolved(_) => None,
+        };
+        // As a ball that surely holds a centre; a cutter that is hardly thick enough holds none, and needs none.
+        let ball = (0.75_f64.sqrt() * pitch).min(0.5 * tool.thinnest().1);
+        let depth = tool.tip_depth(ball).filter(|depth| *depth > SLENDER * pitch);
+        let slender = depth.map(|depth| Self::SlenderTip { tool: name(), depth, pitch, unit: tool.unit });
+        off.into_iter().chain(slender).chain(turned.map(|_| Self::UpsideDown { tool: name() })).collect()
+    }
+
     /// Those of what was done to a mesh's triangles, of which there are so many.
     #[must_use]
     pub fn of_repair(part: &str, repair: &FaceRepair, triangles: usize) -> Vec<Self> {
@@ -197,6 +242,23 @@ impl fmt::Display for SceneWarning {
                 Length(*step),
                 Length(*pitch),
                 Length(*step)
+            ),
+            Self::TipOff { tool, distance, unit } => write!(
+                f,
+                "the tip of the tool '{tool}', or another of its sharp points, is {} {unit} away from it: poses are those of the tip, and the \
+                 tool itself is elsewhere; check its frame (tip at the origin, holder towards +z) and its unit",
+                Length(*distance)
+            ),
+            Self::SlenderTip { tool, depth, pitch, unit } => write!(
+                f,
+                "the tip of the tool '{tool}' is so slender that it passes between the centres of voxels of {} {unit}: what it hits is certain \
+                 to be seen where it is {} {unit} deep or more; choose a smaller pitch",
+                Length(*pitch),
+                Length(*depth)
+            ),
+            Self::UpsideDown { tool } => write!(
+                f,
+                "more of the tool '{tool}' lies below its tip than above: its holder should be towards +z of its own frame"
             ),
             Self::Proportion(proportion) => write!(f, "{proportion}; check the units of part and tool"),
             Self::Thin { part, voxels, pitch } => write!(

@@ -187,4 +187,10 @@ fn two_universes_weigh_the_same_side_by_side() {
     assert_eq!(both.covered(&[0, 1]), 2.0);
     let cover = both.fewest(&CoverSettings::default(), Control::quiet()).unwrap();
     assert_eq!((cover.sets.len(), cover.is_proven()), (2, true));
+    // What no set covers chooses nothing.
+    let mut none = CoverProblem::new(vec![7.0]);
+    (0..3).for_each(|_| none.add(vec![]));
+    let both = one.beside(&none);
+    assert_eq!((both.covered(&[0]), both.covered(&[2])), (0.75, 1.0));
+    assert_eq!(both.fewest(&CoverSettings::default(), Control::quiet()).unwrap().sets, [2]);
 }

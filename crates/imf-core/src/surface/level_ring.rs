@@ -16,6 +16,7 @@ const STARTS: u32 = 8;
 const TRIES: usize = 3;
 const STEPS: usize = 16;
 const ROUNDS: usize = 32;
+
 /// By level ring that a cutter touches with from one direction, in order: what the cutter does at the places from which its search
 /// begins, as far as it is known. Tools of one cutter share it.
 #[derive(Default)]

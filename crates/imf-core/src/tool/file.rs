@@ -236,7 +236,7 @@ impl Reader<'_> {
         let sharp_points = match &text.sharp_points {
             None => SharpPoints::Tip,
             Some(sharp) => sharp_points(sharp.get_ref(), &shape).ok_or_else(|| {
-                let what = "sharp_points must be \"tip\", a positive number of points on the cutter or \"boundary\" \
+                let what = "sharp_points must be \"tip\", a number of points on the cutter (5 and more, which is a ring) or \"boundary\" \
                             (neither for a mesh), { within = LENGTH } (of a mesh: its vertices so near the tip; there must be some), or \
                             a list of points [[x, y, z], …]";
                 self.wrong(sharp, what)
@@ -346,7 +346,9 @@ fn sharp_points(text: &SharpText, shape: &ToolShape) -> Option<SharpPoints> {
     match text {
         SharpText::Name(name) if name == "tip" => Some(SharpPoints::Tip),
         SharpText::Name(name) if name == "boundary" && revolved => Some(SharpPoints::Boundary(None)),
-        SharpText::Count(count) if *count > 0 && revolved => Some(SharpPoints::Cutter(*count)),
+        SharpText::Count(count) if (*count == 1 || *count >= 5) && revolved => {
+            Some(SharpPoints::Cutter(*count))
+        }
         SharpText::Points(points) if !points.is_empty() && points.iter().flatten().all(|v| v.is_finite()) => {
             Some(SharpPoints::Points(points.iter().map(|&p| DVec3::from_array(p)).collect()))
         }

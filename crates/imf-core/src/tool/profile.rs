@@ -3,7 +3,7 @@
 use std::f64::consts::{PI, TAU};
 use std::fmt;
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
 /// What an element of the assembly is for.
@@ -205,8 +205,11 @@ impl Element {
     }
 }
 
-/// `count` points on a surface of revolution: the tip, and rings at even steps along the outline whose sizes follow
-/// their circumference.
+/// Sine of the angle by which an outline turns at a sharp edge, at least: 20°.
+const SHARP: f64 = 0.342;
+
+/// `count` points on a surface of revolution: the tip, and rings in the middle of even steps along the outline, or on its sharp edge
+/// where a step has one, whose sizes follow their circumference.
 pub(super) fn surface_points(profile: &[Segment], count: usize) -> Vec<DVec3> {
     let mut points = vec![DVec3::ZERO];
     let Some(end) = profile.last().map(|s| s.range().1).filter(|_| count > 1) else {
@@ -225,8 +228,24 @@ pub(super) fn surface_points(profile: &[Segment], count: usize) -> Vec<DVec3> {
     let lengths: Vec<f64> = outline.windows(2).map(|w| (w[1].0 - w[0].0).hypot(w[1].1 - w[0].1)).collect();
     let total: f64 = lengths.iter().sum();
     let rings = (((count - 1) as f64 / 4.0).sqrt().round() as usize).clamp(1, count - 1);
+    // How far along the outline it turns outwards sharply, as at a flat end mill's corner.
+    let steps = outline.windows(2).zip(&lengths).scan(0.0, |along, (ends, &length)| {
+        let from = *along;
+        *along += length;
+        Some((from, DVec2::new(ends[1].0 - ends[0].0, ends[1].1 - ends[0].1), length))
+    });
+    let steps: Vec<(f64, DVec2, f64)> = steps.filter(|step| step.2 > 1e-9 * total).collect();
+    let edges = steps.windows(2).filter_map(|pair| {
+        let turn = pair[1].1.perp_dot(pair[0].1) / (pair[0].2 * pair[1].2);
+        (turn > SHARP).then_some(pair[1].0)
+    });
+    let edges: Vec<f64> = edges.collect();
     let ring = |index: usize| {
-        let mut rest = total * (index + 1) as f64 / rings as f64;
+        let step = total / rings as f64;
+        let middle = step * (index as f64 + 0.5);
+        let edge = edges.iter().copied().filter(|edge| (edge - middle).abs() <= 0.5 * step);
+        let mut rest =
+            edge.min_by(|a, b| (a - middle).abs().total_cmp(&(b - middle).abs())).unwrap_or(middle);
         for (step, &length) in lengths.iter().enumerate() {
             if rest <= length || step + 1 == lengths.len() {
                 let fraction = if length > 0.0 { (rest / length).min(1.0) } else { 1.0 };

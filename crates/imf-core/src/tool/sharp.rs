@@ -1,10 +1,12 @@
 //! Sharp points: where a tool cuts.
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
 use super::profile::{self, Element, ElementKind, Segment};
 use super::{SLACK, Tool, ToolError, ToolShape, contains};
+use crate::mesh::distance::distance_to_mesh;
+use crate::mesh::solid_angle::winding_number;
 
 /// The most voxels of a cutter's box that are looked at for sharp points.
 const MOST_LOOKED_AT: f64 = (1_u64 << 26) as f64;
@@ -63,6 +65,34 @@ impl Tool {
             }
         }
         Ok(())
+    }
+
+    /// How far from the tool that of its sharp points is which is farthest from it, of its tip or of a list; 0 where all are in it.
+    pub(crate) fn sharp_points_off(&self) -> f64 {
+        let points: &[DVec3] = match &self.sharp_points {
+            SharpPoints::Tip => &[DVec3::ZERO],
+            SharpPoints::Points(points) => points,
+            SharpPoints::Cutter(_) | SharpPoints::Boundary(_) => &[],
+        };
+        let off = |&point: &DVec3| match &self.shape {
+            ToolShape::Revolved(elements) => {
+                let seen = DVec2::new(point.z, point.truncate().length());
+                let from = |element: &Element| {
+                    let holds = element.profile.iter().any(|part| {
+                        let (low, high) = part.range();
+                        (low..=high).contains(&seen.x) && seen.y <= part.radius(seen.x)
+                    });
+                    if holds { 0.0 } else { seen.distance(element.foot(seen.x, seen.y, true)) }
+                };
+                elements.iter().map(from).fold(f64::INFINITY, f64::min)
+            }
+            ToolShape::Mesh(mesh) => {
+                let triangles = (0..mesh.triangles.len()).map(|triangle| mesh.corners(triangle));
+                let holds = winding_number(triangles, point).abs() > 0.5;
+                if holds { 0.0 } else { distance_to_mesh(mesh, point) }
+            }
+        };
+        points.iter().map(off).fold(0.0, f64::max)
     }
 
     /// An upper bound of the distance from a point that some sharp point reaches to any point of the tool, at `pitch`.
@@ -149,6 +179,31 @@ mod tests {
             let expected = if p.z < 5.0 { (25.0 - (5.0 - p.z).powi(2)).sqrt() } else { 5.0 };
             assert!((r - expected).abs() < 1e-9 && p.z <= 35.0, "{p}");
         }
+    }
+
+    #[test]
+    fn the_corner_of_a_flat_end_is_sharp() {
+        let flank = Segment::Line { from: 0.0, to: 6.0, radius_from: 2.0, radius_to: 2.0 };
+        let cutter = Element { kind: ElementKind::Cutter, profile: vec![flank] };
+        for count in [9, 17, 40] {
+            let (shape, sharp_points) =
+                (ToolShape::Revolved(vec![cutter.clone()]), SharpPoints::Cutter(count));
+            let points = Tool { shape, sharp_points, ..Tool::paper() }.sharp_point_positions(1.0);
+            let at_corner = points.iter().filter(|p| p.z < 1e-9 && (p.x.hypot(p.y) - 2.0).abs() < 1e-9);
+            assert!(at_corner.count() >= 4 && points.len() == count, "{points:?}");
+            assert!(points.iter().all(|p| p.z < 5.9), "the flutes' upper end is none: {points:?}");
+        }
+    }
+
+    #[test]
+    fn a_tool_that_is_not_where_its_tip_is_is_known() {
+        let paper = Tool::paper();
+        assert_eq!(paper.sharp_points_off(), 0.0);
+        let at = |z: f64| Tool { sharp_points: SharpPoints::Points(vec![DVec3::Z * z]), ..Tool::paper() };
+        assert_eq!([at(20.0), at(-50.0)].map(|tool| tool.sharp_points_off()), [0.0, 50.0]);
+        let mesh = crate::mesh::Mesh::cuboid(DVec3::new(48.0, -2.0, 100.0), DVec3::new(52.0, 2.0, 109.0));
+        let head = Tool { shape: ToolShape::Mesh(mesh), ..Tool::paper() };
+        assert!((head.sharp_points_off() - 48.0_f64.hypot(100.0)).abs() < 1e-9);
     }
 
     #[test]

@@ -92,6 +92,8 @@ class Section:
     """``(nx, ny, nz)``, in [0, 1]: the smallest fraction of the tool inside the obstacle with one of its sharp points there."""
     direction: NDArray[np.float64]
     """Unit vector from tip to holder, ``(3,)``."""
+    rotation: NDArray[np.float64]
+    """The same as a quaternion ``x, y, z, w``, ``(4,)``, which says the roll too."""
     grid: Grid
     unit: str
 
@@ -112,6 +114,8 @@ class Sections:
     """``(n, nx, ny, nz)``, in [0, 1]."""
     directions: NDArray[np.float64]
     """``(n, 3)``, from tip to holder."""
+    rotations: NDArray[np.float64]
+    """``(n, 4)``: the same as quaternions ``x, y, z, w``, which say the roll too; :func:`poses` takes them."""
     grid: Grid
     unit: str
 
@@ -119,7 +123,7 @@ class Sections:
         return len(self.values)
 
     def __getitem__(self, index: int) -> Section:
-        return Section(self.values[index], self.directions[index], self.grid, self.unit)
+        return Section(self.values[index], self.directions[index], self.rotations[index], self.grid, self.unit)
 
     def to_xarray(self) -> Any:
         """A ``xarray.DataArray`` called ``cmf`` over direction, x, y and z."""
@@ -142,9 +146,11 @@ class Inaccessibility:
     values: NDArray[np.float32]
     """``(nx, ny, nz)``, in [0, 1]; 0 where the tool gets."""
     best: NDArray[np.uint32]
-    """``(nx, ny, nz)``: the row of ``directions`` that has the minimum, the first of equals."""
+    """``(nx, ny, nz)``: the row of ``directions`` and of ``rotations`` that has the minimum, the first of equals."""
     directions: NDArray[np.float64]
     """``(n, 3)``, from tip to holder."""
+    rotations: NDArray[np.float64]
+    """``(n, 4)``: the same as quaternions ``x, y, z, w``, which say the roll too; :func:`poses` takes them."""
     grid: Grid
     unit: str
 
@@ -153,10 +159,12 @@ class Inaccessibility:
         return self.grid.to_pyvista(imf=self.values, best=self.best)
 
     def to_xarray(self) -> Any:
-        """A ``xarray.Dataset`` of ``imf``, ``best`` and the ``directions``."""
+        """A ``xarray.Dataset`` of ``imf``, ``best``, the ``directions`` and the ``rotations``."""
         xarray = optional("xarray", "to_xarray()")
         attributes = {"unit": self.unit}
         values = self.grid.to_xarray(self.values, "imf", attributes)
         best = self.grid.to_xarray(self.best, "best", {})
         directions = (("direction", "component"), self.directions)
-        return xarray.Dataset({"imf": values, "best": best, "directions": directions}, attrs=attributes)
+        rotations = (("direction", "quaternion"), self.rotations)
+        fields = {"imf": values, "best": best, "directions": directions, "rotations": rotations}
+        return xarray.Dataset(fields, attrs=attributes)

@@ -164,7 +164,11 @@ class Scene:
 
     def directions(self, text: str | None = None) -> NDArray[np.float64]:
         """The directions of a set, ``(n, 3)``; by default those that questions about this part are asked with."""
-        return self._native.directions(self._native.usual_directions if text is None else text)
+        return self._native.orientations(self._native.usual_directions if text is None else text)[0]
+
+    def rotations(self, text: str | None = None) -> NDArray[np.float64]:
+        """The same as quaternions ``x, y, z, w``, ``(n, 4)``: with the roll, which counts for tools that are not round."""
+        return self._native.orientations(self._native.usual_directions if text is None else text)[1]
 
     def section(self, direction: ArrayLike, *, progress: Progress = None) -> Section:
         """The exact collision measure of one direction ``(3,)`` (or rotation ``(4,)``) at every voxel."""
@@ -173,13 +177,13 @@ class Scene:
     def sections(self, directions: Directions, *, progress: Progress = None) -> Sections:
         """The exact collision measure of several directions at every voxel: 4 bytes a voxel and direction."""
         values, found = _imf.sections(self._native, directions_input(directions), listener(progress))
-        return Sections(values, found, self.grid, self.unit)
+        return Sections(values, *found, self.grid, self.unit)
 
     def imf(self, directions: Directions | None = None, *, progress: Progress = None) -> Inaccessibility:
         """The inaccessibility measure: the minimum over directions at every voxel, which holds no section."""
         asked = self._native.usual_directions if directions is None else directions
         values, best, found = _imf.minimum(self._native, directions_input(asked), listener(progress))
-        return Inaccessibility(values, best, found, self.grid, self.unit)
+        return Inaccessibility(values, best, *found, self.grid, self.unit)
 
     def access(
         self,

@@ -43,6 +43,8 @@ class Access:
     """``(n, m)``: which samples are reached from which directions."""
     directions: NDArray[np.float64]
     """``(m, 3)``, from tip to holder."""
+    rotations: NDArray[np.float64]
+    """``(m, 4)``: the same as quaternions ``x, y, z, w``, which say the roll too; :func:`poses` takes them."""
     vertices: NDArray[np.float64]
     """``(3 n, 3)``: the triangles' own corners."""
     faces: NDArray[np.uint32]

@@ -10,6 +10,7 @@ use anyhow::{Context, Result, ensure};
 use imf_core::field_files::write_ply;
 use imf_core::machine::{AxisLimits, Machine};
 use imf_core::orientation::OrientationSet;
+use imf_core::scene::SceneWarning;
 use imf_core::set_cover::{CoverProblem, CoverSettings};
 use imf_core::surface::{
     Reach, SurfaceError, SurfaceSamples, SurfaceTool, Verdict, contact_reach, crib_access, surface_access,
@@ -86,7 +87,14 @@ impl Crib {
         let mut kept = Vec::new();
         for tool in &inputs.tools {
             match spec.check_tool(tool, &query) {
-                Ok(_) => kept.push(tool.in_unit(unit).offset(&clearance)?),
+                Ok(mut warnings) => {
+                    let assembly = tool.in_unit(unit).offset(&clearance)?;
+                    if !spec.conservative {
+                        warnings.extend(SceneWarning::of_step(&assembly, query.pitch));
+                    }
+                    warn_of(session, &warnings);
+                    kept.push(assembly);
+                }
                 Err(error) => undecided.push(Undecided::new(&tool.name, &error)),
             }
         }

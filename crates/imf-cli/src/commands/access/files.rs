@@ -118,7 +118,7 @@ pub(super) fn removable_classes(run: &AccessRun, stock: &Stock, findings: &Findi
     let held = run.obstacle.whole().on(&stock.solid.grid).unwrap_or_else(|| stock.solid.clone());
     (0..stock.solid.solid.len())
         .map(|v| {
-            if held.solid[v] != 0 {
+            if held.solid[v] > stock.solid.solid[v] {
                 OBSTACLE
             } else if findings.removable.iter().any(|found| found.covered[v] != 0) {
                 REMOVABLE

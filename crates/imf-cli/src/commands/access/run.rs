@@ -236,7 +236,12 @@ impl AccessRun {
         let stock = match (stock_mesh, stock_grid) {
             (Some(stock), Some(grid)) => {
                 let mut solid = stock.voxels(session, &grid, session.control(&|_| {}))?;
-                let held = on(&whole, &grid)?;
+                // A voxel that the part only touches may hold stock.
+                let bare = match conservative {
+                    true => bodies.by_centres(&spec.placed(), session.control(&|_| {}))?.obstacle(),
+                    false => whole.clone(),
+                };
+                let held = on(&bare, &grid)?;
                 solid.solid.iter_mut().zip(&held.solid).for_each(|(s, &o)| *s &= 1 - o);
                 ensure!(solid.count() > 0, "the stock '{}' holds nothing beside the part", stock.name);
                 Some(Stock { name: stock.name, solid })

@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use imf_core::access::{Component, Components, Removable, Volume};
 use imf_core::mesh::MachiningDirection;
 use imf_core::tool::Clearance;
+use imf_core::unit::LengthUnit;
 use serde::Serialize;
 
 use super::Findings;
@@ -73,7 +74,7 @@ pub(super) struct Summary {
     program: String,
     part: String,
     fixtures: Vec<String>,
-    unit: String,
+    unit: LengthUnit,
     dims: [usize; 3],
     origin: [f64; 3],
     pitch: f64,
@@ -162,7 +163,7 @@ impl Summary {
             program: format!("imf {}", env!("CARGO_PKG_VERSION")),
             part: run.part.clone(),
             fixtures: run.fixtures.clone(),
-            unit: run.unit.to_string(),
+            unit: run.unit,
             dims: run.query.dims,
             origin: run.query.origin.to_array(),
             pitch: run.query.pitch,
@@ -194,19 +195,20 @@ impl Summary {
     /// The surface's lines, each tool's share among them where there are several.
     fn surface_lines(&self) -> String {
         let Some(surface) = &self.surface else { return String::new() };
-        let mut text = surface.lines(&self.unit);
+        let unit = self.unit.to_string();
+        let mut text = surface.lines(&unit);
         for tool in self.tools.iter().filter(|_| self.tools.len() > 1) {
             let share = 100.0 * tool.surface_reached.unwrap_or_default();
             let _ = writeln!(text, "  {:34}{share:>8.1} %", format!("reached by {}", tool.tool));
         }
-        text.push_str(&UnreachedPatch::lines(&self.unreached, &self.unit));
+        text.push_str(&UnreachedPatch::lines(&self.unreached, self.unit));
         if let Some(setups) = &self.setups {
             text.push('\n');
-            text.push_str(&setups.lines(&self.unit));
+            text.push_str(&setups.lines(&unit));
         }
         for row in &self.stick_outs {
             text.push('\n');
-            text.push_str(&row.lines(&self.unit));
+            text.push_str(&row.lines(self.unit));
         }
         text.push('\n');
         text
@@ -227,7 +229,7 @@ impl Summary {
             self.orientation_count,
             self.orientations,
             self.tau,
-            suggested_lines(&self.suggested_by_the_part, &self.unit),
+            suggested_lines(&self.suggested_by_the_part, &self.unit.to_string()),
             self.surface_lines(),
             "",
             "voxels",
@@ -287,7 +289,7 @@ impl Summary {
                 );
             }
         }
-        if let Some(clearance) = clearance_text(&self.clearance, &self.unit) {
+        if let Some(clearance) = clearance_text(&self.clearance, self.unit) {
             let _ = writeln!(text, "\nclearance: {clearance}");
         }
         if let Some(depth) = self.contact {

@@ -259,8 +259,12 @@ impl Surface {
     }
 
     pub(super) fn stick_out_rows(&self, run: &AccessRun) -> Vec<StickOutRow> {
-        let voxel = (run.guarantee == Guarantee::Centres).then_some(run.query.pitch);
-        self.stick_outs.iter().map(|found| found.row(&self.samples, &run.orientations, voxel)).collect()
+        let nearer = run.guarantee.surface_nearer_by(run.query.pitch);
+        let conservative = run.guarantee != Guarantee::Centres;
+        self.stick_outs
+            .iter()
+            .map(|found| found.row(&self.samples, &run.orientations, (nearer, conservative)))
+            .collect()
     }
 
     /// The share that one tool reaches by itself.

@@ -1,17 +1,19 @@
 //! What a path needs of each tool's stick-out, in words.
 
 use imf_core::check::PathStickOut;
+use imf_core::scene::Guarantee;
+use imf_core::unit::LengthUnit;
 
 use super::CheckRun;
-use crate::output::short;
+use crate::output::{length, short};
 
 /// A line for each tool, and what holds for all; nothing where none was looked for.
 pub(super) fn lines(checked: &CheckRun<'_>) -> String {
     if checked.stick_outs.is_empty() {
         return String::new();
     }
-    let unit = checked.record.unit.to_string();
-    let lines: String = checked.stick_outs.iter().map(|found| one(found, &unit) + "\n").collect();
+    let unit = checked.record.unit;
+    let lines: String = checked.stick_outs.iter().map(|found| one(found, unit) + "\n").collect();
     if checked.stick_outs.iter().all(|found| found.least.is_none()) {
         return lines;
     }
@@ -21,26 +23,31 @@ pub(super) fn lines(checked: &CheckRun<'_>) -> String {
         ""
     };
     let between = short(0.5 * checked.report.settings.step);
-    let surface = match checked.record.conservative {
-        true => String::new(),
-        false => format!(
-            "; the surface lies up to a voxel nearer than its centres: set it {} {unit} longer, or ask with --conservative",
-            short(checked.record.grid.pitch)
-        ),
-    };
+    let (record, settings) = (&checked.record, &checked.report.settings);
+    let nearer = checked.tools.iter().filter_map(|(_, tool)| {
+        let pitch = record.grid.pitch;
+        Guarantee::new(record.conservative, tool, &settings.clearance, true, pitch).surface_nearer_by(pitch)
+    });
+    let surface = nearer.reduce(f64::max).map_or_else(String::new, |nearer| {
+        format!("; {}", length::surface_nearer(nearer, record.conservative, unit))
+    });
     format!(
         "{lines}  so set, shank and holder with their clearance and {between} {unit} more, for what lies between two poses, hold no \
          voxel's centre on the whole path{machine}{surface}\n"
     )
 }
 
-fn one(found: &PathStickOut, unit: &str) -> String {
+fn one(found: &PathStickOut, unit: LengthUnit) -> String {
+    let near = |value: f64| length::nearest(value, unit);
     let PathStickOut { given, shortest, .. } = found;
     let number = found.tool.map_or_else(String::new, |number| format!("tool {number}, "));
-    let longest = found.longest.map_or_else(String::new, |longest| format!(", overall length {longest:.1}"));
+    let longest =
+        found.longest.map_or_else(String::new, |longest| format!(", overall length {}", near(longest)));
     let tool = format!(
-        "stick-out of {number}{} (set to {given:.1} {unit}, shortest {shortest:.1}{longest})",
-        found.name
+        "stick-out of {number}{} (set to {} {unit}, shortest {}{longest})",
+        found.name,
+        near(*given),
+        near(*shortest)
     );
     let line = found.line.map_or_else(String::new, |line| format!(", decided by line {line}"));
     let Some(least) = found.least else {
@@ -49,14 +56,15 @@ fn one(found: &PathStickOut, unit: &str) -> String {
             "{tool}: none is free on the whole path: the shank is in the way{on} however far it sticks out"
         );
     };
+    let takes = format!("the whole path takes {} {unit}{line}", length::at_least(least, unit));
     if found.longest.is_some_and(|longest| least > longest) {
-        return format!("{tool}: the whole path takes {least:.1} {unit}{line}: more than the tool has");
+        return format!("{tool}: {takes}: more than the tool has");
     }
     let margin = given - least;
     let so = if margin >= 0.0 {
-        format!("as it is set: {margin:.1} {unit} to spare")
+        format!("as it is set: {} {unit} to spare", length::at_most(margin, unit))
     } else {
-        format!("as it is set: {:.1} {unit} too short", -margin)
+        format!("as it is set: {} {unit} too short", length::at_least(-margin, unit))
     };
-    format!("{tool}: the whole path takes {least:.1} {unit}{line}; {so}")
+    format!("{tool}: {takes}; {so}")
 }

@@ -11,12 +11,12 @@ use imf_core::field_files::{NamedField, write_vti};
 use imf_core::mesh::Mesh;
 use imf_core::mesh::write::write_stl;
 use imf_core::occupancy::Occupancy;
-use imf_core::scene::{Bodies, SceneRecord};
+use imf_core::scene::SceneRecord;
 use imf_core::toolpath::{MoveKind, Toolpath};
 use imf_core::unit::LengthUnit;
 use serde_json::{Value, json};
 
-use crate::arguments::fixture;
+use crate::arguments::fixture::{self, BY_VOXELS};
 use crate::output::{OutputFolder, short, show_measure, write_text};
 use crate::session::Session;
 
@@ -42,13 +42,13 @@ impl StockInput {
         session: &Session,
         text: &str,
         record: &SceneRecord,
-        bodies: &Bodies,
+        part_voxels: &Occupancy,
         part: &Mesh,
     ) -> Result<Self> {
         let Some(part_box) = part.bounds() else { bail!("the part has no triangle") };
         let stock = fixture::Stock::read(text, part_box, &record.transform, record.unit)?;
         let (lower, upper) = stock.mesh.bounds().context("the stock has no triangle")?;
-        let grid = bodies.part.grid.covering(lower.min(part_box.0), upper.max(part_box.1), 0)?;
+        let grid = part_voxels.grid.covering(lower.min(part_box.0), upper.max(part_box.1), 0)?;
         let [x, y, z] = grid.dims;
         session.require_memory(BYTES * grid.len() as u64, || {
             format!("{x}×{y}×{z} voxels of stock; check its unit, or use a larger --pitch")
@@ -58,14 +58,14 @@ impl StockInput {
         let voxels = stock.voxels(session, &grid, session.control(&advance))?;
         stage.finish("");
         ensure!(voxels.count() > 0, "the stock '{}' holds no voxel's centre", stock.name);
-        let own = bodies.part.on(&grid).context("the grids of part and stock do not meet")?;
+        let own = part_voxels.on(&grid).context("the grids of part and stock do not meet")?;
         let outside = own.solid.iter().zip(&voxels.solid).filter(|(part, stock)| **part > **stock).count();
         ensure!(
             2 * outside <= own.count(),
             "most of the part lies outside the stock '{}': give it where the part is, in its frame and unit, and in its scale",
             stock.name
         );
-        if outside > 0 && !record.conservative {
+        if outside > 0 {
             session.warn(&format!(
                 "{} {}³ of the part lie outside the stock: check where it stands, and its unit",
                 show_measure(outside as f64 * grid.voxel_volume()),
@@ -260,8 +260,11 @@ impl StockResult {
         let fields =
             [NamedField::new("stock", &classes[..]), NamedField::new("removed_by_line", &removed_by[..])];
         write_vti(folder.file("stock.vti"), &remaining.grid, &fields)?;
-        let comment = concat!("imf ", env!("CARGO_PKG_VERSION"), ": the stock that is left, by voxels");
-        write_stl(&self.surface(back), folder.file("stock.stl"), comment)?;
+        let program = concat!("imf ", env!("CARGO_PKG_VERSION"));
+        // In the part's frame, which a transform may have scaled.
+        let pitch = short(remaining.grid.pitch * back.x_axis.truncate().length());
+        let comment = format!("{program}: stock that is left {BY_VOXELS}{pitch} {}", self.unit);
+        write_stl(&self.surface(back), folder.file("stock.stl"), &comment)?;
         Ok(["removed.csv", "stock.vti", "stock.stl"])
     }
 

@@ -29,7 +29,9 @@ pub(super) fn text(checked: &CheckRun<'_>) -> String {
         n => format!("{n} lines collide"),
     };
     if checked.machine.is_some() {
-        verdict += &match report.out_of_travel.len() {
+        let mut lines: Vec<_> = report.out_of_travel.iter().map(|beyond| beyond.line).collect();
+        lines.dedup();
+        verdict += &match lines.len() {
             0 => ", no axis out of its travel".to_owned(),
             1 => ", 1 line leads out of the machine's travel".to_owned(),
             n => format!(", {n} lines lead out of the machine's travel"),

@@ -8,7 +8,7 @@ use imf_core::pose::Pose;
 use imf_core::toolpath::{MoveKind, Toolpath};
 
 use super::{CheckRun, text};
-use crate::output::short;
+use crate::output::{length, short};
 use crate::view::{Colours, Layer, NONE, PathLines, Place, Table, TableRow, View, distinct};
 
 /// Places that are marked, at most: the deepest.
@@ -101,7 +101,7 @@ pub(super) fn view<'a>(checked: &CheckRun<'_>, shown: &'a Shown, path: &Toolpath
         .iter()
         .map(|(_, hit)| Place { at: DVec3::from_array(hit.contact), normal: DVec3::from_array(hit.axis) });
     let rows = worst.iter().enumerate().map(|(place, (line, hit))| {
-        let at = hit.contact.map(|value| format!("{value:.1}")).join(", ");
+        let at = length::place(hit.contact, checked.record.unit);
         let cells =
             vec![line.line.to_string(), hit.element.clone(), hit.against.to_string(), short(hit.depth), at];
         TableRow { place: Some(place), cells }

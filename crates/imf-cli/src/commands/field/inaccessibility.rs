@@ -3,7 +3,7 @@
 use anyhow::Result;
 use imf_core::field_files::{NamedField, write_npy, write_vti};
 use imf_core::orientation::Orientation;
-use imf_core::section::Imf;
+use imf_core::section::{Imf, Quantity};
 use imf_core::tool::ElementKind;
 use imf_fields::harmonic::Refined;
 use serde_json::json;
@@ -93,16 +93,19 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
     let mut text = format!("orientations  {} ({})\n{suggested}", work.set.len(), work.set.spec);
     if let Some(outside) = outside {
         text += &format!(
-            "accessible    {} voxels outside the part ({:.1} %): {reached}\n\
-             inaccessible  {} voxels outside the part\n",
-            outside.accessible,
-            outside.percent(),
+            "accessible    {}: {reached}\ninaccessible  {} voxels outside the part\n",
+            outside.text(" outside the part"),
             outside.inaccessible,
         );
     }
     text += &work.trust().unwrap_or_default();
-    let short = if measure.quantity.is_overlap() { "IMF" } else { &measure.short };
-    text += &format!("largest {short:<6}{largest:.4}\nguarantee       {}\n", work.guarantee());
+    let unit = work.scene.record.unit;
+    text += &match measure.quantity {
+        Quantity::Overlap => format!("largest IMF   {largest:.4}\n"),
+        Quantity::Depth => format!("largest depth {} {unit}\n", measure.largest(largest)),
+    };
+    text += &measure.held(unit).map(|line| format!("{line}\n")).unwrap_or_default();
+    text += &format!("guarantee     {}\n", work.guarantee());
     for row in &rows {
         text += &format!(
             "{:<14}collides at the best orientation of {} voxels outside the part\n",

@@ -130,6 +130,7 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
     if kept.len() > LISTED {
         text += &format!("… and {} more, see {SUMMARY}\n", kept.len() - LISTED);
     }
+    text += &measure.held(work.scene.record.unit).map(|line| line + "\n").unwrap_or_default();
     text += &work.checked().map(|line| line + "\n").unwrap_or_default();
     if let Some(trust) = work.trust() {
         text += &format!("{trust}guarantee: {}\n", work.guarantee());
@@ -218,11 +219,8 @@ fn row(work: &Work<'_>, section: &WrittenSection, rolls: bool) -> Vec<String> {
     let mut row = vec![section.index.to_string()];
     row.extend(angles.into_iter().flatten().map(|angle| format!("{angle:.1}°")));
     row.extend([
-        format!("{:.4}", section.largest),
-        section.outside.map_or_else(
-            || "no threshold".to_owned(),
-            |outside| format!("{} voxels ({:.1} %)", outside.accessible, outside.percent()),
-        ),
+        work.measure().largest(section.largest),
+        section.outside.map_or_else(|| "no threshold".to_owned(), |outside| outside.text("")),
     ]);
     row
 }

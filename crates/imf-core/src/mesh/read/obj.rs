@@ -80,15 +80,15 @@ fn refuse_cut(bytes: &[u8], mesh: &Mesh) -> Result<(), Fault> {
     Err(Fault::new(FaultKind::Truncated, cause).on_line(line))
 }
 
-/// Four numbers are a weighted point; more are a point and its colour.
+/// Four numbers are a point and its weight, which says something of rational curves alone; more are a point and its colour.
 fn vertex<'a>(words: impl Iterator<Item = &'a str>) -> Result<DVec3, &'static str> {
     let words: Vec<&str> = words.collect();
     let used = if words.len() == 4 { 4 } else { words.len().min(3) };
     let numbers: Option<Vec<f64>> = words[..used].iter().map(|word| word.parse().ok()).collect();
     match numbers.as_deref() {
         Some(&[x, y, z]) => Ok(DVec3::new(x, y, z)),
-        Some(&[_, _, _, 0.0]) => Err("a vertex has weight zero"),
-        Some(&[x, y, z, weight]) => Ok(DVec3::new(x, y, z) / weight),
+        Some(&[x, y, z, 1.0]) => Ok(DVec3::new(x, y, z)),
+        Some(&[..]) if used == 4 => Err("a vertex has a weight other than 1, which meshes do not have"),
         _ => Err("a vertex is not three numbers"),
     }
 }
@@ -150,7 +150,7 @@ mod tests {
     #[test]
     fn unusual_lines_are_understood() {
         let mut bytes =
-            b"# na\xefve name\no caf\xe9\nv 0 0 0 # first\nv 2 \\\n 0 0\nv 0 4 0 2\nf 1//9 \\\n2//9 3/7\n"
+            b"# na\xefve name\no caf\xe9\nv 0 0 0 # first\nv 2 \\\n 0 0\nv 0 2 0 1\nf 1//9 \\\n2//9 3/7\n"
                 .to_vec();
         let mesh = parse(&bytes).unwrap();
         assert_eq!(mesh.vertices, [DVec3::ZERO, DVec3::new(2.0, 0.0, 0.0), DVec3::new(0.0, 2.0, 0.0)]);
@@ -181,7 +181,7 @@ mod tests {
         for (tail, expected) in [
             ("v 1 zwei 3\nf 1 2 3\n", "part, line 4: a vertex is not three numbers"),
             ("v 1 2\nf 1 2 3\n", "line 4: a vertex is not three numbers"),
-            ("v 1 2 3 0\nf 1 2 3\n", "line 4: a vertex has weight zero"),
+            ("v 1 2 3 0\nf 1 2 3\n", "line 4: a vertex has a weight other than 1"),
             ("\n# x\nf 1 b 3\n", "line 6: a face is not a list"),
             ("f 1 2 3\nf 1 2 4\n", "line 5: a face uses vertex 4, but the file has 3"),
             ("f 1 2 0\n", "line 4: a face uses vertex 0, but"),

@@ -3,8 +3,10 @@
 use anyhow::Result;
 use imf_core::surface::{ElementCollision, StickOutTool, least_stick_outs};
 use imf_core::tool::{Assembly, Element, ElementKind, ToolShape};
+use imf_core::unit::LengthUnit;
 
 use super::{AccessRun, Surface, SurfaceSettings, Verdict, interrupted};
+use crate::output::length;
 use crate::session::Session;
 
 /// By sample the least stick-out with which its best tool reaches it, infinite where none helps; `None` of those that were not looked
@@ -53,20 +55,22 @@ pub(super) fn stick_out_text(
     (length, fraction): (f64, f64),
     voxel: f64,
     assembly: &Assembly,
-    unit: &str,
+    unit: LengthUnit,
     on_machine: bool,
 ) -> Option<String> {
     let given = assembly.tool().stick_out()?;
     let what =
         if fraction < 1.0 { format!("{:.0} % of it", (100.0 * fraction).floor()) } else { "it".into() };
-    // The surface lies up to a voxel nearer than its centres; rounded up: a shorter one is not enough.
-    let length = (10.0 * (length + voxel) - 1e-6).ceil() / 10.0;
+    // The surface lies up to a voxel nearer than its centres.
+    let length = length + voxel;
+    let near = |value: f64| length::nearest(value, unit);
     let beyond = match assembly.tool().overall_length {
-        Some(overall) if length > overall => format!(", more than its overall length of {overall:.1}"),
+        Some(overall) if length > overall => format!(", more than its overall length of {}", near(overall)),
         _ => String::new(),
     };
     let of = if on_machine { " of part and fixtures" } else { "" };
-    Some(format!("a stick-out of {length:.1} {unit} instead of {given:.1}{beyond} frees {what}{of}"))
+    let (enough, given) = (length::at_least(length, unit), near(given));
+    Some(format!("a stick-out of {enough} {unit} instead of {given}{beyond} frees {what}{of}"))
 }
 
 /// By how much the diameter of the holder would have to be smaller to be free at a pose where nothing else collides; `None` where that

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use glam::DVec3;
 use imf_core::surface::{Reach, SurfacePatch};
+use imf_core::unit::LengthUnit;
 use serde::Serialize;
 
 use super::super::on_machine::REMEDY;
@@ -11,9 +12,8 @@ use super::blame::remedy;
 use super::cavities::Cavities;
 use super::freed::{slimmer, stick_out, stick_out_text};
 use super::{AccessRun, Surface, Verdict, rgb};
-use crate::output::show_measure;
+use crate::output::{length, show_measure};
 use crate::view::{Colours, Layer, NONE, Place, Table, TableRow, View, distinct};
-use imf_core::scene::Guarantee;
 
 /// What helps at the wall of a cavity.
 const CLOSED_OFF: &str = "nothing: the voxels of part and fixtures close it off on all sides";
@@ -51,18 +51,18 @@ const LISTED: usize = 5;
 
 impl UnreachedPatch {
     /// Lines for people about the largest, one of every reason among them.
-    pub(in crate::commands::access) fn lines(all: &[Self], unit: &str) -> String {
+    pub(in crate::commands::access) fn lines(all: &[Self], unit: LengthUnit) -> String {
         let mut text = String::new();
         let is_first = |&at: &usize| all[..at].iter().all(|before| before.why != all[at].why);
         let (first, others): (Vec<usize>, Vec<usize>) = (0..all.len()).partition(is_first);
         let mut shown: Vec<usize> = first.into_iter().chain(others).take(LISTED).collect();
         shown.sort_unstable();
         for patch in shown.into_iter().map(|at| &all[at]) {
-            let [x, y, z] = patch.middle;
             let _ = writeln!(
                 text,
-                "  not reached: {} {unit}² around ({x:.1}, {y:.1}, {z:.1}): {}",
+                "  not reached: {} {unit}² around ({}): {}",
                 show_measure(patch.area),
+                length::place(patch.middle, unit),
                 [&[patch.why.to_owned()][..], &patch.hits[..]].concat().join("; ")
             );
             let _ = writeln!(text, "    would help: {}", patch.would_help);
@@ -113,7 +113,7 @@ impl Surface {
         let fault =
             nearest.as_ref().and_then(|(.., tool, at)| on_machine?.fault(*tool, at, &run.orientations));
         let hits = nearest.as_ref().map_or(&[][..], |(_, hits, ..)| hits);
-        let unit = run.unit.to_string();
+        let unit = run.unit;
         let in_words = hits.iter().map(|hit| {
             let body = match hit.body {
                 0 => "the part",
@@ -129,15 +129,15 @@ impl Surface {
         let longer = stick_out(patch.samples.iter().filter(of_tool).filter_map(|&sample| self.freed[sample]));
         if let Some((_, _, tool, _)) = &nearest {
             let assembly = &run.tools[*tool];
-            let nearer = if run.guarantee == Guarantee::Centres { run.query.pitch } else { 0.0 };
-            quantified
-                .extend(longer.and_then(|longer| {
-                    stick_out_text(longer, nearer, assembly, &unit, on_machine.is_some())
-                }));
+            let nearer = run.guarantee.surface_nearer_by(run.query.pitch).unwrap_or(0.0);
+            quantified.extend(
+                longer
+                    .and_then(|longer| stick_out_text(longer, nearer, assembly, unit, on_machine.is_some())),
+            );
             let frees = |diameter: f64| {
                 format!(
-                    "a holder slimmer by {:.1} {unit} frees its nearest place",
-                    (10.0 * diameter).ceil() / 10.0
+                    "a holder slimmer by {} {unit} frees its nearest place",
+                    length::at_least(diameter, unit)
                 )
             };
             quantified.extend(slimmer(hits, assembly).map(frees));
@@ -235,7 +235,7 @@ impl Surface {
             });
         }
         let unit = run.unit;
-        let show = |at: [f64; 3]| at.map(|value| format!("{value:.1}")).join(", ");
+        let show = |at: [f64; 3]| length::place(at, unit);
         let rows = unreached.iter().enumerate().map(|(place, patch)| {
             let [low, high] = patch.bounds.map(DVec3::from_array);
             let why = [&[patch.why.to_owned()][..], &patch.hits[..]].concat().join(": ");

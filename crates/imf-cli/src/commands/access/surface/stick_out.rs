@@ -8,10 +8,11 @@ use imf_core::surface::{
     CollisionEnvironment, StickOut, StickOutTool, SurfaceError, SurfaceSamples, Verdict, least_stick_outs,
 };
 use imf_core::tool::Assembly;
+use imf_core::unit::LengthUnit;
 use serde::Serialize;
 
 use crate::interrupt::Interrupted;
-use crate::output::short;
+use crate::output::length;
 use crate::session::Session;
 
 /// Lengths of the table, evenly from the shortest to the largest that is needed.
@@ -60,7 +61,7 @@ impl ToolStickOut {
         &self,
         samples: &SurfaceSamples,
         orientations: &OrientationSet,
-        surface_nearer_by: Option<f64>,
+        (surface_nearer_by, conservative): (Option<f64>, bool),
     ) -> StickOutRow {
         let total = samples.area();
         let share = |holds: &dyn Fn(&StickOut) -> bool| {
@@ -110,6 +111,7 @@ impl ToolStickOut {
             shortest,
             longest: longest.is_finite().then_some(longest),
             surface_nearer_by,
+            conservative,
             needed_at_most: lengths.into_iter().map(|length| (length, at_most(length))).collect(),
             needed_for: [0.5, 0.9, 0.99]
                 .map(|fraction| (fraction, quantile(fraction).unwrap_or(f64::NAN)))
@@ -142,8 +144,9 @@ pub(in crate::commands::access) struct StickOutRow {
     shortest: f64,
     /// The overall length, where the tool states it.
     longest: Option<f64>,
-    /// The lengths are for voxel centres: by so much the surface may lie nearer.
+    /// By so much the surface may lie nearer than the voxels that the lengths are for.
     surface_nearer_by: Option<f64>,
+    conservative: bool,
     /// A length, and the share that needs no more.
     needed_at_most: Vec<(f64, f64)>,
     /// A fraction of what the tool reaches at some length, and what that needs at most.
@@ -161,23 +164,28 @@ pub(in crate::commands::access) struct StickOutRow {
 
 impl StickOutRow {
     /// The report's lines.
-    pub(in crate::commands::access) fn lines(&self, unit: &str) -> String {
+    pub(in crate::commands::access) fn lines(&self, unit: LengthUnit) -> String {
+        let [near, enough] =
+            [length::nearest, length::at_least].map(|text| move |value: f64| text(value, unit));
         let percent = |share: f64| format!("{:.1} %", 100.0 * share);
-        let longest = self.longest.map_or(String::new(), |l| format!(", overall length {l:.1}"));
+        let longest = self.longest.map_or(String::new(), |l| format!(", overall length {}", near(l)));
         let mut text = format!(
-            "stick-out of {} (set to {:.1} {unit}, shortest {:.1}{longest})\n",
-            self.tool, self.given, self.shortest
+            "stick-out of {} (set to {} {unit}, shortest {}{longest})\n",
+            self.tool,
+            near(self.given),
+            near(self.shortest)
         );
-        if let Some(Largest { length, point: [x, y, z], direction: [i, j, k] }) = self.largest {
+        if let Some(Largest { length, point, direction: [i, j, k] }) = self.largest {
             let _ = writeln!(
                 text,
-                "  all {} that it reaches at some length need {length:.1} {unit}: most at ({x:.1}, {y:.1}, {z:.1}) from \
-                 ({i:.3}, {j:.3}, {k:.3})",
-                percent(self.at_some_length)
+                "  all {} that it reaches at some length need {} {unit}: most at ({}) from ({i:.3}, {j:.3}, {k:.3})",
+                percent(self.at_some_length),
+                enough(length),
+                length::place(point, unit)
             );
             let parts = self.needed_for.iter();
             let parts: Vec<String> = parts
-                .map(|(fraction, length)| format!("{:.0} % of it {length:.1}", 100.0 * fraction))
+                .map(|(fraction, length)| format!("{:.0} % of it {}", 100.0 * fraction, enough(*length)))
                 .collect();
             let _ = writeln!(text, "  {} {unit}", parts.join(", "));
         }
@@ -185,12 +193,12 @@ impl StickOutRow {
         for (length, share) in &self.needed_at_most {
             let note = match self.margin {
                 Some(margin) if (length - self.given).abs() < 1e-6 => {
-                    format!("   as it is set: {margin:.1} {unit} to spare")
+                    format!("   as it is set: {} {unit} to spare", length::at_most(margin, unit))
                 }
                 None if (length - self.given).abs() < 1e-6 => "   as it is set".into(),
                 _ => String::new(),
             };
-            let _ = writeln!(text, "  {length:>10.1}   {:>8}{note}", percent(*share));
+            let _ = writeln!(text, "  {:>10}   {:>8}{note}", near(*length), percent(*share));
         }
         let left = [
             ("more than its overall length", self.beyond_the_tool),
@@ -203,12 +211,8 @@ impl StickOutRow {
         if !left.is_empty() {
             let _ = writeln!(text, "  left: {}", left.join(", "));
         }
-        if let Some(voxel) = self.surface_nearer_by {
-            let _ = writeln!(
-                text,
-                "  lengths are for voxel centres, and the surface lies up to a voxel nearer: set {} {unit} more, or ask with --conservative",
-                short(voxel)
-            );
+        if let Some(nearer) = self.surface_nearer_by {
+            let _ = writeln!(text, "  {}", length::surface_nearer(nearer, self.conservative, unit));
         }
         text
     }

@@ -1,0 +1,65 @@
+//! Lengths that somebody sets a tool by: with as many decimals as tenths of a millimetre need in their unit, and never rounded to the
+//! wrong side.
+
+use imf_core::unit::LengthUnit;
+
+/// To the nearest.
+pub(crate) fn nearest(value: f64, unit: LengthUnit) -> String {
+    format!("{value:.*}", decimals(unit))
+}
+
+/// No less than it is.
+pub(crate) fn at_least(value: f64, unit: LengthUnit) -> String {
+    let scale = 10_f64.powi(decimals(unit) as i32);
+    nearest((value * scale - 1e-6).ceil() / scale, unit)
+}
+
+/// No more than it is.
+pub(crate) fn at_most(value: f64, unit: LengthUnit) -> String {
+    let scale = 10_f64.powi(decimals(unit) as i32);
+    nearest((value * scale + 1e-6).floor() / scale, unit)
+}
+
+/// A place.
+pub(crate) fn place(point: [f64; 3], unit: LengthUnit) -> String {
+    point.map(|value| nearest(value, unit)).join(", ")
+}
+
+/// That the surface lies nearer than the voxels that shank and holder were kept off, in words.
+pub(crate) fn surface_nearer(nearer: f64, conservative: bool, unit: LengthUnit) -> String {
+    let more = at_least(nearer, unit);
+    match conservative {
+        false => format!(
+            "the surface lies up to a voxel nearer than its centres: set {more} {unit} more, or ask with --conservative and a clearance"
+        ),
+        true => format!(
+            "the surface lies up to half a voxel's diagonal nearer than its centres: set {more} {unit} more, or give holder and shank that \
+             clearance"
+        ),
+    }
+}
+
+fn decimals(unit: LengthUnit) -> usize {
+    (unit.in_mm() / 0.1).log10().ceil() as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lengths_have_tenths_of_a_millimetre_and_are_enough() {
+        for (unit, expected) in [
+            (LengthUnit::Mm, ["42.0", "42.1", "42.0"]),
+            (LengthUnit::Cm, ["42.01", "42.02", "42.01"]),
+            (LengthUnit::Inch, ["42.012", "42.013", "42.012"]),
+            (LengthUnit::M, ["42.0123", "42.0124", "42.0123"]),
+        ] {
+            let value = 42.012_34;
+            assert_eq!([nearest(value, unit), at_least(value, unit), at_most(value, unit)], expected);
+        }
+        // What is a tenth but for rounding stays one.
+        assert_eq!(at_least(0.1 + 0.2, LengthUnit::Mm), "0.3");
+        assert_eq!(at_most(0.3 - 1e-12, LengthUnit::Mm), "0.3");
+    }
+}
