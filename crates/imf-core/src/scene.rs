@@ -339,7 +339,7 @@ pub enum SceneError {
         /// The grid's pitch.
         pitch: f64,
     },
-    /// The caller's [`Control`](crate::control::Control) asked to stop.
+    /// The caller's [`Control`] asked to stop.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
 }

@@ -176,7 +176,8 @@ impl Surface {
             reached.iter_mut().zip(&access.reach).for_each(any);
         }
         let areas = self.samples.samples.iter().zip(reached).filter(|(_, reached)| *reached);
-        Ok(areas.map(|(sample, _)| sample.area).sum::<f64>() / self.samples.area())
+        // A sum of nothing is −0.
+        Ok((areas.map(|(sample, _)| sample.area).sum::<f64>() + 0.0) / self.samples.area())
     }
 
     /// Share of the samples' area for which something holds.

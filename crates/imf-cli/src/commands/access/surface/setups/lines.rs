@@ -102,7 +102,8 @@ pub(in crate::commands::access) struct SetupsRow {
 impl SetupsRow {
     /// The report's lines.
     pub(in crate::commands::access) fn lines(&self, unit: &str) -> String {
-        let percent = |share: f64| format!("{:.1} %", 100.0 * share);
+        // A sum of nothing is −0.
+        let percent = |share: f64| format!("{:.1} %", 100.0 * share + 0.0);
         let count = self.setups.len();
         let proof = if self.proven {
             "proven: no fewer do".to_owned()
