@@ -112,7 +112,7 @@
     } else {
       const bar = element('div', { className: 'bar' });
       bar.style.background = `linear-gradient(90deg, ${layer.ramp.map(hex).join(', ')})`;
-      const end = value => value.toPrecision(4).replace(/\.?0+$/, '');
+      const end = value => String(Number(value.toPrecision(4)));
       legend.append(layer.label, bar, element('div', { className: 'ends' },
         element('span', {}, end(layer.low)), element('span', {}, end(layer.high))));
       if (layer.values.some(value => !Number.isFinite(value))) {
@@ -150,7 +150,7 @@
       (event.clientX - box.left) / box.width * 2 - 1, 1 - (event.clientY - box.top) / box.height * 2), camera);
     const [hit] = pointer.intersectObject(surface);
     if (!hit) { reading.textContent = ''; return; }
-    const at = hit.point.toArray().map((value, axis) => (value + data.middle[axis]).toFixed(2));
+    const at = hit.point.toArray().map((value, axis) => String(Number((value + data.middle[axis]).toPrecision(6))));
     const triangle = geometry.index ? geometry.index.getX(3 * hit.faceIndex) / 3 : hit.faceIndex;
     const lines = layers.map(layer => tell(layer, layer.values[triangle]));
     reading.textContent = [`(${at.join(', ')}) ${data.unit}`, ...lines].join('\n');

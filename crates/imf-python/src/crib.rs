@@ -1,6 +1,7 @@
 //! Which tools of a crib serve which places of a surface, and the fewest that serve all.
 
 use imf_core::control::Control;
+use imf_core::scene::SceneWarning;
 use imf_core::set_cover::{CoverProblem, CoverSettings};
 use imf_core::surface::{
     CollisionEnvironment, SurfaceError, SurfaceSamples, SurfaceTool, crib_access, default_tolerance,
@@ -37,11 +38,17 @@ pub(crate) fn crib<'py>(
         directions.unwrap_or_else(|| DirectionsInput::Text(own.usual_directions().into())).of(py, own)?;
     let tolerance = tolerance.unwrap_or_else(|| default_tolerance(record.grid.pitch, record.unit));
     let tools: Vec<_> = tools.iter().map(|tool| tool.get().0.in_unit(record.unit)).collect();
+    let (mesh, clearance) = (own.placed_mesh(), record.clearance);
+    let mut warnings = Vec::new();
     for tool in &tools {
         // A tool that passes between the voxels' centres would be free everywhere.
-        own.with_spec(Control::quiet(), |spec| spec.check_tool(tool, &record.grid)).map_err(Raise::raise)?;
+        let found = own.with_spec(Control::quiet(), |spec| spec.check_tool(tool, &record.grid));
+        warnings.extend(found.map_err(Raise::raise)?);
+        if !record.conservative {
+            let assembly = tool.offset(&clearance).map_err(|error| value_error(error.to_string()))?;
+            warnings.extend(SceneWarning::of_step(&assembly, record.grid.pitch));
+        }
     }
-    let (mesh, clearance) = (own.placed_mesh(), record.clearance);
     let (environment, samples) = run(py, (&None, "", 0), |control| {
         let bodies = own.bodies(control)?;
         let environment = own.with_spec(control, |spec| CollisionEnvironment::of_bodies(spec, &bodies))?;
@@ -57,6 +64,7 @@ pub(crate) fn crib<'py>(
     })?;
     let (vertices, faces) = mesh_arrays(py, &samples.mesh)?;
     let found = PyDict::new(py);
+    found.set_item("warnings", warnings.iter().map(ToString::to_string).collect::<Vec<_>>())?;
     let flat = verdicts.iter().flatten().map(|verdict| *verdict as u8).collect::<Vec<_>>();
     found.set_item("verdict", rows_of(py, flat, samples.samples.len())?)?;
     found.set_item(

@@ -66,6 +66,9 @@ def test_a_crib_has_the_verdicts_of_its_tools_one_by_one(block: imf.Scene) -> No
     plan = crib.fewest()
     assert plan.at_least == len(plan.tools) == 1
     assert plan.reached == pytest.approx(shares.max()) and shares[plan.tools[0]] == shares.max()
+    needle = imf.Tool({"shape": "tapered", "diameter": 0.5, "half_angle": 5, "length": 25}, holder=HOLDER)
+    with pytest.warns(imf.SceneWarning, match="so slender"):
+        cube(tools[0]).crib([needle], "axes", samples=200)
     with pytest.raises(ValueError, match="at least one tool"):
         block.crib([])
     with pytest.raises(ValueError, match="fraction"):

@@ -17,15 +17,15 @@ use imf_core::check::{
     check_toolpath, cutters_not_compared, least_stick_outs, never_near,
 };
 use imf_core::machine::Machine;
-use imf_core::scene::{CoarseTool, PathGuarantee, SceneError, SceneRecord};
-use imf_core::tool::{Element, Tool, ToolShape};
+use imf_core::scene::{CoarseTool, PathGuarantee, SceneError, SceneRecord, SceneWarning};
+use imf_core::tool::{Tool, ToolShape};
 use imf_core::toolpath::{PathReading, Toolpath, ToolpathError};
-use imf_core::unit::LengthUnit;
+use imf_core::unit::{LengthUnit, proportion_check};
 use serde_json::json;
 use thiserror::Error;
 
 use crate::arguments::check::{CheckArguments, Frame, NumberedTool};
-use crate::arguments::scene::SceneArguments;
+use crate::arguments::scene::{SceneArguments, warn_of};
 use crate::interrupt::Interrupted;
 use crate::output::{OutputFile, OutputFolder, print_result};
 use crate::session::Session;
@@ -78,14 +78,21 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
         session
             .note(&format!("the toolpath calls its only tool {number}: it is checked with '{}'", tool.name));
     }
-    let others = tools.iter().map(|(_, tool)| tool).filter(|tool| *tool != record.bare_tool());
-    if let Some(coarse) =
-        others.filter_map(|tool| CoarseTool::of(tool, record.grid.pitch, record.unit)).next()
-    {
-        if !arguments.scene.allow_coarse {
-            return Err(SceneError::Coarse(coarse).into());
+    let longest = meshes[0].1.bounds().map_or(0.0, |(lower, upper)| (upper - lower).max_element());
+    // The scene has looked at its own.
+    for (_, tool) in tools.iter().filter(|(_, tool)| tool != record.bare_tool()) {
+        if let Some(coarse) = CoarseTool::of(tool, record.grid.pitch, record.unit) {
+            if !arguments.scene.allow_coarse {
+                return Err(SceneError::Coarse(coarse).into());
+            }
+            session.warn(&coarse.to_string());
         }
-        session.warn(&coarse.to_string());
+        let proportion = proportion_check(longest, tool.thinnest().1, record.unit);
+        let frame = SceneWarning::of_frame(tool, record.grid.pitch);
+        warn_of(
+            session,
+            &proportion.map(SceneWarning::Proportion).into_iter().chain(frame).collect::<Vec<_>>(),
+        );
     }
     let numbered: Vec<(Option<u32>, &Tool)> = tools.iter().map(|(number, tool)| (*number, tool)).collect();
     let settings = arguments.settings(record.grid.pitch, record.unit);
@@ -212,10 +219,11 @@ fn scene_arguments(arguments: &CheckArguments, tools: &[NumberedTool]) -> SceneA
     SceneArguments { tool, ..arguments.scene.clone() }
 }
 
-/// Of a tool's thinnest element, in mm.
+/// Of a tool's thinnest element, or of its tip where that is more slender, in mm.
 fn thickness(tool: &Tool) -> f64 {
-    let ToolShape::Revolved(elements) = &tool.in_unit(LengthUnit::Mm).shape else { return f64::INFINITY };
-    elements.iter().map(Element::max_radius).fold(f64::INFINITY, f64::min)
+    let tool = tool.in_unit(LengthUnit::Mm);
+    let ToolShape::Revolved(_) = &tool.shape else { return f64::INFINITY };
+    tool.slender_tip().unwrap_or_else(|| tool.thinnest().1)
 }
 
 impl CheckRun<'_> {

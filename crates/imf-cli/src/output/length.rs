@@ -20,6 +20,11 @@ pub(crate) fn at_most(value: f64, unit: LengthUnit) -> String {
     nearest((value * scale + 1e-6).floor() / scale, unit)
 }
 
+/// With so many decimals more, as of a tolerance.
+pub(crate) fn finer(value: f64, unit: LengthUnit, more: usize) -> String {
+    format!("{value:.*}", decimals(unit) + more)
+}
+
 /// A place.
 pub(crate) fn place(point: [f64; 3], unit: LengthUnit) -> String {
     point.map(|value| nearest(value, unit)).join(", ")

@@ -312,8 +312,24 @@ fn a_needle_is_said_to_pass_between_the_centres_and_a_pitch_of_its_own_sees_it()
         let asked = ["check", "block.obj", "plunge.csv", "--unit", "mm", "--tool", "needle.toml"];
         folder.run(&[&asked[..], more].concat())
     };
-    let coarse = run(&["--pitch", "1"]);
-    assert!(coarse.stderr.contains("so slender that it passes between the centres"), "{}", coarse.stderr);
+    run(&["--pitch", "1"]).is_refusal(&["the slender tip of the tool", "pitch of at most 0.57"], &["check"]);
+    // Beside a tool that is thicker everywhere too.
+    folder.write("two.csv", "x,y,z,tool\n0,0,40,1\n0,0,30,1\n0.3,0.2,40,2\n0.3,0.2,15,2\n");
+    let both = [
+        "check",
+        "block.obj",
+        "two.csv",
+        "--unit",
+        "mm",
+        "--pitch",
+        "1",
+        "--tool",
+        "1=paper",
+        "--tool",
+        "2=needle.toml",
+    ];
+    folder.refuse(&both, &["the slender tip of the tool"]);
+    let coarse = run(&["--pitch", "1", "--allow-coarse"]);
     let (_, sure) = coarse.stdout.split_once("overlaps deeper than ").unwrap();
     let sure: f64 = sure.split_whitespace().next().unwrap().parse().unwrap();
     // 5 deep is not certain to be found, and a ball of 2.08 fits into the needle from some 10 on.

@@ -8,6 +8,8 @@ use serde::Serialize;
 use super::CheckSettings;
 use super::machine::farther;
 use crate::machine::Joints;
+use crate::orientation::Orientation;
+use crate::pose::Pose;
 use crate::toolpath::{MoveKind, Toolpath};
 
 /// What was hit.
@@ -76,7 +78,13 @@ impl Collision {
         let point = |p: [f64; 3]| into.transform_point3(DVec3::from_array(p)).to_array();
         self.contact = point(self.contact);
         self.position = point(self.position);
-        self.axis = into.transform_vector3(DVec3::from_array(self.axis)).normalize_or_zero().to_array();
+        let axis = DVec3::from_array(self.axis);
+        self.axis = into.transform_vector3(axis).normalize_or_zero().to_array();
+        if let (Some(roll), Some(upright)) = (self.roll, Orientation::from_direction(axis)) {
+            let (_, turn, _) = into.to_scale_rotation_translation();
+            let turned = turn * Orientation { roll, ..upright }.quaternion();
+            self.roll = Some(Pose::new(DVec3::ZERO, turned).orientation().roll);
+        }
     }
 }
 
@@ -207,12 +215,78 @@ impl CheckReport {
         }
     }
 
-    /// Every collision with its line, the deepest first.
+    /// Every collision with its line, the deepest first: what only comes nearer than its clearance after all that collides.
     #[must_use]
     pub fn worst(&self) -> Vec<(&LineCollisions, &Collision)> {
         let mut all: Vec<_> =
             self.colliding.iter().flat_map(|line| line.collisions.iter().map(move |c| (line, c))).collect();
-        all.sort_by(|a, b| b.1.depth.total_cmp(&a.1.depth));
+        let depth = |found: &Collision| found.depth - found.clearance;
+        all.sort_by(|a, b| depth(b.1).total_cmp(&depth(a.1)));
         all
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn collision(axis: [f64; 3], roll: f64, [depth, clearance]: [f64; 2]) -> Collision {
+        Collision {
+            element: "tool".into(),
+            against: HitBody::Part,
+            clearance,
+            depth,
+            depth_in_tool: depth,
+            contact: [0.0; 3],
+            position: [0.0; 3],
+            axis,
+            roll: Some(roll),
+            joints: None,
+            fraction: 0.0,
+            voxels: 1,
+            volume: 1.0,
+            poses: 1,
+        }
+    }
+
+    #[test]
+    fn another_frame_has_the_same_rotation_of_a_tool_that_is_not_round() {
+        let turn =
+            DMat4::from_rotation_z(1.0) * DMat4::from_rotation_x(0.4) * DMat4::from_scale(DVec3::splat(2.0));
+        let rotation = |hit: &Collision| {
+            let upright = Orientation::from_direction(DVec3::from_array(hit.axis)).unwrap();
+            Orientation { roll: hit.roll.unwrap(), ..upright }.quaternion()
+        };
+        for axis in [[0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [0.0, -1.0, 0.0]] {
+            let before = collision(axis, 107.4, [1.0, 0.0]);
+            let mut after = before.clone();
+            after.place(&turn);
+            let (_, by, _) = turn.to_scale_rotation_translation();
+            assert!((by * rotation(&before)).angle_between(rotation(&after)) < 1e-6, "{axis:?}");
+            after.place(&turn.inverse());
+            assert!(rotation(&before).angle_between(rotation(&after)) < 1e-6, "{axis:?}");
+        }
+    }
+
+    #[test]
+    fn what_collides_is_worse_than_what_only_comes_near() {
+        let line = |number: usize, depths: [f64; 2]| LineCollisions {
+            line: number,
+            tool: None,
+            kind: MoveKind::Feed,
+            poses: 1,
+            collisions: vec![collision([0.0, 0.0, 1.0], 0.0, depths)],
+        };
+        let report = CheckReport {
+            settings: CheckSettings::of_pitch(1.0, crate::unit::LengthUnit::Mm),
+            sure_depth: 2.0,
+            locations: 2,
+            starts: 0,
+            poses: 2,
+            colliding: vec![line(1, [4.0, 7.0]), line(2, [0.7, 0.0])],
+            out_of_travel: Vec::new(),
+        };
+        let worst: Vec<usize> = report.worst().iter().map(|(line, _)| line.line).collect();
+        assert_eq!(worst, [2, 1]);
     }
 }

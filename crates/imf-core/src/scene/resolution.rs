@@ -67,7 +67,7 @@ pub struct CoarseTool {
     pub tool: String,
     /// The thinnest of its elements.
     pub element: String,
-    /// Its largest diameter, or the length of its thinnest disc, in `unit`.
+    /// Its largest diameter, that of the ball that its slender tip holds near its end, or the length of its thinnest disc, in `unit`.
     pub thickness: f64,
     /// Voxels across it at which it is resolved.
     pub voxels: f64,
@@ -86,7 +86,9 @@ impl CoarseTool {
             let coarse = thickness * (1.0 + 1e-9) < voxels * pitch;
             coarse.then(|| Self { tool: tool.name.clone(), element, thickness, voxels, pitch, unit })
         };
+        let tip = || tool.slender_tip().map(|thickness| ("slender tip".to_owned(), thickness));
         thin(tool.thinnest(), VOXELS_THICK)
+            .or_else(|| thin(tip()?, VOXELS_THICK))
             .or_else(|| tool.thinnest_disc(DISC_OUT * pitch).and_then(|disc| thin(disc, DISC_THICK)))
     }
 
@@ -118,7 +120,7 @@ impl SceneSpec<'_> {
     /// What is to be known of a tool (in any unit, without clearance) on a grid.
     ///
     /// # Errors
-    /// [`SceneError::Coarse`] of a tool thinner than √2 voxels, or with a disc thinner than one, unless the spec allows it.
+    /// [`SceneError::Coarse`] of a tool thinner than √2 voxels, its tip too, or with a disc thinner than one, unless the spec allows it.
     pub fn check_tool(&self, tool: &Tool, grid: &Grid) -> Result<Vec<SceneWarning>, SceneError> {
         let tool = tool.in_unit(self.unit);
         let (lower, upper) = self.part_bounds()?;

@@ -147,7 +147,8 @@ const SLENDER: f64 = 5.0;
 
 impl SceneWarning {
     /// What is to be known of where a tool is in its own frame, among voxels of a pitch.
-    pub(super) fn of_frame(tool: &Tool, pitch: f64) -> Vec<Self> {
+    #[must_use]
+    pub fn of_frame(tool: &Tool, pitch: f64) -> Vec<Self> {
         let name = || tool.name.clone();
         let distance = tool.sharp_points_off();
         let off = (distance > 2.0 * pitch).then(|| Self::TipOff { tool: name(), distance, unit: tool.unit });

@@ -36,7 +36,8 @@ impl Tool {
 
     /// The diameter of the largest ball that a slender tip holds within three diameters from its end, which is the thickness that it is
     /// met with; `None` of other tips, and of those that are as slender at every size, as sharp cones are.
-    pub(crate) fn slender_tip(&self) -> Option<f64> {
+    #[must_use]
+    pub fn slender_tip(&self) -> Option<f64> {
         // The largest radius up to one that something holds of.
         let largest = |most: f64, holds: &dyn Fn(f64) -> bool| {
             let (mut held, mut wide) = (0.0, most);

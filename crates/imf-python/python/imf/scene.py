@@ -286,6 +286,8 @@ class Scene:
         asked = None if directions is None else directions_input(directions)
         native = [tool._native for tool in tools]
         found = _imf.crib(self._native, native, asked, samples, tolerance, listener(progress))
+        for text in found.pop("warnings"):
+            warnings.warn(text, SceneWarning, stacklevel=2)
         return Crib(names=[tool.name for tool in tools], **found)
 
     def __repr__(self) -> str:

@@ -16,6 +16,7 @@ use imf_core::surface::{
     Reach, SurfaceError, SurfaceSamples, SurfaceTool, Verdict, contact_reach, crib_access, surface_access,
 };
 use imf_core::tool::ElementKind;
+use imf_core::unit::LengthUnit;
 
 use super::on_machine::OnMachine;
 use super::surface::{SAMPLES, SurfaceSettings, rgb};
@@ -32,7 +33,7 @@ use tools::{CribTool, Undecided};
 /// The surface, and what every tool reaches of it.
 struct Crib {
     part: String,
-    unit: String,
+    unit: LengthUnit,
     pitch: f64,
     orientations: OrientationSet,
     tolerance: f64,
@@ -145,7 +146,7 @@ impl Crib {
         stage.finish("");
         let mut crib = Self {
             part: inputs.part.name.clone(),
-            unit: unit.to_string(),
+            unit,
             pitch: grid.pitch,
             orientations,
             tolerance,

@@ -196,7 +196,7 @@ impl Summary {
     fn surface_lines(&self) -> String {
         let Some(surface) = &self.surface else { return String::new() };
         let unit = self.unit.to_string();
-        let mut text = surface.lines(&unit);
+        let mut text = surface.lines(self.unit);
         for tool in self.tools.iter().filter(|_| self.tools.len() > 1) {
             let share = 100.0 * tool.surface_reached.unwrap_or_default();
             let _ = writeln!(text, "  {:34}{share:>8.1} %", format!("reached by {}", tool.tool));

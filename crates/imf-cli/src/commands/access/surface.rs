@@ -187,10 +187,10 @@ impl Surface {
         (chosen.map(|(_, sample)| sample.area).sum::<f64>() + 0.0) / self.samples.area()
     }
 
-    /// The direction of those that reach a sample which reaches most of the surface.
+    /// Of the directions from which its best tool reaches a sample, the one that reaches most of the surface.
     fn direction(&self, sample: usize) -> Option<usize> {
-        let free =
-            |&direction: &usize| self.tools.iter().any(|(access, _)| access.is_free(sample, direction));
+        let (access, _) = &self.tools[self.best[sample].1];
+        let free = |&direction: &usize| access.is_free(sample, direction);
         let area = |direction: &usize| self.by_direction[*direction];
         (0..self.by_direction.len()).filter(free).max_by(|a, b| area(a).total_cmp(&area(b)).then(b.cmp(a)))
     }
@@ -314,7 +314,7 @@ impl Surface {
             format!("imf {}: {} in {}", env!("CARGO_PKG_VERSION"), run.part, run.unit),
             "verdict: 0 reached, 1 obstructed by shank, holder or fixture, 2 the cutter does not fit, 3 no direction faces it"
                 .into(),
-            "directions: number that reach it; best: the one that reaches most of the surface, from tip to holder".into(),
+            "directions: number from which that tool reaches it; best: the one that reaches most of the surface, from tip to holder".into(),
             format!("the cutter may cut {} {} below the surface", self.tolerance, run.unit),
         ];
         let mesh: &Mesh = &self.samples.mesh;

@@ -17,7 +17,6 @@ use ndarray::Array2;
 
 use super::stock::StockResult;
 use super::text;
-use crate::output::short;
 use crate::picture::{Axes, Panel, PanelRow, PanelSheet, Scale};
 use crate::slices;
 
@@ -62,13 +61,7 @@ pub(super) fn draw(
         let tool = tools.iter().find(|(number, _)| number.is_none() || *number == line.tool);
         let is_new = chosen.len() < PLACES && chosen.iter().all(|(_, known, ..)| *known != line.line);
         let Some((_, tool)) = tool.filter(|_| is_new) else { continue };
-        let title = format!(
-            "{}: {}, {} {unit} deep in the {}",
-            text::place(line),
-            hit.element,
-            short(hit.depth),
-            hit.against
-        );
+        let title = format!("{}: {}", text::place(line), text::what(hit, unit));
         chosen.push((title, line.line, hit, *tool));
     }
     if chosen.is_empty() {

@@ -5,6 +5,7 @@ use std::fmt::Write;
 use glam::DMat4;
 use imf_core::check::{Collision, LineCollisions, TravelFault};
 use imf_core::toolpath::MoveKind;
+use imf_core::unit::LengthUnit;
 
 use super::{CheckRun, stick_out};
 use crate::arguments::check::Frame;
@@ -131,27 +132,31 @@ pub(super) fn place(line: &LineCollisions) -> String {
     format!("line {}{tool}{rapid}", line.line)
 }
 
-fn one(collision: &Collision, poses: u64, checked: &CheckRun<'_>) -> String {
-    let unit = checked.record.unit;
-    let (element, against) = (&collision.element, format!("the {}", collision.against));
+/// What an element does to a body: how deep it is in it, or how near it comes where that is nearer than its clearance.
+pub(super) fn what(collision: &Collision, unit: LengthUnit) -> String {
+    let (element, against) = (&collision.element, &collision.against);
     // The depth below the offset surface tells how much of the clearance is left.
     let within = collision.clearance - collision.depth;
-    let what = if collision.clearance > 0.0 && within >= 0.0 {
-        format!(
-            "{element} comes within {} {unit} of {against}, {} {unit} required,",
-            short(within),
-            collision.clearance
-        )
-    } else if collision.clearance > 0.0 {
-        format!("{element} with its clearance is {} {unit} deep in {against}", short(collision.depth))
-    } else {
-        format!("{element} is {} {unit} deep in {against}", short(collision.depth))
-    };
+    if collision.clearance > 0.0 && within >= 0.0 {
+        let clearance = collision.clearance;
+        return format!(
+            "{element} comes within {} {unit} of the {against}, {clearance} {unit} required",
+            short(within)
+        );
+    }
+    let offset = if collision.clearance > 0.0 { " with its clearance" } else { "" };
+    format!("{element}{offset} is {} {unit} deep in the {against}", short(collision.depth))
+}
+
+fn one(collision: &Collision, poses: u64, checked: &CheckRun<'_>) -> String {
+    let unit = checked.record.unit;
+    let what = what(collision, unit);
+    let comma = if what.ends_with("required") { "," } else { "" };
     let point = |place: [f64; 3]| place.map(short).join(",");
     let [i, j, k] = collision.axis;
     let roll = collision.roll.map_or_else(String::new, |roll| format!(", roll {roll:.1}°"));
     format!(
-        "{what} at {}: {} voxels, {} {unit}³, at worst with the tip at {} and the axis \
+        "{what}{comma} at {}: {} voxels, {} {unit}³, at worst with the tip at {} and the axis \
          {i:.4},{j:.4},{k:.4}{roll}; {} of {poses} poses",
         point(collision.contact),
         collision.voxels,

@@ -8,7 +8,7 @@ use imf_core::pose::Pose;
 use imf_core::toolpath::{MoveKind, Toolpath};
 
 use super::{CheckRun, text};
-use crate::output::{length, short};
+use crate::output::length;
 use crate::view::{Colours, Layer, NONE, PathLines, Place, Table, TableRow, View, distinct};
 
 /// Places that are marked, at most: the deepest.
@@ -102,13 +102,12 @@ pub(super) fn view<'a>(checked: &CheckRun<'_>, shown: &'a Shown, path: &Toolpath
         .map(|(_, hit)| Place { at: DVec3::from_array(hit.contact), normal: DVec3::from_array(hit.axis) });
     let rows = worst.iter().enumerate().map(|(place, (line, hit))| {
         let at = length::place(hit.contact, checked.record.unit);
-        let cells =
-            vec![line.line.to_string(), hit.element.clone(), hit.against.to_string(), short(hit.depth), at];
+        let cells = vec![line.line.to_string(), text::what(hit, checked.record.unit), at];
         TableRow { place: Some(place), cells }
     });
     let table = Table {
         title: format!("The deepest collisions, in {unit}"),
-        columns: vec![("line", true), ("element", false), ("in", false), ("depth", true), ("around", false)],
+        columns: vec![("line", true), ("what", false), ("around", false)],
         rows: rows.collect(),
     };
     View {

@@ -3,12 +3,13 @@
 use std::fmt::Write as _;
 
 use imf_core::surface::Verdict;
+use imf_core::unit::LengthUnit;
 use serde::Serialize;
 
 use super::super::on_machine::IN_THE_WAY;
 use super::Crib;
 use super::tools::Undecided;
-use crate::output::show_measure;
+use crate::output::{length, show_measure};
 use crate::progress::show_seconds;
 
 /// Tools that the table lists beside the chosen ones; `crib.csv` has all.
@@ -48,8 +49,9 @@ struct BlameRow {
 #[derive(Debug, Serialize)]
 pub(super) struct Report {
     program: String,
+    files: Vec<String>,
     part: String,
-    unit: String,
+    unit: LengthUnit,
     pitch: f64,
     orientations: String,
     orientation_count: usize,
@@ -119,8 +121,9 @@ impl Report {
         let undecided = crib.undecided.iter().map(|u| Undecided::new(&u.tool, &u.why));
         Self {
             program: format!("imf {}", env!("CARGO_PKG_VERSION")),
+            files: ["crib.csv", "surface.ply"].map(str::to_owned).to_vec(),
             part: crib.part.clone(),
-            unit: crib.unit.clone(),
+            unit: crib.unit,
             pitch: crib.pitch,
             orientations: crib.orientations.spec.clone(),
             orientation_count: crib.orientations.len(),
@@ -176,14 +179,14 @@ impl Report {
         let percent = |share: f64| format!("{:.1} %", 100.0 * share);
         let unit = &self.unit;
         let mut text = format!(
-            "{}: {} tools, {} directions ({}), pitch {:.4} {unit}\n\nsurface, {} {unit}² (a cutter may cut {:.3} {unit} below it)\n",
+            "{}: {} tools, {} directions ({}), pitch {:.4} {unit}\n\nsurface, {} {unit}² (a cutter may cut {} {unit} below it)\n",
             self.part,
             self.tools.len(),
             self.orientation_count,
             self.orientations,
             self.pitch,
             show_measure(self.area),
-            self.tolerance
+            length::finer(self.tolerance, *unit, 2)
         );
         let mut row = |name: &str, share: f64, rest: &str| {
             let _ = writeln!(text, "  {name:34}{:>8}   {rest}", percent(share));
@@ -216,11 +219,11 @@ impl Report {
             );
         };
         let line = |text: &mut String, tool: &ToolRow, last: f64| {
-            let diameter = tool.diameter.map_or("mesh".into(), |diameter| format!("{diameter:.2}"));
+            let diameter = tool.diameter.map_or("mesh".into(), |diameter| length::finer(diameter, *unit, 1));
             let _ = writeln!(
                 text,
-                "  {diameter:>10}{:>10.1}{:>14.2}{:>10}{:>12}   {}",
-                tool.stick_out,
+                "  {diameter:>10}{:>10}{:>14.2}{:>10}{:>12}   {}",
+                length::nearest(tool.stick_out, *unit),
                 tool.rigidity,
                 percent(tool.reached),
                 percent(last),

@@ -3,10 +3,11 @@
 use std::fmt::Write as _;
 
 use imf_core::surface::Verdict;
+use imf_core::unit::LengthUnit;
 use serde::Serialize;
 
 use super::words;
-use crate::output::show_measure;
+use crate::output::{length, show_measure};
 
 /// One direction, and the share of the surface that it reaches.
 #[derive(Debug, Serialize)]
@@ -47,11 +48,11 @@ pub(in crate::commands::access) struct SurfaceRow {
 
 impl SurfaceRow {
     /// The report's lines.
-    pub(in crate::commands::access) fn lines(&self, unit: &str) -> String {
+    pub(in crate::commands::access) fn lines(&self, unit: LengthUnit) -> String {
         let mut text = format!(
-            "surface, {} {unit}² (the cutter may cut {:.3} {unit} below it)\n",
+            "surface, {} {unit}² (the cutter may cut {} {unit} below it)\n",
             show_measure(self.area),
-            self.tolerance
+            length::finer(self.tolerance, unit, 2)
         );
         let mut row = |name: &str, share: f64, rest: &str| {
             let _ = writeln!(text, "  {name:34}{:>8.1} %   {rest}", 100.0 * share);

@@ -239,7 +239,7 @@ impl Surface {
         let rows = unreached.iter().enumerate().map(|(place, patch)| {
             let [low, high] = patch.bounds.map(DVec3::from_array);
             let why = [&[patch.why.to_owned()][..], &patch.hits[..]].concat().join(": ");
-            let size = (high - low).to_array().map(|side| format!("{side:.0}")).join(" × ");
+            let size = (high - low).to_array().map(|side| length::nearest(side, unit)).join(" × ");
             TableRow {
                 place: Some(place),
                 cells: vec![
