@@ -66,8 +66,11 @@ def test_a_crib_has_the_verdicts_of_its_tools_one_by_one(block: imf.Scene) -> No
     plan = crib.fewest()
     assert plan.at_least == len(plan.tools) == 1
     assert plan.reached == pytest.approx(shares.max()) and shares[plan.tools[0]] == shares.max()
+    wide = imf.Tool(CUTTER, {"diameter": 9, "length": 8}, HOLDER)
+    with pytest.warns(imf.SceneWarning, match="a side wider than the cutter"):
+        cube(tools[0]).crib([wide], "axes", samples=200)
     needle = imf.Tool({"shape": "tapered", "diameter": 0.5, "half_angle": 5, "length": 25}, holder=HOLDER)
-    with pytest.warns(imf.SceneWarning, match="so slender"):
+    with pytest.raises(ValueError, match="slender tip"):
         cube(tools[0]).crib([needle], "axes", samples=200)
     with pytest.raises(ValueError, match="at least one tool"):
         block.crib([])
