@@ -132,12 +132,16 @@ pub(super) fn place(line: &LineCollisions) -> String {
     format!("line {}{tool}{rapid}", line.line)
 }
 
+/// How much of its clearance an element keeps from what it does not touch; the depth below the offset surface tells.
+fn left_of_clearance(collision: &Collision) -> Option<f64> {
+    let within = collision.clearance - collision.depth;
+    (collision.clearance > 0.0 && within >= 0.0).then_some(within)
+}
+
 /// What an element does to a body: how deep it is in it, or how near it comes where that is nearer than its clearance.
 pub(super) fn what(collision: &Collision, unit: LengthUnit) -> String {
     let (element, against) = (&collision.element, &collision.against);
-    // The depth below the offset surface tells how much of the clearance is left.
-    let within = collision.clearance - collision.depth;
-    if collision.clearance > 0.0 && within >= 0.0 {
+    if let Some(within) = left_of_clearance(collision) {
         let clearance = collision.clearance;
         return format!(
             "{element} comes within {} {unit} of the {against}, {clearance} {unit} required",
@@ -151,7 +155,7 @@ pub(super) fn what(collision: &Collision, unit: LengthUnit) -> String {
 fn one(collision: &Collision, poses: u64, checked: &CheckRun<'_>) -> String {
     let unit = checked.record.unit;
     let what = what(collision, unit);
-    let comma = if what.ends_with("required") { "," } else { "" };
+    let comma = if left_of_clearance(collision).is_some() { "," } else { "" };
     let point = |place: [f64; 3]| place.map(short).join(",");
     let [i, j, k] = collision.axis;
     let roll = collision.roll.map_or_else(String::new, |roll| format!(", roll {roll:.1}°"));
