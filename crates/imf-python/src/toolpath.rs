@@ -97,12 +97,13 @@ pub(crate) fn check<'py>(
     let mut stock_left = None;
     if let Some(stock) = stock {
         let voxels = stock.voxels(py, own, &bodies)?;
-        let bodies = match record.conservative {
-            true => run(py, (&None, "", 0), |control| {
+        let bare: Option<Bodies> = match record.conservative {
+            true => Some(run(py, (&None, "", 0), |control| {
                 own.with_spec(control, |spec| bodies.by_centres(&spec.placed(), control))
-            })?,
-            false => Bodies::clone(&bodies),
+            })?),
+            false => None,
         };
+        let bodies = bare.as_ref().unwrap_or(&bodies);
         let around = CheckBodies { part: &bodies.part, fixtures: &bodies.fixtures, ..around };
         let mut found = run(py, (&progress, "cutting the stock", lines), |control| {
             // Voxels of the stock reach nowhere out of it.
