@@ -22,7 +22,7 @@ mod report;
 mod stick_out;
 mod stock;
 
-pub use machine::{MachineBodies, MachineFault, MachineReach};
+pub use machine::{MachineBodies, MachineFault, MachineReach, machine_remarks};
 pub use report::{CheckReport, Collision, HitBody, LineCollisions, TravelFault};
 pub use stick_out::{PathStickOut, least_stick_outs};
 pub use stock::{LineRemoval, StockLeft, StockReport, check_stock};

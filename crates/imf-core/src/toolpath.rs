@@ -60,6 +60,8 @@ pub struct MachinePoint {
     /// The tip goes straight in the part's frame on the way here (the control keeps the tool's centre point); otherwise the linear
     /// axes move evenly.
     pub tip_goes_straight: bool,
+    /// The spindle's height is the machine's own, by G53 or G28, and the tip's moves with the tool's length.
+    pub by_spindle: bool,
 }
 
 /// What a file is read for.
@@ -72,6 +74,11 @@ pub struct PathReading<'a> {
     /// Lengths of the tools from tip to spindle, by number, or of the only one.
     pub lengths: &'a [(Option<u32>, f64)],
 }
+
+/// A turn of an axis is a jump from so many degrees on, and from so many times the turn of the tool's axis: near the axis's own direction
+/// smooth paths turn it a few times as far.
+const JUMP: f64 = 45.0;
+const TIMES: f64 = 4.0;
 
 impl From<LengthUnit> for PathReading<'_> {
     fn from(unit: LengthUnit) -> Self {
@@ -173,7 +180,9 @@ impl Toolpath {
         name: &str,
     ) -> Result<Self, ToolpathError> {
         let reading = reading.into();
-        let mut path = Self::of_text(text, &reading, name)
+        // A carriage return ends a line by itself as well, as on old systems.
+        let lines = text.replace("\r\n", "\n").replace('\r', "\n");
+        let mut path = Self::of_text(&lines, &reading, name)
             .map_err(|LineError { line, what }| ToolpathError::Line { path: name.to_owned(), line, what })?;
         if path.locations.is_empty() {
             return Err(ToolpathError::Empty(name.to_owned()));
@@ -209,6 +218,7 @@ impl Toolpath {
     /// Finds the joints of every location that says a direction.
     fn turn(&mut self, machine: &Machine, reading: &PathReading<'_>) -> Result<(), LineError> {
         let mut before: Option<(Option<u32>, Joints)> = None;
+        let chosen: Vec<bool> = self.locations.iter().map(|location| location.machine.is_none()).collect();
         for location in &mut self.locations {
             let line = location.line;
             let wrong = |what: String| LineError { line, what };
@@ -237,7 +247,8 @@ impl Toolpath {
                          post-processor may choose others"
                     ));
                 }
-                location.machine = Some(MachinePoint { joints, length, tip_goes_straight: true });
+                location.machine =
+                    Some(MachinePoint { joints, length, tip_goes_straight: true, by_spindle: false });
             }
             if let Some(MachinePoint { joints, length, .. }) = location.machine {
                 location.pose = machine.forward(&joints, length);
@@ -245,7 +256,39 @@ impl Toolpath {
                 before = Some((location.tool, joints));
             }
         }
+        self.remark_on_jumps(machine, &chosen);
         Ok(())
+    }
+
+    /// Where axes turn much farther than the tool's does, a post-processor may lift the tool, or have begun elsewhere.
+    fn remark_on_jumps(&mut self, machine: &Machine, chosen: &[bool]) {
+        let jump = |(pair, chosen): (&[Location], &[bool])| {
+            let [from, to] = pair else { return None };
+            let turned = from.pose.axis()?.angle_between(to.pose.axis()?).to_degrees();
+            let (before, after) = (from.machine?.joints.rotary, to.machine?.joints.rotary);
+            let axes = machine.rotary.iter().zip(before.iter().zip(after));
+            let far = axes.map(|(axis, (before, after))| (axis.letter, (after - before).abs()));
+            let far: Vec<_> = far.filter(|(_, angle)| *angle > JUMP && *angle > TIMES * turned).collect();
+            let is_cut = from.tool == to.tool && to.kind == MoveKind::Feed && chosen == [true, true];
+            let is_way = is_cut && !far.is_empty();
+            is_way.then_some((to.line, far, turned))
+        };
+        let pairs = self.locations.windows(2).zip(chosen.windows(2));
+        let jumps: Vec<_> = pairs.filter_map(jump).collect();
+        if let Some((line, far, turned)) = jumps.first() {
+            let axes: Vec<String> =
+                far.iter().map(|(letter, angle)| format!("{letter} turns by {angle:.0}°")).collect();
+            let more = match jumps.len() - 1 {
+                0 => String::new(),
+                1 => ", as on one more line".into(),
+                more => format!(", as on {more} more lines"),
+            };
+            self.remarks.push(format!(
+                "line {line}: {} where the tool's axis turns by {turned:.0}°{more}: the way is followed as it is, and a post-processor may lift \
+                 the tool there or choose other angles",
+                axes.join(" and ")
+            ));
+        }
     }
 
     /// The path where the part's motion puts it, which may scale evenly: from the part's own frame into the world.

@@ -220,7 +220,8 @@ impl Surface {
             true => orientations.iter().map(Orientation::direction).collect(),
             false => ways_up(&self.suggested),
         };
-        let candidates = run(py, (&None, "", 0), |_| candidate_setups(&mesh, &ways, orientations, &limits))?;
+        let candidates =
+            run(py, (&None, "", 0), |_| candidate_setups(&mesh, &ways, orientations, &limits, false))?;
         let settings = CoverSettings { fraction, ..CoverSettings::default() };
         let plan = run(py, (&progress, "set-ups", candidates.len() as u64), |control| {
             let tools = [SetupTool { access: &self.access, brought: None }];

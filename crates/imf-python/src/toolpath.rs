@@ -5,7 +5,7 @@ use std::path::Path;
 use glam::DMat4;
 use imf_core::check::{
     CheckBodies, CheckSettings, MachineBodies, check_stock, check_toolpath, cutters_not_compared,
-    least_stick_outs, never_near,
+    least_stick_outs, machine_remarks, never_near,
 };
 use imf_core::control::Control;
 use imf_core::machine::Machine;
@@ -42,7 +42,7 @@ pub(crate) fn check<'py>(
     clearance: Option<[f64; 3]>,
     contact: Option<f64>,
     step: Option<f64>,
-    in_world: bool,
+    in_world: Option<bool>,
     stick_out: bool,
     stock: Option<StockInput<'py>>,
     progress: Progress<'py>,
@@ -62,7 +62,15 @@ pub(crate) fn check<'py>(
         PathInput::File(file) => Toolpath::read(Path::new(file), reading),
         PathInput::Text(text, name) => Toolpath::parse(text, reading, name),
     });
-    let set_up = if in_world { DMat4::IDENTITY } else { record.transform };
+    // A machine stands where the part is set up.
+    let by_machine = machine.is_some() && record.transform != DMat4::IDENTITY;
+    if by_machine && in_world == Some(false) {
+        return Err(value_error(
+            "with a machine a path has the coordinates of G54, the frame into which the scene's transform sets the part up: give frame='world' \
+             or none",
+        ));
+    }
+    let set_up = if in_world.unwrap_or(by_machine) { DMat4::IDENTITY } else { record.transform };
     let path = path.map_err(Raise::raise)?.placed(&set_up);
     let usual = CheckSettings::of_pitch(record.grid.pitch, record.unit);
     let mut settings = match record.conservative {
@@ -91,6 +99,7 @@ pub(crate) fn check<'py>(
     remarks.extend(never_near(&path, &numbered, &bodies.part));
     let lines = path.locations.len() as u64;
     let around = CheckBodies { part: &bodies.part, fixtures: &bodies.fixtures, machine: machine.as_ref() };
+    remarks.extend(machine_remarks(around, &numbered, &path.set_up));
     let mut report = run(py, (&progress, "checking", lines), |control| {
         check_toolpath(around, &numbered, &path, &settings, control)
     })?;

@@ -104,8 +104,9 @@ impl Asked {
         let access = || surface_access(&tool, &samples, directions, Control::quiet());
         let (seconds, access) = seconds(|| Ok(pool.install(access)?))?;
         let upright = Limits::parse("cone:0,0,1:0")?;
-        let of =
-            |orientation: &Orientation| PartSetup::all(mesh, orientation.direction(), directions, &upright);
+        let of = |orientation: &Orientation| {
+            PartSetup::all(mesh, orientation.direction(), directions, &upright, false)
+        };
         let setups = directions.iter().flat_map(of).collect();
         Ok(Self { samples, access, directions: directions.to_vec(), setups, seconds })
     }

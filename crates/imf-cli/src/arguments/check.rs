@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use anyhow::Result;
+use anyhow::{Result, ensure};
 use clap::{Args, ValueEnum};
 use imf_core::check::{CheckError, CheckSettings};
 use imf_core::tool::Tool;
@@ -25,9 +25,9 @@ use super::scene::SceneArguments;
                         lines, LOADTL/ for the tool's number) or G-code (G0 to G3, T and M6), in the part's unit unless it says its \
                         own. What is not understood is refused.\n\
                         With --machine rotary axes are read as columns or words (A, B, C), the spindle head and the table are obstacles, \
-                        and travel is checked; the part lies in the frame of the machine's work offset G54.\n\
-                        Coordinates are in the part's frame, that of its file, or with --frame world in the frame into which \
-                        --transform sets the part up; so are those of the answer.\n\
+                        and travel is checked; the machine's work offset G54 is the frame into which --transform sets the part up.\n\
+                        Coordinates are in the part's frame, that of its file; with --frame world, and with a machine, in the frame into \
+                        which --transform sets the part up. So are those of the answer.\n\
                         Exit code 3 says that something collides or leaves the travel, 2 that the toolpath or a tool cannot be checked."
 )]
 pub(crate) struct CheckArguments {
@@ -38,9 +38,9 @@ pub(crate) struct CheckArguments {
     /// Machine that follows the path, in TOML: its rotary axes, travel, work offsets, head and table
     #[arg(long, value_name = "FILE")]
     pub(crate) machine: Option<PathBuf>,
-    /// Frame of the toolpath's coordinates
-    #[arg(long, value_enum, default_value = "part", value_name = "FRAME")]
-    pub(crate) frame: Frame,
+    /// Frame of the toolpath's coordinates; the part's by default, the world's with a machine, whose G54 is there
+    #[arg(long, value_enum, value_name = "FRAME")]
+    pub(crate) frame: Option<Frame>,
     /// Farthest that any point of the tool moves between two checked poses; a quarter of a voxel by default
     #[arg(long, value_name = "LENGTH")]
     pub(crate) step: Option<f64>,
@@ -83,6 +83,16 @@ pub(crate) struct NumberedTool {
 }
 
 impl CheckArguments {
+    /// Whose coordinates the toolpath has, of a part that is set up elsewhere or not.
+    pub(crate) fn frame(&self, is_set_up: bool) -> Result<Frame> {
+        let by_machine = self.machine.is_some() && is_set_up;
+        ensure!(
+            !(by_machine && self.frame == Some(Frame::Part)),
+            "with --machine a path has the coordinates of G54, the frame into which --transform sets the part up: leave --frame part out"
+        );
+        Ok(self.frame.unwrap_or(if by_machine { Frame::World } else { Frame::Part }))
+    }
+
     /// How deep the part may lie in the cutter where its voxels do not reach out of it.
     pub(crate) fn contact_of_bare_voxels(&self, unit: LengthUnit) -> f64 {
         self.contact.unwrap_or(CheckSettings::of_pitch(1.0, unit).contact)

@@ -14,7 +14,7 @@ use anyhow::Result;
 use glam::DMat4;
 use imf_core::check::{
     CheckBodies, CheckError, CheckReport, CheckSettings, MachineBodies, PathStickOut, check_stock,
-    check_toolpath, cutters_not_compared, least_stick_outs, never_near,
+    check_toolpath, cutters_not_compared, least_stick_outs, machine_remarks, never_near,
 };
 use imf_core::machine::Machine;
 use imf_core::scene::{CoarseTool, PathGuarantee, SceneError, SceneRecord, SceneWarning};
@@ -39,6 +39,7 @@ pub(crate) struct CollisionFound;
 /// What was checked, beside what was found.
 struct CheckRun<'a> {
     arguments: &'a CheckArguments,
+    frame: Frame,
     record: &'a SceneRecord,
     /// In the part's unit.
     tools: Vec<(Option<u32>, Tool)>,
@@ -61,7 +62,8 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
     if tools.is_empty() {
         tools.push((None, record.bare_tool().clone()));
     }
-    let set_up = match arguments.frame {
+    let frame = arguments.frame(record.transform != DMat4::IDENTITY)?;
+    let set_up = match frame {
         Frame::Part => record.transform,
         Frame::World => DMat4::IDENTITY,
     };
@@ -73,10 +75,12 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
     let inputs = PathReading { unit: record.unit, machine: machine.as_ref(), lengths: &lengths };
     let toolpath = Toolpath::read(&arguments.toolpath, inputs);
     let toolpath = toolpath.map_err(|error| asks_for_machine(error, machine.is_some()))?.placed(&set_up);
-    toolpath.remarks.iter().for_each(|remark| session.note(remark));
+    toolpath.remarks.iter().for_each(|remark| session.choose(remark));
     if let ([(None, tool)], [Some(number)]) = (tools.as_slice(), toolpath.tools().as_slice()) {
-        session
-            .note(&format!("the toolpath calls its only tool {number}: it is checked with '{}'", tool.name));
+        session.choose(&format!(
+            "the toolpath calls its only tool {number}: it is checked with '{}'",
+            tool.name
+        ));
     }
     let longest = meshes[0].1.bounds().map_or(0.0, |(lower, upper)| (upper - lower).max_element());
     // The scene has looked at its own.
@@ -109,12 +113,13 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
         Some(machine) => Some(MachineBodies::new(machine, record.grid.pitch, session.control(&|_| {}))?),
         None => None,
     };
-    cutters_not_compared(&toolpath, &numbered).iter().for_each(|remark| session.note(remark));
+    cutters_not_compared(&toolpath, &numbered).iter().for_each(|remark| session.choose(remark));
     never_near(&toolpath, &numbered, &bodies.part).iter().for_each(|remark| session.warn(remark));
     let stage = session.stage("checking", "lines", toolpath.locations.len() as u64);
     let advance = |n| stage.advance(n);
     let control = session.control(&advance);
     let around = CheckBodies { part: &bodies.part, fixtures: &bodies.fixtures, machine: machine.as_ref() };
+    machine_remarks(around, &numbered, &toolpath.set_up).iter().for_each(|remark| session.warn(remark));
     let report = check_toolpath(around, &numbered, &toolpath, &settings, control);
     let stopped = |error: CheckError| match error {
         CheckError::Cancelled => Interrupted("the toolpath was not checked to its end".into()).into(),
@@ -152,7 +157,7 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
     let mut written = Vec::new();
     if let Some(folder) = &out {
         folder.begin(session)?;
-        let name = (record.transform != DMat4::IDENTITY).then_some(match arguments.frame {
+        let name = (record.transform != DMat4::IDENTITY).then_some(match frame {
             Frame::Part => "part's frame",
             Frame::World => "world",
         });
@@ -169,7 +174,8 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
         report.colliding.iter_mut().flat_map(|line| &mut line.collisions).for_each(|hit| hit.place(&back));
         stock.iter_mut().for_each(|stock| stock.place(&back));
     }
-    let checked = CheckRun { arguments, record, tools, machine: machine.as_ref(), report, stock, stick_outs };
+    let checked =
+        CheckRun { arguments, frame, record, tools, machine: machine.as_ref(), report, stock, stick_outs };
     if let Some(page) = &page {
         let shown = view::Shown::new(&checked, &meshes, &back, &set_up);
         let path = page.begin()?;
@@ -247,7 +253,7 @@ impl CheckRun<'_> {
         let tools: Vec<_> =
             self.tools.iter().map(|(number, tool)| json!({ "number": number, "name": tool.name })).collect();
         json!({
-            "toolpath": self.arguments.toolpath, "frame": self.arguments.frame, "part": self.record.part, "tools": tools,
+            "toolpath": self.arguments.toolpath, "frame": self.frame, "part": self.record.part, "tools": tools,
             "unit": self.record.unit, "pitch": self.record.grid.pitch, "conservative": self.record.conservative,
             "collides": !self.report.colliding.is_empty(), "machine": self.machine.map(|bodies| &bodies.machine().name),
             "report": self.report, "guarantee": self.guarantee(), "stick_outs": self.stick_outs,

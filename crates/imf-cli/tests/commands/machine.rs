@@ -105,6 +105,49 @@ fn a_holder_that_meets_the_platter_is_told_by_word_and_by_column() {
 }
 
 #[test]
+fn a_part_stands_on_the_machine_where_it_is_set_up() {
+    let program = "G21 G90 T1 M6\nG0 A0. C0.\nG43.4 H1 X0. Y0. Z100.\nZ60.\n";
+    let run = |more: &[&str]| check(("top.nc", program), Some("trunnion.toml"), more);
+    assert_eq!(run(&[]).code, Some(0));
+    let up = ["--transform", "translate:0,0,40"];
+    let found = run(&[&up[..], &["--json"]].concat());
+    assert_eq!(hits(&found), [(4, "cutter".to_owned(), "part".to_owned())]);
+    assert!(found.stdout.contains("\"frame\": \"world\""), "{}", found.stdout);
+    let refused = run(&[&up[..], &["--frame", "part"]].concat());
+    assert!(refused.code != Some(0) && refused.stderr.contains("coordinates of G54"), "{}", refused.stderr);
+    // Ten lower its foot is in the platter.
+    let low = run(&["--transform", "translate:0,0,-10"]);
+    assert!(low.stderr.contains("warning: the part stands 10 mm deep in the machine's platter"), "{}", low.stderr);
+}
+
+#[test]
+fn a_part_that_swings_into_a_column_is_told() {
+    let folder = Folder::new();
+    folder.write("block.obj", BLOCK);
+    let column = "\n[[solid]]\nname = \"column\"\non = \"table\"\nbox = { lower = [-60, 30, -420], upper = [60, 90, -380] }\n";
+    folder.write("column.toml", &(EXAMPLES[0].1.to_owned() + column));
+    folder.write("swing.csv", "x,y,z,A,C\n0,0,100,0,0\n0,0,100,-60,0\n0,0,100,-90,0\n");
+    let run = folder.run(&[
+        "check",
+        "block.obj",
+        "swing.csv",
+        "--unit",
+        "mm",
+        "--pitch",
+        "2",
+        "--tool",
+        "paper",
+        "--machine",
+        "column.toml",
+        "--json",
+    ]);
+    assert_eq!(run.code, Some(3), "{}", run.stderr);
+    let found = hits(&run);
+    assert!(found.contains(&(4, "part".to_owned(), "column".to_owned())), "{found:?}");
+    assert!(found.iter().all(|(line, ..)| *line > 2), "{found:?}");
+}
+
+#[test]
 fn every_example_cuts_the_top_and_tells_what_its_head_meets() {
     for (name, letters) in [("trunnion.toml", "A0. C0."), ("head.toml", "B0. C0."), ("vise.toml", "B0. C0.")]
     {
@@ -226,7 +269,7 @@ fn set_ups_reach_what_the_machine_reaches_with_the_part_placed_so() {
     let usual = ["access", "block.obj", "--unit", "mm", "--pitch", "2", "--tool", "paper"];
     let usual = [&usual[..], &["--orientations", "axes", "--out", "out"]].concat();
     let share = |value: &Value| value.as_f64().unwrap();
-    for (machine, count) in [("trunnion.toml", 2), ("short.toml", 4)] {
+    for (machine, count) in [("trunnion.toml", 2), ("short.toml", 6)] {
         let machine = ["--machine", machine];
         let found = folder.json(&[&usual[..], &machine, &["--setups"]].concat())["setups"].clone();
         let chosen = found["setups"].as_array().unwrap();
@@ -239,7 +282,7 @@ fn set_ups_reach_what_the_machine_reaches_with_the_part_placed_so() {
         }
         let left = &found["left"];
         let kept = share(&left["kept_away_by_the_machine"]);
-        // Each set-up of the short one reaches a band of 20 mm at most.
+        // Each set-up of the short one reaches a band of 20 mm at most, lengthwise or across.
         let expected = if count == 2 { 0.0 } else { 1.0 - share(&found["reachable"]) };
         assert!((kept - expected).abs() < 1e-6 && share(&left["obstructed"]) == 0.0, "{left}");
     }

@@ -48,7 +48,7 @@ impl Body {
     }
 
     /// Half a pitch less than to the nearest empty centre.
-    fn depth(&self, index: usize) -> f64 {
+    pub(super) fn depth(&self, index: usize) -> f64 {
         let pitch = self.voxels.grid.pitch;
         let depths = make_once(&self.depths, || {
             let below = |squared: u64| (((squared as f64).sqrt() - 0.5) * pitch).max(0.0) as f32;

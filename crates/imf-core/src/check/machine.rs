@@ -1,14 +1,18 @@
 //! A machine's head and table on the way along a toolpath, and its travel.
 //!
-//! What the head carries is tried against part, fixtures and what the table carries, and the tool against the latter, each pair in the
-//! frame of the body that is hit, at poses of its own: so close that nothing of the one moves farther than the step as
-//! seen from the other.
+//! What the head carries is tried against part, fixtures and the table's solids, the tool against the latter, and part and fixtures
+//! against those of the latter that do not turn with them. Each pair is looked at in the frame of the body that is hit, at poses of its
+//! own: so close that nothing of the one moves farther than the step as seen from the other.
 
 mod carried;
+mod on_table;
 mod reach;
+mod remarks;
 
 pub(super) use carried::{HeadBody, HeadShape, bar_around};
+use on_table::TablePairs;
 pub use reach::{MachineFault, MachineReach};
+pub use remarks::machine_remarks;
 
 use std::sync::Arc;
 
@@ -133,11 +137,15 @@ struct Near {
     pairs: Vec<Pair>,
 }
 
+/// Something that the table carries, with the axes that do.
+type TableSolid = (usize, Arc<Body>, SolidVoxels);
+
 /// All pairs of one tool.
 #[derive(Clone)]
 pub(super) struct MachinePairs {
     machine: Arc<Machine>,
     groups: Arc<Vec<Alike>>,
+    on_table: TablePairs,
     /// From the world to where the machine's coordinates are with the table's axes at 0.
     to_machine: Pose,
     step: f64,
@@ -153,7 +161,12 @@ impl MachinePairs {
         settings: &CheckSettings,
         world: &Pose,
     ) -> Result<Self, CheckError> {
-        let (table, machine) = (machine.bodies(), machine.machine.clone());
+        let with_voxels = |(level, body): (usize, Arc<Body>)| {
+            let voxels = SolidVoxels::from(body.voxels().clone());
+            (level, body, voxels)
+        };
+        let table: Vec<TableSolid> = machine.bodies().into_iter().map(with_voxels).collect();
+        let machine = machine.machine.clone();
         let head_axes = machine.axes_of(Side::Head);
         let below = DVec3::new(0.0, 0.0, -tool.length());
         let room = settings.clearance;
@@ -180,37 +193,38 @@ impl MachinePairs {
             of_head.map(|solid| HeadBody::of_solid(solid, room.holder)).collect::<Result<_, _>>()?;
         let table_axes = machine.axes_of(Side::Table);
         let mut groups: Vec<Alike> = Vec::new();
-        let mut add = |own: &[HeadBody], body: &Arc<Body>, level: usize, in_world: bool| {
-            let voxels = SolidVoxels::from(body.voxels().clone());
+        let mut add = |own: &[HeadBody], (level, body, voxels): &TableSolid, in_world: bool| {
             // Of the head, those that one ball is around move alike: the tool's elements.
             for own in own.chunk_by(|a, b| a.ball == b.ball) {
-                let pairs = own.iter().map(|own| own.against(body, &voxels)).collect::<Result<_, _>>()?;
+                let pairs = own.iter().map(|own| own.against(body, voxels)).collect::<Result<_, _>>()?;
                 let pairs = Near { voxels: voxels.clone(), pairs };
                 let ball = own[0].ball;
                 let alike = |group: &&mut Alike| {
-                    group.ball == ball && (group.level, group.in_world) == (level, in_world)
+                    group.ball == ball && (group.level, group.in_world) == (*level, in_world)
                 };
                 match groups.iter_mut().find(alike) {
                     Some(group) => group.pairs.push(pairs),
-                    None => groups.push(Alike { ball, level, in_world, pairs: vec![pairs] }),
+                    None => groups.push(Alike { ball, level: *level, in_world, pairs: vec![pairs] }),
                 }
             }
             Ok::<(), CheckError>(())
         };
-        for (level, body) in &table {
-            add(&tool_bodies, body, *level, false)?;
-            add(&head, body, *level, false)?;
+        for solid in &table {
+            add(&tool_bodies, solid, false)?;
+            add(&head, solid, false)?;
         }
         for body in std::iter::once(part).chain(fixtures) {
-            add(&head, body, table_axes, true)?;
+            add(&head, &with_voxels((table_axes, body.clone())), true)?;
         }
         let to_machine = HeadBody::to_machine(&machine, world);
-        Ok(Self { machine, groups: Arc::new(groups), to_machine, step: settings.step })
+        let on_table = TablePairs::new(part, fixtures, &table, table_axes).at(&to_machine);
+        Ok(Self { machine, groups: Arc::new(groups), on_table, to_machine, step: settings.step })
     }
 
     /// The same with the part's frame elsewhere in the world.
     fn at(&self, world: &Pose) -> Self {
-        Self { to_machine: HeadBody::to_machine(&self.machine, world), ..self.clone() }
+        let to_machine = HeadBody::to_machine(&self.machine, world);
+        Self { to_machine, on_table: self.on_table.at(&to_machine), ..self.clone() }
     }
 
     /// The first two bodies that hit one another.
@@ -240,15 +254,14 @@ impl MachinePairs {
                 if near.ball_room(&group.ball, &half) <= 0.5 * farthest {
                     let at = |fraction| self.in_body(group, &way.placement(fraction));
                     let hits = near.follow(&group.ball, count, farthest, at);
-                    found.extend(hits.into_iter().map(|hit| {
-                        // These poses are closer together, or less close, than the motion's: as many of those.
-                        let poses =
-                            (hit.poses as f64 * motion.count as f64 / count as f64).round().max(1.0) as u64;
-                        self.in_the_world(group, motion, Collision { poses, ..hit })
-                    }));
+                    found.extend(
+                        hits.into_iter()
+                            .map(|hit| self.in_the_world(group, motion, motion.with_poses(hit, count))),
+                    );
                 }
             }
         }
+        found.extend(self.on_table.follow(motion, way, self.step, line)?);
         Ok((found, self.beyond(motion, line)?))
     }
 

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use glam::{DMat4, DVec3};
 
+mod on_table;
 mod reach;
 mod refusals;
 
@@ -182,7 +183,7 @@ fn random(seed: usize) -> Joints {
 }
 
 fn location(machine: &Machine, line: usize, joints: Joints, kind: MoveKind, straight: bool) -> Location {
-    let point = MachinePoint { joints, length: 20.0, tip_goes_straight: straight };
+    let point = MachinePoint { joints, length: 20.0, tip_goes_straight: straight, by_spindle: false };
     let pose = machine.forward(&joints, 20.0);
     Location { line, pose, rolled: true, tool: None, kind, machine: Some(point) }
 }

@@ -55,6 +55,12 @@ impl Motion<'_> {
         hit
     }
 
+    /// A collision of what was looked at in `count` poses, which may be closer together or less close: as many of the motion's.
+    pub(super) fn with_poses(&self, hit: Collision, count: u64) -> Collision {
+        let poses = (hit.poses as f64 * self.count as f64 / count as f64).round().max(1.0) as u64;
+        Collision { poses, ..hit }
+    }
+
     /// Says where the machine's axes stand when these happen.
     pub(super) fn with_joints(&self, hits: &mut [Collision]) {
         if let Some(way) = self.by_machine() {

@@ -40,7 +40,7 @@ impl fmt::Display for HitBody {
 /// One element that collides with one body during one motion. Lengths are in the grid's unit, places in world coordinates.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Collision {
-    /// The element's name; `tool` for a mesh.
+    /// The element's name; `tool` for a mesh; the part or a fixture where it swings into the machine.
     pub element: String,
     /// What it hits.
     pub against: HitBody,
@@ -64,7 +64,7 @@ pub struct Collision {
     pub joints: Option<Joints>,
     /// How far on the way to the line that pose is, from 0 to 1.
     pub fraction: f64,
-    /// Solid voxels in the element at that pose.
+    /// Solid voxels in the element at that pose; where the part or a fixture hits the machine, its own that do.
     pub voxels: u32,
     /// Their volume in units cubed.
     pub volume: f64,
@@ -130,7 +130,7 @@ pub struct CheckReport {
     pub sure_depth: f64,
     /// Lines of the toolpath that lead somewhere.
     pub locations: usize,
-    /// Locations to which no way is checked, since the file has none: the first, and the first of every other tool.
+    /// Locations to which no way is checked, since the file has none: the first, the first of every other tool, and those behind places that only a machine knows.
     pub starts: usize,
     /// Poses checked in all.
     pub poses: u64,

@@ -16,7 +16,7 @@ use crate::occupancy::Occupancy;
 use crate::parallel;
 use crate::surface::{CollisionEnvironment, Raising, StickOutTool, default_tolerance};
 use crate::tool::{Clearance, Tool};
-use crate::toolpath::{Location, Toolpath};
+use crate::toolpath::{Location, MoveKind, Toolpath};
 
 /// The least stick-out of one tool over its part of a path, in the grid's unit.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -34,6 +34,8 @@ pub struct PathStickOut {
     /// The least with which shank and holder are free on all of the path; it may be more than the overall length. `None` where none
     /// is.
     pub least: Option<f64>,
+    /// Motions by the machine's own coordinates, G53 and G28, on which the tip moves with the tool's length: they were not looked at.
+    pub left_out: usize,
     /// Line of the toolpath's file that needs most, or on which no stick-out helps; `None` where the shortest serves.
     pub line: Option<usize>,
 }
@@ -60,7 +62,7 @@ pub fn least_stick_outs(
     let moves = |location: &&Location| {
         location.machine.zip(machine).is_some_and(|(point, machine)| {
             let head = machine.placements(Side::Head, &point.joints.rotary)[2].rotation;
-            !point.tip_goes_straight && (head * DVec3::Z).distance(DVec3::Z) > 1e-9
+            !point.by_spindle && !point.tip_goes_straight && (head * DVec3::Z).distance(DVec3::Z) > 1e-9
         })
     };
     if let Some(location) = toolpath.locations.iter().find(moves) {
@@ -74,8 +76,11 @@ pub fn least_stick_outs(
     let mut found = Vec::new();
     let used = motions(toolpath, tools, settings, machine)?;
     for (index, (number, tool)) in tools.iter().enumerate() {
-        let own: Vec<usize> = (0..used.len()).filter(|&motion| used[motion].tool == index).collect();
-        if own.is_empty() {
+        let of_tool = |motion: &usize| used[*motion].tool == index;
+        let (left_out, own): (Vec<usize>, Vec<usize>) = (0..used.len())
+            .filter(of_tool)
+            .partition(|&motion| moves_with_length(&toolpath.locations, motion));
+        if own.is_empty() && left_out.is_empty() {
             continue;
         }
         let prepared =
@@ -108,11 +113,19 @@ pub fn least_stick_outs(
             given: prepared.given(),
             shortest: prepared.shortest(),
             longest: tool.overall_length,
+            left_out: left_out.len(),
             least,
             line: search.line,
         });
     }
     Ok(found)
+}
+
+/// True of the way to a location that the spindle has whatever the tool's length, and of the way from one.
+fn moves_with_length(locations: &[Location], motion: usize) -> bool {
+    let by_spindle = |at: usize| locations[at].machine.is_some_and(|point| point.by_spindle);
+    let from = motion.checked_sub(1).filter(|_| locations[motion].kind != MoveKind::Start);
+    by_spindle(motion) || from.is_some_and(by_spindle)
 }
 
 /// The least stick-out that is known to be needed, and the line that needs it.

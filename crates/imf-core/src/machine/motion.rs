@@ -122,6 +122,13 @@ impl<'a> MachineMotion<'a> {
         }
     }
 
+    /// Upper bound of how far any point of a ball that the last axis of the table carries moves as seen from what stands on the first
+    /// `level` of them; where it is with all axes at 0. Evenly divided times divide it evenly.
+    pub(crate) fn carried_bound(&self, centre: DVec3, radius: f64, level: usize) -> f64 {
+        let arms = self.arms(Side::Table, 2, centre, radius);
+        self.swept(Side::Table, 2, arms) - self.swept(Side::Table, level, arms)
+    }
+
     /// Upper bound of the way of the linear axes.
     pub(crate) fn linear_way(&self) -> f64 {
         let Some([from, to]) = self.tips else { return self.from.linear.distance(self.to.linear) };

@@ -53,10 +53,11 @@ pub fn candidate_setups(
     ways: &[DVec3],
     directions: &[Orientation],
     limits: &Limits,
+    quarters: bool,
 ) -> Result<Vec<PartSetup>, TooManySetups> {
     let mut candidates: Vec<PartSetup> = Vec::new();
     for &up in ways {
-        candidates.extend(PartSetup::all(part, up, directions, limits));
+        candidates.extend(PartSetup::all(part, up, directions, limits, quarters));
         if candidates.len() > MOST {
             return Err(TooManySetups);
         }
@@ -83,11 +84,12 @@ mod tests {
         let directions = AXES.map(|axis| Orientation::from_direction(axis).unwrap());
         let ways = [DVec3::ONE.normalize(), DVec3::Z];
         let limits = Limits::parse("cone:0,0,1:0").unwrap();
-        let found = candidate_setups(&unit_cube(), &ways, &directions, &limits).unwrap();
+        let found = candidate_setups(&unit_cube(), &ways, &directions, &limits, false).unwrap();
         assert_eq!(found.iter().map(|setup| setup.rests).collect::<Vec<_>>(), [true, false]);
         assert_eq!(found[0].up, DVec3::Z);
         let many = vec![DVec3::Z; MOST + 1];
-        let refused = candidate_setups(&unit_cube(), &many, &directions, &limits).unwrap_err().to_string();
+        let refused = candidate_setups(&unit_cube(), &many, &directions, &limits, false);
+        let refused = refused.unwrap_err().to_string();
         assert!(refused.contains("20000") && refused.contains("fewer directions"), "{refused}");
     }
 }

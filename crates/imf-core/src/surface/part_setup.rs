@@ -27,9 +27,16 @@ pub struct PartSetup {
 impl PartSetup {
     /// Every set-up with this direction up that matters: no turn about +z gives the tool more of `directions` within the
     /// machine's limits than one of these. Several only where the turning axis has a range of less than 360°, or a cone leans;
-    /// quarter turns come first then, whatever they give. A direction of `directions` that is next to `up` stands for it.
+    /// quarter turns come first then, whatever they give. A direction of `directions` that is next to `up` stands for it. With `quarters`
+    /// all four are there in any case, as a machine needs it whose travel and bodies let it reach more of a part that lies the other way.
     #[must_use]
-    pub fn all(part: &Mesh, up: DVec3, directions: &[Orientation], limits: &Limits) -> Vec<Self> {
+    pub fn all(
+        part: &Mesh,
+        up: DVec3,
+        directions: &[Orientation],
+        limits: &Limits,
+        quarters: bool,
+    ) -> Vec<Self> {
         let near =
             directions.iter().map(Orientation::direction).filter(|direction| direction.distance(up) <= SAME);
         let up = near.min_by(|a, b| a.distance(up).total_cmp(&b.distance(up))).unwrap_or(up);
@@ -46,9 +53,9 @@ impl PartSetup {
             let reached = (0..turns.len()).filter(|&direction| end(&turns[direction], turn).is_some());
             Self { up, turn, directions: reached.collect(), rests, floor_area }
         };
-        let quarters = if starts.is_empty() { &[0.0][..] } else { &[0.0, 90.0, 180.0, 270.0] };
-        let mut kept: Vec<Self> = quarters.iter().map(|&turn| setup(turn)).collect();
-        kept.dedup_by(|a, b| a.directions == b.directions);
+        let first = if starts.is_empty() && !quarters { &[0.0][..] } else { &[0.0, 90.0, 180.0, 270.0] };
+        let mut kept: Vec<Self> = first.iter().map(|&turn| setup(turn)).collect();
+        kept.dedup_by(|a, b| !quarters && a.directions == b.directions);
         let others = starts.into_iter().map(|start| {
             let ends = turns.iter().filter_map(|turns| end(turns, start));
             setup(roundest(start, ends.fold(f64::INFINITY, f64::min)))
@@ -134,7 +141,7 @@ mod tests {
             let limits = Limits::parse(limits).unwrap();
             let directions = OrientationSet::parse("axes+fibonacci:90").unwrap().orientations;
             for up in [DVec3::Z, DVec3::NEG_X, DVec3::new(0.48, -0.6, 0.64)] {
-                let setups = PartSetup::all(&part, up, &directions, &limits);
+                let setups = PartSetup::all(&part, up, &directions, &limits, false);
                 assert_eq!(setups.len() > 1, several, "{limits} {up}");
                 let reached = |rotation: DQuat| -> Vec<usize> {
                     let along = |index: &usize| (rotation * directions[*index].direction()).normalize();
@@ -167,6 +174,17 @@ mod tests {
                     }
                 }
             }
+        }
+    }
+
+    #[test]
+    fn all_quarter_turns_are_there_where_they_are_asked_for() {
+        let directions = OrientationSet::parse("axes").unwrap().orientations;
+        for limits in ["cone:0,0,1:0", "ac:-20:100:-360:360"] {
+            let limits = Limits::parse(limits).unwrap();
+            let setups = PartSetup::all(&unit_cube(), DVec3::Z, &directions, &limits, true);
+            assert_eq!(setups.iter().map(|setup| setup.turn).collect::<Vec<_>>(), [0.0, 90.0, 180.0, 270.0]);
+            assert_eq!(PartSetup::all(&unit_cube(), DVec3::Z, &directions, &limits, false).len(), 1);
         }
     }
 

@@ -224,7 +224,7 @@ mod tests {
         let access = surface_access(&tool, &samples, &directions, Control::quiet()).unwrap();
         let limits = Limits::parse(limits).unwrap();
         let setups: Vec<PartSetup> =
-            ways.iter().flat_map(|&up| PartSetup::all(&block, up, &directions, &limits)).collect();
+            ways.iter().flat_map(|&up| PartSetup::all(&block, up, &directions, &limits, false)).collect();
         let settings = CoverSettings { fraction, ..CoverSettings::default() };
         let tools = [SetupTool { access: &access, brought: None }];
         let problem = reached_in_setups(&tools, &samples, &directions, &setups, Control::quiet()).unwrap();
@@ -285,7 +285,7 @@ mod tests {
         let access = surface_access(&tool, &samples, &directions, Control::quiet()).unwrap();
         let limits = Limits::parse("cone:0,0,1:90").unwrap();
         let setups: Vec<PartSetup> =
-            AXES.iter().flat_map(|&up| PartSetup::all(&block, up, &directions, &limits)).collect();
+            AXES.iter().flat_map(|&up| PartSetup::all(&block, up, &directions, &limits, false)).collect();
         const MIDDLE: DVec3 = DVec3::new(20.0, 15.0, 7.5);
         // The part's half that is up is out of reach.
         let brought = |setup: &PartSetup| {

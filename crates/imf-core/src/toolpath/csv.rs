@@ -204,7 +204,7 @@ impl Header {
                 wrong("the length of its tool is not known: no tool of this number is given".into())
             })?;
             let joints = Joints { linear: axes.linear(pose.position, &rotary, length), rotary };
-            machine = Some(MachinePoint { joints, length, tip_goes_straight: true });
+            machine = Some(MachinePoint { joints, length, tip_goes_straight: true, by_spindle: false });
         }
         Ok(Location { line, pose, rolled: roll.is_some(), tool, kind, machine })
     }

@@ -1,12 +1,12 @@
 //! Programs in G-code, for three axes without a machine and for any axes with one.
 //!
-//! Read are G0 to G3 (arcs and helices by chords, G17 to G19, centres from the start or radii), G4, G20 and G21, G28 and G53 with a
-//! machine, G43 with G49, G43.4 and G234 (the tool's centre point is kept), G54 to G59, G90 and G91, T with M6, and words that move
-//! nothing. Every other word is refused with its line.
+//! Read are G0 to G3 (arcs and helices by chords, G17 to G19, centres from the start or radii), G4, G20 and G21, G28 and G53, G43 with
+//! G49, G43.4 and G234 (the tool's centre point is kept), G54 to G59, G90 and G91, T with M6, words that move nothing, and words that
+//! smooth corners, which are told. Every other word is refused with its line, and so is what stands behind the end of the program.
 //!
-//! Without a machine X, Y and Z are the tip's and the tool stands along +z; once a tool length has ended (G49, M6 after G43, D0) Z must not
-//! move. With one, and with the centre point kept, they are the tip's in the
-//! frame that turns with the part, and the tip goes straight there; otherwise they move the linear axes: with a tool length (G43) they are where
+//! Without a machine X, Y and Z are the tip's and the tool stands along +z; while no tool length is in force (after G49, M6 and D0, before
+//! the first G43 of a program) Z must not move, and where G28 and G53 lead is not known. With one, and with the centre point kept, they
+//! are the tip's in the frame that turns with the part, and the tip goes straight there; otherwise they move the linear axes: with a tool length (G43) they are where
 //! the tip would be with the head upright, in the work offset that does not turn. Angles are followed as they are written: from C350
 //! to C10 is 340° back, which is remarked.
 
@@ -69,6 +69,12 @@ struct Program<'a> {
     length: bool,
     /// One has been.
     has_used_length: bool,
+    /// The first line in which Z moved while none was in force.
+    z_without_length: Option<usize>,
+    /// Z is the spindle's, whatever the tool's length: since G53 or G28, up to a coordinate of the program.
+    z_by_spindle: bool,
+    /// Locations so far, where all of them are by G53 and G28 before any tool.
+    homed: usize,
     /// D has named a tool's edge.
     has_used_edge: bool,
     /// The word that has ended a tool length, while none is in force again.
@@ -103,6 +109,9 @@ pub(super) fn parse(text: &str, reading: &PathReading<'_>) -> Result<Toolpath, L
         offset: 54,
         length: false,
         has_used_length: false,
+        z_without_length: None,
+        z_by_spindle: false,
+        homed: 0,
         has_used_edge: false,
         ended_by: None,
         centre_point: false,
@@ -118,14 +127,22 @@ pub(super) fn parse(text: &str, reading: &PathReading<'_>) -> Result<Toolpath, L
         rounded: 0.0,
         remarked: Vec::new(),
     };
+    let mut end = None;
     for (index, line) in text.lines().enumerate() {
         let wrong = |what: String| LineError { line: index + 1, what };
+        if let Some(end) = end {
+            // Comments and names may follow, but nothing that would seem to have been checked.
+            if words::is_command(line) {
+                return Err(wrong(format!(
+                    "it stands after the end of the program in line {end}: give each program a file of its own, or take out what does not run"
+                )));
+            }
+            continue;
+        }
         let words = words::words(line).map_err(wrong)?;
         let block = Block::new(&words, reading.machine).map_err(wrong)?;
         program.take(index + 1, &block).map_err(wrong)?;
-        if block.ends {
-            break;
-        }
+        end = block.ends.then_some(index + 1);
     }
     if let (None, Some((line, number))) = (program.tool, program.called) {
         return Err(LineError { line, what: format!("T{number} calls a tool, and no M6 changes to it") });
@@ -153,6 +170,13 @@ impl Program<'_> {
         self.motion = block.motion.or(self.motion);
         if block.rounds {
             self.round_corners(line, block);
+        }
+        if block.smooths {
+            self.remark(
+                line,
+                "smooths",
+                "the control may leave the path at corners, by how much is not said: it is followed as written, so ask for clearance",
+            );
         }
         if block.dwells || !block.moves() {
             return Ok(());
@@ -196,7 +220,8 @@ impl Program<'_> {
 
     fn go(&mut self, line: usize, block: &Block) -> Result<(), String> {
         let motion = self.motion.ok_or("axes move, and none of G0, G1, G2 and G3 says how")?;
-        self.check_length(block)?;
+        self.check_length(line, block)?;
+        self.z_by_spindle &= block.linear[2].is_none();
         let is_arc = matches!(motion, Motion::Clockwise | Motion::CounterClockwise);
         if !is_arc && (block.centre.is_some() || block.radius.is_some()) {
             return Err("I, J, K and R belong to an arc (G2, G3), and this is none".into());

@@ -61,7 +61,7 @@ def check(
     clearance: _Triple | None,
     contact: float | None,
     step: float | None,
-    in_world: bool,
+    in_world: bool | None,
     stick_out: bool,
     stock: float | _Mesh | None,
     progress: _Progress,

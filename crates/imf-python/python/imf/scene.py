@@ -226,7 +226,7 @@ class Scene:
         clearance: Clearance | None = None,
         contact: float | None = None,
         step: float | None = None,
-        frame: str = "part",
+        frame: str | None = None,
         stick_out: bool = False,
         stock: Stock | None = None,
         progress: Progress = None,
@@ -236,10 +236,11 @@ class Scene:
         path: a file (CSV, APT/CL or G-code), or poses ``(n, 6)``. tools: by number, where the path changes them; else the scene's.
         machine: its file, for paths that need one. clearance: by default the scene's. contact: how deep the part may lie in the
         cutter, 0.05 mm by default. step: farthest that any point of the tool moves between two poses that are looked at, by default a
-        quarter of the pitch. frame: "part" or "world", of the path. stick_out: also finds the least stick-out of every tool. stock: what
-        the path cuts (:data:`Stock`): nothing but the cutter may touch it, and no rapid may cut it.
+        quarter of the pitch. frame: "part" or "world", of the path: by default the part's, with a machine the world's, where its G54 is.
+        stick_out: also finds the least stick-out of every tool. stock: what the path cuts (:data:`Stock`): nothing but the cutter may
+        touch it, and no rapid may cut it.
         """
-        if frame not in ("part", "world"):
+        if frame not in (None, "part", "world"):
             raise ValueError(f"frame must be 'part' or 'world', not {frame!r}")
         if isinstance(path, (str, os.PathLike)):
             given: str | tuple[str, str] = os.fspath(path)
@@ -257,7 +258,7 @@ class Scene:
             None if clearance is None else clearance_input(clearance),
             contact,
             step,
-            frame == "world",
+            None if frame is None else frame == "world",
             stick_out,
             None if stock is None else stock_input(stock),
             listener(progress),

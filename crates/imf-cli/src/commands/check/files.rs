@@ -43,8 +43,10 @@ fn table(checked: &CheckRun<'_>) -> String {
                     format!("\"{}\"", name.replace('"', "\"\""))
                 }
             };
-            let numbers = [hit.contact, hit.position, hit.axis].concat();
-            let numbers: Vec<String> = numbers.iter().map(|v| format!("{v:.6}")).collect();
+            let places = [hit.contact, hit.position].concat();
+            let places = places.iter().map(|v| format!("{v:.6}"));
+            // In full: near a pole the roll is counted from where the last digits of the axis point.
+            let numbers: Vec<String> = places.chain(hit.axis.map(|v| v.to_string())).collect();
             let roll = hit.roll.map_or_else(String::new, |roll| format!("{roll:.6}"));
             // Writing to a string does not fail.
             let _ = writeln!(

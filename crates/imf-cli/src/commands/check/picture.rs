@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhow::Result;
 use glam::{DMat4, DVec3};
-use imf_core::check::{CheckBodies, CheckReport, Collision, MachineBodies};
+use imf_core::check::{CheckBodies, CheckReport, Collision, HitBody, MachineBodies};
 use imf_core::grid::Grid;
 use imf_core::machine::{Machine, MachineSolid, Side};
 use imf_core::occupancy::Occupancy;
@@ -162,6 +162,8 @@ fn cut(
     let mut origin = contact - 0.5 * side;
     origin[axis] = contact[axis] - 0.5 * pitch;
     let grid = Grid { origin, pitch, dims };
+    // The part or a fixture, which is no element of the tool.
+    let hits_table = hit.element == HitBody::Part.to_string() || hit.element.starts_with("fixture ");
     let turned = match &tool.shape {
         ToolShape::Revolved(_) => None,
         ToolShape::Mesh(mesh) => {
@@ -178,7 +180,9 @@ fn cut(
             };
             let in_fixture = || bodies.fixtures.iter().any(|(_, fixture)| is_solid(fixture, point));
             let of_head = !in_tool && moving.holds(Side::Head, point);
+            let on_table = is_solid(bodies.part, point) || in_fixture();
             let standing = match () {
+                () if hits_table && on_table && moving.holds(Side::Table, point) => 4.0,
                 () if is_solid(bodies.part, point) => 1.0,
                 () if in_fixture() => 2.0,
                 () if in_stock(point) => 5.0,
@@ -204,7 +208,8 @@ fn widest(tool: &Tool, element: &str) -> f64 {
             .iter()
             .filter(|own| own.kind.to_string() == element)
             .map(Element::max_radius)
-            .fold(0.0, f64::max),
+            .reduce(f64::max)
+            .unwrap_or_else(|| 0.5 * tool.reach()),
         ToolShape::Mesh(_) => 0.5 * tool.reach(),
     }
 }

@@ -22,6 +22,13 @@ pub(super) fn lines(checked: &CheckRun<'_>) -> String {
     } else {
         ""
     };
+    let left_out: usize = checked.stick_outs.iter().map(|found| found.left_out).sum();
+    let left_out = match left_out {
+        0 => String::new(),
+        count => format!(
+            "; {count} motions by G53 and G28, on which the tip moves with the stick-out, are not looked at"
+        ),
+    };
     let between = short(0.5 * checked.report.settings.step);
     let (record, settings) = (&checked.record, &checked.report.settings);
     let nearer = checked.tools.iter().filter_map(|(_, tool)| {
@@ -33,7 +40,7 @@ pub(super) fn lines(checked: &CheckRun<'_>) -> String {
     });
     format!(
         "{lines}  so set, shank and holder with their clearance and {between} {unit} more, for what lies between two poses, hold no \
-         voxel's centre on the whole path{machine}{surface}\n"
+         voxel's centre on the whole path{machine}{left_out}{surface}\n"
     )
 }
 

@@ -49,12 +49,12 @@ pub(super) fn text(checked: &CheckRun<'_>) -> String {
     if report.starts > 1 {
         let _ = writeln!(
             text,
-            "the path begins {} times: the ways to and from tool changes are not in the file, and were not checked",
+            "the path begins {} times, as behind a tool change: the ways there were not checked",
             report.starts
         );
     }
     if record.transform != DMat4::IDENTITY {
-        let whose = match checked.arguments.frame {
+        let whose = match checked.frame {
             Frame::Part => "the part's frame, which --transform sets up in the world",
             Frame::World => "the world's frame, into which --transform sets up the part",
         };

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 use std::fmt;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use glam::DVec3;
 
@@ -12,6 +12,7 @@ use crate::check::{CheckError, CheckSettings, HitBody};
 use crate::machine::{Joints, Machine, OutOfTravel, Placement, Side};
 use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
+use crate::parallel::make_once;
 use crate::pose::{Pose, axis_of};
 use crate::tool::Assembly;
 
@@ -22,9 +23,9 @@ pub enum MachineFault {
     OutOfReach,
     /// An axis would have to leave its range.
     OutOfTravel(OutOfTravel),
-    /// Something that the head carries would be in something else.
+    /// Something that the head carries would be in something else, or the part or a fixture in what does not turn with it.
     Hit {
-        /// What: an element of the tool, or `machine's` and the name of a solid.
+        /// What: an element of the tool, `machine's` and the name of a solid, or the part or a fixture.
         what: String,
         /// In what.
         against: HitBody,
@@ -50,7 +51,7 @@ impl fmt::Display for MachineFault {
 ///
 /// A pose is the tool's in the part's frame, which is that of the work offset G54 until the part is [placed](Self::placed). Of all angles that give the tool its direction one must do: the axes
 /// within their ranges, what the head carries clear of part, fixtures and table, by its clearance (the holder's), and the tool clear of
-/// the table. Where an angle is free, because it turns the tool about itself, each eighth of a turn is tried. How the tool comes there
+/// the table, part and fixtures clear of what does not turn with them. Where an angle is free, because it turns the tool about itself, each eighth of a turn is tried. How the tool comes there
 /// is not looked at.
 pub struct MachineReach {
     pairs: MachinePairs,
@@ -65,6 +66,8 @@ pub struct MachineReach {
 struct Turned {
     rotary: [f64; 2],
     place: Placement,
+    /// Part or fixture, and the machine's solid that it swings into; looked at where the axes are within their travel.
+    on_table: OnceLock<Option<[HitBody; 2]>>,
 }
 
 /// Angles of a free axis.
@@ -150,13 +153,20 @@ impl MachineReach {
     }
 
     fn fault_at(&self, tip: DVec3, turned: &Turned) -> Option<MachineFault> {
-        let Turned { rotary, place } = turned;
+        let Turned { rotary, place, on_table } = turned;
         let head = place.head[2].of_point(DVec3::new(0.0, 0.0, -self.length));
         let linear =
             place.table[2].of_point(self.place.of_point(tip) + self.pairs.machine.part_zero()) - head;
         let joints = Joints { linear, rotary: *rotary };
         if let Some(out) = self.pairs.machine.out_of_travel(&joints) {
             return Some(MachineFault::OutOfTravel(out));
+        }
+        let hits = make_once(on_table, || {
+            let found = self.pairs.on_table.first_hit(place);
+            found.map(|bodies| bodies.map(HitBody::clone))
+        });
+        if let Some([own, against]) = hits {
+            return Some(MachineFault::Hit { what: own.to_string(), against: against.clone() });
         }
         let (what, against) = self.pairs.first_hit(&place.moved(linear))?;
         let is_solid = self.pairs.machine.solids.iter().any(|own| own.side == Side::Head && own.name == what);
@@ -196,5 +206,12 @@ fn turned(machine: &Machine, axis: DVec3) -> Vec<Turned> {
             }
         }
     }
-    angles.into_iter().map(|rotary| Turned { rotary, place: Placement::turned(machine, &rotary) }).collect()
+    angles
+        .into_iter()
+        .map(|rotary| Turned {
+            rotary,
+            place: Placement::turned(machine, &rotary),
+            on_table: OnceLock::new(),
+        })
+        .collect()
 }

@@ -14,6 +14,7 @@ fn a_pose_is_reached_where_some_angles_within_the_ranges_are_free_of_all_contact
         machine.travel[0] = [-9.0, 9.0];
         let bodies = MachineBodies::new(machine.clone(), 1.0, Control::quiet()).unwrap();
         let (insides, pairs) = pairs(&machine, &bodies, &part);
+        let still = on_table::still(&machine);
         // The tool and the part are left to whoever asks.
         let others = |pair: &&Pair| {
             let is_tool = matches!(pair.element.as_str(), "cutter" | "holder 1");
@@ -54,7 +55,8 @@ fn a_pose_is_reached_where_some_angles_within_the_ranges_are_free_of_all_contact
                     let depth = |centre: &DVec3| insides[pair.inside](matrix.transform_point3(*centre));
                     deepest = pair.centres.iter().map(depth).fold(deepest, f64::max);
                 }
-                free.extend((within && deepest < 0.0).then_some(rotary));
+                let swings = on_table::swings(&still, &machine, &part, rotary);
+                free.extend((within && deepest < 0.0 && !swings).then_some(rotary));
                 near |= within && deepest.abs() < 1e-6;
             }
             if !near {

@@ -50,4 +50,30 @@ fn no_stick_out_is_found_where_the_tip_moves_with_the_length() {
     };
     assert!(matches!(found(40.0, false), Err(CheckError::TipMoves { line: 7 })));
     assert!(found(40.0, true).is_ok() && found(0.0, false).is_ok());
+    // By the machine's own coordinates the tip moves with the length too: these motions are left out.
+    let spindle = |mut own: Location| {
+        own.machine = own.machine.map(|point| MachinePoint { by_spindle: true, ..point });
+        own
+    };
+    let at = |line: usize, z: f64, kind| {
+        let joints = Joints { linear: DVec3::new(0.0, 0.0, z), rotary: [0.0; 2] };
+        location(&machine, line, joints, kind, false)
+    };
+    let locations = vec![
+        at(1, 40.0, MoveKind::Start),
+        at(2, 45.0, MoveKind::Feed),
+        spindle(at(3, -10.0, MoveKind::Rapid)),
+        at(4, 45.0, MoveKind::Rapid),
+        at(5, 46.0, MoveKind::Feed),
+    ];
+    let path = Toolpath { locations, ..Toolpath::default() };
+    let found = least_stick_outs(
+        &obstacle,
+        &[(None, &tool())],
+        &path,
+        &strict(0.25),
+        Some(&machine),
+        Control::quiet(),
+    );
+    assert_eq!(found.unwrap()[0].left_out, 2);
 }

@@ -7,6 +7,17 @@ use crate::machine::{Joints, OutOfTravel};
 use crate::pose::Pose;
 use crate::toolpath::{Location, MachinePoint, MoveKind};
 
+/// By which coordinates a motion goes.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Coordinates {
+    /// Those of the program.
+    Programs,
+    /// The same, while the tool's centre point is kept.
+    CentrePoints,
+    /// The machine's own: G53 and G28.
+    Machines,
+}
+
 impl Program<'_> {
     /// A location, once every axis is known.
     pub(super) fn arrive(
@@ -14,7 +25,7 @@ impl Program<'_> {
         line: usize,
         joints: Joints,
         motion: Motion,
-        straight: bool,
+        by: Coordinates,
     ) -> Result<(), String> {
         let before = std::mem::replace(&mut self.joints, joints);
         self.remark_on_turn(line, &before.rotary);
@@ -31,10 +42,15 @@ impl Program<'_> {
                 "where {letter} stands is not known: write it before the first cut, such as G0 {letter}0."
             ));
         }
+        // Before the first tool the spindle goes where it is told, and nothing hangs from it.
+        if by == Coordinates::Machines && self.tool.is_none() && self.tool_length().is_err() {
+            return self.check_known_axes();
+        }
         let length = self.tool_length()?;
         let (pose, machine) = match self.machine {
             Some(machine) => {
-                let point = MachinePoint { joints, length, tip_goes_straight: straight };
+                let tip_goes_straight = by == Coordinates::CentrePoints;
+                let point = MachinePoint { joints, length, tip_goes_straight, by_spindle: self.z_by_spindle };
                 (machine.forward(&joints, length), Some(point))
             }
             None => (Pose::new(joints.linear, DQuat::IDENTITY), None),
@@ -48,6 +64,8 @@ impl Program<'_> {
             _ => MoveKind::Feed,
         };
         self.broken = false;
+        let goes_home = by == Coordinates::Machines && self.tool.is_none();
+        self.homed += usize::from(goes_home && self.path.locations.len() == self.homed);
         self.path.locations.push(Location {
             line,
             pose,

@@ -34,6 +34,10 @@ pub(super) struct Block {
     pub(super) has_decimals_missing: bool,
     /// G64: corners are rounded, `lengths` away from the path at most.
     pub(super) rounds: bool,
+    /// G64 without a length, G5.1, G8, G187: how far the control leaves the path is not said.
+    pub(super) smooths: bool,
+    /// Of G5.1, G8 and G187 the word, and the letter that it needs.
+    mode: Option<(&'static str, Option<char>)>,
     /// P and Q.
     pub(super) lengths: [Option<f64>; 2],
 }
@@ -56,6 +60,10 @@ impl Block {
                 seen.push(word.letter);
             }
             block.take(word, machine)?;
+        }
+        block.smooths |= block.mode.is_some();
+        if block.rounds && !seen.iter().any(|letter| "PQ".contains(*letter)) {
+            (block.rounds, block.smooths) = (false, true);
         }
         block.check(&seen)?;
         Ok(block)
@@ -158,6 +166,9 @@ impl Block {
             911 => {}
             still if STILL_G.contains(&still) => {}
             640 => self.rounds = true,
+            51 => self.mode = Some(("G5.1", Some('Q'))),
+            80 => self.mode = Some(("G8", Some('P'))),
+            1870 => self.mode = Some(("G187", None)),
             410 | 420 => {
                 return Err(format!(
                     "G{text} moves the tool beside the path by a radius in the control: let the CAM program write the tip's own path (G40)"
@@ -185,13 +196,23 @@ impl Block {
                 None => Ok(()),
             };
         }
+        if let Some((word, needed)) = self.mode {
+            if let Some(letter) = has("XYZABCIJKR") {
+                return Err(format!(
+                    "{letter} stands beside {word}, which is understood as smoothing of corners alone"
+                ));
+            }
+            if let Some(letter) = needed.filter(|letter| !seen.contains(letter)) {
+                return Err(format!("{word} is understood with {letter} alone, as smoothing of corners"));
+            }
+        }
         if self.rounds && self.lengths[0].is_none_or(|p| p < 0.0) {
             return Err(
                 "G64 rounds corners, and no P says by how much at most: write P, or take it out to check the path as written"
                     .into(),
             );
         }
-        if let Some(letter) = has(if self.rounds { "LU" } else { "PQLU" }) {
+        if let Some(letter) = has(if self.rounds || self.smooths { "LU" } else { "PQLU" }) {
             return Err(format!("{letter} is not understood here and might move the machine"));
         }
         if self.length_number.is_some() && self.length.is_none_or(|length| length.is_none()) {

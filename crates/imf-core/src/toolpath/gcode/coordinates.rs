@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::arrival::Coordinates;
 use super::block::Block;
 use super::{Motion, Program};
 use crate::machine::Joints;
@@ -101,7 +102,7 @@ impl Program<'_> {
             Some(_) if !self.length => to + self.origin(),
             _ => to + self.origin() + below,
         };
-        let straight = self.centre_point;
-        self.arrive(line, Joints { linear, rotary }, motion, straight)
+        let by = if self.centre_point { Coordinates::CentrePoints } else { Coordinates::Programs };
+        self.arrive(line, Joints { linear, rotary }, motion, by)
     }
 }

@@ -12,6 +12,11 @@ impl Program<'_> {
         if self.centre_point {
             return Err("the tool changes while its centre point is kept: end that with G49 before".into());
         }
+        if self.tool.is_none() && self.path.locations.len() == self.homed {
+            // Before its first tool a program only goes home, with nothing that could be checked.
+            self.path.locations.clear();
+            self.z_without_length = None;
+        }
         self.tool = Some(number);
         if self.has_used_length {
             self.ended_by = Some("M6");
@@ -35,6 +40,12 @@ impl Program<'_> {
         let keeps = length == Some(true);
         if keeps && self.machine.is_none_or(|machine| machine.rotary.is_empty()) {
             return Err("it keeps the tool's centre point while rotary axes turn, and no machine with such axes is given".into());
+        }
+        if let (Some(_), Some(line), None) = (length, self.z_without_length, self.machine) {
+            return Err(format!(
+                "the program uses tool lengths, and in line {line} Z moved while none was in force: that is the spindle's place and not the \
+                 tip's, and how far the tip was below is not known (write G43 H and the tool's number before)"
+            ));
         }
         if length.is_some() {
             (self.has_used_length, self.ended_by) = (true, None);
@@ -61,9 +72,12 @@ impl Program<'_> {
     }
 
     /// What Z means must be known: the place of the tip.
-    pub(super) fn check_length(&self, block: &Block) -> Result<(), String> {
+    pub(super) fn check_length(&mut self, line: usize, block: &Block) -> Result<(), String> {
         if block.linear[2].is_none() {
             return Ok(());
+        }
+        if !self.length {
+            self.z_without_length.get_or_insert(line);
         }
         match (self.machine, self.ended_by) {
             (Some(machine), _) if !self.length => {

@@ -29,7 +29,7 @@ fn positions(path: &Toolpath) -> Vec<[f64; 3]> {
 #[test]
 fn a_program_of_three_axes_is_followed_word_by_word() {
     let text = "%\nO1000 (POCKET, X9)\nN1 G21 G90 G17 G40 G80\nT3 M6\nN2 G54 G0 X10. Y-5. S8000 M3\nG43 H3 Z20. M8\nZ2.\nG1 Z-1. F200\n\
-                X20.\nG91 Y1. Z.5\nG90 G20 X1.\nG21 G0 Z20.\nG4 X2.0\nT4\nM5\nM30\nX999.\n%\n";
+                X20.\nG91 Y1. Z.5\nG90 G20 X1.\nG21 G0 Z20.\nG4 X2.0\nT4\nM5\nM30\n%\nwhat stands behind it\n";
     let path = read(text).unwrap();
     let expected = [
         [10.0, -5.0, 20.0],
@@ -93,15 +93,17 @@ fn what_is_not_followed_is_refused_with_line_and_word() {
         ("G68 R90.", "G68 is not understood"),
         ("G10 L2 P1 X3.", "G10 is not understood"),
         ("G43.4 H1 X3.", "rotary axes turn"),
-        ("G5.1 Q1", "G5.1 is not understood"),
-        ("G64", "no P says by how much"),
+        ("G5.2 Q1", "G5.2 is not understood"),
+        ("G5.1 Q2 X0. Y0. Z0.", "X stands beside G5.1"),
+        ("G8", "G8 is understood with P alone"),
+        ("G64 Q1", "no P says by how much"),
         ("G64 P.01 L2", "L is not understood"),
         ("M98 P2", "M98 is not understood"),
         ("G1 A30.", "A30. turns a rotary axis"),
         ("G1 U3.", "U is not understood here"),
         ("G1 E3.", "E3. is not understood"),
-        ("G53 Z0.", "no machine is given"),
-        ("G28 Z0.", "no machine is given"),
+        ("G53 Z0.\nG1 X5.", "where Z stands is not known"),
+        ("G91 G28 Z0.\nG1 X5.", "where Z stands is not known"),
         ("G55 X3.", "another work offset"),
         ("G0 G1 X3.", "second kind of motion"),
         ("X3. X4.", "X stands twice"),
@@ -128,6 +130,13 @@ fn what_is_not_followed_is_refused_with_line_and_word() {
     let path = read(&format!("{start}G64 P.01\nG1 X3. F9\nG64 P.005\nG64 P.02 Q.01\nX5.\n")).unwrap();
     let told: Vec<&String> = path.remarks.iter().filter(|remark| remark.contains("G64")).collect();
     assert!(told.len() == 2 && told[0].contains("line 2") && told[1].contains("up to 0.03"), "{told:?}");
+    let two = format!("{start}M30\n%\nO2\nG0 X1. Y1. Z-20.\n");
+    let wrong = read(&two).unwrap_err();
+    assert!(
+        wrong.line == 5 && wrong.what.contains("after the end of the program in line 2"),
+        "{}",
+        wrong.what
+    );
     assert!(read("X1. Y1. Z1.\n").unwrap_err().what.contains("none of G0, G1, G2 and G3"));
     let wrong = read("T1\nG0 X1. Y1. Z1.\n").unwrap_err();
     assert_eq!((wrong.line, wrong.what.as_str()), (1, "T1 calls a tool, and no M6 changes to it"));
@@ -242,6 +251,65 @@ fn after_the_end_of_a_tool_length_z_is_not_followed_without_a_machine() {
         let path = read(&text).unwrap_or_else(|wrong| panic!("{text}: {}", wrong.what));
         assert_eq!(positions(&path).last(), Some(&last), "{text}");
     }
+}
+
+#[test]
+fn to_the_machines_own_places_the_way_is_not_known_without_a_machine() {
+    let path = read(
+        "G21 G91 G28 Z0.\nG90 G8 P1\nT1 M6\nG0 X0. Y0.\nG43 H1 Z9.\nG1 Z1. F9\nG64\nG91 G28 Z0.\nG28 X0. Y0.\nG90 T2 M6\nG0 X1. Y1.\nG43 H2 Z5.\n",
+    );
+    let path = path.unwrap();
+    assert_eq!(positions(&path), [[0.0, 0.0, 9.0], [0.0, 0.0, 1.0], [1.0, 1.0, 5.0]]);
+    assert_eq!(path.starts(), 2);
+    let said = |word: &str| path.remarks.iter().filter(|remark| remark.contains(word)).count();
+    assert_eq!(
+        (said("line 1: G28 goes to the machine's own place"), said("line 2: the control may leave")),
+        (1, 1)
+    );
+    assert_eq!(path.remarks.len(), 2, "{:?}", path.remarks);
+    // On the way the place that is said is passed.
+    let path = read("G21 G90 G0 X0. Y0. Z9.\nG28 Z3.\nX2. Y2. Z4.\n").unwrap();
+    assert_eq!(positions(&path), [[0.0, 0.0, 9.0], [0.0, 0.0, 3.0], [2.0, 2.0, 4.0]]);
+    assert_eq!(path.locations[2].kind, MoveKind::Start);
+}
+
+#[test]
+fn before_its_first_tool_a_machine_goes_home() {
+    let machine = trunnion();
+    let lengths = [(Some(1), 80.0)];
+    let reading = PathReading { unit: LengthUnit::Mm, machine: Some(&machine), lengths: &lengths };
+    let path =
+        parse("G21 G91 G28 Z0.\nG28 X0. Y0. A0. C0.\nG90 T1 M6\nG0 X1. Y2.\nG43 H1 Z9.\nG53 Z0.\n", &reading)
+            .unwrap();
+    let lines: Vec<usize> = path.locations.iter().map(|l| l.line).collect();
+    assert_eq!(lines, [5, 6]);
+    let by_spindle = |path: &Toolpath| -> Vec<bool> {
+        path.locations.iter().map(|l| l.machine.unwrap().by_spindle).collect()
+    };
+    assert_eq!(by_spindle(&path), [false, true]);
+    // The same tool is given without a number, and Z is the spindle's until the program says it.
+    let text =
+        "G21 G91 G28 Z0.\nG28 X0. Y0. A0. C0.\nG90 T1 M6\nG0 X1. Y2.\nG43 H1 Z9.\nG53 Z0.\nX5.\nZ8.\nX6.\n";
+    let path = on(&machine, text).unwrap();
+    assert_eq!(path.locations[0].line, 5);
+    assert_eq!(by_spindle(&path), [false, true, true, false, false]);
+    let mut narrow = machine.clone();
+    narrow.travel[0] = [-10.0, 10.0];
+    let far =
+        parse("G21 G0 G53 X-99.\nT1 M6\n", &PathReading { machine: Some(&narrow), ..reading }).unwrap_err();
+    assert!(far.what.contains("X would have to be at -99"), "{}", far.what);
+}
+
+#[test]
+fn z_before_the_first_of_a_programs_tool_lengths_is_refused() {
+    let first = "G21 G90\nT1 M6\nG0 X0. Y0. Z50.\nG1 Z2. F9\n";
+    assert!(read(&format!("{first}T2 M6\nG0 X1. Y1. Z9.\n")).is_ok(), "without any length Z is the tip's");
+    let wrong = read(&format!("{first}T2 M6\nG43 H2 Z50.\n")).unwrap_err();
+    assert!(wrong.line == 6 && wrong.what.contains("in line 3 Z moved"), "{}", wrong.what);
+    // A header that lifts Z before the first tool leads nowhere.
+    assert!(read("G21 G90 G0 Z100.\nT1 M6\nG0 X0. Y0.\nG43 H1 Z50.\n").is_ok());
+    let wrong = read("G21 G90 T1 M6\nG0 X0. Y0.\nG43 H1 Z50.\nG49\nG28 Z30.\n").unwrap_err();
+    assert!(wrong.line == 5 && wrong.what.contains("Z moves after G49"), "{}", wrong.what);
 }
 
 #[test]

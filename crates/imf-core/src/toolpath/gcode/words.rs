@@ -13,6 +13,20 @@ pub(super) struct Word<'a> {
     pub(super) text: &'a str,
 }
 
+/// True where a line has a word that a control would carry out, whether it is understood or not; numbers of blocks and names of programs
+/// are none.
+pub(super) fn is_command(line: &str) -> bool {
+    let line = line.trim_start_matches('\u{feff}').trim_start();
+    let line = line.trim_start_matches('/').trim_start();
+    let numbered =
+        line.strip_prefix(['N', 'n']).map(|rest| rest.trim_start_matches(|c: char| c.is_ascii_digit()));
+    let rest = numbered.unwrap_or(line).trim_start();
+    let mut letters = rest.chars();
+    let first = letters.next().is_some_and(|letter| "GMTXYZABCUVW".contains(letter.to_ascii_uppercase()));
+    let number = letters.find(|c| !c.is_whitespace());
+    first && number.is_some_and(|c| c.is_ascii_digit() || "+-.#[".contains(c))
+}
+
 /// The words of one line; none of a line that only separates or comments.
 pub(super) fn words(line: &str) -> Result<Vec<Word<'_>>, String> {
     let mut rest = line.trim_start_matches('\u{feff}').trim();

@@ -71,12 +71,13 @@ impl Setups {
         } else {
             ways_up(&run.suggested)
         };
-        let candidates = candidate_setups(&run.mesh, &ways, orientations, &question.range.limits)?;
+        let machine = run.machine.as_ref();
+        let candidates =
+            candidate_setups(&run.mesh, &ways, orientations, &question.range.limits, machine.is_some())?;
         let samples = &surface.samples.samples;
         let own = |setup: &PartSetup| -> Vec<Orientation> {
             setup.directions.iter().map(|&direction| orientations[direction]).collect()
         };
-        let machine = run.machine.as_ref();
         let brought = |tool: usize, setup: &PartSetup| {
             let reach = machine?.in_setup(tool, &setup.place(&run.mesh), &own(setup));
             Some((OnMachine::limited(surface.tools[tool].1.clone(), reach.clone()), reach))
