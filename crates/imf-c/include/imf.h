@@ -413,6 +413,15 @@ ImfStatus imf_checker_create(const ImfWorld *world,
 ImfStatus imf_checker_follow(ImfChecker *checker,
                              const ImfWorld *world);
 
+// What is to be known of the checker's tool among its obstacles, a text for each index from 0; NULL beyond the last, and of a checker that is
+// NULL: that the tool is not where its tip is, as one in another frame or unit, or that its tip is so slender that it passes between voxels'
+// centres for a while. A text stays until the checker follows or is closed.
+//
+// # Safety
+// checker was created and not closed, and no other thread changes it.
+const char *imf_checker_warning(const ImfChecker *checker,
+                                size_t index);
+
 // Whether the tool collides at every pose: free or colliding, exactly for voxel centres.
 //
 // # Safety

@@ -8,6 +8,7 @@ use imf_core::glam::DVec3;
 use imf_core::mesh::Mesh;
 use imf_core::mesh::read::read_mesh_file;
 use imf_core::pose::Pose;
+use imf_core::scene::SceneWarning;
 use imf_core::tool::{Clearance, Tool};
 use imf_core::unit::LengthUnit;
 use imf_core::world::{Checker, MotionOptions, ObstacleId, ObstacleMesh, QueryError, World, WorldError};
@@ -25,14 +26,33 @@ pub struct ImfWorld {
 impl ImfWorld {
     fn add(&mut self, obstacle: ObstacleMesh) -> Result<u64, Refusal> {
         let id = self.world.add(obstacle).map_err(|error| of_world(&error))?;
-        let more = self.world.warnings().iter().skip(self.warnings.len());
-        self.warnings.extend(more.map(|warning| CString::new(warning.to_string()).unwrap_or_default()));
+        self.warnings.extend(texts(&self.world.warnings()[self.warnings.len()..]));
         Ok(id.0)
     }
 }
 
 /// One tool among the obstacles of a world, with a clearance.
-pub struct ImfChecker(Checker);
+pub struct ImfChecker {
+    checker: Checker,
+    /// What is to be known of its tool, as texts that stay where they are.
+    warnings: Vec<CString>,
+}
+
+impl ImfChecker {
+    fn new(checker: Checker) -> Self {
+        let warnings = texts(&checker.warnings()).collect();
+        Self { checker, warnings }
+    }
+}
+
+fn texts(warnings: &[SceneWarning]) -> impl Iterator<Item = CString> {
+    warnings.iter().map(|warning| CString::new(warning.to_string()).unwrap_or_default())
+}
+
+/// The text of an index, or NULL.
+fn text_at(warnings: Option<&[CString]>, index: usize) -> *const c_char {
+    warnings.and_then(|warnings| warnings.get(index)).map_or(std::ptr::null(), |text| text.as_ptr())
+}
 
 fn of_world(error: &WorldError) -> Refusal {
     Refusal::new(ImfStatus::Argument, error.to_string())
@@ -140,8 +160,7 @@ pub unsafe extern "C" fn imf_world_add_file(
 pub unsafe extern "C" fn imf_world_warning(world: *const ImfWorld, index: usize) -> *const c_char {
     // SAFETY: guaranteed by the caller.
     let world = unsafe { read_one(world, "world") };
-    let warning = world.ok().and_then(|world| world.warnings.get(index));
-    warning.map_or(std::ptr::null(), |text| text.as_ptr())
+    text_at(world.ok().map(|world| &*world.warnings), index)
 }
 
 /// Moves an obstacle: at is from its own frame into the world. Checkers see it once they follow.
@@ -204,7 +223,7 @@ pub unsafe extern "C" fn imf_checker_create(
         let tool = tool.map_err(|error| Refusal::new(ImfStatus::File, error.to_string()))?;
         let clearance = Clearance { holder: clearance[0], shank: clearance[1], cutter: clearance[2] };
         let made = world.world.checker(&tool, &clearance).map_err(|error| of_world(&error))?;
-        place.write(Box::into_raw(Box::new(ImfChecker(made))));
+        place.write(Box::into_raw(Box::new(ImfChecker::new(made))));
         Ok(())
     })
 }
@@ -218,8 +237,23 @@ pub unsafe extern "C" fn imf_checker_follow(checker: *mut ImfChecker, world: *co
     call(|| {
         // SAFETY: guaranteed by the caller.
         let (checker, world) = unsafe { (write_one(checker, "checker")?, read_one(world, "world")?) };
-        checker.0.follow(&world.world).map_err(|error| of_world(&error))
+        checker.checker.follow(&world.world).map_err(|error| of_world(&error))?;
+        checker.warnings = texts(&checker.checker.warnings()).collect();
+        Ok(())
     })
+}
+
+/// What is to be known of the checker's tool among its obstacles, a text for each index from 0; NULL beyond the last, and of a checker that is
+/// NULL: that the tool is not where its tip is, as one in another frame or unit, or that its tip is so slender that it passes between voxels'
+/// centres for a while. A text stays until the checker follows or is closed.
+///
+/// # Safety
+/// checker was created and not closed, and no other thread changes it.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn imf_checker_warning(checker: *const ImfChecker, index: usize) -> *const c_char {
+    // SAFETY: guaranteed by the caller.
+    let checker = unsafe { read_one(checker, "checker") };
+    text_at(checker.ok().map(|checker| &*checker.warnings), index)
 }
 
 /// Whether the tool collides at every pose: free or colliding, exactly for voxel centres.
@@ -249,7 +283,7 @@ pub unsafe extern "C" fn imf_checker_classify(
             let turned: [Pose; BLOCK] =
                 std::array::from_fn(|index| poses[index.min(poses.len() - 1)].to_pose());
             let found = &mut found[..poses.len()];
-            let classified = checker.0.classify(&turned[..poses.len()], found);
+            let classified = checker.checker.classify(&turned[..poses.len()], found);
             classified.map_err(|error| Refusal::new(ImfStatus::NoAnswer, error.to_string()))?;
             places.iter_mut().zip(found).for_each(|(place, decision)| _ = place.write((*decision).into()));
         }
@@ -272,7 +306,7 @@ pub unsafe extern "C" fn imf_checker_distance(
         let (checker, pose, place) = unsafe {
             (read_one(checker, "checker")?, read_one(pose, "pose")?, output(distance, 1, "distance")?)
         };
-        place[0].write(checker.0.distance(&pose.to_pose()).map_err(of_query)?.into());
+        place[0].write(checker.checker.distance(&pose.to_pose()).map_err(of_query)?.into());
         Ok(())
     })
 }
@@ -298,7 +332,7 @@ pub unsafe extern "C" fn imf_checker_motion(
         // SAFETY: guaranteed by the caller.
         let place = unsafe { output(motion, 1, "motion") }?;
         let options = MotionOptions { resolution: (resolution != 0.0).then_some(resolution) };
-        let found = checker.0.check_motion(&a.to_pose(), &b.to_pose(), &options).map_err(of_query)?;
+        let found = checker.checker.check_motion(&a.to_pose(), &b.to_pose(), &options).map_err(of_query)?;
         place[0].write(found.into());
         Ok(())
     })

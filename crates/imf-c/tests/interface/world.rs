@@ -148,6 +148,23 @@ fn a_world_of_meshes_is_answered_as_in_rust() {
         );
         let sheet = (told.len()..).map_while(warning).find(|text| text.contains("between the centres"));
         assert!(sheet.is_some(), "{:?}", (0..).map_while(warning).collect::<Vec<_>>());
+        // A tool that hangs above its own tip.
+        let corners = "v -5 -5 30\nv 5 -5 30\nv 0 8 30\nv 0 0 60\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n";
+        std::fs::write(folder.path().join("head.obj"), corners).unwrap();
+        std::fs::write(&tool_path, "name = \"hung\"\nunit = \"mm\"\nmesh = \"head.obj\"\n").unwrap();
+        let mut hung = null_mut();
+        assert_eq!(
+            imf_checker_create(world, path.as_ptr(), [0.0_f64; 3].as_ptr(), &mut hung),
+            ImfStatus::Ok,
+            "{}",
+            last_error()
+        );
+        let text = imf_checker_warning(hung, 0);
+        assert!(!text.is_null());
+        let text = std::ffi::CStr::from_ptr(text).to_str().unwrap();
+        assert!(text.contains("the tip of the tool 'hung'") && text.contains("30 mm away"), "{text}");
+        assert!(imf_checker_warning(hung, 1).is_null() && imf_checker_warning(null(), 0).is_null());
+        imf_checker_close(hung);
         let mut nothing = null_mut();
         assert_eq!(imf_world_create(4, pitch, &mut nothing), ImfStatus::Argument);
         assert!(nothing.is_null() && last_error().contains("unit 4"), "{}", last_error());

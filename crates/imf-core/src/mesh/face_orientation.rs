@@ -142,9 +142,7 @@ impl Mesh {
         }
         (self, repair)
     }
-}
 
-impl Mesh {
     /// Of triangles that are there several times, facing alike, so many as `keep` says of their number.
     fn without_repeated(&self, keep: impl Fn(usize) -> usize) -> Self {
         let turned = |&[a, b, c]: &[u32; 3]| [[a, b, c], [b, c, a], [c, a, b]].into_iter().min();

@@ -77,17 +77,18 @@ impl ChosenPitch {
         }
         let thinnest = thinnest.min(tip);
         let seen = rounded(thinnest / VOXELS_THICK, false);
+        let mut more = 1.0;
         if pitch > seen && is_bounded(seen, MORE) {
-            (pitch, reason) = (seen, PitchReason::Coarsest(thinnest));
+            (pitch, reason, more) = (seen, PitchReason::Coarsest(thinnest), MORE);
         }
         let disc =
             tools.iter().filter_map(|tool| tool.thinnest_disc(DISC_OUT * pitch)).map(|(_, thick)| thick);
         let disc = disc.fold(f64::INFINITY, f64::min);
         if disc < pitch && is_bounded(rounded(disc, false), MORE) {
-            (pitch, reason) = (rounded(disc, false), PitchReason::Coarsest(disc));
+            (pitch, reason, more) = (rounded(disc, false), PitchReason::Coarsest(disc), MORE);
         }
         let dividing = dividing(pitch, extents);
-        if is_bounded(dividing, MORE) {
+        if is_bounded(dividing, more) {
             pitch = dividing;
         }
         Self { pitch, unit, reason }
@@ -172,7 +173,7 @@ mod tests {
         assert_eq!(chosen([150.0, 90.0, 3.0], 0), (0.75, PitchReason::Sheet(3.0)));
         assert_eq!(chosen([640.0, 10.0, 10.0], 0), (3.3, PitchReason::Bounded));
         let (pitch, reason) = chosen([400.0, 400.0, 400.0], 0);
-        assert!(reason == PitchReason::Bounded && (400.0 / pitch).ceil().powi(3) <= 1.4 * MAX_VOXELS);
+        assert!(reason == PitchReason::Bounded && (400.0 / pitch).ceil().powi(3) <= MAX_VOXELS);
         // A cutter of 1 mm would pass between voxels of 2 mm.
         assert_eq!(chosen([400.0, 20.0, 20.0], 1), (0.7, PitchReason::Coarsest(1.0)));
         // Nothing within reason sees a cutter of 0.1 mm there: the scene refuses it.

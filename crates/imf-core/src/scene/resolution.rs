@@ -86,7 +86,11 @@ impl CoarseTool {
             let coarse = thickness * (1.0 + 1e-9) < voxels * pitch;
             coarse.then(|| Self { tool: tool.name.clone(), element, thickness, voxels, pitch, unit })
         };
-        let tip = || tool.slender_tip().map(|thickness| ("slender tip".to_owned(), thickness));
+        let tip = || {
+            let is_resolved = tool.is_thick_at_tip(VOXELS_THICK * pitch);
+            let slender = if is_resolved { None } else { tool.slender_tip() };
+            slender.map(|thickness| ("slender tip".to_owned(), thickness))
+        };
         thin(tool.thinnest(), VOXELS_THICK)
             .or_else(|| thin(tip()?, VOXELS_THICK))
             .or_else(|| tool.thinnest_disc(DISC_OUT * pitch).and_then(|disc| thin(disc, DISC_THICK)))

@@ -106,11 +106,19 @@ impl<'a> SceneSpec<'a> {
     pub fn scene_alone(&self) -> Result<(Scene, Bodies), SceneError> {
         let grid = self.grid()?;
         self.check_tool(self.tool, &grid)?;
-        if let Some(fixture) = self.fixture_outside(&grid)? {
-            return Err(SceneError::FixtureOutside(fixture.to_owned()));
-        }
-        let bodies = self.bodies(&grid)?;
+        let bodies = self.bodies_within(&grid)?;
         Ok((self.scene_of(grid, &bodies), bodies))
+    }
+
+    /// As [`SceneSpec::bodies`], of a grid that holds all of the fixtures.
+    ///
+    /// # Errors
+    /// As [`SceneSpec::bodies`]; a fixture that sticks out of the grid.
+    pub fn bodies_within(&self, grid: &Grid) -> Result<Bodies, SceneError> {
+        match self.fixture_outside(grid)? {
+            Some(fixture) => Err(SceneError::FixtureOutside(fixture.to_owned())),
+            None => self.bodies(grid),
+        }
     }
 
     /// As [`SceneSpec::scene`], but fixtures may stick out of the scene's grid: also gives part and fixtures on a grid that
@@ -214,8 +222,17 @@ impl<'a> SceneSpec<'a> {
         let mut fixtures: Vec<(String, Occupancy)> = Vec::new();
         for fixture in self.fixtures {
             let (mesh, solid, _) = body(fixture.name, fixture.mesh, &fixture.transform)?;
-            // Its surface passes through the grid, and yet it holds none of the centres: it is too thin for them.
-            if solid.count() == 0 && voxelize_with(&mesh, grid, true, self.control)?.solid.count() > 0 {
+            // Its surface passes through the grid, and yet it holds none of the centres: it is too thin for them. One that only touches
+            // the grid from without is not in it.
+            let (lower, upper) = (grid.origin, grid.origin + grid.size());
+            let slack = DVec3::splat(1e-6 * grid.pitch);
+            let within = |(low, high): (DVec3, DVec3)| {
+                low.cmplt(upper - slack).all() && high.cmpgt(lower + slack).all()
+            };
+            if solid.count() == 0
+                && mesh.bounds().is_some_and(within)
+                && voxelize_with(&mesh, grid, true, self.control)?.solid.count() > 0
+            {
                 return Err(SceneError::ThinFixture { fixture: fixture.name.to_owned(), pitch: grid.pitch });
             }
             let before = fixtures.len();

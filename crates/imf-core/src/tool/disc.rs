@@ -25,12 +25,20 @@ impl Tool {
         let spots = segments.enumerate().flat_map(|(number, (kind, segment))| {
             let (from, to) = segment.range();
             (0..=ALONG).map(move |step| {
-                let height = from + (to - from) * f64::from(step) / f64::from(ALONG);
+                // The end as it is: it may be where the next segment begins.
+                let part = f64::from(step) / f64::from(ALONG);
+                let height = if step == ALONG { to } else { from + (to - from) * part };
                 Spot { height, radius: segment.radius(height), kind, segment: (number, segment) }
             })
         });
         let mut outline: Vec<Spot<'_>> = spots.collect();
-        outline.sort_by(|a, b| a.height.total_cmp(&b.height).then(a.segment.0.cmp(&b.segment.0)));
+        // Heights that are equal up to rounding are one, at which segments stand in their order.
+        let one = 1e-9 * self.length();
+        let level = |spot: &Spot<'_>| (spot.height / one).round();
+        outline.sort_by(|a, b| {
+            let segments = level(a).total_cmp(&level(b)).then(a.segment.0.cmp(&b.segment.0));
+            segments.then(a.height.total_cmp(&b.height))
+        });
         let peaks = (0..outline.len()).filter(|&peak| outline[peak].radius > out);
         let discs = peaks.map(|peak| {
             let level = outline[peak].radius - out;
@@ -109,6 +117,25 @@ mod tests {
         let (_, thin) = rim.thinnest_disc(2.0).unwrap();
         assert!((thin - 0.8).abs() < 1e-9, "{thin}");
         assert_eq!(Tool::paper().thinnest_disc(2.0).unwrap().1, 48.0);
+    }
+
+    #[test]
+    fn no_disc_comes_of_rounding_where_elements_meet() {
+        use ElementKind::{Cutter, Holder, Shank};
+        for (flutes, stick_out) in (1..400).flat_map(|a| (1..40).map(move |b| (a, a + 7 * b))) {
+            let [flutes, stick_out] = [flutes, stick_out].map(|tenths| 0.1 * f64::from(tenths));
+            let mill = tool(&[
+                (Cutter, [0.0, flutes, 3.0, 3.0]),
+                (Shank, [flutes, stick_out, 3.0, 3.0]),
+                (Holder(0), [stick_out, stick_out + 40.0, 12.0, 12.0]),
+            ]);
+            for unit in [LengthUnit::Mm, LengthUnit::Inch] {
+                let mill = mill.in_unit(unit);
+                let (_, thin) = mill.thinnest_disc(1.0 / unit.in_mm()).unwrap();
+                let expected = 40.0 / unit.in_mm();
+                assert!((thin - expected).abs() < 1e-9, "{flutes} {stick_out} {unit}: {thin}");
+            }
+        }
     }
 
     #[test]

@@ -34,6 +34,11 @@ impl Tool {
         None
     }
 
+    /// Whether the tip holds a ball of a diameter within three diameters from its end.
+    pub(crate) fn is_thick_at_tip(&self, diameter: f64) -> bool {
+        self.tip_depth(0.5 * diameter).is_some_and(|depth| depth <= DIAMETERS * diameter)
+    }
+
     /// The diameter of the largest ball that a slender tip holds within three diameters from its end, which is the thickness that it is
     /// met with; `None` of other tips, and of those that are as slender at every size, as sharp cones are.
     #[must_use]
@@ -48,8 +53,7 @@ impl Tool {
             if holds(most) { most } else { held }
         };
         let in_tool = largest(0.5 * self.thinnest().1, &|radius| self.tip_depth(radius).is_some());
-        let is_near =
-            |radius: f64| self.tip_depth(radius).is_some_and(|depth| depth <= 2.0 * DIAMETERS * radius);
+        let is_near = |radius: f64| self.is_thick_at_tip(2.0 * radius);
         let near = largest(in_tool, &is_near);
         (near < in_tool && is_near(1e-3 * in_tool)).then_some(2.0 * near)
     }
@@ -103,5 +107,6 @@ mod tests {
         let thick = needle.slender_tip().unwrap();
         assert!((0.8..1.0).contains(&thick), "{thick}");
         assert!((expected(0.5 * thick) - 3.0 * thick).abs() < 1e-6);
+        assert!(needle.is_thick_at_tip(0.999 * thick) && !needle.is_thick_at_tip(1.001 * thick));
     }
 }

@@ -10,7 +10,7 @@ use super::{HERE, ObstacleId, Standing, World, WorldError};
 use crate::field::{Decision, ExactField, FieldError, check_lengths};
 use crate::parallel;
 use crate::pose::Pose;
-use crate::scene::{CoarseTool, Scene};
+use crate::scene::{CoarseTool, Scene, SceneWarning};
 use crate::tool::{Assembly, Clearance, ClearanceError, ElementKind, Segment, Tool, ToolShape};
 use crate::unit::LengthUnit;
 
@@ -188,6 +188,18 @@ impl Checker {
             }
         }
         Ok(())
+    }
+
+    /// What is to be known of the tool among these obstacles: that it is not where its tip is, or passes between the centres of their
+    /// largest voxels for a while.
+    #[must_use]
+    pub fn warnings(&self) -> Vec<SceneWarning> {
+        let (tool, unit) = (self.tool.assembly.tool(), self.tool.unit);
+        let pitches = self.placed.iter().map(|placed| placed.around.field.prepared().obstacle().grid().pitch);
+        pitches.reduce(f64::max).map_or_else(Vec::new, |pitch| {
+            let coarse = CoarseTool::of(tool, pitch, unit).map(SceneWarning::Coarse);
+            SceneWarning::of_frame(tool, pitch).into_iter().chain(coarse).collect()
+        })
     }
 
     /// Lets go of an obstacle until it follows its world again.

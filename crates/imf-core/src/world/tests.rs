@@ -10,7 +10,7 @@ use crate::mesh::Mesh;
 use crate::orientation::OrientationSet;
 use crate::parts::ReferencePart;
 use crate::section::test_shapes::{line, revolved};
-use crate::tool::ElementKind;
+use crate::tool::{ElementKind, ToolShape};
 
 /// A cutter, a wider shank and a holder.
 pub(super) fn tool() -> Tool {
@@ -298,4 +298,25 @@ fn warnings_say_what_is_to_be_known_of_meshes() {
     let thin = Mesh::cuboid(DVec3::ZERO, DVec3::new(20.0, 20.0, 2.0));
     let thin = World::builder().pitch(1.0).obstacle(ObstacleMesh::new("plate", thin)).build().unwrap();
     assert!(thin.warnings().iter().any(|w| matches!(w, SceneWarning::Thin { .. })));
+}
+
+#[test]
+fn checkers_tell_of_tools_that_are_not_at_their_tip() {
+    let block = || ObstacleMesh::new("block", Mesh::cuboid(DVec3::ZERO, DVec3::splat(20.0)));
+    let mut world = World::builder().pitch(1.0).build().unwrap();
+    let head = Mesh::cuboid(DVec3::new(48.0, -2.0, 100.0), DVec3::new(52.0, 2.0, 109.0));
+    let head = Tool { shape: ToolShape::Mesh(head), ..Tool::paper() };
+    let [mut paper, mut off] =
+        [&Tool::paper(), &head].map(|tool| world.checker(tool, &Clearance::default()).unwrap());
+    assert!(off.warnings().is_empty(), "there is nothing to be hit");
+    world.add(block()).unwrap();
+    world.add(ObstacleMesh { pitch: Some(2.0), ..block() }).unwrap();
+    [&mut paper, &mut off].into_iter().for_each(|checker| checker.follow(&world).unwrap());
+    assert!(paper.warnings().is_empty());
+    let away = 48.0_f64.hypot(100.0);
+    assert!(
+        matches!(&off.warnings()[..], [SceneWarning::TipOff { distance, .. }] if (distance - away).abs() < 1e-9),
+        "{:?}",
+        off.warnings()
+    );
 }
