@@ -146,8 +146,9 @@ pub(crate) fn keep_former(session: &Session, path: &Path) -> Result<()> {
     }
     let ending = path.extension().unwrap_or_default().to_string_lossy();
     let former = path.with_extension(format!("former.{ending}"));
+    let instead = if former.exists() { ", in place of what that held" } else { "" };
     keep_previous(path, &former).with_context(|| format!("cannot keep {}", path.display()))?;
-    session.note(&format!("what {} held before is kept as {}", path.display(), former.display()));
+    session.note(&format!("what {} held before is kept as {}{instead}", path.display(), former.display()));
     Ok(())
 }
 

@@ -265,6 +265,14 @@ impl Comparison {
     }
 }
 
+/// Takes away what an earlier field's evaluation left in a folder, which would stand beside a new one.
+pub(crate) fn forget(folder: &Path) {
+    for file in ["report.json", "report.md", "sections.png", "imf.png", "errors.png"] {
+        // What cannot be removed is written over, or said to be in the way then.
+        let _ = std::fs::remove_file(folder.join(file));
+    }
+}
+
 impl Evaluation {
     /// Writes `report.json`, `report.md` and the pictures.
     pub fn write(&self, folder: &Path, subject: &Subject<'_>, field: &dyn GridField) -> Result<()> {

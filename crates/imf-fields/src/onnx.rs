@@ -12,8 +12,9 @@
 //!
 //! Answers are those of [`crate::field::Field`] but for the rounding of single precision: outside the box of the voxel centres those
 //! of the nearest point inside, without guarantee; NaN in the row of an invalid pose, and in no other. What a field is of stands in
-//! the model's metadata: part, tool, unit, clearance, the corners of that box in the world, and the corner of the grid that positions
-//! are counted from: the difference, taken in double precision, keeps its digits however far from zero the part lies.
+//! the model's metadata: part, tool, unit, clearance, the thresholds of its decisions where it is calibrated, the corners of that box in
+//! the world, and the corner of the grid that positions are counted from: the difference, taken in double precision, keeps its digits
+//! however far from zero the part lies.
 //! Graphs are of opset 17.
 //!
 //! The messages are written here, a dozen of them, since the crates that have all of ONNX's are no longer kept (`onnx-pb`,
@@ -33,6 +34,7 @@ use glam::DVec3;
 use prost::Message as _;
 use thiserror::Error;
 
+use crate::calibration::Calibration;
 use crate::factored::file::FactoredFile;
 use crate::file::FieldFile;
 use crate::harmonic::basis::Domain;
@@ -122,7 +124,7 @@ fn model(stored: &FieldFile) -> Result<ModelProto, OnnxError> {
         },
         graph: Some(graph),
         opset_import: vec![OperatorSetIdProto { domain: String::new(), version: OPSET }],
-        metadata_props: metadata(record, stored.quantity()),
+        metadata_props: metadata(record, stored.quantity(), stored.calibration()),
     })
 }
 
@@ -195,7 +197,11 @@ fn require_directions(family: &'static str, domain: Domain) -> Result<(), OnnxEr
 }
 
 /// What a user of the graph must know of the scene.
-fn metadata(record: &SceneRecord, quantity: Quantity) -> Vec<StringStringEntryProto> {
+fn metadata(
+    record: &SceneRecord,
+    quantity: Quantity,
+    calibration: Option<&Calibration>,
+) -> Vec<StringStringEntryProto> {
     let Grid { dims, pitch, .. } = record.grid;
     let corner = |voxel| {
         let [x, y, z] = record.grid.centre(voxel).to_array();
@@ -223,8 +229,12 @@ fn metadata(record: &SceneRecord, quantity: Quantity) -> Vec<StringStringEntryPr
             format!("{} {} {}", clearance.holder, clearance.shank, clearance.cutter),
         ),
     ];
+    let thresholds = calibration.into_iter().flat_map(|known| {
+        [("imf.free_up_to", known.free_up_to), ("imf.colliding_from", known.colliding_from)]
+    });
+    let thresholds = thresholds.filter_map(|(key, value)| Some((key, value?.to_string())));
     let entry = |(key, value): (&str, String)| StringStringEntryProto { key: key.into(), value };
-    entries.into_iter().map(entry).collect()
+    entries.into_iter().chain(thresholds).map(entry).collect()
 }
 
 #[cfg(test)]

@@ -163,7 +163,7 @@ impl SceneArguments {
         self.with_spec(session, false, |spec, report| {
             let grid = spec.grid()?;
             require_memory_for_voxels(session, spec, &grid, 0)?;
-            let bodies = voxelise_with_progress(session, spec, &grid, |spec| spec.bodies(&grid))?;
+            let bodies = voxelise_with_progress(session, spec, &grid, |spec| spec.bodies_within(&grid))?;
             warn_of(session, &spec.warnings(&bodies)?);
             Ok((bodies, report.clone(), spec.unit, spec.part.to_owned()))
         })

@@ -17,10 +17,11 @@ use imf_fields::file::FieldFile;
 pub use self::siren::SHAPE;
 use crate::arguments::{DemoArguments, NetworkFamily};
 use crate::commands::calibrate::calibrate_written;
+use crate::interrupt;
 use crate::job::FIELD;
 use crate::output::{prepare_folder, print_result};
 use crate::progress::show_seconds;
-use crate::report::{EvaluationSettings, PAPER_THRESHOLD};
+use crate::report::{EvaluationSettings, PAPER_THRESHOLD, forget};
 use crate::session::Session;
 
 pub(crate) fn run(session: &Session, arguments: &DemoArguments) -> Result<()> {
@@ -81,6 +82,10 @@ fn eval_settings(
 /// The field that was just written, with error rates of its decisions.
 fn decided(session: &Session, out: &Path) -> Result<FieldFile> {
     let path = out.join(FIELD);
+    forget(out);
     calibrate_written(session, &path, true)?;
+    interrupt::leave(
+        format!("{} is written and calibrated; imf eval makes its report", path.display()).into(),
+    );
     Ok(FieldFile::read(&path)?)
 }

@@ -1,7 +1,8 @@
 //! `imf eval`: a field of any family against the exact one.
 
 use anyhow::{Result, ensure};
-use imf_core::orientation::OrientationSet;
+use glam::DVec3;
+use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::section::SectionPlan;
 use imf_fields::field::Field;
 use imf_fields::file::FieldFile;
@@ -16,6 +17,9 @@ use crate::session::Session;
 
 /// Orientations of the IMF by default, of a field that has no training set: as many as the paper's.
 pub(super) const IMF_ORIENTATIONS: usize = 225;
+
+/// Directions that lie closer together are one.
+const SAME: f64 = 1e-9;
 
 pub(crate) fn run(session: &Session, arguments: &EvalArguments) -> Result<()> {
     if let Some(folder) = &arguments.out {
@@ -74,8 +78,8 @@ fn eval_settings(arguments: &EvalArguments, stored: &FieldFile) -> Result<Evalua
     );
     let (random, imf) = match stored {
         FieldFile::Siren(model) => {
-            let random = OrientationSet::parse(&format!("random:{random}:{seed}"))?;
-            (random, model.record.orientations.clone())
+            let trained = &model.record.orientations;
+            (unseen(random, seed, &trained.orientations)?, trained.clone())
         }
         FieldFile::Harmonic(file) => by_functions(&file.field.basis, random, seed)?,
         FieldFile::Factored(file) => by_functions(&file.field.basis, random, seed)?,
@@ -90,7 +94,39 @@ fn eval_settings(arguments: &EvalArguments, stored: &FieldFile) -> Result<Evalua
     })
 }
 
+/// Random directions without those that a network was trained on, which may be random ones too.
+fn unseen(count: usize, seed: u64, trained: &[Orientation]) -> Result<OrientationSet> {
+    let seen: Vec<DVec3> = trained.iter().map(Orientation::direction).collect();
+    // A set of more begins with those of one of fewer.
+    let mut set = OrientationSet::parse(&format!("random:{}:{seed}", count + seen.len()))?;
+    let new = |own: &Orientation| seen.iter().all(|other| other.distance(own.direction()) > SAME);
+    let begins_new = set.orientations.iter().take(count).all(new);
+    set.orientations.retain(new);
+    set.orientations.truncate(count);
+    set.spec = format!("random:{count}:{seed}");
+    if !begins_new {
+        set.spec += " without those that it was trained on";
+    }
+    Ok(set)
+}
+
 /// Random orientations, and those of the IMF.
 fn by_functions(basis: &Basis, random: usize, seed: u64) -> Result<(OrientationSet, OrientationSet)> {
     Ok((basis.random_set(random, seed)?, basis.even_set(IMF_ORIENTATIONS)?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_random_direction_is_one_that_was_trained_on() {
+        let of = |spec: &str| OrientationSet::parse(spec).unwrap().orientations;
+        let usual = unseen(16, 1, &of("fibonacci:30")).unwrap();
+        assert_eq!((usual.orientations, usual.spec.as_str()), (of("random:16:1"), "random:16:1"));
+        let trained = of("random:10:1");
+        let new = unseen(16, 1, &trained).unwrap();
+        assert_eq!(new.orientations, of("random:26:1")[10..]);
+        assert!(new.spec.contains("without"), "{}", new.spec);
+    }
 }

@@ -43,10 +43,10 @@ fn describe(session: &Session, path: &Path, unit: Option<LengthUnit>) -> Result<
             return Ok(geometry::part(part));
         }
         if name == "paper" {
-            return Ok(geometry::tool(&Tool::paper()));
+            return Ok(geometry::tool(session, &Tool::paper()));
         }
         if name.contains('#') {
-            return Ok(geometry::tool(&Tool::find(&name)?));
+            return Ok(geometry::tool(session, &Tool::find(&name)?));
         }
         if path.extension().is_none() {
             bail!(
@@ -63,7 +63,7 @@ fn describe(session: &Session, path: &Path, unit: Option<LengthUnit>) -> Result<
     }
     let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
     match ending.as_deref() {
-        Some("toml" | "fctb" | "json" | "tools") => Ok(geometry::tool(&Tool::read(path)?)),
+        Some("toml" | "fctb" | "json" | "tools") => Ok(geometry::tool(session, &Tool::read(path)?)),
         _ => geometry::mesh_file(session, path, unit),
     }
 }

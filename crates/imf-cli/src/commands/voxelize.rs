@@ -42,6 +42,7 @@ pub(crate) fn run(session: &Session, arguments: &VoxelizeArguments) -> Result<()
         "conservative": arguments.scene.conservative,
         "solid_voxels": obstacle.count(),
         "volume": volume,
+        "part_voxels": bodies.part.count(),
         "mesh": mesh,
         "undecided_share": bodies.undecided,
         "files": [npy, vti, png],
@@ -49,7 +50,10 @@ pub(crate) fn run(session: &Session, arguments: &VoxelizeArguments) -> Result<()
     let [x, y, z] = grid.dims;
     let surface = if mesh.closed {
         // Of enough voxels, which differ from the mesh by less.
-        let differs = obstacle.count() > 1000 && (mesh.signed_volume.abs() / volume - 1.0).abs() > 0.2;
+        let own = bodies.part.volume();
+        let differs = !arguments.scene.conservative
+            && bodies.part.count() > 1000
+            && (mesh.signed_volume.abs() / own - 1.0).abs() > 0.2;
         let added = match (mesh.components > 1, differs) {
             (true, _) => ", of all components added up",
             (false, true) => {
@@ -65,6 +69,11 @@ pub(crate) fn run(session: &Session, arguments: &VoxelizeArguments) -> Result<()
             100.0 * bodies.undecided
         )
     };
+    let fixtures = obstacle.count() - bodies.part.count();
+    let of = match fixtures {
+        0 => String::new(),
+        count => format!(", {count} voxels of it of fixtures"),
+    };
     let share = 100.0 * obstacle.count() as f64 / grid.len() as f64;
     let corner = |p: DVec3| p.to_array().map(short).join(", ");
     let lines = [
@@ -74,7 +83,11 @@ pub(crate) fn run(session: &Session, arguments: &VoxelizeArguments) -> Result<()
         ("to", format!("{} {unit}", corner(grid.origin + grid.size()))),
         (
             "solid",
-            format!("{} voxels ({share:.1} %), volume {} {unit}³", obstacle.count(), show_measure(volume)),
+            format!(
+                "{} voxels ({share:.1} %), volume {} {unit}³{of}",
+                obstacle.count(),
+                show_measure(volume)
+            ),
         ),
         ("solid where", guarantee.into()),
         ("mesh", surface),

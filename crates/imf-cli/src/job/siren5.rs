@@ -279,15 +279,24 @@ pub(crate) fn schedule_from(schedule: &Schedule, initial: f32) -> Schedule {
 }
 
 /// `fresh`, or the unfinished checkpoint of the same training in the output folder.
-pub fn continued(session: &Session, out: &Path, data: &Data, fresh: Model) -> Model {
+///
+/// # Errors
+/// An unfinished checkpoint of another training, which would be lost.
+pub fn continued(session: &Session, out: &Path, data: &Data, fresh: Model) -> Result<Model> {
     let same = |found: &Model| {
-        !found.is_finished()
-            && found.shape == fresh.shape
+        found.shape == fresh.shape
             && found.record.plan == fresh.record.plan
             && found.record.dataset_crc32 == data.manifest().fingerprint()
     };
-    match latest(out) {
-        Ok(found) if same(&found.model) => resumed_model(session, found, data, None).unwrap_or(fresh),
-        _ => fresh,
+    match latest::<Model>(out) {
+        Ok(Latest { model, .. }) if model.is_finished() => Ok(fresh),
+        Ok(found) if same(&found.model) => resumed_model(session, found, data, None),
+        Ok(Latest { model, .. }) => bail!(
+            "{0} holds an unfinished training with other settings ({1} steps done), which would be lost: give the settings of that one, choose \
+             another --out, or remove {0}",
+            out.display(),
+            model.record.steps
+        ),
+        Err(_) => Ok(fresh),
     }
 }

@@ -60,3 +60,36 @@ fn an_open_mesh_works_and_is_warned_about() {
     assert!(warned && count > 700, "{count}");
     assert_eq!(solid("closed.obj"), (false, 1000));
 }
+
+#[test]
+fn fixtures_are_voxels_as_a_whole_or_refused() {
+    let folder = Folder::new();
+    folder.write("cube.obj", [OPEN_CUBE, LAST_FACE].concat());
+    folder.write("jaw.obj", [OPEN_CUBE, LAST_FACE].concat().replace("100", "50"));
+    let voxels = |at: &str, more: &[&str]| {
+        let fixture = format!("jaw.obj@translate:{at}");
+        let usual = ["voxelize", "cube.obj", "--unit", "mm", "--pitch", "10", "--out", "out", "--fixture"];
+        folder.run(&[&usual[..], &[fixture.as_str()], more].concat())
+    };
+    let (beside, through) = ("100,0,0", "75,0,0");
+    for at in [beside, through] {
+        let cut = voxels(at, &[]);
+        assert!(cut.code == Some(1) && cut.stderr.contains("sticks out of the grid"), "{at}: {}", cut.stderr);
+    }
+    let whole = voxels(beside, &["--around", "all", "--json"]);
+    let whole: serde_json::Value = serde_json::from_str(&whole.stdout).unwrap();
+    assert_eq!((&whole["part_voxels"], &whole["solid_voxels"]), (&1000.into(), &1125.into()));
+    // Nothing is wrong with a mesh whose conservative voxels hold more.
+    let conservative = folder.succeed(&[
+        "voxelize",
+        "cube.obj",
+        "--unit",
+        "mm",
+        "--pitch",
+        "7",
+        "--conservative",
+        "--out",
+        "out",
+    ]);
+    assert!(!conservative.stdout.contains("crosses itself"), "{}", conservative.stdout);
+}

@@ -50,3 +50,13 @@ fn a_short_demo_of_the_papers_network_leaves_everything_and_says_what_it_is_wort
         assert!(line.is_some_and(|line| line.contains("/s)")), "{stage} in\n{}", demo.stderr);
     }
 }
+
+#[test]
+fn an_unfinished_demo_is_not_thrown_away_by_another() {
+    let work = Workdir::new();
+    let demo = "demo --family siren5 --device cpu --steps 4000 --out demo";
+    work.interrupted_after(3, demo).interrupted(&["run the same command again"]);
+    let saved = work.bytes("demo/checkpoint.safetensors");
+    work.imf(&demo.replace("4000", "3999")).refused(&["holds an unfinished training", "other settings"]);
+    assert_eq!(work.bytes("demo/checkpoint.safetensors"), saved);
+}

@@ -13,7 +13,7 @@ use super::*;
 use crate::factored::{Axis, Symmetry};
 use crate::field::Field;
 use crate::field::scenes::{
-    factored_file, harmonic_file, harmonic_in_halves, poses, scene, siren_model, with_symmetry,
+    calibration, factored_file, harmonic_file, harmonic_in_halves, poses, scene, siren_model, with_symmetry,
 };
 use imf_core::field::PoseField;
 use imf_core::orientation::Orientation;
@@ -214,8 +214,12 @@ fn graphs_of_every_family_answer_as_the_fields_do() {
         FieldFile::Siren(Box::new(siren_model(&scene))),
         FieldFile::Harmonic(Arc::new(harmonic_file(&scene, 7))),
         FieldFile::Harmonic(Arc::new(harmonic_in_halves(&scene, 7))),
-        FieldFile::Factored(Box::new(factored_file(&scene))),
+        FieldFile::Factored(Box::new(FactoredFile {
+            calibration: Some(calibration(0.125, 0.25)),
+            ..factored_file(&scene)
+        })),
     ] {
+        let threshold = stored.calibration().and_then(|known| known.free_up_to);
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("field.onnx");
         write_onnx(&stored, &path).unwrap();
@@ -226,8 +230,10 @@ fn graphs_of_every_family_answer_as_the_fields_do() {
         assert!(expected.iter().any(|v| *v > 0.05), "{name} answers more than nothing");
         let output = &model.graph.as_ref().unwrap().output[0].name;
         assert_eq!(expected.iter().any(|v| *v < 0.0), output == "depth", "{name}: {output}");
-        let unit = model.metadata_props.iter().find(|entry| entry.key == "imf.unit").unwrap();
-        assert_eq!(unit.value, "mm");
+        let said = |key: &str| model.metadata_props.iter().find(|entry| entry.key == key);
+        assert_eq!(said("imf.unit").unwrap().value, "mm");
+        let free_up_to = said("imf.free_up_to").map(|entry| entry.value.parse::<f32>().unwrap());
+        assert_eq!(free_up_to, threshold);
     }
 }
 

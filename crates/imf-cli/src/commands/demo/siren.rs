@@ -54,7 +54,7 @@ pub(super) fn make_report(session: &Session, arguments: &DemoArguments, scene: &
     };
     let state = TrainingState::new(&SHAPE, arguments.seed);
     let fresh = job::fresh_model(&data, SHAPE, plan, state, None);
-    let model = job::continued(session, &arguments.out, &data, fresh);
+    let model = job::continued(session, &arguments.out, &data, fresh)?;
     let settings = Settings {
         checkpoint_every: 30.0,
         go_on: "run the same command again",

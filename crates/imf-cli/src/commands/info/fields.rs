@@ -33,10 +33,12 @@ pub(super) fn dataset(folder: &Path) -> Result<Description> {
     let samples: u64 = finished.iter().map(|(shard, _)| shard.samples).sum();
     let bytes: u64 = finished.iter().map(|&(_, bytes)| bytes).sum();
     let sampling = &manifest.sampling;
-    let rest = if missing == 0 {
-        "complete".to_owned()
-    } else {
-        format!("{missing} missing: the same `imf dataset` command finishes it")
+    // A voxel, a value and an orientation each.
+    let cut = finished.iter().filter(|(shard, bytes)| *bytes < 8 * shard.samples).count();
+    let rest = match (missing, cut) {
+        (0, 0) => "complete".to_owned(),
+        (0, cut) => format!("{cut} cut off: remove it, and the same `imf dataset` command makes it again"),
+        _ => format!("{missing} missing: the same `imf dataset` command finishes it"),
     };
     let mut lines = vec![("dataset", folder.display().to_string())];
     lines.extend(scene_lines(&manifest.scene));
@@ -45,7 +47,7 @@ pub(super) fn dataset(folder: &Path) -> Result<Description> {
         (
             "sampling",
             format!(
-                "{:.1} % of the voxels of every section, {:.1} % of them where the tool collides, seed {}",
+                "{:.1} % of the voxels of every section, up to {:.1} % of them where the tool collides, seed {}",
                 100.0 * sampling.density,
                 100.0 * sampling.positive_share,
                 sampling.seed

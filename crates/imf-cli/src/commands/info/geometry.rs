@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use anyhow::Result;
+use glam::DVec3;
 use imf_core::mesh::read::read_mesh_file;
 use imf_core::mesh::topology::MeshReport;
 use imf_core::parts::ReferencePart;
@@ -39,7 +40,8 @@ pub(super) fn part(part: ReferencePart) -> Description {
 
 pub(super) fn mesh_file(session: &Session, path: &Path, given: Option<LengthUnit>) -> Result<Description> {
     let file = read_mesh_file(path)?;
-    let unit = given.or(file.unit).unwrap_or_default();
+    let said = given.or(file.unit);
+    let unit = said.unwrap_or_default();
     let (mesh, repair) = file.mesh.with_consistent_faces();
     let report = MeshReport::new(&mesh);
     warn_of(session, &SceneWarning::of_repair(&path.display().to_string(), &repair, report.triangles));
@@ -49,10 +51,14 @@ pub(super) fn mesh_file(session: &Session, path: &Path, given: Option<LengthUnit
     }
     let mut lines = vec![("mesh", path.display().to_string())];
     lines.extend(report_lines(&report, unit));
+    if said.is_none() {
+        lines.push(("unit", format!("not said by the file, {unit} is assumed: --unit says another")));
+    }
     let json = json!({
         "kind": "mesh",
         "file": path,
         "unit": unit,
+        "unit_is_assumed": said.is_none(),
         "mesh": report,
         "turned_triangles": repair.flipped,
         "one_sided_triangles": repair.one_sided,
@@ -71,8 +77,12 @@ fn report_lines(report: &MeshReport, unit: LengthUnit) -> Vec<Line> {
     ["extents", "triangles", "surface"].into_iter().filter_map(value).collect()
 }
 
-pub(super) fn tool(tool: &Tool) -> Description {
+pub(super) fn tool(session: &Session, tool: &Tool) -> Description {
     let unit = tool.unit;
+    // How slender a tip is depends on a pitch, which a tool alone does not know.
+    let frame = SceneWarning::of_frame(tool, tool.thinnest().1 / 6.0).into_iter();
+    let frame = frame.filter(|warning| !matches!(warning, SceneWarning::SlenderTip { .. }));
+    warn_of(session, &frame.collect::<Vec<_>>());
     let mut lines = vec![("tool", tool.name.clone())];
     let elements = match &tool.shape {
         ToolShape::Revolved(elements) => {
@@ -82,7 +92,17 @@ pub(super) fn tool(tool: &Tool) -> Description {
             elements
         }
         ToolShape::Mesh(mesh) => {
-            lines.push(("mesh", format!("{} triangles, in the tool's frame", mesh.triangles.len())));
+            let corner = |p: DVec3| p.to_array().map(short).join(", ");
+            let (lower, upper) = mesh.bounds().unwrap_or_default();
+            let count = mesh.triangles.len();
+            lines.push((
+                "mesh",
+                format!(
+                    "{count} triangles, from {} to {} {unit} in the tool's frame",
+                    corner(lower),
+                    corner(upper)
+                ),
+            ));
             Vec::new()
         }
     };
