@@ -162,13 +162,10 @@ pub(crate) fn run(session: &Session, arguments: &PaperArguments) -> Result<()> {
             tables.push(make(&bench)?);
             if which == PaperTable::Space {
                 let others = parts::others(&bench)?;
-                let beside = parts::side_by_side(&tables[tables.len() - 1], &others);
-                tables.extend([others, beside]);
+                let families = parts::families(&tables[tables.len() - 1], &others);
+                tables.extend([families, others]);
             }
         }
-    }
-    for table in &mut tables {
-        table.tried = Some(bench.protocol.tried.clone());
     }
     machine.finish();
     let report = Report {
@@ -176,6 +173,7 @@ pub(crate) fn run(session: &Session, arguments: &PaperArguments) -> Result<()> {
         device: device_name(&device),
         scale: arguments.scale,
         protocol: bench.protocol.statement(),
+        tried: bench.protocol.tried.clone(),
         tables,
     };
     report.write(out)?;

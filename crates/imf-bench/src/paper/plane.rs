@@ -227,7 +227,7 @@ fn draw(bench: &Bench<'_>, sections: &Sections, methods: &[(&str, Imf)]) -> Resu
 }
 
 pub(super) fn table(bench: &Bench<'_>) -> Result<Table> {
-    let mut recipe = bench.protocol.recipe("single", None)?.recipe()?;
+    let mut recipe = bench.protocol.plane()?.recipe()?;
     // A plane is small: its resolution is the paper's at every scale. All pixels of the few sections are learnt from: the
     // interpolations know them too.
     recipe.scene.scale = 1.0;

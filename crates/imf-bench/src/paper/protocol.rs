@@ -60,6 +60,13 @@ impl Protocol {
         Ok(source)
     }
 
+    /// `single` with the scale's changes for the plane, whose samples are few.
+    pub(super) fn plane(&self) -> Result<Source> {
+        let mut source = self.recipe("single", None)?;
+        self.own.get("plane").into_iter().flatten().try_for_each(|text| source.assign(text))?;
+        Ok(source)
+    }
+
     /// How the factored field is distilled: as `imf` does by itself, but for the length.
     pub(super) fn distillation(&self) -> DistillSettings {
         DistillSettings::of_length(Length::Steps(self.distillation))

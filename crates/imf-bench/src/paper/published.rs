@@ -17,6 +17,7 @@ pub(super) struct Paper {
     pub(super) plane: BTreeMap<String, Published>,
     pub(super) seconds: BTreeMap<String, [f64; 3]>,
     pub(super) transfer: BTreeMap<String, Published>,
+    pub(super) transfer_seconds: BTreeMap<String, f64>,
     pub(super) sweep: BTreeMap<String, [Published; 2]>,
 }
 

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Training;
 use super::published::Published;
-use crate::recipe::Questions;
+use crate::recipe::{Outcome, Questions, RunSummary};
 
 /// What a number is, for people.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -88,6 +88,40 @@ impl Row {
     }
 }
 
+/// A field that rows of a table are of: what it takes to make it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(super) struct Made {
+    /// As its rows begin.
+    pub(super) labels: Vec<String>,
+    /// Bytes of what is kept.
+    pub(super) bytes: u64,
+    pub(super) steps: Option<u64>,
+    pub(super) seconds: f64,
+    pub(super) paper_seconds: Option<f64>,
+    /// Seconds for 225 sections.
+    pub(super) sections: Option<f64>,
+    /// Largest standard error of an MSE, in shares of it, where voxels were drawn.
+    pub(super) standard_error: Option<f64>,
+}
+
+impl Made {
+    /// A network by its training, whose steps and time are those of a stage alone where one is named.
+    fn trained(labels: &[&str], run: &RunSummary, outcome: &Outcome, stage: Option<&str>) -> Self {
+        let shares = outcome.answers.iter().filter_map(|a| Some(a.standard_error? / a.errors.mse));
+        let of_stage = run.stages.iter().find(|own| stage == Some(&own.name));
+        let (steps, seconds) =
+            of_stage.map_or_else(|| (run.steps(), run.seconds()), |own| (own.steps, own.seconds));
+        Self {
+            labels: labels.iter().copied().map(String::from).collect(),
+            bytes: 4 * outcome.parameters as u64,
+            steps: Some(steps),
+            seconds,
+            standard_error: shares.filter(|share| share.is_finite()).reduce(f64::max),
+            ..Self::default()
+        }
+    }
+}
+
 /// A table of the report.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Table {
@@ -98,8 +132,8 @@ pub(super) struct Table {
     pub(super) judged: bool,
     /// What must be known to read it.
     pub(super) notes: Vec<String>,
-    /// What was tried where a row falls short of the paper.
-    pub(super) tried: Option<String>,
+    /// What its rows are of.
+    pub(super) made: Vec<Made>,
     pub(super) labels: Vec<String>,
     pub(super) values: Vec<(String, Kind)>,
     pub(super) rows: Vec<Row>,
@@ -119,7 +153,7 @@ impl Table {
             title: title.into(),
             judged: true,
             notes: Vec::new(),
-            tried: None,
+            made: Vec::new(),
             labels: labels.iter().map(|&label| label.into()).collect(),
             values: values.iter().map(|&(name, kind)| (name.into(), kind)).collect(),
             rows: Vec::new(),
@@ -127,16 +161,16 @@ impl Table {
         }
     }
 
-    /// A row for each question to a result of a training, the first one's where no stage is named, and a note about it.
+    /// A row for each question to a result of a training, the first one's where no stage is named, and what it took.
     pub(super) fn add_training(
         &mut self,
-        labels: &[&str],
+        begin: &[&str],
         (training, stage): (&Training, Option<&str>),
         questions: &Questions,
         paper: impl Fn(usize) -> Option<Published>,
     ) -> Result<()> {
-        let name = labels.join(", ");
-        let labels = |asked: &str| labels.iter().copied().chain([asked]).map(String::from).collect();
+        let name = begin.join(", ");
+        let labels = |asked: &str| begin.iter().copied().chain([asked]).map(String::from).collect();
         match training {
             Err(diverged) => {
                 let rows = questions.names().into_iter().enumerate();
@@ -145,21 +179,14 @@ impl Table {
             }
             Ok(run) => {
                 let results = &run.summary.results;
-                let of_stage = |o: &&crate::recipe::Outcome| stage.is_none_or(|stage| o.stage == stage);
+                let of_stage = |o: &&Outcome| stage.is_none_or(|stage| o.stage == stage);
                 let outcome =
                     results.iter().find(of_stage).with_context(|| format!("{name} has no result"))?;
                 // Behind the questions stands the nearest section, which the baselines have too.
                 for (index, answer) in outcome.answers.iter().take(questions.names().len()).enumerate() {
                     self.rows.push(Row::errors(labels(&answer.name), paper(index), Some(&answer.errors)));
                 }
-                self.notes.extend(questions.drawn(&name, &outcome.answers));
-                self.notes.push(format!(
-                    "{name}: {} parameters ({}), {} steps in {}.",
-                    outcome.parameters,
-                    Kind::Bytes.show(4.0 * outcome.parameters as f64),
-                    run.summary.steps(),
-                    Kind::Seconds.show(run.summary.seconds())
-                ));
+                self.made.push(Made::trained(begin, &run.summary, outcome, stage));
             }
         }
         Ok(())
@@ -174,10 +201,30 @@ impl Table {
         compared.fold((0, 0), |(all, short), value| (all + 1, short + usize::from(value.falls_short())))
     }
 
-    /// Below the rows what was tried, where a cell falls short.
-    pub(super) fn footnote(&self) -> Option<String> {
-        let tried = self.tried.as_ref().filter(|_| self.standing().1 > 0)?;
-        Some(format!("Where a cell falls short, this was tried: {tried}"))
+    /// Head and cells of what its rows took to make; columns that say nothing are left out.
+    pub(super) fn cells_of_made(&self) -> (Vec<String>, Vec<Vec<String>>) {
+        let seconds = |value: Option<f64>| value.map(|seconds| Kind::Seconds.show(seconds));
+        type Column<'a> = (&'a str, &'a dyn Fn(&Made) -> Option<String>);
+        let columns: [Column<'_>; 6] = [
+            ("file", &|made| Some(Kind::Bytes.show(made.bytes as f64))),
+            ("steps", &|made| made.steps.map(|steps| steps.to_string())),
+            ("made in", &|made| seconds(Some(made.seconds))),
+            ("the paper's in", &|made| seconds(made.paper_seconds)),
+            ("225 sections in", &|made| seconds(made.sections)),
+            ("standard error of the MSE, at most", &|made| {
+                made.standard_error.map(|share| format!("{:.1} %", 100.0 * share))
+            }),
+        ];
+        let columns = columns.iter().filter(|(_, cell)| self.made.iter().any(|made| cell(made).is_some()));
+        let columns: Vec<&Column<'_>> = columns.collect();
+        let begin = self.made.first().map_or(0, |made| made.labels.len());
+        let names = columns.iter().map(|(name, _)| (*name).to_owned());
+        let head = self.labels.iter().take(begin).cloned().chain(names).collect();
+        let row = |made: &Made| {
+            let cells = columns.iter().map(|(_, cell)| cell(made).unwrap_or_else(|| "–".into()));
+            made.labels.iter().cloned().chain(cells).collect()
+        };
+        (head, self.made.iter().map(row).collect())
     }
 
     /// Head and cells as they are shown.
@@ -237,9 +284,6 @@ mod tests {
         };
         table.rows = vec![row(Some(1e-6), 2e-6), row(Some(1e-6), 1e-6), row(None, 7.0)];
         assert_eq!(table.standing(), (2, 1));
-        assert_eq!(table.footnote(), None, "nothing is said to have been tried");
-        table.tried = Some("a wider network".into());
-        assert!(table.footnote().is_some_and(|text| text.contains("a wider network")));
         let (head, cells) = table.cells();
         assert_eq!(head, ["part", "MSE paper", "MSE ours", "ours / paper", "MPE", "against the paper"]);
         assert_eq!(cells[0], ["teapot", "1.00e-6", "2.00e-6", "2.00", "0.5000", "**falls short**: MSE"]);
@@ -252,5 +296,22 @@ mod tests {
         );
         table.judged = false;
         assert_eq!((table.standing(), table.cells().0.len()), ((0, 0), 5));
+    }
+
+    #[test]
+    fn what_a_field_took_is_shown_where_it_is_known() {
+        let mut table = Table::of_errors("3d", "t", &["part", "field", "compared"]);
+        let made = |field: &str, steps| Made {
+            labels: ["teapot", field].map(String::from).into(),
+            bytes: 2048,
+            steps,
+            seconds: 0.25,
+            ..Made::default()
+        };
+        table.made = vec![made("network", Some(10)), made("table", None)];
+        let (head, cells) = table.cells_of_made();
+        assert_eq!(head, ["part", "field", "file", "steps", "made in"]);
+        assert_eq!(cells[0], ["teapot", "network", "2 KiB", "10", "0.250 s"]);
+        assert_eq!(cells[1][3], "–");
     }
 }

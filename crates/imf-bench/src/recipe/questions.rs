@@ -76,19 +76,6 @@ impl Questions {
         self.names().into_iter().zip(errors).map(answer).collect()
     }
 
-    /// What the reader of answers at drawn voxels must know.
-    pub(crate) fn drawn(&self, name: &str, answers: &[Answer]) -> Option<String> {
-        let sure = |answer: &Answer| Some(format!("{} ± {:.1e}", answer.name, answer.standard_error?));
-        let all: Vec<String> = answers.iter().filter_map(sure).collect();
-        (!all.is_empty()).then(|| {
-            format!(
-                "{name}: at {:.0} % of the voxels, drawn at random, of which MPE is the largest error too; standard errors of the MSE: {}.",
-                100.0 * self.voxels,
-                all.join(", ")
-            )
-        })
-    }
-
     /// Exact and other sections that [`Self::exact`] and [`Self::ask`] compute.
     pub(crate) fn sections(&self) -> [usize; 2] {
         let exact = self.imf.iter().map(OrientationSet::len).sum();

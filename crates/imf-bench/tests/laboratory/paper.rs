@@ -65,7 +65,10 @@ fn the_tiny_tables_hold_in_direction() {
         "{text}"
     );
     assert!(text.contains("screw-gear (ours)"), "our parts are marked");
-    assert!(text.contains("| siren5 paper | siren5 ours |") && text.contains("this was tried"), "{text}");
+    assert!(
+        text.contains("| part | field | meets of the paper's single |") && text.contains("this was tried"),
+        "{text}"
+    );
     let page = work.text("out/report.html");
     assert!(page.matches("src=\"").count() >= 5, "pictures");
     assert_eq!(page.matches("src=\"").count(), page.matches("src=\"data:image/png;base64,").count());
