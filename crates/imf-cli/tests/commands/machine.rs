@@ -117,7 +117,11 @@ fn a_part_stands_on_the_machine_where_it_is_set_up() {
     assert!(refused.code != Some(0) && refused.stderr.contains("coordinates of G54"), "{}", refused.stderr);
     // Ten lower its foot is in the platter.
     let low = run(&["--transform", "translate:0,0,-10"]);
-    assert!(low.stderr.contains("warning: the part stands 10 mm deep in the machine's platter"), "{}", low.stderr);
+    assert!(
+        low.stderr.contains("warning: the part stands 10 mm deep in the machine's platter"),
+        "{}",
+        low.stderr
+    );
 }
 
 #[test]
