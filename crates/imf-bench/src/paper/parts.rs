@@ -51,11 +51,9 @@ pub(super) fn table(bench: &Bench<'_>) -> Result<Table> {
             let training = bench.trained(part, recipe)?;
             let papers = PAPER.parts[recipe].get(part.name());
             let paper = |index: usize| papers.and_then(|papers| papers.get(index).copied());
-            table.add_training(&[&name, recipe], (&training, None), &questions, paper)?;
             // The paper's time is of `single`.
-            if let Some(made) = table.made.last_mut().filter(|made| made.labels == [&name, "single"]) {
-                made.paper_seconds = PAPER.seconds.get(part.name()).map(|seconds| seconds[0]);
-            }
+            let seconds = PAPER.seconds.get(part.name()).filter(|_| recipe == "single").map(|own| own[0]);
+            table.add_training(&[&name, recipe], (&training, None), &questions, paper, seconds)?;
             runs.extend(training.ok().map(|run| (recipe, run)));
         }
         let questions = Questions::of(&single.evaluation)?;

@@ -23,10 +23,8 @@ pub(super) fn transfer(bench: &Bench<'_>) -> Result<Table> {
     for (stage, label) in [("adapted", "fine-tuned"), ("control", "random weights")] {
         // Two sections stand before the IMF over 225.
         let paper = |index| PAPER.transfer.get(stage).filter(|_| index == 2).copied();
-        table.add_training(&[label], (&training, Some(stage)), &questions, paper)?;
-        if let Some(made) = table.made.last_mut().filter(|made| made.labels == [label]) {
-            made.paper_seconds = PAPER.transfer_seconds.get(stage).copied();
-        }
+        let seconds = PAPER.transfer_seconds.get(stage).copied();
+        table.add_training(&[label], (&training, Some(stage)), &questions, paper, seconds)?;
     }
     Ok(table)
 }
@@ -89,7 +87,7 @@ fn sweep(
         // Two sections stand before the two IMFs.
         let paper = |index: usize| papers.and_then(|papers| papers.get(index.checked_sub(2)?).copied());
         let questions = Questions::of(&recipe.evaluation)?;
-        table.add_training(&[&label(&variant, &recipe)], (&training, None), &questions, paper)?;
+        table.add_training(&[&label(&variant, &recipe)], (&training, None), &questions, paper, None)?;
     }
     Ok(table)
 }

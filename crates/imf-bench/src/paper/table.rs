@@ -168,6 +168,7 @@ impl Table {
         (training, stage): (&Training, Option<&str>),
         questions: &Questions,
         paper: impl Fn(usize) -> Option<Published>,
+        paper_seconds: Option<f64>,
     ) -> Result<()> {
         let name = begin.join(", ");
         let labels = |asked: &str| begin.iter().copied().chain([asked]).map(String::from).collect();
@@ -186,7 +187,8 @@ impl Table {
                 for (index, answer) in outcome.answers.iter().take(questions.names().len()).enumerate() {
                     self.rows.push(Row::errors(labels(&answer.name), paper(index), Some(&answer.errors)));
                 }
-                self.made.push(Made::trained(begin, &run.summary, outcome, stage));
+                let made = Made::trained(begin, &run.summary, outcome, stage);
+                self.made.push(Made { paper_seconds, ..made });
             }
         }
         Ok(())
