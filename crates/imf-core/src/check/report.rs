@@ -130,7 +130,8 @@ pub struct CheckReport {
     pub sure_depth: f64,
     /// Lines of the toolpath that lead somewhere.
     pub locations: usize,
-    /// Locations to which no way is checked, since the file has none: the first, the first of every other tool, and those behind places that only a machine knows.
+    /// Locations to which no way is checked, since the file has none: the first, the first of every other tool, and those behind
+    /// places that only a machine knows.
     pub starts: usize,
     /// Poses checked in all.
     pub poses: u64,

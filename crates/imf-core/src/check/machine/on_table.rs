@@ -128,17 +128,11 @@ impl TablePair {
         Some(((depth - off).max(0.0), depth > grid.pitch))
     }
 
-    /// Whether the body touches the solid.
-    fn touches(&self, moved: &Pose) -> bool {
-        self.ball_room(moved) <= 0.0 && self.any_in(moved, false)
-    }
-
-    /// True where they overlap.
+    /// True where they overlap; of a pair that touches, by more than the solid's outermost voxels.
     fn collides(&self, moved: &Pose, touches: bool) -> bool {
-        self.ball_room(moved) <= 0.0 && self.any_in(moved, touches)
-    }
-
-    fn any_in(&self, moved: &Pose, touches: bool) -> bool {
+        if self.ball_room(moved) > 0.0 {
+            return false;
+        }
         let near = self.body.blocks.iter();
         let near = near.filter(|block| self.room_of(moved.of_point(block.middle), block.radius) <= 0.0);
         let mut points = near.flat_map(|block| &self.body.points[block.points.clone()]);
@@ -272,7 +266,7 @@ impl TablePairs {
     /// The same with the world elsewhere on the machine.
     pub(super) fn at(&self, to_machine: &Pose) -> Self {
         // With all axes at 0 all solids stand alike.
-        let touches = self.pairs.iter().map(|pair| pair.touches(to_machine)).collect();
+        let touches = self.pairs.iter().map(|pair| pair.collides(to_machine, false)).collect();
         Self { pairs: self.pairs.clone(), to_machine: *to_machine, touches, standing: Arc::default() }
     }
 

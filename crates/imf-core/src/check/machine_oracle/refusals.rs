@@ -35,18 +35,15 @@ fn a_solids_mesh_that_voxels_do_not_show_is_refused() {
 fn no_stick_out_is_found_where_the_tip_moves_with_the_length() {
     let obstacle = Arc::new(part());
     let machine = machines()[1].clone();
+    let least = |locations: Vec<Location>| {
+        let path = Toolpath { locations, ..Toolpath::default() };
+        let tools = [(None, &tool())];
+        least_stick_outs(&obstacle, &tools, &path, &strict(0.25), Some(&machine), Control::quiet())
+    };
     let found = |b: f64, straight: bool| {
         let joints = Joints { linear: DVec3::new(0.0, 0.0, 200.0), rotary: [b, 30.0] };
         let locations = vec![location(&machine, 7, joints, MoveKind::Start, straight)];
-        let path = Toolpath { locations, ..Toolpath::default() };
-        least_stick_outs(
-            &obstacle,
-            &[(None, &tool())],
-            &path,
-            &strict(0.25),
-            Some(&machine),
-            Control::quiet(),
-        )
+        least(locations)
     };
     assert!(matches!(found(40.0, false), Err(CheckError::TipMoves { line: 7 })));
     assert!(found(40.0, true).is_ok() && found(0.0, false).is_ok());
@@ -66,14 +63,5 @@ fn no_stick_out_is_found_where_the_tip_moves_with_the_length() {
         at(4, 45.0, MoveKind::Rapid),
         at(5, 46.0, MoveKind::Feed),
     ];
-    let path = Toolpath { locations, ..Toolpath::default() };
-    let found = least_stick_outs(
-        &obstacle,
-        &[(None, &tool())],
-        &path,
-        &strict(0.25),
-        Some(&machine),
-        Control::quiet(),
-    );
-    assert_eq!(found.unwrap()[0].left_out, 2);
+    assert_eq!(least(locations).unwrap()[0].left_out, 2);
 }
