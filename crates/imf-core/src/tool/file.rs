@@ -11,7 +11,7 @@
 //! shape = "ball"                # flat | ball | bull | tapered
 //! diameter = 10.0               # at the tip for a tapered cutter
 //! length = 35.0
-//! # corner_radius = 1.0         # bull; tapered (half the diameter unless given)
+//! # corner_radius = 1.0         # bull; tapered (half the diameter unless given, 0 for a sharp corner)
 //! # half_angle = 5.0            # tapered, degrees
 //! # back_cutting = true         # its upper end cuts too, as that of a T-slot cutter
 //!
@@ -304,7 +304,9 @@ impl Reader<'_> {
         let length = self.length("cutter.length", &cutter.length)?;
         let corner = match (&cutter.corner_radius, cutter.shape) {
             (Some(corner), CutterShape::Bull | CutterShape::Tapered) => {
-                let value = self.length("cutter.corner_radius", corner)?;
+                // A cone may have a sharp corner.
+                let is_sharp = cutter.shape == CutterShape::Tapered && *corner.get_ref() == 0.0;
+                let value = if is_sharp { 0.0 } else { self.length("cutter.corner_radius", corner)? };
                 if value > radius {
                     let what =
                         format!("cutter.corner_radius {value} is larger than the cutter's radius {radius}");

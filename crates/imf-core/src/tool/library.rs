@@ -33,7 +33,9 @@ fn damaged(what: impl std::fmt::Display) -> Fault {
 
 /// What is missing in a tool, wrong, or without a place among elements.
 fn refused(tool: &str, what: &str) -> Fault {
-    Fault::malformed(format!("tool '{tool}': {what}; describe it in a tool file (TOML) instead"))
+    Fault::malformed(format!(
+        "tool '{tool}': {what}; describe it in a tool file (TOML) instead, as a mesh where no shape of it fits"
+    ))
 }
 
 fn listed(tools: &[String]) -> String {

@@ -34,25 +34,30 @@ impl Stack {
     }
 }
 
+/// By how much files round the diameter of a tapered ball off, of itself.
+const ROUNDED_DIGITS: f64 = 0.01;
+
 pub(super) fn line(from: f64, to: f64, radius_from: f64, radius_to: f64) -> Segment {
     Segment::Line { from, to, radius_from, radius_to }
 }
 
-/// A flank that is a cylinder, or a cone of a half angle in degrees, with a corner of some radius below; `radius` is that of the
-/// sharp end.
+/// A flank that is a cylinder, or a cone of a half angle in degrees, with a corner of some radius below that touches flank and end;
+/// `radius` is the flank's at the height of the tip, as in APT.
 pub(super) fn end_mill(
     radius: f64,
     corner: f64,
     half_angle: f64,
     length: f64,
 ) -> Result<Vec<Segment>, String> {
-    if corner > radius * (1.0 + 1e-6) {
-        return Err(format!("its corner radius {corner} is larger than its radius {radius}"));
-    }
     if !(0.0..80.0).contains(&half_angle) {
         return Err(format!("its taper of {half_angle} degrees a side is not between 0 and 80"));
     }
-    rounded(radius, corner.min(radius), half_angle.to_radians(), length)
+    let angle = half_angle.to_radians();
+    let flat_end = radius - corner * (1.0 - angle.sin()) / angle.cos();
+    if flat_end < -ROUNDED_DIGITS * radius {
+        return Err(format!("its corner radius {corner} is larger than its radius {radius} has room for"));
+    }
+    rounded(flat_end.max(0.0) + corner, corner, angle, length)
         .ok_or_else(|| format!("its cutting length {length} is shorter than its rounded end"))
 }
 
@@ -63,14 +68,19 @@ pub(super) fn pointed(
     half_angle: f64,
     length: f64,
 ) -> Result<Vec<Segment>, String> {
-    if !(half_angle > 0.0 && half_angle < 90.0) {
+    if !(half_angle > 0.0 && half_angle <= 90.0) {
         return Err(format!("its point's half angle of {half_angle} degrees is not between 0 and 90"));
     }
     if tip_radius >= radius {
         return Err(format!("its tip's radius {tip_radius} is not below its radius {radius}"));
     }
-    let point = (radius - tip_radius) / half_angle.to_radians().tan();
-    let mut profile = vec![line(0.0, point, tip_radius, radius)];
+    let mut profile = Vec::new();
+    let mut point = 0.0;
+    // A drill of 180 degrees is flat.
+    if half_angle < 90.0 {
+        point = (radius - tip_radius) / half_angle.to_radians().tan();
+        profile.push(line(0.0, point, tip_radius, radius));
+    }
     if length > point {
         profile.push(line(point, length, radius, radius));
     }
@@ -87,7 +97,8 @@ pub(super) fn top(profile: &[Segment]) -> f64 {
 pub(super) fn rounded(radius: f64, corner: f64, half_angle: f64, length: f64) -> Option<Vec<Segment>> {
     // The arc ends where it is tangent to the flank.
     let arc_top = corner * (1.0 - half_angle.sin());
-    if length <= arc_top {
+    let is_all_arc = corner > 0.0 && (length - arc_top).abs() <= 1e-9 * arc_top;
+    if length <= arc_top && !is_all_arc {
         return None;
     }
     let flank = radius - corner + corner * half_angle.cos();
@@ -101,7 +112,9 @@ pub(super) fn rounded(radius: f64, corner: f64, half_angle: f64, length: f64) ->
             arc_radius: corner,
         });
     }
-    let radius_to = flank + (length - arc_top) * half_angle.tan();
-    profile.push(Segment::Line { from: arc_top, to: length, radius_from: flank, radius_to });
+    if !is_all_arc {
+        let radius_to = flank + (length - arc_top) * half_angle.tan();
+        profile.push(Segment::Line { from: arc_top, to: length, radius_from: flank, radius_to });
+    }
     Some(profile)
 }

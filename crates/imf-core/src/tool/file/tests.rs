@@ -46,6 +46,11 @@ fn every_cutter_shape_is_smooth_where_arc_meets_flank() {
         let slope = |s: Segment, side: f64| (s.radius(joint + side * 1e-6) - s.radius(joint)) / (side * 1e-6);
         assert!((slope(arc, -1.0) - slope(line, 1.0)).abs() < 1e-5, "{shape}");
     }
+    // A cone with a sharp corner has no arc.
+    let cone = "[cutter]\nshape = 'tapered'\nhalf_angle = 45\ncorner_radius = 0\ndiameter = 1\nlength = 3\n";
+    let ToolShape::Revolved(elements) = read(cone).unwrap().shape else { panic!() };
+    let [Segment::Line { radius_from, radius_to, .. }] = elements[0].profile[..] else { panic!() };
+    assert!(radius_from == 0.5 && (radius_to - 3.5).abs() < 1e-12);
     let flat = read("[cutter]\nshape = 'flat'\ndiameter = 10\nlength = 30\n").unwrap();
     assert!((flat.volume() - 25.0 * std::f64::consts::PI * 30.0).abs() < 1e-9);
 }

@@ -1,8 +1,8 @@
 //! FreeCAD's tool bits: one tool a file, its shape by name, its measures as texts with units.
 //!
 //! Diameter, cutting edge and length are those of FreeCAD's own shapes: `TipAngle` and `CuttingEdgeAngle` are the whole angle
-//! of the point. Above the cone of V-bits and chamfers a cylinder of the height of the cutting edge is taken, the
-//! larger of two readings. The tool is as long as its `Stickout`, where there is one, else as its `Length`.
+//! of the point. `CuttingEdgeHeight` is the height of a chamfer's cone, whose width follows from it and not from `Diameter`; of a
+//! V-bit it is that of a cylinder above the cone. The tool is as long as its `Stickout`, where there is one, else as its `Length`.
 
 use std::collections::HashMap;
 
@@ -60,19 +60,24 @@ impl Bit {
 
     fn stack(&self) -> Result<Stack, String> {
         let kind = self.kind();
-        let radius = 0.5 * self.length("Diameter")?;
+        let radius = || self.length("Diameter").map(|diameter| 0.5 * diameter);
+        let tip = || self.optional_length("TipDiameter").map(|tip| 0.5 * tip.unwrap_or(0.0));
         let whole = self.length("Length")?;
-        let edge = |bit: &Self| bit.length("CuttingEdgeHeight");
+        let edge = || self.length("CuttingEdgeHeight");
         let cutter = match kind.as_str() {
-            "endmill" | "reamer" => end_mill(radius, 0.0, 0.0, edge(self)?)?,
-            "ballend" => end_mill(radius, radius, 0.0, edge(self)?)?,
-            "bullnose" | "torus" => end_mill(radius, self.corner(radius)?, 0.0, edge(self)?)?,
-            "drill" => pointed(0.0, radius, 0.5 * self.angle("TipAngle")?, whole)?,
-            "vbit" | "chamfer" => {
-                let tip = 0.5 * self.optional_length("TipDiameter")?.unwrap_or(0.0);
+            "endmill" | "reamer" => end_mill(radius()?, 0.0, 0.0, edge()?)?,
+            "ballend" => end_mill(radius()?, radius()?, 0.0, edge()?)?,
+            "bullnose" | "torus" => end_mill(radius()?, self.corner(radius()?)?, 0.0, edge()?)?,
+            "drill" => pointed(0.0, radius()?, 0.5 * self.angle("TipAngle")?, whole)?,
+            "vbit" => {
                 let half_angle = 0.5 * self.angle("CuttingEdgeAngle")?;
-                let point = top(&pointed(tip, radius, half_angle, 0.0)?);
-                pointed(tip, radius, half_angle, point + edge(self)?)?
+                let point = top(&pointed(tip()?, radius()?, half_angle, 0.0)?);
+                pointed(tip()?, radius()?, half_angle, point + edge()?)?
+            }
+            "chamfer" => {
+                let (tip, half_angle) = (tip()?, 0.5 * self.angle("CuttingEdgeAngle")?);
+                let radius = tip + edge()? * half_angle.to_radians().tan();
+                pointed(tip, radius, half_angle, edge()?)?
             }
             "" => return Err("the file names no shape".into()),
             other => return Err(format!("its shape '{other}' has no place among our cutters")),

@@ -5,10 +5,13 @@
 //! DC  cutting diameter        LCF  length of the edges          LB    from the tip to the holder's face
 //! RE  corner radius           TA   taper in degrees a side      SFDM  shaft's diameter
 //! SIG point's whole angle     OAL length from end to end
+//! DCX diameter of a face mill's widest inserts
 //! shoulder-length, shoulder-diameter: between the edges and the shaft
 //! ```
-//! The shaft's own segments, where there are any, begin at the shoulder's end; `SFDM` reaches from there or from them to the
-//! holder. Holders have a unit of their own; their segments stand from the face upwards.
+//! The cutting diameter of a tapered mill is its flank's at the height of the tip: its corner touches the flank, and a ball's is
+//! larger than half of it. The shaft's own segments, where there are any, begin at the shoulder's end; `SFDM` reaches from there or from them to the
+//! holder. Holders have a unit of their own; their segments stand from the face upwards. What is unexpected in one entry is an
+//! error of its tool alone.
 
 use std::borrow::Cow;
 use std::io::Read as _;
@@ -25,32 +28,29 @@ struct Library {
     data: Vec<Entry>,
 }
 
-#[derive(Deserialize)]
+/// Read when the tool is asked for.
+#[derive(Default, Deserialize)]
+#[serde(default)]
 struct Entry {
-    #[serde(default, rename = "type")]
-    kind: String,
-    #[serde(default)]
-    unit: Option<String>,
-    #[serde(default)]
-    description: String,
-    #[serde(default, rename = "product-id")]
-    product: String,
-    #[serde(default)]
-    geometry: serde_json::Map<String, Value>,
-    #[serde(default)]
-    shaft: Option<Segments>,
-    #[serde(default)]
-    holder: Option<Segments>,
-    #[serde(default, rename = "post-process")]
-    post: Option<Post>,
+    #[serde(rename = "type")]
+    kind: Value,
+    unit: Value,
+    description: Value,
+    #[serde(rename = "product-id")]
+    product: Value,
+    geometry: Value,
+    shaft: Value,
+    holder: Value,
+    #[serde(rename = "post-process")]
+    post: Value,
 }
 
-#[derive(Deserialize)]
+#[derive(Deserialize, Default)]
 struct Segments {
     #[serde(default)]
     unit: Option<String>,
     #[serde(default)]
-    segments: Vec<Part>,
+    segments: Option<Vec<Part>>,
 }
 
 #[derive(Deserialize)]
@@ -60,12 +60,6 @@ struct Part {
     lower: f64,
     #[serde(rename = "upper-diameter")]
     upper: f64,
-}
-
-#[derive(Deserialize)]
-struct Post {
-    #[serde(default)]
-    number: Option<Value>,
 }
 
 /// The most bytes that an archive may unfold to, for each of its own.
@@ -107,7 +101,7 @@ fn entries(bytes: &[u8]) -> Result<Vec<Entry>, Fault> {
     };
     let mut library: Library =
         serde_json::from_slice(text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&text)).map_err(damaged)?;
-    library.data.retain(|entry| entry.kind != "holder");
+    library.data.retain(|entry| word(&entry.kind) != "holder");
     Ok(library.data)
 }
 
@@ -129,6 +123,15 @@ fn unpacked_json(bytes: &[u8]) -> Result<Vec<u8>, String> {
     Ok(text)
 }
 
+/// A text, or a number as one; nothing else.
+fn word(value: &Value) -> String {
+    match value {
+        Value::String(text) => text.clone(),
+        Value::Number(number) => number.to_string(),
+        _ => String::new(),
+    }
+}
+
 /// The unit that a text names.
 fn unit(text: &str) -> Result<LengthUnit, String> {
     text.parse().map_err(|_| format!("its unit '{text}' is not known"))
@@ -137,22 +140,31 @@ fn unit(text: &str) -> Result<LengthUnit, String> {
 impl Entry {
     /// What people call it.
     fn title(&self) -> String {
-        match (self.description.trim(), self.number()) {
-            ("", Some(number)) => number,
-            ("", None) => self.product.clone(),
-            (name, _) => name.to_owned(),
-        }
+        let mut names =
+            [word(&self.description).trim().to_owned(), self.number(), word(&self.product)].into_iter();
+        names.find(|name| !name.is_empty()).unwrap_or_default()
     }
 
     /// Its number in the machine.
-    fn number(&self) -> Option<String> {
-        let number = self.post.as_ref()?.number.as_ref()?;
-        Some(number.as_str().map_or_else(|| number.to_string(), str::to_owned))
+    fn number(&self) -> String {
+        self.post.get("number").map(word).unwrap_or_default()
     }
 
     fn answers_to(&self, wanted: &str) -> bool {
-        let same = |name: &str| name.trim().eq_ignore_ascii_case(wanted);
-        same(&self.description) || same(&self.product) || self.number().is_some_and(|number| same(&number))
+        let names = [word(&self.description), word(&self.product), self.number()];
+        names.iter().any(|name| name.trim().eq_ignore_ascii_case(wanted))
+    }
+
+    /// Its type, in Fusion's words.
+    fn kind(&self) -> Result<String, String> {
+        Some(word(&self.kind)).filter(|kind| !kind.is_empty()).ok_or_else(|| "it has no type".into())
+    }
+
+    /// The segments of the shaft or the holder, none where there is none.
+    fn segments(value: &Value, of: &str) -> Result<Segments, String> {
+        let segments: Option<Segments> =
+            Deserialize::deserialize(value).map_err(|wrong| format!("{of} is not understood: {wrong}"))?;
+        Ok(segments.unwrap_or_default())
     }
 
     fn tool(&self) -> Result<Tool, Fault> {
@@ -166,45 +178,51 @@ impl Entry {
 
     /// The unit that the entry states, and its parts in it.
     fn stack(&self) -> Result<(LengthUnit, Stack), String> {
-        let named = self.unit.as_deref().ok_or("it has no unit")?;
-        let unit_here = unit(named)?;
-        let (radius, edges) = (0.5 * self.positive("DC")?, self.positive("LCF")?);
+        let kind = self.kind()?;
+        let named = Some(word(&self.unit)).filter(|named| !named.is_empty()).ok_or("it has no unit")?;
+        let unit_here = unit(&named)?;
+        let cutter = self.cutter(&kind)?;
         let face = self.positive("LB")?;
-        let cutter = self.cutter(radius, edges)?;
-        let width = cutter.last().map_or(radius, |last| last.radius(top(&cutter)));
+        let width = cutter.last().map_or(0.0, |last| last.radius(top(&cutter)));
         let shank = self.shank(top(&cutter), width, face)?;
+        let Segments { unit: named, segments } = Self::segments(&self.holder, "its holder")?;
+        let theirs = named.as_deref().map_or(Ok(unit_here), unit)?;
+        let scale = theirs.in_mm() / unit_here.in_mm();
         let mut holder = Vec::new();
-        if let Some(Segments { unit: named, segments }) = &self.holder {
-            let theirs = named.as_deref().map_or(Ok(unit_here), unit)?;
-            let scale = theirs.in_mm() / unit_here.in_mm();
-            for part in segments {
-                holder.push(part.checked("the holder")?.map(|length| length * scale));
-            }
+        for part in segments.iter().flatten().filter(|part| part.height != 0.0) {
+            holder.push(part.checked("the holder")?.map(|length| length * scale));
         }
-        holder.retain(|[height, ..]| *height > 0.0);
         let face = if holder.is_empty() { face.min(top(&shank).max(top(&cutter))) } else { face };
         Ok((unit_here, Stack { cutter, shank, face, holder }))
     }
 
-    fn cutter(&self, radius: f64, edges: f64) -> Result<Vec<Segment>, String> {
-        let taper = || self.number_of("TA").map(|angle| angle.unwrap_or(0.0));
-        let corner = || self.number_of("RE").map(|corner| corner.unwrap_or(0.0));
-        let tip = || self.number_of("tip-diameter").map(|tip| 0.5 * tip.unwrap_or(0.0));
-        match self.kind.as_str() {
-            "flat end mill" | "reamer" => end_mill(radius, 0.0, 0.0, edges),
+    fn cutter(&self, kind: &str) -> Result<Vec<Segment>, String> {
+        // Of the types that have them: others need not have these numbers.
+        let radius = || self.positive("DC").map(|diameter| 0.5 * diameter);
+        let edges = || self.positive("LCF");
+        let or_0 = |name: &str| self.number_of(name).map(Option::unwrap_or_default);
+        let tip = || or_0("tip-diameter").map(|tip| 0.5 * tip);
+        let point = || self.positive("SIG").map(|whole| 0.5 * whole);
+        let straight = |corner: f64| match or_0("TA")? {
+            taper if taper > 0.0 => {
+                Err(format!("it has a taper (TA {taper}), which its type '{kind}' has not"))
+            }
+            _ => end_mill(radius()?, corner, 0.0, edges()?),
+        };
+        match kind {
+            "flat end mill" | "reamer" => straight(0.0),
             "face mill" => match self.number_of("DCX")? {
-                Some(widest) if widest > 2.0 * radius * (1.0 + 1e-9) => Err(format!(
+                Some(widest) if widest > 2.0 * radius()? * (1.0 + 1e-9) => Err(format!(
                     "a face mill whose inserts widen it (DCX {widest}) has no place among our cutters"
                 )),
-                _ => end_mill(radius, corner()?, 0.0, edges),
+                _ => end_mill(radius()?, or_0("RE")?, or_0("TA")?, edges()?),
             },
-            "ball end mill" => end_mill(radius, radius, 0.0, edges),
-            "bull nose end mill" => end_mill(radius, corner()?, 0.0, edges),
-            "tapered mill" => end_mill(radius, corner()?, taper()?, edges),
-            "chamfer mill" => pointed(tip()?, radius, taper()?, edges),
-            "drill" | "spot drill" => pointed(0.0, radius, 0.5 * self.positive("SIG")?, edges),
-            "counter sink" => pointed(tip()?, radius, 0.5 * self.positive("SIG")?, edges),
-            "" => Err("it has no type".into()),
+            "ball end mill" => straight(radius()?),
+            "bull nose end mill" => straight(or_0("RE")?),
+            "tapered mill" => end_mill(radius()?, or_0("RE")?, or_0("TA")?, edges()?),
+            "chamfer mill" => pointed(tip()?, radius()?, or_0("TA")?, edges()?),
+            "drill" => pointed(0.0, radius()?, point()?, edges()?),
+            "spot drill" | "counter sink" => pointed(tip()?, radius()?, point()?, edges()?),
             other => Err(format!("its type '{other}' has no place among our cutters")),
         }
     }
@@ -224,7 +242,8 @@ impl Entry {
             let width = width.map_or(radius, |width| 0.5 * width);
             rise(shoulder, width, width, &mut from);
         }
-        for part in self.shaft.iter().flat_map(|shaft| &shaft.segments) {
+        let shaft = Self::segments(&self.shaft, "its shaft")?;
+        for part in shaft.segments.iter().flatten().filter(|part| part.height != 0.0) {
             let [height, lower, upper] = part.checked("the shaft")?;
             rise(from + height, 0.5 * lower, 0.5 * upper, &mut from);
         }

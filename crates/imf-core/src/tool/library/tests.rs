@@ -146,6 +146,24 @@ fn freecads_bits_become_cutter_and_shank() {
 }
 
 #[test]
+fn a_chamfers_cone_is_as_high_as_its_edge() {
+    // FreeCAD's own bit of 45 degrees, whose sketch has nothing of the diameter.
+    let chamfer = bit(
+        "Chamfer",
+        json!({
+            "CuttingEdgeAngle": "45 °", "Diameter": "12.33 mm", "CuttingEdgeHeight": "6.35 mm", "TipDiameter": "5 mm",
+            "Length": "20 mm", "ShankDiameter": "6.35 mm"
+        }),
+    );
+    let tool = Folder::new().read("bit.fctb", &chamfer).unwrap();
+    close(radius(&tool, 3.0), 2.5 + 3.0 * 22.5_f64.to_radians().tan());
+    let Segment::Line { to, radius_to, .. } = elements(&tool)[0].profile[0] else { panic!() };
+    close(to, 6.35);
+    close(radius_to, 2.5 + 6.35 * 22.5_f64.to_radians().tan());
+    close(radius(&tool, 7.0), 3.175);
+}
+
+#[test]
 fn what_freecad_has_and_we_do_not_is_refused_by_name() {
     let folder = Folder::new();
     for (content, expected) in [
@@ -238,6 +256,84 @@ fn fusions_tools_become_cutter_shoulder_shaft_and_holder() {
         let tool = folder.fusion(&entry).unwrap();
         close(radius(&tool, height), expected);
     }
+}
+
+#[test]
+fn the_flank_of_a_tapered_mill_meets_its_diameter_at_the_tips_height() {
+    let folder = Folder::new();
+    // Fusion's sample: its shoulder of 20.46 mm follows from diameter, edges and taper.
+    let geometry = json!({"DC": 12.0, "LCF": 24.0, "TA": 10.0, "RE": 2.5, "SFDM": 20.46, "LB": 40.0, "shoulder-length": 24.0});
+    let tool = folder.fusion(&fusion("tapered mill", "sample", 1, geometry)).unwrap();
+    let slope = 10_f64.to_radians().tan();
+    for height in [3.0, 10.0, 23.9] {
+        close(radius(&tool, height), 6.0 + height * slope);
+    }
+    assert!((2.0 * radius(&tool, 24.0 - 1e-9) - 20.46).abs() < 5e-3);
+    // Makers' tapered balls, inches: the ball touches the cone, whose diameter at the tip is smaller than the ball's.
+    for (diameter, corner, taper) in [(0.0568, 0.03125_f64, 5.5), (0.1176, 0.0625, 3.5), (1.872, 1.0, 3.8)] {
+        let geometry = json!({"DC": diameter, "RE": corner, "TA": taper});
+        let tool = folder.fusion(&fusion("tapered mill", "ball", 1, geometry)).unwrap();
+        let taper: f64 = f64::to_radians(taper);
+        let height = 0.1 * corner;
+        let ball = (corner * corner - (corner - height).powi(2)).sqrt();
+        assert!((radius(&tool, height) - ball).abs() < 1e-3 * corner);
+        assert!((radius(&tool, 10.0) - (0.5 * diameter + 10.0 * taper.tan())).abs() < 1e-3 * corner);
+    }
+}
+
+#[test]
+fn what_widens_a_cutter_is_read_or_refused() {
+    let folder = Folder::new();
+    let of = |kind: &str, geometry: Value| folder.fusion(&fusion(kind, kind, 1, geometry));
+    for kind in ["flat end mill", "ball end mill", "bull nose end mill", "reamer"] {
+        let error = of(kind, json!({"TA": 10.0, "RE": 1.0})).unwrap_err();
+        assert!(error.contains("TA 10") && error.contains(kind), "{error}");
+    }
+    close(radius(&of("face mill", json!({"TA": 45.0, "LCF": 4.0})).unwrap(), 3.0), 6.0);
+    close(radius(&of("spot drill", json!({"SIG": 90.0, "tip-diameter": 1.0})).unwrap(), 1.0), 1.5);
+    // A flat drill, and a ball whose edges end at its equator.
+    close(radius(&of("drill", json!({"SIG": 180.0})).unwrap(), 0.0), 3.0);
+    close(
+        radius(&of("ball end mill", json!({"LCF": 3.0, "shoulder-length": 3.0})).unwrap(), 2.0),
+        8f64.sqrt(),
+    );
+}
+
+#[test]
+fn one_entry_that_is_not_understood_spoils_no_other() {
+    let folder = Folder::new();
+    let good = fusion("reamer", "good", 1, json!({}));
+    let broken = |key: &str, value: Value| {
+        let mut entry = fusion("reamer", "odd", 2, json!({}));
+        entry[key] = value;
+        entry
+    };
+    let read = |entry: Value| {
+        let path = folder.with("tools.json", &json!({"data": [good.clone(), entry]}));
+        let mut tools = Tool::read_all(&path).unwrap();
+        assert!(tools[0].is_ok());
+        assert!(Tool::find(&format!("{}#good", path.display())).is_ok());
+        tools.remove(1).map_err(|error| error.to_string())
+    };
+    for (key, value, said) in [
+        ("geometry", Value::Null, "no DC"),
+        ("type", Value::Null, "no type"),
+        ("type", json!("turning general"), "'turning general'"),
+        (
+            "holder",
+            json!({"segments": [{"height": 1.0, "lower-diameter": 1.0}]}),
+            "its holder is not understood",
+        ),
+    ] {
+        let error = read(broken(key, value)).unwrap_err();
+        assert!(error.contains("'odd'") && error.contains(said), "{error}");
+    }
+    assert_eq!(read(broken("description", Value::Null)).unwrap().name, "2");
+    assert!(read(broken("product-id", json!(5))).is_ok());
+    assert_eq!(elements(&read(broken("holder", json!({"segments": null}))).unwrap()).len(), 2);
+    // Rows of zeros, as Fusion writes them.
+    let zeros = json!({"segments": [{"height": 0.0, "lower-diameter": 0.0, "upper-diameter": 0.0}]});
+    assert_eq!(elements(&read(broken("holder", zeros)).unwrap()).len(), 2);
 }
 
 #[test]
