@@ -5,7 +5,7 @@ workbench, and run it. Without a tool bit it asks for a tool file. Every face ge
 and the body the property `ImfReached`: the share of each face's area that is reached.
 
 Without a window: `IMF_PART=part.step IMF_TOOL=mill.toml freecadcmd imf_access.py`, the part a file that FreeCAD opens, with `IMF_PITCH`
-the edge of a voxel in millimetres. It prints the shares.
+the edge of a voxel in millimetres and IMF_BODY the name of a body in a document of several. It prints the shares.
 
 The command `imf` is looked for on the PATH, or where the environment variable IMF says.
 """
@@ -134,7 +134,8 @@ def access(shape, tool, pitch=None):
         run += ["--pitch", str(pitch)] if pitch else []
         done = subprocess.run(run, stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True)
         if done.returncode != 0:
-            raise RuntimeError(done.stderr.strip().splitlines()[-1])
+            said = done.stderr.strip().splitlines() or ["imf was ended from outside (%d)" % done.returncode]
+            raise RuntimeError(said[-1])
         return shares(corners, triangles, faces, len(shape.Faces), os.path.join(out, "surface.ply")), done.stdout
 
 
@@ -152,8 +153,9 @@ def of_selection():
     from PySide import QtGui
 
     selected = FreeCADGui.Selection.getSelection()
-    # A tool controller has its bit.
-    selected = [getattr(own, "Tool", own) for own in selected]
+    # A tool controller has its bit; what the Part workbench cuts away is called a tool as well.
+    tools = [getattr(own, "Tool", None) for own in selected]
+    selected = [tool if tool is not None and is_bit(tool) else own for own, tool in zip(selected, tools)]
     bits = [own for own in selected if is_bit(own)]
     bodies = [own for own in selected if getattr(own, "Shape", None) and not is_bit(own)]
     if len(bodies) != 1:
@@ -174,16 +176,29 @@ def of_selection():
     setattr(body, RESULT, found)
     # What is seen of a body of Part Design is its last feature.
     for shown in filter(None, (body, getattr(body, "Tip", None))):
-        shown.ViewObject.DiffuseColor = [colour(share) + (0.0,) for share in found]
+        # Without a fourth number, which is transparency up to FreeCAD 0.21 and its opposite since.
+        shown.ViewObject.DiffuseColor = [colour(share) for share in found]
     FreeCAD.Console.PrintMessage(text)
 
 
-def headless(part, tool, pitch=None):
+def body_of(document, name=None):
+    """The visible body of a document, or the one of a name or label: what stands inside another body is a step of its history."""
+    bodies = [own for own in document.Objects if getattr(own, "Shape", None) and own.Shape.Solids and not is_bit(own)]
+    bodies = [own for own in bodies if not hasattr(own.getParentGeoFeatureGroup(), "Shape")]
+    if name:
+        bodies = [own for own in bodies if name in (own.Name, own.Label)]
+    else:
+        bodies = [own for own in bodies if own.Visibility]
+    if len(bodies) != 1:
+        names = ", ".join(own.Label for own in bodies) or "none"
+        raise RuntimeError("one body is wanted, and the document has: %s; name one in IMF_BODY, or show it alone" % names)
+    return bodies[0]
+
+
+def headless(part, tool, pitch=None, name=None):
     """Without a window: prints the share of each face."""
     if part.lower().endswith(".fcstd"):
-        document = FreeCAD.openDocument(part)
-        solids = [own.Shape for own in document.Objects if getattr(own, "Shape", None) and own.Shape.Solids]
-        shape = solids[-1]
+        shape = body_of(FreeCAD.openDocument(part), name).Shape
     else:
         shape = Part.Shape()
         shape.read(part)
@@ -196,4 +211,4 @@ def headless(part, tool, pitch=None):
 if FreeCAD.GuiUp:
     of_selection()
 elif "IMF_PART" in os.environ:
-    headless(os.environ["IMF_PART"], os.environ["IMF_TOOL"], os.environ.get("IMF_PITCH"))
+    headless(os.environ["IMF_PART"], os.environ["IMF_TOOL"], os.environ.get("IMF_PITCH"), os.environ.get("IMF_BODY"))

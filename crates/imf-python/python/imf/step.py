@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import sys
+import warnings
+from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -15,10 +17,11 @@ from numpy.typing import NDArray
 def read_step(
     path: str | Path, deflection: float = 0.02, angle: float = 0.2
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Vertices ``(n, 3)`` in millimetres and triangles ``(m, 3)`` of all solids of a file.
+    """Vertices ``(n, 3)`` in millimetres and triangles ``(m, 3)`` of all solids of a file; surfaces beside them are left out, with a
+    warning.
 
     deflection: largest distance between the mesh and the surface, in millimetres. angle: largest angle between neighbouring facets,
-    in radians. Raises ``ValueError`` for a file that holds no solid.
+    in radians. Raises ``ValueError`` for a file that holds no solid, or a body that Open CASCADE cannot read.
     """
 
     def of(module: str) -> Any:
@@ -37,22 +40,32 @@ def read_step(
     if reader.ReadFile(str(path)) != of("IFSelect").IFSelect_ReturnStatus.IFSelect_RetDone:
         raise ValueError(f"{path}: this is no STEP file that can be read")
     # Open CASCADE gives millimetres, whatever the file's unit.
-    reader.TransferRoots()
+    roots, read = reader.NbRootsForTransfer(), reader.TransferRoots()
+    if read < roots:
+        raise ValueError(f"{path}: {roots - read} of its {roots} bodies cannot be read; export it again, or each body alone")
     shape = reader.OneShape()
     of("BRepMesh").BRepMesh_IncrementalMesh(shape, deflection, False, angle, True)
     abs_, explorer_of = of("TopAbs"), of("TopExp").TopExp_Explorer
     as_face, location_of = static(of("TopoDS").TopoDS, "Face"), of("TopLoc").TopLoc_Location
     triangulation = static(of("BRep").BRep_Tool, "Triangulation")
-    if not explorer_of(shape, abs_.TopAbs_ShapeEnum.TopAbs_SOLID).More():
+    solid, face_kind = abs_.TopAbs_ShapeEnum.TopAbs_SOLID, abs_.TopAbs_ShapeEnum.TopAbs_FACE
+
+    def all_of(explorer: Any) -> Iterator[Any]:
+        while explorer.More():
+            yield explorer.Current()
+            explorer.Next()
+
+    solids = list(all_of(explorer_of(shape, solid)))
+    if not solids:
         raise ValueError(f"{path}: the file holds no solid, only surfaces or curves")
+    if loose := sum(1 for _ in all_of(explorer_of(shape, face_kind, solid))):
+        warnings.warn(f"{path}: {loose} faces that belong to no solid are left out", stacklevel=2)
     vertices: list[tuple[float, float, float]] = []
     triangles: list[tuple[int, int, int]] = []
-    faces = explorer_of(shape, abs_.TopAbs_ShapeEnum.TopAbs_FACE)
-    while faces.More():
-        face = as_face(faces.Current())
+    for current in (face for own in solids for face in all_of(explorer_of(own, face_kind))):
+        face = as_face(current)
         place = location_of()
         mesh = triangulation(face, place)
-        faces.Next()
         if mesh is None:
             raise ValueError(f"{path}: a face could not be meshed")
         first = len(vertices)
