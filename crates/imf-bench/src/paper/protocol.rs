@@ -118,7 +118,7 @@ mod tests {
 
     #[test]
     fn networks_of_the_architecture_are_as_many_times_narrower_as_the_scale_says() {
-        for (scale, narrower) in SCALES.into_iter().zip([1, 4, 4]) {
+        for (scale, narrower) in SCALES.into_iter().zip([1, 4, 8]) {
             let source = Protocol::new(scale, false).unwrap().recipe("architecture", None).unwrap();
             for (name, source) in source.variants().unwrap() {
                 let network = source.recipe().unwrap().network;
