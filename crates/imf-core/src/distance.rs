@@ -25,21 +25,16 @@ pub struct DistanceField {
     in_plane: Vec<u32>,
 }
 
-/// What is known of a voxel, side by side, since who reads the one mostly reads the other.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Cell {
-    /// The nearest solid voxel, or [`NONE`].
-    nearest: u32,
-    /// How far away its centre is, in voxels, rounded down, so that it stays a lower bound.
-    distance: f32,
-}
+/// What is known of a voxel, side by side, since who reads the one mostly reads the other: the nearest solid voxel, or [`NONE`], and the bits of
+/// how far away its centre is, in voxels, rounded down, so that it stays a lower bound. An array, since memory for zeros of arrays is not touched
+/// before it is written.
+type Cell = [u32; 2];
 
-impl Cell {
-    const NONE: Self = Self { nearest: NONE, distance: f32::INFINITY };
+/// That of every voxel where none is solid.
+const EMPTY: Cell = [NONE, f32::INFINITY.to_bits()];
 
-    fn new(nearest: u32, squared: u64) -> Self {
-        Self { nearest, distance: ((squared as f64).sqrt() as f32).next_down().max(0.0) }
-    }
+fn cell(nearest: u32, squared: u64) -> Cell {
+    [nearest, ((squared as f64).sqrt() as f32).next_down().max(0.0).to_bits()]
 }
 
 impl DistanceField {
@@ -47,7 +42,7 @@ impl DistanceField {
     #[must_use]
     pub fn new(obstacle: &Occupancy) -> Self {
         let dims = obstacle.grid.dims;
-        let cells = nearest_voxels(obstacle, 1, Cell::NONE, Cell::new);
+        let cells = nearest_voxels(obstacle, 1, EMPTY, cell);
         Self { dims, cells, in_plane: Vec::new() }
     }
 
@@ -72,7 +67,7 @@ impl DistanceField {
                 _ => (high[axis] as usize, part[axis]),
             };
             let [(x, a), (y, b), (z, c)] = [pick(0), pick(1), pick(2)];
-            let away = f64::from(self.cells[(x * self.dims[1] + y) * self.dims[2] + z].distance);
+            let away = f64::from(self.to_solid((x * self.dims[1] + y) * self.dims[2] + z));
             let weight = a * b * c;
             if weight > 0.0 {
                 inside += weight * away * away;
@@ -86,7 +81,7 @@ impl DistanceField {
     /// Distance in voxels from a voxel's centre to the nearest solid one, rounded down; infinite where nothing is solid.
     #[inline]
     pub(crate) fn to_solid(&self, index: usize) -> f32 {
-        self.cells[index].distance
+        f32::from_bits(self.cells[index][1])
     }
 
     /// The whole coordinates of a voxel.
@@ -100,7 +95,7 @@ impl DistanceField {
     /// The solid voxel nearest to a voxel (positions in C-ordered arrays); `None` where nothing is solid.
     #[must_use]
     pub fn nearest(&self, index: usize) -> Option<usize> {
-        Some(self.cells[index].nearest).filter(|&w| w != NONE).map(|w| w as usize)
+        Some(self.cells[index][0]).filter(|&w| w != NONE).map(|w| w as usize)
     }
 
     /// Squared distance in voxels from a voxel's centre to the nearest solid voxel's; `None` where nothing is solid.
@@ -120,7 +115,7 @@ impl DistanceField {
         let centre = DVec3::new(f64::from(x), f64::from(y), f64::from(z));
         let [x, y, z] = [x, y, z].map(|at| at as usize);
         let index = (x * self.dims[1] + y) * self.dims[2] + z;
-        let to_centre = f64::from(self.cells[index].distance);
+        let to_centre = f64::from(self.to_solid(index));
         // Every solid centre lies in the box of centres, and the angle at the box's nearest point is obtuse: the
         // squares of the way to the box and of the way on from there add up to a lower bound.
         let inside = (to_centre - (nearest - centre).length()).max(0.0);

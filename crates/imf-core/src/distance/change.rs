@@ -5,7 +5,7 @@
 //! one is found again, in the planes of constant z that hold a change.
 
 use super::transform::{Envelope, NONE};
-use super::{Cell, DistanceField};
+use super::{DistanceField, EMPTY, cell};
 use crate::occupancy::Occupancy;
 use crate::parallel;
 
@@ -50,7 +50,7 @@ impl DistanceField {
         let Self { in_plane, cells, .. } = &*self;
         let found = parallel::map(nx, |x| {
             let mut envelope = Envelope::default();
-            let (mut squared, mut line, mut found) = (vec![None; nz], vec![Cell::NONE; nz], Vec::new());
+            let (mut squared, mut line, mut found) = (vec![None; nz], vec![EMPTY; nz], Vec::new());
             for y in (0..ny).filter(|y| lines[x * ny + y]) {
                 let start = (x * ny + y) * nz;
                 let in_plane = &in_plane[start..][..nz];
@@ -59,12 +59,12 @@ impl DistanceField {
                     let apart = |a: u32, b: usize| u64::from(a).abs_diff(b as u64).pow(2);
                     *squared = (nearest != NONE).then(|| apart(there, x) + apart(across, y));
                 }
-                line.fill(Cell::NONE);
+                line.fill(EMPTY);
                 envelope.sweep(
                     nz,
                     |z| squared[z],
                     |z, (from, squared)| {
-                        line[z] = Cell::new(in_plane[from] * nz as u32 + from as u32, squared);
+                        line[z] = cell(in_plane[from] * nz as u32 + from as u32, squared);
                     },
                 );
                 let all = line.iter().enumerate().map(|(z, cell)| (start + z, *cell));

@@ -6,8 +6,9 @@ use crate::parallel;
 /// No such voxel anywhere.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// For every voxel what `found` makes of the nearest one whose value is `wanted` and of the squared distance to it in voxels, or `none`.
-pub(super) fn nearest_voxels<T: Copy + Send + Sync>(
+/// For every voxel what `found` makes of the nearest one whose value is `wanted` and of the squared distance to it in voxels; `none` everywhere
+/// where no voxel has that value.
+pub(super) fn nearest_voxels<T: Copy + Default + Send + Sync>(
     obstacle: &Occupancy,
     wanted: u8,
     none: T,
@@ -15,7 +16,11 @@ pub(super) fn nearest_voxels<T: Copy + Send + Sync>(
 ) -> Vec<T> {
     let [nx, ny, nz] = obstacle.grid.dims;
     let slab = ny * nz;
-    let mut nearest_x = vec![NONE; nx * slab];
+    if !obstacle.solid.contains(&wanted) {
+        return vec![none; nx * slab];
+    }
+    // Zeros: their memory is not touched before it is written.
+    let mut nearest_x = vec![0; nx * slab];
     // Two sweeps along x, whole slabs at a time.
     for x in 0..nx {
         let (before, here) = nearest_x.split_at_mut(x * slab);
@@ -33,7 +38,7 @@ pub(super) fn nearest_voxels<T: Copy + Send + Sync>(
             here[x * slab + i] = if closer { high } else { low };
         }
     }
-    let mut nearest = vec![none; nx * slab];
+    let mut nearest = vec![T::default(); nx * slab];
     parallel::for_each_chunk(
         &mut nearest,
         slab,
@@ -69,14 +74,18 @@ pub(super) fn nearest_voxels<T: Copy + Send + Sync>(
 }
 
 /// The lower envelope of parabolas `(i − j)² + height(j)` over whole numbers `i`; memory is reused between lines.
+///
+/// Without a division, as Maurer, Qi and Raghavan (2003) compare where neighbours meet.
 #[derive(Default)]
 pub(super) struct Envelope {
-    /// Parabolas on the envelope from left to right: vertex, height, first place where it is the lowest.
-    parts: Vec<(i64, i64, i64)>,
+    /// Parabolas on the envelope from left to right: vertex v, and v² + height.
+    parts: Vec<(i64, i64)>,
 }
 
 impl Envelope {
-    /// Calls `visit(i, (j, (i − j)² + height(j)))` with the least parabola `j` for every `i < length`, if there is any.
+    /// Calls `visit(i, (j, (i − j)² + height(j)))` with the least parabola `j` for every `i < length`, if there is any; of equal ones with the
+    /// first.
+    #[inline]
     pub(super) fn sweep(
         &mut self,
         length: usize,
@@ -86,30 +95,33 @@ impl Envelope {
         self.parts.clear();
         for j in 0..length {
             let Some(h) = height(j) else { continue };
-            let (vertex, h) = (j as i64, h as i64);
-            let mut start = 0;
-            while let Some(&(other, g, from)) = self.parts.last() {
-                // From this place on the new parabola is below: (i−v)² + h < (i−o)² + g.
-                let cross = (vertex * vertex - other * other + h - g).div_euclid(2 * (vertex - other)) + 1;
-                if cross > from {
-                    start = cross;
-                    break;
-                }
+            let vertex = j as i64;
+            let sum = vertex * vertex + h as i64;
+            // A parabola that meets its left neighbour no sooner than the new one is nowhere below both.
+            while let [.., (left, left_sum), (last, last_sum)] = self.parts[..]
+                && wide(last_sum - left_sum, vertex - last) >= wide(sum - last_sum, last - left)
+            {
                 self.parts.pop();
             }
-            if start < length as i64 {
-                self.parts.push((vertex, h, start.max(0)));
-            }
+            self.parts.push((vertex, sum));
         }
-        let mut part = 0;
+        let mut parts = self.parts.iter().copied();
+        let Some((mut vertex, mut sum)) = parts.next() else { return };
+        let mut next = parts.next();
         for i in 0..length {
-            while self.parts.get(part + 1).is_some_and(|next| next.2 <= i as i64) {
-                part += 1;
+            let at = i as i64;
+            while let Some((v, s)) = next
+                && s - 2 * at * v < sum - 2 * at * vertex
+            {
+                (vertex, sum) = (v, s);
+                next = parts.next();
             }
-            if let Some(&(vertex, h, _)) = self.parts.get(part) {
-                let away = i as i64 - vertex;
-                visit(i, (vertex as usize, (away * away + h) as u64));
-            }
+            visit(i, (vertex as usize, (at * (at - 2 * vertex) + sum) as u64));
         }
     }
+}
+
+/// A product, which a line of millions of voxels would make too large.
+fn wide(a: i64, b: i64) -> i128 {
+    i128::from(a) * i128::from(b)
 }
