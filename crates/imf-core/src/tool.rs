@@ -296,7 +296,10 @@ impl Tool {
             }
             ToolShape::Revolved(elements) => {
                 if let Some(element) = elements.iter().find(|element| !element.runs_upwards()) {
-                    return Err(empty(&format!("the outline of its {} does not run upwards", element.kind)));
+                    return Err(empty(&format!(
+                        "the outline of its {} does not run upwards without gaps",
+                        element.kind
+                    )));
                 }
             }
             ToolShape::Mesh(_) => {}

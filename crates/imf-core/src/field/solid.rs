@@ -32,7 +32,7 @@ use oriented::OrientedTools;
 use runs::{Within, count, first_solid};
 use segment::{PlacedSegment, VoxelPose};
 pub(crate) use sphere_tree::FreeBall;
-use sphere_tree::{OPEN, SphereTree, Verdict};
+use sphere_tree::{OPEN, Piece, SphereTree, Verdict};
 pub(crate) use voxels::{OutsidePlane, SolidVoxels};
 
 /// Counts an obstacle's voxel centres in one analytic tool at any pose, divided by the tool's own count in that
@@ -219,7 +219,9 @@ impl SolidField {
     pub(crate) fn collides(&self, pose: &Pose) -> bool {
         let Some(placed) = self.placed(pose) else { return true };
         match &self.shape {
-            Shape::Bodies(bodies) => self.bodies_collide(bodies, placed, None, None),
+            Shape::Bodies(bodies) => {
+                self.bodies_collide(bodies, placed, None, self.spheres(bodies).roots(), None)
+            }
             Shape::Definition(tool, oriented) => self.definition_count(tool, oriented, pose) > 0,
         }
     }
@@ -231,14 +233,22 @@ impl SolidField {
         bodies: &[Body],
         placed: VoxelPose,
         free_ball: Option<&FreeBall>,
-        mut last: Option<&mut Option<[f64; 3]>>,
+        pieces: impl Iterator<Item = u32>,
+        last: Option<&mut Option<[f64; 3]>>,
     ) -> bool {
         let contains = |voxel: [f64; 3]| bodies.iter().any(|body| placed.contains(&body.profile, voxel));
         if !placed.tip.is_finite() || last.as_ref().is_some_and(|last| last.is_some_and(contains)) {
             return true;
         }
         let mut open = [0; OPEN];
-        match self.spheres(bodies).decide(placed, bodies, self.voxels.distances(), free_ball, &mut open) {
+        match self.spheres(bodies).decide(
+            placed,
+            bodies,
+            self.voxels.distances(),
+            free_ball,
+            pieces,
+            &mut open,
+        ) {
             Verdict::Free => false,
             Verdict::Colliding(voxel) => {
                 if let Some(last) = last {
@@ -247,28 +257,27 @@ impl SolidField {
                 true
             }
             Verdict::Undecided => bodies.iter().any(|body| self.body_count(body, placed, true) > 0),
-            Verdict::Open(found) => open[..found].iter().any(|&index| {
-                let segment = self.open_piece(bodies, placed, index);
-                let within = Within::Obstacle(self.voxels.columns());
-                let collides = count(self.arch, &segment, within, true) > 0;
-                if collides && let Some(last) = last.as_deref_mut() {
-                    *last = first_solid(&segment, self.voxels.columns());
+            Verdict::Open(found) => {
+                let pieces = open[..found].iter().map(|&index| self.spheres(bodies).piece(index));
+                let mut pieces = pieces.peekable();
+                while let Some(piece) = pieces.next() {
+                    // What lies side by side is counted together: as wide, it mostly lies on the same lines.
+                    let mut from = piece.from;
+                    while let Some(next) = pieces.next_if(|next| next.is_below(piece, from)) {
+                        from = next.from;
+                    }
+                    let segment = open_segment(bodies, placed, piece, from);
+                    let within = Within::Obstacle(self.voxels.columns());
+                    if count(self.arch, &segment, within, true) > 0 {
+                        if let Some(last) = last {
+                            *last = first_solid(&segment, self.voxels.columns());
+                        }
+                        return true;
+                    }
                 }
-                collides
-            }),
+                false
+            }
         }
-    }
-
-    /// A piece that the spheres left open.
-    fn open_piece<'a>(&self, bodies: &'a [Body], placed: VoxelPose, index: u32) -> PlacedSegment<'a> {
-        let piece = self.spheres(bodies).piece(index);
-        let body = &bodies[piece.body];
-        let (world, part) = (&body.profile[piece.segment], &body.parts[piece.segment]);
-        // A little over either end, as far as the segment reaches: the next piece's sphere covers its own
-        // heights only up to rounding.
-        let (lowest, highest) = part.segment.range();
-        let (from, to) = ((piece.from - 1e-4).max(lowest), (piece.to + 1e-4).min(highest));
-        PlacedSegment::new(placed, world, &part.segment, part.widest, from, to)
     }
 
     /// [`SolidField::collides`] with the tip at a position and the axis along a unit vector, for poses that follow one
@@ -283,7 +292,10 @@ impl SolidField {
         last: Option<&mut Option<[f64; 3]>>,
     ) -> bool {
         match &self.shape {
-            Shape::Bodies(bodies) => self.bodies_collide(bodies, self.voxel_pose(tip, axis), free_ball, last),
+            Shape::Bodies(bodies) => {
+                let pieces = self.spheres(bodies).roots();
+                self.bodies_collide(bodies, self.voxel_pose(tip, axis), free_ball, pieces, last)
+            }
             Shape::Definition(..) => self.collides(&Pose::along(tip, axis)),
         }
     }
@@ -366,6 +378,17 @@ impl SolidField {
 /// `None` where one of them must be counted by the definition.
 fn bodies_of(elements: &[Element], pitch: f64) -> Option<Vec<Body>> {
     elements.iter().map(|element| Body::new(element, pitch)).collect()
+}
+
+/// What the spheres left open of one segment: from a height to a piece's upper end.
+fn open_segment<'a>(bodies: &'a [Body], placed: VoxelPose, piece: &Piece, from: f64) -> PlacedSegment<'a> {
+    let body = &bodies[piece.body];
+    let (world, part) = (&body.profile[piece.segment], &body.parts[piece.segment]);
+    // A little over either end, as far as the segment reaches: the next piece's sphere covers its own
+    // heights only up to rounding.
+    let (lowest, highest) = part.segment.range();
+    let (from, to) = ((from - 1e-4).max(lowest), (piece.to + 1e-4).min(highest));
+    PlacedSegment::new(placed, world, &part.segment, part.widest, from, to)
 }
 
 /// Every segment of a body in a pose.

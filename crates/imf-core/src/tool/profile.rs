@@ -51,14 +51,14 @@ pub struct Element {
 }
 
 impl Element {
-    /// True where its segments follow each other from its lower to its upper end.
+    /// True where each of its segments begins where the one below ends.
     pub(crate) fn runs_upwards(&self) -> bool {
-        let mut end = f64::NEG_INFINITY;
+        let mut end = None;
         self.profile.iter().all(|segment| {
             let (from, to) = segment.range();
-            let follows = from <= to && from >= end - 1e-9 * end.abs();
-            end = to;
-            follows
+            let follows = end.is_none_or(|end: f64| (from - end).abs() <= 1e-9 * (from.abs() + end.abs()));
+            end = Some(to);
+            from <= to && follows
         })
     }
 

@@ -141,8 +141,9 @@ fn what_is_no_mesh_no_voxels_and_no_outline_is_refused() {
     }
     let backwards = [line(0.0, 12.0, 3.0, 3.0), line(5.0, 24.0, 3.0, 3.0)];
     let line = |from, to| Segment::Line { from, to, radius_from: 3.0, radius_to: 3.0 };
-    for profile in [backwards.to_vec(), vec![line(12.0, 0.0)], vec![line(12.0, 24.0), line(0.0, 12.0)]] {
+    let gap = vec![line(0.0, 12.0), line(12.1, 24.0)];
+    for profile in [backwards.to_vec(), vec![line(12.0, 0.0)], vec![line(12.0, 24.0), line(0.0, 12.0)], gap] {
         let refused = revolved([(ElementKind::Cutter, profile)]).check().unwrap_err();
-        assert!(refused.to_string().contains("does not run upwards"), "{refused}");
+        assert!(refused.to_string().contains("does not run upwards without gaps"), "{refused}");
     }
 }

@@ -9,10 +9,10 @@ use std::sync::Arc;
 use crate::grid::Grid;
 use crate::occupancy::Occupancy;
 use crate::parts::ReferencePart;
-use crate::section::test_shapes::archs;
-use crate::tool::Clearance;
+use crate::section::test_shapes::{archs, line, revolved};
+use crate::tool::{Clearance, ElementKind};
 
-/// What batches say, `extra` voxels of clearance around the tool.
+/// Batches decide as single poses do; how many are free.
 fn agree(field: &SolidField, poses: &[Pose]) -> usize {
     let mut colliding = vec![false; poses.len()];
     field.collide_all(poses, &mut colliding);
@@ -32,6 +32,40 @@ fn batches_decide_as_single_poses_do() {
                 (0..30_011).map(|index| random_pose(&scene.record.grid, seed + 7, index)).collect();
             let free = agree(&field, &poses);
             assert!(free > 1000 && free < 29_000, "{free}");
+        }
+    }
+}
+
+#[test]
+fn slender_tools_and_slices_of_balls_are_decided_as_they_are_counted() {
+    let arc = |from, to, centre_height, radius| Segment::Arc {
+        from,
+        to,
+        centre_height,
+        centre_radius: 0.0,
+        arc_radius: radius,
+    };
+    let tools = [
+        // More bounding spheres than bits.
+        vec![line(0.0, 300.0, 0.8, 0.8)],
+        // A slice of a ball, and a cap under a shank as wide that is no ball's flank.
+        vec![arc(4.0, 12.0, 8.0, 8.0)],
+        vec![arc(0.0, 6.0, 10.0, 10.0), line(6.0, 30.0, 9.0, 9.0)],
+        // A dome as flat as a lens on a cone.
+        vec![arc(0.0, 1.0, 60.0, 60.0), line(1.0, 12.0, 10.9, 3.0)],
+    ];
+    for profile in tools {
+        let tool = revolved([(ElementKind::Cutter, profile)]);
+        let scene = half(ReferencePart::Bracket, &Tool::paper());
+        let field = SolidField::of_tool(Arc::new(scene.obstacle.clone()), &tool);
+        let poses: Vec<Pose> = (0..4000).map(|index| random_pose(&scene.record.grid, 9, index)).collect();
+        let free = agree(&field, &poses);
+        assert!(free > 200 && free < 3800, "{free}");
+        for pose in &poses {
+            let count = field.count(pose).unwrap();
+            assert_eq!(field.collides(pose), count > 0, "{:?} {pose:?}", tool.shape);
+            // What has room is not reached.
+            assert!(count == 0 || field.clearance_bound(pose).unwrap() <= 0.0, "{:?} {pose:?}", tool.shape);
         }
     }
 }

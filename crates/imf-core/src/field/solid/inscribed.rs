@@ -63,7 +63,7 @@ impl InscribedSpheres {
         let grid = &obstacle.grid;
         let mut most: f64 = 0.0;
         for &(height, radius) in &self.spheres {
-            let middle = placed.tip + placed.direction * height;
+            let middle = placed.on_axis(height);
             let index = distances.probe(middle).index;
             let centre = |index: usize| glam::DVec3::from_array(grid.voxel(index).map(|v| v as f64));
             if let Some(witness) = distances.nearest(index) {

@@ -19,7 +19,7 @@ impl SolidField {
         let Shape::Bodies(bodies) = &self.shape else { return None };
         let placed = self.placed(pose)?;
         // What holds no centre at all is sooner known.
-        if !self.bodies_collide(bodies, placed, None, None) {
+        if !self.bodies_collide(bodies, placed, None, self.spheres(bodies).roots(), None) {
             return None;
         }
         let distances = self.voxels.distances();
@@ -32,7 +32,7 @@ impl SolidField {
                 let steps = ((to - from) / STEP).ceil().clamp(1.0, 1e5) as usize;
                 for step in 0..=steps {
                     let height = from + (to - from) * step as f64 / steps as f64;
-                    let at = placed.tip + placed.direction * height;
+                    let at = placed.on_axis(height);
                     let beside = [0, 1, 2].map(|axis| voxels_beside(at[axis], dims[axis]));
                     for (corner, last) in last.iter_mut().enumerate() {
                         let [x, y, z] = [0, 1, 2].map(|axis| beside[axis][corner >> (2 - axis) & 1]);

@@ -39,6 +39,12 @@ pub(super) struct VoxelPose {
 }
 
 impl VoxelPose {
+    /// The point of the axis at a height.
+    #[inline]
+    pub(super) fn on_axis(&self, height: f64) -> DVec3 {
+        self.tip + self.direction * height
+    }
+
     /// The predicate that defines the tool, for one voxel and a profile in world units.
     #[inline]
     pub(super) fn contains(&self, profile: &[Segment], voxel: [f64; 3]) -> bool {

@@ -1,10 +1,12 @@
 //! A sphere tree along the tool's axis: "free" where the obstacle stays out of bounding spheres that together cover the tool,
 //! "colliding" where a voxel nearest to the axis lies in it.
 //!
-//! The axis is halved again and again, once for each tool. Every piece has its bounding sphere, around its middle;
-//! where the distance transform shows that sphere to be free, the piece is free. Else the solid voxel nearest to the
+//! The axis is halved again and again, once for each tool. Every piece has its bounding sphere, around its middle or, of a
+//! piece of a ball, the ball; where the distance transform shows that sphere to be free, the piece is free. Else the solid voxel nearest to the
 //! middle is tried with the predicate that defines the tool: one that is inside decides the pose. Else the halves
-//! are tried. Pieces that are too short to halve stay open: they must be counted.
+//! are tried. Pieces that are too short to halve, and balls, stay open: they must be counted.
+
+use std::ops::Range;
 
 use glam::DVec3;
 
@@ -22,22 +24,47 @@ const DEPTH: usize = MAX_SEGMENTS + 32;
 /// Added to every bounding radius, in voxels: more than the slack of the tool's predicate and all rounding.
 const MARGIN: f64 = 1e-4;
 
+/// A bounding sphere: height of its middle, and radius.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sphere {
+    pub(super) middle: f64,
+    pub(super) radius: f64,
+    squared: f64,
+}
+
+impl Sphere {
+    fn new(middle: f64, radius: f64) -> Self {
+        let radius = radius + MARGIN;
+        Self { middle, radius, squared: radius * radius }
+    }
+}
+
 /// A stretch of a body's axis; lengths in voxels.
 #[derive(Clone, Debug)]
 pub(super) struct Piece {
-    /// Height of the bounding sphere's centre.
-    middle: f64,
-    /// Radius of the bounding sphere.
-    radius: f64,
-    squared: f64,
+    /// The bounding sphere around its middle.
+    sphere: Sphere,
+    /// The ball of which it is a piece. It does not stick out beside the piece.
+    ball: Option<Sphere>,
+    /// The one of the two by which decisions are made.
+    pub(super) bound: Sphere,
     /// Position of the first half, the second follows it; 0 for a piece that is not halved.
     halves: u32,
+    /// Decisions do not ask for its halves: there are none, or it is bounded by its ball.
+    last: bool,
     /// Which body, and which of its segments where it is not halved.
     pub(super) body: usize,
     pub(super) segment: usize,
     /// Heights.
     pub(super) from: f64,
     pub(super) to: f64,
+}
+
+impl Piece {
+    /// True where it is of the same segment and ends at this height.
+    pub(super) fn is_below(&self, other: &Self, height: f64) -> bool {
+        (self.body, self.segment) == (other.body, other.segment) && self.to == height
+    }
 }
 
 /// A ball in which the tool is known to contain no solid centre; in voxels.
@@ -85,17 +112,19 @@ impl SphereTree {
         let roots = pieces.len();
         let mut next = 0;
         while next < pieces.len() {
-            let Piece { body, from, to, radius, .. } = pieces[next];
+            let Piece { body, from, to, sphere, .. } = pieces[next];
             let parts = &bodies[body].parts;
             let inner = parts.iter().map(|p| p.segment.range().0).filter(|&h| h > from && h < to);
             let middle = 0.5 * (from + to);
             let split = inner.min_by(|a, b| (a - middle).abs().total_cmp(&(b - middle).abs()));
             let length = to - from;
-            if split.is_some() || (length > SHORTEST && length * length > SLENDER * radius) {
+            if split.is_some() || (length > SHORTEST && length * length > SLENDER * sphere.radius) {
                 let split = split.unwrap_or(middle);
                 pieces[next].halves = pieces.len() as u32;
                 pieces.push(piece(bodies, body, from, split));
                 pieces.push(piece(bodies, body, split, to));
+            } else {
+                pieces[next].last = true;
             }
             next += 1;
         }
@@ -106,25 +135,27 @@ impl SphereTree {
         &self.pieces[index as usize]
     }
 
-    /// Bounding spheres that together cover the tool, heights of their middles and radii: pieces of a length l with l² at most
-    /// `slender` times the radius, or that are not halved.
-    pub(super) fn cover(&self, slender: f64) -> Vec<(f64, f64)> {
-        let (mut spheres, mut stack) = (Vec::new(), Vec::from_iter(0..self.roots as u32));
+    /// Pieces that together are the tool: of a length l with l² at most `slender` times the radius, or that are not halved.
+    pub(super) fn level(&self, slender: f64) -> Vec<u32> {
+        let (mut level, mut stack) = (Vec::new(), Vec::from_iter(self.roots()));
         while let Some(index) = stack.pop() {
             let piece = self.piece(index);
             let length = piece.to - piece.from;
-            if piece.halves == 0 || length * length <= slender * piece.radius {
-                spheres.push((piece.middle, piece.radius));
+            if piece.last || length * length <= slender * piece.sphere.radius {
+                level.push(index);
             } else {
                 stack.extend([piece.halves, piece.halves + 1]);
             }
         }
-        // The widest are the first to touch.
-        spheres.sort_by(|a, b| b.1.total_cmp(&a.1));
-        spheres
+        level
     }
 
-    /// Tries to decide a pose. Pieces left open are listed in `open`.
+    /// The pieces that are whole bodies.
+    pub(super) fn roots(&self) -> Range<u32> {
+        0..self.roots as u32
+    }
+
+    /// Tries to decide a pose by these pieces; the rest of the tool must be known to be free. Pieces left open are listed in `open`.
     #[inline]
     pub(super) fn decide(
         &self,
@@ -132,22 +163,24 @@ impl SphereTree {
         bodies: &[Body],
         distances: &DistanceField,
         free_ball: Option<&FreeBall>,
+        pieces: impl Iterator<Item = u32>,
         open: &mut [u32; OPEN],
     ) -> Verdict {
         let mut stack = [0_u32; DEPTH];
         let mut found = 0;
         let mut last_witness = usize::MAX;
-        for root in 0..self.roots as u32 {
-            stack[0] = root;
+        for piece in pieces {
+            stack[0] = piece;
             let mut depth = 1;
             while depth > 0 {
                 depth -= 1;
                 let index = stack[depth];
                 let piece = &self.pieces[index as usize];
-                let middle = placed.tip + placed.direction * piece.middle;
+                let sphere = piece.bound;
+                let middle = placed.on_axis(sphere.middle);
                 let probe = distances.probe(middle);
-                if probe.squared > piece.squared
-                    || free_ball.is_some_and(|c| c.contains(middle, piece.radius))
+                if probe.squared > sphere.squared
+                    || free_ball.is_some_and(|c| c.contains(middle, sphere.radius))
                 {
                     continue;
                 }
@@ -159,9 +192,9 @@ impl SphereTree {
                         return Verdict::Colliding(voxel);
                     }
                 }
-                if piece.halves == 0 {
+                if piece.last {
                     // Counting costs more than looking at all centres around the point.
-                    if distances.squared_around(middle) > piece.squared {
+                    if distances.squared_around(middle) > sphere.squared {
                         continue;
                     }
                     if found == OPEN {
@@ -179,18 +212,17 @@ impl SphereTree {
         if found == 0 { Verdict::Free } else { Verdict::Open(found) }
     }
 
-    /// Goes down the tree, with the middle of each piece's sphere in voxels: into the halves of a piece where `enter` says so.
+    /// Goes down the tree: into the halves of a piece where `enter` says so.
     #[inline(always)]
-    fn walk(&self, placed: VoxelPose, mut enter: impl FnMut(&Piece, DVec3) -> bool) {
+    fn walk(&self, mut enter: impl FnMut(&Piece) -> bool) {
         let mut stack = [0_u32; DEPTH];
-        for root in 0..self.roots as u32 {
+        for root in self.roots() {
             stack[0] = root;
             let mut depth = 1;
             while depth > 0 {
                 depth -= 1;
                 let piece = &self.pieces[stack[depth] as usize];
-                let middle = placed.tip + placed.direction * piece.middle;
-                if enter(piece, middle) && piece.halves != 0 {
+                if enter(piece) && piece.halves != 0 {
                     stack[depth] = piece.halves;
                     stack[depth + 1] = piece.halves + 1;
                     depth += 2;
@@ -209,9 +241,11 @@ impl SphereTree {
     ) {
         let distances = voxels.distances();
         let (mut least, mut last_witness, mut leaves) = (f64::INFINITY, usize::MAX, Vec::new());
-        self.walk(placed, |piece, middle| {
+        self.walk(|piece| {
+            let Sphere { middle, radius, .. } = piece.sphere;
+            let middle = placed.on_axis(middle);
             let probe = distances.probe(middle);
-            let bound = probe.squared.sqrt() - piece.radius;
+            let bound = probe.squared.sqrt() - radius;
             let Some(witness) = distances.nearest(probe.index).filter(|_| bound < least) else {
                 return false;
             };
@@ -220,7 +254,7 @@ impl SphereTree {
                 least = least.min(measure(distances.voxel(witness)));
             }
             if piece.halves == 0 {
-                leaves.push((bound, middle, piece.radius));
+                leaves.push((bound, middle, radius));
             }
             true
         });
@@ -251,12 +285,14 @@ impl SphereTree {
         // The deepest centre may be no voxel's nearest: once those are tried, whatever could be deeper beside a piece is tried.
         for all in [false, true] {
             let mut last_witness = usize::MAX;
-            self.walk(placed, |piece, middle| {
+            self.walk(|piece| {
+                let Sphere { middle, radius, squared } = piece.sphere;
+                let middle = placed.on_axis(middle);
                 let probe = distances.probe(middle);
                 // No centre beside the piece is nearer to the axis than this, and none is deeper than what is left to the outline.
                 let half = 0.5 * (piece.to - piece.from);
-                let bound = piece.radius - (probe.squared - half * half).max(0.0).sqrt();
-                if probe.squared > piece.squared || bound < most {
+                let bound = radius - (probe.squared - half * half).max(0.0).sqrt();
+                if probe.squared > squared || bound < most {
                     return false;
                 }
                 let Some(witness) = distances.nearest(probe.index) else { return false };
@@ -266,11 +302,11 @@ impl SphereTree {
                         most = most.max(measure(distances.voxel(witness)));
                     }
                 } else if piece.halves == 0 {
-                    let around = |most: f64| (piece.radius - most.max(0.0)).max(0.0).hypot(half + MARGIN);
+                    let around = |most: f64| (radius - most.max(0.0)).max(0.0).hypot(half + MARGIN);
                     voxels.visit_ball(middle, around(most), |voxel| {
                         let offset = DVec3::from_array(voxel) - middle;
                         let across = offset.length_squared() - offset.dot(placed.direction).powi(2);
-                        if across <= (piece.radius - most.max(0.0)).max(0.0).powi(2) {
+                        if across <= (radius - most.max(0.0)).max(0.0).powi(2) {
                             most = most.max(measure(voxel));
                         }
                         around(most)
@@ -285,8 +321,11 @@ impl SphereTree {
     /// hold one, and then no lower than minus the depth it may have. No more than `most`.
     pub(super) fn clearance(&self, placed: VoxelPose, distances: &DistanceField, most: f64) -> f64 {
         let mut minimum = most;
-        self.walk(placed, |piece, middle| {
-            let bound = distances.probe(middle).squared.sqrt() - piece.radius;
+        self.walk(|piece| {
+            let bound = |sphere: Sphere| {
+                distances.probe(placed.on_axis(sphere.middle)).squared.sqrt() - sphere.radius
+            };
+            let bound = bound(piece.sphere).max(piece.ball.map_or(f64::NEG_INFINITY, bound));
             let goes_on = bound < minimum;
             if goes_on && piece.halves == 0 {
                 minimum = bound;
@@ -301,12 +340,30 @@ impl SphereTree {
 const SHORTEST: f64 = 1.0;
 /// A piece of length l is halved while l² exceeds this times its radius: then its sphere sticks out by l²/8r.
 const SLENDER: f64 = 1.2;
+/// A ball bounds a piece while its radius is below this times that of the piece's own sphere.
+const WIDER: f64 = 1.1;
 
 /// The stretch of a body between two heights with its bounding sphere.
 fn piece(bodies: &[Body], body: usize, from: f64, to: f64) -> Piece {
-    const STEPS: i32 = 8;
-    let middle = 0.5 * (from + to);
     let parts = &bodies[body].parts;
+    let middle = 0.5 * (from + to);
+    // A piece that is not halved lies within one segment.
+    let segment = parts.iter().rposition(|part| part.segment.range().0 <= middle).unwrap_or(0);
+    let sphere = Sphere::new(middle, reach(parts, from, to, middle));
+    let ball = parts.iter().find_map(|part| match part.segment {
+        Segment::Arc { from: low, to: high, centre_height, centre_radius: 0.0, arc_radius } => {
+            (low <= from && to <= high).then(|| Sphere::new(centre_height, arc_radius))
+        }
+        _ => None,
+    });
+    let close = ball.filter(|ball| ball.radius < WIDER * sphere.radius);
+    let (bound, last) = (close.unwrap_or(sphere), close.is_some());
+    Piece { sphere, ball, bound, halves: 0, last, body, segment, from, to }
+}
+
+/// Distance of the farthest point of a stretch from a point of the axis.
+fn reach(parts: &[super::Part], from: f64, to: f64, middle: f64) -> f64 {
+    const STEPS: i32 = 8;
     let mut radius: f64 = 0.0;
     for part in parts {
         let (low, high) = part.segment.range();
@@ -320,10 +377,7 @@ fn piece(bodies: &[Body], body: usize, from: f64, to: f64) -> Piece {
             }
         }
     }
-    let radius = radius + MARGIN;
-    let holding = |p: &super::Part| p.segment.range().0 <= middle && middle < p.segment.range().1;
-    let segment = parts.iter().position(holding).unwrap_or(0);
-    Piece { middle, radius, squared: radius * radius, halves: 0, body, segment, from, to }
+    radius
 }
 
 /// Largest radius between two heights within the segment's range.

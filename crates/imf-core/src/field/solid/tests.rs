@@ -151,6 +151,45 @@ fn elements_sum_to_the_whole_and_offset_ones_are_counted_by_their_outline() {
 }
 
 #[test]
+fn bounding_spheres_hold_their_pieces_and_balls_are_bounded_by_themselves() {
+    let arc = |from, to, centre_height, radius| {
+        vec![Segment::Arc { from, to, centre_height, centre_radius: 0.0, arc_radius: radius }]
+    };
+    let ball = |from, to, centre, radius| revolved([(ElementKind::Cutter, arc(from, to, centre, radius))]);
+    // A whole ball, half of one, the slice of one between its quarters, and a dome as flat as a lens.
+    let tools = [
+        ball(0.0, 16.0, 8.0, 8.0),
+        ball(0.0, 8.0, 8.0, 8.0),
+        ball(4.0, 12.0, 8.0, 8.0),
+        ball(0.0, 1.0, 60.0, 60.0),
+    ];
+    for tool in [Tool::paper(), awkward()].iter().chain(&tools) {
+        let ToolShape::Revolved(elements) = &tool.shape else { unreachable!() };
+        let bodies = bodies_of(elements, 1.0).unwrap();
+        let tree = SphereTree::new(&bodies);
+        for index in [0.0, 5.0, 40.0, 1e9].into_iter().flat_map(|slender| tree.level(slender)) {
+            let (piece, bound) = (tree.piece(index), tree.piece(index).bound);
+            for part in &bodies[piece.body].parts {
+                let (low, high) = part.segment.range();
+                for step in 0..=40 {
+                    let height = piece.from + (piece.to - piece.from) * f64::from(step) / 40.0;
+                    let away = (height - bound.middle).hypot(part.segment.radius(height.clamp(low, high)));
+                    let holds = away <= bound.radius || !(low..=high).contains(&height);
+                    assert!(holds, "{}: {piece:?} at {height}", tool.name);
+                }
+            }
+        }
+        let radii = tree.level(0.0).into_iter().map(|index| tree.piece(index).bound.radius);
+        let smallest = radii.fold(f64::INFINITY, f64::min);
+        match &elements[0].profile[0] {
+            Segment::Arc { arc_radius, .. } if *arc_radius == 8.0 => assert_eq!(smallest, 8.0 + 1e-4),
+            // The dome's pieces are as wide as itself, not as its ball.
+            _ => assert!(smallest < 12.0, "{smallest}"),
+        }
+    }
+}
+
+#[test]
 fn the_clearance_is_a_lower_bound() {
     let tool = Tool::paper();
     let scene = half(ReferencePart::Bracket, &tool);
