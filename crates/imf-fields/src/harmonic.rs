@@ -13,6 +13,7 @@
 
 mod adjoint;
 pub mod basis;
+mod batch_gradients;
 pub mod coefficients;
 mod evaluate;
 pub mod file;
@@ -31,6 +32,7 @@ pub mod rotations;
 #[doc(hidden)]
 pub mod sphere;
 
+pub(crate) use batch_gradients::{BatchScratch, add_both_products};
 pub use evaluate::DirectionWeights;
 #[doc(hidden)]
 pub use evaluate::{DIRECTIONS_AT_ONCE, VoxelCoefficients};

@@ -4,10 +4,8 @@ use glam::DVec3;
 
 use super::FactoredEvaluator;
 use super::symmetry::Place;
-use crate::harmonic::Gradient;
+use crate::harmonic::{Gradient, add_both_products};
 use crate::siren::adjoint::AdjointScratch;
-use crate::siren::matrix::{Matrix, multiply};
-use crate::siren::split::where_many;
 use crate::siren::stack::Ending;
 
 /// Poses that pass together.
@@ -77,17 +75,8 @@ impl FactoredEvaluator<'_> {
         let by_inputs = network.by_inputs(inputs, adjoint, |last| {
             network.outputs(last, z);
             z.iter_mut().for_each(|z| *z *= field.scale);
-            let turned = Matrix::dense(&field.axes, axes);
-            match where_many(self.split_functions.as_ref(), rows) {
-                Some(split) => {
-                    split.multiply(|of| &of.transposed, (z, rows, axes), weights, true);
-                    split.multiply(|of| &of.forward, (functions, rows, count), along, false);
-                }
-                None => {
-                    multiply(weights, count, Matrix::dense(z, axes), turned.transposed(), true);
-                    multiply(along, axes, Matrix::dense(functions, count), turned, false);
-                }
-            }
+            let u = (&field.axes[..], self.split_functions.as_ref());
+            add_both_products(u, rows, (z, weights), (functions, along));
             along.iter_mut().for_each(|along| *along *= field.scale);
             if stack.ending == Ending::Sines {
                 for (delta, along) in last.chunks_exact_mut(stride).zip(along.chunks_exact(axes)) {

@@ -85,7 +85,7 @@ fn single_poses_gradients_and_proofs_allocate_nothing_after_the_first_call() {
             }
             field.values(&[], &mut []).unwrap();
         });
-        let by_products = ["factored", "factored with symmetry", "siren", "planner"].contains(name);
+        let by_products = *name != "exact";
         counted("gradients", if by_products { PRODUCTS * GRADIENT_BLOCKS } else { 0 }, &|room| {
             field.gradients(&poses, &mut room.gradients).unwrap();
         });

@@ -46,6 +46,7 @@ pub(super) struct Scratch {
     harmonic: harmonic::PointScratch,
     factored: factored::PointScratch,
     gradients: factored::GradientScratch,
+    sums: harmonic::BatchScratch,
     /// One orientation's functions.
     functions: Vec<f64>,
     directions: Vec<DVec3>,
@@ -120,7 +121,7 @@ impl Family {
     ) {
         let together = match self {
             Self::Siren(_) => true,
-            Self::Harmonic(..) => false,
+            Self::Harmonic(file, _) => matches!(file.field.basis, Basis::Directions(_)),
             Self::Factored(evaluator) => matches!(evaluator.field().basis, Basis::Directions(_)),
         };
         for (poses, found) in poses.chunks(factored::ROWS).zip(found.chunks_mut(factored::ROWS)) {
@@ -160,7 +161,10 @@ impl Family {
             Self::Factored(evaluator) => {
                 evaluator.overlaps_with_gradients(asked, slopes, &mut scratch.gradients);
             }
-            Self::Harmonic(..) => unreachable!("asked pose by pose"),
+            Self::Harmonic(file, split) => {
+                let scratch = &mut scratch.sums;
+                file.field.overlaps_with_gradients(split.as_ref(), asked, slopes, scratch);
+            }
         }
         for (((found, slopes), pose), (held, _)) in found.iter_mut().zip(slopes).zip(poses).zip(asked) {
             *found = within_box(slopes, pose.position, *held);

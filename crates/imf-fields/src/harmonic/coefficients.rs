@@ -130,6 +130,23 @@ impl Coefficients {
         self.len() == 0
     }
 
+    /// Reads something of every line of memory of those from `from` to `to`, so that the lines come together and not one after another;
+    /// the number says nothing.
+    #[inline]
+    pub(super) fn touch(&self, from: usize, to: usize) -> u32 {
+        /// Bytes of a line.
+        const LINE: usize = 64;
+        match self {
+            Self::F32(values) => {
+                values[from..to].iter().step_by(LINE / 4).fold(0, |sum, value| sum ^ value.to_bits())
+            }
+            Self::F16(values) => {
+                let lines = values[from..to].iter().step_by(LINE / 2);
+                lines.fold(0, |sum, value| sum ^ u32::from(value.to_bits()))
+            }
+        }
+    }
+
     /// Those from `from` to `to` as f32: where they lie, or turned into `scratch`.
     ///
     /// # Panics

@@ -1,5 +1,7 @@
 //! Values and gradients at single poses, between voxel centres and between orientations.
 
+use std::hint::black_box;
+
 use glam::DVec3;
 use pulp::Arch;
 
@@ -33,7 +35,7 @@ impl Gradient {
 #[derive(Default)]
 pub struct PointScratch {
     /// The eight corners' mean coefficients, and their differences along x, y and z: `[4][axes]`.
-    mixed: Vec<f32>,
+    pub(super) mixed: Vec<f32>,
     corner: Vec<f32>,
     turns: TurnScratch,
 }
@@ -131,7 +133,7 @@ impl HarmonicField {
     }
 
     /// Fills `mixed` with four rows: the mean coefficients at a position and their differences along the axes.
-    fn mix(&self, position: DVec3, scratch: &mut PointScratch) -> Option<()> {
+    pub(super) fn mix(&self, position: DVec3, scratch: &mut PointScratch) -> Option<()> {
         let cell = self.cell(position)?;
         let PointScratch { mixed, corner, .. } = scratch;
         mixed.clear();
@@ -159,6 +161,12 @@ impl HarmonicField {
     fn add_corners(&self, cell: &Cell, mixed: &mut [f32], corner: &mut Vec<f32>) {
         let (axes, arch) = (self.axis_count(), Arch::new());
         let rows = mixed.len() / axes;
+        // Corner by corner memory would be waited for several times.
+        let touched = (0..8).fold(0, |sum, bits| {
+            let from = self.grid.index(cell.corner(bits).0) * axes;
+            sum ^ self.coefficients.touch(from, from + axes)
+        });
+        black_box(touched);
         for bits in 0..8 {
             let (voxel, weights) = cell.corner(bits);
             if weights[..rows].iter().all(|&w| w == 0.0) {

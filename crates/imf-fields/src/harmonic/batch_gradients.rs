@@ -1,0 +1,137 @@
+//! Values and derivatives of many poses: the coefficients of each, and products of all with the functions of their directions.
+
+use glam::DVec3;
+use imf_core::vectorised::vectorised;
+use pulp::Arch;
+
+use super::{Gradient, HarmonicField, PointScratch};
+use crate::siren::lanes::dot;
+use crate::siren::matrix::{Matrix, multiply};
+use crate::siren::split::{SplitBoth, where_many};
+
+/// Working memory of a thread; nothing is allocated once it has its size.
+#[derive(Default)]
+pub(crate) struct BatchScratch {
+    point: PointScratch,
+    /// `[row][axes]`: coefficients, and the derivatives by them.
+    z: Vec<f32>,
+    along: Vec<f32>,
+    /// `[row][3][axes]`: differences of the coefficients along x, y and z.
+    slopes: Vec<f32>,
+    /// `[row][K]`: functions, and the coefficients' weights of them.
+    functions: Vec<f32>,
+    weights: Vec<f32>,
+    directions: Vec<DVec3>,
+    side_by_side: Vec<f32>,
+}
+
+impl HarmonicField {
+    /// [`HarmonicField::overlap_with_gradient`] of positions within the box and directions of length 1, to the rounding of `f32`;
+    /// `split` is of the functions' axes.
+    ///
+    /// # Panics
+    /// Of a field over rotations, or if there is not a gradient for each pose.
+    pub(crate) fn overlaps_with_gradients(
+        &self,
+        split: Option<&SplitBoth>,
+        poses: &[(DVec3, DVec3)],
+        found: &mut [Gradient],
+        scratch: &mut BatchScratch,
+    ) {
+        assert_eq!(poses.len(), found.len(), "a gradient for each pose");
+        let (rows, axes, count) = (poses.len(), self.axis_count(), self.basis.len());
+        let BatchScratch { point, z, along, slopes, functions, weights, directions, side_by_side } = scratch;
+        z.clear();
+        slopes.clear();
+        for &(position, _) in poses {
+            if self.mix(position, point).is_some() {
+                let (mean, differences) = point.mixed.split_at(axes);
+                z.extend_from_slice(mean);
+                slopes.extend_from_slice(differences);
+            } else {
+                // Far from the origin rounding leads out of the box.
+                z.resize(z.len() + axes, f32::NAN);
+                slopes.resize(slopes.len() + 3 * axes, f32::NAN);
+            }
+        }
+        directions.clear();
+        directions.extend(poses.iter().map(|(_, direction)| *direction));
+        functions.resize(rows * count, 0.0);
+        self.basis.values_of_directions(directions, functions, side_by_side);
+        along.resize(rows * axes, 0.0);
+        weights.clear();
+        (0..rows).for_each(|_| weights.extend_from_slice(&self.mean));
+        add_both_products((&self.axes, split), rows, (z, weights), (functions, along));
+
+        let arch = Arch::new();
+        self.basis.sums_with_gradients(directions, weights, side_by_side, |row, (value, turn)| {
+            let (along, slopes) = (&along[row * axes..][..axes], &slopes[3 * row * axes..][..3 * axes]);
+            let mut position = [0.0; 3];
+            vectorised!(arch, {
+                for (position, slopes) in position.iter_mut().zip(slopes.chunks_exact(axes)) {
+                    *position = f64::from(dot(slopes, along));
+                }
+            });
+            found[row] = Gradient {
+                value: value as f32,
+                position: DVec3::from_array(position) / self.grid.pitch,
+                direction: turn,
+                rotation: poses[row].1.cross(turn),
+            };
+        });
+    }
+}
+
+/// Of axes U `[K][axes]`, and of rows of coefficients z and of functions b: adds `U z` to the weights and makes `along` `Uᵀ b`.
+pub(crate) fn add_both_products(
+    (u, split): (&[f32], Option<&SplitBoth>),
+    rows: usize,
+    (z, weights): (&[f32], &mut [f32]),
+    (functions, along): (&[f32], &mut [f32]),
+) {
+    let (axes, count) = (z.len() / rows, functions.len() / rows);
+    match where_many(split, rows) {
+        Some(split) => {
+            split.multiply(|of| &of.transposed, (z, rows, axes), weights, true);
+            split.multiply(|of| &of.forward, (functions, rows, count), along, false);
+        }
+        None => {
+            let u = Matrix::dense(u, axes);
+            multiply(weights, count, Matrix::dense(z, axes), u.transposed(), true);
+            multiply(along, axes, Matrix::dense(functions, count), u, false);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::field::scenes::{harmonic_file, poses, scene};
+    use imf_core::tool::Tool;
+
+    #[test]
+    fn gradients_of_many_poses_are_those_of_each_by_itself() {
+        let scene = scene(&Tool::paper(), 0.0);
+        let field = harmonic_file(&scene, 8).field;
+        let [low, high] = scene.record.grid.box_of_centres();
+        let mut scratch = (BatchScratch::default(), PointScratch::default());
+        for count in [64, 1, 7] {
+            let pose = |pose: imf_core::pose::Pose| (pose.position.clamp(low, high), pose.axis().unwrap());
+            let asked: Vec<_> = poses(&scene, count, 5).into_iter().map(pose).collect();
+            let mut found = vec![Gradient::ZERO; count];
+            field.overlaps_with_gradients(None, &asked, &mut found, &mut scratch.0);
+            for (&(position, direction), found) in asked.iter().zip(found) {
+                let one = field.overlap_with_gradient(position, direction, &mut scratch.1).unwrap();
+                assert!((one.value - found.value).abs() < 1e-5, "{} {}", one.value, found.value);
+                let both = [
+                    (one.position, found.position),
+                    (one.direction, found.direction),
+                    (one.rotation, found.rotation),
+                ];
+                for (one, found) in both {
+                    assert!((one - found).length() < 1e-4 * (1.0 + one.length()), "{one} {found}");
+                }
+            }
+        }
+    }
+}
