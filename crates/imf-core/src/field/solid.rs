@@ -6,6 +6,7 @@
 //! is counted, up to the first voxel found. Tools that are meshes are counted by the definition.
 
 mod batch;
+mod decision;
 mod inscribed;
 mod lateral_separation;
 mod lines;
@@ -29,10 +30,10 @@ use inscribed::InscribedSpheres;
 pub(crate) use lines::{BodyLines, LineVisitor};
 pub(crate) use nearest::Separation;
 use oriented::OrientedTools;
-use runs::{Within, count, first_solid};
+use runs::{Within, count};
 use segment::{PlacedSegment, VoxelPose};
 pub(crate) use sphere_tree::FreeBall;
-use sphere_tree::{OPEN, Piece, SphereTree, Verdict};
+use sphere_tree::SphereTree;
 pub(crate) use voxels::{OutsidePlane, SolidVoxels};
 
 /// Counts an obstacle's voxel centres in one analytic tool at any pose, divided by the tool's own count in that
@@ -226,60 +227,6 @@ impl SolidField {
         }
     }
 
-    /// `last` is a voxel to try first, and becomes one that is found in the tool.
-    #[inline]
-    fn bodies_collide(
-        &self,
-        bodies: &[Body],
-        placed: VoxelPose,
-        free_ball: Option<&FreeBall>,
-        pieces: impl Iterator<Item = u32>,
-        last: Option<&mut Option<[f64; 3]>>,
-    ) -> bool {
-        let contains = |voxel: [f64; 3]| bodies.iter().any(|body| placed.contains(&body.profile, voxel));
-        if !placed.tip.is_finite() || last.as_ref().is_some_and(|last| last.is_some_and(contains)) {
-            return true;
-        }
-        let mut open = [0; OPEN];
-        match self.spheres(bodies).decide(
-            placed,
-            bodies,
-            self.voxels.distances(),
-            free_ball,
-            pieces,
-            &mut open,
-        ) {
-            Verdict::Free => false,
-            Verdict::Colliding(voxel) => {
-                if let Some(last) = last {
-                    *last = Some(voxel);
-                }
-                true
-            }
-            Verdict::Undecided => bodies.iter().any(|body| self.body_count(body, placed, true) > 0),
-            Verdict::Open(found) => {
-                let pieces = open[..found].iter().map(|&index| self.spheres(bodies).piece(index));
-                let mut pieces = pieces.peekable();
-                while let Some(piece) = pieces.next() {
-                    // What lies side by side is counted together: as wide, it mostly lies on the same lines.
-                    let mut from = piece.from;
-                    while let Some(next) = pieces.next_if(|next| next.is_below(piece, from)) {
-                        from = next.from;
-                    }
-                    let segment = open_segment(bodies, placed, piece, from);
-                    let within = Within::Obstacle(self.voxels.columns());
-                    if count(self.arch, &segment, within, true) > 0 {
-                        if let Some(last) = last {
-                            *last = first_solid(&segment, self.voxels.columns());
-                        }
-                        return true;
-                    }
-                }
-                false
-            }
-        }
-    }
-
     /// [`SolidField::collides`] with the tip at a position and the axis along a unit vector, for poses that follow one
     /// another: `last` is a voxel that was in the way before, and is tried first. No solid centre within `free_ball` may lie
     /// in the tool.
@@ -378,17 +325,6 @@ impl SolidField {
 /// `None` where one of them must be counted by the definition.
 fn bodies_of(elements: &[Element], pitch: f64) -> Option<Vec<Body>> {
     elements.iter().map(|element| Body::new(element, pitch)).collect()
-}
-
-/// What the spheres left open of one segment: from a height to a piece's upper end.
-fn open_segment<'a>(bodies: &'a [Body], placed: VoxelPose, piece: &Piece, from: f64) -> PlacedSegment<'a> {
-    let body = &bodies[piece.body];
-    let (world, part) = (&body.profile[piece.segment], &body.parts[piece.segment]);
-    // A little over either end, as far as the segment reaches: the next piece's sphere covers its own
-    // heights only up to rounding.
-    let (lowest, highest) = part.segment.range();
-    let (from, to) = ((from - 1e-4).max(lowest), (piece.to + 1e-4).min(highest));
-    PlacedSegment::new(placed, world, &part.segment, part.widest, from, to)
 }
 
 /// Every segment of a body in a pose.

@@ -213,13 +213,12 @@ impl SolidField {
             part: 1.0 / spheres.parts as f32,
         };
         for (poses, colliding) in poses.chunks(BLOCK).zip(colliding.chunks_mut(BLOCK)) {
-            self.collide_block(bodies, spheres, &lookup, poses, colliding);
+            self.collide_block(spheres, &lookup, poses, colliding);
         }
     }
 
     fn collide_block(
         &self,
-        bodies: &[Body],
         spheres: &BatchSpheres,
         lookup: &Lookup<'_>,
         poses: &[Pose],
@@ -232,6 +231,7 @@ impl SolidField {
             open: [0; BLOCK],
             count: 0,
         };
+        let bodies = self.bodies();
         let mut verdict = [false; BLOCK];
         let grid = &self.voxels.occupancy().grid;
         let (origin, per_pitch) = (grid.origin + 0.5 * grid.pitch, 1.0 / grid.pitch);
