@@ -1,8 +1,11 @@
 //! The transform after a few voxels have changed, equal to one made anew.
 //!
 //! Each of the three passes is a function of single lines: a line along y is done again where the nearest voxel along x has changed on it,
-//! and a line along z where the result of that has. The result of the second pass is kept from the first change on; that of the first
-//! one is found again, in the planes of constant z that hold a change.
+//! and a line along z where the result of that has, both as far as the change is felt. The result of the second pass is kept from the first
+//! change on; that of the first one is found again, in the planes of constant z that hold a change.
+
+use std::ops::Range;
+use std::sync::OnceLock;
 
 use super::transform::{Envelope, NONE};
 use super::{DistanceField, EMPTY, cell};
@@ -27,48 +30,61 @@ impl DistanceField {
         planes.sort_unstable();
         planes.dedup();
         let along_x = AlongX::new(obstacle, &planes);
-        let lines = along_x.changed_lines(obstacle, changed, &planes);
+        let lines = along_x.changed_lines(changed);
         // Lines along y.
         let in_plane = &self.in_plane;
         let found = parallel::map(nx, |x| {
-            let mut envelope = Envelope::default();
-            let (mut line, mut found) = (vec![NONE; ny], Vec::new());
-            for (place, &z) in planes.iter().enumerate().filter(|(place, _)| lines[x * planes.len() + place])
-            {
-                along_x.nearest_along_y(&mut envelope, x, place, &mut line);
-                let all = line.iter().enumerate().map(|(y, &nearest)| ((x * ny + y) * nz + z, nearest));
-                found.extend(all.filter(|&(index, nearest)| in_plane[index] != nearest));
+            let (mut envelope, mut found) = (Envelope::default(), Vec::new());
+            for (place, &z) in planes.iter().enumerate() {
+                let index = |y: usize| (x * ny + y) * nz + z;
+                let Some(changed) = lines[x * planes.len() + place].places() else { continue };
+                let height = |y: usize| along_x.squared(x, y, place);
+                let old = |y: usize| match in_plane[index(y)] {
+                    NONE => None,
+                    old => Some((old as usize % ny, (old as usize / ny).abs_diff(x).pow(2) as u64)),
+                };
+                let (parabolas, places) = felt(ny, changed, old, height);
+                if parabolas.clone().all(|y| height(y).is_none()) {
+                    found.extend(places.clone().map(|y| (index(y), NONE)));
+                }
+                envelope.sweep(parabolas, places, height, |y, (from, _)| {
+                    found.push((index(y), along_x.nearest(x, from, place)));
+                });
             }
+            found.retain(|&(index, nearest)| in_plane[index] != nearest);
             found
         });
-        let mut lines = vec![false; nx * ny];
+        let mut lines = vec![Hull::default(); nx * ny];
         for (index, nearest) in found.into_iter().flatten() {
             self.in_plane[index] = nearest;
-            lines[index / nz] = true;
+            lines[index / nz].add(index % nz);
         }
         // Lines along z.
         let Self { in_plane, cells, .. } = &*self;
         let found = parallel::map(nx, |x| {
-            let mut envelope = Envelope::default();
-            let (mut squared, mut line, mut found) = (vec![None; nz], vec![EMPTY; nz], Vec::new());
-            for y in (0..ny).filter(|y| lines[x * ny + y]) {
+            let (mut envelope, mut found) = (Envelope::default(), Vec::new());
+            for y in 0..ny {
                 let start = (x * ny + y) * nz;
-                let in_plane = &in_plane[start..][..nz];
-                for (squared, &nearest) in squared.iter_mut().zip(in_plane) {
-                    let (there, across) = (nearest / ny as u32, nearest % ny as u32);
-                    let apart = |a: u32, b: usize| u64::from(a).abs_diff(b as u64).pow(2);
-                    *squared = (nearest != NONE).then(|| apart(there, x) + apart(across, y));
+                let Some(changed) = lines[x * ny + y].places() else { continue };
+                let apart = |place: u32| {
+                    let (there, across) = (place as usize / ny, place as usize % ny);
+                    (there.abs_diff(x).pow(2) + across.abs_diff(y).pow(2)) as u64
+                };
+                let height = |z: usize| Some(in_plane[start + z]).filter(|&p| p != NONE).map(apart);
+                let old = |z: usize| match cells[start + z][0] {
+                    NONE => None,
+                    old => Some((old as usize % nz, apart(old / nz as u32))),
+                };
+                let (parabolas, places) = felt(nz, changed, old, height);
+                if parabolas.clone().all(|z| height(z).is_none()) {
+                    found.extend(places.clone().map(|z| (start + z, EMPTY)));
                 }
-                line.fill(EMPTY);
-                envelope.sweep(
-                    nz,
-                    |z| squared[z],
-                    |z, (from, squared)| {
-                        line[z] = cell(in_plane[from] * nz as u32 + from as u32, squared);
-                    },
-                );
-                let all = line.iter().enumerate().map(|(z, cell)| (start + z, *cell));
-                found.extend(all.filter(|&(index, cell)| cells[index] != cell));
+                envelope.sweep(parabolas, places, height, |z, (from, squared)| {
+                    let nearest = in_plane[start + from] * nz as u32 + from as u32;
+                    if cells[start + z][0] != nearest {
+                        found.push((start + z, cell(nearest, squared)));
+                    }
+                });
             }
             found
         });
@@ -81,97 +97,145 @@ impl DistanceField {
     }
 }
 
+/// Of a line of `length` places those at which another parabola may now be the least, and the parabolas among which it is, where the heights
+/// of `changed` ones have changed. `old` gives the vertex of the least one before, and its height.
+///
+/// Vertices of least parabolas rise along the line. So those places are next to each other: where one of the changed was the least, and on both
+/// sides as far as one of them is now.
+fn felt(
+    length: usize,
+    changed: Range<usize>,
+    old: impl Fn(usize) -> Option<(usize, u64)>,
+    height: impl Fn(usize) -> Option<u64>,
+) -> (Range<usize>, Range<usize>) {
+    if old(0).is_none() {
+        return (0..length, 0..length);
+    }
+    let vertex = |place: usize| old(place).map_or(0, |(vertex, _)| vertex);
+    let from = first(0..length, |place| vertex(place) >= changed.start);
+    let to = first(from..length, |place| vertex(place) >= changed.end);
+    let at =
+        |place: usize, vertex: usize, height: u64| (place.abs_diff(vertex).pow(2) as u64 + height, vertex);
+    let is_closer = |place: usize| {
+        let old = old(place).map(|(vertex, height)| at(place, vertex, height));
+        let new = changed.clone().filter_map(|j| Some(at(place, j, height(j)?)));
+        old.zip(new.min()).is_some_and(|(old, new)| new < old)
+    };
+    let from = first(0..from, is_closer);
+    let to = first(to..length, |place| !is_closer(place));
+    let lowest = if from > 0 { vertex(from - 1) } else { 0 };
+    let end = if to < length { vertex(to) + 1 } else { length };
+    (lowest..end, from..to)
+}
+
+/// The first of a range for which something holds, from which on it holds to the end.
+fn first(range: Range<usize>, holds: impl Fn(usize) -> bool) -> usize {
+    let (mut low, mut high) = (range.start, range.end);
+    while low < high {
+        let middle = low.midpoint(high);
+        if holds(middle) { high = middle } else { low = middle + 1 }
+    }
+    low
+}
+
+/// From the first to the last of some places on a line.
+#[derive(Clone, Default)]
+struct Hull(Option<(usize, usize)>);
+
+impl Hull {
+    fn add(&mut self, place: usize) {
+        self.0 = Some(self.0.map_or((place, place), |(low, high)| (low.min(place), high.max(place))));
+    }
+
+    fn places(&self) -> Option<Range<usize>> {
+        self.0.map(|(low, high)| low..high + 1)
+    }
+}
+
 /// By voxel the nearest solid one of the same z, as x · ny + y.
 fn nearest_in_planes(obstacle: &Occupancy) -> Vec<u32> {
-    let [_, ny, nz] = obstacle.grid.dims;
+    let [nx, ny, nz] = obstacle.grid.dims;
     let planes: Vec<usize> = (0..nz).collect();
     let along_x = AlongX::new(obstacle, &planes);
-    let mut all = vec![NONE; obstacle.grid.len()];
-    parallel::for_each_chunk(
-        &mut all,
-        ny * nz,
-        || (Envelope::default(), vec![NONE; ny]),
-        |(envelope, line), x, all| {
-            for z in 0..nz {
-                along_x.nearest_along_y(envelope, x, z, line);
-                line.iter().enumerate().for_each(|(y, &nearest)| all[y * nz + z] = nearest);
-            }
-        },
-    );
+    // Lines of one y share what is read from memory.
+    parallel::map(ny, |y| planes.iter().for_each(|&z| _ = along_x.line(y, z)));
+    let mut all = vec![NONE; nx * ny * nz];
+    parallel::for_each_chunk(&mut all, ny * nz, Envelope::default, |envelope, x, all| {
+        for z in 0..nz {
+            envelope.sweep(
+                0..ny,
+                0..ny,
+                |y| along_x.squared(x, y, z),
+                |y, (from, _)| all[y * nz + z] = along_x.nearest(x, from, z),
+            );
+        }
+    });
     all
 }
 
 /// For voxels in some planes of constant z the x of the nearest solid one on their line along x.
-struct AlongX {
-    dims: [usize; 3],
-    planes: usize,
-    /// Lines by y, then by plane.
-    nearest: Vec<u32>,
+struct AlongX<'a> {
+    obstacle: &'a Occupancy,
+    planes: &'a [usize],
+    /// Lines by y, then by plane, each made when it is first asked for.
+    lines: Vec<OnceLock<Vec<u32>>>,
 }
 
-impl AlongX {
-    fn new(obstacle: &Occupancy, planes: &[usize]) -> Self {
-        let dims = obstacle.grid.dims;
-        let [nx, ny, nz] = dims;
-        let mut nearest = vec![NONE; planes.len() * nx * ny];
-        let solid = |x: usize, y: usize, z: usize| obstacle.solid[(x * ny + y) * nz + z] == 1;
-        parallel::for_each_chunk(
-            &mut nearest,
-            planes.len() * nx,
-            || (),
-            |(), y, lines| {
-                // A line of the array at a time.
-                for x in 0..nx {
-                    for (place, &z) in planes.iter().enumerate() {
-                        lines[place * nx + x] = if solid(x, y, z) { x as u32 } else { NONE };
-                    }
-                }
-                lines.chunks_mut(nx).for_each(spread);
-            },
-        );
-        Self { dims, planes: planes.len(), nearest }
+impl<'a> AlongX<'a> {
+    fn new(obstacle: &'a Occupancy, planes: &'a [usize]) -> Self {
+        let lines = vec![OnceLock::new(); obstacle.grid.dims[1] * planes.len()];
+        Self { obstacle, planes, lines }
     }
 
     fn line(&self, y: usize, place: usize) -> &[u32] {
-        let nx = self.dims[0];
-        &self.nearest[(y * self.planes + place) * nx..][..nx]
+        let line = &self.lines[y * self.planes.len() + place];
+        line.get_or_init(|| {
+            let mut line = self.solid(y, self.planes[place]);
+            spread(&mut line);
+            line
+        })
     }
 
-    /// By x and plane: whether the nearest voxel along x has changed anywhere on the line along y.
-    fn changed_lines(&self, obstacle: &Occupancy, changed: &[usize], planes: &[usize]) -> Vec<bool> {
-        let [nx, ny, nz] = self.dims;
+    /// Solid voxels of a line name themselves.
+    fn solid(&self, y: usize, z: usize) -> Vec<u32> {
+        let [nx, ny, nz] = self.obstacle.grid.dims;
+        let solid = |x: usize| self.obstacle.solid[(x * ny + y) * nz + z] == 1;
+        (0..nx).map(|x| if solid(x) { x as u32 } else { NONE }).collect()
+    }
+
+    /// How far away the nearest voxel along x is, squared.
+    fn squared(&self, x: usize, y: usize, place: usize) -> Option<u64> {
+        let nearest = self.line(y, place)[x];
+        (nearest != NONE).then(|| u64::from(nearest).abs_diff(x as u64).pow(2))
+    }
+
+    /// Which voxel that is, as x · ny + y.
+    fn nearest(&self, x: usize, y: usize, place: usize) -> u32 {
+        self.line(y, place)[x] * self.obstacle.grid.dims[1] as u32 + y as u32
+    }
+
+    /// By x and plane: where on the line along y the nearest voxel along x has changed.
+    fn changed_lines(&self, changed: &[usize]) -> Vec<Hull> {
+        let [nx, ny, nz] = self.obstacle.grid.dims;
         let mut of_lines: Vec<[usize; 3]> =
             changed.iter().map(|index| [index / nz % ny, index % nz, index / nz / ny]).collect();
         of_lines.sort_unstable();
-        let mut lines = vec![false; nx * planes.len()];
-        let mut old = vec![NONE; nx];
+        let mut lines = vec![Hull::default(); nx * self.planes.len()];
         for of_line in of_lines.chunk_by(|a, b| a[..2] == b[..2]) {
             let [y, z, _] = of_line[0];
-            let place = planes.partition_point(|&plane| plane < z);
-            for (x, old) in old.iter_mut().enumerate() {
-                *old = if obstacle.solid[(x * ny + y) * nz + z] == 1 { x as u32 } else { NONE };
-            }
+            let place = self.planes.partition_point(|&plane| plane < z);
+            let mut old = self.solid(y, z);
             for &[_, _, x] in of_line {
                 old[x] = if old[x] == NONE { x as u32 } else { NONE };
             }
             spread(&mut old);
             for (x, (old, new)) in old.iter().zip(self.line(y, place)).enumerate() {
-                lines[x * planes.len() + place] |= old != new;
+                if old != new {
+                    lines[x * self.planes.len() + place].add(y);
+                }
             }
         }
         lines
-    }
-
-    /// By y the nearest solid voxel, as x · ny + y, of those in one plane.
-    fn nearest_along_y(&self, envelope: &mut Envelope, x: usize, place: usize, line: &mut [u32]) {
-        let ny = self.dims[1];
-        line.fill(NONE);
-        let along_x = |y: usize| self.line(y, place)[x];
-        let height = |y: usize| match along_x(y) {
-            NONE => None,
-            nearest => Some(u64::from(nearest).abs_diff(x as u64).pow(2)),
-        };
-        envelope.sweep(ny, height, |y, (from, _)| line[y] = along_x(from) * ny as u32 + from as u32);
     }
 }
 

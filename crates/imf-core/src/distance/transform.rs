@@ -1,5 +1,7 @@
 //! The transform itself: along x, then y, then z.
 
+use std::ops::Range;
+
 use crate::occupancy::Occupancy;
 use crate::parallel;
 
@@ -53,7 +55,7 @@ pub(super) fn nearest_voxels<T: Copy + Default + Send + Sync>(
                     NONE => None,
                     w => Some(u64::from(w).abs_diff(x as u64).pow(2)),
                 };
-                envelope.sweep(ny, height, |y, (from, d2)| {
+                envelope.sweep(0..ny, 0..ny, height, |y, (from, d2)| {
                     witness[y * nz + z] = along_x[from * nz + z] * ny as u32 + from as u32;
                     squared[y * nz + z] = d2;
                 });
@@ -61,7 +63,8 @@ pub(super) fn nearest_voxels<T: Copy + Default + Send + Sync>(
             for y in 0..ny {
                 let line = &squared[y * nz..][..nz];
                 envelope.sweep(
-                    nz,
+                    0..nz,
+                    0..nz,
                     |z| Some(line[z]).filter(|&s| s != u64::MAX),
                     |z, (from, squared)| {
                         out[y * nz + z] = found(witness[y * nz + from] * nz as u32 + from as u32, squared);
@@ -83,17 +86,18 @@ pub(super) struct Envelope {
 }
 
 impl Envelope {
-    /// Calls `visit(i, (j, (i − j)² + height(j)))` with the least parabola `j` for every `i < length`, if there is any; of equal ones with the
-    /// first.
+    /// Calls `visit(i, (j, (i − j)² + height(j)))` with the least of the `parabolas` for every i of `places`, if there is any; of equal ones with
+    /// the first.
     #[inline]
     pub(super) fn sweep(
         &mut self,
-        length: usize,
+        parabolas: Range<usize>,
+        places: Range<usize>,
         height: impl Fn(usize) -> Option<u64>,
         mut visit: impl FnMut(usize, (usize, u64)),
     ) {
         self.parts.clear();
-        for j in 0..length {
+        for j in parabolas {
             let Some(h) = height(j) else { continue };
             let vertex = j as i64;
             let sum = vertex * vertex + h as i64;
@@ -108,7 +112,7 @@ impl Envelope {
         let mut parts = self.parts.iter().copied();
         let Some((mut vertex, mut sum)) = parts.next() else { return };
         let mut next = parts.next();
-        for i in 0..length {
+        for i in places {
             let at = i as i64;
             while let Some((v, s)) = next
                 && s - 2 * at * v < sum - 2 * at * vertex
