@@ -44,9 +44,9 @@ pub struct Reader {
 const UNFOLDING: u64 = 200;
 
 /// Each reader. The multiples are those of the worst files that are known, and a third more: growing lists take three times what is
-/// in them, a line of three bytes of G-code or of two characters in an array is a record of its own, and TOML keeps an error for
-/// every stray character. Of 3MF files and G-code the
-/// readers' own limits count: 100 placed triangles, 100 chords of arcs for each byte, and some for files of any size.
+/// in them, a line of three bytes of G-code or of two characters in an array is a record of its own, a dot in a key of TOML a
+/// table. Of 3MF files and G-code the readers' own limits count: 100 placed triangles, 100 chords of arcs for each byte, and some for
+/// files of any size.
 pub const READERS: [Reader; 13] = [
     Reader::new("mesh_obj", 60, |bytes| mesh(bytes, "part.obj")),
     Reader::new("mesh_stl", 20, |bytes| mesh(bytes, "part.stl")),
@@ -57,13 +57,13 @@ pub const READERS: [Reader; 13] = [
         constant: 128 << 20,
         ..Reader::new("mesh_3mf", 500, |bytes| mesh(bytes, "part.3mf"))
     },
-    Reader { constant: 1 << 18, ..Reader::new("tool_toml", 600, |bytes| tools(bytes, "tool.toml")) },
+    Reader { constant: 1 << 18, ..Reader::new("tool_toml", 1500, |bytes| tools(bytes, "tool.toml")) },
     Reader::new("tool_freecad", 130, |bytes| tools(bytes, "tool.fctb")),
     Reader::new("tool_fusion", 300, |bytes| tools(bytes, "tools.json")),
     Reader::new("path_csv", 80, |bytes| !is_program(bytes) && path(bytes, "path.csv")),
     Reader::new("path_apt", 60, |bytes| !is_program(bytes) && path(bytes, "path.apt")),
     Reader { constant: 48 << 20, ..Reader::new("gcode", 50_000, |bytes| path(bytes, "path.nc")) },
-    Reader { constant: 1 << 18, ..Reader::new("machine", 600, machine) },
+    Reader { constant: 1 << 18, ..Reader::new("machine", 1500, machine) },
     Reader { prepare: checksums::of_field, ..Reader::new("field", 50, field) },
     Reader { prepare: checked_dataset, ..Reader::new("dataset", 50, dataset) },
 ];

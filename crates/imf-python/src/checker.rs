@@ -6,9 +6,9 @@ use imf_core::control::Cancelled;
 use imf_core::field::{Decision, ExactField, PoseField as _};
 use imf_core::glam::DVec3;
 use imf_core::pose::Pose;
-use imf_core::tool::{ClearanceError, ToolShape};
+use imf_core::tool::{ClearanceError, ElementKind, ToolShape};
 use imf_core::world::{self, MotionOptions, MotionResult, QueryError};
-use numpy::{PyArray1, PyReadonlyArray2};
+use numpy::{PyArray1, PyArray2, PyArrayMethods as _, PyReadonlyArray2};
 use pyo3::prelude::*;
 use rayon::prelude::*;
 
@@ -29,11 +29,44 @@ pub(crate) struct Checker {
 /// By motion: its code, until when it is free, when it collides.
 type Motions<'py> = (Bound<'py, PyArray1<u8>>, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>);
 
+/// By pose: the least the distance can be, the most, the element's name, the nearest points of tool and obstacle.
+type Distances<'py> = (
+    Bound<'py, PyArray1<f64>>,
+    Bound<'py, PyArray1<f64>>,
+    Vec<String>,
+    Bound<'py, PyArray2<f64>>,
+    Bound<'py, PyArray2<f64>>,
+);
+
+/// One of these; the default is that of what is no pose.
+#[derive(Clone, Copy)]
+struct Nearest {
+    bounds: [f64; 2],
+    element: Option<ElementKind>,
+    points: [DVec3; 2],
+}
+
+impl Default for Nearest {
+    fn default() -> Self {
+        Self { bounds: [f64::NAN; 2], element: None, points: [DVec3::NAN; 2] }
+    }
+}
+
 impl Checker {
     /// Poses of this tool.
     fn rows<'a>(&self, poses: &'a PyReadonlyArray2<'_, f64>) -> PyResult<PoseRows<'a>> {
         let round = matches!(self.field.assembly().tool().shape, ToolShape::Revolved(_));
         Ok(PoseRows::new(poses)?.of_round_tool(round))
+    }
+
+    /// Lengths are those of tools of revolution.
+    fn check_revolved(&self) -> PyResult<()> {
+        match self.field.assembly().tool().shape {
+            ToolShape::Revolved(_) => Ok(()),
+            ToolShape::Mesh(_) => Err(value_error(
+                "distances are of tools of revolution: describe the tool by cutter, shank and holder",
+            )),
+        }
     }
 }
 
@@ -96,16 +129,49 @@ impl Checker {
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let rows = self.rows(&poses)?;
         let field = &self.field;
-        if rows.len() > 0 && field.signed_clearance(&rows.pose(0)).is_none() {
-            return Err(value_error(
-                "clearances are proven for tools of revolution: describe the tool by cutter, shank and holder",
-            ));
-        }
+        self.check_revolved()?;
         let clearance = |pose: &Pose| field.signed_clearance(pose).filter(|_| pose.is_valid());
         rows.array(py, &progress, |poses, values: &mut [f64]| {
             poses.iter().zip(values).for_each(|(pose, value)| *value = clearance(pose).unwrap_or(f64::NAN));
             Ok(())
         })
+    }
+
+    /// By pose, how far the tool is from the nearest solid voxel's centre, or how deep in the part.
+    fn distance<'py>(
+        &self,
+        py: Python<'py>,
+        poses: PyReadonlyArray2<'py, f64>,
+        progress: Progress<'py>,
+    ) -> PyResult<Distances<'py>> {
+        self.check_revolved()?;
+        let (rows, checker) = (self.rows(&poses)?, &self.checker);
+        let nothing = Nearest { bounds: [f64::INFINITY; 2], ..Nearest::default() };
+        let nearest = |pose: &Pose| match checker.distance(pose) {
+            Ok(Some(found)) => Nearest {
+                bounds: [found.lower, found.upper],
+                element: Some(found.element),
+                points: [found.tool_point, found.obstacle_point],
+            },
+            Ok(None) => nothing,
+            Err(_) => Nearest::default(),
+        };
+        let total = rows.len() as u64;
+        let found = run(py, (&progress, "poses", total), |control| {
+            rows.answers(control, |poses, found| {
+                poses.iter().zip(found).for_each(|(pose, found)| *found = nearest(pose));
+                Ok(())
+            })
+        })?;
+        let bound =
+            |side: usize| PyArray1::from_iter(py, found.iter().map(move |nearest| nearest.bounds[side]));
+        let points = |side: usize| {
+            let numbers = found.iter().flat_map(move |nearest| nearest.points[side].to_array());
+            PyArray1::from_iter(py, numbers).reshape([found.len(), 3])
+        };
+        let name = |nearest: &Nearest| nearest.element.map_or_else(String::new, |kind| kind.to_string());
+        let names = found.iter().map(name).collect();
+        Ok((bound(0), bound(1), names, points(0)?, points(1)?))
     }
 
     /// By motion from a pose of `from` to that of `to`, the same rule as of a toolpath: 0 free, 1 colliding, 2 undecided.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from conftest import Floats, inside_paper_tool
+from conftest import Floats, inside_paper_tool, paper_radius
 
 import imf
 
@@ -66,6 +66,51 @@ def test_clearances_are_proven_lengths(block: imf.Scene) -> None:
     true = heights - 20.0 + 0.25
     assert np.all(proven <= true) and np.all(proven >= true - 4.0), proven
     assert proven[2] > proven[1] > 0 and imf.Checker(block).clearance([[10, 10, 10, 0, 0, 1]])[0] < 0
+
+
+def test_distances_of_a_block_are_closed_forms(block: imf.Scene) -> None:
+    # Centres lie 0.25 within the faces. Over the top, beside a face by the holder and by the flank, over an edge, and 3 deep in the top.
+    tips = [[10, 10, 22], [10.25, -30, -20], [-9, 10.25, 5], [-7, -7, 23], [10, 10, 17]]
+    found = imf.Checker(block).distance(imf.poses(np.array(tips, float), [0, 0, 1]))
+    # The holder, 20 in radius, is at the block's height; upright and over the corner the flat end's rim is nearest.
+    corner = np.hypot(np.hypot(7.25, 7.25) - 4.0, 23.0 - 19.75)
+    expected = [22.0 - 19.75, 30.25 - 20.0, 9.25 - 4.0, corner]
+    np.testing.assert_allclose(found.lower[:4], expected, atol=1e-9)
+    np.testing.assert_array_equal(found.lower[:4], found.upper[:4])
+    assert found.element == ["cutter", "holder 1", "cutter", "cutter", "cutter"]
+    np.testing.assert_allclose(found.obstacle_point[3], [0.25, 0.25, 19.75])
+    apart = np.linalg.norm(found.tool_point - found.obstacle_point, axis=1)
+    np.testing.assert_allclose(apart[:4], expected, atol=1e-9)
+    # Upwards is the shortest way out: to the last plane of centres.
+    assert found.lower[4] <= -2.75 <= found.upper[4] < 0.0 and found.lower[4] > -2.76
+
+
+def test_distances_are_those_of_all_voxels(bracket: imf.Scene, poses: Floats) -> None:
+    checker = imf.Checker(bracket)
+    found = checker.distance(poses)
+    free = checker.is_free(poses)
+    np.testing.assert_array_equal(found.lower > 0, free)
+    assert np.all(found.lower <= found.upper) and np.all(checker.clearance(poses)[free] <= found.lower[free] + 1e-9)
+    # The nearest point of a revolved outline, drawn by points 0.01 apart, to the centres.
+    heights = np.arange(0.0, 83.0, 0.01)
+    outline = np.column_stack([heights, paper_radius(heights)])
+    radii = np.arange(0.0, 14.5, 0.01)
+    ends = [np.column_stack([np.full_like(radii, height), radii]) for height in (35.0, 83.0)]
+    outline = np.vstack([outline, ends[0][radii >= 5.0], ends[1]])
+    solid = bracket.grid.centres()[bracket.solid.ravel()]
+    for row, lower in list(zip(poses[free], found.lower[free]))[:12]:
+        along = (solid - row[:3]) @ row[3:]
+        across = np.sqrt(np.maximum(((solid - row[:3]) ** 2).sum(axis=1) - along**2, 0.0))
+        # Only centres that may be nearest are compared with all of the outline.
+        near = np.argsort(np.hypot(across - 5.0, along - np.clip(along, 0.0, 83.0)))[:400]
+        apart = np.hypot(along[near, None] - outline[:, 0], across[near, None] - outline[:, 1]).min()
+        np.testing.assert_allclose(lower, apart, atol=0.02)
+
+
+def test_what_is_no_pose_has_no_distance(bracket: imf.Scene) -> None:
+    found = imf.Checker(bracket).distance([[0, 0, np.nan, 0, 0, 1], [0, 0, 500, 0, 0, 1]])
+    assert np.isnan(found.lower[0]) and np.isnan(found.tool_point[0]).all() and found.element[0] == ""
+    assert found.lower[1] == found.upper[1] > 400
 
 
 def test_motions_collide_when_the_flank_meets_the_face(block: imf.Scene) -> None:

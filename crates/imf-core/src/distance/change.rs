@@ -260,9 +260,14 @@ mod tests {
 
     #[test]
     fn after_any_changes_the_transform_is_the_one_made_anew() {
-        for (dims, one_in) in
-            [([9, 8, 13], 40), ([7, 9, 11], 3), ([1, 13, 4], 9), ([12, 1, 1], 5), ([5, 6, 1], 4)]
-        {
+        for (dims, one_in) in [
+            ([9, 8, 13], 40),
+            ([7, 9, 11], 3),
+            ([21, 17, 26], 900),
+            ([1, 13, 4], 9),
+            ([12, 1, 1], 5),
+            ([5, 6, 1], 4),
+        ] {
             let mut obstacle = scattered(dims, one_in);
             let mut field = DistanceField::new(&obstacle);
             let mut random = 12345_usize;
@@ -277,6 +282,18 @@ mod tests {
                 let mut changed: Vec<usize> = match step {
                     40 | 41 => {
                         (0..obstacle.solid.len()).filter(|&v| step == 41 || obstacle.solid[v] == 1).collect()
+                    }
+                    // A block turns solid or empty.
+                    _ if step % 3 == 0 => {
+                        let low = dims.map(&mut next);
+                        let value = next(2) as u8;
+                        let within = |v: &usize| {
+                            let at = obstacle.grid.voxel(*v);
+                            (0..3).all(|a| (low[a]..low[a] + 5).contains(&at[a]))
+                        };
+                        (0..obstacle.solid.len())
+                            .filter(|v| within(v) && obstacle.solid[*v] != value)
+                            .collect()
                     }
                     _ => (0..1 + step % 7).map(|_| next(obstacle.solid.len())).collect(),
                 };

@@ -28,7 +28,7 @@ be used all the same.
 
 from ._imf import DIRECTIONS, ImfError, __version__, set_threads
 from ._poses import poses
-from .checker import Checker, Motions
+from .checker import Checker, Distances, Motions
 from .field import Best, Field, Gradient, load, train
 from .results import Decision, Grid, Inaccessibility, Section, Sections, Verdict
 from .scene import Scene, SceneWarning
@@ -46,6 +46,7 @@ __all__ = [
     "Collision",
     "Crib",
     "Decision",
+    "Distances",
     "FewestTools",
     "Field",
     "Gradient",

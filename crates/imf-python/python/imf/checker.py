@@ -24,6 +24,22 @@ class Motions(NamedTuple):
     """``(n,)``: time of the first pose that was found to collide; NaN where none was."""
 
 
+class Distances(NamedTuple):
+    """How far a tool is from the part and fixtures, or how deep in them; lengths in the scene's unit."""
+
+    lower: NDArray[np.float64]
+    """``(n,)``: the distance is at least this. Above 0 between the tool, with its clearance, and the nearest solid voxel's centre; below 0
+    minus the shortest translation that frees the tool."""
+    upper: NDArray[np.float64]
+    """``(n,)``: it is at most this, equal to ``lower`` where the tool is free."""
+    element: list[str]
+    """The element that is nearest; where the tool collides, the one with the deepest voxel; empty where there is none."""
+    tool_point: NDArray[np.float64]
+    """``(n, 3)``: the point of that element's surface nearest to ``obstacle_point``."""
+    obstacle_point: NDArray[np.float64]
+    """``(n, 3)``: the nearest voxel's centre; where the tool collides, the one deepest in its element."""
+
+
 class Checker:
     """The tool of a scene around its part and fixtures, exactly: solid voxel centres in the analytic tool. Needs no model.
 
@@ -54,9 +70,16 @@ class Checker:
         """By pose the signed clearance as far as it is proven, ``(n,)``, in the scene's unit.
 
         Above 0 the tool is free, and no solid centre is nearer to it; below 0 no shorter translation frees it; 0 where neither is
-        proven, which :meth:`is_free` decides. Raises ``ValueError`` for a mesh tool.
+        proven, which :meth:`is_free` decides. Sooner found than :meth:`distance`. Raises ``ValueError`` for a mesh tool.
         """
         return self._native.clearance(rows_of(poses)[0], listener(progress))
+
+    def distance(self, poses: ArrayLike, *, progress: Progress = None) -> Distances:
+        """How far the tool is from the nearest solid voxel, or how deep it is in the part, by pose; exact where it is free.
+
+        Infinite where nothing is solid, NaN for what is no pose. Raises ``ValueError`` for a mesh tool.
+        """
+        return Distances(*self._native.distance(rows_of(poses)[0], listener(progress)))
 
     def check_motion(self, start: ArrayLike, end: ArrayLike, *, progress: Progress = None) -> Motions:
         """Whether the tool may move from each pose of ``start`` to that of ``end``, both ``(n, 6)`` or ``(n, 7)``: the tip along the
