@@ -2,7 +2,7 @@
 //!
 //! Each of the three passes is a function of single lines: a line along y is done again where the nearest voxel along x has changed on it,
 //! and a line along z where the result of that has, both as far as the change is felt. The result of the second pass is kept from the first
-//! change on; that of the first one is found again, in the planes of constant z that hold a change.
+//! change on; of the first one the lines that are asked for are found again.
 
 use std::ops::Range;
 use std::sync::OnceLock;
@@ -48,10 +48,12 @@ impl DistanceField {
                     found.extend(places.clone().map(|y| (index(y), NONE)));
                 }
                 envelope.sweep(parabolas, places, height, |y, (from, _)| {
-                    found.push((index(y), along_x.nearest(x, from, place)));
+                    let nearest = along_x.nearest(x, from, place);
+                    if in_plane[index(y)] != nearest {
+                        found.push((index(y), nearest));
+                    }
                 });
             }
-            found.retain(|&(index, nearest)| in_plane[index] != nearest);
             found
         });
         let mut lines = vec![Hull::default(); nx * ny];
@@ -97,8 +99,8 @@ impl DistanceField {
     }
 }
 
-/// Of a line of `length` places those at which another parabola may now be the least, and the parabolas among which it is, where the heights
-/// of `changed` ones have changed. `old` gives the vertex of the least one before, and its height.
+/// Of a line of `length` places the parabolas among which the least one is, and the places at which it may now be another, where the heights of
+/// `changed` ones have changed. `old` gives the vertex of the least one before, and its height.
 ///
 /// Vertices of least parabolas rise along the line. So those places are next to each other: where one of the changed was the least, and on both
 /// sides as far as one of them is now.
@@ -108,7 +110,8 @@ fn felt(
     old: impl Fn(usize) -> Option<(usize, u64)>,
     height: impl Fn(usize) -> Option<u64>,
 ) -> (Range<usize>, Range<usize>) {
-    if old(0).is_none() {
+    // Each look at a place asks all that have changed: among many the whole line is sooner done.
+    if changed.len() > length / 4 || old(0).is_none() {
         return (0..length, 0..length);
     }
     let vertex = |place: usize| old(place).map_or(0, |(vertex, _)| vertex);
