@@ -8,10 +8,11 @@ use imf_core::glam::DVec3;
 use imf_core::pose::Pose;
 use imf_core::tool::{ClearanceError, ElementKind, ToolShape};
 use imf_core::world::{self, MotionOptions, MotionResult, QueryError};
-use numpy::{PyArray1, PyArray2, PyArrayMethods as _, PyReadonlyArray2};
+use numpy::{PyArray1, PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
 use rayon::prelude::*;
 
+use crate::arrays::rows_of;
 use crate::errors::{Raise, value_error};
 use crate::field::code;
 use crate::memory;
@@ -156,18 +157,13 @@ impl Checker {
             Ok(None) => nothing,
             Err(_) => Nearest::default(),
         };
-        let total = rows.len() as u64;
-        let found = run(py, (&progress, "poses", total), |control| {
-            rows.answers(control, |poses, found| {
-                poses.iter().zip(found).for_each(|(pose, found)| *found = nearest(pose));
-                Ok(())
-            })
+        let found = rows.found(py, &progress, |poses, found| {
+            poses.iter().zip(found).for_each(|(pose, found)| *found = nearest(pose));
+            Ok(())
         })?;
-        let bound =
-            |side: usize| PyArray1::from_iter(py, found.iter().map(move |nearest| nearest.bounds[side]));
+        let bound = |side: usize| PyArray1::from_iter(py, found.iter().map(|nearest| nearest.bounds[side]));
         let points = |side: usize| {
-            let numbers = found.iter().flat_map(move |nearest| nearest.points[side].to_array());
-            PyArray1::from_iter(py, numbers).reshape([found.len(), 3])
+            rows_of(py, found.iter().flat_map(|nearest| nearest.points[side].to_array()).collect(), 3)
         };
         let name = |nearest: &Nearest| nearest.element.map_or_else(String::new, |kind| kind.to_string());
         let names = found.iter().map(name).collect();

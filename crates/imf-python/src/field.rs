@@ -4,6 +4,7 @@ use std::path::Path;
 
 use glam::{DQuat, DVec3};
 use imf_core::field::{Best, Decision, FieldError, Gradient, PoseField as _};
+use imf_core::pose::Pose;
 use imf_core::section::Quantity;
 use imf_fields::field::{self, LoadError};
 use imf_fields::file::FieldFile;
@@ -130,22 +131,19 @@ impl Field {
         poses: PyReadonlyArray2<'py, f64>,
         progress: Progress<'py>,
     ) -> PyResult<Gradients<'py>> {
-        let rows = PoseRows::new(&poses)?;
-        let found = run(py, (&progress, "poses", rows.len() as u64), |control| {
-            rows.answers(control, |poses, numbers: &mut [[f32; 10]]| {
-                let mut gradients = vec![Gradient::NAN; poses.len()];
-                self.field.gradients(poses, &mut gradients)?;
-                for (Gradient { value, position, direction, rotation }, out) in gradients.iter().zip(numbers)
-                {
-                    out[0] = *value;
-                    [position, direction, rotation]
-                        .iter()
-                        .zip(out[1..].chunks_exact_mut(3))
-                        .for_each(|(vector, out)| out.copy_from_slice(&vector.to_array()));
-                }
-                Ok(())
-            })
-        })?;
+        let answer = |poses: &[Pose], numbers: &mut [[f32; 10]]| {
+            let mut gradients = vec![Gradient::NAN; poses.len()];
+            self.field.gradients(poses, &mut gradients)?;
+            for (Gradient { value, position, direction, rotation }, out) in gradients.iter().zip(numbers) {
+                out[0] = *value;
+                [position, direction, rotation]
+                    .iter()
+                    .zip(out[1..].chunks_exact_mut(3))
+                    .for_each(|(vector, out)| out.copy_from_slice(&vector.to_array()));
+            }
+            Ok(())
+        };
+        let found = PoseRows::new(&poses)?.found(py, &progress, answer)?;
         let vectors = |first: usize| {
             let numbers = found.iter().flat_map(|row| row[first..first + 3].iter().copied()).collect();
             rows_of(py, numbers, 3)
@@ -182,7 +180,7 @@ impl Field {
         };
         let (points, axes) = (vectors("points", &points)?, vectors("directions", &directions)?);
         let rotations: Vec<DQuat> =
-            axes.into_iter().map(|axis| imf_core::pose::Pose::along(DVec3::ZERO, axis).rotation).collect();
+            axes.into_iter().map(|axis| Pose::along(DVec3::ZERO, axis).rotation).collect();
         let found = run(py, (&progress, "points", points.len() as u64), |control| {
             let mut best = vec![Best::NONE; points.len()];
             // So many points at a time, on all threads.

@@ -62,7 +62,7 @@ impl<'a> PoseRows<'a> {
     }
 
     /// Answers for all poses, `answer` for some at a time, on all threads of the current pool. One unit of progress is one pose.
-    pub(crate) fn answers<T: Copy + Default + Send>(
+    fn answers<T: Copy + Default + Send>(
         self,
         control: Control<'_>,
         answer: impl Fn(&[Pose], &mut [T]) -> Result<(), FieldError> + Sync,
@@ -83,16 +83,24 @@ impl<'a> PoseRows<'a> {
 }
 
 impl PoseRows<'_> {
-    /// [`PoseRows::answers`] as an array, without the interpreter's lock.
+    /// [`PoseRows::answers`] without the interpreter's lock.
+    pub(crate) fn found<T: Copy + Default + Send>(
+        self,
+        py: Python<'_>,
+        progress: &Progress<'_>,
+        answer: impl Fn(&[Pose], &mut [T]) -> Result<(), FieldError> + Sync + Send,
+    ) -> PyResult<Vec<T>> {
+        run(py, (progress, "poses", self.len() as u64), |control| self.answers(control, answer))
+    }
+
+    /// The same as an array.
     pub(crate) fn array<'py, T: Copy + Default + Send + Element>(
         self,
         py: Python<'py>,
         progress: &Progress<'py>,
         answer: impl Fn(&[Pose], &mut [T]) -> Result<(), FieldError> + Sync + Send,
     ) -> PyResult<Bound<'py, PyArray1<T>>> {
-        let total = self.len() as u64;
-        let found = run(py, (progress, "poses", total), |control| self.answers(control, answer))?;
-        Ok(PyArray1::from_vec(py, found))
+        Ok(PyArray1::from_vec(py, self.found(py, progress, answer)?))
     }
 
     /// The same of decisions, as numbers.

@@ -69,7 +69,7 @@ def test_clearances_are_proven_lengths(block: imf.Scene) -> None:
 
 
 def test_distances_of_a_block_are_closed_forms(block: imf.Scene) -> None:
-    # Centres lie 0.25 within the faces. Over the top, beside a face by the holder and by the flank, over an edge, and 3 deep in the top.
+    # Centres lie 0.25 within the faces. Over the top, beside a face by the holder and by the flank, over a corner, and 3 deep in the top.
     tips = [[10, 10, 22], [10.25, -30, -20], [-9, 10.25, 5], [-7, -7, 23], [10, 10, 17]]
     found = imf.Checker(block).distance(imf.poses(np.array(tips, float), [0, 0, 1]))
     # The holder, 20 in radius, is at the block's height; upright and over the corner the flat end's rim is nearest.

@@ -35,7 +35,7 @@ class Distances(NamedTuple):
     element: list[str]
     """The element that is nearest; where the tool collides, the one with the deepest voxel; empty where there is none."""
     tool_point: NDArray[np.float64]
-    """``(n, 3)``: the point of that element's surface nearest to ``obstacle_point``."""
+    """``(n, 3)``: the point of that element's surface, with its clearance, nearest to ``obstacle_point``."""
     obstacle_point: NDArray[np.float64]
     """``(n, 3)``: the nearest voxel's centre; where the tool collides, the one deepest in its element."""
 
@@ -75,7 +75,7 @@ class Checker:
         return self._native.clearance(rows_of(poses)[0], listener(progress))
 
     def distance(self, poses: ArrayLike, *, progress: Progress = None) -> Distances:
-        """How far the tool is from the nearest solid voxel, or how deep it is in the part, by pose; exact where it is free.
+        """How far the tool is from the nearest solid voxel, or how deep it is in part or fixtures, by pose; exact where it is free.
 
         Infinite where nothing is solid, NaN for what is no pose. Raises ``ValueError`` for a mesh tool.
         """
