@@ -146,14 +146,11 @@ static TRUNNION: LazyLock<Machine> = LazyLock::new(|| {
 
 /// True for what is read as G-code whatever its name, to which the multiples of tables do not apply.
 fn is_program(bytes: &[u8]) -> bool {
-    let lines = bytes.split(|&byte| byte == b'\n').map(<[u8]>::trim_ascii);
-    let first =
-        lines.filter(|line| !line.is_empty()).find(|line| !line.starts_with(b"#") && !line.starts_with(b";"));
-    let second = first.and_then(|line| line.get(1)).copied().unwrap_or_default();
-    first.is_some_and(|line| {
-        line.starts_with(b"%") || line.starts_with(b"(") || line.starts_with(b"\xef\xbb\xbf")
-    }) || second.is_ascii_digit()
-        || b"+-.".contains(&second)
+    let text = String::from_utf8_lossy(bytes);
+    let mut lines = text.lines().map(|line| line.trim_start_matches('\u{feff}').trim());
+    let first = lines.find(|line| !line.is_empty() && !line.starts_with([';', '#'])).unwrap_or_default();
+    first.starts_with(['%', '('])
+        || first.chars().nth(1).is_some_and(|second| second.is_ascii_digit() || "+-.".contains(second))
 }
 
 /// With and without a machine that follows it.

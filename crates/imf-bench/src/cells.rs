@@ -1,7 +1,8 @@
 //! Finished pieces of work, one JSON file each, so that an interrupted command repeats nothing that came to its end.
 //!
 //! A cell is keyed by what made it: settings, scene, device, version. Its file's name carries a checksum of the key, and the
-//! key stands in the file; where it is another one, the cell is made again.
+//! key stands in the file; where it is another one, the cell is made again. Which CPU it was, stands in the cell alone: cells that were made
+//! on several machines can be laid together in one folder.
 
 use std::path::{Path, PathBuf};
 
@@ -18,6 +19,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
+use crate::measurement::Machine;
 use crate::recipe::GO_ON;
 
 /// Where cells are kept.
@@ -27,12 +29,17 @@ pub(crate) struct Cells<'a> {
     folder: PathBuf,
     /// What every key holds beside its own.
     common: Value,
+    /// What times are of here.
+    machine: String,
 }
 
+/// A finished piece of work.
 #[derive(Serialize, Deserialize)]
-struct Cell<T> {
+pub(crate) struct Cell<T> {
     made_by: Value,
-    value: T,
+    /// The machine.
+    pub(crate) made_on: String,
+    pub(crate) value: T,
 }
 
 /// Where networks run, in words.
@@ -49,7 +56,11 @@ impl<'a> Cells<'a> {
         let folder = out.join("cells");
         prepare_folder(&folder)?;
         let common = json!({ "program": env!("CARGO_PKG_VERSION"), "device": device_name(device) });
-        Ok(Self { session, out: out.to_owned(), folder, common })
+        let machine = match device {
+            Device::Cpu => Machine::new(session.threads()).name(),
+            Device::Gpu(gpu) => gpu.describe(),
+        };
+        Ok(Self { session, out: out.to_owned(), folder, common, machine })
     }
 
     /// All that decides a cell, and its checksum.
@@ -68,26 +79,42 @@ impl<'a> Cells<'a> {
         Ok(self.key(key)?.1)
     }
 
+    /// The cell of that name and key where it is kept.
+    pub(crate) fn find<T: DeserializeOwned>(
+        &self,
+        name: &str,
+        key: &impl Serialize,
+    ) -> Result<Option<Cell<T>>> {
+        let (made_by, mark) = self.key(key)?;
+        let kept = std::fs::read_to_string(self.file(name, &mark)).ok();
+        let kept: Option<Cell<T>> = kept.and_then(|text| serde_json::from_str(&text).ok());
+        let kept = kept.filter(|cell| cell.made_by == made_by);
+        if kept.is_some() {
+            self.session.note(&format!("{name}: kept"));
+        }
+        Ok(kept)
+    }
+
     /// The cell of that name and key, read where it is kept, else made by `make` and kept.
     pub(crate) fn get<T: Serialize + DeserializeOwned>(
         &self,
         name: &str,
         key: &impl Serialize,
         make: impl FnOnce() -> Result<T>,
-    ) -> Result<T> {
-        let (made_by, mark) = self.key(key)?;
-        let path = self.folder.join(format!("{name}-{mark}.json"));
-        let kept = std::fs::read_to_string(&path).ok();
-        let kept: Option<Cell<T>> = kept.and_then(|text| serde_json::from_str(&text).ok());
-        if let Some(cell) = kept.filter(|cell| cell.made_by == made_by) {
-            self.session.note(&format!("{name}: kept"));
-            return Ok(cell.value);
+    ) -> Result<Cell<T>> {
+        if let Some(cell) = self.find(name, key)? {
+            return Ok(cell);
         }
+        let (made_by, mark) = self.key(key)?;
         self.session.note(&format!("{name}:"));
         let value = make().map_err(|error| interruption(error, &self.out))?;
-        let cell = Cell { made_by, value };
-        write_json(&path, &cell).with_context(|| format!("the cell {name}"))?;
-        Ok(cell.value)
+        let cell = Cell { made_by, made_on: self.machine.clone(), value };
+        write_json(&self.file(name, &mark), &cell).with_context(|| format!("the cell {name}"))?;
+        Ok(cell)
+    }
+
+    fn file(&self, name: &str, mark: &str) -> PathBuf {
+        self.folder.join(format!("{name}-{mark}.json"))
     }
 }
 
@@ -134,17 +161,23 @@ mod tests {
     fn a_cell_is_made_once_for_each_key() {
         let (folder, session) = (tempfile::tempdir().unwrap(), Session::silent());
         let cells = Cells::new(&session, &Device::Cpu, folder.path()).unwrap();
-        let get = |key: u32, value: f64| cells.get("one", &key, || Ok(value)).unwrap();
+        let get = |key: u32, value: f64| cells.get("one", &key, || Ok(value)).unwrap().value;
+        assert!(cells.find::<f64>("one", &1).unwrap().is_none());
         assert_eq!((get(1, 0.1), get(1, 7.0), get(2, 3.0), get(2, 4.0)), (0.1, 0.1, 3.0, 3.0));
         let mut other = Cells::new(&session, &Device::Cpu, folder.path()).unwrap();
         other.common["device"] = "networks on another".into();
-        assert_eq!(other.get("one", &1, || Ok(9.0)).unwrap(), 9.0);
+        assert_eq!(other.get("one", &1, || Ok(9.0)).unwrap().value, 9.0);
+        // Another machine is no reason to make it again.
+        let mut elsewhere = Cells::new(&session, &Device::Cpu, folder.path()).unwrap();
+        let here = std::mem::replace(&mut elsewhere.machine, "elsewhere".into());
+        let kept = elsewhere.get("one", &1, || Ok(9.0)).unwrap();
+        assert_eq!((kept.value, kept.made_on), (0.1, here));
         // A damaged cell is made again.
         for entry in std::fs::read_dir(folder.path().join("cells")).unwrap() {
             std::fs::write(entry.unwrap().path(), "{").unwrap();
         }
         assert_eq!(get(1, 8.0), 8.0);
         assert!(cells.get::<f64>("two", &1, || anyhow::bail!("no")).is_err());
-        assert_eq!(cells.get("two", &1, || Ok(5.0)).unwrap(), 5.0);
+        assert_eq!(cells.get("two", &1, || Ok(5.0)).unwrap().value, 5.0);
     }
 }

@@ -37,6 +37,11 @@ impl Machine {
         }
     }
 
+    /// What its times are of, in short.
+    pub(crate) fn name(&self) -> String {
+        format!("{}, {} threads", self.cpu, self.threads)
+    }
+
     /// Notes the load at the end.
     pub(crate) fn finish(&mut self) {
         self.load = self.load.zip(load()).map(|([begin, _], end)| [begin, end]);
@@ -45,7 +50,7 @@ impl Machine {
 
 impl fmt::Display for Machine {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}, {} threads, {}, imf {}", self.cpu, self.threads, self.system, self.version)?;
+        write!(f, "{}, {}, imf {}", self.name(), self.system, self.version)?;
         match self.load {
             Some([begin, end]) => write!(f, ", load {begin:.1} at the beginning, {end:.1} at the end"),
             None => Ok(()),

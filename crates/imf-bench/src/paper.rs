@@ -8,7 +8,8 @@
 //! ```
 //!
 //! Trainings are the recipes' own (`recipe`), with the changes that a scale makes (`protocol`). Whatever was
-//! interrupted goes on with the same command.
+//! interrupted goes on with the same command. The cells alone are enough for the tables: what a machine has finished, another goes
+//! on from; pictures and times of networks need the run's folder.
 
 mod baselines;
 mod figures;
@@ -33,10 +34,11 @@ use imf_fields::model::Model;
 use imf_fields::recipe::Precision;
 use imf_train::engine::CpuTrainer;
 use imf_train::training::run::TrainError;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::arguments::paper::{PaperArguments, PaperTable};
-use crate::cells::{Cells, device_name};
+use crate::cells::{Cell, Cells, device_name};
 use crate::measurement::Machine;
 use crate::recipe::{RunSummary, Runner, SceneSettings, Scenes, Source};
 use protocol::Protocol;
@@ -52,16 +54,26 @@ struct Bench<'a> {
     protocol: Protocol,
     parts: Vec<ReferencePart>,
     out: PathBuf,
+    /// Nothing is made that is not there.
+    finished: bool,
 }
 
 /// A recipe that was run.
 struct Run {
     summary: RunSummary,
+    /// The machine, and the products' precision.
+    made_on: String,
     folder: PathBuf,
 }
 
-/// A recipe that was run, or why it has no result.
-type Training = Result<Run, String>;
+/// What became of a recipe.
+enum Training {
+    Finished(Run),
+    /// In words, where.
+    Diverged(String),
+    /// Not run yet.
+    Missing,
+}
 
 /// What a training came to, as it is kept.
 #[derive(Serialize, Deserialize)]
@@ -72,21 +84,42 @@ pub(crate) enum Trained {
 }
 
 impl Run {
-    /// The first result's model.
-    fn model(&self) -> Result<Model> {
-        Model::read(&self.folder.join("model.safetensors")).with_context(|| {
-            format!("the run in {} is no longer whole: remove it and its cell", self.folder.display())
-        })
+    /// The first result's model, where the run's folder is here.
+    fn model(&self) -> Result<Option<Model>> {
+        let path = self.folder.join("model.safetensors");
+        if !path.exists() {
+            return Ok(None);
+        }
+        let broken = || format!("remove the run in {} and its cell", self.folder.display());
+        Model::read(&path).map(Some).with_context(broken)
     }
 }
 
 impl Bench<'_> {
-    /// Runs a recipe without variants to its end, or finds that it was.
+    /// A finished piece of work, made where it is missing and may be made.
+    fn cell<T: Serialize + DeserializeOwned>(
+        &self,
+        name: &str,
+        key: &impl Serialize,
+        make: impl FnOnce() -> Result<T>,
+    ) -> Result<Option<Cell<T>>> {
+        if self.finished { self.cells.find(name, key) } else { self.cells.get(name, key, make).map(Some) }
+    }
+
+    /// Runs a recipe without variants to its end, or finds that it was, in whatever precision.
     fn run(&self, name: &str, source: &Source) -> Result<Training> {
-        let folder = self.out.join("runs").join(format!("{name}-{}", self.cells.mark(source)?));
-        Ok(match self.cells.get(name, source, || trained(&self.runner, source, &folder))? {
-            Trained::Finished(summary) => Ok(Run { summary: *summary, folder }),
-            Trained::Diverged(what) => Err(what),
+        let here = self.protocol.as_run(source)?;
+        let folder = self.out.join("runs").join(format!("{name}-{}", self.cells.mark(&here)?));
+        let Some(cell) = self.cell(name, source, || trained(&self.runner, &here, &folder))? else {
+            return Ok(Training::Missing);
+        };
+        Ok(match cell.value {
+            Trained::Finished(summary) => {
+                let precision = summary.stages.first().map(|stage| stage.precision).unwrap_or_default();
+                let made_on = format!("{}, {precision}", cell.made_on);
+                Training::Finished(Run { summary: *summary, made_on, folder })
+            }
+            Trained::Diverged(what) => Training::Diverged(what),
         })
     }
 
@@ -146,6 +179,7 @@ pub(crate) fn run(session: &Session, arguments: &PaperArguments) -> Result<()> {
         protocol: Protocol::new(arguments.scale, learns_in_halves(&device))?,
         parts,
         out: out.clone(),
+        finished: arguments.finished,
     };
     let mut tables = Vec::new();
     type Maker = fn(&Bench<'_>) -> Result<Table>;

@@ -64,7 +64,7 @@ pub(crate) fn run(session: &Session, arguments: &RatesArguments) -> Result<()> {
                 let name = format!("{width}-{omega}-{factor}").replace('.', "_");
                 let folder = out.join("runs").join(format!("{name}-{}", cells.mark(&source)?));
                 let outcome = cells.get(&name, &source, || trained(&runner, &source, &folder))?;
-                mse.push(match outcome {
+                mse.push(match outcome.value {
                     Trained::Finished(run) => {
                         let mut answers = run.results.iter().flat_map(|result| &result.answers);
                         answers.find(|answer| answer.name.ends_with(RANDOM)).map(|answer| answer.errors.mse)

@@ -207,7 +207,7 @@ impl Runner<'_> {
                 questions.report(self.session, self.device, model, &stage_folder(folder, stage))
             })?;
             let parameters = shape.parameter_count();
-            summary.results.push(Outcome { stage: stage.name.clone(), parameters, answers });
+            summary.results.push(Outcome { stage: stage.name.clone(), parameters, answers: answers.value });
         }
         Ok(summary)
     }

@@ -132,14 +132,19 @@ impl<'a> Slices<'a> {
     }
 }
 
-/// Sections and the inaccessibility measure of a part, exact and by each recipe's network.
+/// Sections and the inaccessibility measure of a part, exact and by each recipe's network; the picture that is there where a network is
+/// not, if any.
 pub(super) fn fields(
     bench: &Bench<'_>,
     part: ReferencePart,
     questions: &Questions,
     runs: &[(&str, Run)],
-) -> Result<Figure> {
-    let models = runs.iter().map(|(_, run)| run.model()).collect::<Result<Vec<_>>>()?;
+) -> Result<Option<Figure>> {
+    let (path, file) = bench.picture(&format!("fields-{part}"))?;
+    let what = "sections and inaccessibility measure, exact, learnt and their difference, in shared scales";
+    let figure = (file, format!("{part}: {what}"));
+    let models = runs.iter().map(|(_, run)| run.model()).collect::<Result<Option<Vec<_>>>>()?;
+    let Some(models) = models else { return Ok(path.exists().then_some(figure)) };
     let scene = &models[0].scene;
     let grid = scene.record.grid;
     let (axis, middle) = (1, slices::middle(&grid, 1));
@@ -198,8 +203,6 @@ pub(super) fn fields(
         notes: vec![format!("Plane {plane}; outline: the part")],
         pixels_per_voxel: None,
     };
-    let (path, file) = bench.picture(&format!("fields-{part}"))?;
     sheet.save(&path)?;
-    let what = "sections and inaccessibility measure, exact, learnt and their difference, in shared scales";
-    Ok((file, format!("{part}: {what}")))
+    Ok(Some(figure))
 }

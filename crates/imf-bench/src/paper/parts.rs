@@ -7,6 +7,7 @@ use super::baselines::{self, Method};
 use super::published::PAPER;
 use super::table::{Compared, Kind, Made, Row, Table};
 use super::{Bench, Training, figures, part_label};
+use crate::cells::Cell;
 use crate::recipe::{Questions, Recipe};
 
 /// The recipes of the table.
@@ -20,12 +21,12 @@ impl Bench<'_> {
     }
 
     /// What stands beside the paper's network, for a part.
-    pub(super) fn baselines(&self, part: ReferencePart) -> Result<Vec<Method>> {
+    pub(super) fn baselines(&self, part: ReferencePart) -> Result<Option<Cell<Vec<Method>>>> {
         let recipe = self.protocol.recipe("single", Some(part.name()))?.recipe()?;
         let n = trained_grid(&recipe)?;
         let key = (&recipe.scene, &recipe.evaluation, n, self.protocol.distillation());
         let name = format!("baselines-{}", part.name());
-        self.cells.get(&name, &key, || baselines::measure(self, &recipe, n))
+        self.cell(&name, &key, || baselines::measure(self, &recipe, n))
     }
 }
 
@@ -54,11 +55,13 @@ pub(super) fn table(bench: &Bench<'_>) -> Result<Table> {
             // The paper's time is of `single`.
             let seconds = PAPER.seconds.get(part.name()).filter(|_| recipe == "single").map(|own| own[0]);
             table.add_training(&[&name, recipe], (&training, None), &questions, paper, seconds)?;
-            runs.extend(training.ok().map(|run| (recipe, run)));
+            if let Training::Finished(run) = training {
+                runs.push((recipe, run));
+            }
         }
         let questions = Questions::of(&single.evaluation)?;
         if !runs.is_empty() {
-            table.figures.push(figures::fields(bench, part, &questions, &runs)?);
+            table.figures.extend(figures::fields(bench, part, &questions, &runs)?);
         }
     }
     table.figures.insert(0, figures::scenes(bench)?);
@@ -76,7 +79,11 @@ pub(super) fn others(bench: &Bench<'_>) -> Result<Table> {
     ));
     for &part in &bench.parts {
         let name = part_label(part);
-        for method in bench.baselines(part)? {
+        let Some(measured) = bench.baselines(part)? else {
+            table.notes.push(format!("{name}: not made yet."));
+            continue;
+        };
+        for method in measured.value {
             for answer in &method.answers {
                 let labels = vec![name.clone(), method.name.clone(), answer.name.clone()];
                 table.rows.push(Row::errors(labels, None, Some(&answer.errors)));
@@ -86,6 +93,7 @@ pub(super) fn others(bench: &Bench<'_>) -> Result<Table> {
                 bytes: method.bytes,
                 seconds: method.made,
                 sections: Some(method.sections),
+                on: measured.made_on.clone(),
                 ..Made::default()
             });
         }

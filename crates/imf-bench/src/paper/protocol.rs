@@ -23,6 +23,9 @@ pub(super) struct Protocol {
     distillation: u64,
     #[serde(skip)]
     full: bool,
+    /// Networks learn in bfloat16.
+    #[serde(skip)]
+    halves: bool,
     /// Changes of every recipe, as `imf-bench recipe run --set` takes them.
     all: Vec<String>,
     /// By recipe.
@@ -38,9 +41,7 @@ impl Protocol {
             PaperScale::Tiny => include_str!("../../paper/tiny.toml"),
         })?;
         protocol.full = scale == PaperScale::Full;
-        if protocol.full && halves {
-            protocol.all.push(IN_HALVES.into());
-        }
+        protocol.halves = protocol.full && halves;
         Ok(protocol)
     }
 
@@ -56,6 +57,15 @@ impl Protocol {
         self.all.iter().chain(own).try_for_each(|text| source.assign(text))?;
         if let Some(part) = part {
             source.set("scene.part", part)?;
+        }
+        Ok(source)
+    }
+
+    /// A recipe as this machine runs it: in bfloat16 where it has that.
+    pub(super) fn as_run(&self, source: &Source) -> Result<Source> {
+        let mut source = source.clone();
+        if self.halves {
+            source.assign(IN_HALVES)?;
         }
         Ok(source)
     }
@@ -98,7 +108,7 @@ mod tests {
             assert_eq!(protocol.is_at_the_papers_scale(), scale == PaperScale::Full);
             for name in ["single", "multi", "transfer", "sparsity", "architecture"] {
                 let source = protocol.recipe(name, None).unwrap();
-                let recipe = source.recipe().unwrap();
+                let recipe = protocol.as_run(&source).unwrap().recipe().unwrap();
                 let papers = Source::parse(built_in(name).unwrap()).unwrap().recipe().unwrap();
                 let network =
                     |recipe: &Recipe| (recipe.network.width, recipe.network.layers, recipe.scene.scale);

@@ -6,9 +6,9 @@ use imf_cli::session::show_bytes;
 use imf_fields::metrics::ErrorReport;
 use serde::{Deserialize, Serialize};
 
-use super::Training;
 use super::published::Published;
-use crate::recipe::{Outcome, Questions, RunSummary};
+use super::{Run, Training};
+use crate::recipe::{Outcome, Questions};
 
 /// What a number is, for people.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -100,13 +100,16 @@ pub(super) struct Made {
     pub(super) paper_seconds: Option<f64>,
     /// Seconds for 225 sections.
     pub(super) sections: Option<f64>,
+    /// The machine.
+    pub(super) on: String,
     /// Largest standard error of an MSE, in shares of it, where voxels were drawn.
     pub(super) standard_error: Option<f64>,
 }
 
 impl Made {
     /// A network by its training, whose steps and time are those of a stage alone where one is named.
-    fn trained(labels: &[&str], run: &RunSummary, outcome: &Outcome, stage: Option<&str>) -> Self {
+    fn trained(labels: &[&str], run: &Run, outcome: &Outcome, stage: Option<&str>) -> Self {
+        let (on, run) = (run.made_on.clone(), &run.summary);
         let shares = outcome.answers.iter().filter_map(|a| Some(a.standard_error? / a.errors.mse));
         let of_stage = run.stages.iter().find(|own| stage == Some(&own.name));
         let (steps, seconds) =
@@ -116,6 +119,7 @@ impl Made {
             bytes: 4 * outcome.parameters as u64,
             steps: Some(steps),
             seconds,
+            on,
             standard_error: shares.filter(|share| share.is_finite()).reduce(f64::max),
             ..Self::default()
         }
@@ -173,12 +177,13 @@ impl Table {
         let name = begin.join(", ");
         let labels = |asked: &str| begin.iter().copied().chain([asked]).map(String::from).collect();
         match training {
-            Err(diverged) => {
+            Training::Missing => self.notes.push(format!("{name}: not trained yet.")),
+            Training::Diverged(diverged) => {
                 let rows = questions.names().into_iter().enumerate();
                 self.rows.extend(rows.map(|(index, asked)| Row::errors(labels(&asked), paper(index), None)));
                 self.notes.push(format!("{name}: no result. {diverged}"));
             }
-            Ok(run) => {
+            Training::Finished(run) => {
                 let results = &run.summary.results;
                 let of_stage = |o: &&Outcome| stage.is_none_or(|stage| o.stage == stage);
                 let outcome =
@@ -187,7 +192,7 @@ impl Table {
                 for (index, answer) in outcome.answers.iter().take(questions.names().len()).enumerate() {
                     self.rows.push(Row::errors(labels(&answer.name), paper(index), Some(&answer.errors)));
                 }
-                let made = Made::trained(begin, &run.summary, outcome, stage);
+                let made = Made::trained(begin, run, outcome, stage);
                 self.made.push(Made { paper_seconds, ..made });
             }
         }
@@ -207,12 +212,13 @@ impl Table {
     pub(super) fn cells_of_made(&self) -> (Vec<String>, Vec<Vec<String>>) {
         let seconds = |value: Option<f64>| value.map(|seconds| Kind::Seconds.show(seconds));
         type Column<'a> = (&'a str, &'a dyn Fn(&Made) -> Option<String>);
-        let columns: [Column<'_>; 6] = [
+        let columns: [Column<'_>; 7] = [
             ("file", &|made| Some(Kind::Bytes.show(made.bytes as f64))),
             ("steps", &|made| made.steps.map(|steps| steps.to_string())),
             ("made in", &|made| seconds(Some(made.seconds))),
             ("the paper's in", &|made| seconds(made.paper_seconds)),
             ("225 sections in", &|made| seconds(made.sections)),
+            ("on", &|made| Some(made.on.clone()).filter(|on| !on.is_empty())),
             ("standard error of the MSE, at most", &|made| {
                 made.standard_error.map(|share| format!("{:.1} %", 100.0 * share))
             }),

@@ -5,13 +5,15 @@ use anyhow::{Result, bail};
 use imf_cli::engine::Device;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::section::{SectionError, SectionPlan, ToolPoints, stream_sections};
+use imf_fields::model::Model;
 use imf_fields::siren::over_grid;
 use imf_gpu::GpuSections;
 use serde::{Deserialize, Serialize};
 
 use super::published::PAPER;
 use super::table::{Compared, Kind, Row, Table};
-use super::{Bench, Run, part_label};
+use super::{Bench, Training, part_label};
+use crate::cells::Cell;
 use crate::measurement::seconds;
 
 /// The sections that the paper evaluates.
@@ -34,9 +36,8 @@ struct Measured {
     sections_bytes: u64,
 }
 
-fn measure(bench: &Bench<'_>, run: &Run) -> Result<Measured> {
+fn measure(bench: &Bench<'_>, model: &Model) -> Result<Measured> {
     let session = bench.session;
-    let model = run.model()?;
     let grid = model.scene.record.grid;
     let set = OrientationSet::parse(SECTIONS)?.orientations;
     let plan = SectionPlan::of_scene(&model.scene, ToolPoints::Tip)?;
@@ -97,14 +98,24 @@ pub(super) fn table(bench: &Bench<'_>) -> Result<Table> {
     table.judged = bench.protocol.is_at_the_papers_scale();
     for &part in &bench.parts {
         let run = match bench.trained(part, "single")? {
-            Ok(run) => run,
-            Err(diverged) => {
-                table.notes.push(format!("{}: no network to time. {diverged}", part.name()));
+            Training::Finished(run) => run,
+            Training::Diverged(what) => {
+                table.notes.push(format!("{}: no network to time. {what}", part.name()));
                 continue;
             }
+            Training::Missing => continue,
         };
         let key = (bench.protocol.recipe("single", Some(part.name()))?, SECTIONS);
-        let measured = bench.cells.get(&format!("time-{}", part.name()), &key, || measure(bench, &run))?;
+        let name = format!("time-{}", part.name());
+        let measured = match run.model()? {
+            Some(model) => bench.cell(&name, &key, || measure(bench, &model))?,
+            None => bench.cells.find(&name, &key)?,
+        };
+        let Some(Cell { made_on, value: measured, .. }) = measured else {
+            table.notes.push(format!("{}: not timed, as its network is not kept here.", part_label(part)));
+            continue;
+        };
+        table.notes.push(format!("{}: sections on {made_on}, trained on {}.", part_label(part), run.made_on));
         let paper = PAPER.seconds.get(part.name());
         let mut row = |what: &str, papers: [Option<f64>; 2], seconds: f64, bytes: u64| {
             table.rows.push(Row {
@@ -125,7 +136,7 @@ pub(super) fn table(bench: &Bench<'_>) -> Result<Table> {
         if let Some(seconds) = measured.exact_gpu {
             row("225 sections, exact, GPU", [exact, None], seconds, measured.sections_bytes);
         }
-        for method in bench.baselines(part)? {
+        for method in bench.baselines(part)?.into_iter().flat_map(|cell| cell.value) {
             row(&format!("make, {}", method.name), [None; 2], method.made, method.bytes);
             row(&format!("225 sections, {}", method.name), [None; 2], method.sections, method.bytes);
         }

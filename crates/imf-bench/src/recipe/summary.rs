@@ -6,6 +6,7 @@ use std::path::Path;
 use anyhow::Result;
 use imf_cli::picture::{AxisScale, Chart, Series};
 use imf_fields::model::Model;
+use imf_fields::recipe::Precision;
 use serde::{Deserialize, Serialize};
 
 use super::definition::{RANDOM_START, Recipe, Stage};
@@ -44,6 +45,7 @@ pub(crate) struct StageSummary {
     pub(crate) samples: u64,
     pub(crate) steps: u64,
     batch: usize,
+    pub(crate) precision: Precision,
     pub(crate) seconds: f64,
     /// Mean loss over the last point of its curve.
     loss: f64,
@@ -80,6 +82,7 @@ impl RunSummary {
             samples: record.samples,
             steps: record.steps,
             batch: record.plan.batch,
+            precision: record.plan.precision,
             seconds: record.seconds,
             loss: record.losses.last().map_or(f64::NAN, |point| point.loss),
             curve: record.losses.iter().map(|point| (first + point.step, point.loss)).collect(),
