@@ -132,10 +132,8 @@ impl Checker {
         let field = &self.field;
         self.check_revolved()?;
         let clearance = |pose: &Pose| field.signed_clearance(pose).filter(|_| pose.is_valid());
-        rows.array(py, &progress, |poses, values: &mut [f64]| {
-            poses.iter().zip(values).for_each(|(pose, value)| *value = clearance(pose).unwrap_or(f64::NAN));
-            Ok(())
-        })
+        let found = rows.each(py, &progress, |pose| clearance(pose).unwrap_or(f64::NAN))?;
+        Ok(PyArray1::from_vec(py, found))
     }
 
     /// By pose, how far the tool is from the nearest solid voxel's centre, or how deep in the part.
@@ -148,7 +146,7 @@ impl Checker {
         self.check_revolved()?;
         let (rows, checker) = (self.rows(&poses)?, &self.checker);
         let nothing = Nearest { bounds: [f64::INFINITY; 2], ..Nearest::default() };
-        let nearest = |pose: &Pose| match checker.distance(pose) {
+        let found = rows.each(py, &progress, |pose| match checker.distance(pose) {
             Ok(Some(found)) => Nearest {
                 bounds: [found.lower, found.upper],
                 element: Some(found.element),
@@ -156,10 +154,6 @@ impl Checker {
             },
             Ok(None) => nothing,
             Err(_) => Nearest::default(),
-        };
-        let found = rows.found(py, &progress, |poses, found| {
-            poses.iter().zip(found).for_each(|(pose, found)| *found = nearest(pose));
-            Ok(())
         })?;
         let bound = |side: usize| PyArray1::from_iter(py, found.iter().map(|nearest| nearest.bounds[side]));
         let points = |side: usize| {

@@ -93,7 +93,25 @@ impl PoseRows<'_> {
         run(py, (progress, "poses", self.len() as u64), |control| self.answers(control, answer))
     }
 
-    /// The same as an array.
+    /// The same, pose by pose, of what takes so long that each may be cancelled.
+    pub(crate) fn each<T: Copy + Default + Send>(
+        self,
+        py: Python<'_>,
+        progress: &Progress<'_>,
+        answer: impl Fn(&Pose) -> T + Sync + Send,
+    ) -> PyResult<Vec<T>> {
+        run(py, (progress, "poses", self.len() as u64), |control| {
+            self.answers(control, |poses, found| {
+                poses.iter().zip(found).try_for_each(|(pose, found)| {
+                    control.check().map_err(|_| FieldError::Cancelled)?;
+                    *found = answer(pose);
+                    Ok(())
+                })
+            })
+        })
+    }
+
+    /// [`PoseRows::found`] as an array.
     pub(crate) fn array<'py, T: Copy + Default + Send + Element>(
         self,
         py: Python<'py>,

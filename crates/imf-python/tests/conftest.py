@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -20,6 +22,15 @@ def box(lower: tuple[float, float, float], upper: tuple[float, float, float]) ->
     quads = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
     faces = [triangle for a, b, c, d in quads for triangle in ((a, b, c), (a, c, d))]
     return corners.astype(float), np.array(faces)
+
+
+def head(folder: Path, lower: tuple[float, float, float], upper: tuple[float, float, float]) -> imf.Tool:
+    """A tool that is a cuboid's mesh, of files in a folder."""
+    vertices, faces = box(lower, upper)
+    lines = [f"v {x} {y} {z}" for x, y, z in vertices] + [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in faces]
+    (folder / "head.obj").write_text("\n".join(lines))
+    (folder / "head.toml").write_text('unit = "mm"\nmesh = "head.obj"\n')
+    return imf.Tool.read(folder / "head.toml")
 
 
 def slotted_block(width: float, depth: float) -> tuple[Floats, NDArray[np.int64]]:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
-from conftest import Floats, inside_paper_tool, paper_radius
+import pytest
+from conftest import Floats, box, head, inside_paper_tool, paper_radius
 
 import imf
 
@@ -111,6 +114,34 @@ def test_what_is_no_pose_has_no_distance(bracket: imf.Scene) -> None:
     found = imf.Checker(bracket).distance([[0, 0, np.nan, 0, 0, 1], [0, 0, 500, 0, 0, 1]])
     assert np.isnan(found.lower[0]) and np.isnan(found.tool_point[0]).all() and found.element[0] == ""
     assert found.lower[1] == found.upper[1] > 400
+
+
+def test_distances_are_of_fixtures_too_and_clearances_take_their_room(mill: imf.Tool) -> None:
+    # The first centres of the wall lie at x = 40.25, 32.25 from the origin's axis on the other side of the block's last ones at 19.75.
+    wall = box((40, 0, 0), (44, 20, 20))
+    scene = imf.Scene(box((0, 0, 0), (20, 20, 20)), mill, pitch=0.5, fixtures=[wall], around="all", name="block")
+    pose = imf.poses([[32.0, 10.25, 5.0]], [0, 0, 1])
+    found = imf.Checker(scene).distance(pose)
+    np.testing.assert_allclose([found.lower[0], found.obstacle_point[0, 0]], [40.25 - 32.0 - 4.0, 40.25])
+    roomy = imf.Checker(scene, clearance={"cutter": 1.5}).distance(pose)
+    np.testing.assert_allclose([roomy.lower[0], roomy.tool_point[0, 0]], [4.25 - 1.5, 32.0 + 4.0 + 1.5])
+    assert roomy.element == ["cutter"] and roomy.lower[0] == roomy.upper[0]
+
+
+def test_no_poses_have_no_distances(bracket: imf.Scene) -> None:
+    found = imf.Checker(bracket).distance(np.empty((0, 6)))
+    assert found.lower.shape == found.upper.shape == (0,) and found.element == []
+    assert found.tool_point.shape == found.obstacle_point.shape == (0, 3)
+
+
+def test_a_mesh_tool_has_no_distance(tmp_path: Path) -> None:
+    scene = imf.Scene(box((0, 0, 0), (20, 20, 20)), head(tmp_path, (-3, -3, 0), (3, 3, 20)), pitch=1.0, name="block")
+    checker = imf.Checker(scene)
+    assert checker.is_free([10, 10, 25, 0, 0, 1])
+    for poses in ([[10, 10, 25, 0, 0, 1]], np.empty((0, 6))):
+        for ask in (checker.distance, checker.clearance):
+            with pytest.raises(ValueError, match="distances are of tools of revolution"):
+                ask(poses)
 
 
 def test_motions_collide_when_the_flank_meets_the_face(block: imf.Scene) -> None:

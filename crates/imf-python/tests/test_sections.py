@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import Floats, box, inside_paper_tool
+from conftest import Floats, box, head, inside_paper_tool
 from numpy.typing import NDArray
 
 import imf
@@ -77,12 +77,8 @@ def test_the_solid_voxels_are_those_whose_centres_are_inside(block: imf.Scene) -
 
 
 def test_the_best_rotation_of_a_tool_that_is_not_round_is_free(tmp_path: Path) -> None:
-    vertices, faces = box((-3, -3, 0), (9, 3, 12))
-    lines = [f"v {x} {y} {z}" for x, y, z in vertices] + [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in faces]
-    (tmp_path / "head.obj").write_text("\n".join(lines))
-    (tmp_path / "head.toml").write_text('unit = "mm"\nmesh = "head.obj"\n')
     part = box((0, 0, 0), (20, 20, 20))
-    scene = imf.Scene(part, imf.Tool.read(tmp_path / "head.toml"), pitch=1.0, margin=3)
+    scene = imf.Scene(part, head(tmp_path, (-3, -3, 0), (9, 3, 12)), pitch=1.0, margin=3)
     found = scene.imf("so3:40")
     places = np.argwhere(found.values == 0)
     tips = np.stack([axis[places[:, k]] for k, axis in enumerate(scene.grid.axes())], -1)
