@@ -147,7 +147,7 @@ static TRUNNION: LazyLock<Machine> = LazyLock::new(|| {
 /// True for what is read as G-code whatever its name, to which the multiples of tables do not apply.
 fn is_program(bytes: &[u8]) -> bool {
     let text = String::from_utf8_lossy(bytes);
-    let mut lines = text.lines().map(|line| line.trim_start_matches('\u{feff}').trim());
+    let mut lines = text.split(['\n', '\r']).map(|line| line.trim_start_matches('\u{feff}').trim());
     let first = lines.find(|line| !line.is_empty() && !line.starts_with([';', '#'])).unwrap_or_default();
     first.starts_with(['%', '('])
         || first.chars().nth(1).is_some_and(|second| second.is_ascii_digit() || "+-.".contains(second))

@@ -1,5 +1,8 @@
 //! The paper's tables at their smallest scale, by the real binary: they hold in direction, and nothing is done twice.
 
+use std::fs;
+use std::path::PathBuf;
+
 use serde_json::Value;
 
 use crate::binary::Workdir;
@@ -81,6 +84,18 @@ fn the_tiny_tables_hold_in_direction() {
         again.stderr
     );
     assert_eq!(again.json()["tables"], report["tables"]);
+
+    // Cells and pictures alone, as from another machine, are enough to report; what is missing is said, not made.
+    fs::remove_dir_all(work.path("out/runs")).unwrap();
+    let cells = work.path("out/cells").read_dir().unwrap().map(|entry| entry.unwrap().path());
+    let gone = |path: &PathBuf| path.file_name().unwrap().to_str().unwrap().starts_with("multi-teapot");
+    let kept = work.imf(&format!("{TINY} --finished --json")).done();
+    assert_eq!(kept.json()["tables"], report["tables"]);
+    cells.filter(gone).for_each(|path| fs::remove_file(path).unwrap());
+    let less = work.imf(&format!("{TINY} --finished --json")).done();
+    assert!(!less.stderr.contains("training"), "{}", less.stderr);
+    assert!(table(&less.json(), "3d")["notes"].to_string().contains("teapot, multi: not trained yet"));
+    assert_eq!(table(&less.json(), "transfer"), table(&report, "transfer"));
 }
 
 /// What tiny asks in place of the paper's (12°, 6°).
