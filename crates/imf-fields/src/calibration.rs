@@ -11,6 +11,10 @@ pub use verdict::{Purpose, Verdict};
 use imf_core::field::Decision;
 use serde::{Deserialize, Serialize};
 
+/// Of the clear poses at least this share must be called free by a field that decides: one that leaves most to an exact check
+/// keeps any false-free rate.
+const LEAST_FOUND: f64 = 0.5;
+
 /// Errors of one kind among poses of one kind.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Rate {
@@ -105,10 +109,12 @@ pub struct Calibration {
 }
 
 impl Calibration {
-    /// True where the bounds of the uniform poses' rates keep the goals.
+    /// True where the bounds of the uniform poses' rates keep the goals, and half of the clear poses or more are called free.
     pub fn keeps_its_goals(&self) -> bool {
         let Self { goals, uniform, .. } = self;
-        uniform.false_free.bound <= goals.false_free && uniform.false_colliding.bound <= goals.false_colliding
+        uniform.false_free.bound <= goals.false_free
+            && uniform.false_colliding.bound <= goals.false_colliding
+            && uniform.found_share() >= LEAST_FOUND
     }
 
     /// The decision of a value, not clipped.

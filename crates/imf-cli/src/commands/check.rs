@@ -255,7 +255,7 @@ impl CheckRun<'_> {
         json!({
             "toolpath": self.arguments.toolpath, "frame": self.frame, "part": self.record.part, "tools": tools,
             "unit": self.record.unit, "pitch": self.record.grid.pitch, "conservative": self.record.conservative,
-            "collides": !self.report.colliding.is_empty(), "machine": self.machine.map(|bodies| &bodies.machine().name),
+            "passes": !self.fails(), "collides": !self.report.colliding.is_empty(), "machine": self.machine.map(|bodies| &bodies.machine().name),
             "report": self.report, "guarantee": self.guarantee(), "stick_outs": self.stick_outs,
             "stock": self.stock.as_ref().map(|stock| stock.json(&self.report)),
         })

@@ -147,6 +147,7 @@ pub(super) fn parse(text: &str, reading: &PathReading<'_>) -> Result<Toolpath, L
     if let (None, Some((line, number))) = (program.tool, program.called) {
         return Err(LineError { line, what: format!("T{number} calls a tool, and no M6 changes to it") });
     }
+    program.remark_on_length();
     Ok(program.path)
 }
 

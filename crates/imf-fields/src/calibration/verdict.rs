@@ -6,9 +6,6 @@ use serde::{Deserialize, Serialize};
 
 use super::Calibration;
 
-/// Of the clear poses at least this share must be called free by a field that decides: one that leaves most to an exact check
-/// keeps any false-free rate.
-const LEAST_FOUND: f64 = 0.5;
 /// Below this share the rates of what is called free say nothing.
 const LEAST_TOLD: f64 = 0.01;
 /// Of pairs of a colliding and a clear pose at most this share may stand in the wrong order where values steer.
@@ -46,13 +43,12 @@ pub struct Verdict {
 }
 
 impl Calibration {
-    /// What a field with this calibration may be used for. Decisions: the bounds of both rates keep their goals, and half of the
-    /// clear poses or more are called free. Steering: at most a tenth of the pairs of a colliding and a clear pose stand
-    /// in the wrong order. Mean errors play no part.
+    /// What a field with this calibration may be used for. Decisions: the goals are kept. Steering: at most a tenth of the pairs of a
+    /// colliding and a clear pose stand in the wrong order. Mean errors play no part.
     pub fn verdict(&self) -> Verdict {
         let Self { goals, uniform, boundary, .. } = self;
         let found_free = uniform.found_share();
-        let usable_for = if self.keeps_its_goals() && found_free >= LEAST_FOUND {
+        let usable_for = if self.keeps_its_goals() {
             Purpose::Decisions
         } else if uniform.misordered.bound <= MOST_MISORDERED {
             Purpose::Steering

@@ -102,6 +102,19 @@ impl Program<'_> {
         }
     }
 
+    /// A program that takes up no length at all has the tip in mind, or forgets to say what it has.
+    pub(super) fn remark_on_length(&mut self) {
+        if let (Some(line), None, false) =
+            (self.z_without_length, self.machine, self.has_used_length || self.has_used_edge)
+        {
+            self.remark(
+                line,
+                "length",
+                "Z moves, and no G43 takes up a tool length anywhere: Z is taken to be the tip's",
+            );
+        }
+    }
+
     /// From the spindle's face to the tip of the tool in use; 0 without a machine, where both are one.
     pub(super) fn tool_length(&self) -> Result<f64, String> {
         if self.machine.is_none() {
