@@ -1,8 +1,8 @@
 //! Finished pieces of work, one JSON file each, so that an interrupted command repeats nothing that came to its end.
 //!
 //! A cell is keyed by what made it: settings, scene, device, version. Its file's name carries a checksum of the key, and the
-//! key stands in the file; where it is another one, the cell is made again. Which CPU it was, stands in the cell alone: cells that were made
-//! on several machines can be laid together in one folder.
+//! key stands in the file; where it is another one, the cell is made again. The CPU's name stands in the cell alone: cells that several
+//! machines made on the same kind of device can be laid together in one folder.
 
 use std::path::{Path, PathBuf};
 
@@ -29,7 +29,7 @@ pub(crate) struct Cells<'a> {
     folder: PathBuf,
     /// What every key holds beside its own.
     common: Value,
-    /// What times are of here.
+    /// In words: times are of it.
     machine: String,
 }
 
@@ -37,7 +37,7 @@ pub(crate) struct Cells<'a> {
 #[derive(Serialize, Deserialize)]
 pub(crate) struct Cell<T> {
     made_by: Value,
-    /// The machine.
+    /// The machine that finished it.
     pub(crate) made_on: String,
     pub(crate) value: T,
 }
@@ -58,7 +58,7 @@ impl<'a> Cells<'a> {
         let common = json!({ "program": env!("CARGO_PKG_VERSION"), "device": device_name(device) });
         let machine = match device {
             Device::Cpu => Machine::new(session.threads()).name(),
-            Device::Gpu(gpu) => gpu.describe(),
+            Device::Gpu(gpu) => format!("{}, {}", gpu.describe(), Machine::new(session.threads()).name()),
         };
         Ok(Self { session, out: out.to_owned(), folder, common, machine })
     }
@@ -105,9 +105,14 @@ impl<'a> Cells<'a> {
         if let Some(cell) = self.find(name, key)? {
             return Ok(cell);
         }
-        let (made_by, mark) = self.key(key)?;
         self.session.note(&format!("{name}:"));
         let value = make().map_err(|error| interruption(error, &self.out))?;
+        self.keep(name, key, value)
+    }
+
+    /// Keeps what was made here.
+    pub(crate) fn keep<T: Serialize>(&self, name: &str, key: &impl Serialize, value: T) -> Result<Cell<T>> {
+        let (made_by, mark) = self.key(key)?;
         let cell = Cell { made_by, made_on: self.machine.clone(), value };
         write_json(&self.file(name, &mark), &cell).with_context(|| format!("the cell {name}"))?;
         Ok(cell)

@@ -9,7 +9,7 @@
 //!
 //! Trainings are the recipes' own (`recipe`), with the changes that a scale makes (`protocol`). Whatever was
 //! interrupted goes on with the same command. The cells alone are enough for the tables: what a machine has finished, another goes
-//! on from; pictures and times of networks need the run's folder.
+//! on from; pictures of networks and their times need the run's folder.
 
 mod baselines;
 mod figures;
@@ -24,7 +24,7 @@ mod time;
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, Result};
+use anyhow::{Context as _, Result, ensure};
 use imf_cli::engine::Device;
 use imf_cli::output::{prepare_folder, print, print_json};
 use imf_cli::session::Session;
@@ -41,7 +41,7 @@ use crate::arguments::paper::{PaperArguments, PaperTable};
 use crate::cells::{Cell, Cells, device_name};
 use crate::measurement::Machine;
 use crate::recipe::{RunSummary, Runner, SceneSettings, Scenes, Source};
-use protocol::Protocol;
+use protocol::{Protocol, in_precision};
 use report::Report;
 use table::Table;
 
@@ -61,7 +61,7 @@ struct Bench<'a> {
 /// A recipe that was run.
 struct Run {
     summary: RunSummary,
-    /// The machine, and the products' precision.
+    /// The machine that finished it, and the products' precision.
     made_on: String,
     folder: PathBuf,
 }
@@ -108,18 +108,22 @@ impl Bench<'_> {
 
     /// Runs a recipe without variants to its end, or finds that it was, in whatever precision.
     fn run(&self, name: &str, source: &Source) -> Result<Training> {
-        let here = self.protocol.as_run(source)?;
-        let folder = self.out.join("runs").join(format!("{name}-{}", self.cells.mark(&here)?));
-        let Some(cell) = self.cell(name, source, || trained(&self.runner, &here, &folder))? else {
-            return Ok(Training::Missing);
+        let folder = |here: &Source| -> Result<PathBuf> {
+            Ok(self.out.join("runs").join(format!("{name}-{}", self.cells.mark(here)?)))
         };
+        let make = || {
+            let here = in_precision(source, self.protocol.precision)?;
+            trained(&self.runner, &here, &folder(&here)?)
+        };
+        let Some(cell) = self.cell(name, source, make)? else { return Ok(Training::Missing) };
         Ok(match cell.value {
             Trained::Finished(summary) => {
                 let precision = summary.stages.first().map(|stage| stage.precision).unwrap_or_default();
                 let made_on = format!("{}, {precision}", cell.made_on);
+                let folder = folder(&in_precision(source, precision)?)?;
                 Training::Finished(Run { summary: *summary, made_on, folder })
             }
-            Trained::Diverged(what) => Training::Diverged(what),
+            Trained::Diverged(what) => Training::Diverged(format!("{what} (on {})", cell.made_on)),
         })
     }
 
@@ -158,6 +162,7 @@ fn divergence(error: &anyhow::Error) -> Option<String> {
 
 pub(crate) fn run(session: &Session, arguments: &PaperArguments) -> Result<()> {
     let out = &arguments.out;
+    ensure!(!arguments.finished || out.join("cells").is_dir(), "nothing is finished in {}", out.display());
     prepare_folder(out)?;
     let mut machine = Machine::new(session.threads());
     let device = Device::open(&arguments.device.device, session)?;

@@ -40,7 +40,7 @@ impl Rate {
     }
 }
 
-/// What was asked of the thresholds.
+/// What is asked of the thresholds, beside that half of the clear poses are called free.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Goals {
     /// Most of the colliding poses that may be called free.

@@ -93,6 +93,8 @@ def test_distances_are_those_of_all_voxels(bracket: imf.Scene, poses: Floats) ->
     found = checker.distance(poses)
     free = checker.is_free(poses)
     np.testing.assert_array_equal(found.lower > 0, free)
+    # At contact 0, not −0.
+    assert not np.signbit(found.upper[found.upper == 0]).any()
     assert np.all(found.lower <= found.upper) and np.all(checker.clearance(poses)[free] <= found.lower[free] + 1e-9)
     # The nearest point of a revolved outline, drawn by points 0.01 apart, to the centres.
     heights = np.arange(0.0, 83.0, 0.01)
@@ -117,7 +119,7 @@ def test_what_is_no_pose_has_no_distance(bracket: imf.Scene) -> None:
 
 
 def test_distances_are_of_fixtures_too_and_clearances_take_their_room(mill: imf.Tool) -> None:
-    # The first centres of the wall lie at x = 40.25, 32.25 from the origin's axis on the other side of the block's last ones at 19.75.
+    # The wall's first centres lie at x = 40.25, 4.25 beyond the flank at 36; the block's last ones, at 19.75, are farther.
     wall = box((40, 0, 0), (44, 20, 20))
     scene = imf.Scene(box((0, 0, 0), (20, 20, 20)), mill, pitch=0.5, fixtures=[wall], around="all", name="block")
     pose = imf.poses([[32.0, 10.25, 5.0]], [0, 0, 1])

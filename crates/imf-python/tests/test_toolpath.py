@@ -20,7 +20,8 @@ def test_a_plunge_is_as_deep_as_it_goes(block: imf.Scene) -> None:
     assert hit.depth == pytest.approx(3.0, abs=0.6)
     np.testing.assert_allclose(hit.position, [10, 10, 17], atol=0.2)
     # As deep as the part may lie in the cutter, nothing collides.
-    assert not block.check(imf.poses([[10, 10, 25], [10, 10, 17]], [0, 0, 1]), contact=3.1).collides
+    deep = block.check(imf.poses([[10, 10, 25], [10, 10, 17]], [0, 0, 1]), contact=3.1)
+    assert deep.passes and not deep.collides and not report.passes
 
 
 def test_a_holder_hits_the_side(block: imf.Scene) -> None:

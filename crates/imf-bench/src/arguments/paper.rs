@@ -13,7 +13,7 @@ use serde::Serialize;
                         imf-bench paper --scale reduced --only 3d,time --part teapot --out paper-teapot\n\n\
                         Writes report.md, report.json and report.html (one file, pictures inside). Whatever was \
                         interrupted goes on with the same command: trainings from their checkpoints, all else from the \
-                        finished cells in OUT/cells, which another machine may go on from.")]
+                        finished cells in OUT/cells, from which another machine with the same kind of device may go on.")]
 pub(crate) struct PaperArguments {
     /// How much of the paper's protocol
     #[arg(long, value_enum, default_value = "tiny")]
@@ -41,7 +41,7 @@ pub(crate) struct PaperArguments {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum PaperScale {
-    /// The paper's protocol itself: some 6 hours on 2 cores with bfloat16, 14 without
+    /// The paper's protocol itself: some 6 hours on 2 cores with AMX, 14 with AVX2
     Full,
     /// Half the resolution, narrower, fewer epochs: within 2 hours on 2 cores
     Reduced,

@@ -37,8 +37,13 @@ fn thickness(solid: &Occupancy, axis: usize) -> Result<Array2<f32>> {
     Ok(voxels.map(|&s| f32::from(s)).sum_axis(Axis(axis)))
 }
 
-/// The parts seen along the three axes, and the tool's cut through its axis.
-pub(super) fn scenes(bench: &Bench<'_>) -> Result<Figure> {
+/// The parts seen along the three axes, and the tool's cut through its axis; nothing where it is not there and none may be made.
+pub(super) fn scenes(bench: &Bench<'_>) -> Result<Option<Figure>> {
+    let (path, file) = bench.picture("scenes")?;
+    let figure = (file, "Parts seen along the axes, and the tool in the same voxels".into());
+    if bench.finished {
+        return Ok(path.exists().then_some(figure));
+    }
     let mut seen = Vec::new();
     for &part in &bench.parts {
         let mut settings = bench.protocol.recipe("single", None)?.recipe()?.scene;
@@ -84,10 +89,9 @@ pub(super) fn scenes(bench: &Bench<'_>) -> Result<Figure> {
             axes,
         }],
     });
-    let (path, file) = bench.picture("scenes")?;
     let notes = vec!["The teapot is the paper's part, bracket and screw gear are ours in its style".into()];
     PanelSheet { title: "Parts and tool".into(), rows, notes, pixels_per_voxel: None }.save(&path)?;
-    Ok((file, "Parts seen along the axes, and the tool in the same voxels".into()))
+    Ok(Some(figure))
 }
 
 /// Slices of the exact field and of others by name, and the differences.
@@ -132,8 +136,8 @@ impl<'a> Slices<'a> {
     }
 }
 
-/// Sections and the inaccessibility measure of a part, exact and by each recipe's network; the picture that is there where a network is
-/// not, if any.
+/// Sections and the inaccessibility measure of a part, exact and by each recipe's network: drawn once, for which the networks must be
+/// here.
 pub(super) fn fields(
     bench: &Bench<'_>,
     part: ReferencePart,
@@ -143,8 +147,14 @@ pub(super) fn fields(
     let (path, file) = bench.picture(&format!("fields-{part}"))?;
     let what = "sections and inaccessibility measure, exact, learnt and their difference, in shared scales";
     let figure = (file, format!("{part}: {what}"));
+    let name = format!("fields-{part}");
+    let sources = runs.iter().map(|(recipe, _)| bench.protocol.recipe(recipe, Some(part.name())));
+    let key = sources.collect::<Result<Vec<_>>>()?;
+    if path.exists() && bench.cells.find::<()>(&name, &key)?.is_some() {
+        return Ok(Some(figure));
+    }
     let models = runs.iter().map(|(_, run)| run.model()).collect::<Result<Option<Vec<_>>>>()?;
-    let Some(models) = models else { return Ok(path.exists().then_some(figure)) };
+    let Some(models) = models.filter(|_| !bench.finished) else { return Ok(None) };
     let scene = &models[0].scene;
     let grid = scene.record.grid;
     let (axis, middle) = (1, slices::middle(&grid, 1));
@@ -204,5 +214,6 @@ pub(super) fn fields(
         pixels_per_voxel: None,
     };
     sheet.save(&path)?;
+    bench.cells.keep(&name, &key, ())?;
     Ok(Some(figure))
 }

@@ -44,6 +44,7 @@ pub(super) fn table(bench: &Bench<'_>) -> Result<Table> {
         "`single` and `multi` are the paper's network (`siren5`) and recipes. Random sections are ours: at orientations of no grid."
             .into(),
     );
+    let mut pictures = Vec::new();
     for &part in &bench.parts {
         let name = part_label(part);
         let mut runs = Vec::new();
@@ -61,10 +62,15 @@ pub(super) fn table(bench: &Bench<'_>) -> Result<Table> {
         }
         let questions = Questions::of(&single.evaluation)?;
         if !runs.is_empty() {
-            table.figures.extend(figures::fields(bench, part, &questions, &runs)?);
+            match figures::fields(bench, part, &questions, &runs)? {
+                Some(figure) => pictures.push(figure),
+                None => {
+                    table.notes.push(format!("{name}: not drawn yet, for which its networks must be here."));
+                }
+            }
         }
     }
-    table.figures.insert(0, figures::scenes(bench)?);
+    table.figures = figures::scenes(bench)?.into_iter().chain(pictures).collect();
     Ok(table)
 }
 

@@ -15,7 +15,7 @@ use imf_core::occupancy::Occupancy;
 use imf_core::section::{Imf, SectionError, SectionPlan, SectionScratch, ToolPoints};
 use imf_core::tool::Tool;
 use imf_fields::metrics::{ErrorReport, Errors};
-use imf_fields::recipe::{Cursor, Sampling, TrainingState};
+use imf_fields::recipe::{Cursor, Precision, Sampling, TrainingState};
 use imf_fields::siren::over_grid;
 use imf_train::samples::Samples;
 use imf_train::training::run::train;
@@ -51,6 +51,7 @@ struct Measured {
     dims: [usize; 2],
     samples: usize,
     steps: u64,
+    precision: Precision,
     methods: Vec<Method>,
 }
 
@@ -202,7 +203,7 @@ fn measure(bench: &Bench<'_>, recipe: &Recipe, stage: &Stage) -> Result<Measured
     }
     draw(bench, &sections, &drawn)?;
     let [x, y, _] = sections.part.grid.dims;
-    Ok(Measured { dims: [x, y], samples: samples.len(), steps: total, methods })
+    Ok(Measured { dims: [x, y], samples: samples.len(), steps: total, precision: plan.precision, methods })
 }
 
 /// The inaccessibility measure, exact and by every method.
@@ -227,8 +228,7 @@ fn draw(bench: &Bench<'_>, sections: &Sections, methods: &[(&str, Imf)]) -> Resu
 }
 
 pub(super) fn table(bench: &Bench<'_>) -> Result<Table> {
-    let source = bench.protocol.plane()?;
-    let mut recipe = source.recipe()?;
+    let mut recipe = bench.protocol.plane()?.recipe()?;
     // A plane is small: its resolution is the paper's at every scale. All pixels of the few sections are learnt from: the
     // interpolations know them too.
     recipe.scene.scale = 1.0;
@@ -237,7 +237,7 @@ pub(super) fn table(bench: &Bench<'_>) -> Result<Table> {
     let stage = stage.clone();
     let key = (&recipe.scene, &recipe.network, &stage);
     let mut here = stage.clone();
-    here.training.precision = bench.protocol.as_run(&source)?.recipe()?.stages[0].training.precision;
+    here.training.precision = bench.protocol.precision;
     let mut table = Table::of_errors("2d", "One rotation in the plane", &["method", "compared"]);
     let Some(cell) = bench.cell("plane", &key, || measure(bench, &recipe, &here))? else {
         table.notes.push("Not measured yet.".into());
@@ -260,9 +260,10 @@ pub(super) fn table(bench: &Bench<'_>) -> Result<Table> {
     }
     if let Some(network) = measured.methods.first() {
         table.notes.push(format!(
-            "The network was trained in {} on {}.",
+            "The network was trained in {} on {}, {}.",
             show_seconds(network.seconds),
-            cell.made_on
+            cell.made_on,
+            measured.precision
         ));
     }
     let (path, file) = bench.picture("plane")?;

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use anyhow::Result;
 use imf_fields::factored::DistillSettings;
-use imf_fields::recipe::Length;
+use imf_fields::recipe::{Length, Precision};
 use serde::Deserialize;
 
 use super::IN_HALVES;
@@ -23,9 +23,9 @@ pub(super) struct Protocol {
     distillation: u64,
     #[serde(skip)]
     full: bool,
-    /// Networks learn in bfloat16.
+    /// What networks learn in here.
     #[serde(skip)]
-    halves: bool,
+    pub(super) precision: Precision,
     /// Changes of every recipe, as `imf-bench recipe run --set` takes them.
     all: Vec<String>,
     /// By recipe.
@@ -41,7 +41,9 @@ impl Protocol {
             PaperScale::Tiny => include_str!("../../paper/tiny.toml"),
         })?;
         protocol.full = scale == PaperScale::Full;
-        protocol.halves = protocol.full && halves;
+        if protocol.full && halves {
+            protocol.precision = Precision::Bf16;
+        }
         Ok(protocol)
     }
 
@@ -57,15 +59,6 @@ impl Protocol {
         self.all.iter().chain(own).try_for_each(|text| source.assign(text))?;
         if let Some(part) = part {
             source.set("scene.part", part)?;
-        }
-        Ok(source)
-    }
-
-    /// A recipe as this machine runs it: in bfloat16 where it has that.
-    pub(super) fn as_run(&self, source: &Source) -> Result<Source> {
-        let mut source = source.clone();
-        if self.halves {
-            source.assign(IN_HALVES)?;
         }
         Ok(source)
     }
@@ -93,11 +86,19 @@ impl Protocol {
     }
 }
 
+/// A recipe as it runs in a precision, which no recipe of this protocol states.
+pub(super) fn in_precision(source: &Source, precision: Precision) -> Result<Source> {
+    let mut source = source.clone();
+    if precision == Precision::Bf16 {
+        source.assign(IN_HALVES)?;
+    }
+    Ok(source)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::recipe::Recipe;
-    use imf_fields::recipe::Precision;
 
     const SCALES: [PaperScale; 3] = [PaperScale::Full, PaperScale::Reduced, PaperScale::Tiny];
 
@@ -108,7 +109,9 @@ mod tests {
             assert_eq!(protocol.is_at_the_papers_scale(), scale == PaperScale::Full);
             for name in ["single", "multi", "transfer", "sparsity", "architecture"] {
                 let source = protocol.recipe(name, None).unwrap();
-                let recipe = protocol.as_run(&source).unwrap().recipe().unwrap();
+                // Cells are keyed by it, whatever the machine.
+                assert_eq!(source, Protocol::new(scale, false).unwrap().recipe(name, None).unwrap());
+                let recipe = in_precision(&source, protocol.precision).unwrap().recipe().unwrap();
                 let papers = Source::parse(built_in(name).unwrap()).unwrap().recipe().unwrap();
                 let network =
                     |recipe: &Recipe| (recipe.network.width, recipe.network.layers, recipe.scene.scale);

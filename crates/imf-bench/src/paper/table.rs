@@ -79,6 +79,9 @@ impl Row {
         if self.values.iter().all(|value| value.paper.is_none()) {
             return String::new();
         }
+        if self.values.iter().all(|value| value.ours.is_none()) {
+            return "no result".into();
+        }
         let short = self.values.iter().zip(values).filter(|(value, _)| value.falls_short());
         let short: Vec<&str> = short.map(|(_, (name, _))| name.as_str()).collect();
         match short.as_slice() {
@@ -177,11 +180,13 @@ impl Table {
         let name = begin.join(", ");
         let labels = |asked: &str| begin.iter().copied().chain([asked]).map(String::from).collect();
         match training {
-            Training::Missing => self.notes.push(format!("{name}: not trained yet.")),
-            Training::Diverged(diverged) => {
+            Training::Missing | Training::Diverged(_) => {
                 let rows = questions.names().into_iter().enumerate();
                 self.rows.extend(rows.map(|(index, asked)| Row::errors(labels(&asked), paper(index), None)));
-                self.notes.push(format!("{name}: no result. {diverged}"));
+                self.notes.push(match training {
+                    Training::Diverged(what) => format!("{name}: no result. {what}"),
+                    _ => format!("{name}: not trained yet."),
+                });
             }
             Training::Finished(run) => {
                 let results = &run.summary.results;
@@ -298,10 +303,8 @@ mod tests {
         assert_eq!(cells[1][5], "at or below");
         assert_eq!(cells[2], ["teapot", "–", "7.0000", "–", "0.5000", ""]);
         let none = Row::errors(vec!["teapot".into()], Some((1e-6, 0.1)), None);
-        assert!(
-            none.verdict(&table.values).ends_with("MSE, MPE")
-                && none.values.iter().all(|value| value.ours.is_none())
-        );
+        assert_eq!(none.verdict(&table.values), "no result");
+        assert!(none.values.iter().all(Compared::falls_short), "it counts as one that is not met");
         table.judged = false;
         assert_eq!((table.standing(), table.cells().0.len()), ((0, 0), 5));
     }
@@ -314,12 +317,13 @@ mod tests {
             bytes: 2048,
             steps,
             seconds: 0.25,
+            on: if steps.is_some() { "elsewhere".into() } else { String::new() },
             ..Made::default()
         };
         table.made = vec![made("network", Some(10)), made("table", None)];
         let (head, cells) = table.cells_of_made();
-        assert_eq!(head, ["part", "field", "file", "steps", "made in"]);
-        assert_eq!(cells[0], ["teapot", "network", "2 KiB", "10", "0.250 s"]);
+        assert_eq!(head, ["part", "field", "file", "steps", "made in", "on"]);
+        assert_eq!(cells[0], ["teapot", "network", "2 KiB", "10", "0.250 s", "elsewhere"]);
         assert_eq!(cells[1][3], "–");
     }
 }

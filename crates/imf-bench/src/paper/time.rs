@@ -103,7 +103,10 @@ pub(super) fn table(bench: &Bench<'_>) -> Result<Table> {
                 table.notes.push(format!("{}: no network to time. {what}", part.name()));
                 continue;
             }
-            Training::Missing => continue,
+            Training::Missing => {
+                table.notes.push(format!("{}: not trained yet.", part_label(part)));
+                continue;
+            }
         };
         let key = (bench.protocol.recipe("single", Some(part.name()))?, SECTIONS);
         let name = format!("time-{}", part.name());
@@ -112,10 +115,18 @@ pub(super) fn table(bench: &Bench<'_>) -> Result<Table> {
             None => bench.cells.find(&name, &key)?,
         };
         let Some(Cell { made_on, value: measured, .. }) = measured else {
-            table.notes.push(format!("{}: not timed, as its network is not kept here.", part_label(part)));
+            table
+                .notes
+                .push(format!("{}: not timed yet, for which its network must be here.", part_label(part)));
             continue;
         };
-        table.notes.push(format!("{}: sections on {made_on}, trained on {}.", part_label(part), run.made_on));
+        let others = bench.baselines(part)?;
+        table.notes.push(format!(
+            "{}: trained on {}; its and the exact sections on {made_on}; the other fields {}.",
+            part_label(part),
+            run.made_on,
+            others.as_ref().map_or("not made yet".into(), |others| format!("on {}", others.made_on))
+        ));
         let paper = PAPER.seconds.get(part.name());
         let mut row = |what: &str, papers: [Option<f64>; 2], seconds: f64, bytes: u64| {
             table.rows.push(Row {
@@ -136,7 +147,7 @@ pub(super) fn table(bench: &Bench<'_>) -> Result<Table> {
         if let Some(seconds) = measured.exact_gpu {
             row("225 sections, exact, GPU", [exact, None], seconds, measured.sections_bytes);
         }
-        for method in bench.baselines(part)?.into_iter().flat_map(|cell| cell.value) {
+        for method in others.into_iter().flat_map(|cell| cell.value) {
             row(&format!("make, {}", method.name), [None; 2], method.made, method.bytes);
             row(&format!("225 sections, {}", method.name), [None; 2], method.sections, method.bytes);
         }

@@ -216,7 +216,7 @@ fn travel_is_told_with_line_axis_value_and_range() {
     }
     assert!(run.stdout.contains("no collision, 3 lines lead out of the machine's travel"), "{}", run.stdout);
     let run = check(("far.nc", program), Some("trunnion.toml"), &["--json"]);
-    let answer: serde_json::Value = serde_json::from_str(&run.stdout).unwrap();
+    let answer: Value = serde_json::from_str(&run.stdout).unwrap();
     assert_eq!((run.code, &answer["passes"], &answer["collides"]), (Some(3), &false.into(), &false.into()));
 }
 

@@ -205,7 +205,7 @@ impl ExactField {
     #[must_use]
     pub fn signed_clearance(&self, pose: &Pose) -> Option<f64> {
         let clearance = self.clearance_bound(pose)?;
-        if clearance > 0.0 { Some(clearance) } else { Some(-self.penetration_bound(pose)?) }
+        if clearance > 0.0 { Some(clearance) } else { Some(0.0 - self.penetration_bound(pose)?) }
     }
 
     /// Largest distance of any of the tool's points from its tip, in world units.

@@ -5,7 +5,8 @@
 //! smooth corners, which are told. Every other word is refused with its line, and so is what stands behind the end of the program.
 //!
 //! Without a machine X, Y and Z are the tip's and the tool stands along +z; while no tool length is in force (after G49, M6 and D0, before
-//! the first G43 of a program) Z must not move, and where G28 and G53 lead is not known. With one, and with the centre point kept, they
+//! the first G43 of a program) Z must not move, and where G28 and G53 lead is not known; of a program without any it is told that Z is
+//! taken for the tip's. With one, and with the centre point kept, they
 //! are the tip's in the frame that turns with the part, and the tip goes straight there; otherwise they move the linear axes: with a tool length (G43) they are where
 //! the tip would be with the head upright, in the work offset that does not turn. Angles are followed as they are written: from C350
 //! to C10 is 340° back, which is remarked.

@@ -67,7 +67,8 @@ fn distance(one: &Placed, pose: &Pose) -> Option<Distance> {
         return Some(of(one, &nearest, nearest.distance, nearest.distance));
     };
     let least = field.penetration_bound(pose)?;
-    Some(of(one, &deepest, -exit(field, pose, &deepest, least), -least))
+    // At contact 0, not −0.
+    Some(of(one, &deepest, 0.0 - exit(field, pose, &deepest, least), 0.0 - least))
 }
 
 fn of(one: &Placed, pair: &Separation, lower: f64, upper: f64) -> Distance {

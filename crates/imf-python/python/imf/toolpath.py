@@ -113,6 +113,11 @@ class CheckReport:
         return bool(self.collisions)
 
     @property
+    def passes(self) -> bool:
+        """True where nothing collides and no axis leaves its travel."""
+        return not (self.collisions or self.out_of_travel)
+
+    @property
     def lines(self) -> list[int]:
         """The lines with a collision."""
         return sorted({hit.line for hit in self.collisions})

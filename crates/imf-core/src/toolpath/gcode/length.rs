@@ -102,7 +102,7 @@ impl Program<'_> {
         }
     }
 
-    /// A program that takes up no length at all has the tip in mind, or forgets to say what it has.
+    /// In a program that takes up no length at all Z may be the tip's or the spindle's: says which is taken.
     pub(super) fn remark_on_length(&mut self) {
         if let (Some(line), None, false) =
             (self.z_without_length, self.machine, self.has_used_length || self.has_used_edge)
@@ -110,7 +110,7 @@ impl Program<'_> {
             self.remark(
                 line,
                 "length",
-                "Z moves, and no G43 takes up a tool length anywhere: Z is taken to be the tip's",
+                "Z moves, and nowhere is a tool length taken up (by G43, or D): Z is taken to be the tip's",
             );
         }
     }
