@@ -138,18 +138,22 @@ impl Tool {
     /// The paper's tool in mm: a ball-end cutter of radius 5 and length 35 in a holder of radius 14.5 up to 83.
     #[must_use]
     pub fn paper() -> Self {
-        let cutter = vec![
-            Segment::Arc { from: 0.0, to: 5.0, centre_height: 5.0, centre_radius: 0.0, arc_radius: 5.0 },
-            Segment::Line { from: 5.0, to: 35.0, radius_from: 5.0, radius_to: 5.0 },
-        ];
-        let holder = vec![Segment::Line { from: 35.0, to: 83.0, radius_from: 14.5, radius_to: 14.5 }];
+        let cutter = vec![Segment::ball_end(5.0), Segment::cylinder(5.0, 35.0, 5.0)];
+        let holder = vec![Segment::cylinder(35.0, 83.0, 14.5)];
+        Self::revolved("paper", [(ElementKind::Cutter, cutter), (ElementKind::Holder(0), holder)])
+    }
+
+    /// Elements by kind and outline from the tip upwards, without gaps; in mm, sharp at the tip alone.
+    #[must_use]
+    pub fn revolved(
+        name: impl Into<String>,
+        elements: impl IntoIterator<Item = (ElementKind, Vec<Segment>)>,
+    ) -> Self {
+        let elements = elements.into_iter().map(|(kind, profile)| Element { kind, profile });
         Self {
-            name: "paper".into(),
+            name: name.into(),
             unit: LengthUnit::Mm,
-            shape: ToolShape::Revolved(vec![
-                Element { kind: ElementKind::Cutter, profile: cutter },
-                Element { kind: ElementKind::Holder(0), profile: holder },
-            ]),
+            shape: ToolShape::Revolved(elements.collect()),
             sharp_points: SharpPoints::Tip,
             overall_length: None,
             back_cutting: false,

@@ -205,6 +205,7 @@ impl ExactField {
     #[must_use]
     pub fn signed_clearance(&self, pose: &Pose) -> Option<f64> {
         let clearance = self.clearance_bound(pose)?;
+        // At contact 0, not −0.
         if clearance > 0.0 { Some(clearance) } else { Some(0.0 - self.penetration_bound(pose)?) }
     }
 

@@ -7,8 +7,7 @@ use super::{SectionPlan, SectionScratch};
 use crate::grid::Grid;
 use crate::occupancy::Occupancy;
 use crate::orientation::{Orientation, OrientationSet};
-use crate::tool::{Element, ElementKind, Segment, SharpPoints, Tool, ToolShape};
-use crate::unit::LengthUnit;
+use crate::tool::{ElementKind, Segment, Tool};
 
 pub(crate) fn line(from: f64, to: f64, radius_from: f64, radius_to: f64) -> Segment {
     Segment::Line { from, to, radius_from, radius_to }
@@ -20,20 +19,12 @@ pub(crate) fn arc(from: f64, to: f64, centre_height: f64, centre_radius: f64, ar
 
 /// Sharp at its tip.
 pub(crate) fn revolved(elements: impl IntoIterator<Item = (ElementKind, Vec<Segment>)>) -> Tool {
-    let elements = elements.into_iter().map(|(kind, profile)| Element { kind, profile }).collect();
-    Tool {
-        name: "test".into(),
-        unit: LengthUnit::Mm,
-        shape: ToolShape::Revolved(elements),
-        sharp_points: SharpPoints::Tip,
-        overall_length: None,
-        back_cutting: false,
-    }
+    Tool::revolved("test", elements)
 }
 
 /// A cutter of the given radius and height.
 pub(crate) fn cylinder(radius: f64, height: f64) -> Tool {
-    revolved([(ElementKind::Cutter, vec![line(0.0, height, radius, radius)])])
+    revolved([(ElementKind::Cutter, vec![Segment::cylinder(0.0, height, radius)])])
 }
 
 /// A grid of unit voxels of which so many of four are solid.

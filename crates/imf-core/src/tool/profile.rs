@@ -100,6 +100,18 @@ pub enum Segment {
 }
 
 impl Segment {
+    /// A cylinder between two heights.
+    #[must_use]
+    pub fn cylinder(from: f64, to: f64, radius: f64) -> Self {
+        Self::Line { from, to, radius_from: radius, radius_to: radius }
+    }
+
+    /// The end of a ball mill: half a ball that stands on the tip.
+    #[must_use]
+    pub fn ball_end(radius: f64) -> Self {
+        Self::Arc { from: 0.0, to: radius, centre_height: radius, centre_radius: 0.0, arc_radius: radius }
+    }
+
     /// Lower and upper height.
     #[must_use]
     pub fn range(&self) -> (f64, f64) {
