@@ -56,10 +56,10 @@ impl<'a> Cells<'a> {
         let folder = out.join("cells");
         prepare_folder(&folder)?;
         let common = json!({ "program": env!("CARGO_PKG_VERSION"), "device": device_name(device) });
-        let machine = match device {
-            Device::Cpu => Machine::new(session.threads()).name(),
-            Device::Gpu(gpu) => format!("{}, {}", gpu.describe(), Machine::new(session.threads()).name()),
-        };
+        let mut machine = Machine::new(session.threads()).name();
+        if let Device::Gpu(gpu) = device {
+            machine = format!("{}, {machine}", gpu.describe());
+        }
         Ok(Self { session, out: out.to_owned(), folder, common, machine })
     }
 

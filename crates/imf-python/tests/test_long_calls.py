@@ -28,6 +28,11 @@ def interrupts() -> Iterator[Callable[[], None]]:
     signal.signal(signal.SIGINT, before)
 
 
+def deep_poses(count: int) -> np.ndarray:
+    """Deep in the bracket, whose ways out are long."""
+    return imf.poses(np.tile([25.0, 75.0, 10.0], (count, 1)), [0, 0, 1])
+
+
 def many_poses(count: int) -> np.ndarray:
     random = np.random.default_rng(2)
     return imf.poses(random.uniform([0, 0, 0], [50, 147, 87], (count, 3)), random.normal(size=(count, 3)))
@@ -37,8 +42,8 @@ CALLS: dict[str, Callable[[imf.Scene], object]] = {
     "imf": lambda scene: scene.imf("fibonacci:200000"),
     "access": lambda scene: scene.access("fibonacci:20000", samples=100_000),
     "classify": lambda scene: imf.Checker(scene).overlap(np.tile(many_poses(1_000_000), (20, 1))),
-    # Deep in the bracket, whose ways out are long.
-    "distance": lambda scene: imf.Checker(scene).distance(imf.poses(np.tile([25.0, 75.0, 10.0], (1_000_000, 1)), [0, 0, 1])),
+    "clearance": lambda scene: imf.Checker(scene).clearance(deep_poses(10_000_000)),
+    "distance": lambda scene: imf.Checker(scene).distance(deep_poses(1_000_000)),
     "train": lambda scene: imf.train(scene, "factored", steps=1_000_000, calibrate=False),
     "siren5": lambda scene: imf.train(scene, "siren5", steps=10_000_000, directions="fibonacci:20", calibrate=False),
 }

@@ -144,10 +144,10 @@ pub(super) fn fields(
     questions: &Questions,
     runs: &[(&str, Run)],
 ) -> Result<Option<Figure>> {
-    let (path, file) = bench.picture(&format!("fields-{part}"))?;
+    let name = format!("fields-{part}");
+    let (path, file) = bench.picture(&name)?;
     let what = "sections and inaccessibility measure, exact, learnt and their difference, in shared scales";
     let figure = (file, format!("{part}: {what}"));
-    let name = format!("fields-{part}");
     let sources = runs.iter().map(|(recipe, _)| bench.protocol.recipe(recipe, Some(part.name())));
     let key = sources.collect::<Result<Vec<_>>>()?;
     if path.exists() && bench.cells.find::<()>(&name, &key)?.is_some() {

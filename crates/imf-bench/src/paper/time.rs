@@ -110,10 +110,12 @@ pub(super) fn table(bench: &Bench<'_>) -> Result<Table> {
         };
         let key = (bench.protocol.recipe("single", Some(part.name()))?, SECTIONS);
         let name = format!("time-{}", part.name());
-        let measured = match run.model()? {
-            Some(model) => bench.cell(&name, &key, || measure(bench, &model))?,
-            None => bench.cells.find(&name, &key)?,
-        };
+        let mut measured = bench.cells.find(&name, &key)?;
+        if measured.is_none()
+            && let Some(model) = run.model()?
+        {
+            measured = bench.cell(&name, &key, || measure(bench, &model))?;
+        }
         let Some(Cell { made_on, value: measured, .. }) = measured else {
             table
                 .notes

@@ -8,10 +8,11 @@ use imf_c::*;
 use imf_core::field::{Best, Decision, Gradient, PoseField};
 use imf_core::glam::{DQuat, DVec3};
 use imf_core::pose::Pose;
+use imf_core::scene::Scene;
 use imf_core::section::Quantity;
 use imf_fields::field::Field;
 
-use crate::files::{harmonic, harmonic_of, scene, siren, spread};
+use crate::files::{DIMS, harmonic, harmonic_of, scene, siren, some, spread};
 
 pub(crate) fn last_error() -> String {
     // SAFETY: read at once.
@@ -29,6 +30,12 @@ fn open(by: Open, path: &Path) -> *mut ImfField {
     field
 }
 
+/// As many as Miri can bear.
+fn poses(scene: &Scene, count: usize) -> Vec<ImfPose> {
+    let along = |(p, a): (DVec3, DVec3)| imf_pose_along(p.x, p.y, p.z, a.x, a.y, a.z);
+    spread(scene, some(count)).into_iter().map(along).collect()
+}
+
 const NO: ImfPose = ImfPose { position: [f64::NAN; 3], rotation: [0.0; 4] };
 
 #[test]
@@ -36,9 +43,9 @@ fn batches_of_any_size_are_answered_as_in_rust() {
     let folder = tempfile::tempdir().unwrap();
     let scene = scene();
     // More than two blocks, and one pose that is none.
-    let mut poses: Vec<ImfPose> =
-        spread(&scene, 600).into_iter().map(|(p, a)| imf_pose_along(p.x, p.y, p.z, a.x, a.y, a.z)).collect();
-    poses[300] = NO;
+    let mut poses = poses(&scene, 600);
+    let none = poses.len() / 2;
+    poses[none] = NO;
     let in_rust: Vec<Pose> = poses
         .iter()
         .map(|p| Pose::new(DVec3::from_array(p.position), DQuat::from_array(p.rotation)))
@@ -81,19 +88,20 @@ fn batches_of_any_size_are_answered_as_in_rust() {
             );
             assert_eq!(format!("{:?}", decisions[i]), format!("{:?}", expected_decisions[i]));
         }
-        assert!(values[300].is_nan() && decisions[300] == ImfDecision::Colliding);
+        assert!(values[none].is_nan() && decisions[none] == ImfDecision::Colliding);
 
-        let points: Vec<[f64; 3]> = poses.iter().take(300).map(|p| p.position).collect();
-        let rotations: Vec<[f64; 4]> = poses.iter().take(20).map(|p| p.rotation).collect();
-        let mut best = vec![ImfBest { value: 9.0, orientation: 9, decision: ImfDecision::Undecided }; 300];
-        // SAFETY: 300 points, 20 rotations, 300 places.
+        let (m, turns) = (n / 2, 20);
+        let points: Vec<[f64; 3]> = poses.iter().take(m).map(|p| p.position).collect();
+        let rotations: Vec<[f64; 4]> = poses.iter().take(turns).map(|p| p.rotation).collect();
+        let mut best = vec![ImfBest { value: 9.0, orientation: 9, decision: ImfDecision::Undecided }; m];
+        // SAFETY: m points, as many rotations as turns, m places.
         let status = unsafe {
-            imf_best(field, points.as_ptr().cast(), 300, rotations.as_ptr().cast(), 20, best.as_mut_ptr())
+            imf_best(field, points.as_ptr().cast(), m, rotations.as_ptr().cast(), turns, best.as_mut_ptr())
         };
         assert_eq!(status, ImfStatus::Ok);
-        let mut expected = vec![Best::NONE; 300];
-        let points: Vec<DVec3> = in_rust.iter().take(300).map(|p| p.position).collect();
-        let rotations: Vec<DQuat> = in_rust.iter().take(20).map(|p| p.rotation).collect();
+        let mut expected = vec![Best::NONE; m];
+        let points: Vec<DVec3> = in_rust.iter().take(m).map(|p| p.position).collect();
+        let rotations: Vec<DQuat> = in_rust.iter().take(turns).map(|p| p.rotation).collect();
         rust.best(&points, &rotations, &mut expected).unwrap();
         for (found, wanted) in best.iter().zip(&expected) {
             assert_eq!((found.value, found.orientation), (wanted.value, wanted.orientation));
@@ -114,7 +122,7 @@ fn batches_of_any_size_are_answered_as_in_rust() {
         let grid = scene.record.grid;
         assert_eq!((info.pitch, info.unit_in_mm, info.calibrated), (grid.pitch, 1.0, false));
         assert_eq!((info.lower, info.clearance), (grid.centre([0; 3]).to_array(), [grid.pitch; 3]));
-        assert_eq!(info.upper, grid.centre([7, 23, 14]).to_array());
+        assert_eq!(info.upper, grid.centre(DIMS.map(|n| n - 1)).to_array());
         let depth = path == deep;
         assert_eq!(info.quantity, if depth { ImfQuantity::Depth } else { ImfQuantity::Overlap });
         assert_eq!(info.bounds, if depth { [-8.0 * grid.pitch, 8.0 * grid.pitch] } else { [0.0, 1.0] });
@@ -138,8 +146,7 @@ fn clearance_is_kept_only_by_the_field_that_says_so() {
     let folder = tempfile::tempdir().unwrap();
     let scene = scene();
     let path = harmonic(&scene, folder.path());
-    let poses: Vec<ImfPose> =
-        spread(&scene, 700).into_iter().map(|(p, a)| imf_pose_along(p.x, p.y, p.z, a.x, a.y, a.z)).collect();
+    let poses = poses(&scene, 700);
     let free = |by: Open| -> Vec<bool> {
         let field = open(by, &path);
         let mut decisions = vec![ImfDecision::Undecided; poses.len()];

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use imf_core::control::Control;
 use imf_core::glam::DVec3;
+use imf_core::mesh::Mesh;
 use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
 use imf_core::scene::{Scene, SceneSpec};
@@ -19,11 +20,21 @@ use imf_fields::recipe::TrainingState;
 use imf_fields::recipe::{Cursor, TrainingPlan};
 use imf_fields::siren::SirenShape;
 
-/// A coarse bracket with a tool that is offset by a clearance of a pitch.
+/// Voxels of [`scene`]: few for Miri, which takes a thousand times as long.
+pub(crate) const DIMS: [usize; 3] = if cfg!(miri) { [3, 6, 5] } else { [8, 24, 15] };
+
+/// How many of `count` poses or points Miri sees.
+pub(crate) fn some(count: usize) -> usize {
+    if cfg!(miri) { count.min(24) } else { count }
+}
+
+/// A coarse bracket (for Miri a block) with a tool that is offset by a clearance of a pitch.
 pub(crate) fn scene() -> Scene {
-    let mesh = ReferencePart::Bracket.mesh();
+    // Miri takes minutes to read the bracket.
+    let block = || Mesh::cuboid(DVec3::ZERO, DVec3::new(50.0, 147.0, 87.0));
+    let mesh = if cfg!(miri) { block() } else { ReferencePart::Bracket.mesh() };
     let tool = Tool::paper();
-    let spec = SceneSpec::of_reference(ReferencePart::Bracket, &mesh, [8, 24, 15], &tool);
+    let spec = SceneSpec::of_reference(ReferencePart::Bracket, &mesh, DIMS, &tool);
     let scene = spec.scene().unwrap();
     let room = scene.record.grid.pitch;
     scene.with_clearance(&Clearance { holder: room, shank: room, cutter: room }).unwrap()
@@ -38,10 +49,10 @@ pub(crate) fn harmonic(scene: &Scene, folder: &Path) -> PathBuf {
 pub(crate) fn harmonic_of(quantity: Quantity, scene: &Scene, folder: &Path) -> PathBuf {
     let settings = FitSettings {
         quantity,
-        degree: 5,
+        degree: if cfg!(miri) { 1 } else { 5 },
         sections_per_function: 1.5,
-        axes: 20,
-        sample: 500,
+        axes: if cfg!(miri) { 3 } else { 20 },
+        sample: some(500),
         held_out: 2,
         precision: Precision::F32,
         ..FitSettings::default()
@@ -55,7 +66,7 @@ pub(crate) fn harmonic_of(quantity: Quantity, scene: &Scene, folder: &Path) -> P
 
 /// A network of the paper's kind with its starting weights.
 pub(crate) fn siren(scene: &Scene, folder: &Path) -> PathBuf {
-    let shape = SirenShape { width: 33, hidden: 3, ..SirenShape::default() };
+    let shape = SirenShape { width: if cfg!(miri) { 17 } else { 33 }, hidden: 3, ..SirenShape::default() };
     let record = serde_json::json!({
         "program": "0", "plan": TrainingPlan::default(), "cursor": Cursor { epoch: 0, step: 0 }, "finished": true,
         "steps": 0, "seconds": 0.0, "engine": "test", "orientations": OrientationSet::parse("fibonacci:3").unwrap(),
@@ -69,14 +80,13 @@ pub(crate) fn siren(scene: &Scene, folder: &Path) -> PathBuf {
 }
 
 /// Tips and axes spread over the grid's box and a little beyond.
-pub(crate) fn spread(scene: &Scene, count: u32) -> Vec<(DVec3, DVec3)> {
+pub(crate) fn spread(scene: &Scene, count: usize) -> Vec<(DVec3, DVec3)> {
     let grid = scene.record.grid;
-    (0..count)
-        .map(|i| {
-            let share = |prime: u32| f64::from(i * prime % 701) / 701.0;
-            let unit = DVec3::new(share(37), share(53), share(71)) * 1.1 - 0.05;
-            let axis = DVec3::new(share(11) - 0.5, share(13) - 0.5, share(17) - 0.4);
-            (grid.origin + unit * grid.size(), axis)
-        })
-        .collect()
+    let at = |i: usize| {
+        let share = |prime: usize| (i * prime % 701) as f64 / 701.0;
+        let unit = DVec3::new(share(37), share(53), share(71)) * 1.1 - 0.05;
+        let axis = DVec3::new(share(11) - 0.5, share(13) - 0.5, share(17) - 0.4);
+        (grid.origin + unit * grid.size(), axis)
+    };
+    (0..count).map(at).collect()
 }
