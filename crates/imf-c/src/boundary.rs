@@ -147,15 +147,6 @@ pub(crate) unsafe fn output<'a, T>(
     Ok(unsafe { std::slice::from_raw_parts_mut(pointer.cast(), count) })
 }
 
-/// A path that C gives.
-///
-/// # Safety
-/// `pointer` is NULL or a text that ends with 0.
-pub(crate) unsafe fn path<'a>(pointer: *const c_char) -> Result<&'a str, Refusal> {
-    // SAFETY: guaranteed by the caller.
-    unsafe { text(pointer, "path") }
-}
-
 /// A text that C gives.
 ///
 /// # Safety
@@ -167,6 +158,21 @@ pub(crate) unsafe fn text<'a>(pointer: *const c_char, what: &str) -> Result<&'a 
     // SAFETY: not null; the end is guaranteed by the caller.
     let text = unsafe { CStr::from_ptr(pointer) };
     text.to_str().map_err(|_| Refusal::new(ImfStatus::Argument, format!("{what} is no text in UTF-8")))
+}
+
+/// Closes what was opened or created; NULL is passed over.
+///
+/// # Safety
+/// `opened` is NULL, or was made by `Box::into_raw` and is closed once.
+pub(crate) unsafe fn close<T>(opened: *mut T) {
+    if !opened.is_null() {
+        // Memory is given back; there is nothing to tell.
+        let _ = call(|| {
+            // SAFETY: guaranteed by the caller.
+            drop(unsafe { Box::from_raw(opened) });
+            Ok(())
+        });
+    }
 }
 
 #[cfg(test)]
@@ -205,8 +211,8 @@ mod tests {
             assert_eq!(status(read(numbers.as_ptr(), usize::MAX / 2, "poses")), Some(ImfStatus::Argument));
             assert!(output::<f32>(std::ptr::null_mut(), 0, "values").is_ok());
             assert!(output::<f32>(std::ptr::null_mut(), 1, "values").is_err());
-            assert_eq!(path(std::ptr::null()).unwrap_err().status, ImfStatus::NullPointer);
-            assert_eq!(path(c"\xff".as_ptr()).unwrap_err().status, ImfStatus::Argument);
+            assert_eq!(text(std::ptr::null(), "path").unwrap_err().status, ImfStatus::NullPointer);
+            assert_eq!(text(c"\xff".as_ptr(), "path").unwrap_err().status, ImfStatus::Argument);
         }
     }
 }

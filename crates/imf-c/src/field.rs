@@ -10,20 +10,15 @@ use imf_fields::calibration::Calibration;
 use imf_fields::field::{Field, LoadError, Planner};
 use imf_fields::file::FieldFile;
 
-use crate::boundary::{ImfStatus, Refusal, call, output, path, read, read_one};
+use crate::boundary::{ImfStatus, Refusal, call, close, output, read, read_one, text};
 use crate::values::ImfQuantity;
 
 /// A field, opened from a file.
 pub struct ImfField {
-    pub(crate) kind: Kind,
+    pub(crate) poses: Box<dyn PoseField>,
+    /// Proves motions, where the field is exact or verified.
+    pub(crate) checker: Option<Checker>,
     info: ImfInfo,
-}
-
-/// Which of the three.
-pub(crate) enum Kind {
-    Model(Box<Field>),
-    Verified(Box<Planner>),
-    Exact(Box<ExactField>, Checker),
 }
 
 /// What a field is of. Lengths are in its scene's unit.
@@ -49,8 +44,13 @@ pub struct ImfInfo {
 }
 
 impl ImfField {
-    fn new(kind: Kind, scene: &Scene, calibration: Option<&Calibration>) -> Self {
-        let quantity = kind.poses().quantity();
+    fn new(
+        poses: impl PoseField + 'static,
+        checker: Option<Checker>,
+        scene: &Scene,
+        calibration: Option<&Calibration>,
+    ) -> Self {
+        let quantity = poses.quantity();
         let record = &scene.record;
         let grid = record.grid;
         let clearance = record.clearance;
@@ -64,22 +64,7 @@ impl ImfField {
             quantity: quantity.into(),
             bounds: quantity.bounds(grid.pitch),
         };
-        Self { kind, info }
-    }
-
-    /// The interface that all kinds share.
-    pub(crate) fn poses(&self) -> &dyn PoseField {
-        self.kind.poses()
-    }
-}
-
-impl Kind {
-    fn poses(&self) -> &dyn PoseField {
-        match self {
-            Self::Model(field) => field.as_ref(),
-            Self::Verified(field) => field.as_ref(),
-            Self::Exact(field, _) => field.as_ref(),
-        }
+        Self { poses: Box::new(poses), checker, info }
     }
 }
 
@@ -91,7 +76,8 @@ fn of_file(error: impl Into<LoadError>) -> Refusal {
 fn verified(field: Planner) -> ImfField {
     let scene = field.model.scene().clone();
     let calibration = field.model.calibration().copied();
-    ImfField::new(Kind::Verified(Box::new(field)), &scene, calibration.as_ref())
+    let checker = field.checker.clone();
+    ImfField::new(field, Some(checker), &scene, calibration.as_ref())
 }
 
 fn exact(path: &Path) -> Result<ImfField, Refusal> {
@@ -99,7 +85,7 @@ fn exact(path: &Path) -> Result<ImfField, Refusal> {
     let scene = stored.scene();
     let field = ExactField::of_scene(scene, &scene.record.clearance).map_err(of_file)?;
     let checker = Checker::of_field(&field, scene.record.unit);
-    Ok(ImfField::new(Kind::Exact(Box::new(field), checker), scene, stored.calibration()))
+    Ok(ImfField::new(field, Some(checker), scene, stored.calibration()))
 }
 
 /// Opens a model whose decisions are proven, as imf_open_verified, from a file that is in memory; messages call it name. The bytes are not
@@ -129,7 +115,7 @@ pub unsafe extern "C" fn imf_open_verified_from_memory(
 /// # Safety
 /// As the functions below.
 unsafe fn open(
-    path_text: *const c_char,
+    path: *const c_char,
     field: *mut *mut ImfField,
     opened: impl FnOnce(&Path) -> Result<ImfField, Refusal>,
 ) -> ImfStatus {
@@ -138,7 +124,7 @@ unsafe fn open(
         let place = &mut unsafe { output(field, 1, "field") }?[0];
         place.write(std::ptr::null_mut());
         // SAFETY: guaranteed by the caller.
-        let path = unsafe { path(path_text) }?;
+        let path = unsafe { text(path, "path") }?;
         place.write(Box::into_raw(Box::new(opened(Path::new(path))?)));
         Ok(())
     })
@@ -154,7 +140,7 @@ pub unsafe extern "C" fn imf_open_model(path: *const c_char, field: *mut *mut Im
     let opened = |path: &Path| {
         let field = Field::load(path).map_err(of_file)?;
         let (scene, calibration) = (field.scene().clone(), field.calibration().copied());
-        Ok(ImfField::new(Kind::Model(Box::new(field)), &scene, calibration.as_ref()))
+        Ok(ImfField::new(field, None, &scene, calibration.as_ref()))
     };
     // SAFETY: guaranteed by the caller.
     unsafe { open(path, field, opened) }
@@ -221,12 +207,6 @@ pub unsafe extern "C" fn imf_info(field: *const ImfField, info: *mut ImfInfo) ->
 /// field is NULL, or was opened, not closed yet, and no thread calls with it any more.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn imf_close(field: *mut ImfField) {
-    if !field.is_null() {
-        // Memory is given back; there is nothing to tell.
-        let _ = call(|| {
-            // SAFETY: made by `Box::into_raw` and closed once, as the caller guarantees.
-            drop(unsafe { Box::from_raw(field) });
-            Ok(())
-        });
-    }
+    // SAFETY: guaranteed by the caller.
+    unsafe { close(field) }
 }

@@ -3,10 +3,10 @@
 use imf_core::field::{Best, Decision, FieldError, Gradient};
 use imf_core::glam::{DQuat, DVec3};
 use imf_core::pose::Pose;
-use imf_core::world::MotionOptions;
+use imf_core::world::{Checker, MotionOptions, QueryError};
 
 use crate::boundary::{ImfStatus, Refusal, call, output, read, read_one};
-use crate::field::{ImfField, Kind};
+use crate::field::ImfField;
 use crate::values::{ImfBest, ImfDecision, ImfGradient, ImfMotion, ImfPose};
 
 /// Poses turned at a time: the block that the planner's fields work in, so that batches are cut alike.
@@ -23,33 +23,28 @@ fn of_field(error: &FieldError) -> Refusal {
 /// Asks `ask` about every block of poses and writes its answers, `blank` before.
 ///
 /// # Safety
-/// As the functions below.
-unsafe fn each<T: Copy, C: Copy + From<T>>(
-    field: *const ImfField,
+/// There are count poses, and room for as many answers.
+pub(crate) unsafe fn each<T: Copy, C: Copy + From<T>>(
     poses: *const ImfPose,
     count: usize,
     answers: *mut C,
     what: &str,
     blank: T,
-    ask: impl Fn(&ImfField, &[Pose], &mut [T]) -> Result<(), FieldError>,
-) -> ImfStatus {
-    call(|| {
-        // SAFETY: guaranteed by the caller.
-        let field = unsafe { read_one(field, "field") }?;
-        // SAFETY: guaranteed by the caller.
-        let (poses, answers) = unsafe { (read(poses, count, "poses")?, output(answers, count, what)?) };
-        let mut turned = [Pose::new(DVec3::ZERO, DQuat::IDENTITY); BLOCK];
-        let mut found = [blank; BLOCK];
-        for (poses, answers) in poses.chunks(BLOCK).zip(answers.chunks_mut(BLOCK)) {
-            for (turned, pose) in turned.iter_mut().zip(poses) {
-                *turned = pose.to_pose();
-            }
-            let found = &mut found[..poses.len()];
-            ask(field, &turned[..poses.len()], found).map_err(|error| of_field(&error))?;
-            answers.iter_mut().zip(found).for_each(|(place, answer)| _ = place.write((*answer).into()));
+    ask: impl Fn(&[Pose], &mut [T]) -> Result<(), FieldError>,
+) -> Result<(), Refusal> {
+    // SAFETY: guaranteed by the caller.
+    let (poses, answers) = unsafe { (read(poses, count, "poses")?, output(answers, count, what)?) };
+    let mut turned = [Pose::new(DVec3::ZERO, DQuat::IDENTITY); BLOCK];
+    let mut found = [blank; BLOCK];
+    for (poses, answers) in poses.chunks(BLOCK).zip(answers.chunks_mut(BLOCK)) {
+        for (turned, pose) in turned.iter_mut().zip(poses) {
+            *turned = pose.to_pose();
         }
-        Ok(())
-    })
+        let found = &mut found[..poses.len()];
+        ask(&turned[..poses.len()], found).map_err(|error| of_field(&error))?;
+        answers.iter_mut().zip(found).for_each(|(place, answer)| _ = place.write((*answer).into()));
+    }
+    Ok(())
 }
 
 /// The overlap, 0 to 1, of every pose: the fraction of the tool's volume that lies in the obstacle; of a field of depth the depth
@@ -64,8 +59,12 @@ pub unsafe extern "C" fn imf_values(
     count: usize,
     values: *mut f32,
 ) -> ImfStatus {
-    // SAFETY: guaranteed by the caller.
-    unsafe { each(field, poses, count, values, "values", 0.0_f32, |f, p, v| f.poses().values(p, v)) }
+    call(|| {
+        // SAFETY: guaranteed by the caller.
+        let field = unsafe { read_one(field, "field") }?;
+        // SAFETY: guaranteed by the caller.
+        unsafe { each(poses, count, values, "values", 0.0_f32, |p, v| field.poses.values(p, v)) }
+    })
 }
 
 /// The values of imf_values, but overlaps not clipped, with their derivatives. Those of an exact field, whose values are steps,
@@ -80,9 +79,13 @@ pub unsafe extern "C" fn imf_gradients(
     count: usize,
     gradients: *mut ImfGradient,
 ) -> ImfStatus {
-    let ask = |f: &ImfField, p: &[Pose], g: &mut [Gradient]| f.poses().gradients(p, g);
-    // SAFETY: guaranteed by the caller.
-    unsafe { each(field, poses, count, gradients, "gradients", Gradient::NAN, ask) }
+    call(|| {
+        // SAFETY: guaranteed by the caller.
+        let field = unsafe { read_one(field, "field") }?;
+        let ask = |p: &[Pose], g: &mut [Gradient]| field.poses.gradients(p, g);
+        // SAFETY: guaranteed by the caller.
+        unsafe { each(poses, count, gradients, "gradients", Gradient::NAN, ask) }
+    })
 }
 
 /// Whether the tool collides at every pose. Exact and verified fields decide every pose; a model answers undecided where its
@@ -97,9 +100,13 @@ pub unsafe extern "C" fn imf_classify(
     count: usize,
     decisions: *mut ImfDecision,
 ) -> ImfStatus {
-    let ask = |f: &ImfField, p: &[Pose], d: &mut [Decision]| f.poses().classify(p, d);
-    // SAFETY: guaranteed by the caller.
-    unsafe { each(field, poses, count, decisions, "decisions", Decision::Undecided, ask) }
+    call(|| {
+        // SAFETY: guaranteed by the caller.
+        let field = unsafe { read_one(field, "field") }?;
+        let ask = |p: &[Pose], d: &mut [Decision]| field.poses.classify(p, d);
+        // SAFETY: guaranteed by the caller.
+        unsafe { each(poses, count, decisions, "decisions", Decision::Undecided, ask) }
+    })
 }
 
 /// The inaccessibility measure with the best orientation of every point: points are x, y, z, three numbers each; rotations are
@@ -131,7 +138,7 @@ pub unsafe extern "C" fn imf_best(
         let points: Vec<DVec3> = points.as_chunks().0.iter().copied().map(DVec3::from_array).collect();
         let rotations: Vec<DQuat> = rotations.as_chunks().0.iter().copied().map(DQuat::from_array).collect();
         let mut found = vec![Best::NONE; points.len()];
-        field.poses().best(&points, &rotations, &mut found).map_err(|error| of_field(&error))?;
+        field.poses.best(&points, &rotations, &mut found).map_err(|error| of_field(&error))?;
         places.iter_mut().zip(found).for_each(|(place, best)| _ = place.write(best.into()));
         Ok(())
     })
@@ -151,21 +158,34 @@ pub unsafe extern "C" fn imf_check_motion(
 ) -> ImfStatus {
     call(|| {
         // SAFETY: guaranteed by the caller.
-        let (field, a, b) = unsafe { (read_one(field, "field")?, read_one(a, "a")?, read_one(b, "b")?) };
+        let field = unsafe { read_one(field, "field") }?;
+        let message = "motions are proven by exact and verified fields: open the file by imf_open_exact or \
+                       imf_open_verified";
+        let unsupported = || Refusal::new(ImfStatus::Unsupported, message);
+        let checker = field.checker.as_ref().ok_or_else(unsupported)?;
         // SAFETY: guaranteed by the caller.
-        let place = unsafe { output(motion, 1, "motion") }?;
-        let checker = match &field.kind {
-            Kind::Verified(planner) => &planner.checker,
-            Kind::Exact(_, checker) => checker,
-            Kind::Model(_) => {
-                let message = "motions are proven by exact and verified fields: open the file by imf_open_exact or \
-                               imf_open_verified";
-                return Err(Refusal::new(ImfStatus::Unsupported, message));
-            }
-        };
-        let found = checker.check_motion(&a.to_pose(), &b.to_pose(), &MotionOptions::default());
-        let found = found.map_err(|error| Refusal::new(ImfStatus::NoAnswer, error.to_string()))?;
-        place[0].write(found.into());
-        Ok(())
+        unsafe { check_motion(checker, a, b, &MotionOptions::default(), motion) }
     })
+}
+
+/// Checks a motion and writes what is found.
+///
+/// # Safety
+/// a and b are poses; motion has room for one.
+pub(crate) unsafe fn check_motion(
+    checker: &Checker,
+    a: *const ImfPose,
+    b: *const ImfPose,
+    options: &MotionOptions,
+    motion: *mut ImfMotion,
+) -> Result<(), Refusal> {
+    // SAFETY: guaranteed by the caller.
+    let (a, b, place) = unsafe { (read_one(a, "a")?, read_one(b, "b")?, output(motion, 1, "motion")?) };
+    let found = checker.check_motion(&a.to_pose(), &b.to_pose(), options).map_err(of_query)?;
+    place[0].write(found.into());
+    Ok(())
+}
+
+pub(crate) fn of_query(error: QueryError) -> Refusal {
+    Refusal::new(ImfStatus::NoAnswer, error.to_string())
 }

@@ -11,9 +11,10 @@ use imf_core::pose::Pose;
 use imf_core::scene::SceneWarning;
 use imf_core::tool::{Clearance, Tool};
 use imf_core::unit::LengthUnit;
-use imf_core::world::{Checker, MotionOptions, ObstacleId, ObstacleMesh, QueryError, World, WorldError};
+use imf_core::world::{Checker, MotionOptions, ObstacleId, ObstacleMesh, World, WorldError};
 
-use crate::boundary::{ImfStatus, Refusal, call, output, path, read, read_one, text, write_one};
+use crate::boundary::{ImfStatus, Refusal, call, close, output, read, read_one, text, write_one};
+use crate::query::{check_motion, each, of_query};
 use crate::values::{ImfDecision, ImfDistance, ImfMesh, ImfMotion, ImfPose, ImfUnit};
 
 /// Obstacles with their places.
@@ -56,10 +57,6 @@ fn text_at(warnings: Option<&[CString]>, index: usize) -> *const c_char {
 
 fn of_world(error: &WorldError) -> Refusal {
     Refusal::new(ImfStatus::Argument, error.to_string())
-}
-
-fn of_query(error: QueryError) -> Refusal {
-    Refusal::new(ImfStatus::NoAnswer, error.to_string())
 }
 
 /// Makes a world without obstacles: its unit, an ImfUnit, and the edge of a voxel of obstacles that have none of their own. On failure *world is
@@ -142,7 +139,7 @@ pub unsafe extern "C" fn imf_world_add_file(
             unsafe { (write_one(world, "world")?, read_one(mesh, "mesh")?, read_one(at, "at")?) };
         // SAFETY: guaranteed by the caller.
         let (name, path, place) =
-            unsafe { (text(mesh.name, "mesh.name")?, path(path_text)?, output(id, 1, "id")?) };
+            unsafe { (text(mesh.name, "mesh.name")?, text(path_text, "path")?, output(id, 1, "id")?) };
         let file = read_mesh_file(path).map_err(|error| Refusal::new(ImfStatus::File, error.to_string()))?;
         let obstacle = mesh.obstacle(name, file.in_unit(world.world.unit()), at.to_pose());
         place[0].write(world.add(obstacle)?);
@@ -217,8 +214,9 @@ pub unsafe extern "C" fn imf_checker_create(
         let place = &mut unsafe { output(checker, 1, "checker") }?[0];
         place.write(std::ptr::null_mut());
         // SAFETY: guaranteed by the caller.
-        let (world, path, clearance) =
-            unsafe { (read_one(world, "world")?, path(tool_path)?, read(clearance, 3, "clearance")?) };
+        let (world, path, clearance) = unsafe {
+            (read_one(world, "world")?, text(tool_path, "path")?, read(clearance, 3, "clearance")?)
+        };
         let tool = Tool::read(Path::new(path));
         let tool = tool.map_err(|error| Refusal::new(ImfStatus::File, error.to_string()))?;
         let clearance = Clearance { holder: clearance[0], shank: clearance[1], cutter: clearance[2] };
@@ -267,27 +265,12 @@ pub unsafe extern "C" fn imf_checker_classify(
     count: usize,
     decisions: *mut ImfDecision,
 ) -> ImfStatus {
-    /// Poses turned at a time.
-    const BLOCK: usize = 256;
     call(|| {
         // SAFETY: guaranteed by the caller.
-        let (checker, poses, places) = unsafe {
-            (
-                read_one(checker, "checker")?,
-                read(poses, count, "poses")?,
-                output(decisions, count, "decisions")?,
-            )
-        };
-        let mut found = [Decision::Undecided; BLOCK];
-        for (poses, places) in poses.chunks(BLOCK).zip(places.chunks_mut(BLOCK)) {
-            let turned: [Pose; BLOCK] =
-                std::array::from_fn(|index| poses[index.min(poses.len() - 1)].to_pose());
-            let found = &mut found[..poses.len()];
-            let classified = checker.checker.classify(&turned[..poses.len()], found);
-            classified.map_err(|error| Refusal::new(ImfStatus::NoAnswer, error.to_string()))?;
-            places.iter_mut().zip(found).for_each(|(place, decision)| _ = place.write((*decision).into()));
-        }
-        Ok(())
+        let checker = &unsafe { read_one(checker, "checker") }?.checker;
+        let ask = |p: &[Pose], d: &mut [Decision]| checker.classify(p, d);
+        // SAFETY: guaranteed by the caller.
+        unsafe { each(poses, count, decisions, "decisions", Decision::Undecided, ask) }
     })
 }
 
@@ -327,14 +310,10 @@ pub unsafe extern "C" fn imf_checker_motion(
 ) -> ImfStatus {
     call(|| {
         // SAFETY: guaranteed by the caller.
-        let (checker, a, b) =
-            unsafe { (read_one(checker, "checker")?, read_one(a, "a")?, read_one(b, "b")?) };
-        // SAFETY: guaranteed by the caller.
-        let place = unsafe { output(motion, 1, "motion") }?;
+        let checker = &unsafe { read_one(checker, "checker") }?.checker;
         let options = MotionOptions { resolution: (resolution != 0.0).then_some(resolution) };
-        let found = checker.checker.check_motion(&a.to_pose(), &b.to_pose(), &options).map_err(of_query)?;
-        place[0].write(found.into());
-        Ok(())
+        // SAFETY: guaranteed by the caller.
+        unsafe { check_motion(checker, a, b, &options, motion) }
     })
 }
 
@@ -346,19 +325,6 @@ pub unsafe extern "C" fn imf_checker_motion(
 pub unsafe extern "C" fn imf_checker_close(checker: *mut ImfChecker) {
     // SAFETY: guaranteed by the caller.
     unsafe { close(checker) }
-}
-
-/// # Safety
-/// `opened` is NULL, or was made by `Box::into_raw` and is closed once.
-unsafe fn close<T>(opened: *mut T) {
-    if !opened.is_null() {
-        // Memory is given back; there is nothing to tell.
-        let _ = call(|| {
-            // SAFETY: guaranteed by the caller.
-            drop(unsafe { Box::from_raw(opened) });
-            Ok(())
-        });
-    }
 }
 
 impl ImfMesh {

@@ -107,16 +107,8 @@ fn batches_of_any_size_are_answered_as_in_rust() {
             assert_eq!((found.value, found.orientation), (wanted.value, wanted.orientation));
         }
 
-        let mut info = ImfInfo {
-            lower: [0.0; 3],
-            upper: [0.0; 3],
-            pitch: 0.0,
-            unit_in_mm: 0.0,
-            clearance: [0.0; 3],
-            calibrated: true,
-            quantity: ImfQuantity::Depth,
-            bounds: [0.0; 2],
-        };
+        // SAFETY: 0 is a value of each of its fields.
+        let mut info = ImfInfo { calibrated: true, ..unsafe { std::mem::zeroed() } };
         // SAFETY: one place.
         assert_eq!(unsafe { imf_info(field, &mut info) }, ImfStatus::Ok);
         let grid = scene.record.grid;
@@ -166,6 +158,38 @@ fn clearance_is_kept_only_by_the_field_that_says_so() {
 }
 
 #[test]
+fn a_file_in_memory_is_opened_as_that_on_disk() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = scene();
+    let path = harmonic(&scene, folder.path());
+    let bytes = std::fs::read(&path).unwrap();
+    let poses = poses(&scene, 300);
+    let read = open(imf_open_verified, &path);
+    let (mut given, mut none) = (null_mut(), read);
+    // SAFETY: bytes, a text that ends with 0 and a place, or what is refused before it is read; closed once.
+    unsafe {
+        let open = imf_open_verified_from_memory;
+        let status = open(bytes.as_ptr(), bytes.len(), c"in memory".as_ptr(), &mut given);
+        assert_eq!(status, ImfStatus::Ok, "{}", last_error());
+        let answers = [read, given].map(|field| {
+            let mut values = vec![-1.0_f32; poses.len()];
+            let mut decisions = vec![ImfDecision::Undecided; poses.len()];
+            let status = imf_values(field, poses.as_ptr(), poses.len(), values.as_mut_ptr());
+            assert_eq!(status, ImfStatus::Ok);
+            let status = imf_classify(field, poses.as_ptr(), poses.len(), decisions.as_mut_ptr());
+            assert_eq!(status, ImfStatus::Ok);
+            imf_close(field);
+            (values.into_iter().map(f32::to_bits).collect::<Vec<_>>(), decisions)
+        });
+        assert!(answers[0] == answers[1] && answers[0].1.contains(&ImfDecision::Free));
+        let status = open(bytes.as_ptr(), bytes.len() / 2, c"in memory".as_ptr(), &mut none);
+        assert_eq!(status, ImfStatus::File);
+        assert!(none.is_null() && last_error().contains("in memory"), "{}", last_error());
+        assert_eq!(open(null(), 1, c"in memory".as_ptr(), &mut none), ImfStatus::NullPointer);
+    }
+}
+
+#[test]
 fn what_c_must_not_do_is_a_status() {
     let folder = tempfile::tempdir().unwrap();
     let scene = scene();
@@ -188,16 +212,7 @@ fn what_c_must_not_do_is_a_status() {
         assert_eq!(imf_best(field, point.as_ptr(), 1, null(), 0, &mut best), ImfStatus::Argument);
         assert!(last_error().contains("orientations"), "{}", last_error());
         assert_eq!(imf_best(field, point.as_ptr(), usize::MAX, null(), 0, &mut best), ImfStatus::Argument);
-        let mut motion = ImfMotion {
-            kind: ImfMotionKind::Free,
-            proven_until: 0.0,
-            free_until: 0.0,
-            last_valid: NO,
-            until: 0.0,
-            pose: NO,
-            element: 0,
-            obstacle: 0,
-        };
+        let mut motion = std::mem::zeroed::<ImfMotion>();
         assert_eq!(imf_check_motion(field, &pose, &pose, &mut motion), ImfStatus::Ok);
         let model = open(imf_open_model, &path);
         assert_eq!(imf_check_motion(model, &pose, &pose, &mut motion), ImfStatus::Unsupported);
