@@ -3,11 +3,14 @@
 mod growth;
 mod scipy;
 
+use std::f64::consts::PI;
+
 use anyhow::{Result, ensure};
 use glam::DVec3;
 use imf_cli::output::prepare_folder;
 use imf_cli::session::Session;
 use imf_core::grid::Grid;
+use imf_core::mesh::Mesh;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
@@ -20,7 +23,6 @@ use crate::arguments::ExactArguments;
 use crate::candidates::reference_scene;
 use crate::document::Document;
 use crate::measurement::{Machine, ROUNDS, least_seconds};
-use crate::revolved::sphere;
 use growth::Growth;
 
 /// Orientations of the comparison.
@@ -151,6 +153,17 @@ impl Trial {
     }
 }
 
+/// The unit sphere with 40 meridians and 17 bands: 1,280 triangles with shared vertices.
+fn sphere() -> Mesh {
+    let outline: Vec<[f64; 2]> = (0..=17)
+        .map(|band| {
+            let height = -(PI * f64::from(band) / 17.0).cos();
+            [height, (1.0 - height * height).sqrt()]
+        })
+        .collect();
+    Mesh::revolved(&outline, 40).welded()
+}
+
 /// Seconds for the voxels of a sphere of 1,280 triangles on 128³.
 fn voxels_of_a_sphere() -> Result<f64> {
     let mesh = sphere();
@@ -190,5 +203,17 @@ impl Report {
         ));
         self.growth.describe(&mut document);
         document
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_sphere_is_closed_round_and_faces_outwards() {
+        let mesh = sphere();
+        assert_eq!((mesh.triangles.len(), mesh.vertices.len()), (1280, 642));
+        assert!((mesh.signed_volume() / (4.0 / 3.0 * PI) - 1.0).abs() < 0.02);
     }
 }

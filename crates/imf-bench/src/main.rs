@@ -33,7 +33,6 @@ mod prismatic;
 mod query;
 mod rates;
 mod recipe;
-mod revolved;
 mod rivals;
 mod shop;
 mod train;

@@ -9,6 +9,7 @@ mod features;
 pub(crate) mod groups;
 pub mod read;
 mod refine;
+mod revolved;
 pub(crate) mod solid_angle;
 mod stability;
 pub mod topology;

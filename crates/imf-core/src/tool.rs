@@ -18,6 +18,7 @@ mod slender_tip;
 #[cfg(feature = "formats")]
 mod stack;
 mod stick_out;
+mod surface;
 mod tool_voxels;
 mod voxel_count;
 

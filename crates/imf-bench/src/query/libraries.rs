@@ -18,7 +18,6 @@ use serde_json::json;
 
 use super::Row;
 use crate::arguments::query::QueryArguments;
-use crate::revolved::tool_mesh;
 use crate::rivals;
 
 const SCRIPT: &str = include_str!("../../python/query_rivals.py");
@@ -32,6 +31,8 @@ const STRETCH: f64 = 0.8;
 /// Heights of a stretch that are looked at, and steps to the middle of its ball.
 const STEPS: u32 = 16;
 const THIRDS: u32 = 60;
+/// Sides of the tool as a mesh.
+const SIDES: usize = 48;
 
 #[derive(Deserialize)]
 struct Answer {
@@ -98,7 +99,7 @@ pub(super) fn measure(
     let centres: Vec<[f64; 3]> = voxels.map(|index| grid.centre(grid.voxel(index)).to_array()).collect();
     let scene = json!({
         "part": listed(&part),
-        "tool": listed(&tool_mesh(tool)),
+        "tool": listed(&tool.surface(SIDES)),
         "centres": centres,
         "balls": balls(tool),
         "poses": asked,
