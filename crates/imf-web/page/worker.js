@@ -37,7 +37,7 @@ const asks = {
     return { micro, hit: hit && { element: hit.element, depth: hit.depth } };
   },
   section({ theta, phi }) {
-    return { values: scene.section(theta, phi), direction: wasm_bindgen.direction(theta, phi) };
+    return { values: scene.section(theta, phi) };
   },
   sums({ directions }) {
     const begun = performance.now();

@@ -17,8 +17,6 @@ pub struct SurfaceAccess {
     tool: SurfaceTool,
     directions: Vec<Orientation>,
     reach: Vec<Reach>,
-    /// Area that each direction reaches.
-    by_direction: Vec<f64>,
 }
 
 #[wasm_bindgen]
@@ -37,7 +35,7 @@ impl SurfaceAccess {
         let environment = CollisionEnvironment::new(&solid.into(), &[]);
         let tolerance = default_tolerance(record.grid.pitch, record.unit);
         let tool = SurfaceTool::new(&environment, &record.assembly()?, tolerance)?;
-        Ok(Self { samples, tool, by_direction: vec![0.0; directions.len()], directions, reach: Vec::new() })
+        Ok(Self { samples, tool, directions, reach: Vec::new() })
     }
 
     /// Decides the next `count` triangles; gives back how many are left.
@@ -49,7 +47,6 @@ impl SurfaceAccess {
         let start = self.reach.len();
         let piece = &all[start..all.len().min(start + count)];
         let found = surface_access(&self.tool, piece, &self.directions, Control::quiet())?;
-        self.by_direction.iter_mut().zip(found.area_by_direction(piece)).for_each(|(sum, area)| *sum += area);
         self.reach.extend(found.reach);
         Ok(all.len() - self.reach.len())
     }
@@ -72,16 +69,6 @@ impl SurfaceAccess {
     #[must_use]
     pub fn verdicts(&self) -> Vec<u8> {
         self.reach.iter().map(|reach| reach.verdict() as u8).collect()
-    }
-
-    /// By triangle: the number of directions that reach it; NaN where none does.
-    #[must_use]
-    pub fn direction_counts(&self) -> Vec<f32> {
-        let count = |reach: &Reach| match reach {
-            Reach::Reached { directions } => *directions as f32,
-            _ => f32::NAN,
-        };
-        self.reach.iter().map(count).collect()
     }
 
     /// Areas by verdict, in the order of [`SurfaceAccess::verdicts`].
@@ -111,14 +98,5 @@ impl SurfaceAccess {
         }
         areas.sort_by(|one, other| other.1.total_cmp(&one.1));
         areas.into_iter().map(|(name, area)| format!("{name}\t{area}")).collect()
-    }
-
-    /// The `most` directions that reach the largest areas, three numbers each.
-    #[must_use]
-    pub fn best_directions(&self, most: usize) -> Vec<f64> {
-        let mut order: Vec<usize> =
-            (0..self.directions.len()).filter(|&at| self.by_direction[at] > 0.0).collect();
-        order.sort_by(|&one, &other| self.by_direction[other].total_cmp(&self.by_direction[one]));
-        order.iter().take(most).flat_map(|&at| self.directions[at].direction().to_array()).collect()
     }
 }

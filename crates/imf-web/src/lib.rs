@@ -13,7 +13,6 @@ mod field;
 mod network;
 mod part;
 mod scene;
-mod tool_surface;
 
 pub use access::SurfaceAccess;
 pub use field::{Comparison, Directions, FieldFile};
@@ -21,7 +20,6 @@ pub use network::FieldNetwork;
 pub use part::Part;
 pub use scene::{Contact, PartScene};
 
-use imf_core::orientation::Orientation;
 use wasm_bindgen::prelude::wasm_bindgen;
 
 #[cfg(target_arch = "wasm32")]
@@ -47,11 +45,4 @@ mod console {
 pub fn ramp(steps: usize) -> Vec<u8> {
     let colour = |step: usize| colorous::VIRIDIS.eval_rational(step, steps.max(2));
     (0..steps).map(colour).flat_map(|colour| [colour.r, colour.g, colour.b]).collect()
-}
-
-/// The unit vector of the angles (θ, φ).
-#[wasm_bindgen]
-#[must_use]
-pub fn direction(theta: f64, phi: f64) -> Vec<f64> {
-    Orientation::new(theta, phi).direction().to_array().to_vec()
 }

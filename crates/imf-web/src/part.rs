@@ -38,32 +38,15 @@ impl Part {
         Ok(Self { name: name.to_owned(), mesh: part.mesh(), unit: LengthUnit::Mm, reference: Some(part) })
     }
 
-    /// Its name.
-    #[wasm_bindgen(getter)]
-    #[must_use]
-    pub fn name(&self) -> String {
-        self.name.clone()
-    }
-
-    /// The unit of its lengths.
-    #[wasm_bindgen(getter)]
-    #[must_use]
-    pub fn unit(&self) -> String {
-        self.unit.to_string()
-    }
-
-    /// Lowest and highest corner.
-    #[wasm_bindgen(getter)]
-    #[must_use]
-    pub fn bounds(&self) -> Vec<f64> {
-        let (low, high) = self.mesh.bounds().unwrap_or_default();
-        [low.to_array(), high.to_array()].concat()
-    }
-
     /// Three corners of each triangle.
     #[must_use]
     pub fn corners(&self) -> Vec<f32> {
-        let corners = (0..self.mesh.triangles.len()).flat_map(|triangle| self.mesh.corners(triangle));
-        corners.flat_map(|corner| corner.as_vec3().to_array()).collect()
+        corners(&self.mesh)
     }
+}
+
+/// Three corners of each triangle.
+pub(crate) fn corners(mesh: &Mesh) -> Vec<f32> {
+    let corners = (0..mesh.triangles.len()).flat_map(|triangle| mesh.corners(triangle));
+    corners.flat_map(|corner| corner.as_vec3().to_array()).collect()
 }

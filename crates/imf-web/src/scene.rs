@@ -15,8 +15,10 @@ use imf_core::world::Checker;
 use wasm_bindgen::JsError;
 use wasm_bindgen::prelude::wasm_bindgen;
 
-use crate::part::Part;
-use crate::tool_surface::tool_surface;
+use crate::part::{Part, corners};
+
+/// Sides of a tool of revolution in the picture.
+const SIDES: usize = 48;
 
 /// A part, voxelised, and a tool around it.
 #[wasm_bindgen]
@@ -33,8 +35,6 @@ pub struct PartScene {
 #[wasm_bindgen]
 pub struct Contact {
     element: String,
-    /// Its place in the order from the tip upwards: 0 the cutter, 1 the shank, from 2 the holder's segments.
-    pub rank: u32,
     /// How deep the deepest solid voxel's centre lies below the element's surface.
     pub depth: f64,
     /// That centre.
@@ -94,13 +94,6 @@ impl PartScene {
         self.warnings.clone()
     }
 
-    /// The tool's name.
-    #[wasm_bindgen(getter)]
-    #[must_use]
-    pub fn tool(&self) -> String {
-        self.scene.record.tool.name.clone()
-    }
-
     /// The unit of all lengths.
     #[wasm_bindgen(getter)]
     #[must_use]
@@ -129,12 +122,6 @@ impl PartScene {
         self.scene.record.grid.origin.to_array().to_vec()
     }
 
-    /// 1 at each solid voxel, `[x, y, z]` with z side by side.
-    #[must_use]
-    pub fn solid(&self) -> Vec<u8> {
-        self.scene.obstacle.solid.clone()
-    }
-
     /// What the tool, its tip at a point and its axis along (i, j, k), hits; nothing where it is free.
     ///
     /// # Errors
@@ -157,7 +144,6 @@ impl PartScene {
         let at = contact.point.unwrap_or(pose.position);
         Ok(Some(Contact {
             element: contact.element.map_or_else(|| "tool".to_owned(), |element| element.to_string()),
-            rank: contact.element.map_or(0, |element| element.rank() as u32),
             depth: contact.depth,
             x: at.x,
             y: at.y,
@@ -168,13 +154,7 @@ impl PartScene {
     /// The tool's surface with its tip at the origin and its axis along z: three corners of each triangle.
     #[must_use]
     pub fn tool_corners(&self) -> Vec<f32> {
-        tool_surface(self.scene.record.bare_tool()).0
-    }
-
-    /// By triangle of the tool's surface, the rank of its element, as [`Contact::rank`].
-    #[must_use]
-    pub fn tool_ranks(&self) -> Vec<u32> {
-        tool_surface(self.scene.record.bare_tool()).1
+        corners(&self.scene.record.bare_tool().surface(SIDES))
     }
 
     /// The collision measure at every voxel for the direction (θ, φ), in [0, 1]: `[x, y, z]` with z side by side.
