@@ -1,20 +1,18 @@
-//! Is there a Chromium for the tests of the page in 3D?
+//! Is there a Chromium for the tests of the page?
 
 use std::env;
 use std::path::PathBuf;
 
-use anyhow::{Result, bail};
+use anyhow::Result;
 
-use crate::debian;
+use crate::debian::Need;
 
-const OPT_OUT: &str = "IMF_NO_BROWSER_TESTS";
 const NAMES: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "chrome"];
-const DEBIAN_INSTALL: &str = "apt-get install -y --no-install-recommends chromium";
-
-/// True where tests in a browser are not wanted.
-pub(crate) fn is_left_out() -> bool {
-    env::var(OPT_OUT).is_ok_and(|value| value == "1")
-}
+pub(crate) const CHROMIUM: Need = Need {
+    sentence: "tests in a browser need Chromium on the PATH",
+    packages: &["chromium"],
+    opt_out: "IMF_NO_BROWSER_TESTS",
+};
 
 /// A Chromium on the path.
 pub(crate) fn find() -> Option<PathBuf> {
@@ -24,26 +22,10 @@ pub(crate) fn find() -> Option<PathBuf> {
         .find(|place| place.is_file())
 }
 
-/// Looks for a Chromium, installs it as root on Debian, else says what to type.
+/// Sees to it that there is a Chromium.
 ///
 /// # Errors
 /// None, and none that could be installed.
 pub(crate) fn ensure_browser() -> Result<()> {
-    if is_left_out() {
-        println!("{OPT_OUT} is set: tests that need a browser are reported as ignored");
-        return Ok(());
-    }
-    if let Some(found) = find() {
-        println!("Chromium: {}", found.display());
-        return Ok(());
-    }
-    if debian::can_install() {
-        return debian::install(
-            DEBIAN_INSTALL,
-            &format!("with {OPT_OUT}=1 tests that need a browser are left out"),
-        );
-    }
-    bail!(
-        "the test of the page in 3D needs Chromium on the PATH (Debian: sudo {DEBIAN_INSTALL}); with {OPT_OUT}=1 it is left out"
-    )
+    if CHROMIUM.is_left_out() { Ok(()) } else { CHROMIUM.provide(|| find().is_some()) }
 }

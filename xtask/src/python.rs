@@ -12,15 +12,19 @@ use std::process::Command;
 use anyhow::{Context, Result, bail, ensure};
 
 use crate::checks::{cargo, run_shown};
-use crate::debian;
+use crate::debian::Need;
 use crate::{root, target};
 
-const OPT_OUT: &str = "IMF_NO_PYTHON_TESTS";
 /// Names another interpreter.
 const INTERPRETER: &str = "IMF_PYTHON";
-const DEBIAN_INSTALL: &str = "apt-get install -y --no-install-recommends python3 python3-venv";
 /// Fails where the interpreter is too old, or cannot make environments.
 const PROBE: &str = "import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 10))";
+
+const PYTHON: Need = Need {
+    sentence: "tests of the Python package need Python 3.10 or later with venv on the PATH, or IMF_PYTHON to name one",
+    packages: &["python3", "python3-venv"],
+    opt_out: "IMF_NO_PYTHON_TESTS",
+};
 
 fn package() -> PathBuf {
     root().join("crates/imf-python")
@@ -31,8 +35,7 @@ fn package() -> PathBuf {
 /// # Errors
 /// No Python that serves and none that could be installed; a build or a test that fails.
 pub(crate) fn test() -> Result<()> {
-    if env::var(OPT_OUT).is_ok_and(|value| value == "1") {
-        println!("{OPT_OUT} is set: the tests of the Python package are left out");
+    if PYTHON.is_left_out() {
         return Ok(());
     }
     let environment = Environment::new("python", &interpreter()?)?;
@@ -84,23 +87,11 @@ fn library() -> &'static str {
     }
 }
 
-/// A Python that serves: looks, installs Debian's as root, else says what to type.
+/// A Python that serves.
 fn interpreter() -> Result<String> {
     let python = env::var(INTERPRETER).unwrap_or_else(|_| "python3".to_owned());
     let serves = || Command::new(&python).args(["-c", PROBE]).status().is_ok_and(|status| status.success());
-    if !serves() {
-        if !debian::can_install() {
-            bail!(
-                "the tests of the Python package need Python 3.10 or later with venv on the PATH (Debian: sudo {DEBIAN_INSTALL}), or \
-                 {INTERPRETER} to name one; with {OPT_OUT}=1 they are left out"
-            );
-        }
-        debian::install(
-            DEBIAN_INSTALL,
-            &format!("with {OPT_OUT}=1 the tests of the Python package are left out"),
-        )?;
-        ensure!(serves(), "{python} is still not Python 3.10 or later with venv");
-    }
+    PYTHON.provide(serves)?;
     Ok(python)
 }
 
