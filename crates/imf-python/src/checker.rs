@@ -2,18 +2,17 @@
 
 use std::sync::Arc;
 
-use imf_core::control::Cancelled;
 use imf_core::field::{Decision, ExactField, PoseField as _};
 use imf_core::glam::DVec3;
 use imf_core::pose::Pose;
 use imf_core::tool::{ClearanceError, ElementKind, ToolShape};
-use imf_core::world::{self, MotionOptions, MotionResult, QueryError};
+use imf_core::world::{self, MotionOptions, MotionResult};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
 use rayon::prelude::*;
 
 use crate::arrays::rows_of;
-use crate::errors::{Raise, value_error};
+use crate::errors::{Failure, value_error};
 use crate::field::code;
 use crate::memory;
 use crate::poses::PoseRows;
@@ -184,11 +183,12 @@ impl Checker {
         let options = MotionOptions::default();
         let found = run(py, (&progress, "motions", from.len() as u64), |control| {
             let each = (0..from.len()).into_par_iter().map(|row| {
-                control.check().map_err(MotionsError::from)?;
+                control.check()?;
                 let result = checker.check_motion(&from.pose(row), &to.pose(row), &options);
-                let result = result.map_err(|error| MotionsError::Motion(row, error))?;
+                let result =
+                    result.map_err(|error| Failure(value_error(format!("motion {row}: {error}"))))?;
                 (control.progress)(1);
-                Ok::<_, MotionsError>(result)
+                Ok::<_, Failure>(result)
             });
             each.collect::<Result<Vec<MotionResult>, _>>()
         })?;
@@ -203,23 +203,5 @@ impl Checker {
         });
         let (codes, (free_until, at)): (Vec<u8>, (Vec<f64>, Vec<f64>)) = numbers.unzip();
         Ok((PyArray1::from_vec(py, codes), PyArray1::from_vec(py, free_until), PyArray1::from_vec(py, at)))
-    }
-}
-
-/// Why motions are not validated.
-#[derive(Debug, thiserror::Error)]
-enum MotionsError {
-    #[error("motion {0}: {1}")]
-    Motion(usize, QueryError),
-    #[error(transparent)]
-    Cancelled(#[from] Cancelled),
-}
-
-impl Raise for MotionsError {
-    fn raise(self) -> PyErr {
-        match self {
-            Self::Cancelled(error) => error.raise(),
-            other => value_error(other.to_string()),
-        }
     }
 }

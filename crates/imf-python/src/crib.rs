@@ -11,10 +11,9 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays::{mesh_arrays, rows_of};
-use crate::errors::{Raise, value_error};
+use crate::errors::{Failure, Raise, value_error};
 use crate::scene::Scene;
 use crate::sections::DirectionsInput;
-use crate::surface::QuestionError;
 use crate::tool::Tool;
 use crate::work::{Progress, run};
 
@@ -45,7 +44,7 @@ pub(crate) fn crib<'py>(
         let found = own.with_spec(Control::quiet(), |spec| spec.check_tool(tool, &record.grid));
         warnings.extend(found.map_err(Raise::raise)?);
         if !record.conservative {
-            let assembly = tool.offset(&clearance).map_err(|error| value_error(error.to_string()))?;
+            let assembly = tool.offset(&clearance).map_err(Raise::raise)?;
             warnings.extend(SceneWarning::of_step(&assembly, record.grid.pitch));
         }
     }
@@ -53,14 +52,14 @@ pub(crate) fn crib<'py>(
         let bodies = own.bodies(control)?;
         let environment = own.with_spec(control, |spec| CollisionEnvironment::of_bodies(spec, &bodies))?;
         let samples = SurfaceSamples::new(&mesh, environment.part(), samples);
-        Ok::<_, QuestionError>((environment, samples))
+        Ok::<_, Failure>((environment, samples))
     })?;
     let verdicts = run(py, (&progress, "crib", samples.samples.len() as u64), |control| {
         let tool = |tool: &imf_core::tool::Tool| {
-            Ok::<_, QuestionError>(SurfaceTool::new(&environment, &tool.offset(&clearance)?, tolerance)?)
+            Ok::<_, Failure>(SurfaceTool::new(&environment, &tool.offset(&clearance)?, tolerance)?)
         };
         let tools = tools.iter().map(tool).collect::<Result<Vec<_>, _>>()?;
-        Ok::<_, QuestionError>(crib_access(&tools, &samples.samples, &set.orientations, control)?)
+        Ok::<_, Failure>(crib_access(&tools, &samples.samples, &set.orientations, control)?)
     })?;
     let (vertices, faces) = mesh_arrays(py, &samples.mesh)?;
     let found = PyDict::new(py);

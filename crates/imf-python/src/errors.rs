@@ -3,6 +3,7 @@
 
 use imf_core::access::RemovableError;
 use imf_core::check::CheckError;
+use imf_core::control::Cancelled;
 use imf_core::field::FieldError;
 use imf_core::file_error::{FaultKind, FileError};
 use imf_core::orientation::OrientationSetError;
@@ -38,6 +39,21 @@ pub(crate) trait Raise {
     fn raise(self) -> PyErr;
 }
 
+/// What work reports that can fail in several ways.
+pub(crate) struct Failure(pub(crate) PyErr);
+
+impl<E: Raise> From<E> for Failure {
+    fn from(error: E) -> Self {
+        Self(error.raise())
+    }
+}
+
+impl From<Failure> for PyErr {
+    fn from(failure: Failure) -> Self {
+        failure.0
+    }
+}
+
 /// The words of an error and of its causes.
 fn words(error: &dyn std::error::Error) -> String {
     let mut text = error.to_string();
@@ -66,8 +82,10 @@ macro_rules! raise_as {
     };
 }
 
-raise_as!(PyValueError: CheckError, ClearanceError, QueryError, OrientationSetError, RecipeError, RemovableError, ShapeError,
-    SurfaceError, ToolError, TooManySetups, UnknownPart, UnknownUnit, CalibrationError);
+raise_as!(PyValueError: CheckError, ClearanceError, HarmonicError, QueryError, OrientationSetError, RecipeError, RemovableError,
+    SectionError, ShapeError, SurfaceError, ToolError, TooManySetups, UnknownPart, UnknownUnit, CalibrationError);
+// `Cancelled`: of work that stopped though nobody asked it to.
+raise_as!(ImfError: Cancelled, DatasetError);
 
 impl Raise for FileError {
     fn raise(self) -> PyErr {
@@ -89,24 +107,12 @@ impl Raise for SceneError {
     }
 }
 
-impl Raise for SectionError {
-    fn raise(self) -> PyErr {
-        value_error(words(&self))
-    }
-}
-
 impl Raise for FieldError {
     fn raise(self) -> PyErr {
         match self {
             Self::Engine(error) => ImfError::new_err(words(&error)),
             other => value_error(words(&other)),
         }
-    }
-}
-
-impl Raise for HarmonicError {
-    fn raise(self) -> PyErr {
-        value_error(words(&self))
     }
 }
 
@@ -136,12 +142,6 @@ impl Raise for LoadError {
             Self::File(error) => error.raise(),
             other => value_error(words(&other)),
         }
-    }
-}
-
-impl Raise for DatasetError {
-    fn raise(self) -> PyErr {
-        ImfError::new_err(words(&self))
     }
 }
 

@@ -3,7 +3,6 @@
 use glam::DMat3;
 use imf_core::mesh::MachiningDirection;
 use imf_core::orientation::{Limits, Orientation, OrientationSet};
-use imf_core::scene::SceneError;
 use imf_core::set_cover::CoverSettings;
 use imf_core::surface::{
     ChosenSetup, CollisionEnvironment, PartSetup, Reach, SetupPlan, SetupTool, StickOut, StickOutTool,
@@ -11,39 +10,18 @@ use imf_core::surface::{
     fewest_setups, least_stick_outs, reached_in_setups, surface_access, surface_memory_estimate, ways_up,
     with_ways_up,
 };
-use imf_core::tool::{Assembly, ClearanceError};
+use imf_core::tool::Assembly;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rayon::prelude::*;
 
 use crate::arrays::{mesh_arrays, orientation_arrays, rows_of};
-use crate::errors::{Raise, value_error};
+use crate::errors::{Failure, Raise, value_error};
 use crate::memory;
 use crate::scene::Scene;
 use crate::sections::DirectionsInput;
 use crate::work::{Progress, run};
-
-/// Why a question about a surface fails.
-#[derive(Debug, thiserror::Error)]
-pub(crate) enum QuestionError {
-    #[error(transparent)]
-    Scene(#[from] SceneError),
-    #[error(transparent)]
-    Surface(#[from] SurfaceError),
-    #[error(transparent)]
-    Clearance(#[from] ClearanceError),
-}
-
-impl Raise for QuestionError {
-    fn raise(self) -> PyErr {
-        match self {
-            Self::Scene(error) => error.raise(),
-            Self::Surface(error) => error.raise(),
-            Self::Clearance(error) => error.raise(),
-        }
-    }
-}
 
 /// A surface, cut into samples, and what the tool reaches of it.
 #[pyclass(frozen, module = "imf._imf")]
@@ -98,13 +76,13 @@ pub(crate) fn access<'py>(
         let bodies = own.bodies(control)?;
         let environment = own.with_spec(control, |spec| CollisionEnvironment::of_bodies(spec, &bodies))?;
         let samples = SurfaceSamples::new(&mesh, environment.part(), samples);
-        Ok::<_, QuestionError>((environment, record.assembly()?, samples))
+        Ok::<_, Failure>((environment, record.assembly()?, samples))
     })?;
     let count = samples.samples.len() as u64;
     let (tool, access) = run(py, (&progress, "surface", count), |control| {
         let tool = SurfaceTool::new(&environment, &assembly, tolerance)?;
         let access = surface_access(&tool, &samples.samples, &set.orientations, control)?;
-        Ok::<_, QuestionError>((tool, access))
+        Ok::<_, Failure>((tool, access))
     })?;
     let coarse = run(py, (&progress, "surface at twice the pitch", count), |control| {
         let environment = own.with_spec(control, |spec| {
@@ -114,7 +92,7 @@ pub(crate) fn access<'py>(
         let access = surface_access(&tool, &samples.samples, &set.orientations, control)?;
         let reached = access.reach.iter().zip(&samples.samples);
         let reached = reached.filter(|(reach, _)| matches!(reach, Reach::Reached { .. }));
-        Ok::<_, QuestionError>(reached.map(|(_, sample)| sample.area).sum::<f64>() / samples.area())
+        Ok::<_, Failure>(reached.map(|(_, sample)| sample.area).sum::<f64>() / samples.area())
     })?;
     let scene = scene.clone().unbind();
     Ok(Surface { scene, set, suggested, environment, assembly, tolerance, samples, tool, access, coarse })
@@ -239,7 +217,7 @@ impl Surface {
         let (tool, found) = run(py, (&progress, "stick-out", self.set.len() as u64), |control| {
             let tool = StickOutTool::new(&self.environment, &self.assembly, self.tolerance)?;
             let found = least_stick_outs(&tool, &self.samples.samples, &self.set.orientations, control)?;
-            Ok::<_, QuestionError>((tool, found))
+            Ok::<_, Failure>((tool, found))
         })?;
         let direction = |found: &StickOut| match found {
             StickOut::Reached { direction, .. } => i64::from(*direction),

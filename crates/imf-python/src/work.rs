@@ -12,7 +12,7 @@ use imf_core::control::Control;
 use pyo3::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-use crate::errors::{ImfError, Raise, value_error};
+use crate::errors::{Failure, value_error};
 
 /// The pool of a stated number of threads; all cores where there is none.
 static POOL: RwLock<Option<Arc<ThreadPool>>> = RwLock::new(None);
@@ -50,7 +50,7 @@ pub(crate) fn threads() -> usize {
 ///
 /// # Errors
 /// What the work reports, `KeyboardInterrupt`, and what the callback raises.
-pub(crate) fn run<T: Send, E: Raise + Send>(
+pub(crate) fn run<T: Send, E: Into<Failure> + Send>(
     py: Python<'_>,
     (progress, stage, total): (&Progress<'_>, &str, u64),
     work: impl FnOnce(Control<'_>) -> Result<T, E> + Send,
@@ -105,19 +105,15 @@ pub(crate) fn run<T: Send, E: Raise + Send>(
     match (result, raised) {
         (Err(panic), _) => std::panic::resume_unwind(panic),
         (_, Some(error)) => Err(error),
-        (Ok(Err(error)), None) => Err(error.raise()),
+        (Ok(Err(error)), None) => {
+            let failure: Failure = error.into();
+            Err(failure.into())
+        }
         (Ok(Ok(value)), None) => {
             if let Some(callback) = callback.as_ref().filter(|_| said != total) {
                 callback.call1(py, (stage, total, total))?;
             }
             Ok(value)
         }
-    }
-}
-
-/// An error of work that stopped though nobody asked it to.
-impl Raise for imf_core::control::Cancelled {
-    fn raise(self) -> PyErr {
-        ImfError::new_err(self.to_string())
     }
 }
