@@ -6,40 +6,23 @@ use imf_core::mesh::Mesh;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::section::{SectionPlan, SectionScratch, ToolPoints};
-use imf_core::tool::{Element, ElementKind, Segment, SharpPoints, Tool, ToolShape};
-use imf_core::unit::LengthUnit;
+use imf_core::tool::{ElementKind, Segment, SharpPoints, Tool, ToolShape};
 use imf_core::voxelize::voxelize;
-
-/// Numbers that are the same on every run.
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 ^ (self.0 >> 31)).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 20
-    }
-
-    fn below(&mut self, n: usize) -> usize {
-        (self.next() % n as u64) as usize
-    }
-
-    fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * (self.next() % (1 << 40)) as f64 / (1u64 << 40) as f64
-    }
-}
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 
 /// Random blobs: some boxes and scattered voxels.
-fn obstacle(random: &mut Random, dims: [usize; 3], pitch: f64) -> Occupancy {
-    let origin = DVec3::new(random.between(-5.0, 5.0), random.between(-5.0, 5.0), random.between(-5.0, 5.0));
+fn obstacle(random: &mut ChaCha8Rng, dims: [usize; 3], pitch: f64) -> Occupancy {
+    let origin = DVec3::from_array([(); 3].map(|()| random.random_range(-5.0..5.0)));
     let mut occupancy = Occupancy::empty(Grid { origin, pitch, dims });
     for _ in 0..3 {
-        let low = dims.map(|d| random.below(d));
-        let high = [0, 1, 2].map(|a| (low[a] + 1 + random.below(dims[a])).min(dims[a]));
+        let low = dims.map(|d| random.random_range(0..d));
+        let high = [0, 1, 2].map(|a| (low[a] + 1 + random.random_range(0..dims[a])).min(dims[a]));
         for x in low[0]..high[0] {
             for y in low[1]..high[1] {
                 for z in low[2]..high[2] {
                     let index = occupancy.grid.index([x, y, z]);
-                    occupancy.solid[index] = u8::from(random.below(4) > 0);
+                    occupancy.solid[index] = u8::from(random.random_range(0..4) > 0);
                 }
             }
         }
@@ -48,23 +31,16 @@ fn obstacle(random: &mut Random, dims: [usize; 3], pitch: f64) -> Occupancy {
 }
 
 /// A cutter, a conical shank and a holder of random sizes, tip as the only sharp point.
-fn tool(random: &mut Random) -> Tool {
-    let (r, l) = (random.between(0.6, 1.6), random.between(2.0, 5.0));
-    let wide = random.between(1.5, 3.0);
-    let line = |from, to, a, b| Segment::Line { from, to, radius_from: a, radius_to: b };
-    let element = |kind, segment| Element { kind, profile: vec![segment] };
-    Tool {
-        name: "random".into(),
-        unit: LengthUnit::Mm,
-        shape: ToolShape::Revolved(vec![
-            element(ElementKind::Cutter, line(0.0, l, r, r)),
-            element(ElementKind::Shank, line(l, l + 1.5, r, wide)),
-            element(ElementKind::Holder(0), line(l + 1.5, l + 4.0, wide, wide)),
-        ]),
-        sharp_points: SharpPoints::Tip,
-        overall_length: None,
-        back_cutting: false,
-    }
+fn tool(random: &mut ChaCha8Rng) -> Tool {
+    let (r, l) = (random.random_range(0.6..1.6), random.random_range(2.0..5.0));
+    let wide = random.random_range(1.5..3.0);
+    let cone = Segment::Line { from: l, to: l + 1.5, radius_from: r, radius_to: wide };
+    let elements = [
+        (ElementKind::Cutter, vec![Segment::cylinder(0.0, l, r)]),
+        (ElementKind::Shank, vec![cone]),
+        (ElementKind::Holder(0), vec![Segment::cylinder(l + 1.5, l + 4.0, wide)]),
+    ];
+    Tool::revolved("random", elements)
 }
 
 fn axes(spec: &str) -> Vec<Orientation> {
@@ -78,23 +54,12 @@ fn cmf(obstacle: &Occupancy, query: &Grid, tool: &Tool, orientation: &Orientatio
     values
 }
 
-/// The box between two corners, triangles outwards.
-fn box_mesh(lower: DVec3, upper: DVec3) -> Mesh {
-    let pick = |i: usize, bit: usize| if i >> bit & 1 == 0 { lower[bit] } else { upper[bit] };
-    let sides: [[u32; 4]; 6] =
-        [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-    Mesh {
-        vertices: (0..8).map(|i| DVec3::new(pick(i, 0), pick(i, 1), pick(i, 2))).collect(),
-        triangles: sides.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect(),
-    }
-}
-
 /// Three-dimensional and one voxel thick.
 const SHAPES: [[usize; 3]; 3] = [[12, 9, 14], [1, 13, 11], [10, 12, 1]];
 
 #[test]
 fn moving_the_obstacle_moves_the_field() {
-    let mut random = Random(1);
+    let mut random = ChaCha8Rng::seed_from_u64(1);
     for dims in SHAPES {
         let (solid, tool) = (obstacle(&mut random, dims, 1.0), tool(&mut random));
         let query = solid.grid.padded([2; 3], [3; 3]).unwrap();
@@ -116,7 +81,7 @@ fn moving_the_obstacle_moves_the_field() {
 
 #[test]
 fn a_tool_of_revolution_is_the_same_at_every_roll() {
-    let mut random = Random(2);
+    let mut random = ChaCha8Rng::seed_from_u64(2);
     for dims in SHAPES {
         let (solid, mut tool) = (obstacle(&mut random, dims, 0.8), tool(&mut random));
         // Rings of sharp points are whole only in the limit, so the axis' own points.
@@ -132,13 +97,13 @@ fn a_tool_of_revolution_is_the_same_at_every_roll() {
 
 #[test]
 fn more_obstacle_never_lowers_the_field() {
-    let mut random = Random(3);
+    let mut random = ChaCha8Rng::seed_from_u64(3);
     for dims in SHAPES {
         let (less, mut tool) = (obstacle(&mut random, dims, 1.0), tool(&mut random));
         tool.sharp_points = SharpPoints::Points(vec![DVec3::ZERO, DVec3::new(0.7, 0.2, 0.4)]);
         let mut more = less.clone();
         for _ in 0..40 {
-            let index = random.below(more.grid.len());
+            let index = random.random_range(0..more.grid.len());
             more.solid[index] = 1;
         }
         assert!(more.count() > less.count());
@@ -152,7 +117,7 @@ fn more_obstacle_never_lowers_the_field() {
 
 #[test]
 fn a_buried_tool_overlaps_wholly_and_a_distant_one_not_at_all() {
-    let mut random = Random(4);
+    let mut random = ChaCha8Rng::seed_from_u64(4);
     let grid = Grid { origin: DVec3::new(-3.0, 1.0, 0.0), pitch: 0.5, dims: [60; 3] };
     let full = Occupancy { grid, solid: vec![1; grid.len()] };
     for _ in 0..3 {
@@ -188,11 +153,11 @@ fn a_box_tool_and_a_box_part_overlap_in_a_box() {
     let grid = Grid { origin: DVec3::new(2.0, -1.0, 0.5), pitch, dims: [20; 3] };
     for (low, high, first, end) in cases {
         let world = |v: [i64; 3]| grid.origin + DVec3::from_array(v.map(|c| c as f64)) * pitch;
-        let part = voxelize(&box_mesh(world(low), world(high)), &grid, false);
+        let part = voxelize(&Mesh::cuboid(world(low), world(high)), &grid, false);
         // Faces half a voxel off the centres: offsets first … end − 1 lie inside.
         let corner = |v: [i64; 3]| (DVec3::from_array(v.map(|c| c as f64)) - 0.5) * pitch;
-        let mesh = box_mesh(corner(first), corner(end));
-        let tool = Tool { shape: ToolShape::Mesh(mesh), ..tool(&mut Random(0)) };
+        let mesh = Mesh::cuboid(corner(first), corner(end));
+        let tool = Tool { shape: ToolShape::Mesh(mesh), ..tool(&mut ChaCha8Rng::seed_from_u64(0)) };
         // Quarter turns carry the box's corners along.
         for orientation in axes("0,0;90,90;0,90;0,180;270,90") {
             let turn = DMat4::from_mat3(orientation.rotation());

@@ -11,7 +11,6 @@ mod query;
 mod recipe;
 mod refusals;
 mod shop;
-mod stick_out;
 
 /// The binary that is run.
 const PROGRAM: &str = env!("CARGO_BIN_EXE_imf-bench");

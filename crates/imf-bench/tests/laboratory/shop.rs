@@ -1,4 +1,5 @@
-//! What a shop asks, by the real binary at a small size: every plan is proven, and less asks for no more set-ups.
+//! What a shop asks, by the real binary at a small size: every plan is proven, and less asks for no more set-ups; least stick-outs against
+//! exact counts, a crib against its tools one by one, and a machine's poses.
 
 use crate::binary::Workdir;
 
@@ -23,4 +24,21 @@ fn the_fewest_set_ups_are_proven_for_reference_parts_and_random_ones() {
     // A block with features on several sides.
     assert!(rows[8]["part"] == "prismatic 0" && rows[8]["setups"].as_u64().unwrap() > 1, "{report}");
     assert!(work.text("out/shop.md").contains("| prismatic 1 |"));
+}
+
+#[test]
+fn answers_are_exact_and_a_crib_is_its_tools() {
+    let work = Workdir::new();
+    let small = "--surface-points 300 --directions 20 --checks 400 --tools 60 --alone 3 --lines 200";
+    let report =
+        work.imf(&format!("shop --only stick-out,crib,machine {small} --out out --json")).done().json();
+    let checks = &report["stick_out"]["checks"];
+    assert_eq!(checks["answers"], 400, "{checks}");
+    assert!(checks["longer"].as_u64().unwrap() > 50, "{checks}");
+    assert_eq!([&checks["optimistic"], &checks["pessimistic"]], [0, 0], "{checks}");
+    let crib = &report["crib"];
+    assert_eq!([&crib["tools"], &crib["cutters"], &crib["different"]], [60, 60, 0], "{crib}");
+    let machine = &report["machine_poses"];
+    assert!(machine["poses"].as_u64().unwrap() > 1_000, "{machine}");
+    assert_eq!(report.get("setups"), None);
 }
