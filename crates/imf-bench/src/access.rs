@@ -3,19 +3,21 @@
 //! The rival is what one would write oneself: at every contact pose of the ball every solid voxel's centre is put to the
 //! tool's solid of revolution. It has the ball's closed form for the pose, and stops at the first centre found.
 
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::{Result, ensure};
+use clap::Args;
 use glam::DVec3;
 use imf_cli::output::prepare_folder;
 use imf_cli::session::Session;
 use imf_core::control::Control;
 use imf_core::orientation::{Orientation, OrientationSet};
+use imf_core::parts::ReferencePart;
 use imf_core::surface::{
     CollisionEnvironment, SurfaceAccess, SurfaceSample, SurfaceSamples, SurfaceTool, default_tolerance,
     surface_access,
 };
-use imf_core::tool::{Element, ElementKind, Segment, SharpPoints, Tool, ToolShape};
 use imf_core::unit::LengthUnit;
 use rand::seq::SliceRandom;
 use rand::{Rng, SeedableRng};
@@ -23,17 +25,40 @@ use rand_chacha::ChaCha8Rng;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use serde::Serialize;
 
-use crate::arguments::access::AccessArguments;
 use crate::candidates::reference_scene;
 use crate::document::Document;
 use crate::measurement::{Machine, ROUNDS, least_seconds, seconds};
+use crate::shop::{End, mill};
 
-/// Of the ball.
+/// Surface access: points and directions a second on one core and on two, beside the direct test
+#[derive(Args)]
+#[command(after_help = "Example:\n  imf-bench access --part bracket\n\n\
+                        A 6 mm ball end mill with shank and holder at contact poses on a reference part at its full resolution. \
+                        The direct test asks every solid voxel's centre at every pose; it gets some of them. \
+                        Writes access.json and access.md. Some seconds.")]
+pub(crate) struct AccessArguments {
+    /// Reference part at its full resolution
+    #[arg(long, default_value = "teapot", value_name = "PART")]
+    part: ReferencePart,
+    /// Folder to write to
+    #[arg(long, default_value = "imf-bench", value_name = "DIR")]
+    out: PathBuf,
+    /// Points on the surface
+    #[arg(long, default_value_t = 7_302, value_name = "N", value_parser = clap::value_parser!(u32).range(1..1_000_000))]
+    points: u32,
+}
+
+/// Directions from each point.
+const DIRECTIONS: usize = 102;
+/// Points and directions that the direct test gets.
+const RIVAL_POSES: usize = 4_000;
+/// Of ball and shank.
 const RADIUS: f64 = 3.0;
-/// Heights of the ends of cutter, shank and holder, and the other two radii.
+/// Heights of the ends of cutter and shank.
 const CUTTER: f64 = 20.0;
-const SHANK: (f64, f64) = (30.0, 3.0);
-const HOLDER: (f64, f64) = (70.0, 12.0);
+const SHANK: f64 = 30.0;
+/// Radius and length.
+const HOLDER: [f64; 2] = [12.0, 40.0];
 
 /// One way to know.
 #[derive(Serialize)]
@@ -69,7 +94,7 @@ pub(crate) fn run(session: &Session, arguments: &AccessArguments) -> Result<()> 
     let grid = scene.record.grid;
     let solid = Arc::new(scene.obstacle.clone());
     let mesh = arguments.part.mesh().transformed(&scene.record.transform);
-    let mut random = ChaCha8Rng::seed_from_u64(arguments.seed);
+    let mut random = ChaCha8Rng::seed_from_u64(0);
     let mut samples = SurfaceSamples::new(&mesh, &solid, arguments.points as usize).samples;
     ensure!(samples.len() >= arguments.points as usize, "the surface has only {} samples", samples.len());
     // As many as are wanted, in the surface's order.
@@ -78,9 +103,9 @@ pub(crate) fn run(session: &Session, arguments: &AccessArguments) -> Result<()> 
     chosen.truncate(arguments.points as usize);
     chosen.sort_unstable();
     samples = chosen.into_iter().map(|index| samples[index]).collect();
-    let directions = OrientationSet::parse(&format!("fibonacci:{}", arguments.directions))?.orientations;
+    let directions = OrientationSet::parse(&format!("fibonacci:{DIRECTIONS}"))?.orientations;
 
-    let tool = ball_end_mill();
+    let tool = mill(End::Ball, RADIUS, CUTTER, SHANK, HOLDER);
     let tolerance = default_tolerance(grid.pitch, LengthUnit::Mm);
     let body = (&CollisionEnvironment::new(&solid.clone().into(), &[]), &tool, tolerance);
     let ours = |pool: &ThreadPool, tool: &SurfaceTool| -> Result<SurfaceAccess> {
@@ -103,7 +128,7 @@ pub(crate) fn run(session: &Session, arguments: &AccessArguments) -> Result<()> 
 
     session.note("the direct test");
     let direct = Direct::new(&scene.obstacle, tolerance);
-    let pairs: Vec<(usize, usize)> = (0..arguments.rival_poses)
+    let pairs: Vec<(usize, usize)> = (0..RIVAL_POSES)
         .map(|_| (random.next_u32() as usize % samples.len(), random.next_u32() as usize % directions.len()))
         .collect();
     let (rival, verdicts) = seconds(|| {
@@ -169,25 +194,6 @@ pub(crate) fn run(session: &Session, arguments: &AccessArguments) -> Result<()> 
     document.show(session, &report)
 }
 
-fn ball_end_mill() -> Tool {
-    let line = |from, to, radius| Segment::Line { from, to, radius_from: radius, radius_to: radius };
-    let ball =
-        Segment::Arc { from: 0.0, to: RADIUS, centre_height: RADIUS, centre_radius: 0.0, arc_radius: RADIUS };
-    let element = |kind, profile| Element { kind, profile };
-    Tool {
-        name: "ball6".into(),
-        unit: LengthUnit::Mm,
-        shape: ToolShape::Revolved(vec![
-            element(ElementKind::Cutter, vec![ball, line(RADIUS, CUTTER, RADIUS)]),
-            element(ElementKind::Shank, vec![line(CUTTER, SHANK.0, SHANK.1)]),
-            element(ElementKind::Holder(0), vec![line(SHANK.0, HOLDER.0, HOLDER.1)]),
-        ]),
-        sharp_points: SharpPoints::Tip,
-        overall_length: None,
-        back_cutting: false,
-    }
-}
-
 /// Every solid centre against the tool's solid of revolution.
 struct Direct {
     centres: Vec<DVec3>,
@@ -217,8 +223,8 @@ impl Direct {
             if height < CUTTER {
                 if up < 0.0 { offset.length_squared() < inside * inside } else { across < inside * inside }
             } else {
-                let radius = if height < SHANK.0 { SHANK.1 } else { HOLDER.1 };
-                height < HOLDER.0 && across <= radius * radius
+                let radius = if height < SHANK { RADIUS } else { HOLDER[0] };
+                height < SHANK + HOLDER[1] && across <= radius * radius
             }
         };
         !self.centres.iter().any(holds)

@@ -5,9 +5,11 @@
 //! part from random weights. Two ways to draw its samples: everywhere as usual, or half of them where the exact section has
 //! changed, which is where the tool can reach the change.
 
+use std::path::PathBuf;
 use std::time::Instant;
 
 use anyhow::Result;
+use clap::Args;
 use imf_cli::engine::Device;
 use imf_cli::output::prepare_folder;
 use imf_cli::session::Session;
@@ -29,11 +31,32 @@ use imf_train::training::run::train;
 use serde::Serialize;
 use std::ops::ControlFlow;
 
-use crate::arguments::EditsArguments;
 use crate::candidates::reference_scene;
 use crate::document::Document;
 use crate::measurement::Machine;
 use crate::paper::learns_in_halves;
+
+/// What the network of a part saves where the part is changed a little
+#[derive(Args)]
+#[command(after_help = "Example:\n  imf-bench edits --out edits\n\n\
+                        Writes edits.json and edits.md. Some minutes on 2 cores.")]
+pub(crate) struct EditsArguments {
+    /// Folder to write to
+    #[arg(long, default_value = "imf-bench", value_name = "DIR")]
+    out: PathBuf,
+    /// Resolution of the bracket, over its own along each axis
+    #[arg(long, default_value_t = 0.5, value_name = "SHARE")]
+    scale: f64,
+    /// Neurons of every hidden layer
+    #[arg(long, default_value_t = 128, value_name = "N")]
+    width: usize,
+    /// Learning rate of the old network over that of a new one
+    #[arg(long, default_value_t = 0.2, value_name = "SHARE")]
+    rate: f32,
+    /// Steps from random weights
+    #[arg(long, default_value_t = 12_000, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    steps: u64,
+}
 
 /// Shares of the part's voxels that change.
 const SHARES: [f64; 3] = [0.001, 0.01, 0.05];

@@ -4,8 +4,10 @@ mod growth;
 mod scipy;
 
 use std::f64::consts::PI;
+use std::path::PathBuf;
 
 use anyhow::{Result, ensure};
+use clap::Args;
 use glam::DVec3;
 use imf_cli::output::prepare_folder;
 use imf_cli::session::Session;
@@ -19,11 +21,26 @@ use imf_core::tool::{Tool, ToolVoxels};
 use imf_core::voxelize::voxelize;
 use serde::Serialize;
 
-use crate::arguments::ExactArguments;
 use crate::candidates::reference_scene;
 use crate::document::Document;
 use crate::measurement::{Machine, ROUNDS, least_seconds};
 use growth::Growth;
+
+/// Exact sections against scipy, and how their cost grows
+#[derive(Args)]
+#[command(after_help = "Example:\n  imf-bench exact --out bench-exact\n\n\
+                        Writes exact.json, exact.md and how time and memory grow as pictures. About a minute without --full.")]
+pub(crate) struct ExactArguments {
+    /// Folder to write to
+    #[arg(long, default_value = "imf-bench", value_name = "DIR")]
+    out: PathBuf,
+    /// All sizes up to 384³, all 225 sections of the rival, 10,000 orientations
+    #[arg(long)]
+    full: bool,
+    /// Python with numpy and scipy
+    #[arg(long, default_value = "python3", value_name = "COMMAND")]
+    python: String,
+}
 
 /// Orientations of the comparison.
 pub(crate) const SECTIONS: usize = 225;

@@ -7,7 +7,10 @@
 mod field;
 mod sections;
 
+use std::path::PathBuf;
+
 use anyhow::{Result, bail, ensure};
+use clap::{Args, ValueEnum};
 use imf_cli::engine::Device;
 use imf_cli::interrupt::{self, Interrupted};
 use imf_cli::output::{prepare_folder, print, print_json};
@@ -21,12 +24,47 @@ use imf_gpu::{DeviceChoice, Gpu, Peak};
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use crate::arguments::{GpuArguments, GpuPart};
 use crate::candidates::reference_scene;
 use crate::document::Document;
 use crate::exact::SECTIONS;
 use crate::measurement::{Machine, ROUNDS, least_seconds};
 use crate::train::{self, Rounds, Steps};
+
+/// What a GPU does beside the CPU of the same machine, with values compared
+#[derive(Args)]
+#[command(after_help = "Example:\n  imf-bench gpu --python venv/bin/python --out bench-gpu\n\n\
+                        Writes a JSON and a Markdown file for each part; those of an earlier run stay until their part is measured again. \
+                        Some minutes; on a software device small sizes, which show that every part works.")]
+pub(crate) struct GpuArguments {
+    /// Folder to write to
+    #[arg(long, default_value = "imf-bench", value_name = "DIR")]
+    out: PathBuf,
+    /// These alone; several with commas
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "PART")]
+    only: Vec<GpuPart>,
+    /// Small sizes, which show that every part works
+    #[arg(long)]
+    small: bool,
+    /// Python with PyTorch
+    #[arg(long, default_value = "python3", value_name = "COMMAND")]
+    python: String,
+    /// gpu, software (software Vulkan), or a number or part of a name from `imf info`
+    #[arg(long, default_value = "gpu", value_name = "DEVICE")]
+    device: String,
+}
+
+/// A measurement of a GPU.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum GpuPart {
+    /// Multiply-adds alone, in f32
+    Peak,
+    /// Exact sections
+    Sections,
+    /// Steps of the paper's network, PyTorch's beside them
+    Training,
+    /// A field distilled and evaluated over grids and at poses
+    Field,
+}
 
 /// How much is measured.
 struct Sizes {

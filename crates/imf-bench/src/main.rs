@@ -18,7 +18,6 @@
 //! stands outside the workspace. Options, messages and exit codes are those of `imf`, whose library ([`imf_cli`]) does the work.
 
 mod access;
-mod arguments;
 mod candidates;
 mod cells;
 mod document;
@@ -39,11 +38,35 @@ mod train;
 
 use std::process::ExitCode;
 
-use clap::Parser as _;
+use clap::{Parser, Subcommand};
+use imf_cli::arguments::GlobalArguments;
+use imf_cli::arguments::numbers::with_negative_numbers;
 use imf_cli::ranks::Rank;
 use imf_cli::session::Session;
 
-use arguments::{Cli, Command};
+/// Measures imf beside its rivals, makes the paper's tables, and trains by recipes.
+#[derive(Parser)]
+#[command(name = "imf-bench", version, mut_subcommands(with_negative_numbers))]
+struct Cli {
+    #[command(flatten)]
+    global: GlobalArguments,
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Access(access::AccessArguments),
+    Edits(edits::EditsArguments),
+    Exact(exact::ExactArguments),
+    Gpu(gpu::GpuArguments),
+    Paper(paper::PaperArguments),
+    Query(query::QueryArguments),
+    Rates(rates::RatesArguments),
+    Recipe(recipe::RecipeArguments),
+    Shop(shop::ShopArguments),
+    Train(train::TrainArguments),
+}
 
 fn main() -> ExitCode {
     let cli = Cli::parse();

@@ -3,13 +3,17 @@
 mod change;
 mod libraries;
 
+use std::path::PathBuf;
+
 use anyhow::{Context as _, Result, ensure};
+use clap::Args;
 use glam::DVec3;
 use imf_cli::output::prepare_folder;
 use imf_cli::session::Session;
 use imf_core::field::{Decision, ExactField, Gradient, PoseField};
 use imf_core::grid::Grid;
 use imf_core::orientation::{Orientation, OrientationSet};
+use imf_core::parts::ReferencePart;
 use imf_core::pose::Pose;
 use imf_core::section::Quantity;
 use imf_fields::field::{Field, Planner};
@@ -18,10 +22,43 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
-use crate::arguments::query::QueryArguments;
 use crate::candidates::reference_scene;
 use crate::document::Document;
 use crate::measurement::{Machine, ROUNDS, least_seconds};
+
+/// Answers a second at random poses, one core: exact, verified and learnt fields beside mesh collision libraries
+#[derive(Args)]
+#[command(after_help = "Examples:\n  imf-bench query --part teapot\n  \
+                        imf-bench query bracket.safetensors small/field.safetensors --python venv/bin/python\n\n\
+                        The fields are of one scene. Where its part is built in, parry3d, Coal and FCL answer for \
+                        collisions of the same tool and part as meshes at the same poses, and vamp-planner for those of balls \
+                        around the tool with the centres of the part's voxels. Writes query.json and query.md.")]
+pub(crate) struct QueryArguments {
+    /// Fields of one scene: models, harmonic or factored fields; without any the exact field alone is measured
+    fields: Vec<PathBuf>,
+    /// Reference part at its full resolution, where no field is given
+    #[arg(long, default_value = "teapot", conflicts_with = "fields", value_name = "PART")]
+    part: ReferencePart,
+    /// Folder to write to
+    #[arg(long, default_value = "imf-bench", value_name = "DIR")]
+    out: PathBuf,
+    /// Random poses for ours
+    #[arg(long, default_value_t = 20_000, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    poses: u32,
+    /// How many of them the libraries get
+    #[arg(long, default_value_t = 2_000, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    rival_poses: u32,
+    /// Python with coal, python-fcl, vamp-planner and numpy (crates/imf-bench/python/requirements-query.txt)
+    #[arg(long, default_value = "python3", value_name = "COMMAND")]
+    python: String,
+    /// Program for parry3d: cargo build --release --manifest-path crates/imf-bench/parry3d/Cargo.toml
+    #[arg(
+        long,
+        default_value = "crates/imf-bench/parry3d/target/release/parry3d-rival",
+        value_name = "COMMAND"
+    )]
+    parry3d: String,
+}
 
 /// Poses in a call of what takes batches.
 const BATCH: usize = 1000;
@@ -62,7 +99,7 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
         None => reference_scene(arguments.part, 1.0)?,
     };
     let record = &scene.record;
-    let poses = random_poses(&record.grid, arguments.poses as usize, arguments.seed)?;
+    let poses = random_poses(&record.grid, arguments.poses as usize, 0)?;
     session.note("exact counts");
     let exact = ExactField::new(&scene.obstacle, record.bare_tool());
     let collides = |pose| exact.count(pose).map(|count| decided(count > 0)).context("an invalid pose");
@@ -125,7 +162,7 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
     let (found, missing) = libraries::measure(arguments, &scene, few, &truth)?;
     rows.extend(found);
     session.note("a changed obstacle");
-    let changes = change::measure(arguments.part, arguments.seed)?;
+    let changes = change::measure(arguments.part)?;
     machine.finish();
     let [x, y, z] = record.grid.dims;
     let scene = format!(

@@ -3,19 +3,44 @@
 //! Each network learns the teapot's 225 sections at a quarter of its resolution from rates around
 //! [`SirenShape::rate`], by a cosine; the table has the error at random directions. A training that diverges is a finding.
 
+use std::path::PathBuf;
+
 use anyhow::Result;
+use clap::Args;
+use imf_cli::arguments::DeviceArguments;
 use imf_cli::engine::Device;
 use imf_cli::output::{OutputFolder, lock_folder, prepare_folder};
 use imf_cli::session::Session;
 use imf_fields::siren::SirenShape;
 use serde::Serialize;
 
-use crate::arguments::rates::RatesArguments;
 use crate::cells::{Cells, device_name};
 use crate::document::Document;
 use crate::measurement::Machine;
 use crate::paper::{IN_HALVES, Trained, learns_in_halves, trained};
 use crate::recipe::{RANDOM, Runner, Source, built_in};
+
+/// The learning rate that the paper's network bears, over width and ω
+#[derive(Args)]
+#[command(after_help = "Example:\n  imf-bench rates --width 64,256 --omega 10 --out rates\n\n\
+                        Writes rates.md and rates.json. Whatever was interrupted goes on with the same command. About half an \
+                        hour on 2 cores.")]
+pub(crate) struct RatesArguments {
+    /// Neurons of every hidden layer; several with commas
+    #[arg(long, value_delimiter = ',', default_value = "64,128,256,512,1024", value_name = "N")]
+    width: Vec<usize>,
+    /// Frequency factors inside every sine; several with commas
+    #[arg(long, value_delimiter = ',', default_value = "1,3,10,30", value_name = "ω")]
+    omega: Vec<f32>,
+    /// Steps of each training
+    #[arg(long, default_value_t = 1000, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    steps: u64,
+    /// Folder to write to
+    #[arg(long, default_value = "imf-rates", value_name = "DIR")]
+    out: PathBuf,
+    #[command(flatten)]
+    device: DeviceArguments,
+}
 
 /// Rates over the default one.
 const FACTORS: [f32; 5] = [0.25, 0.5, 1.0, 2.0, 4.0];

@@ -35,6 +35,8 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Context as _, Result, ensure};
+use clap::{Args, Subcommand};
+use imf_cli::arguments::DeviceArguments;
 use imf_cli::engine::Device;
 use imf_cli::output::{OutputFolder, lock_folder, prepare_folder, print, print_json, write_text};
 use imf_cli::progress::show_seconds;
@@ -45,9 +47,70 @@ use imf_fields::model::Model;
 use imf_fields::recipe::TrainingState;
 use serde_json::json;
 
-use crate::arguments::recipe::{RecipeArguments, RecipeCommand, RunArguments};
 use crate::cells::Cells;
 use source::BUILT_IN;
+
+/// Train by a recipe: a built-in one or a file that says scene, network, stages and sweep
+#[derive(Args)]
+pub(crate) struct RecipeArguments {
+    #[command(subcommand)]
+    command: RecipeCommand,
+}
+
+#[derive(Subcommand)]
+enum RecipeCommand {
+    /// List the built-in recipes
+    #[command(after_help = "Example:\n  imf-bench recipe list")]
+    List,
+    Show(ShowArguments),
+    Run(RunArguments),
+}
+
+/// Print a built-in recipe's file, to read or to change
+#[derive(Args)]
+#[command(
+    after_help = "Example:\n  imf-bench recipe show single > mine.toml\n  imf-bench recipe run mine.toml --out mine"
+)]
+struct ShowArguments {
+    /// Name of the recipe
+    name: String,
+}
+
+/// Run a recipe: datasets, every stage, evaluation, report and loss curve in one folder; continues what was interrupted
+#[derive(Args)]
+#[command(after_help = "Examples:\n  imf-bench recipe run single --part teapot --out single\n  \
+                        imf-bench recipe run multi --scale 0.5 --set network.width=128 --set 'stage.*.training.batch=512' \
+                        --out trial\n  imf-bench recipe run mine.toml --out mine\n\n\
+                        Writes recipe.toml (what was run), datasets, stages, model.safetensors, recipe.md, recipe.json \
+                        and loss.png. After Ctrl-C or a crash the same command goes on, to the same weights. Another recipe, or \
+                        a changed one, needs another folder.")]
+struct RunArguments {
+    /// A built-in recipe (imf-bench recipe list) or a file
+    recipe: String,
+    /// Part: a mesh file or a built-in part; sets scene.part
+    #[arg(long, value_name = "PART")]
+    part: Option<String>,
+    /// Tool file, or paper; sets scene.tool
+    #[arg(long, value_name = "TOOL")]
+    tool: Option<String>,
+    /// Voxels along each axis relative to the recipe's, such as 0.5; sets scene.scale
+    #[arg(long, value_name = "FACTOR")]
+    scale: Option<f64>,
+    /// Change a value, such as network.width=128 or stage.*.training.length.epochs=5; may be repeated
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Folder to write to
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Seconds between checkpoints
+    #[arg(long, default_value_t = 60.0, value_name = "SECONDS", value_parser = imf_cli::arguments::parse_seconds)]
+    checkpoint_every: f64,
+    /// Poses at random orientations that training never sees, to watch the error of every stage at; 0 for none
+    #[arg(long, default_value_t = 16_384, value_name = "N")]
+    held_out: usize,
+    #[command(flatten)]
+    device: DeviceArguments,
+}
 
 /// What to do after an interruption.
 pub(crate) const GO_ON: &str = "run the same command again";

@@ -6,15 +6,18 @@ mod setups;
 mod stick_out;
 mod stock;
 
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::{Result, ensure};
+use clap::{Args, ValueEnum};
 use imf_cli::output::prepare_folder;
 use imf_cli::session::Session;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::{Orientation, OrientationSet};
+use imf_core::parts::ReferencePart;
 use imf_core::surface::{CollisionEnvironment, SurfaceSample, SurfaceSamples, default_tolerance};
-use imf_core::tool::{Clearance, Element, ElementKind, Segment, SharpPoints, Tool, ToolShape};
+use imf_core::tool::{Clearance, ElementKind, Segment, Tool};
 use imf_core::unit::LengthUnit;
 use rand::SeedableRng as _;
 use rand::seq::SliceRandom as _;
@@ -22,10 +25,71 @@ use rand_chacha::ChaCha8Rng;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use serde::Serialize;
 
-use crate::arguments::shop::{Question, ShopArguments};
 use crate::candidates::reference_scene;
 use crate::document::Document;
 use crate::measurement::Machine;
+
+/// What a shop asks: the fewest set-ups, the least stick-outs, a crib of tools, a machine's poses, the stock along a path
+#[derive(Args)]
+#[command(after_help = "Example:\n  imf-bench shop --out shop\n\n\
+                        Set-ups: of reference parts and random prismatic parts, every direction a set-up of a three-axis machine with a 6 mm \
+                        flat end mill. Stick-out and crib, on one reference part: a 6 mm ball end mill whose 24 mm holder slides, held \
+                        against exact counts, and balls, flat ends and bull noses in several holders. Machine: the bracket on a trunnion, \
+                        one thread. Stock: a block of 256³ voxels, one thread. Writes shop.json and shop.md. Some minutes.")]
+pub(crate) struct ShopArguments {
+    /// Folder to write to
+    #[arg(long, default_value = "imf-bench", value_name = "DIR")]
+    out: PathBuf,
+    /// These alone; several with commas
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "QUESTION")]
+    only: Vec<Question>,
+    /// Random prismatic parts, beside the reference parts
+    #[arg(long, default_value_t = 20, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=1_000))]
+    parts: u32,
+    /// Points on the surface of which set-ups are chosen
+    #[arg(long, default_value_t = 2_000, value_name = "N", value_parser = clap::value_parser!(u32).range(1..1_000_000))]
+    points: u32,
+    /// Directions, each a candidate set-up
+    #[arg(long, default_value_t = 1_000, value_name = "N", value_parser = clap::value_parser!(u32).range(7..10_000))]
+    directions: u32,
+    /// Per cent to cover of what all candidates reach; several with commas
+    #[arg(long, value_delimiter = ',', default_value = "100,99", value_name = "PERCENT")]
+    cover: Vec<f64>,
+    /// Reference part of stick-outs and crib, at its full resolution
+    #[arg(long, default_value = "teapot", value_name = "PART")]
+    part: ReferencePart,
+    /// Points on its surface
+    #[arg(long, default_value_t = 10_000, value_name = "N", value_parser = clap::value_parser!(u32).range(1..1_000_000))]
+    surface_points: u32,
+    /// Stick-outs that are held against exact counts
+    #[arg(long, default_value_t = 100_000, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    checks: u32,
+    /// Tools of the crib
+    #[arg(long, default_value_t = 1_000, value_name = "N", value_parser = clap::value_parser!(u32).range(1..10_000))]
+    tools: u32,
+    /// Tools of the crib whose verdicts are found one by one too
+    #[arg(long, default_value_t = 10, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    alone: u32,
+    /// Lines of the machine's path
+    #[arg(long, default_value_t = 500_000, value_name = "N", value_parser = clap::value_parser!(u32).range(1..1_000_000))]
+    lines: u32,
+}
+
+/// What is measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Question {
+    Setups,
+    StickOut,
+    Crib,
+    Machine,
+    Stock,
+}
+
+impl ShopArguments {
+    fn asks(&self, question: Question) -> bool {
+        self.only.is_empty() || self.only.contains(&question)
+    }
+}
 
 /// Threads that the figures are for, but those of the machine's poses.
 const THREADS: usize = 2;
@@ -95,7 +159,7 @@ impl Surface {
         let points = arguments.surface_points as usize;
         let mut samples = SurfaceSamples::new(&mesh, &solid, points).samples;
         ensure!(samples.len() >= points, "the surface has only {} samples", samples.len());
-        samples.shuffle(&mut ChaCha8Rng::seed_from_u64(arguments.seed));
+        samples.shuffle(&mut ChaCha8Rng::seed_from_u64(0));
         samples.truncate(points);
         let directions = OrientationSet::parse(&format!("fibonacci:{}", arguments.directions))?.orientations;
         let tolerance = default_tolerance(grid.pitch, LengthUnit::Mm);
@@ -124,16 +188,15 @@ fn clearance() -> Clearance {
 
 /// The end of a cutter.
 #[derive(Clone, Copy)]
-enum End {
+pub(crate) enum End {
     Ball,
     Flat,
     /// With a corner of a fifth of the radius.
     Bull,
 }
 
-/// A plain mill in a plain holder, of which radius and length are given.
-fn mill(end: End, radius: f64, flutes: f64, stick_out: f64, [holder, long]: [f64; 2]) -> Tool {
-    let line = |from, to, radius| Segment::Line { from, to, radius_from: radius, radius_to: radius };
+/// A plain mill in a plain holder, of which radius and length are given; its shank is what of it stands between flutes and holder.
+pub(crate) fn mill(end: End, radius: f64, flutes: f64, stick_out: f64, [holder, long]: [f64; 2]) -> Tool {
     let corner = match end {
         End::Ball => radius,
         End::Flat => 0.0,
@@ -146,20 +209,14 @@ fn mill(end: End, radius: f64, flutes: f64, stick_out: f64, [holder, long]: [f64
         centre_radius: radius - corner,
         arc_radius: corner,
     };
-    let cutter = (corner > 0.0).then_some(arc).into_iter().chain([line(corner, flutes, radius)]).collect();
-    let element = |kind, profile| Element { kind, profile };
-    Tool {
-        name: format!("{}", 2.0 * radius),
-        unit: LengthUnit::Mm,
-        shape: ToolShape::Revolved(vec![
-            element(ElementKind::Cutter, cutter),
-            element(ElementKind::Shank, vec![line(flutes, stick_out, radius)]),
-            element(ElementKind::Holder(0), vec![line(stick_out, stick_out + long, holder)]),
-        ]),
-        sharp_points: SharpPoints::Tip,
-        overall_length: None,
-        back_cutting: false,
+    let side = Segment::cylinder(corner, flutes, radius);
+    let cutter = if corner > 0.0 { vec![arc, side] } else { vec![side] };
+    let mut elements = vec![(ElementKind::Cutter, cutter)];
+    if stick_out > flutes {
+        elements.push((ElementKind::Shank, vec![Segment::cylinder(flutes, stick_out, radius)]));
     }
+    elements.push((ElementKind::Holder(0), vec![Segment::cylinder(stick_out, stick_out + long, holder)]));
+    Tool::revolved(format!("{}", 2.0 * radius), elements)
 }
 
 impl Report {

@@ -3,9 +3,13 @@
 
 mod torch;
 
+use std::path::PathBuf;
 use std::time::Instant;
 
 use anyhow::{Result, bail};
+use clap::Args;
+use imf_cli::arguments::DeviceArguments;
+use imf_cli::arguments::numbers::{named, parse_count};
 use imf_cli::engine::Device;
 use imf_cli::interrupt::{self, Interrupted};
 use imf_cli::output::prepare_folder;
@@ -19,10 +23,33 @@ use imf_train::training::TrainingEngine;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::arguments::TrainArguments;
 use crate::document::Document;
 use crate::measurement::Machine;
 use torch::Torch;
+
+/// Training steps against the matrix products' own peak and against PyTorch, by turns in one run
+#[derive(Args)]
+#[command(after_help = "Example:\n  imf-bench train --python venv/bin/python --out bench-train\n\n\
+                        Writes train.json and train.md. About half a minute without PyTorch.")]
+pub(crate) struct TrainArguments {
+    /// Folder to write to
+    #[arg(long, default_value = "imf-bench", value_name = "DIR")]
+    out: PathBuf,
+    /// Samples in a step; several with commas
+    #[arg(long, value_delimiter = ',', default_value = "1024,8192", value_name = "N", value_parser = parse_count)]
+    batch: Vec<usize>,
+    /// Neurons of every hidden layer
+    #[arg(long, default_value_t = 512, value_name = "N")]
+    width: usize,
+    /// What products of layers are computed in, PyTorch's too (bf16 and f16: by its autocast)
+    #[arg(long, default_value = "f32", value_parser = named::<Precision>(&["f32", "bf16", "f16"]))]
+    precision: Precision,
+    /// Python with PyTorch
+    #[arg(long, default_value = "python3", value_name = "COMMAND")]
+    python: String,
+    #[command(flatten)]
+    device: DeviceArguments,
+}
 
 /// Which steps are measured.
 pub(crate) struct Steps<'a> {

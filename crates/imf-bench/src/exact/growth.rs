@@ -10,7 +10,7 @@ use imf_core::section::{SectionPlan, ToolPoints, imf, stream_sections};
 use imf_core::tool::Tool;
 use serde::Serialize;
 
-use crate::arguments::ExactArguments;
+use super::ExactArguments;
 use crate::document::Document;
 use crate::measurement::{peak_memory, reset_peak_memory, seconds};
 

@@ -8,8 +8,7 @@ use imf_cli::session::Session;
 use imf_core::field_files::write_npy;
 use serde::Deserialize;
 
-use super::{Rival, Trial};
-use crate::arguments::ExactArguments;
+use super::{ExactArguments, Rival, Trial};
 use crate::rivals;
 
 const SCRIPT: &str = include_str!("../../python/exact_scipy.py");

@@ -8,8 +8,7 @@ use imf_fields::factored::DistillSettings;
 use imf_fields::recipe::{Length, Precision};
 use serde::Deserialize;
 
-use super::IN_HALVES;
-use crate::arguments::paper::PaperScale;
+use super::{IN_HALVES, PaperScale};
 use crate::recipe::{Source, built_in};
 
 /// The protocol of a scale.

@@ -6,8 +6,8 @@ use anyhow::Result;
 use imf_cli::output::write_text;
 use serde::Serialize;
 
+use super::PaperScale;
 use super::table::Table;
-use crate::arguments::paper::PaperScale;
 use crate::document::Document;
 use crate::measurement::Machine;
 

@@ -95,7 +95,7 @@ fn sweep(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::arguments::paper::PaperScale;
+    use crate::paper::PaperScale;
     use crate::paper::protocol::Protocol;
 
     #[test]

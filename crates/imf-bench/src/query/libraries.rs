@@ -16,8 +16,7 @@ use imf_core::tool::{Segment, Tool, ToolShape};
 use serde::Deserialize;
 use serde_json::json;
 
-use super::Row;
-use crate::arguments::query::QueryArguments;
+use super::{QueryArguments, Row};
 use crate::rivals;
 
 const SCRIPT: &str = include_str!("../../python/query_rivals.py");

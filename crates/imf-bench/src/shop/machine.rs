@@ -19,8 +19,7 @@ use imf_core::voxelize::voxelize;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use serde::Serialize;
 
-use super::{End, mill, table};
-use crate::arguments::shop::ShopArguments;
+use super::{End, ShopArguments, mill, table};
 use crate::document::Document;
 use crate::measurement::seconds;
 

@@ -15,7 +15,6 @@ use imf_core::surface::{
     CollisionEnvironment, PartSetup, SetupTool, SurfaceAccess, SurfaceSample, SurfaceSamples, SurfaceTool,
     default_tolerance, fewest_setups, reached_in_setups, surface_access,
 };
-use imf_core::tool::{Element, ElementKind, Segment, SharpPoints, Tool, ToolShape};
 use imf_core::unit::LengthUnit;
 use imf_core::voxelize::voxelize;
 use rand::SeedableRng;
@@ -24,17 +23,15 @@ use rand_chacha::ChaCha8Rng;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use serde::Serialize;
 
-use super::THREADS;
-use crate::arguments::shop::ShopArguments;
+use super::{End, ShopArguments, THREADS, mill};
 use crate::document::Document;
 use crate::measurement::seconds;
 use crate::prismatic::prismatic;
 
 /// Millimetres.
 const PITCH: f64 = 1.0;
-/// Radii of the flat end mill and its holder, and heights of the ends of cutter and holder.
-const CUTTER: (f64, f64) = (3.0, 45.0);
-const HOLDER: (f64, f64) = (12.0, 85.0);
+/// Of the cutter, which ends at its holder.
+const LENGTH: f64 = 45.0;
 
 /// The fewest set-ups of one part.
 #[derive(Serialize)]
@@ -89,16 +86,14 @@ impl Asked {
         let shift = DVec3::new(0.37, 0.21, 0.13) * PITCH;
         let grid = Grid::with_pitch(lower - shift, upper + shift, PITCH, 1)?;
         let solid = Arc::new(voxelize(mesh, &grid, false));
-        let samples = SurfaceSamples::new(mesh, &solid, points).samples;
+        let mut samples = SurfaceSamples::new(mesh, &solid, points).samples;
         // As many as are asked for.
-        let mut chosen: Vec<usize> = (0..samples.len()).collect();
-        chosen.shuffle(&mut ChaCha8Rng::seed_from_u64(0));
-        chosen.truncate(points);
-        let samples: Vec<SurfaceSample> = chosen.into_iter().map(|index| samples[index]).collect();
+        samples.shuffle(&mut ChaCha8Rng::seed_from_u64(0));
+        samples.truncate(points);
         let surroundings = CollisionEnvironment::new(&solid.into(), &[]);
         let tool = SurfaceTool::new(
             &surroundings,
-            &flat_end_mill().into(),
+            &mill(End::Flat, 3.0, LENGTH, LENGTH, [12.0, 40.0]).into(),
             default_tolerance(PITCH, LengthUnit::Mm),
         )?;
         let access = || surface_access(&tool, &samples, directions, Control::quiet());
@@ -135,30 +130,11 @@ impl Asked {
     }
 }
 
-fn flat_end_mill() -> Tool {
-    let cylinder = |kind, from, (radius, to): (f64, f64)| Element {
-        kind,
-        profile: vec![Segment::Line { from, to, radius_from: radius, radius_to: radius }],
-    };
-    Tool {
-        name: "flat6".into(),
-        unit: LengthUnit::Mm,
-        shape: ToolShape::Revolved(vec![
-            cylinder(ElementKind::Cutter, 0.0, CUTTER),
-            cylinder(ElementKind::Holder(0), CUTTER.1, HOLDER),
-        ]),
-        sharp_points: SharpPoints::Tip,
-        overall_length: None,
-        back_cutting: false,
-    }
-}
-
 /// The rows as a table.
 pub(super) fn write(rows: &[Row], document: &mut Document) {
     document.section("The fewest set-ups");
     document.paragraph(format!(
-        "Every direction is a set-up of a three-axis machine. Flat end mill of 6 mm, {} mm out of a holder of 24 mm; voxels of {PITCH} mm.",
-        CUTTER.1
+        "Every direction is a set-up of a three-axis machine. Flat end mill of 6 mm, {LENGTH} mm out of a holder of 24 mm; voxels of {PITCH} mm."
     ));
     let lines = rows.iter().map(|row| {
         let proof = match row.setups - row.at_least {

@@ -9,8 +9,7 @@ use imf_core::tool::Assembly;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::{End, Surface, clearance, mill, table};
-use crate::arguments::shop::ShopArguments;
+use super::{End, ShopArguments, Surface, clearance, mill, table};
 use crate::document::Document;
 use crate::measurement::seconds;
 
