@@ -39,7 +39,7 @@ fn a_world_of_meshes_is_answered_as_in_rust() {
     let tool_path = folder.path().join("mill.toml");
     std::fs::write(&tool_path, TOOL).unwrap();
     let tool = Tool::read(&tool_path).unwrap();
-    let (mesh, pitch) = (mesh(), if cfg!(miri) { 7.5 } else { 3.0 });
+    let (mesh, pitch) = (mesh(), 3.0);
     let at = Pose::new(DVec3::new(30.0, 10.0, 5.0), DQuat::from_rotation_z(0.7));
     let mut rust = World::builder().pitch(pitch).build().unwrap();
     let first = rust.add(ObstacleMesh::new("bracket", mesh.clone())).unwrap();
@@ -137,7 +137,7 @@ fn a_world_of_meshes_is_answered_as_in_rust() {
             vertex_count: plate.vertices.len(),
             triangles: plate.triangles.as_ptr().cast(),
             triangle_count: plate.triangles.len(),
-            pitch: if cfg!(miri) { 5.0 } else { 1.0 },
+            pitch: if cfg!(miri) { 2.0 } else { 1.0 },
             ..whole
         };
         assert_eq!(
