@@ -6,7 +6,7 @@ use crate::binary::{Workdir, device};
 #[test]
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
 fn what_an_adapter_does_is_measured_beside_the_cpu() {
-    let work = Workdir::new();
+    let work = Workdir::with_adapters();
     let bench = format!("gpu --small --device {} --python none --out out --json", device());
     let report = work.imf(&bench).done().json();
     let parts = report.as_array().unwrap();

@@ -2,7 +2,7 @@
 //! and go on, and what they refuse.
 #![expect(clippy::unwrap_used, reason = "a test ends at the first surprise, and says where")]
 
-#[path = "../../../imf-cli/tests/training/binary.rs"]
+#[path = "../../../imf-cli/tests/commands/binary.rs"]
 #[expect(dead_code, reason = "the tests of imf use more of it")]
 mod binary;
 mod gpu;

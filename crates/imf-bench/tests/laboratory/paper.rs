@@ -27,7 +27,7 @@ fn mse(report: &Value, id: &str, labels: &[&str]) -> f64 {
 #[test]
 fn the_tiny_tables_hold_in_direction() {
     let work = Workdir::new();
-    let report = work.imf(&format!("{TINY} --json")).done().json();
+    let report = work.json(TINY);
 
     // Seeds are fixed: the margins leave room for another order of f32 sums on another machine.
     let [single, multi] = ["single", "multi"]

@@ -26,7 +26,7 @@ fn a_field_that_is_not_calibrated_is_asked_for_poses_and_not_for_decisions() {
     let work = Workdir::new();
     field().write(&work.path("field.safetensors")).unwrap();
     let bench = "query field.safetensors --poses 50 --rival-poses 5 --python no-such --parry3d no-such";
-    let report = work.imf(&format!("{bench} --out out --json")).done().json();
+    let report = work.json(&format!("{bench} --out out"));
     let rows = report["rows"].as_array().unwrap();
     let row = rows.iter().find(|row| row["answers"].as_str().unwrap().contains("calibrat")).unwrap();
     assert_eq!(row["answers"], "not calibrated (imf calibrate)");

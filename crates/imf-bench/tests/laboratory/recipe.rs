@@ -29,10 +29,6 @@ fn sweep(more: &str) -> String {
     few("architecture", 40, &variants)
 }
 
-fn json(work: &Workdir, file: &str) -> Value {
-    serde_json::from_str(&work.text(file)).unwrap()
-}
-
 /// MSE of a result's answer whose name ends so.
 fn mse(summary: &Value, stage: &str, name: &str) -> f64 {
     let results = summary["runs"][0]["results"].as_array().unwrap();
@@ -79,9 +75,9 @@ fn recipes_are_listed_and_shown_as_they_are() {
 fn single_from_a_file_of_ones_own_has_a_folder_of_its_own() {
     let work = Workdir::new();
     let shown = work.imf("recipe show single").done().stdout;
-    work.write("mine.toml", shown.replace("name = \"single\"", "name = \"mine\"").as_bytes());
+    work.write("mine.toml", shown.replace("name = \"single\"", "name = \"mine\""));
     let line = few("mine.toml", 300, "--part bracket --out out");
-    let summary = work.imf(&format!("{line} --json")).done().json();
+    let summary = work.json(&line);
     assert_eq!(
         (&summary["recipe"], &summary["runs"][0]["stages"][0]["part"]),
         (&"mine".into(), &"bracket".into())
@@ -126,7 +122,7 @@ fn multi_goes_on_after_sigkill_in_either_stage_to_the_same_bits() {
         ["coarse", "full"].map(|s| work.model(&format!("whole/stages/{s}/field.safetensors")));
     assert_eq!(coarse.scene, full.scene, "both stages' networks speak of the full grid");
     assert!(full.record.fine_tuned_from.as_ref().unwrap().contains("stage coarse"));
-    let summary = json(&work, "whole/recipe.json");
+    let summary = work.read_json("whole/recipe.json");
     let voxels = |i: usize| {
         let dims = summary["runs"][0]["stages"][i]["dims"].as_array().unwrap();
         dims.iter().map(|d| d.as_u64().unwrap()).product::<u64>()
@@ -169,7 +165,7 @@ fn a_sweep_runs_its_variants_once_and_tabulates_them() {
         (sweep("").replace("--out out", "--out architecture"), 2),
     ] {
         let name = if expected == 3 { "sparsity" } else { "architecture" };
-        let all = work.imf(&format!("{line} --json")).done().json();
+        let all = work.json(&line);
         let runs = all["runs"].as_array().unwrap();
         assert_eq!(runs.len(), expected);
         let table = work.text(&format!("{name}/recipe.md"));
@@ -190,7 +186,7 @@ fn a_sweep_runs_its_variants_once_and_tabulates_them() {
             again.stderr
         );
     }
-    let summary = json(&work, "sparsity/recipe.json");
+    let summary = work.read_json("sparsity/recipe.json");
     let samples = [0, 1, 2].map(|i| summary["runs"][i]["stages"][0]["samples"].as_u64().unwrap());
     assert!(samples[1] > 3 * samples[0] && samples[2] > samples[1], "10, 35 and 50 %: {samples:?}");
 }
@@ -227,16 +223,16 @@ fn a_model_of_another_training_or_of_a_newer_program_is_not_overwritten() {
         let faces = ["1 3 4 2", "5 6 8 7", "1 2 6 5", "3 7 8 4", "1 5 7 3", "2 4 8 6"];
         (0..8).map(corner).collect::<String>() + &faces.map(|f| format!("f {f}\n")).concat()
     };
-    work.write("box.obj", mesh(24.0).as_bytes());
+    work.write("box.obj", mesh(24.0));
     let line = few("single", 40, "--part box.obj --set scene.pitch=6 --set scene.scale=1 --out out");
     work.imf(&line).done();
     let file = "out/stages/main/field.safetensors";
     let mut model = work.bytes(file);
-    work.write("box.obj", mesh(36.0).as_bytes());
+    work.write("box.obj", mesh(36.0));
     work.imf(&line).refused(&["part, grid or tool", "--out", "remove out/stages/main"]);
     assert_eq!(work.bytes(file), model);
 
-    work.write("box.obj", mesh(24.0).as_bytes());
+    work.write("box.obj", mesh(24.0));
     let (version, newer) = (br#"\"version\":1"#, br#"\"version\":9"#);
     let at = model.windows(version.len()).position(|window| window == version).unwrap();
     model[at..at + newer.len()].copy_from_slice(newer);

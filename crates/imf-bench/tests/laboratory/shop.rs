@@ -6,10 +6,8 @@ use crate::binary::Workdir;
 #[test]
 fn the_fewest_set_ups_are_proven_for_reference_parts_and_random_ones() {
     let work = Workdir::new();
-    let report = work
-        .imf("shop --only setups --parts 2 --points 150 --directions 40 --cover 100,90 --out out --json")
-        .done()
-        .json();
+    let report =
+        work.json("shop --only setups --parts 2 --points 150 --directions 40 --cover 100,90 --out out");
     let rows = report["setups"].as_array().unwrap();
     assert_eq!(rows.len(), 2 * (4 + 2), "{report}");
     for pair in rows.chunks(2) {
@@ -30,8 +28,7 @@ fn the_fewest_set_ups_are_proven_for_reference_parts_and_random_ones() {
 fn answers_are_exact_and_a_crib_is_its_tools() {
     let work = Workdir::new();
     let small = "--surface-points 300 --directions 20 --checks 400 --tools 60 --alone 3 --lines 200";
-    let report =
-        work.imf(&format!("shop --only stick-out,crib,machine {small} --out out --json")).done().json();
+    let report = work.json(&format!("shop --only stick-out,crib,machine {small} --out out"));
     let checks = &report["stick_out"]["checks"];
     assert_eq!(checks["answers"], 400, "{checks}");
     assert!(checks["longer"].as_u64().unwrap() > 50, "{checks}");

@@ -2,7 +2,8 @@
 
 use serde_json::Value;
 
-use crate::folder::Folder;
+use crate::binary::Workdir;
+use crate::shapes::cuboid;
 
 /// A block of 20 mm on the floor with a slot of 4 mm, 12 mm deep, along y: three boxes.
 fn slotted() -> String {
@@ -10,22 +11,6 @@ fn slotted() -> String {
     let mut text = String::new();
     for (index, ([x0, z0], [x1, z1])) in boxes.into_iter().enumerate() {
         text += &cuboid([x0, -10, z0], [x1, 10, z1], 8 * index);
-    }
-    text
-}
-
-fn cuboid(lower: [i32; 3], upper: [i32; 3], first: usize) -> String {
-    let [x0, y0, z0] = lower;
-    let [x1, y1, z1] = upper;
-    let mut text = String::new();
-    for z in [z0, z1] {
-        for [x, y] in [[x0, y0], [x1, y0], [x1, y1], [x0, y1]] {
-            text += &format!("v {x} {y} {z}\n");
-        }
-    }
-    for face in [[4, 3, 2, 1], [5, 6, 7, 8], [1, 2, 6, 5], [2, 3, 7, 6], [3, 4, 8, 7], [4, 1, 5, 8]] {
-        let [a, b, c, d] = face.map(|v: usize| v + first);
-        text += &format!("f {a} {b} {c} {d}\n");
     }
     text
 }
@@ -38,8 +23,8 @@ pub(crate) fn mill(name: &str, length: f64) -> String {
 }
 
 /// The slotted block, two tools and a clamp, in a fresh folder.
-pub(crate) fn workshop() -> Folder {
-    let folder = Folder::new();
+pub(crate) fn workshop() -> Workdir {
+    let folder = Workdir::new();
     folder.write("part.obj", slotted());
     folder.write("clamp.obj", cuboid([0, 0, 0], [6, 6, 12], 0));
     folder.write("short.toml", mill("short", 6.0));
@@ -47,10 +32,10 @@ pub(crate) fn workshop() -> Folder {
     folder
 }
 
-const RUN: [&str; 6] = ["access", "part.obj", "--pitch", "2", "--out", "out"];
+const RUN: &str = "access part.obj --pitch 2 --out out";
 
-pub(crate) fn arguments<'a>(more: &[&'a str]) -> Vec<&'a str> {
-    [&RUN[..], more].concat()
+pub(crate) fn arguments(more: &str) -> String {
+    format!("{RUN} {more}")
 }
 
 fn voxels(value: &Value) -> usize {
@@ -60,33 +45,15 @@ fn voxels(value: &Value) -> usize {
 #[test]
 fn every_output_is_there_and_agrees_with_the_summary() {
     let folder = workshop();
-    let summary = folder.json(&arguments(&[
-        "--tool",
-        "short.toml",
-        "--tool",
-        "long.toml",
-        "--fixture",
-        "clamp.obj@translate:10,-3,0",
-        "--orientations",
-        "fibonacci:14",
-        "--stock",
-        "box:2",
-        "--map",
-        "0,0,10",
-        "--map-step",
-        "45",
-        "--lists",
-    ]));
-    assert_eq!(summary, serde_json::from_str::<Value>(&folder.read("out/summary.json")).unwrap());
+    let summary = folder.json(&arguments(
+        "--tool short.toml --tool long.toml --fixture clamp.obj@translate:10,-3,0 --stock box:2 \
+         --orientations fibonacci:14 --map 0,0,10 --map-step 45 --lists",
+    ));
+    assert_eq!(summary, folder.read_json("out/summary.json"));
     let mut files: Vec<String> =
         summary["files"].as_array().unwrap().iter().map(|f| f.as_str().unwrap().to_owned()).collect();
     files.sort();
-    let mut found: Vec<String> = std::fs::read_dir(folder.path("out"))
-        .unwrap()
-        .map(|e| e.unwrap().file_name().into_string().unwrap())
-        .collect();
-    found.sort();
-    assert_eq!(files, found);
+    assert_eq!(files, folder.names("out"));
     for name in
         ["imf.vti", "surface.ply", "removable.vti", "map_tool_1.png", "free_lists_tool_0.npy", "slices.png"]
     {
@@ -105,7 +72,7 @@ fn every_output_is_there_and_agrees_with_the_summary() {
     assert!(solid.iter().any(|&s| s == 2), "the clamp");
     assert_eq!(summary["accessible"]["volume"], 8.0 * voxels(&summary["accessible"]) as f64);
     assert_eq!(summary["fixtures"], serde_json::json!(["clamp.obj"]));
-    assert_eq!(folder.read("out/orientations.csv").lines().count(), 15);
+    assert_eq!(folder.text("out/orientations.csv").lines().count(), 15);
     // The long tool gets into the slot, the short one's holder does not.
     let reached = [0, 1].map(|tool| voxels(&summary["tools"][tool]["accessible"]));
     assert!(reached[0] < reached[1], "{reached:?}");
@@ -121,8 +88,8 @@ fn every_output_is_there_and_agrees_with_the_summary() {
 #[test]
 fn unreached_space_is_split_by_elements_that_sum_to_the_measure() {
     let folder = workshop();
-    let tools = ["--tool", "short.toml", "--tool", "long.toml", "--orientations", "fibonacci:14"];
-    let summary = folder.json(&arguments(&tools));
+    let tools = "--tool short.toml --tool long.toml --orientations fibonacci:14";
+    let summary = folder.json(&arguments(tools));
     let solid = folder.npy::<u8>("out/solid.npy");
     for tool in 0..2 {
         let imf = folder.npy::<f32>(&format!("out/imf_tool_{tool}.npy"));
@@ -148,20 +115,20 @@ fn unreached_space_is_split_by_elements_that_sum_to_the_measure() {
         assert!(tool == 1 || voxels(&rows[1]["alone"]) > 0);
     }
     assert_eq!(summary["blocked_by"].as_array().unwrap().len(), 2);
-    let text = folder.succeed(&arguments(&tools)).stdout;
+    let text = folder.imf(&arguments(tools)).done().stdout;
     assert!(text.contains("the cutter hits") && text.contains("the holder 1 hits"), "{text}");
 }
 
 #[test]
 fn clearance_takes_space_contact_gives_some_and_both_are_said() {
     let folder = workshop();
-    let run = |more: &[&str]| {
-        let long = ["--tool", "long.toml", "--orientations", "fibonacci:14", "--margin", "3"];
-        folder.json(&arguments(&[&long[..], more].concat()))
+    let run = |more: &str| {
+        let long = arguments("--tool long.toml --orientations fibonacci:14 --margin 3");
+        folder.json(&format!("{long} {more}"))
     };
-    let plain = run(&[]);
-    let roomy = run(&["--clearance", "2", "--clearance-cutter", "1.8"]);
-    let touching = run(&["--contact", "2"]);
+    let plain = run("");
+    let roomy = run("--clearance 2 --clearance-cutter 1.8");
+    let touching = run("--contact 2");
     let accessible = [&roomy, &plain, &touching].map(|summary| voxels(&summary["accessible"]));
     assert!(accessible.is_sorted() && accessible[0] < accessible[1], "{accessible:?}");
     assert!(accessible[1] < accessible[2], "{accessible:?}");
@@ -169,19 +136,19 @@ fn clearance_takes_space_contact_gives_some_and_both_are_said() {
     assert_eq!((&plain["contact"], &touching["contact"]), (&Value::Null, &2.0.into()));
     let guarantee = |summary: &Value| summary["guarantee"].as_str().unwrap().to_owned();
     // Promises about the mesh itself need conservative voxels, and a clearance of half a voxel's diagonal.
-    let run = |more: &[&str]| run(&[&["--conservative"], more].concat());
-    let roomy = run(&["--clearance", "2", "--clearance-cutter", "1.8"]);
+    let run = |more: &str| run(&format!("--conservative {more}"));
+    let roomy = run("--clearance 2 --clearance-cutter 1.8");
     assert!(guarantee(&roomy).contains("the whole tool keeps off the mesh itself"));
-    assert!(guarantee(&run(&[])).contains("also needs a clearance"));
-    let with_both = run(&["--clearance", "2", "--contact", "2"]);
+    assert!(guarantee(&run("")).contains("also needs a clearance"));
+    let with_both = run("--clearance 2 --contact 2");
     assert!(guarantee(&with_both).contains("holder and shank keep off the mesh itself"));
 }
 
 #[test]
 fn by_default_it_looks_along_the_axes_and_what_the_part_suggests() {
     let folder = workshop();
-    let turned = ["--tool", "long.toml", "--transform", "rotate:0,1,0:30", "--pitch", "2"];
-    let summary = folder.json(&[&["access", "part.obj", "--out", "out"], &turned[..]].concat());
+    let turned = "--tool long.toml --transform rotate:0,1,0:30 --pitch 2";
+    let summary = folder.json(&format!("access part.obj --out out {turned}"));
     assert_eq!(summary["orientations"], "axes+normals+fibonacci:225");
     let suggested = summary["suggested_by_the_part"].as_array().unwrap();
     let slot = suggested.iter().find(|row| {
@@ -192,12 +159,11 @@ fn by_default_it_looks_along_the_axes_and_what_the_part_suggests() {
     assert!(slot.is_some_and(|row| row["flat_area"].as_f64().unwrap() > 300.0), "{suggested:?}");
     // Its length lies along the world's y.
     assert_eq!((suggested.len(), &summary["orientation_count"]), (6, &(6 + 4 + 225).into()));
-    let field = ["field", "part.obj", "--imf", "--out", "imf"];
-    let summary = folder.json(&[&field[..], &turned[..]].concat());
+    let summary = folder.json(&format!("field part.obj --imf --out imf {turned}"));
     assert_eq!(summary["orientations"]["count"], 6 + 4 + 225);
     assert_eq!(summary["orientations"]["suggested_by_the_part"].as_array().unwrap().len(), 6);
-    let dataset = ["dataset", "part.obj", "--orientations", "axes+normals", "--out", "data"];
-    folder.refuse(&[&dataset[..], &turned[..]].concat(), &["'normals'", "no surface is known"]);
+    let dataset = "dataset part.obj --orientations axes+normals --out data";
+    folder.refuse(&format!("{dataset} {turned}"), &["'normals'", "no surface is known"]);
 }
 
 #[test]
@@ -207,39 +173,39 @@ fn machine_limits_leave_only_what_the_axes_reach() {
     for (limits, least, most) in
         [("cone:0,0,1:40", 0.0, 40.0), ("ac:-30:50:-360:360", 0.0, 50.0), ("bc:20:70:-360:360", 20.0, 70.0)]
     {
-        let more = ["--tool", "long.toml", "--orientations", "fibonacci:60", "--limits", limits];
+        let more = format!("--tool long.toml --orientations fibonacci:60 --limits {limits}");
         let summary = folder.json(&arguments(&more));
-        let list = folder.read("out/orientations.csv");
+        let list = folder.text("out/orientations.csv");
         let tilts: Vec<f64> =
             list.lines().skip(1).map(|line| line.split(',').nth(1).unwrap().parse().unwrap()).collect();
         assert_eq!(summary["orientation_count"], tilts.len());
         assert!((3..60).contains(&tilts.len()), "{limits}: {tilts:?}");
         assert!(tilts.iter().all(|tilt| (least - 1e-9..=most + 1e-9).contains(tilt)), "{limits}: {tilts:?}");
     }
-    let sets = ["--tool", "long.toml", "--orientations", "ac:0:40:0:270:3:4"];
-    assert_eq!(folder.json(&arguments(&sets))["orientation_count"], 12);
+    let sets = "--tool long.toml --orientations ac:0:40:0:270:3:4";
+    assert_eq!(folder.json(&arguments(sets))["orientation_count"], 12);
 }
 
 #[test]
 fn bad_input_is_refused_with_a_remedy() {
     let folder = workshop();
     folder.write("part.toml", "name = \"solid\"\nmesh = \"clamp.obj\"\n");
-    let quick = ["--tool", "long.toml", "--orientations", "0,0"];
-    let refuse = |more: &[&str], expected: &[&str]| {
-        folder.refuse(&arguments(&[&quick[..], more].concat()), expected);
+    let quick = "--tool long.toml --orientations 0,0";
+    let refuse = |more: &str, expected: &[&str]| {
+        folder.refuse(&arguments(&format!("{quick} {more}")), expected);
     };
-    refuse(&["--limits", "xy:0:1"], &["xy:0:1"]);
-    refuse(&["--limits", "ac:60:90:0:360"], &["none of its 1 orientations", "ac:60:90:0:360"]);
-    refuse(&["--map", "0,0,0", "--map-step", "0"], &["--map-step"]);
-    refuse(&["--fixture", "vice.obj"], &["vice.obj", "no mesh file"]);
-    refuse(&["--stock", "bar.obj"], &["bar.obj"]);
-    refuse(&["--setups", "--fixture", "clamp.obj"], &["belongs to one set-up", "--limits"]);
-    refuse(&["--stock", "box:-2"], &["--stock", "negative"]);
-    refuse(&["--clearance=-1"], &["clearance of the holder", "not -1"]);
-    refuse(&["--contact=-1"], &["contact", "not -1"]);
-    refuse(&["--tool", "absent.toml"], &["absent.toml"]);
-    refuse(&["--memory", "1KiB"], &["larger --pitch"]);
-    let run = folder.run(&arguments(&["--map", "0,0"]));
+    refuse("--limits xy:0:1", &["xy:0:1"]);
+    refuse("--limits ac:60:90:0:360", &["none of its 1 orientations", "ac:60:90:0:360"]);
+    refuse("--map 0,0,0 --map-step 0", &["--map-step"]);
+    refuse("--fixture vice.obj", &["vice.obj", "no mesh file"]);
+    refuse("--stock bar.obj", &["bar.obj"]);
+    refuse("--setups --fixture clamp.obj", &["belongs to one set-up", "--limits"]);
+    refuse("--stock box:-2", &["--stock", "negative"]);
+    refuse("--clearance=-1", &["clearance of the holder", "not -1"]);
+    refuse("--contact=-1", &["contact", "not -1"]);
+    refuse("--tool absent.toml", &["absent.toml"]);
+    refuse("--memory 1KiB", &["larger --pitch"]);
+    let run = folder.imf(&arguments("--map 0,0"));
     assert_eq!(run.code, Some(2), "{}", run.stderr);
 }
 
@@ -247,8 +213,8 @@ fn bad_input_is_refused_with_a_remedy() {
 #[test]
 fn the_fewest_set_ups_are_proven_and_fewer_do_for_less() {
     let folder = workshop();
-    let set_ups = |more: &[&str]| {
-        let summary = folder.json(&arguments(&[&["--tool", "long.toml", "--setups"][..], more].concat()));
+    let set_ups = |more: &str| {
+        let summary = folder.json(&arguments(&format!("--tool long.toml --setups {more}")));
         let row = summary["setups"].clone();
         let share = |name: &str| row[name].as_f64().unwrap();
         let surface = summary["surface"]["reached"].as_f64().unwrap();
@@ -263,25 +229,25 @@ fn the_fewest_set_ups_are_proven_and_fewer_do_for_less() {
         let largest = chosen.iter().map(|setup| setup["reached"].as_f64().unwrap()).fold(0.0, f64::max);
         (chosen.len(), share("reached") / share("reachable"), largest / share("reachable"))
     };
-    let (all, covered, best) = set_ups(&[]);
+    let (all, covered, best) = set_ups("");
     assert!(all >= 2 && (covered - 1.0).abs() < 1e-9, "{all} {covered}");
-    let ply = String::from_utf8_lossy(&std::fs::read(folder.path("out/surface.ply")).unwrap()).into_owned();
+    let ply = String::from_utf8_lossy(&folder.bytes("out/surface.ply")).into_owned();
     assert!(ply.contains("property float setup\n"), "no set-up by triangle");
     let asked = (100.0 * best - 0.5).to_string();
-    let (fewer, covered, _) = set_ups(&["--cover", &asked]);
+    let (fewer, covered, _) = set_ups(&format!("--cover {asked}"));
     assert!(fewer == 1 && covered >= 0.01 * (100.0 * best - 0.5), "{fewer} {covered}");
 }
 
 /// A block of 40 × 40 × 20 in a stock of 10 more all around: from above a long mill removes all but what lies below the block.
 #[test]
 fn set_ups_for_a_stock_remove_it_too() {
-    let folder = Folder::new();
+    let folder = Workdir::new();
     folder.write("block.obj", cuboid([0, 0, 0], [40, 40, 20], 0));
     folder.write("mill.toml", mill("mill", 60.0));
-    let usual = ["access", "block.obj", "--unit", "mm", "--pitch", "2", "--tool", "mill.toml"];
-    let usual = [&usual[..], &["--orientations", "axes", "--setups", "--out", "out"]].concat();
-    let run = |more: &[&str]| folder.json(&[&usual[..], more].concat())["setups"].clone();
-    let (surface, both) = (run(&[]), run(&["--stock", "box:10"]));
+    let usual =
+        "access block.obj --unit mm --pitch 2 --tool mill.toml --orientations axes --setups --out out";
+    let run = |more: &str| folder.json(&format!("{usual} {more}"))["setups"].clone();
+    let (surface, both) = (run(""), run("--stock box:10"));
     assert!(surface["stock"].is_null() && surface["setups"].as_array().unwrap().len() == 2);
     let share = |value: &Value| value.as_f64().unwrap();
     let chosen = both["setups"].as_array().unwrap();
@@ -295,7 +261,7 @@ fn set_ups_for_a_stock_remove_it_too() {
     }
     assert!(share(&both["stock"]["removed"]) > 0.999, "{both}");
     // What may stay is counted of surface and stock together.
-    let one = run(&["--stock", "box:10", "--cover", "75"]);
+    let one = run("--stock box:10 --cover 75");
     assert_eq!(one["setups"].as_array().unwrap().len(), 1, "{one}");
 }
 
@@ -303,8 +269,9 @@ fn set_ups_for_a_stock_remove_it_too() {
 #[test]
 fn a_part_is_turned_to_what_the_rotary_axes_reach() {
     let folder = workshop();
-    let set_ups =
-        |range: &str| folder.json(&arguments(&["--tool", "long.toml", "--setups", range]))["setups"].clone();
+    let set_ups = |range: &str| {
+        folder.json(&arguments(&format!("--tool long.toml --setups {range}")))["setups"].clone()
+    };
     let (whole, quarter) = (set_ups("ac:0:90:0:360"), set_ups("ac:0:90:20:110"));
     assert!(quarter["candidates"].as_u64() > whole["candidates"].as_u64(), "{quarter}");
     assert!(quarter["setups"].as_array().unwrap().len() >= whole["setups"].as_array().unwrap().len());
@@ -325,34 +292,34 @@ fn a_part_is_turned_to_what_the_rotary_axes_reach() {
 #[test]
 fn places_that_no_asked_direction_reaches_are_decided_over_all() {
     let folder = workshop();
-    let run = |directions: &str, more: &[&str]| {
-        let own = ["--tool", "long.toml", "--orientations", directions, "--certify"];
-        folder.json(&arguments(&[&own[..], more].concat()))
+    let run = |directions: &str, more: &str| {
+        let own = format!("--tool long.toml --orientations {directions} --certify {more}");
+        folder.json(&arguments(&own))
     };
-    let found = run("0,0", &[]);
+    let found = run("0,0", "");
     let any = &found["any_direction"];
     let parts = ["from_another", "from_none", "open"].map(|part| voxels(&any[part]));
     assert_eq!(parts.iter().sum::<usize>(), voxels(&found["inaccessible"]), "{any}");
     // From above alone the sides are left, and the floor of the block is reached from nowhere but below.
     assert!(parts[0] > 0 && parts[2] * 50 <= parts[0] + parts[1], "{parts:?}");
     // Many directions find no place that is proven to be out of reach.
-    let many = run("fibonacci:2000", &[]);
+    let many = run("fibonacci:2000", "");
     let left = ["from_another", "from_none", "open"].map(|part| voxels(&many["any_direction"][part]));
     assert!(left[1] == parts[1] && left[0] <= parts[0], "{left:?} {parts:?}");
     let classes = folder.npy::<u8>("out/any_direction.npy");
     let of = |class: u8| classes.iter().filter(|&&own| own == class).count();
     assert_eq!([of(2), of(3), of(4)], left);
     // Of a second tool what the first one cannot is asked: no less is reached.
-    let both = run("0,0", &["--tool", "short.toml"]);
+    let both = run("0,0", "--tool short.toml");
     assert!(voxels(&both["any_direction"]["from_none"]) <= parts[1], "{both}");
     folder.write("sharp.toml", mill("sharp", 18.0).replacen('\n', "\nsharp_points = \"boundary\"\n", 1));
-    let sharp = arguments(&["--tool", "sharp.toml", "--orientations", "0,0", "--certify"]);
-    folder.run(&sharp).is_refusal(&["only sharp point"], &sharp);
+    let sharp = arguments("--tool sharp.toml --orientations 0,0 --certify");
+    folder.imf(&sharp).refused(&["only sharp point"]);
 }
 
 #[test]
 fn a_face_mill_meets_a_wall_beside_the_part_that_is_farther_than_it_is_long_and_cuts_nothing_with_its_back() {
-    let folder = Folder::new();
+    let folder = Workdir::new();
     folder.write("slab.obj", cuboid([0, 0, 0], [30, 30, 10], 0));
     folder.write("wall.obj", cuboid([101, -100, -20], [120, 130, 60], 0));
     let mill = "name = \"face mill\"\n[cutter]\nshape = \"flat\"\ndiameter = 80.0\nlength = 20.0\n[[holder]]\n\
@@ -360,9 +327,8 @@ fn a_face_mill_meets_a_wall_beside_the_part_that_is_farther_than_it_is_long_and_
     folder.write("face.toml", mill);
     folder.write("back.toml", mill.replace("[[holder]]", "back_cutting = true\n[[holder]]"));
     let share = |tool: &str, what: &str| {
-        let run =
-            ["access", "slab.obj", "--unit", "mm", "--pitch", "2", "--orientations", "0,0", "--out", "out"];
-        let summary = folder.json(&[&run[..], &["--tool", tool, "--fixture", "wall.obj"]].concat());
+        let run = "access slab.obj --unit mm --pitch 2 --orientations 0,0 --out out";
+        let summary = folder.json(&format!("{run} --tool {tool} --fixture wall.obj"));
         summary["surface"][what].as_f64().unwrap()
     };
     // Of 3,000 mm² the side towards the wall is 300, and the underside 900.

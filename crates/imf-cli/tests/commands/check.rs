@@ -2,43 +2,42 @@
 
 use serde_json::Value;
 
-use crate::folder::{Folder, Run};
+use crate::binary::{Finished, Workdir};
 
 /// A block of 20 mm on the floor, its middle over the origin.
 const BLOCK: &str = "v -10 -10 0\nv 10 -10 0\nv 10 10 0\nv -10 10 0\nv -10 -10 20\nv 10 -10 20\nv 10 10 20\n\
                      v -10 10 20\nf 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
 
 /// Checks a toolpath over the block.
-fn check(name: &str, toolpath: &str, more: &[&str]) -> Run {
+fn check(name: &str, toolpath: &str, more: &str) -> Finished {
     check_at("1", name, toolpath, more)
 }
 
-fn check_at(pitch: &str, name: &str, toolpath: &str, more: &[&str]) -> Run {
-    let folder = Folder::new();
+fn check_at(pitch: &str, name: &str, toolpath: &str, more: &str) -> Finished {
+    let folder = Workdir::new();
     folder.write("block.obj", BLOCK);
     folder.write(name, toolpath);
-    let tool: &[&str] = if more.contains(&"--tool") { &[] } else { &["--tool", "paper"] };
-    let asked = ["check", "block.obj", name, "--pitch", pitch, "--margin", "2"];
-    folder.run(&[&asked[..], tool, more].concat())
+    let tool = if more.contains("--tool") { "" } else { "--tool paper" };
+    folder.imf(&format!("check block.obj {name} --pitch {pitch} --margin 2 {tool} {more}"))
 }
 
 #[test]
 fn a_finishing_pass_is_free_and_says_what_was_accepted() {
     // The ball touches the top, and the uppermost centres are 0.04 deep in it.
-    let run = check("pass.cl", "GOTO/-12,0,19.46,0,0,1\nGOTO/12,0,19.46\n", &[]);
+    let run = check("pass.cl", "GOTO/-12,0,19.46,0,0,1\nGOTO/12,0,19.46\n", "");
     assert_eq!(run.code, Some(0), "{}", run.stderr);
     assert!(run.stdout.starts_with("no collision: 2 lines"), "{}", run.stdout);
     for said in ["accepted: the part up to 0.05 mm deep in the cutter", "deeper than 2.0821 mm"] {
         assert!(run.stdout.contains(said), "{}", run.stdout);
     }
     // At twice the pitch the same length is accepted.
-    let run = check_at("2", "deep.csv", "x,y,z\n0,0,17\n", &[]);
+    let run = check_at("2", "deep.csv", "x,y,z\n0,0,17\n", "");
     assert_eq!(run.code, Some(3), "{}{}", run.stdout, run.stderr);
     assert!(run.stdout.contains("the part up to 0.05 mm deep"), "{}", run.stdout);
-    let run = check("pass.csv", "x,y,z\n-12,0,20\n12,0,20\n", &["--conservative"]);
+    let run = check("pass.csv", "x,y,z\n-12,0,20\n12,0,20\n", "--conservative");
     assert!(run.code == Some(0) && run.stdout.contains("up to 0.916 mm deep"), "{}", run.stdout);
     // What is hit is told with what its depths are.
-    for (options, told) in [(&["--conservative"][..], true), (&[], false)] {
+    for (options, told) in [("--conservative", true), ("", false)] {
         let run = check("deep.csv", "x,y,z\n0,0,10\n", options);
         let said = run.stdout.contains("depths are those in the conservative voxels");
         assert!(run.code == Some(3) && said == told, "{}{}", run.stdout, run.stderr);
@@ -49,12 +48,12 @@ fn a_finishing_pass_is_free_and_says_what_was_accepted() {
 fn a_collision_names_its_line_element_depth_and_place_and_leaves_3() {
     // Beside the block, then in under the holder.
     let toolpath = "x,y,z,i,j,k\n0,0,40,0,0,1\n0,0,41,0,0,1\n-17,0,-20,0,0,1\n";
-    let run = check("dive.csv", toolpath, &["--clearance", "1"]);
+    let run = check("dive.csv", toolpath, "--clearance 1");
     assert_eq!(run.code, Some(3), "{}", run.stderr);
     assert!(run.stdout.contains("line 4: holder 1 with its clearance is 6 mm deep"), "{}", run.stdout);
-    let run = check("dive.csv", toolpath, &["--json", "--quiet"]);
+    let run = check("dive.csv", toolpath, "--json --quiet");
     assert_eq!((run.code, run.stderr.as_str()), (Some(3), ""));
-    let answer: Value = serde_json::from_str(&run.stdout).unwrap();
+    let answer = run.json();
     assert_eq!(answer["collides"], true);
     let line = &answer["report"]["colliding"][0];
     assert_eq!((&line["line"], &line["kind"]), (&Value::from(4), &Value::from("feed")));
@@ -64,7 +63,7 @@ fn a_collision_names_its_line_element_depth_and_place_and_leaves_3() {
     assert!((holder["depth"].as_f64().unwrap() - 5.0).abs() < 0.51, "{holder}");
     assert_eq!(holder["position"], serde_json::json!([-17.0, 0.0, -20.0]));
     // Just out of it, and nearer than is required.
-    let run = check("near.csv", "x,y,z\n-17,0,-14\n", &["--clearance", "2"]);
+    let run = check("near.csv", "x,y,z\n-17,0,-14\n", "--clearance 2");
     assert!(
         run.stdout.contains("line 2: holder 1 comes within 1 mm of the part, 2 mm required"),
         "{}",
@@ -74,70 +73,68 @@ fn a_collision_names_its_line_element_depth_and_place_and_leaves_3() {
 
 #[test]
 fn a_folder_has_a_table_a_picture_and_the_answer() {
-    let folder = Folder::new();
+    let folder = Workdir::new();
     folder.write("block.obj", BLOCK);
     folder.write("dive.csv", "x,y,z\n0,0,40\n0,0,12\n");
-    let run = |path: &str| {
-        folder.run(&["check", "block.obj", path, "--tool", "paper", "--pitch", "1", "--out", "out"])
-    };
+    let run = |path: &str| folder.imf(&format!("check block.obj {path} --tool paper --pitch 1 --out out"));
     assert_eq!(run("dive.csv").code, Some(3));
-    let table = folder.read("out/collisions.csv");
+    let table = folder.text("out/collisions.csv");
     let mut lines = table.lines();
     assert!(lines.next().unwrap().starts_with("line,tool,kind,element,against,depth,"));
     assert!(lines.next().unwrap().starts_with("3,,feed,cutter,part,7.9"), "{table}");
-    let summary: Value = serde_json::from_str(&folder.read("out/summary.json")).unwrap();
+    let summary = folder.read_json("out/summary.json");
     assert_eq!(summary["files"], serde_json::json!(["collisions.csv", "worst.png", "summary.json"]));
     assert!(image::open(folder.path("out/worst.png")).unwrap().width() > 500);
     // Nothing of it is left for a path that is free.
     folder.write("free.csv", "x,y,z\n0,0,40\n");
     assert_eq!(run("free.csv").code, Some(0));
-    assert_eq!(folder.read("out/collisions.csv").lines().count(), 1);
+    assert_eq!(folder.text("out/collisions.csv").lines().count(), 1);
     assert!(!folder.path("out/worst.png").exists());
 }
 
 #[test]
 fn what_is_not_understood_is_refused_with_its_line() {
-    let refuse = |name: &str, path: &str, more: &[&str], expected: &[&str]| {
-        check(name, path, more).is_bad_input(expected);
+    let refuse = |name: &str, path: &str, more: &str, expected: &[&str]| {
+        check(name, path, more).bad_input(expected);
     };
     refuse(
         "path.csv",
         "x,y,z,i,j,k\n0,0,40,0,0,0\n",
-        &[],
+        "",
         &["path.csv, line 2: the tool axis must not be zero"],
     );
-    refuse("path.csv", "x,y,z\n0,0,40\n", &["--step", "0"], &["step", "above 0"]);
-    refuse("path.csv", "", &[], &["path.csv", "no tool location"]);
-    refuse("path.csv", "0,0,40,0,.1,-.995\n", &[], &["line 1: numbers alone", "x,y,z,i,j,k"]);
-    refuse("path.csv", "x,y,z,A,C\n0,0,40,5,0\n", &[], &["line 1: the column 'a'", "rotary axis", "i,j,k"]);
+    refuse("path.csv", "x,y,z\n0,0,40\n", "--step 0", &["step", "above 0"]);
+    refuse("path.csv", "", "", &["path.csv", "no tool location"]);
+    refuse("path.csv", "0,0,40,0,.1,-.995\n", "", &["line 1: numbers alone", "x,y,z,i,j,k"]);
+    refuse("path.csv", "x,y,z,A,C\n0,0,40,5,0\n", "", &["line 1: the column 'a'", "rotary axis", "i,j,k"]);
     refuse(
         "drill.cl",
         "GOTO/0,0,30\nCYCLE/DRILL,29,100\nGOTO/0,0,21\n",
-        &[],
+        "",
         &["drill.cl, line 2", "CYCLE moves"],
     );
     refuse(
         "moved.cl",
         "TRANS/0,0,-50\nGOTO/0,0,30\n",
-        &[],
+        "",
         &["moved.cl, line 1: TRANS/0,0,-50", "coordinate system"],
     );
-    refuse("word.cl", "GOTO/0,0,30\nFIXTUR/ON\n", &[], &["word.cl, line 2: 'FIXTUR' is not understood"]);
+    refuse("word.cl", "GOTO/0,0,30\nFIXTUR/ON\n", "", &["word.cl, line 2: 'FIXTUR' is not understood"]);
     let change = "LOADTL/1\nGOTO/0,0,30\nLOADTL/2\nGOTO/0,0,30\n";
     refuse(
         "two.cl",
         change,
-        &[],
+        "",
         &["two.cl: line 4: the tool changes, from tool 1 to tool 2", "--tool NUMBER=FILE"],
     );
     refuse(
         "two.cl",
         change,
-        &["--tool", "1=paper"],
+        "--tool 1=paper",
         &["line 4: tool 2, and the tools that are given have the numbers 1"],
     );
-    refuse("path.csv", "x,y,z\n0,0,40\n", &["--contact", "5"], &["twice the contact of 5", "--contact"]);
-    assert_eq!(check("two.cl", change, &["--tool", "1=paper", "--tool", "2=paper"]).code, Some(0));
+    refuse("path.csv", "x,y,z\n0,0,40\n", "--contact 5", &["twice the contact of 5", "--contact"]);
+    assert_eq!(check("two.cl", change, "--tool 1=paper --tool 2=paper").code, Some(0));
 }
 
 #[test]
@@ -145,27 +142,22 @@ fn a_cutter_that_the_path_was_not_made_for_is_refused_and_a_number_is_said() {
     let path = |cutter: &str| format!("LOADTL/7\n{cutter}\nGOTO/0,0,40\n");
     // The paper's tool is a ball of 10 mm.
     for same in ["CUTTER/10", "CUTTER/10.0,5.0", "UNITS/INCH\nCUTTER/.3937,.19685\nUNITS/MM"] {
-        let run = check("cutter.cl", &path(same), &[]);
+        let run = check("cutter.cl", &path(same), "");
         assert_eq!(run.code, Some(0), "{}", run.stderr);
         assert!(run.stderr.contains("calls its only tool 7: it is checked with 'paper'"), "{}", run.stderr);
     }
     for (other, said) in [("CUTTER/12", "diameter of 12"), ("TLDATA/MILL,10,1,50", "corner radius of 1")] {
         let given = if other.contains("12") { "'paper' is 10" } else { "'paper' is 5" };
-        check("cutter.cl", &path(other), &[]).is_bad_input(&[
-            "cutter.cl: line 2",
-            said,
-            given,
-            "give the tool",
-        ]);
+        check("cutter.cl", &path(other), "").bad_input(&["cutter.cl: line 2", said, given, "give the tool"]);
     }
 }
 
 #[test]
 fn a_pose_is_the_same_pose_whatever_columns_say_it() {
     let found = |path: String| {
-        let run = check("path.csv", &path, &["--json", "--quiet"]);
+        let run = check("path.csv", &path, "--json --quiet");
         assert_eq!(run.code, Some(3), "{}", run.stderr);
-        let answer: Value = serde_json::from_str(&run.stdout).unwrap();
+        let answer = run.json();
         let hits = answer["report"]["colliding"][0]["collisions"].as_array().unwrap().clone();
         hits.iter().map(|hit| (hit["element"].clone(), hit["voxels"].clone())).collect::<Vec<_>>()
     };
@@ -182,41 +174,38 @@ fn a_pose_is_the_same_pose_whatever_columns_say_it() {
 #[test]
 fn a_path_follows_the_part_or_stays_in_the_world() {
     // The part is moved away from a path in the world, and takes one of its own along.
-    let moved = ["--transform", "translate:200,0,0"];
+    let moved = "--transform translate:200,0,0";
     let path = "x,y,z\n0,0,12\n";
-    let part = check("path.csv", path, &[&moved[..], &["--json"]].concat());
+    let part = check("path.csv", path, &format!("{moved} --json"));
     assert_eq!(part.code, Some(3), "{}", part.stderr);
-    let answer: Value = serde_json::from_str(&part.stdout).unwrap();
+    let answer = part.json();
     assert_eq!(
         answer["report"]["colliding"][0]["collisions"][0]["position"],
         serde_json::json!([0.0, 0.0, 12.0])
     );
-    let world = check("path.csv", path, &[&moved[..], &["--frame", "world"]].concat());
+    let world = check("path.csv", path, &format!("{moved} --frame world"));
     assert_eq!(world.code, Some(0), "{}", world.stdout);
     assert!(world.stdout.contains("coordinates are in the world's frame"), "{}", world.stdout);
 }
 
 #[test]
 fn what_would_be_overlooked_is_refused() {
-    let folder = Folder::new();
+    let folder = Workdir::new();
     folder.write("block.obj", BLOCK);
     folder.write("path.csv", "x,y,z\n0,0,40\n0,0,4\n");
     folder.write("thin.toml", "name = \"thin\"\n[cutter]\nshape = \"flat\"\ndiameter = 3.0\nlength = 30.0\n");
-    let thin = ["check", "block.obj", "path.csv", "--tool", "thin.toml", "--contact", "0", "--pitch"];
-    let run = |pitch: &str| folder.run(&[&thin[..], &[pitch]].concat());
-    run("4").is_refusal(
-        &["cutter", "3 mm thick", "pitch of at most 2.121,", "--pitch, or --allow-coarse"],
-        &["check"],
-    );
+    let thin = "check block.obj path.csv --tool thin.toml --contact 0 --pitch";
+    let run = |pitch: &str| folder.imf(&format!("{thin} {pitch}"));
+    run("4").refused(&["cutter", "3 mm thick", "pitch of at most 2.121,", "--pitch, or --allow-coarse"]);
     assert_eq!(run("2").code, Some(3));
     // Whoever insists is answered, and told in the answer.
-    let coarse = folder.run(&[&thin[..], &["4", "--allow-coarse", "--json"]].concat());
-    let answer: Value = serde_json::from_str(&coarse.stdout).unwrap();
+    let coarse = folder.imf(&format!("{thin} 4 --allow-coarse --json"));
+    let answer = coarse.json();
     assert!(answer["warnings"][0].as_str().unwrap().contains("3 mm thick"), "{answer}");
     folder.write("plate.obj", BLOCK.replace("20", "0.4"));
-    let held = ["check", "block.obj", "path.csv", "--tool", "paper", "--pitch", "2", "--margin", "4"];
+    let held = "check block.obj path.csv --tool paper --pitch 2 --margin 4";
     folder.refuse(
-        &[&held[..], &["--fixture", "plate.obj@translate:0,0,21.3"]].concat(),
+        &format!("{held} --fixture plate.obj@translate:0,0,21.3"),
         &["plate.obj", "overlooked", "smaller pitch"],
     );
 }
@@ -224,26 +213,23 @@ fn what_would_be_overlooked_is_refused() {
 #[test]
 fn fixtures_are_hit_by_the_cutter_too_and_contact_does_not_help() {
     let post = BLOCK.replace("10", "3").replace("20", "30");
-    let check = |more: &[&str]| {
-        let folder = Folder::new();
+    let check = |more: &str| {
+        let folder = Workdir::new();
         folder.write("block.obj", BLOCK);
         folder.write("post.obj", &post);
         folder.write("path.csv", "x,y,z\n-20,0,20\n20,0,20\n");
-        folder.run(
-            &[&["check", "block.obj", "path.csv", "--tool", "paper", "--pitch", "1", "--margin", "2"], more]
-                .concat(),
-        )
+        folder.imf(&format!("check block.obj path.csv --tool paper --pitch 1 --margin 2 {more}"))
     };
     // The post stands on the block's edge, half of it beside the block.
-    let post = ["--fixture", "post.obj@translate:10,0,0"];
-    let free = check(&[]);
+    let post = "--fixture post.obj@translate:10,0,0";
+    let free = check("");
     assert_eq!(free.code, Some(0), "{}", free.stderr);
     // It is hit where it sticks out of the grid around the block, too.
-    let hit = check(&[&post[..], &["--contact", "2", "--json"]].concat());
+    let hit = check(&format!("{post} --contact 2 --json"));
     assert_eq!(hit.code, Some(3), "{}", hit.stderr);
-    let around = check(&[&post[..], &["--around", "all", "--contact", "2", "--json"]].concat());
+    let around = check(&format!("{post} --around all --contact 2 --json"));
     assert_eq!((around.code, &around.stdout), (Some(3), &hit.stdout));
-    let answer: Value = serde_json::from_str(&hit.stdout).unwrap();
+    let answer = hit.json();
     let collisions = answer["report"]["colliding"][0]["collisions"].as_array().unwrap();
     assert!(
         collisions.iter().any(|c| c["element"] == "cutter" && c["against"]["fixture"] == "post.obj"),
@@ -256,7 +242,7 @@ fn fixtures_are_hit_by_the_cutter_too_and_contact_does_not_help() {
 #[test]
 fn the_guarantee_follows_clearance_voxels_and_step() {
     let path = "x,y,z\n-12,0,24\n12,0,24\n";
-    let run = check("pass.csv", path, &["--conservative", "--clearance", "1"]);
+    let run = check("pass.csv", path, "--conservative --clearance 1");
     assert_eq!(run.code, Some(0), "{}", run.stderr);
     assert!(run.stdout.contains("holder and shank keep off the mesh itself"), "{}", run.stdout);
     assert!(
@@ -264,76 +250,64 @@ fn the_guarantee_follows_clearance_voxels_and_step() {
         "{}",
         run.stdout
     );
-    let all = ["--conservative", "--contact", "0", "--clearance", "0.87", "--clearance-cutter", "0.87"];
-    let run = check("pass.csv", path, &all);
+    let all = "--conservative --contact 0 --clearance 0.87 --clearance-cutter 0.87";
+    let run = check("pass.csv", path, all);
     for said in ["the whole tool keeps off the mesh itself", "nearer by 0.1250", "at least 0.9910"] {
         assert!(run.stdout.contains(said), "{}", run.stdout);
     }
-    let run = check("pass.csv", path, &["--clearance=-1"]);
-    run.is_refusal(&["clearance of the holder", "not -1"], &["check"]);
+    let run = check("pass.csv", path, "--clearance=-1");
+    run.refused(&["clearance of the holder", "not -1"]);
 }
 
 #[test]
 fn a_path_that_never_comes_near_the_part_is_warned_of() {
     // In a unit that is 25.4 times too large.
-    let far = check("far.csv", "x,y,z\n0,0,1016\n254,0,762\n", &[]);
+    let far = check("far.csv", "x,y,z\n0,0,1016\n254,0,762\n", "");
     assert_eq!(far.code, Some(0), "{}", far.stderr);
     assert!(far.stderr.contains("warning: the tips of the whole path stay 742"), "{}", far.stderr);
     // Straight over the part from far away on either side.
-    let over = check("over.csv", "x,y,z\n0,0,1016\n0,0,-1016\n", &[]);
+    let over = check("over.csv", "x,y,z\n0,0,1016\n0,0,-1016\n", "");
     assert!(over.code == Some(3) && !over.stderr.contains("the whole path stay"), "{}", over.stderr);
 }
 
 #[test]
 fn what_is_read_is_not_written_over() {
-    let folder = Folder::new();
+    let folder = Workdir::new();
     folder.write("block.obj", BLOCK);
     folder.write("pass.csv", "x,y,z\n0,0,30\n0,0,25\n");
-    let asked = ["check", "block.obj", "pass.csv", "--pitch", "1", "--tool", "paper"];
+    let asked = "check block.obj pass.csv --pitch 1 --tool paper";
     for (page, read) in [("block.obj", BLOCK), ("./pass.csv", "x,y,z\n0,0,30\n0,0,25\n")] {
-        folder.refuse(&[&asked[..], &["--html", page]].concat(), &[page, "also read"]);
-        assert_eq!(folder.read(page), read);
+        folder.refuse(&format!("{asked} --html {page}"), &[page, "also read"]);
+        assert_eq!(folder.text(page), read);
     }
     // The stock that an earlier run left in the folder.
-    let cut = |stock: &'static str| [&asked[..], &["--stock", stock, "--out", "out"]].concat();
-    folder.succeed(&cut("box:5"));
-    let left = folder.read("out/summary.json");
+    let cut = |stock: &str| format!("{asked} --stock {stock} --out out");
+    folder.imf(&cut("box:5")).done();
+    let left = folder.text("out/summary.json");
     folder.refuse(&cut("out/stock.stl"), &["stock.stl is read", "another --out"]);
-    assert_eq!(folder.read("out/summary.json"), left);
+    assert_eq!(folder.text("out/summary.json"), left);
 }
 
 #[test]
 fn a_needle_is_said_to_pass_between_the_centres_and_a_pitch_of_its_own_sees_it() {
-    let folder = Folder::new();
+    let folder = Workdir::new();
     folder.write("block.obj", BLOCK);
     folder.write("needle.toml", "[cutter]\nshape = 'tapered'\ndiameter = 0.5\nhalf_angle = 5\nlength = 25\n[shank]\ndiameter = 6\nlength = 20\n");
     folder.write("plunge.csv", "x,y,z\n0.3,0.2,40\n0.3,0.2,15\n");
-    let run = |more: &[&str]| {
-        let asked = ["check", "block.obj", "plunge.csv", "--unit", "mm", "--tool", "needle.toml"];
-        folder.run(&[&asked[..], more].concat())
+    let run = |more: &str| {
+        let asked = "check block.obj plunge.csv --unit mm --tool needle.toml";
+        folder.imf(&format!("{asked} {more}"))
     };
-    run(&["--pitch", "1"]).is_refusal(&["the slender tip of the tool", "pitch of at most 0.57"], &["check"]);
+    run("--pitch 1").refused(&["the slender tip of the tool", "pitch of at most 0.57"]);
     // Beside a tool that is thicker everywhere too.
     folder.write("two.csv", "x,y,z,tool\n0,0,40,1\n0,0,30,1\n0.3,0.2,40,2\n0.3,0.2,15,2\n");
-    let both = [
-        "check",
-        "block.obj",
-        "two.csv",
-        "--unit",
-        "mm",
-        "--pitch",
-        "1",
-        "--tool",
-        "1=paper",
-        "--tool",
-        "2=needle.toml",
-    ];
-    folder.refuse(&both, &["the slender tip of the tool"]);
-    let coarse = run(&["--pitch", "1", "--allow-coarse"]);
+    let both = "check block.obj two.csv --unit mm --pitch 1 --tool 1=paper --tool 2=needle.toml";
+    folder.refuse(both, &["the slender tip of the tool"]);
+    let coarse = run("--pitch 1 --allow-coarse");
     let (_, sure) = coarse.stdout.split_once("overlaps deeper than ").unwrap();
     let sure: f64 = sure.split_whitespace().next().unwrap().parse().unwrap();
     // 5 deep is not certain to be found, and a ball of 2.08 fits into the needle from some 10 on.
     assert!(sure > 9.0, "{}", coarse.stdout);
-    let chosen = run(&[]);
+    let chosen = run("");
     assert_eq!(chosen.code, Some(3), "{}{}", chosen.stdout, chosen.stderr);
 }

@@ -1,14 +1,14 @@
 //! `imf export`: graphs for other programs. What they answer is tested beside the writer.
 
-use crate::folder::Folder;
+use crate::binary::Workdir;
 
 #[test]
 fn a_field_is_written_as_a_graph_and_nothing_else_is() {
-    let folder = Folder::new();
-    let fit = ["train", "harmonic", "teapot", "--dims", "8,10,16", "--allow-coarse", "--degree", "3"];
-    folder.succeed(&[&fit[..], &["--out", "field.safetensors"]].concat());
-    let said = folder.json(&["export", "field.safetensors", "--out", "field.onnx"]);
-    let bytes = std::fs::read(folder.path("field.onnx")).unwrap();
+    let folder = Workdir::new();
+    let fit = "train harmonic teapot --dims 8,10,16 --allow-coarse --degree 3";
+    folder.imf(&format!("{fit} --out field.safetensors")).done();
+    let said = folder.json("export field.safetensors --out field.onnx");
+    let bytes = folder.bytes("field.onnx");
     assert_eq!(
         (said["family"].as_str(), said["bytes"].as_u64()),
         (Some("harmonic"), Some(bytes.len() as u64))
@@ -17,7 +17,7 @@ fn a_field_is_written_as_a_graph_and_nothing_else_is() {
     for text in ["position", "direction", "overlap", "imf.box_lower"] {
         assert!(bytes.windows(text.len()).any(|window| window == text.as_bytes()), "{text}");
     }
-    folder.refuse(&["export", "field.safetensors", "--out", "field.pb"], &["field.pb", "end", ".onnx"]);
-    folder.refuse(&["export", "none.safetensors", "--out", "none.onnx"], &["none.safetensors"]);
+    folder.refuse("export field.safetensors --out field.pb", &["field.pb", "end", ".onnx"]);
+    folder.refuse("export none.safetensors --out none.onnx", &["none.safetensors"]);
     assert!(!folder.path("none.onnx").exists());
 }

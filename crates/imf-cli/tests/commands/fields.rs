@@ -6,22 +6,23 @@ use imf_core::section::{
     DepthPlan, DepthScratch, SectionPlan, ToolPoints, direct_element_measures, imf, sections,
 };
 
-use crate::folder::Folder;
+use crate::binary::Workdir;
 use crate::model::model;
+use crate::shapes::{LAST_FACE, OPEN_CUBE};
 
 /// A cube of 100 mm on ten voxels a side, which the paper's cutter is thinner than √2 of.
-const BLOCK: [&str; 6] = ["block.obj", "--pitch", "10", "--tool", "paper", "--allow-coarse"];
-const BRACKET: [&str; 5] = ["field", "bracket", "--dims", "5,15,9", "--allow-coarse"];
+const BLOCK: &str = "block.obj --pitch 10 --tool paper --allow-coarse";
+const BRACKET: &str = "field bracket --dims 5,15,9 --allow-coarse";
 
-fn arguments<'a>(more: &[&'a str]) -> Vec<&'a str> {
-    [&BRACKET[..], more].concat()
+fn arguments(more: &str) -> String {
+    format!("{BRACKET} {more}")
 }
 
 #[test]
 fn sections_are_the_librarys_and_checked() {
-    let folder = Folder::new();
+    let folder = Workdir::new();
     let set = "0,0;12,6;200,100";
-    let summary = folder.json(&arguments(&["--orientations", set, "--check", "20", "--out", "out"]));
+    let summary = folder.json(&arguments(&format!("--orientations {set} --check 20 --out out")));
     let scene = model().scene;
     let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, ToolPoints::SharpPoints).unwrap();
     let orientations = OrientationSet::parse(set).unwrap().orientations;
@@ -35,23 +36,22 @@ fn sections_are_the_librarys_and_checked() {
     }
     assert_eq!(summary["check"]["agreed"], 60);
     assert_eq!(summary["orientations"]["count"], 3);
-    assert_eq!(summary, serde_json::from_str::<serde_json::Value>(&folder.read("out/summary.json")).unwrap());
-    assert_eq!(folder.read("out/orientations.csv"), "index,theta,phi,roll\n0,0,0,0\n1,12,6,0\n2,200,100,0\n");
-    let vti = std::fs::read(folder.path("out/sections.vti")).unwrap();
+    assert_eq!(summary, folder.read_json("out/summary.json"));
+    assert_eq!(folder.text("out/orientations.csv"), "index,theta,phi,roll\n0,0,0,0\n1,12,6,0\n2,200,100,0\n");
+    let vti = folder.bytes("out/sections.vti");
     let text = String::from_utf8_lossy(&vti);
     assert!(
         ["cmf-00000", "cmf-00002", "solid"].iter().all(|name| text.contains(&format!("Name=\"{name}\"")))
     );
-    assert!(std::fs::read(folder.path("out/slices.png")).unwrap().starts_with(b"\x89PNG"));
+    folder.picture("out/slices.png");
 }
 
 #[test]
 fn depths_of_a_part_are_the_librarys_and_named_with_their_unit() {
-    let folder = Folder::new();
+    let folder = Workdir::new();
     let set = "0,0;12,6;200,100";
-    let ask =
-        |more: &[&'static str]| arguments(&[&["--orientations", set, "--quantity", "depth"], more].concat());
-    let summary = folder.json(&ask(&["--out", "out"]));
+    let ask = |more: &str| arguments(&format!("--orientations {set} --quantity depth {more}"));
+    let summary = folder.json(&ask("--out out"));
     let scene = model().scene;
     let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, ToolPoints::SharpPoints).unwrap();
     let plan = DepthPlan::of(&plan).unwrap();
@@ -67,16 +67,16 @@ fn depths_of_a_part_are_the_librarys_and_named_with_their_unit() {
         least.iter_mut().zip(&expected).for_each(|(least, &depth)| *least = least.min(depth));
     }
     assert_eq!(summary["quantity"], "depth");
-    folder.json(&ask(&["--imf", "--out", "imf"]));
+    folder.json(&ask("--imf --out imf"));
     assert!(folder.npy::<f32>("imf/minimum-depth-mm.npy").iter().eq(&least));
-    folder.refuse(&ask(&["--elements", "--out", "no"]), &["--elements", "overlaps"]);
-    folder.refuse(&ask(&["--check", "3", "--out", "no"]), &["--check", "overlaps"]);
+    folder.refuse(&ask("--elements --out no"), &["--elements", "overlaps"]);
+    folder.refuse(&ask("--check 3 --out no"), &["--check", "overlaps"]);
 }
 
 #[test]
 fn many_sections_have_a_file_each() {
-    let folder = Folder::new();
-    let run = folder.succeed(&arguments(&["--orientations", "fibonacci:23", "--out", "out"]));
+    let folder = Workdir::new();
+    let run = folder.imf(&arguments("--orientations fibonacci:23 --out out")).done();
     assert!(!run.stdout.contains('ψ'), "{}", run.stdout);
     assert!(run.stdout.contains("3 more") && run.stdout.contains("one .vti for each"), "{}", run.stdout);
     let count = |ending: &str| {
@@ -87,87 +87,69 @@ fn many_sections_have_a_file_each() {
 
 #[test]
 fn a_folder_used_again_holds_the_last_run_alone() {
-    let folder = Folder::new();
+    let folder = Workdir::new();
     folder.write("out/notes.txt", "mine");
-    folder.succeed(&arguments(&["--orientations", "fibonacci:20", "--elements", "--out", "out"]));
-    let names = || {
-        let mut names: Vec<_> = std::fs::read_dir(folder.path("out"))
-            .unwrap()
-            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
-            .collect();
-        names.sort_unstable();
-        names
-    };
+    folder.imf(&arguments("--orientations fibonacci:20 --elements --out out")).done();
+    let names = || folder.names("out");
     let listed = |own: &[&str]| {
-        let summary: serde_json::Value = serde_json::from_str(&folder.read("out/summary.json")).unwrap();
+        let summary = folder.read_json("out/summary.json");
         let files = summary["files"].as_array().unwrap().iter().map(|file| file.as_str().unwrap());
         let mut all: Vec<String> = files.chain(own.iter().copied()).map(str::to_owned).collect();
         all.sort_unstable();
         all
     };
     assert_eq!(names(), listed(&["notes.txt"]));
-    let run = folder.succeed(&arguments(&["--orientations", "0,0;12,6", "--out", "out"]));
+    let run = folder.imf(&arguments("--orientations 0,0;12,6 --out out")).done();
     assert!(run.stderr.contains("of an earlier run in out are replaced"), "{}", run.stderr);
     let two = ["cmf-00000.npy", "cmf-00001.npy", "notes.txt", "orientations.csv", "sections.vti"];
     assert_eq!(names(), [&two[..], &["slices.png", "summary.json"]].concat());
     assert_eq!(names(), listed(&["notes.txt"]));
-    folder.succeed(&arguments(&["--orientations", "0,0;12,6", "--imf", "--elements", "--out", "out"]));
+    folder.imf(&arguments("--orientations 0,0;12,6 --imf --elements --out out")).done();
     assert!(!names().contains(&"cmf-00000.npy".to_owned()), "{:?}", names());
     assert_eq!(names(), listed(&["notes.txt"]));
-    let access = ["access", "bracket", "--dims", "7,21,13", "--orientations", "fibonacci:5", "--out", "out"];
-    folder.succeed(&access);
+    folder.imf("access bracket --dims 7,21,13 --orientations fibonacci:5 --out out").done();
     assert!(!names().contains(&"imf-cutter.npy".to_owned()), "{:?}", names());
     assert_eq!(names(), listed(&["notes.txt"]));
 }
 
 #[test]
 fn fixtures_beside_the_grid_count_as_far_as_the_tool_reaches() {
-    let folder = Folder::new();
-    folder.write("block.obj", [crate::folder::OPEN_CUBE, crate::folder::LAST_FACE].concat());
-    let field = |more: &[&str]| {
-        let asked = ["--orientations", "0,0;90,90", "--out", "out"];
-        folder.json(&[&["field"], &BLOCK[..], &asked[..], more].concat())
+    let folder = Workdir::new();
+    folder.write("block.obj", format!("{OPEN_CUBE}{LAST_FACE}"));
+    let field = |more: &str| {
+        let asked = "--orientations 0,0;90,90 --out out";
+        folder.json(&format!("field {BLOCK} {asked} {more}"))
     };
     // A second block 40 mm beside the first: the tool hits it lying down, never standing up.
-    let beside = ["--fixture", "block.obj@translate:0,140,0", "--margin", "2", "--check", "200"];
+    let fixture = "--fixture block.obj@translate:0,140,0";
+    let beside = format!("{fixture} --margin 2 --check 200");
     let summary = field(&beside);
     assert_eq!(summary["check"]["agreed"], 400);
     let found: Vec<_> = (0..2).map(|index| folder.npy::<f32>(&format!("out/cmf-0000{index}.npy"))).collect();
     assert_eq!(found[0].dim(), (14, 14, 14), "the grid is the part's");
-    let contact = field(&[&beside[..], &["--contact", "15"]].concat());
+    let contact = field(&format!("{beside} --contact 15"));
     assert_eq!(contact["check"]["agreed"], 400);
-    field(&[&beside[..], &["--around", "all"]].concat());
+    field(&format!("{beside} --around all"));
     for (index, near) in found.iter().enumerate() {
         let whole = folder.npy::<f32>(&format!("out/cmf-0000{index}.npy"));
         assert_eq!(whole.dim(), (14, 28, 14));
         assert!(near.indexed_iter().all(|((x, y, z), value)| *value == whole[[x, y, z]]), "section {index}");
     }
-    let far = ["--fixture", "block.obj@translate:0,9140,0", "--orientations", "0,0", "--out", "far"];
-    let run = folder.succeed(&[&["field"], &BLOCK[..], &far[..]].concat());
+    let far = "--fixture block.obj@translate:0,9140,0 --orientations 0,0 --out far";
+    let run = folder.imf(&format!("field {BLOCK} {far}")).done();
     assert!(run.stderr.contains("block.obj is beyond the tool's reach"), "{}", run.stderr);
-    field(&beside[2..4]);
+    field("--margin 2");
     let alone: Vec<_> = (0..2).map(|index| folder.npy::<f32>(&format!("out/cmf-0000{index}.npy"))).collect();
     assert_eq!(alone[0], found[0]);
     assert!(alone[1] != found[1]);
-    let arguments = ["--orientations", "0,0", "--out", "set"];
-    folder.refuse(
-        &[&["dataset"], &BLOCK[..], &arguments[..], &beside[..2]].concat(),
-        &["block.obj", "--around all"],
-    );
+    let dataset = format!("dataset {BLOCK} --orientations 0,0 --out set {fixture}");
+    folder.refuse(&dataset, &["block.obj", "--around all"]);
 }
 
 #[test]
 fn the_imf_keeps_its_best_orientation() {
-    let folder = Folder::new();
-    let run = folder.succeed(&arguments(&[
-        "--orientations",
-        "fibonacci:9",
-        "--imf",
-        "--check",
-        "5",
-        "--out",
-        "out",
-    ]));
+    let folder = Workdir::new();
+    let run = folder.imf(&arguments("--orientations fibonacci:9 --imf --check 5 --out out")).done();
     assert!(run.stdout.contains("45 of 45 compared voxels equal"), "{}", run.stdout);
     let scene = model().scene;
     let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, ToolPoints::SharpPoints).unwrap();
@@ -175,25 +157,24 @@ fn the_imf_keeps_its_best_orientation() {
     let expected = imf(&plan, &set.orientations, Control::quiet()).unwrap();
     assert!(folder.npy::<f32>("out/imf.npy").iter().eq(&expected.value));
     assert!(folder.npy::<u32>("out/best.npy").iter().eq(&expected.best));
-    let vti = std::fs::read(folder.path("out/imf.vti")).unwrap();
+    let vti = folder.bytes("out/imf.vti");
     let text = String::from_utf8_lossy(&vti);
     for name in ["imf", "best", "theta", "phi", "solid"] {
         assert!(text.contains(&format!("Name=\"{name}\"")), "{name}");
     }
-    let summary: serde_json::Value = serde_json::from_str(&folder.read("out/summary.json")).unwrap();
+    let summary = folder.read_json("out/summary.json");
     let free =
         expected.value.iter().zip(&scene.obstacle.solid).filter(|&(&v, &s)| v == 0.0 && s == 0).count();
     assert_eq!(summary["accessible_outside"], free);
     assert!(summary["guarantee"].as_str().unwrap().starts_with("exact for voxel centres"));
-    assert_eq!(folder.read("out/orientations.csv").lines().count(), 10);
+    assert_eq!(folder.text("out/orientations.csv").lines().count(), 10);
 }
 
 #[test]
 fn elements_sum_to_the_whole_and_contact_is_checked_by_its_definition() {
-    let folder = Folder::new();
-    let more =
-        ["--orientations", "0,0;40,110", "--elements", "--contact", "9", "--clearance", "3", "--check", "25"];
-    let summary = folder.json(&arguments(&[&more[..], &["--out", "out"]].concat()));
+    let folder = Workdir::new();
+    let more = "--orientations 0,0;40,110 --elements --contact 9 --clearance 3 --check 25";
+    let summary = folder.json(&arguments(&format!("{more} --out out")));
     assert_eq!(summary["check"]["agreed"], 50);
     assert_eq!(summary["scene"]["clearance"]["holder"], 3.0);
     let solid = &model().scene.obstacle.solid;
@@ -210,7 +191,7 @@ fn elements_sum_to_the_whole_and_contact_is_checked_by_its_definition() {
         assert_eq!(summary["sections"][index]["elements"][1]["element"], "holder 1");
         assert_eq!(summary["sections"][index]["elements"][1]["hits"], hits);
     }
-    let vti = std::fs::read(folder.path("out/sections.vti")).unwrap();
+    let vti = folder.bytes("out/sections.vti");
     let text = String::from_utf8_lossy(&vti);
     assert!(text.contains("Name=\"cmf-00001-holder_1\"") && text.contains("Name=\"cmf-00000-cutter\""));
     assert!(folder.path("out/elements.png").exists());
@@ -218,9 +199,9 @@ fn elements_sum_to_the_whole_and_contact_is_checked_by_its_definition() {
 
 #[test]
 fn the_imfs_elements_are_those_of_the_best_orientation() {
-    let folder = Folder::new();
-    let more = ["--orientations", "fibonacci:9", "--imf", "--elements", "--out", "out"];
-    let summary = folder.json(&arguments(&more));
+    let folder = Workdir::new();
+    let more = "--orientations fibonacci:9 --imf --elements --out out";
+    let summary = folder.json(&arguments(more));
     let imf = folder.npy::<f32>("out/imf.npy");
     let parts = ["cutter", "holder_1"].map(|name| folder.npy::<f32>(&format!("out/imf-{name}.npy")));
     let scene = model().scene;
@@ -242,27 +223,12 @@ fn the_imfs_elements_are_those_of_the_best_orientation() {
 #[cfg(unix)]
 #[test]
 fn ctrl_c_keeps_finished_sections() {
-    use std::process::Command;
-    use std::time::{Duration, Instant};
-
-    let folder = Folder::new();
-    let child = folder
-        .command(&["field", "bracket", "--orientations", "fibonacci:3000", "--out", "out", "--threads", "1"])
-        .spawn()
-        .unwrap();
-    let start = Instant::now();
-    while !folder.path("out/cmf-00002.npy").exists() {
-        assert!(start.elapsed() < Duration::from_secs(60), "no section appeared");
-        std::thread::sleep(Duration::from_millis(5));
-    }
-    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
-    let run = crate::folder::Run::of(child);
-    assert_eq!(run.code, Some(130), "{}", run.stderr);
+    let folder = Workdir::new();
+    let line = "field bracket --orientations fibonacci:3000 --out out --threads 1";
+    let run = folder.interrupted_once_there_is("out/cmf-00002.npy", line);
+    let run = run.interrupted(&["of 3000 sections are finished"]);
     let last = run.stderr.lines().last().unwrap();
-    assert!(
-        last.starts_with("imf: interrupted: ") && last.contains("of 3000 sections are finished"),
-        "{last}"
-    );
+    assert!(last.starts_with("imf: interrupted: "), "{last}");
     let kept: usize = last.split_whitespace().nth(2).unwrap().parse().unwrap();
     let files = folder.entries().into_iter().filter(|path| path.extension().is_some_and(|e| e == "npy"));
     let files: Vec<_> = files.collect();
@@ -272,41 +238,30 @@ fn ctrl_c_keeps_finished_sections() {
         assert_eq!(folder.npy::<f32>(file.to_str().unwrap()).dim(), (49, 147, 87));
     }
     assert!(folder.path("out/orientations.csv").exists());
-    let summary: serde_json::Value = serde_json::from_str(&folder.read("out/summary.json")).unwrap();
+    let summary = folder.read_json("out/summary.json");
     assert_eq!(summary["finished"], false);
     // The next run clears what this one left, though it did not come to its end.
-    let again = ["field", "bracket", "--orientations", "0,0", "--imf", "--out", "out"];
-    folder.succeed(&again);
+    folder.imf("field bracket --orientations 0,0 --imf --out out").done();
     let left = folder.entries().into_iter().filter(|path| path.to_string_lossy().contains("cmf-")).count();
     assert_eq!(left, 0);
 }
 
 #[test]
 fn a_tool_that_is_not_at_its_tip_is_said_and_so_is_how_far_depths_are_known() {
-    let folder = Folder::new();
+    let folder = Workdir::new();
     folder.write(
         "off.toml",
         "name = 'off'\nsharp_points = [[0, 0, -50]]\n[cutter]\nshape = 'flat'\ndiameter = 30\nlength = 60\n",
     );
-    let run = folder.run(&arguments(&[
-        "--tool",
-        "off.toml",
-        "--orientations",
-        "0,0;90,0",
-        "--imf",
-        "--quantity",
-        "depth",
-        "--out",
-        "out",
-    ]));
-    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let asked = arguments("--tool off.toml --orientations 0,0;90,0 --imf --quantity depth --out out");
+    let run = folder.imf(&asked).done();
     assert!(run.stderr.contains("another of its sharp points, is 50 mm away from it"), "{}", run.stderr);
     assert!(
         run.stdout.contains("largest depth ") && run.stdout.contains("depths are known within 8 voxels"),
         "{}",
         run.stdout
     );
-    let summary: serde_json::Value = serde_json::from_str(&folder.read("out/summary.json")).unwrap();
+    let summary = folder.read_json("out/summary.json");
     let pitch = summary["scene"]["grid"]["pitch"].as_f64().unwrap();
     assert!((summary["clamped_within"].as_f64().unwrap() / pitch - 8.0).abs() < 1e-6);
 }

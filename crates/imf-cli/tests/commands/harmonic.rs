@@ -5,32 +5,21 @@ use imf_core::orientation::OrientationSet;
 use imf_core::section::{SectionPlan, ToolPoints, sections};
 use imf_fields::harmonic::file::HarmonicFile;
 
-use crate::folder::Folder;
+use crate::binary::Workdir;
 use crate::model::model;
 
 /// The bracket's harmonic field, written to field.safetensors.
-fn fitted(folder: &Folder) -> serde_json::Value {
-    let fit = [
-        "train",
-        "harmonic",
-        "bracket",
-        "--dims",
-        "5,15,9",
-        "--allow-coarse",
-        "--degree",
-        "6",
-        "--components",
-        "30",
-    ];
-    folder.json(&[&fit[..], &["--no-calibrate", "--out", "field.safetensors"]].concat())
+fn fitted(folder: &Workdir) -> serde_json::Value {
+    let fit = "train harmonic bracket --dims 5,15,9 --allow-coarse --degree 6 --components 30";
+    folder.json(&format!("{fit} --no-calibrate --out field.safetensors"))
 }
 
 #[test]
 fn sections_are_near_the_exact_ones_and_the_file_gives_them_again() {
-    let folder = Folder::new();
+    let folder = Workdir::new();
     let set = "fibonacci:19";
     fitted(&folder);
-    let summary = folder.json(&["field", "field.safetensors", "--orientations", set, "--out", "out"]);
+    let summary = folder.json(&format!("field field.safetensors --orientations {set} --out out"));
     let scene = model().scene;
     let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, ToolPoints::SharpPoints).unwrap();
     let orientations = OrientationSet::parse(set).unwrap().orientations;
@@ -52,18 +41,18 @@ fn sections_are_near_the_exact_ones_and_the_file_gives_them_again() {
     assert!(mse < 3.0 * told && mse < 5e-3, "{mse} against {told}");
     assert!(summary["guarantee"].as_str().unwrap().starts_with("approximate"));
 
-    let info = folder.json(&["info", "field.safetensors"]);
+    let info = folder.json("info field.safetensors");
     assert_eq!((&info["kind"], &info["settings"]["degree"]), (&"harmonic".into(), &6.into()));
-    assert!(folder.succeed(&["info", "field.safetensors"]).stdout.contains("49 basis functions of degree 6"));
+    assert!(folder.imf("info field.safetensors").done().stdout.contains("49 basis functions of degree 6"));
     // At a voxel's centre a pose is answered as its section is.
     let grid = *plan.grid();
     let voxel = grid.index([2, 7, 8]);
     let [x, y, z] = grid.centre([2, 7, 8]).to_array();
     let (theta, phi) = (orientations[4].theta, orientations[4].phi);
     folder.write("poses.csv", format!("x,y,z,theta,phi\n{x},{y},{z},{theta},{phi}\n9e9,0,0,10,20\n"));
-    let run = folder.succeed(&["query", "field.safetensors", "poses.csv", "--exact", "--json"]);
+    let run = folder.imf("query field.safetensors poses.csv --exact --json").done();
     assert!(run.stderr.contains("1 of 2 poses lie outside the box"), "{}", run.stderr);
-    let answers: Vec<serde_json::Value> = serde_json::from_str(&run.stdout).unwrap();
+    let answers = run.json();
     let overlap = answers[0]["overlap"].as_f64().unwrap() as f32;
     assert!((overlap - again[4 * grid.len() + voxel].clamp(0.0, 1.0)).abs() < 1e-5);
     assert_eq!(answers[0]["overlap_exact"].as_f64().unwrap() as f32, exact[4][voxel]);
@@ -75,12 +64,12 @@ const SIDE: &str = "name = \"side\"\nunit = \"mm\"\nstick_out = 35.0\nsharp_poin
 
 #[test]
 fn a_saved_field_is_of_the_tip_whatever_points_are_sharp() {
-    let folder = Folder::new();
+    let folder = Workdir::new();
     folder.write("side.toml", SIDE);
-    let fit = ["train", "harmonic", "bracket", "--dims", "8,24,15", "--tool", "side.toml", "--degree", "10"];
-    let overlap = ["--quantity", "overlap", "--out", "side.safetensors", "--no-calibrate"];
-    folder.succeed(&[&fit[..], &overlap].concat());
-    let info = folder.json(&["info", "side.safetensors"]);
+    let fit = "train harmonic bracket --dims 8,24,15 --tool side.toml --degree 10";
+    let overlap = "--quantity overlap --out side.safetensors --no-calibrate";
+    folder.imf(&format!("{fit} {overlap}")).done();
+    let info = folder.json("info side.safetensors");
     // A body of revolution: functions of the direction, not of the whole rotation.
     assert_eq!(info["report"]["functions"], 121);
     let spread = |index: u32, prime: u32| f64::from(index * prime % 251) / 251.0;
@@ -92,8 +81,8 @@ fn a_saved_field_is_of_the_tip_whatever_points_are_sharp() {
         })
         .collect();
     folder.write("poses.csv", format!("x,y,z,theta,phi\n{poses}"));
-    let mean = |more: &[&str], name: &str| {
-        let answers = folder.json(&[&["query", "side.safetensors", "poses.csv", "--exact"], more].concat());
+    let mean = |more: &str, name: &str| {
+        let answers = folder.json(&format!("query side.safetensors poses.csv --exact {more}"));
         let difference = |a: &serde_json::Value| {
             let exact = a[format!("{name}_exact")].as_f64().unwrap();
             ((a[name].as_f64().unwrap() - exact).abs(), exact)
@@ -102,7 +91,7 @@ fn a_saved_field_is_of_the_tip_whatever_points_are_sharp() {
         let n = all.len() as f64;
         (all.iter().map(|a| a.0).sum::<f64>() / n, all.iter().map(|a| a.1).sum::<f64>() / n)
     };
-    for (error, value) in [mean(&[], "overlap"), mean(&["--sharp"], "overlap_sharp")] {
+    for (error, value) in [mean("", "overlap"), mean("--sharp", "overlap_sharp")] {
         // Counts step from voxel to voxel, which are coarse here; the other quantity is off by more than half.
         assert!(error < 0.4 * value, "{error} of {value}");
     }
@@ -110,47 +99,35 @@ fn a_saved_field_is_of_the_tip_whatever_points_are_sharp() {
 
 #[test]
 fn the_degree_follows_from_an_error_and_the_memory() {
-    let folder = Folder::new();
-    let field = |more: &[&str]| {
-        let fit = ["train", "harmonic", "bracket", "--dims", "5,15,9", "--allow-coarse", "--no-calibrate"];
-        folder.json(&[&fit[..], &["--out", "field.safetensors"], more].concat())
+    let folder = Workdir::new();
+    let field = |more: &str| {
+        let fit = "train harmonic bracket --dims 5,15,9 --allow-coarse --no-calibrate";
+        folder.json(&format!("{fit} --out field.safetensors {more}"))
     };
-    let [loose, tight] = ["2e-3", "5e-4"].map(|target| field(&["--target-mse", target]));
+    let [loose, tight] = ["2e-3", "5e-4"].map(|target| field(&format!("--target-mse {target}")));
     let degree = |summary: &serde_json::Value| summary["settings"]["degree"].as_u64().unwrap();
     assert!(degree(&loose) < degree(&tight), "{} {}", degree(&loose), degree(&tight));
     assert!(tight["report"]["validation"]["mse"].as_f64().unwrap() <= 5e-4);
     // As far as the memory goes, for an error that is out of reach.
     let [small, large] =
-        ["6MiB", "12MiB"].map(|memory| field(&["--target-mse", "1e-12", "--memory", memory]));
+        ["6MiB", "12MiB"].map(|memory| field(&format!("--target-mse 1e-12 --memory {memory}")));
     assert!(0 < degree(&small) && degree(&small) < degree(&large));
-    let fit = [
-        "train",
-        "harmonic",
-        "bracket",
-        "--dims",
-        "5,15,9",
-        "--allow-coarse",
-        "--memory",
-        "80KiB",
-        "--out",
-        "no.safetensors",
-    ];
-    folder.refuse(&fit, &["--degree", "--memory"]);
+    let fit = "train harmonic bracket --dims 5,15,9 --allow-coarse --memory 80KiB --out no.safetensors";
+    folder.refuse(fit, &["--degree", "--memory"]);
 }
 
 #[test]
 fn over_rotations_a_refined_minimum_has_its_roll() {
-    let folder = Folder::new();
+    let folder = Workdir::new();
     crate::rolls::write_arm(&folder);
-    let fit = ["train", "harmonic", "bracket", "--dims", "6,18,11", "--tool", "arm.toml", "--degree", "2"];
-    let overlap = ["--quantity", "overlap", "--no-calibrate", "--out", "arm.safetensors"];
-    folder.succeed(&[&fit[..], &overlap].concat());
-    let run = |more: &[&str], out: &str| {
-        let field = ["field", "arm.safetensors", "--orientations", "so3:40", "--imf", "--out", out];
-        folder.json(&[&field[..], more].concat())
+    let fit = "train harmonic bracket --dims 6,18,11 --tool arm.toml --degree 2";
+    let overlap = "--quantity overlap --no-calibrate --out arm.safetensors";
+    folder.imf(&format!("{fit} {overlap}")).done();
+    let run = |more: &str, out: &str| {
+        folder.json(&format!("field arm.safetensors --orientations so3:40 --imf --out {out} {more}"))
     };
-    run(&[], "set");
-    let summary = run(&["--refine"], "refined");
+    run("", "set");
+    let summary = run("--refine", "refined");
     let (set, refined) = (folder.npy::<f32>("set/imf.npy"), folder.npy::<f32>("refined/imf.npy"));
     let lower = set.iter().zip(&refined).filter(|(set, refined)| refined < set).count();
     assert!(set.iter().zip(&refined).all(|(set, refined)| refined <= set) && lower > 10, "{lower} lower");
@@ -166,14 +143,13 @@ fn over_rotations_a_refined_minimum_has_its_roll() {
 
 #[test]
 fn a_refined_minimum_is_nowhere_above_the_sets() {
-    let folder = Folder::new();
+    let folder = Workdir::new();
     fitted(&folder);
-    let run = |more: &[&str], out: &str| {
-        let field = ["field", "field.safetensors", "--orientations", "fibonacci:30", "--imf", "--out", out];
-        folder.json(&[&field[..], more].concat())
+    let run = |more: &str, out: &str| {
+        folder.json(&format!("field field.safetensors --orientations fibonacci:30 --imf --out {out} {more}"))
     };
-    run(&[], "set");
-    let summary = run(&["--refine"], "refined");
+    run("", "set");
+    let summary = run("--refine", "refined");
     let (set, refined) = (folder.npy::<f32>("set/imf.npy"), folder.npy::<f32>("refined/imf.npy"));
     let lower = set.iter().zip(&refined).filter(|(set, refined)| refined < set).count();
     assert!(set.iter().zip(&refined).all(|(set, refined)| refined <= set) && lower > 10, "{lower} lower");
@@ -198,75 +174,68 @@ fn a_refined_minimum_is_nowhere_above_the_sets() {
 
 #[test]
 fn a_field_is_distilled_into_a_network_through_an_interruption() {
-    let folder = Folder::new();
+    let folder = Workdir::new();
     fitted(&folder);
-    fn distil<'a>(more: &[&'a str]) -> Vec<&'a str> {
-        let small = ["train", "factored", "field.safetensors", "--network", "2x32", "--set", "batch=128"];
-        [&small[..], &["--steps", "600", "--rate", "4e-3"], more].concat()
+    fn distil(more: &str) -> String {
+        let small = "train factored field.safetensors --network 2x32 --set batch=128";
+        format!("{small} --steps 600 --rate 4e-3 {more}")
     }
-    let whole = folder.json(&distil(&["--out", "whole"]));
+    let whole = folder.json(&distil("--out whole"));
     let variance = 1e-2;
     assert!(whole["loss"].as_f64().unwrap() < 0.1 * variance, "{whole}");
     // A checkpoint after every report changes nothing.
-    folder.succeed(&distil(&["--out", "often", "--set", "checkpoint_every=0"]));
-    let bytes = |name: &str| std::fs::read(folder.path(name)).unwrap();
-    assert_eq!(bytes("whole/field.safetensors"), bytes("often/field.safetensors"));
+    folder.imf(&distil("--out often --set checkpoint_every=0")).done();
+    assert_eq!(folder.bytes("whole/field.safetensors"), folder.bytes("often/field.safetensors"));
     std::fs::remove_file(folder.path("often/field.safetensors")).unwrap();
-    folder.refuse(&distil(&["--out", "often"]), &["unfinished", "--resume"]);
-    folder.succeed(&distil(&["--out", "often", "--resume"]));
-    assert_eq!(bytes("whole/field.safetensors"), bytes("often/field.safetensors"));
+    folder.refuse(&distil("--out often"), &["unfinished", "--resume"]);
+    folder.imf(&distil("--out often --resume")).done();
+    assert_eq!(folder.bytes("whole/field.safetensors"), folder.bytes("often/field.safetensors"));
     // A damaged checkpoint costs the steps since the one before it.
-    let damaged = bytes("often/checkpoint.safetensors");
-    std::fs::write(folder.path("often/checkpoint.safetensors"), &damaged[..damaged.len() / 2]).unwrap();
+    let damaged = folder.bytes("often/checkpoint.safetensors");
+    folder.write("often/checkpoint.safetensors", &damaged[..damaged.len() / 2]);
     std::fs::remove_file(folder.path("often/field.safetensors")).unwrap();
-    let resumed = folder.succeed(&distil(&["--out", "often", "--resume"]));
+    let resumed = folder.imf(&distil("--out often --resume")).done();
     assert!(resumed.stderr.contains("often/checkpoint.previous.safetensors at step 5"), "{}", resumed.stderr);
-    assert_eq!(bytes("whole/field.safetensors"), bytes("often/field.safetensors"));
-    folder.refuse(&distil(&["--out", "often", "--resume", "--set", "seed=3"]), &["other settings"]);
-    let again = folder.json(&distil(&["--out", "often", "--resume"]));
+    assert_eq!(folder.bytes("whole/field.safetensors"), folder.bytes("often/field.safetensors"));
+    folder.refuse(&distil("--out often --resume --set seed=3"), &["other settings"]);
+    let again = folder.json(&distil("--out often --resume"));
     assert!(again["loss"].is_null(), "no step was taken: {again}");
 
     // From its own network a few steps are enough, where random sines with the best output layer are not; a network of another shape
     // is taken over.
-    let few: &[&str] =
-        &["train", "factored", "field.safetensors", "--set", "batch=128", "--steps", "20", "--rate", "1e-4"];
-    let loss = |more: &[&str]| folder.json(&[few, more].concat())["loss"].as_f64().unwrap();
-    let (tuned, fresh) = (
-        loss(&["--from", "whole/field.safetensors", "--out", "tuned"]),
-        loss(&["--network", "2x32", "--out", "fresh"]),
-    );
+    let few = "train factored field.safetensors --set batch=128 --steps 20 --rate 1e-4";
+    let loss = |more: &str| folder.json(&format!("{few} {more}"))["loss"].as_f64().unwrap();
+    let (tuned, fresh) =
+        (loss("--from whole/field.safetensors --out tuned"), loss("--network 2x32 --out fresh"));
     assert!(tuned < 1.5 * whole["loss"].as_f64().unwrap() && tuned < 0.5 * fresh, "{tuned} {fresh}");
-    let info = folder.json(&["info", "tuned/field.safetensors"]);
+    let info = folder.json("info tuned/field.safetensors");
     assert_eq!(info["network"]["width"], 32);
     // The same line goes on; another field's network is not the one that was begun with, nor are widths given twice.
-    let tuned = [few, &["--from", "whole/field.safetensors", "--out", "tuned", "--resume"]].concat();
-    assert!(folder.succeed(&tuned).stderr.contains("tuned/checkpoint.safetensors is finished"));
-    folder.succeed(&[few, &["--network", "2x16", "--out", "narrow"]].concat());
-    let other = tuned.iter().map(|word| word.replace("whole/", "narrow/")).collect::<Vec<_>>();
-    let other: Vec<&str> = other.iter().map(String::as_str).collect();
+    let tuned = format!("{few} --from whole/field.safetensors --out tuned --resume");
+    assert!(folder.imf(&tuned).done().stderr.contains("tuned/checkpoint.safetensors is finished"));
+    folder.imf(&format!("{few} --network 2x16 --out narrow")).done();
     let words =
         ["tuned/checkpoint.safetensors", "narrow/field.safetensors", "2 layers of 32", "2 layers of 16"];
-    folder.refuse(&other, &words);
-    let run = folder.run(&[&tuned[..], &["--network", "2x20"]].concat());
+    folder.refuse(&tuned.replace("whole/", "narrow/"), &words);
+    let run = folder.imf(&format!("{tuned} --network 2x20"));
     assert!(run.code == Some(2) && run.stderr.contains("--network"), "{}", run.stderr);
-    folder.refuse(&[few, &["--from", "field.safetensors", "--out", "no"]].concat(), &["field.safetensors"]);
+    folder.refuse(&format!("{few} --from field.safetensors --out no"), &["field.safetensors"]);
     // What adapts which is said where they are mixed up.
     let distilled = "whole/field.safetensors";
     let words = [distilled, "a factored field already", "--from whole/field.safetensors"];
-    folder.refuse(&["train", distilled, "--out", "no"], &words);
+    folder.refuse(&format!("train {distilled} --out no"), &words);
     let words = ["is a factored field", "imf train factored PART --from whole/field.safetensors"];
-    folder.refuse(&["finetune", distilled, "data", "--out", "no"], &words);
-    folder
-        .refuse(&["finetune", "field.safetensors", "data", "--out", "no"], &["is a harmonic field", "anew"]);
+    folder.refuse(&format!("finetune {distilled} data --out no"), &words);
+    folder.refuse("finetune field.safetensors data --out no", &["is a harmonic field", "anew"]);
 
-    let info = folder.json(&["info", "whole/field.safetensors"]);
+    let info = folder.json("info whole/field.safetensors");
     assert_eq!((&info["kind"], &info["network"]["width"]), (&"factored".into(), &32.into()));
     let file =
         imf_fields::factored::file::FactoredFile::read(&folder.path("whole/field.safetensors")).unwrap();
     let grid = file.field.grid;
     let [x, y, z] = grid.centre([2, 7, 4]).to_array();
     folder.write("poses.csv", format!("x,y,z,theta,phi\n{x},{y},{z},40,70\n"));
-    let answer = &folder.json(&["query", "whole/field.safetensors", "poses.csv"])[0]["overlap"];
+    let answer = &folder.json("query whole/field.safetensors poses.csv")[0]["overlap"];
     let expected = file.field.evaluator().overlap_with_gradient(
         grid.centre([2, 7, 4]),
         imf_core::orientation::Orientation::new(40.0, 70.0).direction(),
@@ -296,10 +265,10 @@ fn errors(
 
 #[test]
 fn eval_says_of_both_families_what_plain_sums_say() {
-    let folder = Folder::new();
+    let folder = Workdir::new();
     fitted(&folder);
-    let small = ["train", "factored", "field.safetensors", "--network", "2x32", "--set", "batch=128"];
-    folder.succeed(&[&small[..], &["--steps", "600", "--rate", "4e-3", "--out", "small"]].concat());
+    let small = "train factored field.safetensors --network 2x32 --set batch=128";
+    folder.imf(&format!("{small} --steps 600 --rate 4e-3 --out small")).done();
     let scene = model().scene;
     let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, ToolPoints::SharpPoints).unwrap();
     let random = OrientationSet::parse("random:20:3").unwrap().orientations;
@@ -314,7 +283,7 @@ fn eval_says_of_both_families_what_plain_sums_say() {
         ("field.safetensors", "harmonic", &harmonic.field),
         ("small/field.safetensors", "factored", &expanded),
     ] {
-        let asked = ["eval", file, "--random", "20", "--seed", "3", "--imf", "fibonacci:30", "--out", family];
+        let asked = format!("eval {file} --random 20 --seed 3 --imf fibonacci:30 --out {family}");
         let report = folder.json(&asked);
         let (mse, mpe, variance) = errors(field, &plan, &random);
         let row = &report["rows"][2];
@@ -334,6 +303,6 @@ fn eval_says_of_both_families_what_plain_sums_say() {
         for file in ["report.md", "sections.png", "imf.png", "errors.png"] {
             assert!(folder.path(family).join(file).exists(), "{file}");
         }
-        assert!(folder.read(&format!("{family}/report.md")).contains("made from 64 exact sections"));
+        assert!(folder.text(&format!("{family}/report.md")).contains("made from 64 exact sections"));
     }
 }

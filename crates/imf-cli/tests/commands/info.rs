@@ -9,8 +9,9 @@ use imf_core::pose::Pose;
 use imf_fields::recipe::Sampling;
 use imf_train::dataset::generate;
 
-use crate::folder::{Folder, OPEN_CUBE};
+use crate::binary::Workdir;
 use crate::model::{model, newer, write_model};
+use crate::shapes::OPEN_CUBE;
 
 const MILL: &str = "name = \"mill\"\nsharp_points = 12\n[cutter]\nshape = \"bull\"\ndiameter = 10.0\nlength = 30.0\n\
                     corner_radius = 2.0\n[shank]\ndiameter = 8.0\nlength = 10.0\n[[holder]]\ndiameter = 20.0\n\
@@ -18,13 +19,13 @@ const MILL: &str = "name = \"mill\"\nsharp_points = 12\n[cutter]\nshape = \"bull
 
 #[test]
 fn meshes_and_parts_are_described() {
-    let folder = Folder::new();
-    let part = folder.json(&["info", "screw-gear"]);
+    let folder = Workdir::new();
+    let part = folder.json("info screw-gear");
     assert_eq!((&part["kind"], &part["dims"][0]), (&"reference part".into(), &99.into()));
     folder.write("open.obj", OPEN_CUBE);
-    let mesh = folder.json(&["info", "open.obj"]);
+    let mesh = folder.json("info open.obj");
     assert_eq!((&mesh["mesh"]["closed"], &mesh["mesh"]["boundary_edges"]), (&false.into(), &3.into()));
-    let run = folder.succeed(&["info", "open.obj", "--unit", "m"]);
+    let run = folder.imf("info open.obj --unit m").done();
     assert!(
         run.stderr.contains("imf: warning: ") && run.stderr.contains("in mm it would be"),
         "{}",
@@ -35,9 +36,9 @@ fn meshes_and_parts_are_described() {
 
 #[test]
 fn tools_are_described_by_their_elements() {
-    let folder = Folder::new();
+    let folder = Workdir::new();
     folder.write("mill.toml", MILL);
-    let tool = folder.json(&["info", "mill.toml"]);
+    let tool = folder.json("info mill.toml");
     let kinds: Vec<_> = tool["elements"].as_array().unwrap().iter().map(|e| &e["kind"]).collect();
     assert_eq!(kinds.len(), 3);
     assert_eq!((kinds[0], kinds[1]), (&"cutter".into(), &"shank".into()));
@@ -45,43 +46,43 @@ fn tools_are_described_by_their_elements() {
     assert_eq!(tool["elements"][2]["largest_radius"], 20.0);
     assert_eq!(tool["sharp_points"].as_array().unwrap().len(), 12);
     assert_eq!(tool["axisymmetric"], true);
-    let text = folder.succeed(&["info", "mill.toml"]).stdout;
+    let text = folder.imf("info mill.toml").done().stdout;
     assert!(text.contains("40 to 65 mm above the tip, radius 10 to 20 mm"), "{text}");
 }
 
 #[test]
 fn datasets_are_described_with_what_is_missing() {
-    let folder = Folder::new();
+    let folder = Workdir::new();
     let scene = model().scene;
     let set = OrientationSet::parse("fibonacci:5").unwrap();
     let sampling = Sampling::default();
     let made = generate(&folder.path("data"), &scene, &set, &sampling, Control::quiet()).unwrap();
-    let dataset = folder.json(&["info", "data"]);
+    let dataset = folder.json("info data");
     assert_eq!(dataset["samples"], made.samples);
     assert_eq!((&dataset["shards_missing"], &dataset["scene"]["part"]), (&0.into(), &"bracket".into()));
     std::fs::remove_file(folder.path("data/shard-00000.safetensors")).unwrap();
-    assert_eq!(folder.json(&["info", "data"])["shards_missing"], 1);
-    let manifest = folder.read("data/manifest.json");
+    assert_eq!(folder.json("info data")["shards_missing"], 1);
+    let manifest = folder.text("data/manifest.json");
     folder.write("data/manifest.json", manifest.replace("\"version\": 1", "\"version\": 9"));
-    folder.refuse(&["info", "data"], &["manifest.json", "version 9", "newer imf"]);
+    folder.refuse("info data", &["manifest.json", "version 9", "newer imf"]);
     folder.write("data/manifest.json", &manifest[..manifest.len() / 2]);
-    folder.refuse(&["info", "data"], &["manifest.json"]);
+    folder.refuse("info data", &["manifest.json"]);
     std::fs::create_dir(folder.path("empty")).unwrap();
-    folder.refuse(&["info", "empty"], &["empty", "no dataset"]);
+    folder.refuse("info empty", &["empty", "no dataset"]);
 }
 
 #[test]
 fn models_are_described_and_damaged_ones_refused() {
-    let folder = Folder::new();
+    let folder = Workdir::new();
     let model = write_model(&folder.path("m.safetensors"));
-    let info = folder.json(&["info", "m.safetensors"]);
+    let info = folder.json("info m.safetensors");
     assert_eq!(info["parameters"], model.shape.parameter_count());
     assert_eq!(info["resumable"], true);
     assert_eq!(info["training"]["orientations"]["count"], 3);
     model.without_moments().write(&folder.path("small.safetensors")).unwrap();
-    assert!(folder.succeed(&["info", "small.safetensors"]).stdout.contains("weights alone"));
+    assert!(folder.imf("info small.safetensors").done().stdout.contains("weights alone"));
 
-    let bytes = std::fs::read(folder.path("m.safetensors")).unwrap();
+    let bytes = folder.bytes("m.safetensors");
     folder.write("cut.safetensors", &bytes[..bytes.len() - 7]);
     folder.write("newer.safetensors", newer(&bytes));
     folder.write("foreign.safetensors", b"not a model at all, whatever its name says");
@@ -94,24 +95,24 @@ fn models_are_described_and_damaged_ones_refused() {
         ("empty.safetensors", "no intact model"),
         ("missing.safetensors", "cannot read the model"),
     ] {
-        folder.refuse(&["info", name], &[name, expected]);
-        folder.refuse(&["query", name, "poses.csv", "--out", "a.csv"], &[name, expected]);
+        folder.refuse(&format!("info {name}"), &[name, expected]);
+        folder.refuse(&format!("query {name} poses.csv --out a.csv"), &[name, expected]);
     }
 }
 
 #[test]
 fn what_is_nothing_is_said_to_be_nothing() {
-    let folder = Folder::new();
-    folder.refuse(&["info", "kettle"], &["kettle", "bracket-raw"]);
-    folder.refuse(&["info", "part.step"], &["part.step"]);
+    let folder = Workdir::new();
+    folder.refuse("info kettle", &["kettle", "bracket-raw"]);
+    folder.refuse("info part.step", &["part.step"]);
 }
 
 #[test]
 fn devices_are_listed_and_none_is_no_failure() {
-    let folder = Folder::new();
-    let run = folder.succeed(&["info", "--threads", "1"]);
+    let folder = Workdir::new();
+    let run = folder.imf("info --threads 1").done();
     assert!(run.stdout.contains("CPU engine, 1 threads"), "{}", run.stdout);
-    let devices = folder.json(&["info"]);
+    let devices = folder.json("info");
     assert!(devices["cpu"]["threads"].as_u64().unwrap() >= 1);
     assert!(run.stdout.contains("bracket-raw") && devices["parts"][0] == "teapot", "{devices}");
     if cfg!(target_os = "linux") {
@@ -122,46 +123,36 @@ fn devices_are_listed_and_none_is_no_failure() {
 
 #[test]
 fn a_clearance_is_recorded_in_datasets_and_models_and_said() {
-    let folder = Folder::new();
-    let data = [
-        "dataset",
-        "bracket",
-        "--dims",
-        "5,15,9",
-        "--allow-coarse",
-        "--orientations",
-        "fibonacci:2",
-        "--clearance",
-        "4",
-    ];
-    folder.succeed(&[&data[..], &["--clearance-cutter", "1", "--out", "data"]].concat());
-    let dataset = folder.json(&["info", "data"]);
+    let folder = Workdir::new();
+    let data = "dataset bracket --dims 5,15,9 --allow-coarse --orientations fibonacci:2 --clearance 4";
+    folder.imf(&format!("{data} --clearance-cutter 1 --out data")).done();
+    let dataset = folder.json("info data");
     let clearance = serde_json::json!({ "holder": 4.0, "shank": 4.0, "cutter": 1.0 });
     assert_eq!(dataset["scene"]["clearance"], clearance);
-    assert!(folder.succeed(&["info", "data"]).stdout.contains("holder 4, shank 4, cutter 1 mm"));
+    assert!(folder.imf("info data").done().stdout.contains("holder 4, shank 4, cutter 1 mm"));
     // The samples are the offset tool's, and so is the scene that a model takes over.
     let (manifest, scene, _) = imf_train::dataset::load(&folder.path("data")).unwrap();
     assert_eq!(manifest.scene.bare_tool(), &imf_core::tool::Tool::paper());
     assert_eq!(scene.record.tool, scene.record.bare_tool().with_clearance(&scene.record.clearance).unwrap());
     // The same folder is refused for another clearance.
-    let run = folder.run(&[&data[..], &["--out", "data"]].concat());
-    run.is_refusal(&["another dataset", "the scene differs"], &["dataset"]);
+    let run = folder.imf(&format!("{data} --out data"));
+    run.refused(&["another dataset", "the scene differs"]);
     let mut model = model();
     model.scene = scene;
     model.write(&folder.path("m.safetensors")).unwrap();
-    assert_eq!(folder.json(&["info", "m.safetensors"])["scene"]["clearance"], clearance);
+    assert_eq!(folder.json("info m.safetensors")["scene"]["clearance"], clearance);
     folder.write("poses.csv", "x,y,z,theta,phi\n1,2,3,40,50\n");
-    let run = folder.succeed(&["query", "m.safetensors", "poses.csv", "--exact"]);
+    let run = folder.imf("query m.safetensors poses.csv --exact").done();
     assert!(run.stderr.contains("offset by a clearance (holder 4, shank 4, cutter 1 mm)"), "{}", run.stderr);
 }
 
 #[test]
 fn contact_is_recorded_with_its_layer_and_exact_answers_know_it() {
-    let folder = Folder::new();
-    let data = ["dataset", "bracket", "--dims", "5,15,9", "--allow-coarse", "--orientations", "fibonacci:2"];
-    folder.succeed(&[&data[..], &["--contact", "12", "--out", "data"]].concat());
-    assert_eq!(folder.json(&["info", "data"])["scene"]["contact"], 12.0);
-    assert!(folder.succeed(&["info", "data"]).stdout.contains("may reach 12 mm below"));
+    let folder = Workdir::new();
+    let data = "dataset bracket --dims 5,15,9 --allow-coarse --orientations fibonacci:2";
+    folder.imf(&format!("{data} --contact 12 --out data")).done();
+    assert_eq!(folder.json("info data")["scene"]["contact"], 12.0);
+    assert!(folder.imf("info data").done().stdout.contains("may reach 12 mm below"));
     let (_, scene, _) = imf_train::dataset::load(&folder.path("data")).unwrap();
     assert!(scene.layer.as_ref().unwrap().count() > 0);
     let cuttable = Obstacle::from(&scene).cuttable.unwrap();
@@ -175,7 +166,7 @@ fn contact_is_recorded_with_its_layer_and_exact_answers_know_it() {
     let voxel = cuttable.solid.iter().position(|&s| s != 0).unwrap();
     let [x, y, z] = grid.centre(grid.voxel(voxel)).to_array();
     folder.write("poses.csv", format!("x,y,z,theta,phi\n{x},{y},{z},0,0\n"));
-    let run = folder.json(&["query", "m.safetensors", "poses.csv", "--exact"]);
+    let run = folder.json("query m.safetensors poses.csv --exact");
     let pose = Pose::along([x, y, z].into(), DVec3::Z);
     let clearance = &model.scene.record.clearance;
     let field = ExactField::of_scene(&model.scene, clearance).unwrap();

@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use crate::folder::{Folder, Run};
+use crate::binary::{Finished, Workdir};
 
 /// A block of 60 × 60 × 30 mm, its bottom's middle in the origin.
 const BLOCK: &str = "v -30 -30 0\nv 30 -30 0\nv 30 30 0\nv -30 30 0\nv -30 -30 30\nv 30 -30 30\nv 30 30 30\n\
@@ -13,22 +13,24 @@ const EXAMPLES: [(&str, &str); 3] = [
     ("vise.toml", include_str!("../../../../docs/guide/machines/tilting-vise.toml")),
 ];
 
-fn check(path: (&str, &str), machine: Option<&str>, more: &[&str]) -> Run {
-    let folder = Folder::new();
+/// The block and the example machines, in a fresh folder.
+fn workshop() -> Workdir {
+    let folder = Workdir::new();
     folder.write("block.obj", BLOCK);
-    folder.write(path.0, path.1);
     EXAMPLES.iter().for_each(|(name, text)| folder.write(name, text));
-    let machine = machine.map_or(vec![], |machine| vec!["--machine", machine]);
-    let tool = if more.contains(&"--tool") { vec![] } else { vec!["--tool", "paper"] };
-    let usual = ["check", "block.obj", path.0, "--pitch", "1"];
-    folder.run(&[&usual[..], &tool, &machine, more].concat())
+    folder
+}
+
+fn check(path: (&str, &str), more: &str) -> Finished {
+    let folder = workshop();
+    folder.write(path.0, path.1);
+    folder.imf(&format!("check block.obj {} --pitch 1 --tool paper {more}", path.0))
 }
 
 /// Element and body of every hit, by line.
-fn hits(run: &Run) -> Vec<(u64, String, String)> {
-    let answer: Value = serde_json::from_str(&run.stdout).unwrap_or_else(|_| panic!("{}", run.stderr));
+fn hits(run: &Finished) -> Vec<(u64, String, String)> {
     let mut found = vec![];
-    for line in answer["report"]["colliding"].as_array().unwrap() {
+    for line in run.json()["report"]["colliding"].as_array().unwrap() {
         for hit in line["collisions"].as_array().unwrap() {
             let body = hit["against"]["machine"].as_str().unwrap_or("part").to_owned();
             found.push((line["line"].as_u64().unwrap(), hit["element"].as_str().unwrap().to_owned(), body));
@@ -40,39 +42,43 @@ fn hits(run: &Run) -> Vec<(u64, String, String)> {
 #[test]
 fn a_program_is_the_same_path_as_its_table() {
     let program = "G21 G90 G0 X-50. Y0. Z40.\nX-49. Z28.\nG1 X50. F900\n";
-    let run = check(("top.nc", program), None, &["--json"]);
+    let run = check(("top.nc", program), "--json");
     assert_eq!(run.code, Some(3), "{}", run.stderr);
-    let table = check(("top.csv", "x,y,z\n-50,0,40\n-49,0,28\n50,0,28\n"), None, &["--json"]);
-    let of = |run: &Run| hits(run).into_iter().map(|(_, element, body)| (element, body)).collect::<Vec<_>>();
+    let table = check(("top.csv", "x,y,z\n-50,0,40\n-49,0,28\n50,0,28\n"), "--json");
+    let of =
+        |run: &Finished| hits(run).into_iter().map(|(_, element, body)| (element, body)).collect::<Vec<_>>();
     assert_eq!(of(&run), of(&table));
     assert_eq!(hits(&run), [(3, "cutter".to_owned(), "part".to_owned())]);
     assert!(run.stderr.contains("line 2: G0 is followed straight"), "{}", run.stderr);
     // An arc is one line, however many chords it has.
-    let arc = check(("arc.nc", "G21 G90 G0 X0. Y-20. Z28.\nG3 X0. Y-20. I0. J20. F900\n"), None, &["--json"]);
+    let arc = check(("arc.nc", "G21 G90 G0 X0. Y-20. Z28.\nG3 X0. Y-20. I0. J20. F900\n"), "--json");
     assert_eq!(hits(&arc).iter().map(|(line, ..)| *line).collect::<Vec<_>>(), [1, 2]);
 }
 
 #[test]
 fn what_a_program_does_not_say_is_refused_with_line_and_remedy() {
-    let refuse = |text: &str, machine: Option<&str>, said: &[&str]| {
-        check(("part.nc", text), machine, &[]).is_bad_input(said);
+    let refuse = |text: &str, more: &str, said: &[&str]| {
+        check(("part.nc", text), more).bad_input(said);
     };
     refuse(
         "G0 X0. Y0. Z40. A30.\n",
-        None,
+        "",
         &["part.nc, line 1: A30. turns a rotary axis", "no machine is given"],
     );
-    refuse("G0 X0. Y0. Z40.\nG81 Z3. R1.\n", None, &["part.nc, line 2: G81 is a cycle"]);
+    refuse("G0 X0. Y0. Z40.\nG81 Z3. R1.\n", "", &["part.nc, line 2: G81 is a cycle"]);
     refuse(
         "G0 X0. Y0. Z40. A0. C0.\n",
-        Some("trunnion.toml"),
+        "--machine trunnion.toml",
         &["part.nc, line 1: Z moves while no tool length is in force"],
     );
-    refuse("G0 B0.\n", Some("trunnion.toml"), &["B0. turns an axis that the machine 'trunnion A/C' has not"]);
-    check(("path.csv", "x,y,z,B,C\n0,0,40,0,0\n"), Some("trunnion.toml"), &[])
-        .is_bad_input(&["'b'", "has not"]);
-    check(("path.csv", "x,y,z,A\n0,0,40,0\n"), Some("trunnion.toml"), &[]).is_bad_input(&["axis C as well"]);
-    let missing = check(("path.csv", "x,y,z\n0,0,40\n"), Some("none.toml"), &[]);
+    refuse(
+        "G0 B0.\n",
+        "--machine trunnion.toml",
+        &["B0. turns an axis that the machine 'trunnion A/C' has not"],
+    );
+    check(("path.csv", "x,y,z,B,C\n0,0,40,0,0\n"), "--machine trunnion.toml").bad_input(&["'b'", "has not"]);
+    check(("path.csv", "x,y,z,A\n0,0,40,0\n"), "--machine trunnion.toml").bad_input(&["axis C as well"]);
+    let missing = check(("path.csv", "x,y,z\n0,0,40\n"), "--machine none.toml");
     assert!(
         missing.code != Some(0) && missing.stderr.contains("none.toml: there is no machine file"),
         "{}",
@@ -84,21 +90,17 @@ fn what_a_program_does_not_say_is_refused_with_line_and_remedy() {
 fn a_holder_that_meets_the_platter_is_told_by_word_and_by_column() {
     let program =
         "G21 G90 T1 M6\nG0 A0. C0.\nG43.4 H1 X0. Y0. Z100.\nG0 A-90. X0. Y-100. Z10.\nG1 Y-31. F400\n";
-    let run = check(("side.nc", program), Some("trunnion.toml"), &["--json"]);
+    let run = check(("side.nc", program), "--machine trunnion.toml --json");
     assert_eq!(run.code, Some(3), "{}", run.stderr);
     assert_eq!(hits(&run), [(5, "holder 1".to_owned(), "platter".to_owned())]);
     let table = "x,y,z,A,C\n0,0,100,0,0\n0,-100,10,-90,0\n0,-31,10,-90,0\n";
-    let run = check(("side.csv", table), Some("trunnion.toml"), &["--json"]);
+    let run = check(("side.csv", table), "--machine trunnion.toml --json");
     assert_eq!(hits(&run), [(4, "holder 1".to_owned(), "platter".to_owned())]);
     // Without the platter it is free, and by directions the same angles are found.
-    assert_eq!(
-        check(("side.csv", "x,y,z,i,j,k\n0,-100,10,0,-1,0\n0,-31,10,0,-1,0\n"), None, &[]).code,
-        Some(0)
-    );
+    assert_eq!(check(("side.csv", "x,y,z,i,j,k\n0,-100,10,0,-1,0\n0,-31,10,0,-1,0\n"), "").code, Some(0));
     let run = check(
         ("side.csv", "x,y,z,i,j,k\n0,-100,10,0,-1,0\n0,-31,10,0,-1,0\n"),
-        Some("trunnion.toml"),
-        &["--json"],
+        "--machine trunnion.toml --json",
     );
     assert_eq!(hits(&run), [(3, "holder 1".to_owned(), "platter".to_owned())]);
     assert!(run.stderr.contains("line 2: the file says directions"), "{}", run.stderr);
@@ -107,16 +109,16 @@ fn a_holder_that_meets_the_platter_is_told_by_word_and_by_column() {
 #[test]
 fn a_part_stands_on_the_machine_where_it_is_set_up() {
     let program = "G21 G90 T1 M6\nG0 A0. C0.\nG43.4 H1 X0. Y0. Z100.\nZ60.\n";
-    let run = |more: &[&str]| check(("top.nc", program), Some("trunnion.toml"), more);
-    assert_eq!(run(&[]).code, Some(0));
-    let up = ["--transform", "translate:0,0,40"];
-    let found = run(&[&up[..], &["--json"]].concat());
+    let run = |more: &str| check(("top.nc", program), &format!("--machine trunnion.toml {more}"));
+    assert_eq!(run("").code, Some(0));
+    let up = "--transform translate:0,0,40";
+    let found = run(&format!("{up} --json"));
     assert_eq!(hits(&found), [(4, "cutter".to_owned(), "part".to_owned())]);
     assert!(found.stdout.contains("\"frame\": \"world\""), "{}", found.stdout);
-    let refused = run(&[&up[..], &["--frame", "part"]].concat());
+    let refused = run(&format!("{up} --frame part"));
     assert!(refused.code != Some(0) && refused.stderr.contains("coordinates of G54"), "{}", refused.stderr);
     // Ten lower its foot is in the platter.
-    let low = run(&["--transform", "translate:0,0,-10"]);
+    let low = run("--transform translate:0,0,-10");
     assert!(
         low.stderr.contains("warning: the part stands 10 mm deep in the machine's platter"),
         "{}",
@@ -126,25 +128,13 @@ fn a_part_stands_on_the_machine_where_it_is_set_up() {
 
 #[test]
 fn a_part_that_swings_into_a_column_is_told() {
-    let folder = Folder::new();
+    let folder = Workdir::new();
     folder.write("block.obj", BLOCK);
     let column = "\n[[solid]]\nname = \"column\"\non = \"table\"\nbox = { lower = [-60, 30, -420], upper = [60, 90, -380] }\n";
     folder.write("column.toml", &(EXAMPLES[0].1.to_owned() + column));
     folder.write("swing.csv", "x,y,z,A,C\n0,0,100,0,0\n0,0,100,-60,0\n0,0,100,-90,0\n");
-    let run = folder.run(&[
-        "check",
-        "block.obj",
-        "swing.csv",
-        "--unit",
-        "mm",
-        "--pitch",
-        "2",
-        "--tool",
-        "paper",
-        "--machine",
-        "column.toml",
-        "--json",
-    ]);
+    let run =
+        folder.imf("check block.obj swing.csv --unit mm --pitch 2 --tool paper --machine column.toml --json");
     assert_eq!(run.code, Some(3), "{}", run.stderr);
     let found = hits(&run);
     assert!(found.contains(&(4, "part".to_owned(), "column".to_owned())), "{found:?}");
@@ -156,11 +146,17 @@ fn every_example_cuts_the_top_and_tells_what_its_head_meets() {
     for (name, letters) in [("trunnion.toml", "A0. C0."), ("head.toml", "B0. C0."), ("vise.toml", "B0. C0.")]
     {
         let start = format!("G21 G90 T1 M6\nG0 {letters}\nG43.4 H1 X-50. Y0. Z60.\n");
-        let run = check(("top.nc", &format!("{start}Z30.\nG1 X50. F900\nC90.\nX-50.\n")), Some(name), &[]);
+        let run = check(
+            ("top.nc", &format!("{start}Z30.\nG1 X50. F900\nC90.\nX-50.\n")),
+            &format!("--machine {name}"),
+        );
         assert_eq!(run.code, Some(0), "{name}: {}{}", run.stdout, run.stderr);
         assert!(run.stdout.contains("no collision, no axis out of its travel: 5 lines"), "{}", run.stdout);
         // Down beside the block until the spindle's face is below its top.
-        let run = check(("deep.nc", &format!("{start}X-40. Z60.\nG1 Z-60. F900\n")), Some(name), &["--json"]);
+        let run = check(
+            ("deep.nc", &format!("{start}X-40. Z60.\nG1 Z-60. F900\n")),
+            &format!("--machine {name} --json"),
+        );
         let found = hits(&run);
         assert!(found.iter().any(|(_, element, _)| element.starts_with("spindle")), "{name}: {found:?}");
     }
@@ -169,21 +165,18 @@ fn every_example_cuts_the_top_and_tells_what_its_head_meets() {
 /// The holder beside the platter that lies back: where all axes stand, drawn from three sides, and as bodies in the page.
 #[test]
 fn a_collision_with_the_machine_is_told_with_its_joints_drawn_and_shown() {
-    let folder = Folder::new();
-    folder.write("block.obj", BLOCK);
-    EXAMPLES.iter().for_each(|(name, text)| folder.write(name, text));
+    let folder = workshop();
     folder.write("side.csv", "x,y,z,A,C\n0,0,100,0,0\n0,-100,10,-90,0\n0,-31,10,-90,0\n");
-    let check = ["check", "block.obj", "side.csv", "--pitch", "1", "--tool", "paper", "--machine"];
-    let run = [&check[..], &["trunnion.toml", "--out", "out", "--html", "page.html", "--json"]].concat();
-    let run = folder.run(&run);
+    let check = "check block.obj side.csv --pitch 1 --tool paper --machine trunnion.toml";
+    let run = folder.imf(&format!("{check} --out out --html page.html --json"));
     assert_eq!(run.code, Some(3), "{}", run.stderr);
-    let answer: Value = serde_json::from_str(&run.stdout).unwrap();
+    let answer = run.json();
     let hit = &answer["report"]["colliding"][0]["collisions"][0];
     assert_eq!(hit["joints"]["rotary"], serde_json::json!([-90.0, 0.0]), "{hit}");
     // The platter's colour, and that of the holder in it, in the middle of the panels.
     let picture = image::open(folder.path("out/worst.png")).unwrap().to_rgb8();
     assert!(picture.width() > 500);
-    let page = folder.read("page.html");
+    let page = folder.text("page.html");
     let data = page.split("id=\"data\">").nth(1).unwrap().split("</script>").next().unwrap();
     let data: Value = serde_json::from_str(data).unwrap();
     let bodies = data["layers"][0]["classes"].as_array().unwrap();
@@ -204,7 +197,7 @@ fn a_collision_with_the_machine_is_told_with_its_joints_drawn_and_shown() {
 #[test]
 fn travel_is_told_with_line_axis_value_and_range() {
     let program = "G21 G90 T1 M6\nG0 A0. C0.\nG43.4 H1 X0. Y0. Z100.\nX260. Z150.\nX0.\nA31.\n";
-    let run = check(("far.nc", program), Some("trunnion.toml"), &[]);
+    let run = check(("far.nc", program), "--machine trunnion.toml");
     assert_eq!(run.code, Some(3), "{}", run.stderr);
     for said in [
         "line 4: X would have to be at 25",
@@ -215,30 +208,27 @@ fn travel_is_told_with_line_axis_value_and_range() {
         assert!(run.stdout.contains(said), "{said}: {}", run.stdout);
     }
     assert!(run.stdout.contains("no collision, 3 lines lead out of the machine's travel"), "{}", run.stdout);
-    let run = check(("far.nc", program), Some("trunnion.toml"), &["--json"]);
-    let answer: Value = serde_json::from_str(&run.stdout).unwrap();
+    let run = check(("far.nc", program), "--machine trunnion.toml --json");
+    let answer = run.json();
     assert_eq!((run.code, &answer["passes"], &answer["collides"]), (Some(3), &false.into(), &false.into()));
 }
 
 #[test]
 fn access_looks_from_where_the_machine_turns_to_and_names_its_angles() {
-    let folder = Folder::new();
-    folder.write("block.obj", BLOCK);
-    EXAMPLES.iter().for_each(|(name, text)| folder.write(name, text));
-    let usual =
-        ["access", "block.obj", "--unit", "mm", "--pitch", "3", "--tool", "paper", "--orientations", "axes"];
-    let run = |more: &[&str]| folder.json(&[&usual[..], more].concat());
-    let found = run(&["--machine", "trunnion.toml", "--out", "reach"]);
+    let folder = workshop();
+    let usual = "access block.obj --unit mm --pitch 3 --tool paper --orientations axes";
+    let run = |more: &str| folder.json(&format!("{usual} {more}"));
+    let found = run("--machine trunnion.toml --out reach");
     // A tilts to −110° and 30°: everything but from below.
     assert_eq!(found["orientation_count"], 5);
-    let rows = folder.read("reach/rotary_angles.csv");
+    let rows = folder.text("reach/rotary_angles.csv");
     let rows: Vec<&str> = rows.lines().collect();
     assert_eq!(rows[0], "orientation,i,j,k,A,C");
     // From above C is free; to the side A lies back, and C brings the side up.
     assert!(rows[1].starts_with("0,0,0,1,0,") && rows[1].ends_with(','), "{}", rows[1]);
     assert!(rows[2..].iter().all(|row| row.split(',').nth(4) == Some("-90")), "{rows:?}");
     // In a set-up the same angles are the machine's own.
-    let found = run(&["--machine", "trunnion.toml", "--setups", "--out", "setups"]);
+    let found = run("--machine trunnion.toml --setups --out setups");
     let setups = &found["setups"];
     assert_eq!(setups["machine"], "trunnion A/C");
     for setup in setups["setups"].as_array().unwrap() {
@@ -255,8 +245,8 @@ fn access_looks_from_where_the_machine_turns_to_and_names_its_angles() {
         let text = trunnion.replace("y = [-200, 200]", &format!("y = {travel}"));
         folder.write("half.toml", text.replace("range = [-110, 30]", "range = [-110, 110]"));
         // From four sides, all of them oblique.
-        let sides = [&usual[..9], &["0,45+90,45+180,45+270,45", "--machine", "half.toml"]].concat();
-        let found = folder.json(&[&sides[..], &["--setups", "--out", "half"]].concat());
+        let sides = usual.replace("axes", "0,45+90,45+180,45+270,45");
+        let found = folder.json(&format!("{sides} --machine half.toml --setups --out half"));
         let angles = found["setups"]["setups"].as_array().unwrap().iter().flat_map(|setup| {
             let range = setup["rotary"][0]["range"].as_array().unwrap();
             range.iter().map(|angle| angle.as_f64().unwrap().round()).collect::<Vec<_>>()
@@ -269,21 +259,18 @@ fn access_looks_from_where_the_machine_turns_to_and_names_its_angles() {
 
 #[test]
 fn set_ups_reach_what_the_machine_reaches_with_the_part_placed_so() {
-    let folder = Folder::new();
-    folder.write("block.obj", BLOCK);
-    EXAMPLES.iter().for_each(|(name, text)| folder.write(name, text));
+    let folder = workshop();
     folder.write("short.toml", "travel = { x = [-10, 10] }\n[offsets]\nG54 = [0, 0, 0]\n");
-    let usual = ["access", "block.obj", "--unit", "mm", "--pitch", "2", "--tool", "paper"];
-    let usual = [&usual[..], &["--orientations", "axes", "--out", "out"]].concat();
+    let usual = "access block.obj --unit mm --pitch 2 --tool paper --orientations axes --out out";
     let share = |value: &Value| value.as_f64().unwrap();
     for (machine, count) in [("trunnion.toml", 2), ("short.toml", 6)] {
-        let machine = ["--machine", machine];
-        let found = folder.json(&[&usual[..], &machine, &["--setups"]].concat())["setups"].clone();
+        let machine = format!("--machine {machine}");
+        let found = folder.json(&format!("{usual} {machine} --setups"))["setups"].clone();
         let chosen = found["setups"].as_array().unwrap();
         assert_eq!((chosen.len(), &found["proven"]), (count, &Value::Bool(true)), "{found}");
         for setup in chosen {
-            let placed = ["--transform", setup["transform"].as_str().unwrap()];
-            let alone = folder.json(&[&usual[..], &machine, &placed].concat());
+            let placed = setup["transform"].as_str().unwrap().replace(' ', "");
+            let alone = folder.json(&format!("{usual} {machine} --transform {placed}"));
             let [one, other] = [&setup["reached"], &alone["surface"]["reached"]].map(share);
             assert!((one - other).abs() < 0.005, "{one} {other} {setup}");
         }
@@ -297,14 +284,11 @@ fn set_ups_reach_what_the_machine_reaches_with_the_part_placed_so() {
 
 #[test]
 fn access_counts_only_poses_to_which_the_machine_brings_the_tool() {
-    let folder = Folder::new();
-    folder.write("block.obj", BLOCK);
-    EXAMPLES.iter().for_each(|(name, text)| folder.write(name, text));
+    let folder = workshop();
     folder.write("short.toml", "travel = { x = [-10, 10] }\n[offsets]\nG54 = [0, 0, 0]\n");
-    let usual =
-        ["access", "block.obj", "--unit", "mm", "--pitch", "2", "--tool", "paper", "--orientations", "axes"];
-    let run = |more: &[&str]| {
-        let found = folder.json(&[&usual[..], more].concat());
+    let usual = "access block.obj --unit mm --pitch 2 --tool paper --orientations axes";
+    let run = |more: &str| {
+        let found = folder.json(&format!("{usual} {more}"));
         let rows = found["surface"]["obstructed_by"].as_array().unwrap().clone();
         let of_machine = rows.iter().find(|row| row["element"] == "machine").map(|row| row["share"].clone());
         let help = found["unreached"].as_array().into_iter().flatten().map(|patch| patch["hits"].to_string());
@@ -312,23 +296,22 @@ fn access_counts_only_poses_to_which_the_machine_brings_the_tool() {
         (share(&found["surface"]["reached"]), of_machine.map_or(0.0, |v| share(&v)), help.collect::<String>())
     };
     // From the side the ball touches the bottom as well.
-    let (reached, of_machine, _) = run(&["--limits", "ac:-110:30:-360:360", "--out", "alone"]);
+    let (reached, of_machine, _) = run("--limits ac:-110:30:-360:360 --out alone");
     assert!((reached - 1.0).abs() < 0.01 && of_machine == 0.0, "{reached} {of_machine}");
     // On the platter the bottom is not reached, a quarter of the surface, nor is the foot of its sides: the tip stays above the platter,
     // whose uppermost centres lie half a voxel below its top, and the lowest contact is a radius of 5 above the tip. From the side
     // the holder keeps the tool farther off.
-    let (reached, of_machine, hits) = run(&["--machine", "trunnion.toml", "--out", "trunnion"]);
+    let (reached, of_machine, hits) = run("--machine trunnion.toml --out trunnion");
     let strip = 4.0 * 60.0 * (5.0 - 1.0) / 14_400.0;
     assert!((reached - 0.75 + strip).abs() < 0.02, "{reached}");
     assert!(of_machine > strip, "{of_machine}");
     assert!(hits.contains("hits the machine's platter"), "{hits}");
     // With 20 mm of travel a third of the top and of two sides.
-    let (reached, of_machine, hits) = run(&["--machine", "short.toml", "--out", "short"]);
+    let (reached, of_machine, hits) = run("--machine short.toml --out short");
     assert!((reached - 2_400.0 / 14_400.0).abs() < 0.02, "{reached}");
     assert!(of_machine > 0.3 && hits.contains("the machine's X would have to be at"), "{of_machine} {hits}");
     // A crib is its tools, here too.
-    let crib = ["--machine", "trunnion.toml", "--crib", "paper", "--out", "crib"];
-    let usual = ["access", "block.obj", "--unit", "mm", "--pitch", "2", "--orientations", "axes"];
-    let found = folder.json(&[&usual[..], &crib].concat());
+    let crib = usual.replace("--tool", "--crib");
+    let found = folder.json(&format!("{crib} --machine trunnion.toml --out crib"));
     assert!((found["reached"].as_f64().unwrap() - 0.75 + strip).abs() < 0.02, "{found}");
 }

@@ -1,21 +1,47 @@
-//! The real binary, each time in a fresh folder: what the commands write, and what they refuse.
-
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+//! The real binary, each time in a fresh folder: what the commands write, how trainings stop and go on, and what is refused.
+#![expect(clippy::unwrap_used, reason = "a test ends at the first surprise, and says where")]
 
 mod access;
+mod adapters;
+mod arguments;
+mod binary;
 mod check;
+mod damage;
 mod decisions;
+mod demo;
 mod export;
 mod fields;
-mod folder;
 mod harmonic;
 mod info;
+mod interruption;
+mod long_runs;
 mod machine;
 mod model;
 mod page;
+mod part;
+mod pipeline;
+mod precision;
 mod queries;
 mod refusals;
 mod rolls;
+mod saved;
+mod shapes;
+mod shares;
 mod stick_out;
 mod stock;
+mod streaming;
 mod voxels;
+mod widths;
+
+use ndarray::Array3;
+use ndarray_npy::{ReadNpyExt as _, ReadableElement};
+
+/// The binary that is run.
+const PROGRAM: &str = env!("CARGO_BIN_EXE_imf");
+
+impl binary::Workdir {
+    /// An array that the command wrote.
+    fn npy<T: ReadableElement>(&self, name: &str) -> Array3<T> {
+        Array3::read_npy(std::fs::File::open(self.path(name)).unwrap()).unwrap()
+    }
+}

@@ -5,7 +5,7 @@ use std::process::Command;
 
 use image::RgbImage;
 
-use super::folder::Folder;
+use crate::binary::Workdir;
 
 /// A tool whose holder comes down beside the part before its cutter reaches far.
 const MILL: &str = r#"
@@ -50,13 +50,13 @@ fn look(page: &Path, picture: &Path) -> (RgbImage, String) {
 #[test]
 #[cfg_attr(no_browser_tests, ignore = "IMF_NO_BROWSER_TESTS is set")]
 fn the_page_shows_the_surface_and_a_click_colours_it_by_tool() {
-    let folder = Folder::new();
+    let folder = Workdir::new();
     folder.write("short.toml", MILL);
     folder.write("long.toml", MILL.replace("short", "long").replace("15.0", "70.0"));
     let scene = "access bracket --pitch 6 --orientations axes --tool short.toml --tool long.toml";
     let run = format!("{scene} --html page/report.html --out out");
-    folder.succeed(&run.split(' ').collect::<Vec<_>>());
-    let text = folder.read("page/report.html");
+    folder.imf(&run).done();
+    let text = folder.text("page/report.html");
     let (plain, console) = look(&folder.path("page/report.html"), &folder.path("plain.png"));
     assert_eq!(console, "");
     // The left part is the view: the part's own colours on the background.
@@ -78,11 +78,10 @@ fn the_page_shows_the_surface_and_a_click_colours_it_by_tool() {
 #[test]
 #[cfg_attr(no_browser_tests, ignore = "IMF_NO_BROWSER_TESTS is set")]
 fn the_page_of_a_check_shows_the_line_that_collides_in_red() {
-    let folder = Folder::new();
+    let folder = Workdir::new();
     // Over the bracket, through it, and away.
     folder.write("path.csv", "x,y,z\n24,-40,120\n24,73,120\n24,73,40\n24,190,120\n");
-    let check = ["check", "bracket", "path.csv", "--tool", "paper", "--pitch", "4", "--html", "page.html"];
-    let run = folder.run(&check);
+    let run = folder.imf("check bracket path.csv --tool paper --pitch 4 --html page.html");
     assert_eq!(run.code, Some(3), "{}", run.stderr);
     assert!(run.stderr.contains("page.html"), "{}", run.stderr);
     let (page, console) = look(&folder.path("page.html"), &folder.path("page.png"));

@@ -1,7 +1,7 @@
 //! `imf query`.
 
 #[cfg(target_os = "linux")]
-use std::process::Stdio;
+use std::process::Command;
 
 use glam::DVec3;
 use imf_core::field::{ExactField, PoseField as _};
@@ -11,19 +11,20 @@ use imf_fields::field::Field;
 use imf_fields::file::FieldFile;
 use imf_fields::model::Model;
 
-use crate::folder::Folder;
 #[cfg(target_os = "linux")]
-use crate::folder::Run;
+use crate::binary::Workdir;
+#[cfg(target_os = "linux")]
+use crate::binary::finish;
 use crate::model::write_model;
 
 const POSES: &str = "name,x,y,z,phi,theta\n\
                      \"left, above\",24,70,40,6,12\nright,10.5,140,80,100,-160\nfar,500,0,0,0,0\n";
 
-const ASK: [&str; 5] = ["query", "m.safetensors", "poses.csv", "--device", "cpu"];
+const ASK: &str = "query m.safetensors poses.csv --device cpu";
 
 /// A folder with a model and poses.
-fn folder_of(poses: &str) -> (Folder, Model) {
-    let folder = Folder::new();
+fn folder_of(poses: &str) -> (Workdir, Model) {
+    let folder = Workdir::new();
     let model = write_model(&folder.path("m.safetensors"));
     folder.write("poses.csv", poses);
     (folder, model)
@@ -56,7 +57,7 @@ fn exact(model: &Model) -> [f32; 3] {
 #[test]
 fn results_follow_the_columns_of_the_input() {
     let (folder, model) = folder_of(POSES);
-    let run = folder.succeed(&[&ASK[..], &["--exact", "--out", "a.csv"]].concat());
+    let run = folder.imf(&format!("{ASK} --exact --out a.csv")).done();
     assert!(run.stdout.is_empty());
     assert!(run.stderr.contains("1 of 3 poses lie outside the box"), "{}", run.stderr);
     // The rate counts what the line counts.
@@ -71,9 +72,9 @@ fn results_follow_the_columns_of_the_input() {
         .collect();
     let header = "name,x,y,z,phi,theta,overlap,overlap_exact,decision,outside";
     let expected = format!("{header}\n{}\n", expected.join("\n"));
-    assert_eq!(folder.read("a.csv"), expected);
+    assert_eq!(folder.text("a.csv"), expected);
     // From a pipe to a pipe, with the device found automatically.
-    let run = folder.run_with_input(&["query", "m.safetensors", "-", "--exact"], POSES);
+    let run = folder.imf_with_input("query m.safetensors - --exact", POSES);
     assert_eq!((run.code, run.stdout), (Some(0), expected));
 }
 
@@ -95,7 +96,7 @@ fn poses_outside_the_box_are_answered_as_the_nearest_inside() {
     ];
     let lines = points.map(|p| format!("{},{},{},40,70\n", p.x, p.y, p.z));
     folder.write("poses.csv", format!("x,y,z,theta,phi\n{}", lines.concat()));
-    let run = folder.succeed(&ASK);
+    let run = folder.imf(ASK).done();
     let answers: Vec<&str> =
         run.stdout.lines().skip(1).map(|line| line.rsplit(',').nth(2).unwrap()).collect();
     let outside: Vec<bool> = run.stdout.lines().skip(1).map(|line| line.ends_with(",true")).collect();
@@ -107,7 +108,7 @@ fn poses_outside_the_box_are_answered_as_the_nearest_inside() {
     assert!(run.stderr.contains("3 of 6 poses lie outside the box"), "{}", run.stderr);
     assert!(run.stderr.contains("as the nearest point inside, without guarantee"), "{}", run.stderr);
     // The tip is the only sharp point.
-    assert!(folder.succeed(&[&ASK[..], &["--sharp"]].concat()).stderr.contains("3 of 6 poses"));
+    assert!(folder.imf(&format!("{ASK} --sharp")).done().stderr.contains("3 of 6 poses"));
 }
 
 #[test]
@@ -118,7 +119,7 @@ fn directions_and_json_give_the_same_answers() {
         format!("{},{},{},{},{},{}\n", d.z, d.y, d.x, p.x, p.y, p.z)
     });
     folder.write("poses.csv", format!("k,j,i,x,y,z\n{}", lines.concat()));
-    let answers = folder.json(&[&ASK[..], &["--sharp"]].concat());
+    let answers = folder.json(&format!("{ASK} --sharp"));
     assert_eq!(answers.as_array().unwrap().len(), 3);
     for (answer, expected) in answers.as_array().unwrap().iter().zip(learnt(&model)) {
         // The tip is the paper's tool's only sharp point.
@@ -135,8 +136,8 @@ fn more_poses_than_a_chunk_are_all_answered() {
     let count = 40_000;
     let lines: String = (0..count).map(|i| format!("{i},{},20,30,{},90\n", i % 49, i % 360)).collect();
     let (folder, _) = folder_of(&format!("id,x,y,z,theta,phi\n{lines}"));
-    folder.succeed(&[&ASK[..], &["--out", "a.csv", "--quiet"]].concat());
-    let answers = folder.read("a.csv");
+    folder.imf(&format!("{ASK} --out a.csv --quiet")).done();
+    let answers = folder.text("a.csv");
     for (index, line) in answers.lines().skip(1).enumerate() {
         assert!(line.starts_with(&format!("{index},")), "{line}");
     }
@@ -148,12 +149,11 @@ fn a_bad_line_of_a_file_is_found_before_anything_is_answered() {
     // More than are answered at a time.
     let text = format!("x,y,z,theta,phi\n{}1,2,3,4\n1,2,3,4,5\n", "1,2,3,4,5\n".repeat(600));
     let (folder, _) = folder_of(&text);
-    let ask = |poses| ["query", "m.safetensors", poses, "--device", "cpu", "--exact"];
-    let run = folder.run(&ask("poses.csv"));
-    run.is_refusal(&["poses.csv, line 602: it has 4 columns"], &ask("poses.csv"));
+    let ask = |poses: &str| format!("query m.safetensors {poses} --device cpu --exact");
+    let run = folder.imf(&ask("poses.csv")).refused(&["poses.csv, line 602: it has 4 columns"]);
     assert_eq!(run.stderr.lines().count(), 1, "no field was read: {}", run.stderr);
     // What comes through a pipe is answered as it comes.
-    let run = folder.run_with_input(&ask("-"), &text);
+    let run = folder.imf_with_input(&ask("-"), &text);
     assert!(run.code == Some(1) && run.stderr.contains("line 602: it has 4 columns"), "{}", run.stderr);
     assert_eq!(run.stdout.lines().count(), 513);
 }
@@ -163,12 +163,12 @@ fn a_line_that_is_no_pose_is_invalid_and_the_others_are_answered() {
     let (folder, _) = folder_of("");
     let valid = "x,y,z,i,j,k\n24,70,40,0,0,1\n10,140,80,1,0,1\n";
     folder.write("poses.csv", valid);
-    let expected = folder.succeed(&[&ASK[..], &["--exact"]].concat()).stdout;
+    let expected = folder.imf(&format!("{ASK} --exact")).done().stdout;
     let rows: Vec<&str> = expected.lines().collect();
     let text =
         "x,y,z,i,j,k\n24,70,40,0,0,0\n24,70,40,0,0,1\n24,NaN,40,0,0,1\n10,140,80,1,0,1\n24,70,,0,0,1\n";
     folder.write("poses.csv", text);
-    let run = folder.succeed(&[&ASK[..], &["--exact"]].concat());
+    let run = folder.imf(&format!("{ASK} --exact")).done();
     let none = |line: &str| format!("{line},NaN,NaN,invalid,true");
     let all =
         [rows[0], &none("24,70,40,0,0,0"), rows[1], &none("24,NaN,40,0,0,1"), rows[2], &none("24,70,,0,0,1")];
@@ -179,7 +179,7 @@ fn a_line_that_is_no_pose_is_invalid_and_the_others_are_answered() {
     ];
     assert!(said.iter().all(|said| run.stderr.contains(said)), "{}", run.stderr);
     // From a pipe it is only known at the end that there was none.
-    let run = folder.run_with_input(&["query", "m.safetensors", "-"], "x,y,z,i,j,k\n1,2,3,0,0,0\n");
+    let run = folder.imf_with_input("query m.safetensors -", "x,y,z,i,j,k\n1,2,3,0,0,0\n");
     assert!(run.code == Some(1) && run.stderr.contains("no line is a pose"), "{}", run.stderr);
     assert!(run.stdout.ends_with("1,2,3,0,0,0,NaN,invalid,true\n"), "{}", run.stdout);
 }
@@ -187,7 +187,7 @@ fn a_line_that_is_no_pose_is_invalid_and_the_others_are_answered() {
 #[test]
 fn identifiers_in_json_are_the_ones_that_were_given() {
     let (folder, _) = folder_of("id,x,y,z,theta,phi\n0,1,2.5,3,4,5\n007,1,2,3,4,5\n");
-    let run = folder.succeed(&[&ASK[..], &["--json"]].concat());
+    let run = folder.imf(&format!("{ASK} --json")).done();
     for text in ["\"id\":0,", "\"id\":\"007\",", "\"y\":2.5,"] {
         assert!(run.stdout.contains(text), "{text}: {}", run.stdout);
     }
@@ -198,15 +198,13 @@ fn identifiers_in_json_are_the_ones_that_were_given() {
 fn a_full_disk_is_named_with_the_file_and_the_remedy() {
     let (folder, _) = folder_of(&format!("x,y,z,theta,phi\n{}", "1,2,3,4,5\n".repeat(9000)));
     let full = std::fs::File::options().write(true).open("/dev/full").unwrap();
-    let run = Run::of(folder.command(&ASK).stdout(full).spawn().unwrap());
-    run.is_refusal(&["cannot write to standard output: the disk is full", "free some space"], &ASK);
+    let run = finish(ASK, folder.command(ASK).stdout(full));
+    run.refused(&["cannot write to standard output: the disk is full", "free some space"]);
     // A limit on the size of files, met by the file of answers alone, whose signal is ignored.
-    let limited = "trap '' XFSZ; ulimit -f 64; exec \"$@\"";
-    let binary = env!("CARGO_BIN_EXE_imf");
-    let mut shell = std::process::Command::new("sh");
-    shell.args(["-c", limited, "sh", binary]).args(ASK).args(["--out", "a.csv"]);
-    shell.current_dir(folder.path("")).stdout(Stdio::piped()).stderr(Stdio::piped());
-    Run::of(shell.spawn().unwrap()).is_refusal(&["cannot write a.csv: "], &ASK);
+    let mut shell = Command::new("sh");
+    shell.args(["-c", "trap '' XFSZ; ulimit -f 64; exec \"$@\"", "sh", crate::PROGRAM]);
+    shell.args(ASK.split(' ')).args(["--out", "a.csv"]).current_dir(folder.path(""));
+    finish(ASK, &mut shell).refused(&["cannot write a.csv: "]);
     assert!(!folder.path("a.csv").exists());
 }
 
@@ -221,17 +219,17 @@ fn bad_poses_are_refused_by_line_and_column() {
         ("x,y,z,i,j,k\n1,2,3,0,0\n", "line 2: it has 5 columns"),
     ] {
         folder.write("poses.csv", text);
-        folder.refuse(&[&ASK[..], &["--out", "a.csv"]].concat(), &["poses.csv", expected]);
+        folder.refuse(&format!("{ASK} --out a.csv"), &["poses.csv", expected]);
     }
-    folder.refuse(&["query", "m.safetensors", "missing.csv"], &["missing.csv"]);
+    folder.refuse("query m.safetensors missing.csv", &["missing.csv"]);
     folder.write("poses.csv", POSES);
-    folder.refuse(&["query", "m.safetensors", "poses.csv", "--out", "poses.csv/a"], &["poses.csv/a"]);
+    folder.refuse("query m.safetensors poses.csv --out poses.csv/a", &["poses.csv/a"]);
 }
 
 #[test]
 #[cfg_attr(not(target_os = "linux"), ignore = "the system brings an adapter that no variable hides")]
 fn a_gpu_that_is_not_there_is_missed_with_a_remedy() {
     let (folder, _) = folder_of(POSES);
-    let arguments = ["query", "m.safetensors", "poses.csv", "--device", "gpu", "--out", "a.csv"];
-    folder.refuse(&arguments, &["--device gpu", "apt install mesa-vulkan-drivers"]);
+    let arguments = "query m.safetensors poses.csv --device gpu --out a.csv";
+    folder.refuse(arguments, &["--device gpu", "apt install mesa-vulkan-drivers"]);
 }

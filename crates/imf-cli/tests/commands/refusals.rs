@@ -1,17 +1,17 @@
 //! Bad input to the commands that make fields: one message, exit code 1, nothing left behind.
 
-use crate::folder::{Folder, LAST_FACE, OPEN_CUBE};
+use crate::binary::Workdir;
+use crate::shapes::{LAST_FACE, OPEN_CUBE};
 
 /// Both commands that read a scene.
-fn refuse(folder: &Folder, arguments: &[&str], expected: &[&str]) {
-    folder.refuse(&[&["voxelize"], arguments, &["--out", "out"]].concat(), expected);
-    let field = ["--orientations", "fibonacci:3", "--out", "out"];
-    folder.refuse(&[&["field"], arguments, &field[..]].concat(), expected);
+fn refuse(folder: &Workdir, arguments: &str, expected: &[&str]) {
+    folder.refuse(&format!("voxelize {arguments} --out out"), expected);
+    folder.refuse(&format!("field {arguments} --orientations fibonacci:3 --out out"), expected);
 }
 
 #[test]
 fn meshes_that_cannot_be_read() {
-    let folder = Folder::new();
+    let folder = Workdir::new();
     let triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
     folder.write("empty.obj", "");
     folder.write("nan.obj", format!("{triangle}v 0 NaN 0\nf 1 2 4\n"));
@@ -20,32 +20,30 @@ fn meshes_that_cannot_be_read() {
     folder.write("cut.obj", format!("{triangle}v 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3"));
     folder.write("cut.stl", [&[0; 80][..], &12u32.to_le_bytes(), &[0; 75]].concat());
     folder.write("part.step", "ISO-10303-21;");
-    refuse(&folder, &["cut.obj"], &["cut.obj", "line 7", "in the middle of a line"]);
-    refuse(&folder, &["missing.obj"], &["missing.obj", "there is no mesh file"]);
-    refuse(&folder, &["empty.obj"], &["empty.obj", "is empty"]);
-    refuse(&folder, &["nan.obj"], &["nan.obj", "line 4", "NaN"]);
-    refuse(&folder, &["points.obj"], &["points.obj", "no faces"]);
-    refuse(&folder, &["index.obj"], &["index.obj", "vertex 9"]);
-    refuse(&folder, &["cut.stl", "--unit", "mm"], &["cut.stl", "cut short"]);
-    refuse(&folder, &["part.step"], &["part.step"]);
+    refuse(&folder, "cut.obj", &["cut.obj", "line 7", "in the middle of a line"]);
+    refuse(&folder, "missing.obj", &["missing.obj", "there is no mesh file"]);
+    refuse(&folder, "empty.obj", &["empty.obj", "is empty"]);
+    refuse(&folder, "nan.obj", &["nan.obj", "line 4", "NaN"]);
+    refuse(&folder, "points.obj", &["points.obj", "no faces"]);
+    refuse(&folder, "index.obj", &["index.obj", "vertex 9"]);
+    refuse(&folder, "cut.stl --unit mm", &["cut.stl", "cut short"]);
+    refuse(&folder, "part.step", &["part.step"]);
 }
 
 #[test]
 fn units_and_sizes() {
-    let folder = Folder::new();
-    folder.write("cube.obj", [OPEN_CUBE, LAST_FACE].concat());
+    let folder = Workdir::new();
+    folder.write("cube.obj", format!("{OPEN_CUBE}{LAST_FACE}"));
     folder.write("cube.stl", "solid cube\nendsolid cube\n");
-    refuse(&folder, &["cube.stl"], &["cube.stl", "--unit mm"]);
-    refuse(&folder, &["cube.obj", "--unit", "m"], &["cube.obj", "100 × 100 × 100 m", "0.1 mm to 20 m"]);
-    let paper = |more: &[&'static str]| [&["cube.obj", "--tool", "paper"], more].concat();
-    refuse(&folder, &paper(&["--pitch", "1e-9"]), &["too large", "larger pitch"]);
-    refuse(&folder, &paper(&["--dims", "9,0,9"]), &["at least 1"]);
-    refuse(&folder, &paper(&["--dims", "9,9,9", "--margin", "5"]), &["margin"]);
-    let field = |more: &[&'static str]| {
-        [&["field", "cube.obj", "--orientations", "0,0", "--out", "out"], more].concat()
-    };
+    refuse(&folder, "cube.stl", &["cube.stl", "--unit mm"]);
+    refuse(&folder, "cube.obj --unit m", &["cube.obj", "100 × 100 × 100 m", "0.1 mm to 20 m"]);
+    let paper = |more: &str| format!("cube.obj --tool paper {more}");
+    refuse(&folder, &paper("--pitch 1e-9"), &["too large", "larger pitch"]);
+    refuse(&folder, &paper("--dims 9,0,9"), &["at least 1"]);
+    refuse(&folder, &paper("--dims 9,9,9 --margin 5"), &["margin"]);
+    let field = |more: &str| format!("field cube.obj --orientations 0,0 --out out {more}");
     // Without a tool there is no answer, and the message shows how one is described.
-    let run = folder.run(&field(&[]));
+    let run = folder.imf(&field(""));
     assert_eq!(run.code, Some(2), "{}", run.stderr);
     assert!(
         run.stderr.contains("[cutter] with shape") && run.stderr.contains("--tool paper"),
@@ -53,34 +51,33 @@ fn units_and_sizes() {
         run.stderr
     );
     // A cube of 1 mm and a cutter of 10.
-    let speck = field(&["--tool", "paper", "--scale", "0.01"]);
+    let speck = field("--tool paper --scale 0.01");
     folder.refuse(
         &speck,
         &["cube.obj does not say its unit", "longest side is 1 mm", "10 mm thick", "in inch", "--unit"],
     );
     // With its unit named nothing is asked.
-    let small = field(&["--tool", "paper", "--scale", "0.09", "--pitch", "3"]);
-    folder.succeed(&[&small[..], &["--unit", "mm"]].concat());
+    let small = field("--tool paper --scale 0.09 --pitch 3");
+    folder.imf(&format!("{small} --unit mm")).done();
     folder.refuse(&small, &["does not say its unit"]);
     // A fixture a hundred times as long as the part, in a unit that is not said, and its remedy.
-    let huge = ["--tool", "paper", "--around", "all", "--fixture"];
-    let held = |fixture: &'static str| [&field(&huge)[..], &[fixture, "--pitch", "7"]].concat();
+    let held = |fixture: &str| field(&format!("--tool paper --around all --fixture {fixture} --pitch 7"));
     let far = "cube.obj@matrix:100,0,0,200,0,100,0,0,0,0,100,0";
     folder.refuse(&held(far), &["fixture cube.obj", "longest side would be 10000 mm", "@unit:inch"]);
-    folder.succeed(&held("cube.obj@unit:mm; translate:120,0,0"));
-    let summary = folder.json(&field(&["--tool", "paper"]));
+    folder.imf(&held("cube.obj@unit:mm;translate:120,0,0")).done();
+    let summary = folder.json(&field("--tool paper"));
     assert_eq!(summary["scene"]["grid"]["pitch"], 1.6, "{summary}");
     assert!(summary["choices"][0].as_str().unwrap().contains("a sixth of the tool's thinnest element"));
     std::fs::remove_dir_all(folder.path("out")).unwrap();
-    refuse(&folder, &["bracket", "--threads", "0"], &["--threads"]);
-    refuse(&folder, &["bracket", "--threads", "100000"], &["--threads 100000", "cores"]);
+    refuse(&folder, "bracket --threads 0", &["--threads"]);
+    refuse(&folder, "bracket --threads 100000", &["--threads 100000", "cores"]);
 }
 
 #[test]
 fn meshes_that_do_not_say_what_is_inside() {
-    let folder = Folder::new();
+    let folder = Workdir::new();
     // The cube of twelve triangles, none of which shares a corner with another, half of them turned.
-    let cube = [OPEN_CUBE, LAST_FACE].concat();
+    let cube = format!("{OPEN_CUBE}{LAST_FACE}");
     let vertices: Vec<&str> = cube.lines().filter(|line| line.starts_with("v ")).collect();
     let faces: Vec<[usize; 3]> = cube
         .lines()
@@ -104,16 +101,12 @@ fn meshes_that_do_not_say_what_is_inside() {
     };
     // By less than anyone would see they are joined.
     folder.write("near.obj", soup("000"));
-    let answer = folder.json(&["voxelize", "near.obj", "--dims", "10,10,10", "--out", "near"]);
+    let answer = folder.json("voxelize near.obj --dims 10,10,10 --out near");
     assert_eq!((&answer["solid_voxels"], &answer["undecided_share"]), (&1000.into(), &0.0.into()));
     assert!(answer["warnings"][0].as_str().unwrap().contains("28 corners lay within"), "{answer}");
     folder.write("soup.obj", soup(""));
-    let pitch = ["--pitch", "10", "--tool", "paper", "--allow-coarse"];
-    refuse(
-        &folder,
-        &[&["soup.obj"], &pitch[..]].concat(),
-        &["soup.obj", "cannot be told apart", "winding number"],
-    );
+    let soup = "soup.obj --pitch 10 --tool paper --allow-coarse";
+    refuse(&folder, soup, &["soup.obj", "cannot be told apart", "winding number"]);
     // On shared corners the same triangles say it by themselves.
     let turned: String = faces
         .iter()
@@ -125,29 +118,27 @@ fn meshes_that_do_not_say_what_is_inside() {
         )
         .collect();
     folder.write("turned.obj", vertices.join("\n") + "\n" + &turned);
-    let answer = folder.json(&["voxelize", "turned.obj", "--pitch", "10", "--out", "out"]);
+    let answer = folder.json("voxelize turned.obj --pitch 10 --out out");
     assert_eq!((&answer["solid_voxels"], &answer["undecided_share"]), (&1000.into(), &0.0.into()));
     assert_eq!(answer["warnings"][0], "turned.obj: 6 of 12 triangles faced the wrong way and were flipped");
 }
 
 #[test]
 fn work_larger_than_memory_is_refused_with_the_estimate() {
-    let folder = Folder::new();
-    let field = |more: &[&'static str]| {
-        [&["field", "bracket", "--orientations", "fibonacci:3", "--out", "out"], more].concat()
-    };
-    folder.refuse(&field(&["--memory", "1MiB"]), &["MiB of memory, and 1 MiB may be used", "--memory"]);
+    let folder = Workdir::new();
+    let field = |more: &str| format!("field bracket --orientations fibonacci:3 --out out {more}");
+    folder.refuse(&field("--memory 1MiB"), &["MiB of memory, and 1 MiB may be used", "--memory"]);
     folder.write("long.toml", "[cutter]\nshape = \"flat\"\ndiameter = 5.0\nlength = 9000.0\n");
-    let huge = field(&["--tool", "long.toml", "--memory", "2GiB"]);
+    let huge = field("--tool long.toml --memory 2GiB");
     folder
         .refuse(&huge, &["GiB of memory, and 2.0 GiB may be used", "reaches 9000 voxels", "larger --pitch"]);
-    let voxels = ["voxelize", "bracket", "--pitch", "0.2", "--memory", "1MiB", "--out", "out"];
-    folder.refuse(&voxels, &["and 1 MiB may be used", "245×735×435 voxels"]);
+    let voxels = "voxelize bracket --pitch 0.2 --memory 1MiB --out out";
+    folder.refuse(voxels, &["and 1 MiB may be used", "245×735×435 voxels"]);
 }
 
 #[test]
 fn tool_files_are_refused_by_line_and_key() {
-    let folder = Folder::new();
+    let folder = Workdir::new();
     for (text, expected) in [
         ("[cutter]\nshape = \"flat\"\ndiameter = -5.0\nlength = 9.0\n", ["line 3", "cutter.diameter"]),
         ("[cutter]\nshape = \"flat\"\ndiameter = 5.0\nlenght = 9.0\n", ["line 4", "lenght"]),
@@ -156,38 +147,35 @@ fn tool_files_are_refused_by_line_and_key() {
         ("name = \"none\"\n", ["line 1", "[cutter]"]),
     ] {
         folder.write("tool.toml", text);
-        refuse(&folder, &["bracket", "--dims", "5,15,9", "--tool", "tool.toml"], &expected);
-        folder.refuse(&["info", "tool.toml"], &expected);
+        refuse(&folder, "bracket --dims 5,15,9 --tool tool.toml", &expected);
+        folder.refuse("info tool.toml", &expected);
     }
-    refuse(&folder, &["bracket", "--tool", "missing.toml"], &["missing.toml"]);
+    refuse(&folder, "bracket --tool missing.toml", &["missing.toml"]);
     folder.write("tiny.toml", "[cutter]\nshape = \"flat\"\ndiameter = 0.01\nlength = 0.01\n");
-    let field = ["field", "bracket", "--dims", "5,15,9", "--orientations", "12,6", "--out", "out"];
-    let tiny = [&field[..], &["--tool", "tiny.toml"]].concat();
-    folder.refuse(&tiny, &["cutter", "0.01 mm thick", "--pitch, or --allow-coarse"]);
-    let run = folder.run(&[&tiny[..], &["--allow-coarse"]].concat());
+    let tiny = "field bracket --dims 5,15,9 --orientations 12,6 --tool tiny.toml --out out";
+    folder.refuse(tiny, &["cutter", "0.01 mm thick", "--pitch, or --allow-coarse"]);
     // The tip's own voxel centre is in every tool.
-    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    folder.imf(&format!("{tiny} --allow-coarse")).done();
 }
 
 #[test]
 fn folders_that_cannot_be_written_are_refused_before_the_work() {
-    let folder = Folder::new();
+    let folder = Workdir::new();
     folder.write("file.txt", "text");
-    let large = ["--dims", "490,1470,870", "--memory", "1000GiB"];
+    let large = "--dims 490,1470,870 --memory 1000GiB";
     for out in ["file.txt", "file.txt/sub", "file.txt/sub/deeper"] {
         let expected = [out, "file.txt is a file"];
-        folder.refuse(&["parts", out], &expected);
+        folder.refuse(&format!("parts {out}"), &expected);
         // Work of minutes: the refusal comes before it.
-        folder.refuse(&[&["voxelize", "teapot", "--out", out], &large[..]].concat(), &expected);
-        let field = ["field", "teapot", "--orientations", "grid:90", "--out", out];
-        folder.refuse(&[&field[..], &large[..]].concat(), &expected);
+        folder.refuse(&format!("voxelize teapot --out {out} {large}"), &expected);
+        folder.refuse(&format!("field teapot --orientations grid:90 --out {out} {large}"), &expected);
     }
-    assert_eq!(folder.read("file.txt"), "text");
+    assert_eq!(folder.text("file.txt"), "text");
 }
 
 #[test]
 fn orientation_sets_and_parts_that_are_none() {
-    let folder = Folder::new();
+    let folder = Workdir::new();
     folder.write("o.csv", "theta,phi\n0,0\n10,north\n");
     for (set, expected) in [
         ("ring:5", "no orientation set"),
@@ -197,34 +185,33 @@ fn orientation_sets_and_parts_that_are_none() {
         ("missing.csv", "missing.csv"),
         ("o.csv", "line 3"),
     ] {
-        let arguments = ["field", "bracket", "--orientations", set, "--out", "out"];
-        folder.refuse(&arguments, &[expected]);
+        folder.refuse(&format!("field bracket --orientations {set} --out out"), &[expected]);
     }
-    folder.refuse(&["parts", "out", "--only", "kettle"], &["kettle", "bracket-raw"]);
+    folder.refuse("parts out --only kettle", &["kettle", "bracket-raw"]);
 }
 
 #[test]
 fn wrong_arguments_exit_with_2() {
-    let folder = Folder::new();
-    let voxelize = |more: &[&'static str]| [&["voxelize", "bracket", "--out", "out"], more].concat();
+    let folder = Workdir::new();
+    let voxelize = |more: &str| format!("voxelize bracket --out out {more}");
     for (arguments, expected) in [
-        (voxelize(&["--dims", "5,15"]), "three whole numbers"),
-        (voxelize(&["--dims", "5,15,9", "--pitch", "2"]), "--pitch"),
-        (voxelize(&["--pitch", "0"]), "a positive length"),
-        (voxelize(&["--pitch", "NaN"]), "a positive length"),
-        (voxelize(&["--pitch", "1,1,2"]), "cubes"),
-        (voxelize(&["--unit", "furlong"]), "furlong"),
-        (voxelize(&["--transform", "rotate:0,0,0:90"]), "rotate:0,0,0:90': the axis must not be zero"),
-        (voxelize(&["--fixture", "clamp.obj@turn:1"]), "clamp.obj@turn:1"),
-        (voxelize(&["--fixture", "vice.stl@scale:2"]), "scale:2"),
-        (vec!["info", "teapot", "--unit", "furlong"], "mm, cm, m and inch"),
-        (vec!["voxelize", "bracket"], "--out"),
-        (vec!["field", "bracket", "--out", "out"], "--orientations"),
-        (vec!["field", "bracket", "--orientations", "0,0", "--out", "out", "--memory", "plenty"], "plenty"),
-        (vec!["eval", "model", "--in-sample", "grid:2"], "one pair"),
-        (vec!["polish"], "polish"),
+        (voxelize("--dims 5,15"), "three whole numbers"),
+        (voxelize("--dims 5,15,9 --pitch 2"), "--pitch"),
+        (voxelize("--pitch 0"), "a positive length"),
+        (voxelize("--pitch NaN"), "a positive length"),
+        (voxelize("--pitch 1,1,2"), "cubes"),
+        (voxelize("--unit furlong"), "furlong"),
+        (voxelize("--transform rotate:0,0,0:90"), "rotate:0,0,0:90': the axis must not be zero"),
+        (voxelize("--fixture clamp.obj@turn:1"), "clamp.obj@turn:1"),
+        (voxelize("--fixture vice.stl@scale:2"), "scale:2"),
+        ("info teapot --unit furlong".to_owned(), "mm, cm, m and inch"),
+        ("voxelize bracket".to_owned(), "--out"),
+        ("field bracket --out out".to_owned(), "--orientations"),
+        ("field bracket --orientations 0,0 --out out --memory plenty".to_owned(), "plenty"),
+        ("eval model --in-sample grid:2".to_owned(), "one pair"),
+        ("polish".to_owned(), "polish"),
     ] {
-        let run = folder.run(&arguments);
+        let run = folder.imf(&arguments);
         assert_eq!(run.code, Some(2), "{arguments:?}: {}", run.stderr);
         assert!(run.stdout.is_empty() && run.stderr.contains("error: "), "{}", run.stderr);
         assert!(run.stderr.contains(expected), "{expected}: {}", run.stderr);

@@ -13,18 +13,16 @@ use imf_fields::file::FieldFile;
 use imf_fields::harmonic::file::HarmonicFile;
 use serde_json::Value;
 
-use crate::folder::Folder;
+use crate::binary::Workdir;
 use crate::model::model;
+use crate::shapes::cuboid;
 
-/// A bar to one side; the tip lies in it, since no definition says whether a voxel's centre on a face is inside.
-const ARM: &str = "v -6 -6 -2\nv 45 -6 -2\nv -6 6 -2\nv 45 6 -2\nv -6 -6 30\nv 45 -6 30\nv -6 6 30\nv 45 6 30\n\
-                   f 1 3 4\nf 1 4 2\nf 5 6 8\nf 5 8 7\nf 1 2 6\nf 1 6 5\nf 3 7 8\nf 3 8 4\nf 1 5 7\nf 1 7 3\n\
-                   f 2 4 8\nf 2 8 6\n";
-const SCENE: [&str; 6] = ["field", "bracket", "--dims", "6,18,11", "--tool", "arm.toml"];
+const SCENE: &str = "bracket --dims 6,18,11 --tool arm.toml";
 const ROLLS: [f64; 3] = [0.0, 90.0, 200.0];
 
-pub(crate) fn write_arm(folder: &Folder) {
-    folder.write("arm.obj", ARM);
+/// A bar to one side, as a tool; the tip lies in it, since no definition says whether a voxel's centre on a face is inside.
+pub(crate) fn write_arm(folder: &Workdir) {
+    folder.write("arm.obj", cuboid([-6, -6, -2], [45, 6, 30], 0));
     folder.write("arm.toml", "name = \"arm\"\nmesh = \"arm.obj\"\n");
     let rows = ROLLS.map(|roll| format!("30,60,{roll}\n"));
     folder.write("rolled.csv", format!("theta,phi,roll\n{}", rows.concat()));
@@ -36,15 +34,14 @@ fn numbers(answers: &Value, column: &str) -> Vec<f32> {
 
 #[test]
 fn poses_are_answered_at_their_roll_by_every_family_that_knows_it() {
-    let folder = Folder::new();
+    let folder = Workdir::new();
     write_arm(&folder);
-    let run = folder.succeed(&[&SCENE[..], &["--orientations", "rolled.csv", "--out", "out"]].concat());
+    let run = folder.imf(&format!("field {SCENE} --orientations rolled.csv --out out")).done();
     // Rows of one direction are told apart.
     assert!(run.stdout.contains('ψ') && run.stdout.contains("200.0°"), "{}", run.stdout);
-    let fit = ["--quantity", "overlap", "--degree", "2", "--out", "arm.safetensors", "--no-calibrate"];
-    folder.succeed(&[&["train", "harmonic"], &SCENE[1..], &fit].concat());
-    let network = ["--network", "2x16", "--steps", "5", "--out", "small"];
-    folder.succeed(&[&["train", "factored", "arm.safetensors"], &network[..]].concat());
+    let fit = "--quantity overlap --degree 2 --out arm.safetensors --no-calibrate";
+    folder.imf(&format!("train harmonic {SCENE} {fit}")).done();
+    folder.imf("train factored arm.safetensors --network 2x16 --steps 5 --out small").done();
     let harmonic = HarmonicFile::read(&folder.path("arm.safetensors")).unwrap();
     let factored = FactoredFile::read(&folder.path("small/field.safetensors")).unwrap();
     let mut siren = model();
@@ -62,7 +59,7 @@ fn poses_are_answered_at_their_roll_by_every_family_that_knows_it() {
         }
     }
     folder.write("poses.csv", text);
-    let ask = |field: &str| folder.json(&["query", field, "poses.csv", "--device", "cpu", "--exact"]);
+    let ask = |field: &str| folder.json(&format!("query {field} poses.csv --device cpu --exact"));
     let values = |file: FieldFile| {
         let mut values = vec![f32::NAN; poses.len()];
         values_on_all_threads(&Field::new(file).unwrap(), &poses, &mut values).unwrap();
@@ -83,25 +80,25 @@ fn poses_are_answered_at_their_roll_by_every_family_that_knows_it() {
     assert!(found[..grid.len()] != found[grid.len()..2 * grid.len()]);
 
     // The paper's network has no place for it, and says so once.
-    let run = folder.succeed(&["query", "siren.safetensors", "poses.csv", "--device", "cpu", "--json"]);
+    let run = folder.imf("query siren.safetensors poses.csv --device cpu --json").done();
     let notes = run.stderr.matches("knows no roll, which counts for the tool 'arm'").count();
     assert_eq!(notes, 1, "{}", run.stderr);
-    let found = numbers(&serde_json::from_str(&run.stdout).unwrap(), "overlap");
+    let found = numbers(&run.json(), "overlap");
     assert!(found[..grid.len()] == found[grid.len()..2 * grid.len()]);
 
     // Only functions of directions are written for other programs; each family is refused by its name.
     for (field, family) in [("arm.safetensors", "harmonic"), ("small/field.safetensors", "factored")] {
         let named = format!("a {family} field of a tool that is not symmetric");
-        folder.refuse(&["export", field, "--out", "arm.onnx"], &[&named, "imf query"]);
+        folder.refuse(&format!("export {field} --out arm.onnx"), &[&named, "imf query"]);
     }
 }
 
 #[test]
 fn the_roll_of_a_tool_of_revolution_is_idle() {
-    let folder = Folder::new();
+    let folder = Workdir::new();
     model().write(&folder.path("m.safetensors")).unwrap();
     folder.write("poses.csv", "x,y,z,theta,phi,roll\n24,70,40,12,6,0\n24,70,40,12,6,77.5\n");
-    let run = folder.succeed(&["query", "m.safetensors", "poses.csv", "--device", "cpu", "--exact"]);
+    let run = folder.imf("query m.safetensors poses.csv --device cpu --exact").done();
     assert!(!run.stderr.contains("roll"), "{}", run.stderr);
     let answers: Vec<&str> =
         run.stdout.lines().skip(1).map(|line| line.splitn(7, ',').last().unwrap()).collect();

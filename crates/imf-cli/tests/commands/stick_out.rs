@@ -12,8 +12,8 @@ fn share(value: &Value) -> f64 {
 #[test]
 fn the_foot_of_a_wall_takes_its_height() {
     let folder = workshop();
-    let run = ["--tool", "short.toml", "--tool", "long.toml", "--orientations", "0,0", "--stickout"];
-    let summary = folder.json(&arguments(&run));
+    let run = "--tool short.toml --tool long.toml --orientations 0,0 --stickout";
+    let summary = folder.json(&arguments(run));
     let rows = summary["stick_outs"].as_array().unwrap();
     let [short, long] = &rows[..] else { panic!("{rows:?}") };
     let lengths = |row: &Value| ["given", "shortest"].map(|name| share(&row[name]));
@@ -32,17 +32,16 @@ fn the_foot_of_a_wall_takes_its_height() {
         assert!((share(&as_set[1]) - share(&tool["surface_reached"])).abs() < 0.01, "{row} {tool}");
         assert!(table.is_sorted_by_key(|line| share(&line[1])), "{row}");
     }
-    let ply = String::from_utf8_lossy(&std::fs::read(folder.path("out/surface.ply")).unwrap()).into_owned();
+    let ply = String::from_utf8_lossy(&folder.bytes("out/surface.ply")).into_owned();
     assert!(ply.contains("property float stick_out_tool_1\n"), "no stick-out by triangle");
-    let text = folder.succeed(&arguments(&run)).stdout;
+    let text = folder.imf(&arguments(run)).done().stdout;
     assert!(text.contains("stick-out of short (tool 0) (set to 6.0 mm, shortest 6.0)"), "{text}");
 
     // No farther than the tool is long, and a tool without a holder has none.
     let fixed = mill("fixed", 6.0)
         .replace("[cutter]", "stick_out = 7.0\n[shank]\ndiameter = 3.0\nlength = 3.0\n[cutter]");
     folder.write("fixed.toml", fixed);
-    let row = &folder.json(&arguments(&["--tool", "fixed.toml", "--orientations", "0,0", "--stickout"]))["stick_outs"]
-        [0];
+    let row = &folder.json(&arguments("--tool fixed.toml --orientations 0,0 --stickout"))["stick_outs"][0];
     assert_eq!((share(&row["longest"]), share(&row["shortest"])), (9.0, 6.0));
     let beyond = share(&row["beyond_the_tool"]);
     assert!(
@@ -50,7 +49,7 @@ fn the_foot_of_a_wall_takes_its_height() {
             && (beyond + share(&row["at_some_length"]) - share(&short["at_some_length"])).abs() < 0.01
     );
     folder.write("bare.toml", "[cutter]\nshape = 'flat'\ndiameter = 3\nlength = 9\n");
-    folder.refuse(&arguments(&["--tool", "bare.toml", "--stickout"]), &["'bare' has no holder"]);
+    folder.refuse(&arguments("--tool bare.toml --stickout"), &["'bare' has no holder"]);
 }
 
 #[test]
@@ -70,22 +69,22 @@ fn a_crib_says_of_each_tool_what_the_tool_alone_does() {
     let library =
         [entry("flat end mill", "from a library"), entry("lollipop mill", "lollipop"), entry("holder", "h")];
     folder.write("crib/library.json", format!(r#"{{"data": [{}]}}"#, library.join(",")));
-    let crib = ["--crib", "crib", "--orientations", "fibonacci:30"];
-    let summary = folder.json(&arguments(&crib));
+    let crib = "--crib crib --orientations fibonacci:30";
+    let summary = folder.json(&arguments(crib));
     let names: Vec<&str> =
         summary["tools"].as_array().unwrap().iter().map(|t| t["tool"].as_str().unwrap()).collect();
     assert_eq!(names, ["from a library", "long", "short", "thick"]);
     let undecided = summary["undecided"].to_string();
     assert!(undecided.contains("lollipop") && undecided.contains("unseen"), "{undecided}");
-    assert_eq!(folder.read("out/crib.csv").lines().count(), 5);
-    let ply = String::from_utf8_lossy(&std::fs::read(folder.path("out/surface.ply")).unwrap()).into_owned();
+    assert_eq!(folder.text("out/crib.csv").lines().count(), 5);
+    let ply = String::from_utf8_lossy(&folder.bytes("out/surface.ply")).into_owned();
     assert!(ply.contains("property float most_rigid\n") && ply.contains("property float chosen\n"));
     for tool in summary["tools"].as_array().unwrap() {
         let file = match tool["tool"].as_str().unwrap() {
             "from a library" => "crib/library.json#from a library".to_owned(),
             name => format!("crib/{name}.toml"),
         };
-        let alone = folder.json(&arguments(&["--tool", &file, "--orientations", "fibonacci:30"]));
+        let alone = folder.json(&arguments(&format!("--tool {file} --orientations fibonacci:30")));
         for name in ["reached", "obstructed", "gouged", "not_faced"] {
             assert!((share(&tool[name]) - share(&alone["surface"][name])).abs() < 1e-12, "{name}: {tool}");
         }
@@ -98,13 +97,13 @@ fn a_crib_says_of_each_tool_what_the_tool_alone_does() {
     assert!((share(&summary["reached_by_the_fewest"]) - parts[0]).abs() < 1e-9);
     let rigid: f64 = summary["tools"].as_array().unwrap().iter().map(|tool| share(&tool["most_rigid"])).sum();
     assert!((rigid - parts[0]).abs() < 1e-9, "{rigid}");
-    let text = folder.succeed(&arguments(&crib)).stdout;
+    let text = folder.imf(&arguments(crib)).done().stdout;
     assert!(text.contains("the fewest tools") && text.contains("not decided: 2"), "{text}");
 
     folder.write("none/readme.txt", "");
-    folder.refuse(&arguments(&["--crib", "none"]), &["none holds no tool"]);
-    folder.refuse(&arguments(&["--crib", "absent.toml"]), &["absent.toml"]);
-    let both = folder.run(&arguments(&["--crib", "crib", "--tool", "short.toml"]));
+    folder.refuse(&arguments("--crib none"), &["none holds no tool"]);
+    folder.refuse(&arguments("--crib absent.toml"), &["absent.toml"]);
+    let both = folder.imf(&arguments("--crib crib --tool short.toml"));
     assert_eq!(both.code, Some(2), "{}", both.stderr);
 }
 
@@ -112,7 +111,7 @@ fn a_crib_says_of_each_tool_what_the_tool_alone_does() {
 #[test]
 fn a_path_has_one_least_stick_out_and_the_line_that_decides_it() {
     let folder = workshop();
-    let summary = folder.json(&arguments(&["--tool", "short.toml", "--orientations", "0,0"]));
+    let summary = folder.json(&arguments("--tool short.toml --orientations 0,0"));
     // Places that are obstructed take the walls' height, and the answer says so.
     let patches = summary["unreached"].as_array().unwrap();
     let obstructed = patches.iter().find(|patch| patch["why"] == "something is in the way").unwrap();
@@ -130,9 +129,7 @@ fn a_path_has_one_least_stick_out_and_the_line_that_decides_it() {
     let path = format!("x,y,z\n{x},{y},60\n{x},{y},{}\n{x},{y},40\n", z.max(1.0) + 1.0);
     folder.write("path.csv", &path);
     let check = |tool: &str| {
-        let usual =
-            ["check", "part.obj", "path.csv", "--pitch", "2", "--unit", "mm", "--stickout", "--tool", tool];
-        folder.run(&usual)
+        folder.imf(&format!("check part.obj path.csv --pitch 2 --unit mm --stickout --tool {tool}"))
     };
     let run = check("short.toml");
     assert!(
@@ -142,5 +139,5 @@ fn a_path_has_one_least_stick_out_and_the_line_that_decides_it() {
     );
     assert!(run.stdout.contains(", decided by line 3; as it is set: "), "{}", run.stdout);
     folder.write("bare.toml", "[cutter]\nshape = 'flat'\ndiameter = 3\nlength = 9\n");
-    check("bare.toml").is_bad_input(&["'bare' has no holder"]);
+    check("bare.toml").bad_input(&["'bare' has no holder"]);
 }

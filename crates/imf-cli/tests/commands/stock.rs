@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use crate::folder::{Folder, Run};
+use crate::binary::{Finished, Workdir};
 
 /// A block of 30 × 20 × 10 mm, its top at z = 0.
 const BLOCK: &str = "v -15 -10 -10\nv 15 -10 -10\nv 15 10 -10\nv -15 10 -10\nv -15 -10 0\nv 15 -10 0\nv 15 10 0\n\
@@ -10,22 +10,21 @@ const BLOCK: &str = "v -15 -10 -10\nv 15 -10 -10\nv 15 10 -10\nv -15 10 -10\nv -
 const MILL: &str = "name = \"end mill\"\nunit = \"mm\"\nstick_out = 20.0\ncutter = { shape = \"flat\", diameter = 6.0, length = 4.0 }\n\
                     shank = { diameter = 6.0 }\nholder = [{ diameter = 18.0, length = 12.0 }]\n";
 
-fn folder(name: &str, path: &str) -> Folder {
-    let folder = Folder::new();
+fn folder(name: &str, path: &str) -> Workdir {
+    let folder = Workdir::new();
     folder.write("block.obj", BLOCK);
     folder.write("mill.toml", MILL);
     folder.write(name, path);
     folder
 }
 
-fn check(folder: &Folder, path: &str, more: &[&str]) -> Run {
-    let usual = ["check", "block.obj", path, "--unit", "mm", "--pitch", "0.5", "--tool", "mill.toml"];
-    folder.run(&[&usual[..], more].concat())
+fn check(folder: &Workdir, path: &str, more: &str) -> Finished {
+    folder.imf(&format!("check block.obj {path} --unit mm --pitch 0.5 --tool mill.toml {more}"))
 }
 
 /// Code and answer.
-fn answer(run: &Run) -> (Option<i32>, Value) {
-    (run.code, serde_json::from_str(&run.stdout).unwrap_or_else(|_| panic!("{}{}", run.stdout, run.stderr)))
+fn answer(run: &Finished) -> (Option<i32>, Value) {
+    (run.code, run.json())
 }
 
 /// Faces the top 3 mm off a stock with as much allowance, in rows.
@@ -42,7 +41,7 @@ fn facing() -> String {
 #[test]
 fn a_facing_pass_cuts_its_volume_and_what_is_left_is_a_stock_again() {
     let folder = folder("face.nc", &facing());
-    let (code, found) = answer(&check(&folder, "face.nc", &["--stock", "box:3", "--out", "out", "--json"]));
+    let (code, found) = answer(&check(&folder, "face.nc", "--stock box:3 --out out --json"));
     assert_eq!((code, &found["collides"]), (Some(0), &json!(false)));
     let stock = &found["stock"];
     let number = |name: &str| stock[name].as_f64().unwrap();
@@ -57,22 +56,22 @@ fn a_facing_pass_cuts_its_volume_and_what_is_left_is_a_stock_again() {
     let corner = 3f64.sqrt() * 3.0;
     assert!((left["farthest"].as_f64().unwrap() - corner).abs() < 1e-9, "{left}");
 
-    let table = folder.read("out/removed.csv");
+    let table = folder.text("out/removed.csv");
     assert!(table.starts_with("line,tool,kind,volume,of_part\n2,,start,0.000000,0.000000\n"), "{table}");
     let volumes = table.lines().skip(1).map(|line| line.split(',').nth(3).unwrap().parse::<f64>().unwrap());
     assert!((volumes.sum::<f64>() - number("removed")).abs() < 1e-3);
     let files = json!(["collisions.csv", "removed.csv", "stock.vti", "stock.stl", "summary.json"]);
-    let summary: Value = serde_json::from_str(&folder.read("out/summary.json")).unwrap();
+    let summary = folder.read_json("out/summary.json");
     assert_eq!(summary["files"], files);
-    let voxels = std::fs::read(folder.path("out/stock.vti")).unwrap();
+    let voxels = folder.bytes("out/stock.vti");
     let head = String::from_utf8_lossy(&voxels[..1500]).into_owned();
     assert!(head.contains("stock") && head.contains("removed_by_line"), "{head}");
 
     // The next set-up begins with it, and has nothing to do where this one was; also where the part stands elsewhere.
     folder.write("again.nc", facing());
-    for set_up in [&[][..], &["--transform", "rotate:0,0,1:90; translate:5,3,20"]] {
-        let more = ["--stock", "out/stock.stl", "--json"];
-        let (code, again) = answer(&check(&folder, "again.nc", &[&more[..], set_up].concat()));
+    for set_up in ["", "--transform rotate:0,0,1:90;translate:5,3,20"] {
+        let more = format!("--stock out/stock.stl --json {set_up}");
+        let (code, again) = answer(&check(&folder, "again.nc", &more));
         assert_eq!(code, Some(0), "{again}");
         assert_eq!(again["stock"]["volume"], number("volume") - number("removed"), "{again}");
         assert_eq!((&again["stock"]["removed"], &again["stock"]["lines_that_cut"]), (&json!(0.0), &json!(0)));
@@ -83,21 +82,21 @@ fn a_facing_pass_cuts_its_volume_and_what_is_left_is_a_stock_again() {
 #[test]
 fn a_rapid_into_the_stock_and_a_shank_in_a_wall_are_told_with_their_lines() {
     let plunge = folder("plunge.nc", "G21 G90\nG0 X0. Y0. Z20.\nG0 Z1.\nG1 X5. F300\nG0 Z20.\n");
-    let run = check(&plunge, "plunge.nc", &["--stock", "box:3"]);
+    let run = check(&plunge, "plunge.nc", "--stock box:3");
     assert_eq!(run.code, Some(3), "{}", run.stderr);
     for said in
         ["line 3, rapid: cutter is 2 mm deep in the stock", "line 3 is the first that cuts it at rapid rate"]
     {
         assert!(run.stdout.contains(said), "{said}: {}", run.stdout);
     }
-    let (_, found) = answer(&check(&plunge, "plunge.nc", &["--stock", "box:3", "--json"]));
+    let (_, found) = answer(&check(&plunge, "plunge.nc", "--stock box:3 --json"));
     assert_eq!(found["stock"]["first_rapid_cut"]["line"], 3);
     let volume = found["stock"]["first_rapid_cut"]["volume"].as_f64().unwrap();
     assert!((volume / (std::f64::consts::PI * 18.0) - 1.0).abs() < 0.08, "{volume}");
 
     // 6 mm deep with flutes of 4: the shank is 2 mm in, from where the tool enters.
     let slot = folder("slot.csv", "x,y,z\n-30,0,-3\n-22,0,-3\n15,0,-3\n15,0,20\n");
-    let run = check(&slot, "slot.csv", &["--stock", "box:3", "--out", "out"]);
+    let run = check(&slot, "slot.csv", "--stock box:3 --out out");
     assert_eq!(run.code, Some(3), "{}", run.stderr);
     for said in [
         "line 4: shank is 2 mm deep in the stock",
@@ -106,12 +105,12 @@ fn a_rapid_into_the_stock_and_a_shank_in_a_wall_are_told_with_their_lines() {
     ] {
         assert!(run.stdout.contains(said), "{said}: {}", run.stdout);
     }
-    assert!(slot.read("out/collisions.csv").contains("4,,feed,shank,stock,2.0000"));
+    assert!(slot.text("out/collisions.csv").contains("4,,feed,shank,stock,2.0000"));
     assert!(image::open(slot.path("out/worst.png")).unwrap().width() > 500);
     // In two layers it is free.
     slot.write("layers.csv", "x,y,z\n-30,0,0\n25,0,0\n25,0,-3\n-30,0,-3\n");
-    assert_eq!(check(&slot, "layers.csv", &["--stock", "box:3"]).code, Some(3), "the part is cut");
-    let (_, layers) = answer(&check(&slot, "layers.csv", &["--stock", "box:3", "--json"]));
+    assert_eq!(check(&slot, "layers.csv", "--stock box:3").code, Some(3), "the part is cut");
+    let (_, layers) = answer(&check(&slot, "layers.csv", "--stock box:3 --json"));
     let against = |hit: &Value| hit["against"] == "stock";
     let lines = layers["report"]["colliding"].as_array().unwrap();
     assert!(!lines.iter().any(|line| line["collisions"].as_array().unwrap().iter().any(against)), "{layers}");
@@ -124,7 +123,7 @@ fn a_rapid_into_the_stock_and_a_shank_in_a_wall_are_told_with_their_lines() {
 fn a_stock_that_cannot_be_meant_is_refused_or_told() {
     let folder = folder("free.csv", "x,y,z\n0,0,30\n");
     let refuse = |stock: &str, said: &str| {
-        let run = check(&folder, "free.csv", &["--stock", stock]);
+        let run = check(&folder, "free.csv", &format!("--stock {stock}"));
         assert!(run.code == Some(1) && run.stderr.contains(said), "{stock}: {:?} {}", run.code, run.stderr);
     };
     refuse("box:-1", "must not be negative");
@@ -133,7 +132,7 @@ fn a_stock_that_cannot_be_meant_is_refused_or_told() {
     folder.write("small.obj", BLOCK.replace("-15", "-1").replace("15", "1"));
     refuse("small.obj", "most of the part lies outside the stock");
     folder.write("short.obj", BLOCK.replace("-15", "-12"));
-    let run = check(&folder, "free.csv", &["--stock", "short.obj"]);
+    let run = check(&folder, "free.csv", "--stock short.obj");
     assert!(
         run.code == Some(0) && run.stderr.contains("of the part lie outside the stock"),
         "{}",
@@ -141,9 +140,9 @@ fn a_stock_that_cannot_be_meant_is_refused_or_told() {
     );
     // A mesh does not say what of it cuts.
     folder.write("mesh.toml", "name = \"head\"\nunit = \"mm\"\nmesh = \"block.obj\"\n");
-    let path = ["check", "block.obj", "turned.csv", "--unit", "mm", "--pitch", "1", "--tool", "mesh.toml"];
+    let path = "check block.obj turned.csv --unit mm --pitch 1 --tool mesh.toml --stock box";
     folder.write("turned.csv", "x,y,z,roll\n0,0,90,0\n");
-    let run = folder.run(&[&path[..], &["--stock", "box"]].concat());
+    let run = folder.imf(path);
     assert!(
         run.code == Some(2) && run.stderr.contains("does not say what of it cuts"),
         "{:?} {}",
@@ -158,11 +157,11 @@ fn an_open_stock_is_refused_or_warned_of() {
     let faces =
         |left_out: &[&str]| left_out.iter().fold(BLOCK.to_owned(), |text, face| text.replace(face, ""));
     folder.write("tube.obj", faces(&["f 5 6 7 8\n", "f 4 3 2 1\n"]));
-    let refused = check(&folder, "face.nc", &["--stock", "tube.obj"]);
+    let refused = check(&folder, "face.nc", "--stock tube.obj");
     assert_eq!(refused.code, Some(1), "{}", refused.stderr);
     assert!(refused.stderr.contains("solid and empty cannot be told apart"), "{}", refused.stderr);
     folder.write("tray.obj", faces(&["f 5 6 7 8\n"]));
-    let warned = check(&folder, "face.nc", &["--stock", "tray.obj"]);
+    let warned = check(&folder, "face.nc", "--stock tray.obj");
     assert!(warned.stderr.contains("is open: of "), "{}", warned.stderr);
 }
 
@@ -170,10 +169,10 @@ fn an_open_stock_is_refused_or_warned_of() {
 fn what_rapids_brush_off_is_told_though_it_is_accepted() {
     let folder = folder("brush.nc", "G21 G90\nG0 X-25. Y0. Z20.\nZ0.7\nX25.\nZ20.\n");
     // Centres of the topmost voxels are 0.05 mm deep in the cutter.
-    let (code, found) = answer(&check(&folder, "brush.nc", &["--stock", "box:1", "--json"]));
+    let (code, found) = answer(&check(&folder, "brush.nc", "--stock box:1 --json"));
     assert_eq!((code, &found["stock"]["first_rapid_cut"]), (Some(0), &Value::Null));
     assert_eq!(found["stock"]["removed_not_at_feed"], 32.0 * 6.0 * 0.5);
-    let text = check(&folder, "brush.nc", &["--stock", "box:1"]).stdout;
+    let text = check(&folder, "brush.nc", "--stock box:1").stdout;
     assert!(text.contains("where the path begins 96.0 mm³ go"), "{text}");
 }
 
@@ -181,12 +180,12 @@ fn what_rapids_brush_off_is_told_though_it_is_accepted() {
 fn of_a_row_of_rapids_the_first_that_cuts_is_named() {
     // Line 3 takes what is accepted, line 4 goes deeper at its end, where nothing is left to take of the stock before the row.
     let folder = folder("row.nc", "G21 G90\nG0 X-25. Y0. Z20.\nZ0.7\nX25.\nZ0.3\nX-25.\nZ20.\n");
-    let (code, found) = answer(&check(&folder, "row.nc", &["--stock", "box:1", "--json"]));
+    let (code, found) = answer(&check(&folder, "row.nc", "--stock box:1 --json"));
     let first = &found["stock"]["first_rapid_cut"];
     assert_eq!((code, &first["line"], first["volume"].as_f64()), (Some(3), &json!(4), Some(96.0)), "{first}");
     // Where the path begins in the stock, a rapid behind it is named too.
     folder.write("begin.nc", "G21 G90\nG0 X0. Y0. Z-2.\nX10.\nZ20.\n");
-    let (code, found) = answer(&check(&folder, "begin.nc", &["--stock", "box:1", "--json"]));
+    let (code, found) = answer(&check(&folder, "begin.nc", "--stock box:1 --json"));
     let stock = &found["stock"];
     assert_eq!(
         (code, &stock["begins_in_stock"]["line"], &stock["first_rapid_cut"]["line"]),
@@ -197,31 +196,20 @@ fn of_a_row_of_rapids_the_first_that_cuts_is_named() {
 #[test]
 fn what_is_left_of_the_stock_is_so_by_centres_where_voxels_are_conservative_too() {
     let folder = folder("face.nc", &facing());
-    let of = |more: &[&str]| {
-        let (_, found) =
-            answer(&check(&folder, "face.nc", &[&["--stock", "box:3", "--json"], more].concat()));
+    let of = |more: &str| {
+        let (_, found) = answer(&check(&folder, "face.nc", &format!("--stock box:3 --json {more}")));
         (found["stock"]["left"].clone(), found["stock"]["removed"].clone())
     };
-    assert_eq!(of(&["--conservative", "--contact", "0.5"]), of(&[]));
+    assert_eq!(of("--conservative --contact 0.5"), of(""));
 }
 
 #[test]
 fn a_stock_that_larger_voxels_left_is_warned_of() {
     let folder = folder("face.nc", &facing());
-    check(&folder, "face.nc", &["--stock", "box:3", "--out", "out"]);
+    check(&folder, "face.nc", "--stock box:3 --out out");
     let again = |pitch: &str| {
-        let usual = [
-            "check",
-            "block.obj",
-            "face.nc",
-            "--unit",
-            "mm",
-            "--tool",
-            "mill.toml",
-            "--stock",
-            "out/stock.stl",
-        ];
-        folder.run(&[&usual[..], &["--pitch", pitch]].concat()).stderr
+        let usual = "check block.obj face.nc --unit mm --tool mill.toml --stock out/stock.stl";
+        folder.imf(&format!("{usual} --pitch {pitch}")).stderr
     };
     assert!(again("0.4").contains("was left by voxels of 0.5, larger than those of now"), "{}", again("0.4"));
     assert!(!again("0.5").contains("was left by"));

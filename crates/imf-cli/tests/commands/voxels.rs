@@ -3,54 +3,55 @@
 use imf_core::mesh::read::read_mesh;
 use imf_core::parts::ReferencePart;
 
-use crate::folder::{Folder, LAST_FACE, OPEN_CUBE};
+use crate::binary::Workdir;
+use crate::shapes::{LAST_FACE, OPEN_CUBE};
 
 #[test]
 fn parts_are_written_as_obj_with_what_they_are() {
-    let folder = Folder::new();
-    let table = folder.succeed(&["parts", "all"]).stdout;
+    let folder = Workdir::new();
+    let table = folder.imf("parts all").done().stdout;
     for part in ReferencePart::ALL {
         let name = format!("all/{part}.obj");
         assert_eq!(read_mesh(folder.path(&name)).unwrap().triangles.len(), part.mesh().triangles.len());
-        let text = folder.read(&name);
+        let text = folder.text(&name);
         let [x, y, z] = part.dims();
         assert!(text.starts_with(&format!("# {part}: ")), "{name}");
         assert!(text.contains("unit: mm") && text.contains(&format!("{x} x {y} x {z}")), "{name}");
         let line = table.lines().find(|line| line.contains(&name)).unwrap();
         assert_eq!(line.contains("the paper's own"), part.is_papers_own(), "{line}");
     }
-    let one = folder.json(&["parts", "one", "--only", "bracket"]);
+    let one = folder.json("parts one --only bracket");
     assert_eq!(one.as_array().unwrap().len(), 1);
     assert_eq!(one[0]["mesh"]["closed"], true);
-    assert_eq!(std::fs::read_dir(folder.path("one")).unwrap().count(), 1);
+    assert_eq!(folder.names("one").len(), 1);
 }
 
 #[test]
 fn voxels_are_written_whatever_the_tool() {
-    let folder = Folder::new();
+    let folder = Workdir::new();
     // Sections with this tool would need terabytes.
     folder.write("huge.toml", "[cutter]\nshape = \"flat\"\ndiameter = 9000.0\nlength = 15000.0\n");
-    let arguments = ["voxelize", "bracket", "--dims", "5,15,9", "--tool", "huge.toml", "--memory", "1GiB"];
-    let run = folder.succeed(&[&arguments[..], &["--out", "a/b"]].concat());
+    let line = "voxelize bracket --dims 5,15,9 --tool huge.toml --memory 1GiB --out a/b";
+    let run = folder.imf(line).done();
     assert!(run.stdout.contains("5×15×9"), "{}", run.stdout);
-    let summary = folder.json(&[&arguments[..], &["--out", "a/b"]].concat());
+    let summary = folder.json(line);
     let solid = folder.npy::<u8>("a/b/solid.npy");
     assert_eq!(solid.dim(), (5, 15, 9));
     let count = solid.iter().filter(|&&s| s == 1).count();
     assert_eq!(summary["solid_voxels"], count);
     let pitch = summary["grid"]["pitch"].as_f64().unwrap();
     assert!((summary["volume"].as_f64().unwrap() - count as f64 * pitch.powi(3)).abs() < 1e-6);
-    assert!(std::fs::read(folder.path("a/b/solid.vti")).unwrap().starts_with(b"<?xml"));
-    assert!(std::fs::read(folder.path("a/b/slices.png")).unwrap().starts_with(b"\x89PNG"));
+    assert!(folder.bytes("a/b/solid.vti").starts_with(b"<?xml"));
+    folder.picture("a/b/slices.png");
 }
 
 #[test]
 fn an_open_mesh_works_and_is_warned_about() {
-    let folder = Folder::new();
+    let folder = Workdir::new();
     folder.write("open.obj", OPEN_CUBE);
-    folder.write("closed.obj", [OPEN_CUBE, LAST_FACE].concat());
+    folder.write("closed.obj", format!("{OPEN_CUBE}{LAST_FACE}"));
     let solid = |name: &str| {
-        let run = folder.succeed(&["voxelize", name, "--pitch", "10", "--out", "out"]);
+        let run = folder.imf(&format!("voxelize {name} --pitch 10 --out out")).done();
         (
             run.stderr.contains("imf: warning: "),
             folder.npy::<u8>("out/solid.npy").iter().filter(|&&s| s == 1).count(),
@@ -63,33 +64,21 @@ fn an_open_mesh_works_and_is_warned_about() {
 
 #[test]
 fn fixtures_are_voxels_as_a_whole_or_refused() {
-    let folder = Folder::new();
-    folder.write("cube.obj", [OPEN_CUBE, LAST_FACE].concat());
-    folder.write("jaw.obj", [OPEN_CUBE, LAST_FACE].concat().replace("100", "50"));
-    let voxels = |at: &str, more: &[&str]| {
-        let fixture = format!("jaw.obj@translate:{at}");
-        let usual = ["voxelize", "cube.obj", "--unit", "mm", "--pitch", "10", "--out", "out", "--fixture"];
-        folder.run(&[&usual[..], &[fixture.as_str()], more].concat())
+    let folder = Workdir::new();
+    folder.write("cube.obj", format!("{OPEN_CUBE}{LAST_FACE}"));
+    folder.write("jaw.obj", format!("{OPEN_CUBE}{LAST_FACE}").replace("100", "50"));
+    let voxels = |at: &str, more: &str| {
+        let usual = "voxelize cube.obj --unit mm --pitch 10 --out out";
+        folder.imf(&format!("{usual} --fixture jaw.obj@translate:{at} {more}"))
     };
     let (beside, through) = ("100,0,0", "75,0,0");
     for at in [beside, through] {
-        let cut = voxels(at, &[]);
+        let cut = voxels(at, "");
         assert!(cut.code == Some(1) && cut.stderr.contains("sticks out of the grid"), "{at}: {}", cut.stderr);
     }
-    let whole = voxels(beside, &["--around", "all", "--json"]);
-    let whole: serde_json::Value = serde_json::from_str(&whole.stdout).unwrap();
+    let whole = voxels(beside, "--around all --json").json();
     assert_eq!((&whole["part_voxels"], &whole["solid_voxels"]), (&1000.into(), &1125.into()));
     // Nothing is wrong with a mesh whose conservative voxels hold more.
-    let conservative = folder.succeed(&[
-        "voxelize",
-        "cube.obj",
-        "--unit",
-        "mm",
-        "--pitch",
-        "7",
-        "--conservative",
-        "--out",
-        "out",
-    ]);
+    let conservative = folder.imf("voxelize cube.obj --unit mm --pitch 7 --conservative --out out").done();
     assert!(!conservative.stdout.contains("crosses itself"), "{}", conservative.stdout);
 }

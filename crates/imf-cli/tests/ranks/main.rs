@@ -3,7 +3,7 @@
 #![cfg(unix)]
 #![expect(clippy::unwrap_used, reason = "a test ends at the first surprise, and says where")]
 
-#[path = "../training/binary.rs"]
+#[path = "../commands/binary.rs"]
 #[expect(dead_code, reason = "shared with the tests of one process, which use more of it")]
 mod binary;
 
@@ -120,7 +120,7 @@ fn ctrl_c_saves_once_and_any_number_of_ranks_goes_on() {
     for ranks in [2, 3, 1] {
         let folder = format!("resumed-{ranks}");
         std::fs::create_dir(work.path(&folder)).unwrap();
-        work.write(&format!("{folder}/checkpoint.safetensors"), &work.bytes("broken/checkpoint.safetensors"));
+        work.write(&format!("{folder}/checkpoint.safetensors"), work.bytes("broken/checkpoint.safetensors"));
         on_ranks(&work, ranks, &format!("{train} --out {folder} --resume")).done();
         let resumed = work.model(&format!("{folder}/field.safetensors"));
         assert_eq!(resumed.record.steps, 4000);

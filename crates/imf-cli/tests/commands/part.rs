@@ -9,14 +9,11 @@ use imf_fields::harmonic::fit;
 use serde_json::json;
 
 use crate::binary::Workdir;
+use crate::shapes::cuboid;
 
 /// The bracket on 675 voxels, and a network that a step takes a millisecond or two.
 const PART: &str = "bracket --dims 5,15,9 --allow-coarse";
 const NETWORK: &str = "--network 2x32 --set batch=128 --rate 4e-3 --no-calibrate";
-
-/// An arm that stands off the axis: how the tool is rolled matters.
-const ARM: &str = "v -6 -6 0\nv 40 -6 0\nv -6 6 0\nv 40 6 0\nv -6 -6 40\nv 40 -6 40\nv -6 6 40\nv 40 6 40\nf 1 3 4\nf 1 4 2\n\
-                   f 5 6 8\nf 5 8 7\nf 1 2 6\nf 1 6 5\nf 3 7 8\nf 3 8 4\nf 1 5 7\nf 1 7 3\nf 2 4 8\nf 2 8 6\n";
 
 #[test]
 fn a_part_becomes_the_field_that_fit_and_distillation_make_one_by_one() {
@@ -45,7 +42,7 @@ fn a_part_becomes_the_field_that_fit_and_distillation_make_one_by_one() {
     // The harmonic field, of a low degree, has half of that error itself.
     assert!(mse < 0.4 * variance, "{row}");
     work.write("poses.csv", b"x,y,z,i,j,k\n24,70,40,0,0,1\n");
-    let answers = work.imf("query field/field.safetensors poses.csv --json").done().json();
+    let answers = work.json("query field/field.safetensors poses.csv");
     assert!(answers[0]["overlap"].as_f64().is_some_and(|value| (0.0..=1.0).contains(&value)), "{answers}");
 
     // Gone on with, it keeps its rate where none is asked for.
@@ -69,7 +66,7 @@ fn symmetry_is_found_used_and_kept_unless_none_is_wanted() {
     assert!(said.stderr.contains("symmetry-reduced: mirrored across y, turned about x"), "{}", said.stderr);
     train("--set symmetry=false --out plain").done();
     let symmetry = |folder: &str| {
-        let info = work.imf(&format!("info {folder}/field.safetensors --json")).done().json();
+        let info = work.json(&format!("info {folder}/field.safetensors"));
         info["network"]["symmetry"].clone()
     };
     assert_eq!((symmetry("told")["axis"]["along"].as_u64(), symmetry("plain")), (Some(0), json!(null)));
@@ -131,7 +128,8 @@ fn a_training_from_another_field_has_rates_of_its_own_and_is_resumed_by_them() {
 #[test]
 fn left_to_itself_it_takes_the_degree_that_suits_the_tool() {
     let work = Workdir::new();
-    work.write("arm.obj", ARM.as_bytes());
+    // It stands off the axis: how the tool is rolled matters.
+    work.write("arm.obj", cuboid([-6, -6, 0], [40, 6, 40], 0));
     work.write("arm.toml", b"name = \"arm\"\nmesh = \"arm.obj\"\n");
     // As many functions of whole rotations as of directions, nearly.
     for (tool, degree, functions) in [("paper", 16, 289), ("arm.toml", 5, 286)] {
@@ -179,7 +177,7 @@ fn an_interrupted_part_goes_on_to_the_bytes_of_one_in_one_go() {
 fn sections_alone_train_a_part_and_go_on_where_they_stopped() {
     let work = Workdir::new();
     let train = format!("train {PART} --degree 4 {NETWORK} --online 30 --set checkpoint_every=0.02 --steps");
-    let made = work.imf(&format!("{train} 1500 --out whole --json")).done().json();
+    let made = work.json(&format!("{train} 1500 --out whole"));
     assert_eq!(made["settings"]["online"]["pool"], json!(30));
     let eval = "eval whole/field.safetensors --random 8 --imf fibonacci:20 --json";
     let row = &work.imf(eval).done().json()["rows"][2];
@@ -235,7 +233,7 @@ fn what_is_finished_says_so_at_once_and_where_it_is() {
     assert!(resumed("") && work.bytes(field) == made);
     let other = train.replace("--out field", "--out other --set seed=1");
     work.imf(&other).done();
-    work.write(field, &work.bytes("other/field.safetensors"));
+    work.write(field, work.bytes("other/field.safetensors"));
     assert!(resumed("") && work.bytes(field) == made);
     // In the other precision too, and then it is there.
     assert!(resumed("--half") && work.bytes(field).len() < made.len() && !resumed("--half"));
@@ -291,7 +289,7 @@ fn the_papers_network_of_a_part_is_that_of_its_dataset() {
     let work = Workdir::new();
     let network = "--device cpu --network 3x24:10 --rate 1e-3 --batch 256 --steps 40 --set seed=3";
     let train = format!("train siren5 {PART} {network} --out model");
-    let trained = work.imf(&format!("{train} --json")).done().json();
+    let trained = work.json(&train);
     assert_eq!((&trained["field"], &trained["steps"]), (&json!("model/field.safetensors"), &json!(40)));
 
     work.imf(&format!("dataset {PART} --orientations fibonacci:225 --seed 3 --out data")).done();

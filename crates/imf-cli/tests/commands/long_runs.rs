@@ -208,7 +208,7 @@ fn the_log_equals_the_record_through_interruptions() {
     work.interrupted_after(20, &format!("{broken} --set checkpoint_every=0.01")).interrupted(&[CURRENT]);
     // Rows after the checkpoint, as a killed process leaves them.
     let late = work.text("model/log.jsonl") + &work.text("whole/log.jsonl").lines().last().unwrap()[..30];
-    work.write("model/log.jsonl", late.as_bytes());
+    work.write("model/log.jsonl", late);
     work.imf(&format!("{broken} --resume")).done();
 
     let whole = work.model("whole/field.safetensors").record;

@@ -1,6 +1,6 @@
 //! Running the command in a folder of its own.
 
-use std::io::{BufRead as _, BufReader, Read as _};
+use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -18,7 +18,11 @@ pub(crate) const TRAIN: &str =
     "train siren5 data --device cpu --network 3x24:10 --rate 1e-3 --batch 256 --no-calibrate";
 
 /// A fresh folder; it goes when the value does.
-pub(crate) struct Workdir(tempfile::TempDir);
+pub(crate) struct Workdir {
+    folder: tempfile::TempDir,
+    /// Whether runs see the machine's Vulkan drivers.
+    adapters: bool,
+}
 
 /// How a run of the command ended.
 pub(crate) struct Finished {
@@ -29,8 +33,14 @@ pub(crate) struct Finished {
 }
 
 impl Workdir {
+    /// A folder to run the command in as on a machine without a Vulkan driver.
     pub(crate) fn new() -> Self {
-        Self(tempfile::tempdir().unwrap())
+        Self { folder: tempfile::tempdir().unwrap(), adapters: false }
+    }
+
+    /// A folder to run the command in with the machine's own adapters.
+    pub(crate) fn with_adapters() -> Self {
+        Self { adapters: true, ..Self::new() }
     }
 
     /// A folder that holds the small dataset.
@@ -41,7 +51,32 @@ impl Workdir {
     }
 
     pub(crate) fn path(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
+        self.folder.path().join(name)
+    }
+
+    /// Names of what lies in a folder, sorted.
+    pub(crate) fn names(&self, folder: &str) -> Vec<String> {
+        let entries = std::fs::read_dir(self.path(folder)).unwrap();
+        let mut names: Vec<_> =
+            entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort_unstable();
+        names
+    }
+
+    /// Every file and folder below this one.
+    pub(crate) fn entries(&self) -> Vec<PathBuf> {
+        let (mut found, mut waiting) = (vec![], vec![self.path("")]);
+        while let Some(folder) = waiting.pop() {
+            for entry in std::fs::read_dir(folder).unwrap() {
+                let path = entry.unwrap().path();
+                if path.is_dir() {
+                    waiting.push(path.clone());
+                }
+                found.push(path.strip_prefix(self.folder.path()).map(Path::to_owned).unwrap());
+            }
+        }
+        found.sort();
+        found
     }
 
     pub(crate) fn bytes(&self, name: &str) -> Vec<u8> {
@@ -52,12 +87,19 @@ impl Workdir {
         String::from_utf8(self.bytes(name)).unwrap()
     }
 
-    pub(crate) fn write(&self, name: &str, bytes: &[u8]) {
-        std::fs::write(self.path(name), bytes).unwrap();
+    pub(crate) fn write(&self, name: &str, content: impl AsRef<[u8]>) {
+        let path = self.path(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, content).unwrap();
     }
 
     pub(crate) fn model(&self, name: &str) -> Model {
         Model::read(&self.path(name)).unwrap()
+    }
+
+    /// A JSON file that the command wrote.
+    pub(crate) fn read_json(&self, name: &str) -> Value {
+        serde_json::from_str(&self.text(name)).unwrap()
     }
 
     /// Fails unless the file is a PNG picture.
@@ -68,12 +110,37 @@ impl Workdir {
     /// The command with a line of arguments, split at spaces.
     pub(crate) fn command(&self, line: &str) -> Command {
         let mut command = Command::new(crate::PROGRAM);
-        command.args(line.split_whitespace()).current_dir(self.0.path()).stdin(Stdio::null());
+        command.args(line.split_whitespace()).current_dir(self.folder.path()).stdin(Stdio::null());
+        if !self.adapters {
+            command.env("VK_DRIVER_FILES", "/nonexistent").env("VK_ICD_FILENAMES", "/nonexistent");
+        }
         command
     }
 
     pub(crate) fn imf(&self, line: &str) -> Finished {
         finish(line, &mut self.command(line))
+    }
+
+    /// Runs the command with that text at its standard input.
+    pub(crate) fn imf_with_input(&self, line: &str, input: &str) -> Finished {
+        let mut command = self.command(line);
+        command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = command.spawn().unwrap();
+        child.stdin.take().unwrap().write_all(input.as_bytes()).unwrap();
+        Finished::new(line, &child.wait_with_output().unwrap())
+    }
+
+    /// Runs what must succeed and answer in JSON.
+    pub(crate) fn json(&self, line: &str) -> Value {
+        self.imf(&format!("{line} --json")).done().json()
+    }
+
+    /// Runs what must be refused with all these words in the last line, and leave nothing behind.
+    pub(crate) fn refuse(&self, line: &str, words: &[&str]) {
+        let before = self.entries();
+        let run = self.imf(line).refused(words);
+        assert_eq!(run.stderr.lines().last(), Some(run.errors()[0]), "`imf {line}`: what comes last");
+        assert_eq!(self.entries(), before, "`imf {line}` left something behind");
     }
 
     /// Starts the command and presses Ctrl-C as soon as a file is there.
@@ -148,10 +215,20 @@ impl Finished {
 
     /// It failed with one message that has all these words, and printed no result.
     pub(crate) fn refused(self, words: &[&str]) -> Self {
-        assert_eq!(self.code, Some(1), "`imf {}`:\n{}", self.line, self.stderr);
-        assert_eq!(self.errors().len(), 1, "`imf {}`: one error line in\n{}", self.line, self.stderr);
+        self.failed(1, words)
+    }
+
+    /// The same of what was given, as of a wrong argument or a file that says something wrong.
+    pub(crate) fn bad_input(self, words: &[&str]) -> Self {
+        self.failed(2, words)
+    }
+
+    fn failed(self, code: i32, words: &[&str]) -> Self {
+        assert_eq!(self.code, Some(code), "`imf {}`:\n{}", self.line, self.stderr);
+        let errors = self.errors();
+        assert_eq!(errors.len(), 1, "`imf {}`: one error line in\n{}", self.line, self.stderr);
         for word in words {
-            assert!(self.errors()[0].contains(word), "`imf {}`: no '{word}' in\n{}", self.line, self.stderr);
+            assert!(errors[0].contains(word), "`imf {}`: no '{word}' in\n{}", self.line, self.stderr);
         }
         assert_eq!(self.stdout, "", "`imf {}`", self.line);
         self
@@ -170,13 +247,8 @@ impl Finished {
     /// Standard output as JSON.
     pub(crate) fn json(&self) -> Value {
         serde_json::from_str(&self.stdout)
-            .unwrap_or_else(|error| panic!("`imf {}`: {error} in\n{}", self.line, self.stdout))
+            .unwrap_or_else(|error| panic!("`imf {}`: {error} in\n{}{}", self.line, self.stdout, self.stderr))
     }
-}
-
-/// True where a folder holds a file of that name.
-pub(crate) fn holds(folder: &Path, name: &str) -> bool {
-    folder.join(name).is_file()
 }
 
 /// Software Vulkan where there is some, else the GPU: the tests ask for any adapter, not for a certain one.

@@ -1,13 +1,9 @@
 //! Saved fields over their grids: `imf field FIELD` against the library.
 
-use std::fs::File;
-
 use imf_core::orientation::OrientationSet;
 use imf_fields::file::FieldFile;
 use imf_fields::siren::evaluator::CpuEvaluator;
 use imf_fields::siren::over_grid;
-use ndarray::Array3;
-use ndarray_npy::{ReadNpyExt as _, ReadableElement};
 use serde_json::json;
 
 use crate::binary::{TRAIN, Workdir};
@@ -16,16 +12,12 @@ const SET: &str = "fibonacci:19";
 const HARMONIC: &str =
     "train harmonic teapot --dims 15,19,31 --degree 4 --no-calibrate --out field.safetensors";
 
-fn npy<T: ReadableElement>(work: &Workdir, file: &str) -> Array3<T> {
-    Array3::read_npy(File::open(work.path(file)).unwrap()).unwrap()
-}
-
 #[test]
 fn options_of_a_part_are_refused_beside_a_saved_field() {
     let work = Workdir::new();
     work.imf(HARMONIC).done();
     let sections = format!("field field.safetensors --orientations {SET}");
-    let summary = work.imf(&format!("{sections} --out saved --json")).done().json();
+    let summary = work.json(&format!("{sections} --out saved"));
     assert_eq!(summary["harmonic"]["report"]["functions"], 25);
     assert!(
         summary["guarantee"].as_str().unwrap().starts_with("approximate (at 64 random orientations"),
@@ -61,10 +53,7 @@ fn sections_of_networks_are_the_librarys() {
     let orientations = OrientationSet::parse(SET).unwrap().orientations;
     for (file, family) in [("factored/field.safetensors", "factored"), ("siren/field.safetensors", "siren5")]
     {
-        let summary = work
-            .imf(&format!("field {file} --orientations {SET} --out {family}-sections --json"))
-            .done()
-            .json();
+        let summary = work.json(&format!("field {file} --orientations {SET} --out {family}-sections"));
         assert!(summary[family].is_object() && summary["harmonic"].is_null(), "{summary}");
         work.imf(&format!("field {file} --orientations {SET} --imf --out {family}-imf")).done();
         let stored = FieldFile::read(&work.path(file)).unwrap();
@@ -83,10 +72,10 @@ fn sections_of_networks_are_the_librarys() {
             }
             FieldFile::Harmonic(_) => panic!("{file}"),
         }
-        let least = npy::<f32>(&work, &format!("{family}-imf/imf.npy"));
-        let best = npy::<u32>(&work, &format!("{family}-imf/best.npy"));
+        let least = work.npy::<f32>(&format!("{family}-imf/imf.npy"));
+        let best = work.npy::<u32>(&format!("{family}-imf/best.npy"));
         for (index, section) in expected.chunks_exact(voxels).enumerate() {
-            let found = npy::<f32>(&work, &format!("{family}-sections/cmf-{index:05}.npy"));
+            let found = work.npy::<f32>(&format!("{family}-sections/cmf-{index:05}.npy"));
             // The same products in blocks of other sizes.
             assert!(found.iter().zip(section).all(|(a, b)| (a - b).abs() < 1e-5), "{family} {index}");
         }
@@ -140,8 +129,8 @@ fn networks_reach_what_they_nearly_take_for_free() {
     let work = Workdir::with_dataset();
     work.imf("train siren5 data --network 2x16 --epochs 1 --out siren").done();
     let sections = "field siren/field.safetensors --orientations fibonacci:5";
-    let summary = work.imf(&format!("{sections} --imf --out least --json")).done().json();
-    let values = npy::<f32>(&work, "least/imf.npy");
+    let summary = work.json(&format!("{sections} --imf --out least"));
+    let values = work.npy::<f32>("least/imf.npy");
     let scene = FieldFile::read(&work.path("siren/field.safetensors")).unwrap().scene().clone();
     let free = values.iter().zip(&scene.obstacle.solid);
     let file = FieldFile::read(&work.path("siren/field.safetensors")).unwrap();
@@ -161,7 +150,7 @@ fn networks_reach_what_they_nearly_take_for_free() {
     // Without a calibration nothing is called free.
     work.imf("train siren5 data --network 2x16 --epochs 1 --no-calibrate --out plain").done();
     let plain = "field plain/field.safetensors --orientations fibonacci:5 --imf --out plainly";
-    let summary = work.imf(&format!("{plain} --json")).done().json();
+    let summary = work.json(plain);
     assert_eq!((&summary["accessible_outside"], &summary["tau"]), (&json!(null), &json!(null)));
     assert!(work.imf(plain).done().stdout.contains("not calibrated, so that nothing is called accessible"));
     let info = work.imf("info siren/field.safetensors").done().stdout;
@@ -173,9 +162,9 @@ fn fields_of_depth_and_of_contact_are_served() {
     let work = Workdir::new();
     let field = "train harmonic teapot --dims 9,11,17 --degree 2 --no-calibrate";
     work.imf(&format!("{field} --quantity depth --out depth.safetensors")).done();
-    let sections = work.imf("field depth.safetensors --orientations 0,0 --out depths --json").done().json();
+    let sections = work.json("field depth.safetensors --orientations 0,0 --out depths");
     assert_eq!((&sections["quantity"], &sections["tau"]), (&json!("depth"), &json!(null)));
-    assert!(npy::<f32>(&work, "depths/depth-mm-00000.npy").iter().any(|&depth| depth < 0.0));
+    assert!(work.npy::<f32>("depths/depth-mm-00000.npy").iter().any(|&depth| depth < 0.0));
     work.imf(&format!("{field} --contact 1 --out contact.safetensors")).done();
     let contact = "field contact.safetensors --orientations fibonacci:5 --imf";
     work.imf(&format!("{contact} --out least")).done();
@@ -206,9 +195,9 @@ fn what_a_saved_field_is_of_is_printed() {
     assert!(told.stderr.contains("offset by a clearance"), "{}", told.stderr);
     let tool = "name = \"side\"\nunit = \"mm\"\nstick_out = 35.0\nsharp_points = [[5.0, 0.0, 20.0]]\n[cutter]\n\
                 shape = \"ball\"\ndiameter = 10.0\nlength = 35.0\n";
-    work.write("side.toml", tool.as_bytes());
+    work.write("side.toml", tool);
     work.imf("train harmonic teapot --dims 9,11,17 --degree 2 --no-calibrate --quantity overlap --tool side.toml --out side.safetensors")
         .done();
-    let summary = work.imf("field side.safetensors --orientations 0,0 --out side --json").done().json();
+    let summary = work.json("field side.safetensors --orientations 0,0 --out side");
     assert!(summary["guarantee"].as_str().unwrap().contains("its tip at the voxel"), "{summary}");
 }

@@ -64,12 +64,9 @@ fn a_dataset_keeps_its_finished_shards() {
 
     let whole = work.imf(&format!("{dataset} whole")).done().json();
     assert_eq!((&whole["shards_made"], &whole["shards_kept"]), (&json!(4), &json!(0)));
-    let mut files: Vec<_> =
-        std::fs::read_dir(work.path("whole")).unwrap().map(|entry| entry.unwrap().file_name()).collect();
-    files.sort();
+    let files = work.names("whole");
     assert_eq!(files.len(), 6, "manifest, obstacle, four shards: {files:?}");
     for name in files {
-        let name = name.to_str().unwrap();
         let same = work.bytes(&format!("whole/{name}")) == work.bytes(&format!("broken/{name}"));
         assert!(same, "{name} differs from that of a run in one go");
     }

@@ -1,6 +1,6 @@
 //! `imf demo`, cut short: everything is there, and the verdict follows from the numbers.
 
-use serde_json::{Value, json};
+use serde_json::json;
 
 use crate::binary::Workdir;
 use crate::pipeline::honest;
@@ -9,7 +9,7 @@ use crate::pipeline::honest;
 fn a_short_demo_fits_distils_and_says_what_the_network_is_worth() {
     let work = Workdir::new();
     let demo = work.imf("demo --steps 60 --device cpu --out demo").done();
-    let report: Value = serde_json::from_str(&work.text("demo/report.json")).unwrap();
+    let report = work.read_json("demo/report.json");
     assert_eq!((&report["part"], &report["family"]), (&json!("teapot"), &json!("factored")));
     assert_eq!(report["dims"], json!([58, 76, 121]));
     assert!(honest(&report, &demo.stdout), "sixty steps are enough to steer:\n{}", demo.stdout);
@@ -32,7 +32,7 @@ fn a_short_demo_fits_distils_and_says_what_the_network_is_worth() {
 fn a_short_demo_of_the_papers_network_leaves_everything_and_says_what_it_is_worth() {
     let work = Workdir::new();
     let demo = work.imf("demo --family siren5 --steps 300 --device cpu --out demo").done();
-    let report: Value = serde_json::from_str(&work.text("demo/report.json")).unwrap();
+    let report = work.read_json("demo/report.json");
     assert_eq!((&report["part"], &report["training_steps"]), (&json!("teapot"), &json!(300)));
     assert_eq!((&report["dims"], &report["training_sections"]), (&json!([29, 38, 61]), &json!(225)));
     honest(&report, &demo.stdout);

@@ -13,7 +13,7 @@ fn shares_join_to_the_dataset_made_at_once_and_what_is_missing_is_named() {
     let work = Workdir::new();
     work.imf(&format!("{DATASET} whole")).done();
     for share in [1, 3] {
-        let made = work.imf(&format!("{DATASET} part-{share} --shard {share}/3 --json")).done().json();
+        let made = work.json(&format!("{DATASET} part-{share} --shard {share}/3"));
         assert_eq!((&made["shards_made"], &made["shards_of_others"]), (&json!(2), &json!(4)));
     }
     // A share is no dataset yet.
@@ -32,23 +32,17 @@ fn shares_join_to_the_dataset_made_at_once_and_what_is_missing_is_named() {
     assert!(merged.stderr.contains("imf dataset finish out"), "{}", merged.stderr);
 
     // The command that was named makes the rest, without the part.
-    let finished = work.imf("dataset finish out --json").done().json();
+    let finished = work.json("dataset finish out");
     assert_eq!((&finished["shards_made"], &finished["shards_kept"]), (&json!(2), &json!(4)));
     // All shares in one folder, too.
     for share in [2, 3, 1] {
         work.imf(&format!("{DATASET} together --shard {share}/3")).done();
     }
     work.imf("dataset merge together").done();
-    let names = |folder: &str| {
-        let entries = std::fs::read_dir(work.path(folder)).unwrap();
-        let mut names: Vec<_> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
-        names.sort();
-        names
-    };
-    assert_eq!(names("whole").len(), 8);
+    assert_eq!(work.names("whole").len(), 8);
     for folder in ["out", "together"] {
-        assert_eq!(names(folder), names("whole"));
-        for name in names("whole") {
+        assert_eq!(work.names(folder), work.names("whole"));
+        for name in work.names("whole") {
             let same = work.bytes(&format!("{folder}/{name}")) == work.bytes(&format!("whole/{name}"));
             assert!(same, "{folder}/{name}");
         }

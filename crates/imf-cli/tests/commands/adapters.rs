@@ -1,19 +1,16 @@
 //! Training on the machine's adapter through the command; `IMF_NO_GPU_TESTS=1` leaves it out.
 #![cfg(unix)]
 
-use std::fs::File;
-
 use imf_fields::recipe::Precision;
 use imf_gpu::adapters;
-use ndarray::Array3;
-use ndarray_npy::ReadNpyExt as _;
 
-use crate::binary::{TRAIN, Workdir, device};
+use crate::binary::{DATASET, TRAIN, Workdir, device};
 
 #[test]
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
 fn a_training_on_the_adapter_resumes_to_the_same_bits_and_evaluates_as_on_the_cpu() {
-    let work = Workdir::with_dataset();
+    let work = Workdir::with_adapters();
+    work.imf(DATASET).done();
     let on_adapter = format!("--device {}", device());
     let train = TRAIN.replace("--device cpu", &on_adapter).replace("--batch 256", "--batch 64");
     let train = format!("{train} --steps 400 --set schedule=cosine");
@@ -67,7 +64,7 @@ fn a_training_on_the_adapter_resumes_to_the_same_bits_and_evaluates_as_on_the_cp
 #[test]
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
 fn a_harmonic_field_is_distilled_on_the_adapter_and_goes_on_there() {
-    let work = Workdir::new();
+    let work = Workdir::with_adapters();
     work.imf("train harmonic teapot --dims 15,19,31 --degree 4 --out field.safetensors").done();
     let small =
         "train factored field.safetensors --network 2x32 --set batch=128 --steps 200 --rate 4e-3 --json";
@@ -97,7 +94,7 @@ fn a_harmonic_field_is_distilled_on_the_adapter_and_goes_on_there() {
 #[test]
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
 fn harmonic_and_factored_fields_are_evaluated_and_queried_on_the_adapter_as_on_the_cpu() {
-    let work = Workdir::new();
+    let work = Workdir::with_adapters();
     let on_adapter = format!("--device {}", device());
     work.imf("train harmonic teapot --dims 15,19,31 --degree 4 --out field.safetensors").done();
     work.imf("train factored field.safetensors --network 2x32 --steps 50 --out factored").done();
@@ -110,7 +107,7 @@ fn harmonic_and_factored_fields_are_evaluated_and_queried_on_the_adapter_as_on_t
     let told = work.imf(&format!("{field} --imf --out least-there {on_adapter}")).done();
     let name = adapters().into_iter().map(|adapter| adapter.name);
     assert!(name.into_iter().any(|name| told.stderr.contains(&name)), "{}", told.stderr);
-    let values = |file: &str| Array3::<f32>::read_npy(File::open(work.path(file)).unwrap()).unwrap();
+    let values = |file: &str| work.npy::<f32>(file);
     for (here, there) in
         [("sections/cmf-00019.npy", "there/cmf-00019.npy"), ("least/imf.npy", "least-there/imf.npy")]
     {
@@ -130,7 +127,7 @@ fn harmonic_and_factored_fields_are_evaluated_and_queried_on_the_adapter_as_on_t
         report["rows"].as_array().unwrap().iter().map(row).collect()
     };
     let poses = "x,y,z,theta,phi\n5,0,5,10,20\n3,-2,8,200,120\n6,1,1,0,0\n9e9,0,0,10,20\n";
-    work.write("poses.csv", poses.as_bytes());
+    work.write("poses.csv", poses);
     let answers = |file: &str, device: &str| -> Vec<f64> {
         let run = work.imf(&format!("query {file} poses.csv --exact --json {device}")).done();
         assert!(run.stderr.contains("1 of 4 poses lie outside the box"), "{}", run.stderr);

@@ -1,6 +1,6 @@
 //! Arguments, folders and devices that cannot be served: one line that names the value and what may be done.
 
-use crate::binary::{DATASET, TRAIN, Workdir, finish};
+use crate::binary::{DATASET, TRAIN, Workdir};
 
 #[test]
 fn numbers_out_of_range_are_named() {
@@ -76,7 +76,7 @@ fn numbers_out_of_range_are_refused_beside_the_option_that_they_were_given_to() 
         let words = [format!("invalid value '{value}'"), format!("for '{name} <")];
         assert!(words.iter().all(|words| refused.stderr.contains(words)), "{option}:\n{}", refused.stderr);
     }
-    assert!(std::fs::read_dir(work.path(".")).unwrap().next().is_none(), "a refusal left something behind");
+    assert!(work.entries().is_empty(), "a refusal left something behind");
 }
 
 #[test]
@@ -200,11 +200,6 @@ fn divergence_stops_with_the_step_and_a_remedy() {
 fn a_machine_without_a_gpu_names_the_remedy() {
     let work = Workdir::with_dataset();
     work.imf(&format!("{TRAIN} --steps 3 --out model")).done();
-    let nothing = "/nonexistent/driver.json";
-    let run = |line: &str| {
-        let mut command = work.command(line);
-        finish(line, command.env("VK_DRIVER_FILES", nothing).env("VK_ICD_FILENAMES", nothing))
-    };
     let train = TRAIN.replace("--device cpu", "--device DEVICE");
     for line in [
         format!("{train} --steps 3 --out gpu"),
@@ -214,13 +209,12 @@ fn a_machine_without_a_gpu_names_the_remedy() {
     ] {
         for device in ["gpu", "software", "0", "geforce"] {
             let asked = format!("--device {device}");
-            let refused = run(&line.replace("--device DEVICE", &asked));
+            let refused = work.imf(&line.replace("--device DEVICE", &asked));
             refused.refused(&[&asked, "no GPU adapter was found", "mesa-vulkan-drivers", "the CPU engine"]);
         }
     }
     assert!(!work.path("gpu/field.safetensors").exists());
     // Left to itself it takes the CPU.
-    let trained =
-        run(&format!("{train} --steps 3 --out auto --json").replace("DEVICE", "auto")).done().json();
+    let trained = work.json(&format!("{train} --steps 3 --out auto").replace("DEVICE", "auto"));
     assert!(trained["engine"].as_str().unwrap().contains("CPU"), "{trained}");
 }

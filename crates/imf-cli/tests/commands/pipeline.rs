@@ -2,12 +2,12 @@
 
 use serde_json::{Value, json};
 
-use crate::binary::{DATASET, TRAIN, Workdir, holds};
+use crate::binary::{DATASET, TRAIN, Workdir};
 
 #[test]
 fn a_dataset_is_made_once_and_kept() {
     let work = Workdir::new();
-    let mut made = work.imf(&format!("{DATASET} --json")).done().json();
+    let mut made = work.json(DATASET);
     // So coarse a grid is warned about.
     assert!(made.as_object_mut().unwrap().remove("warnings").is_some());
     let samples = 16 * 617; // 0.35 of 1,764 voxels, rounded, in each section
@@ -19,14 +19,14 @@ fn a_dataset_is_made_once_and_kept() {
         })
     );
     let shard = work.bytes("data/shard-00000.safetensors");
-    let again = work.imf(&format!("{DATASET} --json")).done().json();
+    let again = work.json(DATASET);
     assert_eq!((&again["shards_made"], &again["shards_kept"]), (&json!(0), &json!(1)));
     assert_eq!(work.bytes("data/shard-00000.safetensors"), shard);
 
     work.imf(&format!("{DATASET} --seed 1")).refused(&["data", "another dataset", "sampling"]);
     work.imf(&DATASET.replace("16", "17")).refused(&["data", "another dataset", "orientation"]);
     work.imf(&DATASET.replace("7,21", "7,22")).refused(&["data", "another dataset", "scene"]);
-    work.imf(&format!("{DATASET} --json")).done();
+    work.imf(DATASET).done();
 }
 
 /// The one row whose name ends so.
@@ -70,8 +70,7 @@ pub(crate) fn honest(report: &Value, text: &str) -> bool {
 #[test]
 fn a_model_is_trained_evaluated_and_adapted() {
     let work = Workdir::with_dataset();
-    let trained =
-        work.imf(&format!("{TRAIN} --steps 400 --set schedule=cosine --out model --json")).done().json();
+    let trained = work.json(&format!("{TRAIN} --steps 400 --set schedule=cosine --out model"));
     assert_eq!((&trained["steps"], &trained["parameters"]), (&json!(400), &json!(1_489)));
     assert_eq!(trained["field"], json!("model/field.safetensors"));
     assert!(
@@ -87,7 +86,7 @@ fn a_model_is_trained_evaluated_and_adapted() {
     let eval = "eval model/field.safetensors --device cpu --random 5 --imf fibonacci:8 --json --out report";
     let evaluated = work.imf(eval).done();
     let report = evaluated.json();
-    assert_eq!(serde_json::from_str::<Value>(&work.text("report/report.json")).unwrap(), report);
+    assert_eq!(work.read_json("report/report.json"), report);
     assert_eq!(report["rows"].as_array().unwrap().len(), 5);
     assert_eq!((&report["training_steps"], &report["dims"]), (&json!(400), &json!([7, 21, 12])));
     // fibonacci:16 has neither (0°, 0°) nor (12°, 6°), and the report looks that up.
@@ -114,7 +113,7 @@ fn a_model_is_trained_evaluated_and_adapted() {
     assert!(still.state.parameters == model.state.parameters, "so low a rate moved the weights");
     assert_eq!(still.record.fine_tuned_from.as_deref(), Some("bracket"));
     assert_eq!(still.scene.record.part, "bracket-raw");
-    let adapted = work.imf(&format!("{finetune} --epochs 1 --out adapted --json")).done().json();
+    let adapted = work.json(&format!("{finetune} --epochs 1 --out adapted"));
     assert_eq!(adapted["steps"], json!((16 * 617u64).div_ceil(256)));
     assert!(work.model("adapted/field.safetensors").state.parameters != model.state.parameters);
 }
@@ -123,11 +122,11 @@ fn a_model_is_trained_evaluated_and_adapted() {
 fn a_network_that_was_hardly_trained_is_called_not_usable() {
     let work = Workdir::with_dataset();
     // Fewer steps than there are between two points of the loss curve.
-    let trained = work.imf(&format!("{TRAIN} --steps 1 --out short --json")).done().json();
+    let trained = work.json(&format!("{TRAIN} --steps 1 --out short"));
     assert_eq!(trained["steps"], json!(1));
     assert!(trained["loss"].is_number(), "{trained}");
     let eval = "eval short/field.safetensors --device cpu --random 5 --imf fibonacci:8";
-    let report = work.imf(&format!("{eval} --json --out short")).done().json();
+    let report = work.json(&format!("{eval} --out short"));
     assert!(!honest(&report, &work.imf(eval).done().stdout), "{report}");
-    assert!(holds(&work.path("short"), "loss.png"));
+    assert!(work.path("short/loss.png").is_file());
 }
