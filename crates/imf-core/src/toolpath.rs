@@ -371,8 +371,8 @@ mod tests {
     #[test]
     fn formats_are_recognised_and_missing_files_named() {
         let unit = LengthUnit::Mm;
-        let apt = Toolpath::parse("PARTNO A/B\nGOTO/1,2,3\n", unit, "a").unwrap();
-        let csv = Toolpath::parse("x,y,z\n1,2,3\n", unit, "b").unwrap();
+        let apt = Toolpath::parse("PARTNO A/B\nGOTO/1,2,3,0,.1,-.995\n", unit, "a").unwrap();
+        let csv = Toolpath::parse("x,y,z,i,j,k\n1,2,3,0,.1,-.995\n", unit, "b").unwrap();
         assert_eq!(apt.locations[0].pose, csv.locations[0].pose);
         assert!(matches!(Toolpath::parse("\n", unit, "c"), Err(ToolpathError::Empty(_))));
         let error = Toolpath::read(Path::new("no/such/path.apt"), unit).unwrap_err();

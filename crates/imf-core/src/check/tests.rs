@@ -213,7 +213,8 @@ fn what_cannot_be_checked_is_refused() {
     let settings = usual();
     assert!(refuse("0,0,0,0,0,1\n0,0,0,0,0,-1\n", settings).contains("line 3"));
     assert!(refuse("0,0,0\n1e12,0,0\n", settings).contains("line 3"));
-    assert!(refuse("0,0,0\n", CheckSettings { step: 0.0, ..settings }).contains("step"));
+    let step = refuse("0,0,0\n", CheckSettings { step: 0.0, ..settings });
+    assert!(step.contains("step") && step.contains("above 0"), "{step}");
     assert!(refuse("0,0,0\n", CheckSettings { contact: -1.0, ..settings }).contains("contact"));
     assert!(refuse("0,0,0\n", CheckSettings { contact: 5.0, ..settings }).contains("twice the contact of 5"));
     // What is left of a radius of 5 is thinner than a voxel's diagonal.

@@ -259,12 +259,14 @@ pub fn column_remedy(title: &str) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::machine::tests::trunnion;
     use crate::orientation::Orientation;
     use crate::pose::Pose;
+    use crate::unit::LengthUnit;
     use glam::DVec3;
 
     fn read(text: &str) -> Vec<Location> {
-        let path = parse(text, &crate::unit::LengthUnit::Mm.into()).map(|path| path.locations);
+        let path = parse(text, &LengthUnit::Mm.into()).map(|path| path.locations);
         path.unwrap_or_else(|wrong| panic!("{text}: line {}: {}", wrong.line, wrong.what))
     }
 
@@ -290,6 +292,12 @@ mod tests {
         assert_eq!((path[0].rolled, path[0].tool, path[1].tool), (true, Some(7), Some(8)));
         // Upright, θ is a roll.
         assert_eq!(path[1].pose.rotation, Orientation::new(30.0, 0.0).quaternion());
+        // A direction by its angles is that by its components.
+        let phi = 0.1_f64.atan2(-0.995).to_degrees();
+        let [angles, named] =
+            [format!("x,y,z,theta,phi\n0,3,40,90,{phi}\n"), "x,y,z,i,j,k\n0,3,40,0,.1,-.995\n".into()]
+                .map(|text| read(&text)[0].pose.axis().unwrap());
+        assert!((angles - named).length() < 1e-12, "{angles} {named}");
         let path = read("x,y,z,i,j,k,roll\n1,2,3,0,0,1,45\n");
         assert_eq!(path[0].pose.rotation, Orientation { roll: 45.0, ..Orientation::default() }.quaternion());
     }
@@ -308,7 +316,7 @@ mod tests {
             ("x,y,z,i,j,k\n1,2,3,0,0,1\n1,2,3,0,0\n", 3, "5 fields below a header of 6"),
             ("x,y,z,i,j,k\n1,2,3,0,0,0\n", 2, "zero"),
             ("x,y,z\n1,2,nan\n", 2, "finite"),
-            ("\n0,30,98,0,.1,-.995\n", 2, "name the columns"),
+            ("\n0,30,98,0,.1,-.995\n", 2, "numbers alone do not say what they are: name the columns"),
             ("0;30;98\n", 1, "name the columns"),
             ("\u{1b}[2J,y,z\n1,2,3\n", 1, "no text"),
             ("x,y,z,i\n", 1, "not complete"),
@@ -325,9 +333,19 @@ mod tests {
             ("x,y,z,rapid\n1,2,3,yes\n", 2, "rapid is 'yes', neither 1"),
         ];
         for (text, line, what) in cases {
-            let Err(wrong) = parse(text, &crate::unit::LengthUnit::Mm.into()) else { panic!("{text}") };
+            let Err(wrong) = parse(text, &LengthUnit::Mm.into()) else { panic!("{text}") };
             assert_eq!(wrong.line, line, "{text}");
             assert!(wrong.what.contains(what), "{text}: {}", wrong.what);
+        }
+        // A machine with the axes A and C.
+        let machine = trunnion();
+        let on = PathReading { machine: Some(&machine), ..LengthUnit::Mm.into() };
+        for (text, what) in [
+            ("x,y,z,B,C\n0,0,40,0,0\n", "'b' is an angle of a rotary axis that the machine has not"),
+            ("x,y,z,A\n0,0,40,0\n", "axis C as well"),
+        ] {
+            let wrong = parse(text, &on).unwrap_err();
+            assert!(wrong.line == 1 && wrong.what.contains(what), "{text}: {}", wrong.what);
         }
     }
 }
