@@ -185,15 +185,6 @@ fn a_line_that_is_no_pose_is_invalid_and_the_others_are_answered() {
 }
 
 #[test]
-fn identifiers_in_json_are_the_ones_that_were_given() {
-    let (folder, _) = folder_of("id,x,y,z,theta,phi\n0,1,2.5,3,4,5\n007,1,2,3,4,5\n");
-    let run = folder.imf(&format!("{ASK} --json")).done();
-    for text in ["\"id\":0,", "\"id\":\"007\",", "\"y\":2.5,"] {
-        assert!(run.stdout.contains(text), "{text}: {}", run.stdout);
-    }
-}
-
-#[test]
 #[cfg(target_os = "linux")]
 fn a_full_disk_is_named_with_the_file_and_the_remedy() {
     let (folder, _) = folder_of(&format!("x,y,z,theta,phi\n{}", "1,2,3,4,5\n".repeat(9000)));
@@ -211,25 +202,9 @@ fn a_full_disk_is_named_with_the_file_and_the_remedy() {
 #[test]
 fn bad_poses_are_refused_by_line_and_column() {
     let (folder, _) = folder_of("");
-    for (text, expected) in [
-        ("", "is empty"),
-        ("x,y,z\n1,2,3\n", "no column theta"),
-        ("x,y,z,A,C\n1,2,3,4,5\n", "'a' is an angle of a rotary axis"),
-        ("x,y,z,i,j,k\n1,2,3,0,0,0\n", "line 2, columns i,j,k"),
-        ("x,y,z,i,j,k\n1,2,3,0,0\n", "line 2: it has 5 columns"),
-    ] {
-        folder.write("poses.csv", text);
-        folder.refuse(&format!("{ASK} --out a.csv"), &["poses.csv", expected]);
-    }
+    folder.write("poses.csv", "x,y,z,i,j,k\n1,2,3,0,0\n");
+    folder.refuse(&format!("{ASK} --out a.csv"), &["poses.csv", "line 2: it has 5 columns"]);
     folder.refuse("query m.safetensors missing.csv", &["missing.csv"]);
     folder.write("poses.csv", POSES);
     folder.refuse("query m.safetensors poses.csv --out poses.csv/a", &["poses.csv/a"]);
-}
-
-#[test]
-#[cfg_attr(not(target_os = "linux"), ignore = "the system brings an adapter that no variable hides")]
-fn a_gpu_that_is_not_there_is_missed_with_a_remedy() {
-    let (folder, _) = folder_of(POSES);
-    let arguments = "query m.safetensors poses.csv --device gpu --out a.csv";
-    folder.refuse(arguments, &["--device gpu", "apt install mesa-vulkan-drivers"]);
 }

@@ -159,33 +159,22 @@ fn tool_files_are_refused_by_line_and_key() {
 }
 
 #[test]
-fn folders_that_cannot_be_written_are_refused_before_the_work() {
-    let folder = Workdir::new();
-    folder.write("file.txt", "text");
-    let large = "--dims 490,1470,870 --memory 1000GiB";
-    for out in ["file.txt", "file.txt/sub", "file.txt/sub/deeper"] {
-        let expected = [out, "file.txt is a file"];
-        folder.refuse(&format!("parts {out}"), &expected);
-        // Work of minutes: the refusal comes before it.
-        folder.refuse(&format!("voxelize teapot --out {out} {large}"), &expected);
-        folder.refuse(&format!("field teapot --orientations grid:90 --out {out} {large}"), &expected);
-    }
-    assert_eq!(folder.text("file.txt"), "text");
-}
-
-#[test]
 fn orientation_sets_and_parts_that_are_none() {
     let folder = Workdir::new();
     folder.write("o.csv", "theta,phi\n0,0\n10,north\n");
-    for (set, expected) in [
-        ("ring:5", "no orientation set"),
-        ("grid:0", "'0' is no number of orientations"),
-        ("0,200", "φ must be from 0 to 180"),
-        ("random:5", "no orientation set"),
-        ("missing.csv", "missing.csv"),
-        ("o.csv", "line 3"),
+    for (set, words) in [
+        ("ring:5", ["'ring:5' is no orientation set", "fibonacci:N"]),
+        ("grid:0", ["grid:0", "'0' is no number of orientations"]),
+        ("0,200", ["0,200", "φ must be from 0 to 180"]),
+        ("random:5", ["'random:5' is no orientation set", "random:N:SEED"]),
+        ("random:3:x", ["random:3:x", "'x' is no seed"]),
+        ("missing.csv", ["missing.csv", "cannot read"]),
+        ("o.csv", ["o.csv", "line 3"]),
     ] {
-        folder.refuse(&format!("field bracket --orientations {set} --out out"), &[expected]);
+        folder.refuse(&format!("field bracket --orientations {set} --out out"), &words);
+    }
+    for (set, words) in [("ring:5", ["ring:5", "fibonacci:N"]), ("so3:8", ["so3:8", "rolls"])] {
+        folder.refuse(&format!("dataset bracket --orientations {set} --out data"), &words);
     }
     folder.refuse("parts out --only kettle", &["kettle", "bracket-raw"]);
 }
@@ -193,28 +182,33 @@ fn orientation_sets_and_parts_that_are_none() {
 #[test]
 fn wrong_arguments_exit_with_2() {
     let folder = Workdir::new();
-    let voxelize = |more: &str| format!("voxelize bracket --out out {more}");
-    for (arguments, expected) in [
-        (voxelize("--dims 5,15"), "three whole numbers"),
-        (voxelize("--dims 5,15,9 --pitch 2"), "--pitch"),
-        (voxelize("--pitch 0"), "a positive length"),
-        (voxelize("--pitch NaN"), "a positive length"),
-        (voxelize("--pitch 1,1,2"), "cubes"),
-        (voxelize("--unit furlong"), "furlong"),
-        (voxelize("--transform rotate:0,0,0:90"), "rotate:0,0,0:90': the axis must not be zero"),
-        (voxelize("--fixture clamp.obj@turn:1"), "clamp.obj@turn:1"),
-        (voxelize("--fixture vice.stl@scale:2"), "scale:2"),
-        ("info teapot --unit furlong".to_owned(), "mm, cm, m and inch"),
-        ("voxelize bracket".to_owned(), "--out"),
-        ("field bracket --out out".to_owned(), "--orientations"),
-        ("field bracket --orientations 0,0 --out out --memory plenty".to_owned(), "plenty"),
-        ("eval model --in-sample grid:2".to_owned(), "one pair"),
-        ("polish".to_owned(), "polish"),
+    for (line, expected) in [
+        ("", "Usage: imf"),
+        ("polish the-part", "error: unrecognized subcommand 'polish'"),
+        ("info teapot --unit furlong", "mm, cm, m and inch"),
+        ("voxelize bracket", "--out"),
+        ("voxelize bracket --out out --dims 5,15", "three whole numbers"),
+        ("voxelize bracket --out out --dims 5,15,9 --pitch 2", "--pitch"),
+        ("voxelize bracket --out out --pitch 0", "a positive length"),
+        ("voxelize bracket --out out --pitch NaN", "a positive length"),
+        ("voxelize bracket --out out --pitch 1,1,2", "cubes"),
+        ("voxelize bracket --out out --unit furlong", "furlong"),
+        ("voxelize bracket --out out --transform rotate:0,0,0:90", "0,0,0:90': the axis must not be zero"),
+        ("voxelize bracket --out out --fixture clamp.obj@turn:1", "clamp.obj@turn:1"),
+        ("voxelize bracket --out out --fixture vice.stl@scale:2", "scale:2"),
+        ("field bracket --out out", "--orientations"),
+        ("field bracket --orientations 0,0 --out out --memory plenty", "plenty"),
+        ("dataset bracket --dims 7,21 --orientations grid:2 --out data", "three whole numbers"),
+        ("train", "--out"),
+        ("train siren5", "--out"),
+        ("train siren5 data", "--out"),
+        ("train harmonic bracket", "--out"),
+        ("train siren5 data --out model --epochs 3 --steps 3", "cannot be used with '--steps <N>'"),
+        ("eval model --in-sample grid:2", "one pair"),
     ] {
-        let run = folder.imf(&arguments);
-        assert_eq!(run.code, Some(2), "{arguments:?}: {}", run.stderr);
-        assert!(run.stdout.is_empty() && run.stderr.contains("error: "), "{}", run.stderr);
-        assert!(run.stderr.contains(expected), "{expected}: {}", run.stderr);
+        let run = folder.imf(line);
+        assert_eq!(run.code, Some(2), "`imf {line}`: {}", run.stderr);
+        assert!(run.stdout.is_empty() && run.stderr.contains(expected), "`imf {line}`: {}", run.stderr);
     }
     assert!(folder.entries().is_empty());
 }
