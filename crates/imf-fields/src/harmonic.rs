@@ -23,7 +23,6 @@ pub(crate) mod mirror;
 mod point;
 #[cfg(test)]
 mod radial;
-mod refine;
 mod settings;
 
 // The functions' recurrences, for the GPU twin.
@@ -50,7 +49,6 @@ pub use fit::{degree_for, estimate, section_count, sections_tried};
 pub(crate) use mirror::{Mirrors, Planes};
 pub(crate) use point::{Functions, TurnScratch};
 pub use point::{Gradient, PointScratch};
-pub use refine::Refined;
 #[doc(hidden)]
 pub use settings::Sizes;
 pub use settings::{FitReport, FitSettings};

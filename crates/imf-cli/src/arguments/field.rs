@@ -46,10 +46,6 @@ pub(crate) struct FieldArguments {
     /// Of a part: compare this many voxels of every section with direct sums, and say so
     #[arg(long, default_value_t = 0, value_name = "N")]
     pub(crate) check: usize,
-    /// Of a harmonic or factored field, with --imf: the minimum over all orientations, not only over the set: from its best one
-    /// down the field's gradient
-    #[arg(long, requires = "imf")]
-    pub(crate) refine: bool,
     /// Where sections are counted or the field is evaluated: cpu, gpu, auto (a discrete or integrated GPU where there is one), software
     /// (software Vulkan), or a number or part of a name from `imf info`. Sections are counted by the CPU by default, in a few
     /// milliseconds each at most; of saved fields siren5 alone goes to a GPU by itself
@@ -74,7 +70,7 @@ impl FieldArguments {
                 self.explicit.refuse_option("elements", whose)?;
                 self.explicit.refuse_option("check", whose)?;
             }
-            return self.explicit.refuse_option("refine", "saved fields, and a part is counted exactly");
+            return Ok(());
         }
         let whose = format!("a part, and {} is a saved field, which was made with its own", self.scene.part);
         self.explicit.refuse::<SceneArguments>(&whose)?;

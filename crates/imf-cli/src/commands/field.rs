@@ -98,7 +98,7 @@ fn of_saved(session: &Session, arguments: &FieldArguments, path: &Path, folder: 
     if stored.basis().is_some_and(|basis| basis.domain() == Domain::Rotations) {
         note_of_rolls(session, &set);
     }
-    let field = SavedField::new(stored, arguments.refine)?;
+    let field = SavedField::new(stored)?;
     notes::of_scene(session, &scene.record);
     if let FieldFile::Siren(model) = field.stored() {
         notes::of_training(session, path, model);

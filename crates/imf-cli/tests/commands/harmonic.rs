@@ -117,62 +117,6 @@ fn the_degree_follows_from_an_error_and_the_memory() {
 }
 
 #[test]
-fn over_rotations_a_refined_minimum_has_its_roll() {
-    let folder = Workdir::new();
-    crate::rolls::write_arm(&folder);
-    let fit = "train harmonic bracket --dims 6,18,11 --tool arm.toml --degree 2";
-    let overlap = "--quantity overlap --no-calibrate --out arm.safetensors";
-    folder.imf(&format!("{fit} {overlap}")).done();
-    let run = |more: &str, out: &str| {
-        folder.json(&format!("field arm.safetensors --orientations so3:40 --imf --out {out} {more}"))
-    };
-    run("", "set");
-    let summary = run("--refine", "refined");
-    let (set, refined) = (folder.npy::<f32>("set/imf.npy"), folder.npy::<f32>("refined/imf.npy"));
-    let lower = set.iter().zip(&refined).filter(|(set, refined)| refined < set).count();
-    assert!(set.iter().zip(&refined).all(|(set, refined)| refined <= set) && lower > 10, "{lower} lower");
-    // A voxel that became lower has a roll of its own.
-    let rolls = OrientationSet::parse("so3:40").unwrap().orientations;
-    let found = folder.npy::<f32>("refined/roll.npy");
-    let own = |roll: &f32| rolls.iter().all(|o| (o.roll as f32 - roll).abs() > 1e-3);
-    let moved =
-        set.iter().zip(&refined).zip(&found).filter(|((set, refined), roll)| refined < set && own(roll));
-    assert!(moved.count() > lower / 2);
-    assert!(summary["files"].as_array().unwrap().contains(&"roll.npy".into()));
-}
-
-#[test]
-fn a_refined_minimum_is_nowhere_above_the_sets() {
-    let folder = Workdir::new();
-    fitted(&folder);
-    let run = |more: &str, out: &str| {
-        folder.json(&format!("field field.safetensors --orientations fibonacci:30 --imf --out {out} {more}"))
-    };
-    run("", "set");
-    let summary = run("--refine", "refined");
-    let (set, refined) = (folder.npy::<f32>("set/imf.npy"), folder.npy::<f32>("refined/imf.npy"));
-    let lower = set.iter().zip(&refined).filter(|(set, refined)| refined < set).count();
-    assert!(set.iter().zip(&refined).all(|(set, refined)| refined <= set) && lower > 10, "{lower} lower");
-    assert_eq!(folder.npy::<u32>("set/best.npy"), folder.npy::<u32>("refined/best.npy"));
-    // The value is the field's own in the direction named.
-    let (theta, phi) = (folder.npy::<f32>("refined/theta.npy"), folder.npy::<f32>("refined/phi.npy"));
-    let field = HarmonicFile::read(&folder.path("field.safetensors")).unwrap().field;
-    for index in (0..field.grid.len()).step_by(7) {
-        let voxel = field.grid.voxel(index);
-        let orientation =
-            imf_core::orientation::Orientation::new(f64::from(theta[voxel]), f64::from(phi[voxel]));
-        let mut scratch = imf_fields::harmonic::PointScratch::default();
-        let centre = field.grid.centre(voxel);
-        let found = field.overlap_with_gradient(centre, orientation.direction(), &mut scratch).unwrap();
-        let found = found.value.clamp(0.0, 1.0);
-        // Angles in f32, and another order of sums.
-        assert!((found - refined[voxel]).abs() < 1e-5, "{voxel:?}: {found} {}", refined[voxel]);
-    }
-    let files = summary["files"].as_array().unwrap();
-    assert!(files.contains(&"theta.npy".into()) && summary["harmonic"]["refined"] == true);
-}
-
-#[test]
 fn a_field_is_distilled_into_a_network_through_an_interruption() {
     let folder = Workdir::new();
     fitted(&folder);

@@ -24,10 +24,8 @@ fn options_of_a_part_are_refused_beside_a_saved_field() {
         "{summary}"
     );
     work.picture("saved/slices.png");
-    for option in ["", "--refine"] {
-        work.imf(&format!("{sections} --imf {option} --out saved{option}")).done();
-        work.picture(&format!("saved{option}/imf.png"));
-    }
+    work.imf(&format!("{sections} --imf --out saved")).done();
+    work.picture("saved/imf.png");
     for option in ["--pitch 3", "--contact 1", "--elements", "--check 2"] {
         let name = option.split(' ').next().unwrap();
         let words = [name, "a saved field", "leave it out"];
@@ -37,9 +35,6 @@ fn options_of_a_part_are_refused_beside_a_saved_field() {
         work.imf(&format!("train field.safetensors --out none {option}"))
             .refused(&["applies only to a part"]);
     }
-    work.imf("field bracket --orientations 0,0 --imf --refine --out none")
-        .refused(&["--refine applies only to saved fields"]);
-    assert_eq!(work.imf(&format!("{sections} --refine --out none")).code, Some(2));
     work.imf(&format!("{sections} --out none --memory 1KiB")).refused(&["values", "--memory"]);
     work.imf("field missing.safetensors --orientations 0,0 --out none").refused(&["missing.safetensors"]);
 }
@@ -89,8 +84,6 @@ fn sections_of_networks_are_the_librarys() {
             );
         }
     }
-    work.imf(&format!("field siren/field.safetensors --orientations {SET} --imf --refine --out none"))
-        .refused(&["--refine", "leave it out"]);
     // What is refused leaves what was there.
     let kept = work.bytes("factored-sections/cmf-00018.npy");
     let missed = format!(

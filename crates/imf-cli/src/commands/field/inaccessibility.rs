@@ -5,7 +5,6 @@ use imf_core::field_files::{NamedField, write_npy, write_vti};
 use imf_core::orientation::Orientation;
 use imf_core::section::{Imf, Quantity};
 use imf_core::tool::ElementKind;
-use imf_fields::harmonic::Refined;
 use serde_json::json;
 
 use super::elements::{self, ElementRow};
@@ -19,26 +18,13 @@ use crate::slices::{MidPlaneSheet, MidPlanes};
 pub(super) fn run(work: &Work<'_>) -> Result<()> {
     let (grid, obstacle) = (&work.scene.record.grid, &work.scene.obstacle);
     let unfinished = || Err(Interrupted("the IMF needs every section; none was written".into()).into());
-    let StreamOutcome::Whole(mut whole) = work.minimum()? else { return unfinished() };
-    let refined = match work.values {
-        Values::Saved(field) => field.refined(work, &whole)?,
-        Values::Exact(_) => None,
-    };
-    let refined = match refined {
-        Some(StreamOutcome::Interrupted) => return unfinished(),
-        Some(StreamOutcome::Whole(Refined { value, orientation })) => {
-            whole.value = value;
-            Some(orientation)
-        }
-        None => None,
-    };
-
+    let StreamOutcome::Whole(whole) = work.minimum()? else { return unfinished() };
     work.folder.begin(work.session)?;
     let elements = elements::at_best(work, &whole)?;
     let borrowed: Vec<_> = elements.iter().map(|(kind, values)| (*kind, values.as_slice())).collect();
     let measure = work.measure();
     let mut rows = elements::write(work, &measure.minimum, &borrowed, true)?;
-    write_fields(work, &whole, refined.as_deref(), &elements, &rows)?;
+    write_fields(work, &whole, &elements, &rows)?;
     let sheet = MidPlaneSheet {
         title: work.title(),
         label: &measure.minimum_label,
@@ -46,8 +32,7 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
         style: Some(MaskStyle::Outline),
         unit: work.scene.record.unit,
         notes: vec![format!(
-            "minimum over {}{} orientations ({}); outlined: the part; {}",
-            if refined.is_some() { "all, from the best of " } else { "" },
+            "minimum over {} orientations ({}); outlined: the part; {}",
             work.set.len(),
             work.set.spec,
             work.exactness()
@@ -67,9 +52,6 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
     let mut files: Vec<String> = own.into_iter().chain(["best.npy".to_owned()]).collect();
     files.extend(rows.iter().map(|row| format!("{}.npy", row.array)));
     files.extend((!rows.is_empty()).then(|| elements::PICTURE.to_owned()));
-    if let Some(orientations) = &refined {
-        files.extend(angles(orientations).map(|(name, _)| format!("{name}.npy")));
-    }
     files.extend([ORIENTATIONS, SUMMARY].map(str::to_owned));
     let summary = work.summary(
         "imf",
@@ -127,36 +109,25 @@ fn angles(of: &[Orientation]) -> impl Iterator<Item = (&'static str, Angle)> + u
     all.into_iter().take(if rolls { 3 } else { 2 })
 }
 
-/// The arrays, and the best orientation's angles for viewers that know no list of orientations: those found by refining, where
-/// there were such.
+/// The arrays, and the best orientation's angles for viewers that know no list of orientations.
 fn write_fields(
     work: &Work<'_>,
     whole: &Imf,
-    refined: Option<&[Orientation]>,
     elements: &[(ElementKind, Vec<f32>)],
     rows: &[ElementRow],
 ) -> Result<()> {
     let grid = &work.scene.record.grid;
-    let best_orientation = |voxel: usize| match refined {
-        Some(orientations) => &orientations[voxel],
-        None => &work.set.orientations[whole.best[voxel] as usize],
+    let set = &work.set.orientations;
+    let of_best = |angle: Angle| -> Vec<f32> {
+        whole.best.iter().map(|&best| angle(&set[best as usize]) as f32).collect()
     };
-    let of_best = |angle: fn(&Orientation) -> f64| -> Vec<f32> {
-        (0..whole.best.len()).map(|voxel| angle(best_orientation(voxel)) as f32).collect()
-    };
-    let met = refined.unwrap_or(&work.set.orientations);
-    let angles: Vec<(&str, Vec<f32>)> = angles(met).map(|(name, angle)| (name, of_best(angle))).collect();
+    let angles: Vec<(&str, Vec<f32>)> = angles(set).map(|(name, angle)| (name, of_best(angle))).collect();
     let (value, best) = (&whole.value[..], &whole.best[..]);
     let name = &work.measure().minimum;
     write_npy(work.folder.file(&format!("{name}.npy")), grid.dims, value)?;
     write_npy(work.folder.file("best.npy"), grid.dims, best)?;
     let mut fields = vec![NamedField::new(name, value), NamedField::new("best", best)];
-    for (name, angle) in &angles {
-        if refined.is_some() {
-            write_npy(work.folder.file(&format!("{name}.npy")), grid.dims, &angle[..])?;
-        }
-        fields.push(NamedField::new(name, &angle[..]));
-    }
+    fields.extend(angles.iter().map(|(name, angle)| NamedField::new(name, &angle[..])));
     fields.push(NamedField::new("solid", &work.scene.obstacle.solid[..]));
     for ((_, values), row) in elements.iter().zip(rows) {
         fields.push(NamedField::new(&row.array, &values[..]));

@@ -1,16 +1,12 @@
 //! Values of a saved field of any family: its sections, and their minimum, with nothing counted.
 
-use std::borrow::Cow;
-
-use anyhow::{Result, bail};
+use anyhow::Result;
 use glam::DVec3;
 use imf_core::field::FieldError;
-use imf_core::orientation::Orientation;
-use imf_core::section::{Imf, SectionError};
+use imf_core::section::Imf;
 use imf_fields::file::FieldFile;
+use imf_fields::harmonic::DIRECTIONS_AT_ONCE;
 use imf_fields::harmonic::basis::Basis;
-use imf_fields::harmonic::coefficients::Precision;
-use imf_fields::harmonic::{DIRECTIONS_AT_ONCE, HarmonicField, Refined};
 use serde_json::{Value, json};
 
 use super::Work;
@@ -25,14 +21,10 @@ const AT_ONCE: usize = 16;
 
 /// Arrays that an inaccessibility measure is written from: values, places in the list, and angles.
 const WRITTEN: usize = 7;
-/// As many as an orientation takes.
-const ORIENTATION: usize = size_of::<Orientation>() / size_of::<f32>();
 
 /// A field of any family and how it is used.
 pub(super) struct SavedField {
     stored: FieldFile,
-    /// The minimum is over all orientations.
-    refine: bool,
     described: String,
     /// What else its values are, for the guarantee.
     besides: String,
@@ -40,10 +32,7 @@ pub(super) struct SavedField {
 
 impl SavedField {
     /// Of a field from a file, which is of the tool's tip.
-    pub(super) fn new(stored: FieldFile, refine: bool) -> Result<Self> {
-        if matches!(stored, FieldFile::Siren(_)) && refine {
-            bail!("--refine is for harmonic and factored fields: leave it out");
-        }
+    pub(super) fn new(stored: FieldFile) -> Result<Self> {
         let described = match &stored {
             FieldFile::Harmonic(file) => describe(file),
             FieldFile::Siren(_) | FieldFile::Factored(_) => Subject::of_stored(&stored)?.describe(),
@@ -56,7 +45,7 @@ impl SavedField {
         if matches!(&stored, FieldFile::Siren(model) if !model.record.finished) {
             besides += "; the network is not trained to its end";
         }
-        Ok(Self { stored, refine, described, besides })
+        Ok(Self { stored, described, besides })
     }
 
     pub(super) fn stored(&self) -> &FieldFile {
@@ -98,7 +87,6 @@ impl SavedField {
 
     /// What it is, by the name of its family.
     pub(super) fn summary(&self) -> (&'static str, Value) {
-        let refined = self.refine;
         match &self.stored {
             FieldFile::Harmonic(file) => (
                 "harmonic",
@@ -106,7 +94,6 @@ impl SavedField {
                     "settings": file.settings,
                     "report": file.field.report,
                     "bytes": file.field.bytes(),
-                    "refined": refined,
                 }),
             ),
             FieldFile::Factored(file) => (
@@ -115,7 +102,6 @@ impl SavedField {
                     "shape": file.field.shape,
                     "distilled_from": { "settings": file.fit, "report": file.report },
                     "bytes": file.field.bytes(),
-                    "refined": refined,
                 }),
             ),
             FieldFile::Siren(model) => {
@@ -160,15 +146,7 @@ impl SavedField {
     /// The minimum over all orientations. Looks whether there is memory for what is made of it as well.
     pub(super) fn minimum(&self, work: &Work<'_>) -> Result<StreamOutcome<Imf>> {
         let together = work.set.len().min(DIRECTIONS_AT_ONCE);
-        // Refining takes the coefficients of every voxel in this machine's memory, and a direction each.
-        let here = if self.refine { Device::Cpu.copied_bytes(&self.stored, Workload::Many) } else { 0 };
-        let arrays = WRITTEN + if self.refine { ORIENTATION } else { 0 };
-        self.require_memory(
-            work,
-            here.max(work.device.copied_bytes(&self.stored, Workload::One)),
-            arrays,
-            together,
-        )?;
+        self.require_memory(work, work.device.copied_bytes(&self.stored, Workload::One), WRITTEN, together)?;
         let values = work.scene.record.grid.len() as u64 * work.set.len() as u64;
         let stage = work.session.stage("minimum of the field", "values", values);
         let advance = |values| stage.advance(values);
@@ -194,9 +172,7 @@ impl SavedField {
             let remedy = match work.device {
                 _ if most == heads && heads > 0 => "take fewer orientations",
                 Device::Gpu(_) if most == copied && copied > 0 => "take --device cpu",
-                Device::Cpu if most == copied && copied > 0 => {
-                    "take at most 16 sections at a time, and leave out --refine"
-                }
+                Device::Cpu if most == copied && copied > 0 => "take at most 16 sections at a time",
                 _ => "take fewer orientations at a time, or a field of a larger pitch",
             };
             format!("the field's values, and where needed its coefficients, at every voxel; {remedy}")
@@ -212,36 +188,5 @@ impl SavedField {
             FieldFile::Factored(file) => file.field.coefficient_count(),
         };
         4 * (orientations * (functions + 2 * axes)) as u64
-    }
-
-    /// The minimum over all orientations, where requested.
-    pub(super) fn refined(&self, work: &Work<'_>, minimum: &Imf) -> Result<Option<StreamOutcome<Refined>>> {
-        if !self.refine {
-            return Ok(None);
-        }
-        let field = self.by_functions()?;
-        let stage = work.session.stage("refining", "voxels", field.grid.len() as u64);
-        let advance = |voxels| stage.advance(voxels);
-        match field.refined(minimum, &work.set.orientations, work.session.control(&advance)) {
-            Err(SectionError::Cancelled) => Ok(Some(StreamOutcome::Interrupted)),
-            Err(error) => Err(error.into()),
-            Ok(refined) => {
-                stage.finish("");
-                Ok(refined.map(StreamOutcome::Whole))
-            }
-        }
-    }
-
-    /// The field as functions of the orientation by the coefficients of every voxel, on the CPU.
-    fn by_functions(&self) -> Result<Cow<'_, HarmonicField>> {
-        match &self.stored {
-            FieldFile::Harmonic(file) => Ok(Cow::Borrowed(&file.field)),
-            FieldFile::Factored(file) => {
-                Ok(Cow::Owned(file.field.evaluator().expanded(Precision::F32, file.report)))
-            }
-            FieldFile::Siren(_) => {
-                bail!("a network of the paper's kind has no basis functions")
-            }
-        }
     }
 }
