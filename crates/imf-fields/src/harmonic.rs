@@ -42,10 +42,10 @@ pub use fit::fit;
 #[cfg(feature = "fit")]
 #[doc(hidden)]
 pub use fit::{Outline, Source, SourceScratch, function_values, outline};
-// What a fit would take and err.
+// What a fit would take.
 #[cfg(feature = "fit")]
 #[doc(hidden)]
-pub use fit::{degree_for, estimate, section_count, sections_tried};
+pub use fit::section_count;
 pub(crate) use mirror::{Mirrors, Planes};
 pub(crate) use point::{Functions, TurnScratch};
 pub use point::{Gradient, PointScratch};

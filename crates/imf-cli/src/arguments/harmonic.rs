@@ -34,10 +34,7 @@ pub(crate) struct HarmonicArguments {
     /// are not symmetric about their axis by its cube, and by default 8
     #[arg(long, value_name = "L")]
     degree: Option<usize>,
-    /// Choose the lowest degree whose mean squared error, estimated on a sample, is at most this, as far as the memory goes
-    #[arg(long, value_name = "MSE", conflicts_with = "degree", value_parser = parse_target)]
-    pub(crate) target_mse: Option<f64>,
-    /// Principal components that are saved of the harmonics' coefficients; by default 128, and all with --target-mse
+    /// Principal components that are saved of the harmonics' coefficients; by default 128
     #[arg(long, value_name = "N", value_parser = super::numbers::parse_count)]
     components: Option<usize>,
     /// Leave out the calibration of the field's decisions (imf calibrate), which takes a few seconds
@@ -55,24 +52,16 @@ pub const DEFAULT_SECTIONS: f64 = 1.33;
 /// Components that hold most of a field of degree 14.
 const DEFAULT_COMPONENTS: usize = 128;
 
-fn parse_target(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(target) if target > 0.0 => Ok(target),
-        _ => Err("a mean squared error above 0, such as 1e-5".into()),
-    }
-}
-
 impl HarmonicArguments {
     /// The settings of the fit of a field over directions or rotations.
     pub(crate) fn settings(&self, domain: Domain, quantity: Quantity) -> FitSettings {
-        let usual = if self.target_mse.is_some() { usize::MAX } else { DEFAULT_COMPONENTS };
         FitSettings {
             quantity,
             degree: self.degree.unwrap_or(match domain {
                 Domain::Directions => DEFAULT_DEGREE,
                 Domain::Rotations => DEFAULT_DEGREE_OF_ROTATIONS,
             }),
-            axes: self.components.unwrap_or(usual),
+            axes: self.components.unwrap_or(DEFAULT_COMPONENTS),
             sections_per_function: DEFAULT_SECTIONS,
             precision: Precision::F16,
             ..FitSettings::default()

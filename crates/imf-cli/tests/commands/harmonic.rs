@@ -98,22 +98,9 @@ fn a_saved_field_is_of_the_tip_whatever_points_are_sharp() {
 }
 
 #[test]
-fn the_degree_follows_from_an_error_and_the_memory() {
-    let folder = Workdir::new();
-    let field = |more: &str| {
-        let fit = "train harmonic bracket --dims 5,15,9 --allow-coarse --no-calibrate";
-        folder.json(&format!("{fit} --out field.safetensors {more}"))
-    };
-    let [loose, tight] = ["2e-3", "5e-4"].map(|target| field(&format!("--target-mse {target}")));
-    let degree = |summary: &serde_json::Value| summary["settings"]["degree"].as_u64().unwrap();
-    assert!(degree(&loose) < degree(&tight), "{} {}", degree(&loose), degree(&tight));
-    assert!(tight["report"]["validation"]["mse"].as_f64().unwrap() <= 5e-4);
-    // As far as the memory goes, for an error that is out of reach.
-    let [small, large] =
-        ["6MiB", "12MiB"].map(|memory| field(&format!("--target-mse 1e-12 --memory {memory}")));
-    assert!(0 < degree(&small) && degree(&small) < degree(&large));
+fn a_fit_beyond_the_memory_names_what_takes_less() {
     let fit = "train harmonic bracket --dims 5,15,9 --allow-coarse --memory 80KiB --out no.safetensors";
-    folder.refuse(fit, &["--degree", "--memory"]);
+    Workdir::new().refuse(fit, &["--degree", "--memory"]);
 }
 
 #[test]

@@ -39,7 +39,6 @@ use passes::{Fitted, Start, count_sections};
 use sample::section_error;
 use solve::row_major;
 
-pub use memory::{degree_for, sections_tried};
 pub use solve::function_values;
 pub use source::{Source, SourceScratch};
 
@@ -143,20 +142,6 @@ fn fitted_grid(plan: &SectionPlan, domain: Domain, quantity: Quantity) -> Grid {
     Grid { dims: Planes::of_plan(plan, domain, quantity).side(), ..*plan.grid() }
 }
 
-/// What a fit with these settings would err, estimated from the sample's voxels alone. One unit of progress is one section,
-/// each but the held-out ones computed once.
-///
-/// # Errors
-/// As [`fit`].
-pub fn estimate(
-    plan: &SectionPlan,
-    domain: Domain,
-    settings: &FitSettings,
-    control: Control<'_>,
-) -> Result<FitReport, HarmonicError> {
-    begin(plan, domain, settings, control, |source, start| start.estimated(source, control))
-}
-
 /// The functions of a field without its coefficients: what a sample of voxels tells of them.
 pub struct Outline {
     /// The functions of the orientation.
@@ -171,7 +156,8 @@ pub struct Outline {
     pub report: FitReport,
 }
 
-/// Decides on functions, mean and scale by a sample of voxels, and keeps no section. Progress as [`estimate`].
+/// Decides on functions, mean and scale by a sample of voxels, and keeps no section. One unit of progress is one section,
+/// each but the held-out ones computed once.
 ///
 /// # Errors
 /// As [`fit`].

@@ -94,7 +94,7 @@ impl FitSettings {
 }
 
 /// Higher degrees are refused as a slip of the keyboard: 1681 functions of a direction already.
-pub(super) const MOST_DEGREE: usize = 40;
+const MOST_DEGREE: usize = 40;
 
 /// How large a field becomes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -116,14 +116,7 @@ pub struct FitReport {
     pub sections: usize,
     /// Mean squared error that the dropped axes make, as a sample of voxels tells: a part of the whole error.
     pub dropped: f64,
-    /// The error at orientations that were not fitted: of a field as it is saved, over all voxels; of an estimate, over the
-    /// sample's.
+    /// The error at orientations that were not fitted: of a field as it is saved, over all voxels; of an
+    /// [`super::Outline`], over the sample's.
     pub validation: Validation,
-}
-
-impl FitReport {
-    /// Mean squared error to expect at orientations that were not fitted.
-    pub fn expected_mse(&self) -> f64 {
-        self.validation.mse
-    }
 }

@@ -312,36 +312,3 @@ fn tools_that_are_not_of_revolution_have_fields_over_rotations() {
     let without_roll = mean_squared(&plan, &made(&plan, &FitSettings { degree: 8, ..settings }), &unseen);
     assert!(over_rotations < 0.5 * without_roll, "{over_rotations} against {without_roll}");
 }
-
-#[test]
-fn a_degree_is_found_for_an_error_and_for_a_memory_limit() {
-    let plan = plan();
-    let settings = FitSettings { sample: 2000, ..settings() };
-    let at = |degree| {
-        let settings = FitSettings { degree, ..settings };
-        super::estimate(&plan, Domain::Directions, &settings, Control::quiet()).unwrap().expected_mse()
-    };
-    // Between what degrees 5 and 7 reach: 7 is the first that is good enough.
-    let target = 0.5 * (at(5) + at(7));
-    let find = |target, most| {
-        super::degree_for(&plan, Domain::Directions, &settings, target, most, Control::quiet()).unwrap()
-    };
-    let (found, report) = find(target, 12);
-    assert_eq!(found.degree, 7);
-    assert!(report.expected_mse() <= target);
-    // Out of reach: the best below the limit.
-    let (found, report) = find(0.0, 6);
-    assert_eq!(found.degree, 6);
-    assert!(report.expected_mse() > 0.0);
-
-    // Where one pass does not fit, two may.
-    let bytes = |degree| {
-        let of =
-            |one_pass| FitSettings { degree, one_pass, ..settings }.memory_with(&plan, Domain::Directions).0;
-        of(true).min(of(false))
-    };
-    let within = |limit| settings.degree_within(&plan, Domain::Directions, limit);
-    assert_eq!(within(bytes(9)), Some(9));
-    assert_eq!(within(bytes(9) - 1), Some(8));
-    assert_eq!(within(10), None);
-}

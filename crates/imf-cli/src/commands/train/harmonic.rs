@@ -1,15 +1,13 @@
 //! `imf train harmonic`: a fit to exact sections, which answers for any orientations.
 
-use anyhow::{Result, bail};
+use anyhow::Result;
 use imf_core::scene::Scene;
 use imf_core::section::{Quantity, SectionError, SectionPlan, ToolPoints};
 use imf_core::tool::Tool;
 use imf_core::unit::LengthUnit;
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::file::HarmonicFile;
-use imf_fields::harmonic::{
-    FitSettings, HarmonicError, HarmonicField, degree_for, fit, section_count, sections_tried,
-};
+use imf_fields::harmonic::{FitSettings, HarmonicError, HarmonicField, fit, section_count};
 use imf_fields::metrics::Validation;
 use serde_json::json;
 
@@ -18,7 +16,7 @@ use crate::arguments::quantity::scene_of;
 use crate::commands::calibrate;
 use crate::interrupt::Interrupted;
 use crate::output::{OutputFile, print_result, short};
-use crate::session::{Session, show_bytes};
+use crate::session::Session;
 
 pub(super) fn run(session: &Session, arguments: &HarmonicArguments) -> Result<()> {
     let out = OutputFile::check(&arguments.out)?;
@@ -29,8 +27,7 @@ pub(super) fn run(session: &Session, arguments: &HarmonicArguments) -> Result<()
     // its sharp points, not the overlap at its tip.
     let plan = SectionPlan::of_scene(&scene, ToolPoints::Tip)?;
     let domain = domain(&scene.record.bare_tool().with_tip_only());
-    let settings =
-        chosen(session, &plan, arguments.settings(domain, quantity), domain, arguments.target_mse)?;
+    let settings = arguments.settings(domain, quantity);
     let smaller = "use a lower --degree, fewer --components, or a larger --pitch";
     let file = fit_field(session, &scene, &plan, domain, settings, smaller)?;
     drop(plan);
@@ -87,38 +84,6 @@ pub(in crate::commands) fn validation_text(
             format!("{at} {unit}² (root {} {unit}), largest error {} {unit}", short(mse.sqrt()), short(*mpe))
         }
     }
-}
-
-/// The settings, with the degree that the error asks for, as far as the memory goes.
-fn chosen(
-    session: &Session,
-    plan: &SectionPlan,
-    settings: FitSettings,
-    domain: Domain,
-    target: Option<f64>,
-) -> Result<FitSettings> {
-    let Some(target) = target else { return Ok(settings) };
-    let room = session.memory_limit();
-    let Some(most) = settings.degree_within(plan, domain, room) else {
-        bail!(
-            "no harmonic field fits into {} of memory; use a larger --pitch, or raise --memory",
-            show_bytes(room)
-        );
-    };
-    let stage =
-        session.stage("choosing the degree", "sections", sections_tried(domain, &settings, most) as u64);
-    let advance = |sections| stage.advance(sections);
-    let found = degree_for(plan, domain, &settings, target, most, session.control(&advance));
-    let (settings, report) = found.map_err(|error| interruption(error, "choosing the degree"))?;
-    stage.finish(&format!("{}: MSE {:.1e} expected", settings.degree, report.expected_mse()));
-    if report.expected_mse() > target {
-        session.warn(&format!(
-            "an MSE of {target:e} is out of reach: degree {}, the best up to {most}, is expected to have {:.1e}",
-            settings.degree,
-            report.expected_mse()
-        ));
-    }
-    Ok(settings)
 }
 
 /// An interrupted fit says that nothing is kept; other errors stay as they are.

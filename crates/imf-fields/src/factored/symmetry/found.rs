@@ -93,7 +93,7 @@ impl<'a> Mirror<'a> {
     /// True where the obstacle is its own image but for what rounding makes of a surface, and what averaging both sides would
     /// change is less than half of the field's own mean squared error, at no voxel many times as much.
     fn holds(&self, obstacle: &Occupancy) -> bool {
-        let (grid, mse) = (&self.field.grid, self.field.report.expected_mse());
+        let (grid, mse) = (&self.field.grid, self.field.report.validation.mse);
         let agrees = |voxels: &[usize]| {
             let changes: Vec<f64> =
                 voxels.par_iter().map_init(Pair::default, |pair, &voxel| self.change(pair, voxel)).collect();

@@ -1,17 +1,11 @@
-//! What a fit takes of memory, and the degree that a limit allows or that an error asks for.
+//! What a fit takes of memory.
 
 use super::sections::{KeptSections, memory_by_parts};
-use super::{VALIDATED_AT_ONCE, batch_size, estimate, fitted_grid};
-use crate::harmonic::HarmonicError;
+use super::{VALIDATED_AT_ONCE, batch_size, fitted_grid};
 use crate::harmonic::basis::Domain;
 use crate::harmonic::coefficients::Precision;
-use crate::harmonic::settings::{FitReport, FitSettings, MOST_DEGREE, Sizes};
-use imf_core::control::Control;
-use imf_core::grid::Grid;
+use crate::harmonic::settings::{FitSettings, Sizes};
 use imf_core::section::SectionPlan;
-
-/// Degrees that are tried for an error, each some 1.7 times as many functions as the one before.
-const TRIED: [usize; 9] = [3, 5, 7, 10, 14, 18, 24, 31, MOST_DEGREE];
 
 impl FitSettings {
     /// Bytes at the peak of making a field over `voxels` voxels, and of the field itself; where all functions of directions
@@ -32,11 +26,7 @@ impl FitSettings {
 
     /// Bytes at the peak of making a field of what `plan`'s sections are, and of the field itself.
     pub fn memory_with(&self, plan: &SectionPlan, domain: Domain) -> (u64, u64) {
-        self.memory_over(plan, &fitted_grid(plan, domain, self.quantity), domain)
-    }
-
-    /// The same where `fitted`, the whole grid or one side of it, is what is fitted.
-    pub(super) fn memory_over(&self, plan: &SectionPlan, fitted: &Grid, domain: Domain) -> (u64, u64) {
+        let fitted = fitted_grid(plan, domain, self.quantity);
         let (voxels, whole) = (fitted.len(), plan.grid().len() as u64);
         let (mut peak, own) = self.memory(domain, voxels);
         // The finished field beside exact sections and its own.
@@ -68,62 +58,9 @@ impl FitSettings {
         let Sizes { functions, sections, .. } = self.sizes(domain);
         (self.sample.min(voxels) * (sections + self.held_out + functions) * 4) as u64
     }
-
-    /// The highest degree at which making a field of what `plan`'s sections are takes at most `bytes`; `None` where degree 0
-    /// takes more. All axes are kept where these settings say so; where one pass does not fit, two may.
-    pub fn degree_within(&self, plan: &SectionPlan, domain: Domain, bytes: u64) -> Option<usize> {
-        let fitted = fitted_grid(plan, domain, self.quantity);
-        let fits = |&degree: &usize| {
-            [true, false].into_iter().any(|one_pass| {
-                Self { degree, one_pass, ..*self }.memory_over(plan, &fitted, domain).0 <= bytes
-            })
-        };
-        (0..=MOST_DEGREE).take_while(fits).last()
-    }
 }
 
 /// The matrices of all functions together.
 fn square_bytes(functions: usize) -> u64 {
     (functions * functions * 8 * 8) as u64
-}
-
-/// The lowest of some degrees up to `most` whose expected mean squared error is at most `target`, by fits to a sample of
-/// voxels; else the best of them. Gives the settings, and what is expected. One unit of progress is one
-/// section of [`sections_tried`].
-///
-/// # Errors
-/// As [`super::fit`].
-pub fn degree_for(
-    plan: &SectionPlan,
-    domain: Domain,
-    settings: &FitSettings,
-    target: f64,
-    most: usize,
-    control: Control<'_>,
-) -> Result<(FitSettings, FitReport), HarmonicError> {
-    let mut best: Option<(FitSettings, FitReport)> = None;
-    for degree in degrees(most) {
-        let tried = FitSettings { degree, ..*settings };
-        let report = estimate(plan, domain, &tried, control)?;
-        if best.as_ref().is_none_or(|(_, best)| report.expected_mse() < best.expected_mse()) {
-            best = Some((tried, report));
-        }
-        if report.expected_mse() <= target {
-            break;
-        }
-    }
-    best.ok_or_else(|| HarmonicError::Settings("no degree to try".into()))
-}
-
-/// Sections that [`degree_for`] computes at most.
-pub fn sections_tried(domain: Domain, settings: &FitSettings, most: usize) -> usize {
-    let of = |degree| {
-        let tried = FitSettings { degree, ..*settings };
-        tried.sizes(domain).sections + tried.held_out
-    };
-    degrees(most).map(of).sum()
-}
-
-fn degrees(most: usize) -> impl Iterator<Item = usize> {
-    TRIED.into_iter().filter(move |&degree| degree < most).chain([most])
 }

@@ -93,15 +93,6 @@ impl Start {
         axes.column_iter().map(|column| self.parities[column.iamax()]).collect()
     }
 
-    /// The errors to expect, by a pass over the orientations at the sample's voxels alone.
-    pub(super) fn estimated(
-        &self,
-        source: &Source<'_>,
-        control: Control<'_>,
-    ) -> Result<FitReport, HarmonicError> {
-        Ok(self.sampled(&self.dense()?, source, control)?.2)
-    }
-
     fn axes_of(&self, solved: &Solved) -> (DMatrix<f64>, FitReport) {
         let (axes, dropped) = principal_axes(&solved.covariance, &self.parities, self.sizes.axes);
         let sections = self.sizes.sections;

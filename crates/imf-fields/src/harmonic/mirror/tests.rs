@@ -7,7 +7,7 @@ use super::*;
 use crate::fixtures::small_tool;
 use crate::harmonic::coefficients::Precision;
 use crate::harmonic::evaluate::{DIRECTIONS_AT_ONCE, MANY, lower_to_whole, whole_sections};
-use crate::harmonic::{FitSettings, estimate, fit, minimum_of, minimum_over, sections_of};
+use crate::harmonic::{FitSettings, fit, minimum_of, minimum_over, outline, sections_of};
 use imf_core::control::Control;
 use imf_core::field::FieldError;
 use imf_core::obstacle::Obstacle;
@@ -145,8 +145,9 @@ fn the_report_tells_of_both_sides() {
     };
     let one_side = mean((0..squares.len()).filter(is_fitted).map(|place| squares[place]).collect());
     let all = mean(squares);
-    // The sample's own orientations, which an estimate is made of.
-    let estimated = estimate(&plan, Domain::Directions, &settings, Control::quiet()).unwrap().validation.mse;
+    // The sample's own orientations, which an outline's report is made of.
+    let estimated =
+        outline(&plan, Domain::Directions, &settings, Control::quiet()).unwrap().report.validation.mse;
     // The plane across x counts twice.
     assert!((0.9..1.1).contains(&(estimated / all)), "{estimated} {all} {one_side}");
     assert!(!(0.9..1.1).contains(&(estimated / one_side)), "{estimated} {all} {one_side}");
