@@ -30,8 +30,6 @@ pub mod bf16_kernel;
 #[doc(hidden)]
 pub mod forward;
 #[doc(hidden)]
-pub mod halves;
-#[doc(hidden)]
 pub mod lanes;
 #[doc(hidden)]
 pub mod matrix;

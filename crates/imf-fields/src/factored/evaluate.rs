@@ -15,7 +15,6 @@ use crate::harmonic::{
     DirectionWeights, FitReport, HarmonicField, Mirrors, Planes, VoxelCoefficients, minimum_of, sections_of,
 };
 use crate::siren::forward::Network;
-use crate::siren::halves::HalfPanels;
 use crate::siren::matrix::{Matrix, multiply, prefer_unpacked};
 use crate::siren::plan::{Plan, transpose, transpose_all};
 use crate::siren::scratch::ScratchPool;
@@ -30,9 +29,7 @@ pub struct FactoredEvaluator<'a> {
     pub arch: Arch,
     pub(crate) plan: Plan,
     pub(crate) panels: Vec<f32>,
-    /// The same in half the bytes, where that is exact and fast.
-    pub halves: Option<HalfPanels>,
-    /// The same for products by tiles.
+    /// The weights for products by tiles.
     pub(crate) split: Option<SplitWeights>,
     /// The functions for products by tiles, `[function][axis]`.
     pub(crate) split_functions: Option<SplitBoth>,
@@ -79,7 +76,6 @@ impl<'a> FactoredEvaluator<'a> {
         transpose_all(&plan, &field.parameters, &mut panels);
         let layers = ScratchPool::new(2 * BLOCK * plan.stride());
         let arch = Arch::new();
-        let halves = HalfPanels::of(arch, &panels);
         let split = SplitWeights::new(&plan, &field.parameters);
         let split_functions = SplitBoth::new(&field.axes, field.basis.len(), field.shape.axes);
         let local = field.local_harmonics().map(|harmonics| {
@@ -92,7 +88,6 @@ impl<'a> FactoredEvaluator<'a> {
             arch,
             plan,
             panels,
-            halves,
             split,
             split_functions,
             layers,
@@ -108,7 +103,6 @@ impl<'a> FactoredEvaluator<'a> {
     pub fn set_parameters(&mut self, parameters: Vec<f32>) {
         assert_eq!(parameters.len(), self.panels.len(), "as many weights as before");
         transpose_all(&self.plan, &parameters, &mut self.panels);
-        self.halves = HalfPanels::of(self.arch, &self.panels);
         self.split = SplitWeights::new(&self.plan, &parameters);
         self.field.to_mut().parameters = parameters;
     }

@@ -74,20 +74,15 @@ impl FactoredEvaluator<'_> {
         }
         for (index, layer) in self.plan.layers.iter().enumerate() {
             for neurons in self.plan.panels(index) {
-                let range = self.plan.panel_range(index, &neurons);
-                let bare = PanelOfPoint::<(), ROWS> {
-                    panel: &[],
+                self.arch.dispatch(PanelOfPoint::<ROWS> {
+                    panel: &self.panels[self.plan.panel_range(index, &neurons)],
                     biases: &field.parameters[layer.biases + neurons.start..][..neurons.len()],
                     signal: std::array::from_fn(|row| &signal[row * widest..][..layer.inputs]),
                     out: next,
                     widest,
                     first: neurons.start,
                     omega: (index < stack.hidden).then_some(stack.omega),
-                };
-                match &self.halves {
-                    Some(halves) => halves.run(bare.of(&halves.panels()[range])),
-                    None => self.arch.dispatch(bare.of(&self.panels[range])),
-                }
+                });
             }
             std::mem::swap(signal, next);
         }

@@ -121,7 +121,7 @@ impl CpuEvaluator {
                 write(signal, stack.width);
             }
             for neurons in self.plan.panels(index) {
-                self.arch.dispatch(PanelOfPoint::<f32, ROWS> {
+                self.arch.dispatch(PanelOfPoint::<ROWS> {
                     panel: &self.panels[self.plan.panel_range(index, &neurons)],
                     biases: &self.parameters[layer.biases + neurons.start..][..neurons.len()],
                     signal: std::array::from_fn(|row| &signal[row * widest..][..layer.inputs]),

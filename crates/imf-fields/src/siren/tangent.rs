@@ -3,14 +3,13 @@
 
 use pulp::{Simd, WithSimd};
 
-use super::halves::Weight;
 use super::lanes::{load, store};
 use super::sine::sine_cosine;
 
 /// One panel of neurons for one point, its tangents beside it: `out [ROWS][neuron]`, rows `widest` apart.
-pub(crate) struct PanelOfPoint<'a, W, const ROWS: usize> {
+pub(crate) struct PanelOfPoint<'a, const ROWS: usize> {
     /// `[inputs][neurons]`.
-    pub(crate) panel: &'a [W],
+    pub(crate) panel: &'a [f32],
     pub(crate) biases: &'a [f32],
     /// `[ROWS][inputs]`.
     pub(crate) signal: [&'a [f32]; ROWS],
@@ -20,14 +19,6 @@ pub(crate) struct PanelOfPoint<'a, W, const ROWS: usize> {
     pub(crate) first: usize,
     /// `None` for the linear layer.
     pub(crate) omega: Option<f32>,
-}
-
-impl<'a, const ROWS: usize> PanelOfPoint<'a, (), ROWS> {
-    /// The same of some weights.
-    pub(crate) fn of<W>(self, panel: &'a [W]) -> PanelOfPoint<'a, W, ROWS> {
-        let Self { biases, signal, out, widest, first, omega, .. } = self;
-        PanelOfPoint { panel, biases, signal, out, widest, first, omega }
-    }
 }
 
 /// Runs a body for every number below a constant of at most six, each a constant in its turn. Sums that the numbers pick are
@@ -51,7 +42,7 @@ const TOGETHER: usize = 4;
 /// With one row it takes two sums a register: over every other input.
 const SPLIT: usize = 2;
 
-impl<W, const ROWS: usize> PanelOfPoint<'_, W, ROWS> {
+impl<const ROWS: usize> PanelOfPoint<'_, ROWS> {
     /// Adds what one input brings. Not a closure: one that the compiler does not inline knows no vector instructions, and
     /// takes ten times as long.
     #[inline(always)]
@@ -59,14 +50,12 @@ impl<W, const ROWS: usize> PanelOfPoint<'_, W, ROWS> {
         &self,
         simd: S,
         sums: &mut [[S::f32s; N]; ROWS],
-        weights: &[W],
+        weights: &[f32],
         at: usize,
         input: usize,
-    ) where
-        W: Weight<S>,
-    {
+    ) {
         unrolled!(place < N, {
-            let weights = W::load(simd, weights, at + place * S::F32_LANES);
+            let weights = load(simd, weights, at + place * S::F32_LANES);
             unrolled!(row < ROWS, {
                 let signal = simd.splat_f32s(self.signal[row][input]);
                 sums[row][place] = simd.mul_add_e_f32s(signal, weights, sums[row][place]);
@@ -75,10 +64,7 @@ impl<W, const ROWS: usize> PanelOfPoint<'_, W, ROWS> {
     }
 
     #[inline(always)]
-    fn registers<S: Simd, const N: usize, const SUMS: usize>(&mut self, simd: S, at: usize)
-    where
-        W: Weight<S>,
-    {
+    fn registers<S: Simd, const N: usize, const SUMS: usize>(&mut self, simd: S, at: usize) {
         const { assert!(SUMS <= 2) };
         let columns = self.biases.len();
         let mut sums = [[[simd.splat_f32s(0.0); N]; ROWS]; SUMS];
@@ -122,19 +108,13 @@ impl<W, const ROWS: usize> PanelOfPoint<'_, W, ROWS> {
 
     /// The sums that one row needs, or several.
     #[inline(always)]
-    fn group<S: Simd, const N: usize>(&mut self, simd: S, at: usize)
-    where
-        W: Weight<S>,
-    {
+    fn group<S: Simd, const N: usize>(&mut self, simd: S, at: usize) {
         if ROWS == 1 { self.registers::<S, N, SPLIT>(simd, at) } else { self.registers::<S, N, 1>(simd, at) }
     }
 
     /// The whole panel.
     #[inline(always)]
-    pub(super) fn run<S: Simd>(mut self, simd: S)
-    where
-        W: Weight<S>,
-    {
+    pub(super) fn run<S: Simd>(mut self, simd: S) {
         let columns = self.biases.len();
         let mut at = 0;
         while at + TOGETHER * S::F32_LANES <= columns {
@@ -148,7 +128,7 @@ impl<W, const ROWS: usize> PanelOfPoint<'_, W, ROWS> {
     }
 }
 
-impl<const ROWS: usize> WithSimd for PanelOfPoint<'_, f32, ROWS> {
+impl<const ROWS: usize> WithSimd for PanelOfPoint<'_, ROWS> {
     type Output = ();
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
