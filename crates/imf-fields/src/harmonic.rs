@@ -41,7 +41,7 @@ pub use fit::fit;
 // For distillation from sections that come and go.
 #[cfg(feature = "fit")]
 #[doc(hidden)]
-pub use fit::{Outline, Source, SourceScratch, function_values, outline};
+pub use fit::{Outline, Source, SourceScratch, outline};
 // What a fit would take.
 #[cfg(feature = "fit")]
 #[doc(hidden)]

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::rotations::{self, RotationBasis};
 use super::sphere::{self, SphereBasis};
+use crate::parallel::*;
 use imf_core::orientation::{Orientation, OrientationSet, OrientationSetError};
 
 /// Images of a direction under half turns about x, y and z, itself included: directions are fitted in fours.
@@ -113,6 +114,20 @@ impl Basis {
     /// If `values` has not the length [`Basis::len`].
     pub fn values(&self, orientation: &Orientation, values: &mut [f64]) {
         self.values_facing(self.facing_at(orientation), values);
+    }
+
+    /// B: all functions at some orientations, `[orientation][function]`.
+    #[must_use]
+    pub fn values_at(&self, orientations: &[Orientation]) -> Vec<f32> {
+        let mut all = vec![0.0f32; orientations.len() * self.len()];
+        all.par_chunks_mut(self.len()).zip(orientations).for_each_init(
+            || vec![0.0; self.len()],
+            |row, (out, orientation)| {
+                self.values(orientation, row);
+                out.iter_mut().zip(row).for_each(|(out, &mut v)| *out = v as f32);
+            },
+        );
+        all
     }
 
     /// All functions of a direction; of [`Domain::Directions`] alone.

@@ -37,14 +37,7 @@ impl DirectionWeights {
             "a mean and a row for each function"
         );
         let width = axes.len() / functions;
-        let mut values = vec![0.0f32; functions * orientations.len()];
-        values.par_chunks_mut(functions).zip(orientations).for_each_init(
-            || vec![0.0; functions],
-            |row, (out, orientation)| {
-                basis.values(orientation, row);
-                out.iter_mut().zip(row).for_each(|(out, &mut v)| *out = v as f32);
-            },
-        );
+        let values = basis.values_at(orientations);
         let constant = values
             .par_chunks(functions)
             .map(|row| row.iter().zip(mean).map(|(&b, &m)| f64::from(b) * f64::from(m)).sum::<f64>() as f32)

@@ -39,7 +39,6 @@ use passes::{Fitted, Start, count_sections};
 use sample::section_error;
 use solve::row_major;
 
-pub use solve::function_values;
 pub use source::{Source, SourceScratch};
 
 /// Sections held at a time: enough to fill the products, within this memory.

@@ -29,9 +29,7 @@ use imf_core::section::{Quantity, SectionPlan};
 use imf_fields::factored::targets::ComponentBasis;
 use imf_fields::factored::{DistillSettings, FactoredEvaluator, FactoredField, FactoredShape, INPUTS};
 use imf_fields::harmonic::basis::Domain;
-use imf_fields::harmonic::{
-    FitReport, FitSettings, HarmonicError, Outline, Source, SourceScratch, function_values, outline,
-};
+use imf_fields::harmonic::{FitReport, FitSettings, HarmonicError, Outline, Source, SourceScratch, outline};
 use imf_fields::recipe::Cursor;
 use imf_fields::recipe::OnlineSettings;
 use imf_fields::recipe::RecipeError;
@@ -188,7 +186,7 @@ impl Gain {
         let set: Vec<Orientation> =
             online.slots(step).map(|number| source.orientation(online, number)).collect();
         let (count, width, pool) = (basis.len(), source.axis_count(), online.pool);
-        let rows = function_values(basis, &set);
+        let rows = basis.values_at(&set);
         let rows = Matrix::row_major(&rows, pool, count, count);
         let (mut functions, mut at_mean) = (vec![0.0; pool * width], vec![0.0; pool]);
         multiply(&mut functions, width, rows, Matrix::row_major(axes, count, width, width), false);

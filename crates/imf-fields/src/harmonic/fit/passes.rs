@@ -7,7 +7,7 @@ use pulp::Arch;
 use super::quadrature::{ClassWeights, class_order};
 use super::sample::Sample;
 use super::sections::{KEPT_BLOCK, KeptSections, Parts};
-use super::solve::{NormalMatrix, Solved, function_values, keep_even, principal_axes};
+use super::solve::{NormalMatrix, Solved, keep_even, principal_axes};
 use super::source::{Source, SourceScratch};
 use super::{BLOCK, batch_size};
 use crate::harmonic::HarmonicError;
@@ -64,7 +64,7 @@ impl Start {
     }
 
     pub(super) fn dense(&self) -> Result<Dense, HarmonicError> {
-        let values = function_values(&self.basis, &self.set);
+        let values = self.basis.values_at(&self.set);
         let normal = NormalMatrix::new(&self.basis, &values)?;
         Ok(Dense { values, normal })
     }

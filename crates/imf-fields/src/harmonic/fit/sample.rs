@@ -4,7 +4,7 @@ use crate::parallel::*;
 use nalgebra::DMatrix;
 
 use super::BLOCK;
-use super::solve::{Moments, NormalMatrix, column_means, function_values, gram};
+use super::solve::{Moments, NormalMatrix, column_means, gram};
 use super::source::{Source, SourceScratch};
 use crate::harmonic::HarmonicError;
 use crate::harmonic::basis::Basis;
@@ -79,7 +79,7 @@ impl Sample {
     /// The likeliest means over all voxels of the functions' coefficients, by the orientations that are not fitted: known before
     /// any section is, and near enough for deviations from them to be small.
     pub(super) fn rough_means(&self, basis: &Basis) -> Result<Vec<f64>, HarmonicError> {
-        let values = function_values(basis, &self.held_out);
+        let values = basis.values_at(&self.held_out);
         let means = self
             .judged
             .chunks_exact(self.places.len())
@@ -122,7 +122,7 @@ impl Sample {
         dropped: f64,
     ) -> FitReport {
         let functions = basis.len();
-        let values = function_values(basis, &self.held_out);
+        let values = basis.values_at(&self.held_out);
         let (rows, order) = (values.chunks_exact(functions), &order);
         let values: Vec<f32> =
             rows.flat_map(|row| (0..functions).map(move |place| row[order(place)])).collect();

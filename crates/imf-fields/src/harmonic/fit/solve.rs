@@ -1,4 +1,4 @@
-//! The dense algebra of a fit: the functions' values, the normal matrix, moments of a sample, principal axes.
+//! The dense algebra of a fit: the normal matrix, moments of a sample, principal axes.
 
 use crate::parallel::*;
 use nalgebra::{Cholesky, DMatrix, DMatrixViewMut, DVector, Dyn, SymmetricEigen};
@@ -9,21 +9,7 @@ use crate::harmonic::basis::Basis;
 use crate::harmonic::mirror::Parity;
 use crate::siren::matrix::{Matrix, multiply, product};
 use imf_core::control::Control;
-use imf_core::orientation::Orientation;
 use imf_core::section::SectionError;
-
-/// B: `[orientation][function]`.
-pub fn function_values(basis: &Basis, set: &[Orientation]) -> Vec<f32> {
-    let mut all = vec![0.0f32; set.len() * basis.len()];
-    all.par_chunks_mut(basis.len()).zip(set).for_each_init(
-        || vec![0.0; basis.len()],
-        |row, (out, orientation)| {
-            basis.values(orientation, row);
-            out.iter_mut().zip(row).for_each(|(out, &mut v)| *out = v as f32);
-        },
-    );
-    all
-}
 
 /// A matrix by rows, in f32.
 pub(super) fn row_major(matrix: &DMatrix<f64>) -> Vec<f32> {
@@ -276,7 +262,7 @@ mod tests {
         // 165 functions: two blocks of rows and a part of one; 130 columns.
         let basis = Basis::new(Domain::Rotations, 4);
         let set = basis.even_set(240).unwrap().orientations;
-        let normal = NormalMatrix::new(&basis, &function_values(&basis, &set)).unwrap();
+        let normal = NormalMatrix::new(&basis, &basis.values_at(&set)).unwrap();
         let right = DMatrix::from_fn(165, 130, |row, column| ((row * 37 + column * 11) % 23) as f64 - 11.0);
         let (found, expected) =
             (normal.solve(right.clone(), Control::quiet()).unwrap(), normal.0.solve(&right));
