@@ -1,22 +1,21 @@
 //! The fields that stand beside the paper's network, made from as many exact sections as it learns from, and evaluated alike.
 
-use std::sync::Arc;
-
 use anyhow::{Result, bail};
 use imf_cli::engine::Device;
 use imf_cli::session::Session;
 use imf_core::parts::ReferencePart;
 use imf_core::scene::{Scene, SceneSpec};
-use imf_core::section::{SectionError, SectionPlan};
+use imf_core::section::SectionError;
 use imf_core::tool::Tool;
 use imf_fields::factored::file::FactoredFile;
-use imf_fields::factored::{DistillSettings, FactoredField, Symmetry};
+use imf_fields::factored::{DistillSettings, Symmetry};
+use imf_fields::harmonic::FitSettings;
 use imf_fields::harmonic::basis::{Basis, Domain};
-use imf_fields::harmonic::coefficients::Precision;
+use imf_fields::harmonic::coefficients::Precision as SavedPrecision;
 use imf_fields::harmonic::file::HarmonicFile;
-use imf_fields::harmonic::{FitSettings, fit, section_count};
+use imf_fields::recipe::Precision;
 use imf_gpu::{GpuTrainer, TrainerSettings};
-use imf_train::distill::{distil, distil_on};
+use imf_train::distill::{Target, distil, distil_on};
 use imf_train::training::run::{Outcome, Report};
 
 /// Sections for each basis function at least: with fewer the fit has no firm minimum.
@@ -39,24 +38,9 @@ pub(crate) fn harmonic_settings(sections: usize) -> FitSettings {
         // Rounded up by the fit to the number of sections exactly, and down to whole fours.
         sections_per_function: (sections as f64 - 0.5) / functions as f64,
         axes: functions,
-        precision: Precision::F16,
+        precision: SavedPrecision::F16,
         ..FitSettings::default()
     }
-}
-
-/// The harmonic field of a scene.
-pub(crate) fn fitted(
-    session: &Session,
-    scene: &Scene,
-    plan: &SectionPlan,
-    settings: FitSettings,
-) -> Result<Arc<HarmonicFile>> {
-    let total = section_count(Domain::Directions, &settings) as u64;
-    let stage = session.stage("harmonic", "sections", total);
-    let advance = |sections| stage.advance(sections);
-    let field = fit(plan, Domain::Directions, &settings, session.control(&advance))?;
-    stage.finish("");
-    Ok(Arc::new(HarmonicFile { field, scene: scene.clone(), settings, calibration: None }))
 }
 
 /// `settings` with the symmetry that a field and its obstacle have.
@@ -72,7 +56,8 @@ pub(crate) fn distilled(
     settings: DistillSettings,
 ) -> Result<FactoredFile> {
     let field = &teacher.field;
-    let shape = settings.shape(settings.outputs(field));
+    let target = Target::from(field);
+    let shape = target.shape(&settings);
     let mut state = settings.start(shape.axes);
     let stage = session.stage("factored", "steps", settings.plan.total_steps(field.grid.len()));
     let advance = |steps| stage.advance(steps);
@@ -80,34 +65,24 @@ pub(crate) fn distilled(
     let mut loss = f64::NAN;
     let observer = &mut |report: &Report| loss = report.mean_loss;
     let outcome = match device {
-        Device::Cpu => distil(field, &settings, &mut state, control, observer)?,
+        Device::Cpu => distil(target, &settings, &mut state, control, observer)?,
         Device::Gpu(gpu) => {
             let learning = TrainerSettings {
                 adam: settings.plan.adam,
                 loss: settings.plan.loss,
                 optimiser: settings.optimiser,
-                precision: imf_fields::recipe::Precision::F32,
+                precision: Precision::F32,
             };
-            let batch = settings.batch(field);
+            let batch = target.batch(&settings);
             let mut engine = GpuTrainer::new(gpu, shape.stack(), &learning, batch, &state.training)?;
-            distil_on(field, &settings, &mut state, &mut engine, control, observer)?
+            distil_on(target, &settings, &mut state, &mut engine, control, observer)?
         }
     };
     if !matches!(outcome, Outcome::Finished) {
         bail!(SectionError::Cancelled);
     }
     stage.finish(&format!("loss {loss:.2e}"));
-    let file = FactoredFile {
-        field: FactoredField::new(field, shape, state.training.parameters)?,
-        scene: teacher.scene.clone(),
-        fit: teacher.settings,
-        report: field.report,
-        settings,
-        precision: Precision::F32,
-        state: None,
-        calibration: None,
-    };
-    Ok(file.finished(Precision::F32))
+    Ok(FactoredFile::distilled(teacher, settings, state)?.finished(SavedPrecision::F32))
 }
 
 #[cfg(test)]

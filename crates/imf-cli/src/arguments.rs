@@ -9,7 +9,7 @@ pub(crate) mod either;
 pub(crate) mod explicit;
 pub(crate) mod field;
 pub(crate) mod fixture;
-pub mod harmonic;
+pub(crate) mod harmonic;
 pub(crate) mod inputs;
 mod network;
 pub mod numbers;

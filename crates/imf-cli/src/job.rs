@@ -22,8 +22,8 @@ pub use data::Data;
 pub use factored::{Distillation, DistillationSize, FactoredStart, Source, symmetry_of};
 pub use log::seconds_until;
 pub use memory::Footprint;
-pub(crate) use siren5::{COSINE_ENDS_AT, require_togetherness, resumed_model, schedule_from};
 pub use siren5::{continued, fresh_model, plan_defaults, run};
+pub(crate) use siren5::{require_togetherness, resumed_model, schedule_from};
 
 use std::ops::ControlFlow;
 use std::path::Path;

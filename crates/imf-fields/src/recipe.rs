@@ -4,13 +4,11 @@
 
 #[doc(hidden)]
 pub mod divergence;
-mod held_out;
 mod online;
 mod optimiser;
 mod sampling;
 pub mod schedule;
 
-pub use held_out::HeldOutChoice;
 pub use online::OnlineSettings;
 pub use optimiser::{Optimiser, SoapConfig};
 pub use sampling::{Sampling, SamplingError};
@@ -225,6 +223,9 @@ impl Default for TrainingPlan {
 }
 
 impl TrainingPlan {
+    /// Steps of siren5 where nothing is said of its length: a few minutes on two cores for the paper's network.
+    pub const STEPS: u64 = 12_000;
+
     /// Steps of one epoch over `samples` samples.
     #[must_use]
     pub fn steps_per_epoch(&self, samples: usize) -> u64 {
@@ -266,4 +267,21 @@ pub struct Cursor {
     pub epoch: u64,
     /// Step in the epoch, from 0.
     pub step: u64,
+}
+
+/// Which poses are held out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct HeldOutChoice {
+    /// Number of poses.
+    pub poses: usize,
+    /// Random orientations that they are spread over.
+    pub orientations: usize,
+    /// Chooses orientations and voxels.
+    pub seed: u64,
+}
+
+impl Default for HeldOutChoice {
+    fn default() -> Self {
+        Self { poses: 16_384, orientations: 64, seed: 0 }
+    }
 }

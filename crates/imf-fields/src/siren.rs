@@ -79,6 +79,12 @@ impl Default for SirenShape {
 }
 
 impl SirenShape {
+    /// The paper's network with the ω of siren5 where nothing is said of it: the paper's 30 errs more between orientations.
+    #[must_use]
+    pub fn usual() -> Self {
+        Self { omega: 10.0, ..Self::default() }
+    }
+
     /// The rate that Adam begins with by default, in steps of 1,024 samples.
     ///
     /// Every weight of a step moves by about the rate, and ω and the number of neurons multiply what a hidden layer makes of that:

@@ -33,15 +33,8 @@ use crate::memory;
 use crate::scene::Scene;
 use crate::work::{Progress, run};
 
-/// Sections for each function of a fit.
-const SECTIONS_PER_FUNCTION: f64 = 1.33;
 /// Steps between two reports, at which Ctrl-C is heard.
 const REPORT_EVERY: u64 = 20;
-/// Steps and ω of siren5, as of `imf train siren5`.
-const STEPS: u64 = 12_000;
-const OMEGA: f32 = 10.0;
-/// Voxels of clearance of shank and holder that make depths decide.
-const CLEARANCE: f64 = 2.0;
 
 /// The field of a scene. `layers` are hidden layers and neurons of each, `directions` those that siren5 learns from.
 ///
@@ -106,7 +99,9 @@ fn with_room(scene: &scene::Scene, quantity: Quantity) -> Result<scene::Scene, C
     if quantity.is_overlap() || is_mesh || !record.clearance.is_zero() {
         return Ok(scene.clone());
     }
-    scene.clone().with_clearance(&Clearance::around_holder_and_shank(CLEARANCE * record.grid.pitch))
+    scene
+        .clone()
+        .with_clearance(&Clearance::around_holder_and_shank(FitSettings::CLEARANCE * record.grid.pitch))
 }
 
 /// What is trained, and how.
@@ -128,23 +123,11 @@ impl Training<'_> {
         progress: &Progress<'_>,
         for_distillation: bool,
     ) -> PyResult<HarmonicFile> {
-        let round = self.scene.record.bare_tool().with_tip_only().is_axisymmetric();
-        let domain = if round { Domain::Directions } else { Domain::Rotations };
-        let usual = FitSettings::default();
-        let usual = match (for_distillation, domain) {
-            (false, _) => usual,
-            (true, Domain::Directions) => FitSettings { degree: 16, ..usual },
-            (true, Domain::Rotations) => FitSettings { degree: 5, ..usual },
-        };
-        let mut settings = FitSettings {
-            quantity: self.quantity,
-            degree: self.degree.unwrap_or(usual.degree),
-            sections_per_function: SECTIONS_PER_FUNCTION,
-            ..usual
-        };
-        if for_distillation {
-            (settings.axes, settings.precision) = (usize::MAX, Precision::F32);
-        }
+        let domain = Domain::of_tool(self.scene.record.bare_tool());
+        let usual =
+            if for_distillation { FitSettings::of_teacher(domain) } else { FitSettings::usual(domain) };
+        let degree = self.degree.unwrap_or(usual.degree);
+        let settings = FitSettings { quantity: self.quantity, degree, ..usual };
         let plan = run(py, (&None, "", 0), |_| SectionPlan::of_scene(self.scene, ToolPoints::Tip))?;
         let needed = |one_pass| FitSettings { one_pass, ..settings }.memory_with(&plan, domain).0;
         // One pass over the sections where they fit into memory, else two.
@@ -182,19 +165,8 @@ impl Training<'_> {
             if let Outcome::Stopped(_) = distil(target, &settings, &mut state, control, &mut |_| {})? {
                 return Err(SectionError::Cancelled.into());
             }
-            let parameters = state.training.parameters.clone();
-            let file = FactoredFile {
-                field: target
-                    .field(&settings, parameters)
-                    .map_err(|error| EngineError::Shape(error.to_string()))?,
-                scene: self.scene.clone(),
-                fit: teacher.settings,
-                report: teacher.field.report,
-                settings,
-                precision: Precision::F32,
-                state: Some(state),
-                calibration: None,
-            };
+            let file = FactoredFile::distilled(&teacher, settings, state)
+                .map_err(|error| EngineError::Shape(error.to_string()))?;
             Ok::<_, TrainError>(file.finished(Precision::F32))
         })
     }
@@ -207,14 +179,13 @@ impl Training<'_> {
         directions: &str,
     ) -> PyResult<Model> {
         let set = own.set(directions).map_err(Raise::raise)?;
-        let usual = SirenShape { omega: OMEGA, ..SirenShape::default() };
+        let usual = SirenShape::usual();
         let (hidden, width) = self.layers.unwrap_or((usual.hidden, usual.width));
         let shape = SirenShape { hidden, width, omega: self.omega.unwrap_or(usual.omega), ..usual };
         shape.check().map_err(Raise::raise)?;
-        let rate = shape.rate();
         let plan = TrainingPlan {
-            length: Length::Steps(self.steps.unwrap_or(STEPS)),
-            schedule: Schedule::Cosine { initial: rate, last: 0.01 * rate, warmup: 200 },
+            length: Length::Steps(self.steps.unwrap_or(TrainingPlan::STEPS)),
+            schedule: Schedule::cosine_from(shape.rate()),
             seed: self.seed,
             report_every: REPORT_EVERY,
             ..TrainingPlan::default()

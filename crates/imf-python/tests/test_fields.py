@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import Floats, box
+from conftest import Floats, box, head
 
 import imf
 
@@ -78,6 +78,14 @@ def test_every_family_comes_back_from_its_file(bracket: imf.Scene, poses: Floats
     np.testing.assert_allclose(again(poses), field(poses), atol=1e-3)
     assert isinstance(float(again(poses[0])), float) and np.isnan(again([0, 0, 0, 0, 0, 0]))
     assert set(again.classify(poses)) == {imf.Decision.UNDECIDED}
+
+
+def test_tools_that_are_not_round_have_the_degree_of_the_command(tmp_path: Path) -> None:
+    tool = head(tmp_path, (-3, -3, 0), (3, 3, 20))
+    scene = imf.Scene(box((0, 0, 0), (20, 20, 20)), tool, pitch=4.0, margin=1, name="block")
+    path = tmp_path / "field.safetensors"
+    imf.train(scene, "harmonic", quantity="overlap", calibrate=False).save(path)
+    assert b'\\"degree\\":8,' in path.read_bytes()
 
 
 def test_a_distilled_network_learns(bracket: imf.Scene) -> None:

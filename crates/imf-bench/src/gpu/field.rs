@@ -2,7 +2,7 @@
 //! at every voxel, the first one's errors at random orientations, its sections and its values at random poses, by both.
 
 use anyhow::{Result, ensure};
-use imf_cli::arguments::harmonic::DEFAULT_SECTIONS;
+use imf_cli::commands::train::harmonic::fit_field;
 use imf_cli::engine::Device;
 use imf_cli::interrupt;
 use imf_cli::session::Session;
@@ -16,7 +16,6 @@ use imf_fields::factored::DistillSettings;
 use imf_fields::file::FieldFile;
 use imf_fields::harmonic::FitSettings;
 use imf_fields::harmonic::basis::Domain;
-use imf_fields::harmonic::coefficients::Precision;
 use imf_fields::metrics::{ErrorReport, Errors};
 use imf_fields::recipe::Length;
 use imf_gpu::{Gpu, GpuField};
@@ -25,7 +24,7 @@ use serde::Serialize;
 use serde_json::json;
 
 use super::Part;
-use crate::candidates::{distilled, fitted, symmetric};
+use crate::candidates::{distilled, symmetric};
 use crate::document::Document;
 use crate::measurement::{better_seconds, seconds};
 use crate::query::random_poses;
@@ -63,16 +62,9 @@ pub(super) fn measured(
     part: &mut Part,
 ) -> Result<()> {
     let (grid, plan) = (scene.record.grid, SectionPlan::of_scene(scene, ToolPoints::Tip)?);
-    let fit = FitSettings {
-        degree: sizes.degree,
-        axes: usize::MAX,
-        precision: Precision::F32,
-        sections_per_function: DEFAULT_SECTIONS,
-        ..FitSettings::default()
-    };
-    let needed = fit.memory(Domain::Directions, grid.len()).0;
-    session.require_memory(needed, || format!("a harmonic field; {SMALLER}"))?;
-    let (time, harmonic) = seconds(|| fitted(session, scene, &plan, fit))?;
+    let domain = Domain::Directions;
+    let fit = FitSettings { degree: sizes.degree, ..FitSettings::of_teacher(domain) };
+    let (time, harmonic) = seconds(|| fit_field(session, scene, &plan, domain, fit, SMALLER))?;
     let settings =
         DistillSettings { width: sizes.width, ..DistillSettings::of_length(Length::Steps(sizes.steps)) };
     let settings = symmetric(&harmonic, settings);
@@ -87,7 +79,7 @@ pub(super) fn measured(
     rows.add(&format!("{} steps of {}", sizes.steps, by_gpu.field.shape), gpu_time, cpu_time, None)?;
     let sets = sizes.minima.iter().map(|set| Ok((*set, OrientationSet::parse(set)?.orientations)));
     let sets: Vec<(&str, Vec<Orientation>)> = sets.collect::<Result<_>>()?;
-    let on_device = GpuField::new(gpu, FieldFile::Harmonic(harmonic))?;
+    let on_device = GpuField::new(gpu, FieldFile::Harmonic(harmonic.into()))?;
     // The first call uploads.
     let (time, _) = seconds(|| Ok(on_device.minimum(&sets[0].1[..1], Control::quiet())?))?;
     rows.about += &format!(" Its coefficients went up in {time:.2} s.");

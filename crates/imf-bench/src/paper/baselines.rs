@@ -2,6 +2,7 @@
 //! harmonic field fitted to as many, and the factored field that is distilled from that one.
 
 use anyhow::Result;
+use imf_cli::commands::train::harmonic::fit_field;
 use imf_cli::engine::Device;
 use imf_core::orientation::Orientation;
 use imf_core::section::{SectionPlan, ToolPoints};
@@ -10,7 +11,7 @@ use imf_fields::harmonic::coefficients::Precision;
 use serde::{Deserialize, Serialize};
 
 use super::Bench;
-use crate::candidates::{distilled, fitted, harmonic_settings, symmetric};
+use crate::candidates::{distilled, harmonic_settings, symmetric};
 use crate::interpolation::{AngleGrid, SectionTable};
 use crate::measurement::seconds;
 use crate::recipe::{Answer, Questions, Recipe};
@@ -53,7 +54,8 @@ pub(super) fn measure(bench: &Bench<'_>, recipe: &Recipe, n: usize) -> Result<Ve
     let exact = questions.exact(&plan, session.control(&advance))?;
     let (stored_in, stored) = seconds(|| Ok(SectionTable::new(&plan, angles, session.control(&advance))?))?;
     stage.finish("");
-    let (fitted_in, file) = seconds(|| fitted(session, &scene, &plan, settings))?;
+    let (domain, smaller) = (Domain::Directions, "take --scale reduced");
+    let (fitted_in, file) = seconds(|| fit_field(session, &scene, &plan, domain, settings, smaller))?;
     let harmonic = &file.field;
     let (distilled_in, factored) = seconds(|| {
         let settings = symmetric(&file, distillation);

@@ -6,7 +6,6 @@ use clap::Args;
 use imf_core::section::Quantity;
 use imf_fields::harmonic::FitSettings;
 use imf_fields::harmonic::basis::Domain;
-use imf_fields::harmonic::coefficients::Precision;
 
 use super::clearance::ContactArguments;
 use super::explicit::ExplicitOptions;
@@ -42,29 +41,15 @@ pub(crate) struct HarmonicArguments {
     pub(crate) no_calibrate: bool,
 }
 
-/// Fine enough for a mean squared error of a few millionths.
-const DEFAULT_DEGREE: usize = 14;
-/// 969 functions of a rotation, where degree 14 has 4,495.
-const DEFAULT_DEGREE_OF_ROTATIONS: usize = 8;
-/// Exact sections for each basis function. Measured: beyond a third more sections than functions, a higher degree is the
-/// better use of sections.
-pub const DEFAULT_SECTIONS: f64 = 1.33;
-/// Components that hold most of a field of degree 14.
-const DEFAULT_COMPONENTS: usize = 128;
-
 impl HarmonicArguments {
     /// The settings of the fit of a field over directions or rotations.
     pub(crate) fn settings(&self, domain: Domain, quantity: Quantity) -> FitSettings {
+        let usual = FitSettings::usual(domain);
         FitSettings {
             quantity,
-            degree: self.degree.unwrap_or(match domain {
-                Domain::Directions => DEFAULT_DEGREE,
-                Domain::Rotations => DEFAULT_DEGREE_OF_ROTATIONS,
-            }),
-            axes: self.components.unwrap_or(DEFAULT_COMPONENTS),
-            sections_per_function: DEFAULT_SECTIONS,
-            precision: Precision::F16,
-            ..FitSettings::default()
+            degree: self.degree.unwrap_or(usual.degree),
+            axes: self.components.unwrap_or(usual.axes),
+            ..usual
         }
     }
 }

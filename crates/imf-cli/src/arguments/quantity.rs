@@ -5,6 +5,7 @@ use std::str::FromStr as _;
 use clap::{Args, ValueEnum};
 use imf_core::parts::ReferencePart;
 use imf_core::section::Quantity;
+use imf_fields::harmonic::FitSettings;
 
 use super::explicit::ExplicitOptions;
 use super::scene::SceneArguments;
@@ -38,9 +39,6 @@ pub(crate) struct QuantityArguments {
     quantity: Option<FieldQuantity>,
 }
 
-/// Voxels of clearance of shank and holder that make depths decide: seven times a fit's error. What the error leaves open of the cutter,
-/// which must touch what it cuts, the calibrated thresholds leave to an exact check.
-const CLEARANCE: f64 = 2.0;
 /// Empty voxels around a user's part: the tool approaches within the field's box, beyond its clearance.
 const MARGIN: usize = 6;
 /// Names of the options that give a clearance.
@@ -65,7 +63,7 @@ pub(crate) fn scene_of(
 ) -> SceneArguments {
     let mut scene = scene.clone();
     if !quantity.is_overlap() && !CLEARANCES.iter().any(|name| explicit.has(name)) {
-        scene.clearance = scene.clearance.of_voxels(CLEARANCE);
+        scene.clearance = scene.clearance.of_voxels(FitSettings::CLEARANCE);
     }
     if !is_built_in(&scene) && scene.dims.is_none() && !explicit.has("margin") {
         scene.margin = MARGIN;

@@ -23,7 +23,7 @@ use super::network::{Network, parse_network};
 use super::numbers::{parse_count, parse_rate};
 use super::quantity::QuantityArguments;
 use super::scene::SceneArguments;
-use crate::job::{COSINE_ENDS_AT, REPORT_EVERY, schedule_from};
+use crate::job::{REPORT_EVERY, schedule_from};
 
 /// Arguments of `imf train`: without a family those of a factored field.
 pub(crate) type TrainArguments = Either<FactoredArguments, TrainFamily>;
@@ -225,15 +225,11 @@ enum ScheduleName {
     Cosine,
 }
 
-/// Steps of siren5 where nothing is said of its length: a few minutes on two cores for the paper's network.
-const STEPS: u64 = 12_000;
-/// The same from another network.
+/// Steps of siren5 from another network, where nothing is said of its length.
 const STEPS_FROM_ANOTHER: u64 = 1_200;
 /// The rate from another network over that of a new one: a higher one shakes off what a small change leaves as it was
 /// (`imf-bench edits`).
 const SHARE_FROM_ANOTHER: f32 = 0.1;
-/// ω of siren5 where nothing is said of it: the paper's 30 errs more between orientations.
-const OMEGA: f32 = 10.0;
 /// Seconds between checkpoints.
 const CHECKPOINT_EVERY: f64 = 60.0;
 
@@ -319,10 +315,10 @@ impl FactoredSettings {
 impl StartArguments {
     /// The shape of siren5.
     pub(crate) fn shape(&self) -> SirenShape {
-        let usual = SirenShape::default();
+        let usual = SirenShape::usual();
         let Network { layers, omega } = self.network.unwrap_or_default();
         let (hidden, width) = layers.unwrap_or((usual.hidden, usual.width));
-        SirenShape { width, hidden, omega: omega.unwrap_or(OMEGA), ..usual }
+        SirenShape { width, hidden, omega: omega.unwrap_or(usual.omega), ..usual }
     }
 }
 
@@ -344,13 +340,12 @@ impl<'a> Siren5Training<'a> {
         from_another: bool,
     ) -> Result<Self> {
         let set: Siren5Settings = run.settings()?;
-        let usual = if from_another { STEPS_FROM_ANOTHER } else { STEPS };
+        let usual = if from_another { STEPS_FROM_ANOTHER } else { TrainingPlan::STEPS };
         let schedule = match set.schedule {
             Some(ScheduleName::Exponential) => Schedule::default(),
             None | Some(ScheduleName::Cosine) => {
                 let share = if from_another { SHARE_FROM_ANOTHER } else { 1.0 };
-                let initial = share * shape.rate();
-                Schedule::Cosine { initial, last: initial * COSINE_ENDS_AT, warmup: 200 }
+                Schedule::cosine_from(share * shape.rate())
             }
         };
         let schedule = run.rate.map_or(schedule, |rate| schedule_from(&schedule, rate));

@@ -262,15 +262,12 @@ pub(crate) fn resumed_model(
     Ok(model)
 }
 
-/// The last rate of a cosine over its first.
-pub(crate) const COSINE_ENDS_AT: f32 = 0.01;
-
 /// The same schedule from another rate.
 pub(crate) fn schedule_from(schedule: &Schedule, initial: f32) -> Schedule {
     match *schedule {
         Schedule::Exponential { factor, warmup, .. } => Schedule::Exponential { initial, factor, warmup },
         Schedule::Cosine { warmup, .. } => {
-            Schedule::Cosine { initial, last: initial * COSINE_ENDS_AT, warmup }
+            Schedule::Cosine { initial, last: initial * Schedule::COSINE_ENDS_AT, warmup }
         }
         Schedule::Length { steps, power, shorter, warmup, .. } => {
             Schedule::Length { initial, steps, power, shorter, warmup }

@@ -19,9 +19,11 @@ use super::{DistillSettings, FactoredField, FactoredState};
 use crate::calibration::Calibration;
 use crate::harmonic::basis::{Basis, Domain};
 use crate::harmonic::coefficients::Precision;
+use crate::harmonic::file::HarmonicFile;
 use crate::harmonic::{FitReport, FitSettings};
 use crate::recipe::divergence::Watch;
 use crate::recipe::{Cursor, TrainingState};
+use crate::siren::ShapeError;
 use crate::tensor_file::{FieldFileError, Format, Loaded};
 use imf_core::scene::Scene;
 
@@ -69,6 +71,29 @@ struct Description {
 }
 
 impl FactoredFile {
+    /// The network of `state`, which is distilled from `teacher`, as training goes on with it.
+    ///
+    /// # Errors
+    /// Weights that do not fit, or a symmetry that the teacher has not.
+    pub fn distilled(
+        teacher: &HarmonicFile,
+        settings: DistillSettings,
+        state: FactoredState,
+    ) -> Result<Self, ShapeError> {
+        let HarmonicFile { field, scene, settings: fit, .. } = teacher;
+        let shape = settings.shape(settings.outputs(field));
+        Ok(Self {
+            field: FactoredField::new(field, shape, state.training.parameters.clone())?,
+            scene: scene.clone(),
+            fit: *fit,
+            report: field.report,
+            settings,
+            precision: Precision::F32,
+            state: Some(state),
+            calibration: None,
+        })
+    }
+
     /// True where training stopped before the end of its plan.
     pub fn is_unfinished(&self) -> bool {
         let steps = self.settings.plan.total_steps(self.field.grid.len());

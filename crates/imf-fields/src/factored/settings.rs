@@ -126,11 +126,6 @@ impl DistillSettings {
         FactoredState::new(&self.shape(axes), self.plan.seed)
     }
 
-    /// Voxels of a step over a field's grid.
-    pub fn batch(&self, teacher: &HarmonicField) -> usize {
-        self.plan.batch.min(teacher.grid.len())
-    }
-
     /// Checks the values that no type keeps in range.
     ///
     /// # Errors

@@ -12,6 +12,7 @@ use super::rotations::{self, RotationBasis};
 use super::sphere::{self, SphereBasis};
 use crate::parallel::*;
 use imf_core::orientation::{Orientation, OrientationSet, OrientationSetError};
+use imf_core::tool::Tool;
 
 /// Images of a direction under half turns about x, y and z, itself included: directions are fitted in fours.
 pub(super) const IMAGES: usize = 4;
@@ -24,6 +25,14 @@ pub enum Domain {
     Directions,
     /// Of the tool's rotation, on SO(3): √(2l+1) M^l_mn.
     Rotations,
+}
+
+impl Domain {
+    /// What a field of the tool's tip depends on beside the point; `bare` is the tool without clearance.
+    #[must_use]
+    pub fn of_tool(bare: &Tool) -> Self {
+        if bare.with_tip_only().is_axisymmetric() { Self::Directions } else { Self::Rotations }
+    }
 }
 
 /// How a tool stands, as functions read it.

@@ -52,6 +52,18 @@ impl Default for Schedule {
     }
 }
 
+impl Schedule {
+    /// The last rate of a cosine over its first.
+    #[doc(hidden)]
+    pub const COSINE_ENDS_AT: f32 = 0.01;
+
+    /// Half a cosine from the highest rate to a hundredth of it, as siren5 is trained by default.
+    #[must_use]
+    pub fn cosine_from(initial: f32) -> Self {
+        Self::Cosine { initial, last: initial * Self::COSINE_ENDS_AT, warmup: 200 }
+    }
+}
+
 fn is_zero<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
 }

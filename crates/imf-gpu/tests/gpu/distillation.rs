@@ -10,7 +10,7 @@ use imf_fields::harmonic::{FitSettings, HarmonicField, fit};
 use imf_fields::recipe::schedule::Schedule;
 use imf_fields::recipe::{Length, Loss, Optimiser, SoapConfig, TrainingPlan};
 use imf_gpu::{Gpu, GpuTrainer, TrainerSettings};
-use imf_train::distill::{distil, distil_on};
+use imf_train::distill::{Target, distil, distil_on};
 
 use crate::devices::{every_device, numbers, open, rows, wide};
 use crate::fields::scene;
@@ -90,7 +90,8 @@ fn engine(
     let TrainingPlan { adam, loss, .. } = settings.plan;
     let learning =
         TrainerSettings { adam, loss, optimiser: settings.optimiser, ..TrainerSettings::default() };
-    GpuTrainer::new(gpu, stack, &learning, settings.batch(teacher), &state.training).expect("an engine")
+    let batch = Target::from(teacher).batch(settings);
+    GpuTrainer::new(gpu, stack, &learning, batch, &state.training).expect("an engine")
 }
 
 #[test]

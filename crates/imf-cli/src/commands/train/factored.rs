@@ -22,7 +22,6 @@ use serde_json::json;
 use super::harmonic;
 use super::harmonic::validation_text;
 use crate::arguments::clearance::ContactArguments;
-use crate::arguments::harmonic::DEFAULT_SECTIONS;
 use crate::arguments::quantity::scene_of;
 use crate::arguments::scene::SceneArguments;
 use crate::arguments::train::FactoredArguments;
@@ -35,10 +34,6 @@ use crate::session::{Session, show_bytes};
 
 /// Random orientations that a finished network is held against exact sections at.
 const VALIDATED: usize = 64;
-/// A degree that leaves the teapot an error of a few millionths.
-const DEGREE: usize = 16;
-/// Of whole rotations: nearly as many functions, and so as much memory and time.
-const DEGREE_OF_ROTATIONS: usize = 5;
 
 pub(super) fn run(session: &Session, arguments: &FactoredArguments) -> Result<()> {
     let FactoredArguments { explicit, scene, contact, quantity, run, start, degree, online, .. } = arguments;
@@ -161,19 +156,10 @@ impl Request {
         start: &FactoredStart<'_>,
         from: Option<&FactoredFile>,
     ) -> Result<(FactoredFile, Option<f64>)> {
-        let domain = harmonic::domain(&scene.record.bare_tool().with_tip_only());
-        let usual = match domain {
-            Domain::Directions => DEGREE,
-            Domain::Rotations => DEGREE_OF_ROTATIONS,
-        };
-        let fit = FitSettings {
-            quantity: self.quantity,
-            degree: self.degree.unwrap_or(usual),
-            axes: usize::MAX,
-            precision: Precision::F32,
-            sections_per_function: DEFAULT_SECTIONS,
-            ..FitSettings::default()
-        };
+        let domain = Domain::of_tool(scene.record.bare_tool());
+        let usual = FitSettings::of_teacher(domain);
+        let degree = self.degree.unwrap_or(usual.degree);
+        let fit = FitSettings { quantity: self.quantity, degree, ..usual };
         start.require_source(scene, &fit)?;
         if let Some(file) = start.finished(session, self.precision)? {
             return Ok((file, None));

@@ -3,7 +3,6 @@
 use anyhow::Result;
 use imf_core::scene::Scene;
 use imf_core::section::{Quantity, SectionError, SectionPlan, ToolPoints};
-use imf_core::tool::Tool;
 use imf_core::unit::LengthUnit;
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::file::HarmonicFile;
@@ -26,7 +25,7 @@ pub(super) fn run(session: &Session, arguments: &HarmonicArguments) -> Result<()
     // A field that is saved is of the tip, which serves every sharp point: turning a tool of revolution about its axis moves
     // its sharp points, not the overlap at its tip.
     let plan = SectionPlan::of_scene(&scene, ToolPoints::Tip)?;
-    let domain = domain(&scene.record.bare_tool().with_tip_only());
+    let domain = Domain::of_tool(scene.record.bare_tool());
     let settings = arguments.settings(domain, quantity);
     let smaller = "use a lower --degree, fewer --components, or a larger --pitch";
     let file = fit_field(session, &scene, &plan, domain, settings, smaller)?;
@@ -94,11 +93,6 @@ pub(in crate::commands) fn interruption(error: HarmonicError, what: &str) -> any
         }
         other => other.into(),
     }
-}
-
-/// What the field of a tool depends on beside the point; the tool is one without clearance.
-pub(in crate::commands) fn domain(bare: &Tool) -> Domain {
-    if bare.is_axisymmetric() { Domain::Directions } else { Domain::Rotations }
 }
 
 /// The field of a scene, in so many exact sections as the settings ask for; `smaller` says what takes less memory.

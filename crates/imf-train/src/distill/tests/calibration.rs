@@ -53,20 +53,9 @@ fn coarse(part: ReferencePart) -> [FieldFile; 2] {
     };
     let mut state = settings.start(field.axis_count());
     distil(&field, &settings, &mut state, Control::quiet(), &mut |_| {}).unwrap();
-    let small =
-        FactoredField::new(&field, settings.shape(field.axis_count()), state.training.parameters).unwrap();
-    let report = field.report;
-    let harmonic = HarmonicFile { field, scene: scene.clone(), settings: fitting, calibration: None };
-    let factored = FactoredFile {
-        field: small,
-        scene,
-        fit: fitting,
-        report,
-        settings,
-        precision: Precision::F32,
-        state: None,
-        calibration: None,
-    };
+    let harmonic = HarmonicFile { field, scene, settings: fitting, calibration: None };
+    let factored = FactoredFile::distilled(&harmonic, settings, state).unwrap();
+    let factored = FactoredFile { state: None, ..factored };
     [FieldFile::Harmonic(Arc::new(harmonic)), FieldFile::Factored(Box::new(factored))]
 }
 
