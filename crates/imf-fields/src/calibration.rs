@@ -26,6 +26,13 @@ pub struct Rate {
     pub bound: f64,
 }
 
+impl Default for Rate {
+    /// Of no poses, which bound nothing.
+    fn default() -> Self {
+        Self { wrong: 0, of: 0, bound: 1.0 }
+    }
+}
+
 impl Rate {
     /// So many errors, with their bound.
     #[cfg(feature = "calibration")]
@@ -59,7 +66,7 @@ impl Default for Goals {
 }
 
 /// Poses of one kind, judged.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Judgement {
     /// Poses in all.
     pub poses: u64,
@@ -109,6 +116,14 @@ pub struct Calibration {
 }
 
 impl Calibration {
+    /// Thresholds that nothing is known of yet.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn unjudged(free_up_to: Option<f32>, colliding_from: Option<f32>) -> Self {
+        let (goals, judged) = (Goals::default(), Judgement::default());
+        Self { free_up_to, colliding_from, goals, seed: 0, uniform: judged, boundary: judged }
+    }
+
     /// True where the bounds of the uniform poses' rates keep the goals, and half of the clear poses or more are called free.
     pub fn keeps_its_goals(&self) -> bool {
         let Self { goals, uniform, .. } = self;
@@ -119,7 +134,13 @@ impl Calibration {
 
     /// The decision of a value, not clipped.
     pub(crate) fn decide(&self, value: f32) -> Decision {
-        decide(self.free_up_to, self.colliding_from, value)
+        if self.free_up_to.is_some_and(|free| value <= free) {
+            Decision::Free
+        } else if self.colliding_from.is_some_and(|colliding| value >= colliding) {
+            Decision::Colliding
+        } else {
+            Decision::Undecided
+        }
     }
 
     /// What is wrong with a record from a file, if anything is.
@@ -132,17 +153,6 @@ impl Calibration {
             (Some(free), Some(blocked)) if free >= blocked => Some("its thresholds cross"),
             _ => None,
         }
-    }
-}
-
-/// The decision of a value by thresholds.
-pub(crate) fn decide(free_up_to: Option<f32>, colliding_from: Option<f32>, value: f32) -> Decision {
-    if free_up_to.is_some_and(|free| value <= free) {
-        Decision::Free
-    } else if colliding_from.is_some_and(|colliding| value >= colliding) {
-        Decision::Colliding
-    } else {
-        Decision::Undecided
     }
 }
 

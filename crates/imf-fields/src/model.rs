@@ -95,6 +95,33 @@ pub struct TrainingRecord {
     pub held_out: Option<HeldOutRecord>,
 }
 
+impl TrainingRecord {
+    /// Of a network of which no step is done, by no samples of these orientations.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn untrained(orientations: OrientationSet) -> Self {
+        Self {
+            program: env!("CARGO_PKG_VERSION").into(),
+            plan: TrainingPlan::default(),
+            cursor: Cursor::default(),
+            watch: Watch::default(),
+            finished: false,
+            steps: 0,
+            seconds: 0.0,
+            engine: String::new(),
+            orientations,
+            sampling: Sampling::default(),
+            samples: 0,
+            dataset_crc32: 0,
+            groups_per_epoch: None,
+            fine_tuned_from: None,
+            losses: Vec::new(),
+            pending_loss: (0.0, 0),
+            held_out: None,
+        }
+    }
+}
+
 /// A network with everything that is known about it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Model {

@@ -13,14 +13,14 @@ use imf_core::section::{SectionPlan, ToolPoints};
 use imf_core::tool::{Clearance, Tool};
 use imf_core::unit::LengthUnit;
 use imf_fields::factored::file::FactoredFile;
-use imf_fields::factored::{DistillSettings, FactoredField, FactoredState};
+use imf_fields::factored::{DistillSettings, FactoredState};
 use imf_fields::file::FieldFile;
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::coefficients::{Coefficients, Precision};
 use imf_fields::harmonic::file::HarmonicFile;
 use imf_fields::harmonic::{FitSettings, fit};
 use imf_fields::model::{Model, TrainingRecord};
-use imf_fields::recipe::{Cursor, Sampling, TrainingPlan, TrainingState};
+use imf_fields::recipe::{Sampling, TrainingState};
 use imf_fields::siren::SirenShape;
 use imf_tests::readers::NEXT_FILE;
 use imf_train::dataset;
@@ -95,27 +95,14 @@ fn fields(scene: &Scene) -> Vec<(&'static str, FieldFile)> {
 
     let settings = DistillSettings { width: 6, hidden: 2, omega: 6.0, ..DistillSettings::default() };
     let shape = settings.shape(harmonic.field.axis_count());
-    let factored = FactoredFile {
-        field: FactoredField::new(&harmonic.field, shape, shape.initial_parameters(4)).unwrap(),
-        scene: scene.clone(),
-        fit: harmonic.settings,
-        report: harmonic.field.report,
-        settings,
-        precision: Precision::F32,
-        state: None,
-        calibration: None,
-    };
-    let state = Some(FactoredState::from_parameters(factored.field.parameters.clone()));
-    let checkpoint = FactoredFile { state, ..factored.clone() };
+    let state = FactoredState::new(&shape, 4);
+    let checkpoint = FactoredFile::distilled(&harmonic, settings, state).unwrap();
+    let factored = FactoredFile { state: None, ..checkpoint.clone() };
     let finished = factored.clone().finished(Precision::F16);
 
     let shape = SirenShape { width: 6, hidden: 3, omega: 3.0, ..SirenShape::default() };
-    let record: TrainingRecord = serde_json::from_value(serde_json::json!({
-        "program": "0", "plan": TrainingPlan::default(), "cursor": Cursor { epoch: 0, step: 0 }, "finished": true, "steps": 0,
-        "seconds": 0.0, "engine": "seed", "orientations": OrientationSet::parse("fibonacci:3").unwrap(),
-        "sampling": Sampling::default(), "samples": 0, "dataset_crc32": 0, "losses": []
-    }))
-    .unwrap();
+    let orientations = OrientationSet::parse("fibonacci:3").unwrap();
+    let record = TrainingRecord { finished: true, ..TrainingRecord::untrained(orientations) };
     let state = TrainingState::new(&shape, 3);
     let model = Model { shape, scene: scene.clone(), record, state, calibration: None };
     vec![

@@ -14,10 +14,8 @@ use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::coefficients::Precision;
 use imf_fields::harmonic::file::HarmonicFile;
 use imf_fields::harmonic::{FitSettings, fit};
-use imf_fields::model::Model;
-use imf_fields::recipe::Sampling;
+use imf_fields::model::{Model, TrainingRecord};
 use imf_fields::recipe::TrainingState;
-use imf_fields::recipe::{Cursor, TrainingPlan};
 use imf_fields::siren::SirenShape;
 
 /// Voxels of [`scene`]: few for Miri, which takes a thousand times as long.
@@ -67,12 +65,8 @@ pub(crate) fn harmonic_of(quantity: Quantity, scene: &Scene, folder: &Path) -> P
 /// A network of the paper's kind with its starting weights.
 pub(crate) fn siren(scene: &Scene, folder: &Path) -> PathBuf {
     let shape = SirenShape { width: if cfg!(miri) { 17 } else { 33 }, hidden: 3, ..SirenShape::default() };
-    let record = serde_json::json!({
-        "program": "0", "plan": TrainingPlan::default(), "cursor": Cursor { epoch: 0, step: 0 }, "finished": true,
-        "steps": 0, "seconds": 0.0, "engine": "test", "orientations": OrientationSet::parse("fibonacci:3").unwrap(),
-        "sampling": Sampling::default(), "samples": 0, "dataset_crc32": 0, "losses": []
-    });
-    let record = serde_json::from_value(record).unwrap();
+    let orientations = OrientationSet::parse("fibonacci:3").unwrap();
+    let record = TrainingRecord { finished: true, ..TrainingRecord::untrained(orientations) };
     let state = TrainingState::new(&shape, 3);
     let path = folder.join("siren.safetensors");
     Model { shape, scene: scene.clone(), record, state, calibration: None }.write(&path).unwrap();

@@ -7,10 +7,7 @@ use imf_core::parts::ReferencePart;
 use imf_core::scene::SceneSpec;
 use imf_core::tool::Tool;
 use imf_fields::model::{LossPoint, Model, TrainingRecord};
-use imf_fields::recipe::Sampling;
 use imf_fields::recipe::TrainingState;
-use imf_fields::recipe::divergence::Watch;
-use imf_fields::recipe::{Cursor, TrainingPlan};
 use imf_fields::siren::SirenShape;
 
 /// A tiny network for the bracket on 5×15×9 voxels.
@@ -20,23 +17,13 @@ pub(crate) fn model() -> Model {
     let spec = SceneSpec::of_reference(ReferencePart::Bracket, &mesh, [5, 15, 9], &tool);
     let shape = SirenShape { width: 9, hidden: 3, ..SirenShape::default() };
     let record = TrainingRecord {
-        program: "0".into(),
-        plan: TrainingPlan::default(),
-        cursor: Cursor::default(),
-        watch: Watch::default(),
         finished: true,
         steps: 12,
-        seconds: 0.0,
         engine: "none: random weights".into(),
-        orientations: OrientationSet::parse("fibonacci:3").unwrap(),
-        sampling: Sampling::default(),
         samples: 100,
         dataset_crc32: 7,
-        groups_per_epoch: None,
-        fine_tuned_from: None,
         losses: vec![LossPoint { step: 12, loss: 0.25 }],
-        pending_loss: (0.0, 0),
-        held_out: None,
+        ..TrainingRecord::untrained(OrientationSet::parse("fibonacci:3").unwrap())
     };
     let state = TrainingState::new(&shape, 1);
     Model { shape, scene: spec.scene().unwrap(), record, state, calibration: None }

@@ -114,7 +114,7 @@ impl fmt::Display for Verdict {
 #[cfg(all(test, feature = "calibration"))]
 mod tests {
     use super::*;
-    use crate::calibration::{Goals, Judgement, Rate};
+    use crate::calibration::{Judgement, Rate};
 
     fn of(false_free: u64, found_free: u64, false_colliding: u64, misordered: u64) -> Verdict {
         let rate = |wrong| Rate::new(wrong, 100_000, 0.99);
@@ -122,14 +122,11 @@ mod tests {
             poses: 200_000,
             false_free: rate(false_free),
             false_colliding: rate(false_colliding),
-            undecided: 0,
             found_free,
             misordered: rate(misordered),
-            largest_error: 0.1,
+            ..Judgement::default()
         };
-        let (free_up_to, colliding_from) = (Some(0.1), Some(0.2));
-        let goals = Goals::default();
-        Calibration { free_up_to, colliding_from, goals, seed: 1, uniform: judged, boundary: judged }
+        Calibration { uniform: judged, boundary: judged, ..Calibration::unjudged(Some(0.1), Some(0.2)) }
             .verdict()
     }
 

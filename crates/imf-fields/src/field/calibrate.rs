@@ -11,13 +11,12 @@
 //! middle between: then either rate is far below its goal.
 
 mod draw;
-mod more_poses;
 
 use thiserror::Error;
 
 use draw::{Draw, Kind, Seen, Truth};
 
-use crate::calibration::{Calibration, Goals, Judgement, Rate, decide, most_errors};
+use crate::calibration::{Calibration, Goals, Judgement, Rate, most_errors};
 use crate::field::Field;
 use crate::metrics::larger;
 use imf_core::control::Control;
@@ -88,6 +87,8 @@ pub enum CalibrationError {
 /// Poses drawn and answered at a time; one unit of progress.
 #[doc(hidden)]
 pub const CHUNK: usize = 1024;
+/// Most random poses that are drawn to choose thresholds by.
+const MOST: usize = 4_000_000;
 
 impl CalibrationSettings {
     /// Units of progress of [`calibrate`].
@@ -103,6 +104,19 @@ impl CalibrationSettings {
         let chosen = (seen + 8).saturating_mul(self.uniform as u64);
         let judged = (2 * seen).saturating_mul((self.uniform as u64).saturating_add(self.boundary as u64));
         chosen.saturating_add(judged)
+    }
+
+    /// As many poses as resolve the required rate where `colliding` of these collide, or as many as are drawn at most; nothing where
+    /// that is not more.
+    #[must_use]
+    pub fn with_more_poses(&self, colliding: usize) -> Option<Self> {
+        if self.uniform >= MOST || colliding == 0 {
+            return None;
+        }
+        // Of zero errors the bound is below the goal from 4.6 over it on; a tenth more for chance.
+        let more = 1.1 * 4.61 / self.goals.false_free / colliding as f64;
+        let uniform = ((self.uniform as f64 * more.max(1.1)) as usize).min(MOST);
+        Some(Self { uniform, ..*self })
     }
 
     fn check(&self) -> Result<(), CalibrationError> {
@@ -163,9 +177,10 @@ pub fn calibrate(
         (None, None) => (None, Some(f32::MIN)),
         apart => apart,
     };
-    let thresholds = Thresholds { free_up_to, colliding_from, goals };
-    let [uniform, boundary] = thresholds.judge(&truth, settings, control)?;
-    Ok(Calibration { free_up_to, colliding_from, goals, seed: settings.seed, uniform, boundary })
+    let seed = settings.seed;
+    let unjudged = Calibration { goals, seed, ..Calibration::unjudged(free_up_to, colliding_from) };
+    let [uniform, boundary] = unjudged.judge(&truth, settings, control)?;
+    Ok(Calibration { uniform, boundary, ..unjudged })
 }
 
 /// Judges a field's own calibration on fresh poses of another seed: uniform ones and boundary ones.
@@ -179,18 +194,12 @@ pub fn judge(
     control: Control<'_>,
 ) -> Result<[Judgement; 2], CalibrationError> {
     settings.check()?;
-    let Calibration { free_up_to, colliding_from, .. } = *calibration;
-    let thresholds = Thresholds { free_up_to, colliding_from, goals: settings.goals };
-    thresholds.judge(&Truth::new(field)?, settings, control)
+    let by_goals = Calibration { goals: settings.goals, ..*calibration };
+    by_goals.judge(&Truth::new(field)?, settings, control)
 }
 
-struct Thresholds {
-    free_up_to: Option<f32>,
-    colliding_from: Option<f32>,
-    goals: Goals,
-}
-
-impl Thresholds {
+impl Calibration {
+    /// Judges the thresholds by these goals, on poses that are drawn anew.
     fn judge(
         &self,
         truth: &Truth<'_>,
@@ -206,8 +215,7 @@ impl Thresholds {
     fn judgement(&self, seen: &[Seen]) -> Judgement {
         let count = |kind: Option<Kind>, decision: Option<Decision>| {
             let of = |s: &&Seen| {
-                kind.is_none_or(|k| k == s.kind)
-                    && decision.is_none_or(|d| d == decide(self.free_up_to, self.colliding_from, s.value))
+                kind.is_none_or(|k| k == s.kind) && decision.is_none_or(|d| d == self.decide(s.value))
             };
             seen.iter().filter(of).count() as u64
         };
@@ -227,5 +235,22 @@ impl Thresholds {
             misordered: Rate::new(misordered, pairs().count() as u64, self.goals.confidence),
             largest_error: seen.iter().map(|s| s.error).fold(0.0, larger),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn more_are_drawn_as_long_as_there_may_be() {
+        let usual = CalibrationSettings::default();
+        let more = usual.with_more_poses(2_000).unwrap();
+        assert!(more.uniform > usual.uniform && more.uniform <= MOST);
+        // Enough of them collide then, and a tenth more.
+        let colliding = 2_000.0 * more.uniform as f64 / usual.uniform as f64;
+        assert!(more.uniform == MOST || colliding * usual.goals.false_free > 4.6);
+        assert_eq!(usual.with_more_poses(0), None);
+        assert_eq!(CalibrationSettings { uniform: MOST, ..usual }.with_more_poses(10), None);
     }
 }

@@ -7,9 +7,9 @@ use glam::DVec3;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng as _, SeedableRng as _};
 
-use crate::calibration::{Calibration, Goals, Judgement, Rate};
+use crate::calibration::{Calibration, Judgement, Rate};
 use crate::factored::file::FactoredFile;
-use crate::factored::{DistillSettings, FactoredField, FactoredShape, Symmetry};
+use crate::factored::{DistillSettings, FactoredField, FactoredShape, FactoredState, Symmetry};
 use crate::field::Field;
 use crate::file::FieldFile;
 use crate::harmonic::basis::Domain;
@@ -20,6 +20,7 @@ use crate::model::{Model, TrainingRecord};
 use crate::recipe::TrainingState;
 use crate::siren::SirenShape;
 use imf_core::control::Control;
+use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
 use imf_core::pose::Pose;
 use imf_core::scene::{Scene, SceneSpec};
@@ -46,8 +47,7 @@ pub(crate) fn harmonic_file(scene: &Scene, degree: usize) -> HarmonicFile {
         precision: Precision::F32,
         ..FitSettings::default()
     };
-    let tool = &scene.record.tool;
-    let domain = if tool.with_tip_only().is_axisymmetric() { Domain::Directions } else { Domain::Rotations };
+    let domain = Domain::of_tool(&scene.record.tool);
     let field =
         fit(&SectionPlan::of_scene(scene, ToolPoints::Tip).unwrap(), domain, &settings, Control::quiet())
             .unwrap();
@@ -72,16 +72,8 @@ pub(crate) fn factored_file(scene: &Scene) -> FactoredFile {
     let teacher = harmonic_file(scene, 6);
     let settings = DistillSettings { width: 24, hidden: 2, omega: 6.0, ..DistillSettings::default() };
     let shape = settings.shape(teacher.field.axis_count());
-    FactoredFile {
-        field: FactoredField::new(&teacher.field, shape, shape.initial_parameters(4)).unwrap(),
-        scene: scene.clone(),
-        fit: teacher.settings,
-        report: teacher.field.report,
-        settings,
-        precision: Precision::F32,
-        state: None,
-        calibration: None,
-    }
+    let state = FactoredState::new(&shape, 4);
+    FactoredFile { state: None, ..FactoredFile::distilled(&teacher, settings, state).unwrap() }
 }
 
 pub(crate) fn factored(scene: &Scene) -> Field {
@@ -91,13 +83,8 @@ pub(crate) fn factored(scene: &Scene) -> Field {
 /// Starting weights, of the paper's shape but narrow.
 pub(crate) fn siren_model(scene: &Scene) -> Model {
     let shape = SirenShape { width: 33, hidden: 3, omega: 3.0, ..SirenShape::default() };
-    let record: TrainingRecord = serde_json::from_value(serde_json::json!({
-        "program": "0", "plan": crate::recipe::TrainingPlan::default(),
-        "cursor": crate::recipe::Cursor { epoch: 0, step: 0 }, "finished": true, "steps": 0, "seconds": 0.0,
-        "engine": "test", "orientations": imf_core::orientation::OrientationSet::parse("fibonacci:3").unwrap(),
-        "sampling": crate::recipe::Sampling::default(), "samples": 0, "dataset_crc32": 0, "losses": []
-    }))
-    .unwrap();
+    let orientations = OrientationSet::parse("fibonacci:3").unwrap();
+    let record = TrainingRecord { finished: true, ..TrainingRecord::untrained(orientations) };
     let state = TrainingState::new(&shape, 3);
     Model { shape, scene: scene.clone(), record, state, calibration: None }
 }
@@ -122,9 +109,12 @@ pub(crate) fn calibration(free: f32, colliding: f32) -> Calibration {
         misordered: rate,
         largest_error: 0.1,
     };
-    let (free_up_to, colliding_from) = (Some(free), Some(colliding));
-    let goals = Goals::default();
-    Calibration { free_up_to, colliding_from, goals, seed: 1, uniform: judged, boundary: judged }
+    Calibration {
+        seed: 1,
+        uniform: judged,
+        boundary: judged,
+        ..Calibration::unjudged(Some(free), Some(colliding))
+    }
 }
 
 pub(crate) fn siren(scene: &Scene) -> Field {

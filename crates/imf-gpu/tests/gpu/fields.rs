@@ -8,7 +8,7 @@ use imf_core::parts::ReferencePart;
 use imf_core::scene::{Scene, SceneSpec};
 use imf_core::section::Quantity;
 use imf_core::tool::Tool;
-use imf_fields::calibration::{Calibration, Goals, Judgement, Rate};
+use imf_fields::calibration::Calibration;
 use imf_fields::factored::file::FactoredFile;
 use imf_fields::factored::{Axis, DistillSettings, FactoredField, FactoredShape, Symmetry};
 use imf_fields::field::Field;
@@ -18,8 +18,7 @@ use imf_fields::harmonic::coefficients::{Coefficients, Precision};
 use imf_fields::harmonic::file::HarmonicFile;
 use imf_fields::harmonic::{FitReport, FitSettings, HarmonicField};
 use imf_fields::model::{Model, TrainingRecord};
-use imf_fields::recipe::divergence::Watch;
-use imf_fields::recipe::{Cursor, Sampling, TrainingPlan, TrainingState};
+use imf_fields::recipe::TrainingState;
 use imf_fields::siren::SirenShape;
 
 use crate::devices::number;
@@ -33,24 +32,7 @@ pub(crate) fn scene() -> Scene {
 
 /// Thresholds of any worth.
 pub(crate) fn calibration(free_up_to: f32, colliding_from: f32) -> Calibration {
-    let rate = Rate::new(0, 0, 0.99);
-    let nothing = Judgement {
-        poses: 0,
-        false_free: rate,
-        false_colliding: rate,
-        undecided: 0,
-        found_free: 0,
-        misordered: rate,
-        largest_error: 0.0,
-    };
-    Calibration {
-        free_up_to: Some(free_up_to),
-        colliding_from: Some(colliding_from),
-        goals: Goals::default(),
-        seed: 0,
-        uniform: nothing,
-        boundary: nothing,
-    }
+    Calibration::unjudged(Some(free_up_to), Some(colliding_from))
 }
 
 /// What a field is made of.
@@ -172,33 +154,12 @@ pub(crate) fn symmetries(at: DVec3) -> [Symmetry; 4] {
 /// A network of random weights, with thresholds among its values, which are worth nothing.
 pub(crate) fn model(skip_after: Option<usize>) -> Model {
     let shape = SirenShape { width: 48, hidden: 3, skip_after, omega: 10.0 };
+    let orientations = OrientationSet::parse("fibonacci:3").expect("a set");
     Model {
         shape,
         scene: scene(),
-        record: record(),
+        record: TrainingRecord { finished: true, ..TrainingRecord::untrained(orientations) },
         state: TrainingState::new(&shape, 4),
         calibration: Some(calibration(0.49, 0.51)),
-    }
-}
-
-fn record() -> TrainingRecord {
-    TrainingRecord {
-        program: "test".to_owned(),
-        plan: TrainingPlan::default(),
-        cursor: Cursor::default(),
-        watch: Watch::default(),
-        finished: true,
-        steps: 0,
-        seconds: 0.0,
-        engine: "none".to_owned(),
-        orientations: OrientationSet::parse("fibonacci:3").expect("a set"),
-        sampling: Sampling::default(),
-        samples: 0,
-        dataset_crc32: 0,
-        groups_per_epoch: None,
-        fine_tuned_from: None,
-        pending_loss: (0.0, 0),
-        held_out: None,
-        losses: Vec::new(),
     }
 }

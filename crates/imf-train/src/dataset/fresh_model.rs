@@ -2,8 +2,7 @@
 
 use imf_core::scene::Scene;
 use imf_fields::model::{Model, TrainingRecord};
-use imf_fields::recipe::divergence::Watch;
-use imf_fields::recipe::{Cursor, TrainingPlan, TrainingState};
+use imf_fields::recipe::{TrainingPlan, TrainingState};
 use imf_fields::siren::SirenShape;
 
 use super::Manifest;
@@ -21,23 +20,12 @@ impl Manifest {
         fine_tuned_from: Option<String>,
     ) -> Model {
         let record = TrainingRecord {
-            program: env!("CARGO_PKG_VERSION").into(),
             plan,
-            cursor: Cursor::default(),
-            watch: Watch::default(),
-            finished: false,
-            steps: 0,
-            seconds: 0.0,
-            engine: String::new(),
-            orientations: self.orientations.clone(),
             sampling: self.sampling,
             samples,
             dataset_crc32: self.fingerprint(),
-            groups_per_epoch: None,
             fine_tuned_from,
-            losses: Vec::new(),
-            pending_loss: (0.0, 0),
-            held_out: None,
+            ..TrainingRecord::untrained(self.orientations.clone())
         };
         Model { shape, scene, record, state, calibration: None }
     }
