@@ -47,8 +47,6 @@ pub mod evaluation;
 pub mod factored;
 pub mod field;
 pub mod file;
-#[cfg(test)]
-mod fixtures;
 pub mod harmonic;
 pub mod metrics;
 pub mod model;

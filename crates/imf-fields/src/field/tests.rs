@@ -1,6 +1,6 @@
 use std::f64::consts::FRAC_PI_2;
 
-use glam::{DMat4, DQuat, DVec3};
+use glam::{DQuat, DVec3};
 
 use crate::factored::{Axis, PointScratch, Symmetry};
 use crate::field::scenes::{
@@ -9,12 +9,12 @@ use crate::field::scenes::{
 };
 use crate::field::{Field, Planner};
 use crate::file::FieldFile;
-use crate::fixtures::unit_cube;
 use crate::siren::EvaluationEngine;
 use crate::siren::evaluator::CpuEvaluator;
 use crate::siren::features;
 use imf_core::control::Control;
 use imf_core::field::*;
+use imf_core::mesh::Mesh;
 use imf_core::orientation::OrientationSet;
 use imf_core::pose::Pose;
 use imf_core::scene::Scene;
@@ -324,8 +324,7 @@ fn the_best_orientation_is_that_of_asking_each() {
 #[test]
 fn tools_that_turn_have_values_and_gradients_too() {
     // A tool without symmetry.
-    let corners = DMat4::from_translation(DVec3::new(-6.0, -5.0, 0.0));
-    let side = unit_cube().transformed(&(corners * DMat4::from_scale(DVec3::new(20.0, 12.0, 50.0))));
+    let side = Mesh::cuboid(DVec3::new(-6.0, -5.0, 0.0), DVec3::new(14.0, 7.0, 50.0));
     let scene = scene(&Tool { shape: ToolShape::Mesh(side), ..Tool::paper() }, 0.0);
     for (name, field) in [("harmonic", harmonic(&scene)), ("factored", factored(&scene))] {
         let mut asked = poses(&scene, 60, 13);

@@ -1,5 +1,6 @@
 //! Files of every family, read back and damaged.
 
+use half::f16;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 
 use super::*;
@@ -8,6 +9,7 @@ use crate::field::Field;
 use crate::field::scenes::{
     calibration, factored_file, harmonic_file, harmonic_in_halves, scene, siren_model,
 };
+use crate::harmonic::coefficients::Precision;
 use imf_core::tool::Tool;
 
 /// Every family, in every precision, with and without what training goes on by.
@@ -25,13 +27,32 @@ fn all() -> Vec<FieldFile> {
     let mut state = FactoredState::from_parameters(factored.field.parameters.clone());
     state.training.first_moment[1] = 0.2;
     checkpoint.state = Some(state);
+    // What SOAP keeps of the one matrix between hidden layers, once there was a step.
+    let mut stepped = checkpoint.clone();
+    let training = &mut stepped.state.as_mut().unwrap().training;
+    let width = factored.settings.width;
+    training.step = 1;
+    training.preconditioners = vec![0.25; factored.settings.optimiser.kept_count(width, width)];
+    assert!(!training.preconditioners.is_empty());
+    // In f16 weights are rounded, and the axes of a folded network, which are most of them.
+    let round = |values: &mut [f32]| values.iter_mut().for_each(|w| *w = f16::from_f32(*w).to_f32());
+    let mut halves = FactoredFile { precision: Precision::F16, ..factored.clone() };
+    round(&mut halves.field.parameters);
+    let mut folded = factored.clone().finished(Precision::F16);
+    assert!(folded.field.shape.folded);
+    round(&mut folded.field.parameters);
+    round(&mut folded.field.axes);
     vec![
         FieldFile::Siren(Box::new(model.clone())),
         FieldFile::Siren(Box::new(model.without_moments())),
         FieldFile::Harmonic(Arc::new(harmonic_file(&scene, 4))),
         FieldFile::Harmonic(Arc::new(harmonic_in_halves(&scene, 4))),
-        FieldFile::Factored(Box::new(factored)),
+        FieldFile::Factored(Box::new(factored.clone())),
+        FieldFile::Factored(Box::new(factored.clone().finished(Precision::F32))),
         FieldFile::Factored(Box::new(checkpoint)),
+        FieldFile::Factored(Box::new(stepped)),
+        FieldFile::Factored(Box::new(halves)),
+        FieldFile::Factored(Box::new(folded)),
     ]
 }
 

@@ -153,7 +153,7 @@ pub struct FitReport {
     /// Mean squared error that the dropped axes make, as a sample of voxels tells: a part of the whole error.
     pub dropped: f64,
     /// The error at orientations that were not fitted: of a field as it is saved, over all voxels; of an
-    /// [`super::Outline`], over the sample's.
+    /// outline, over the sample's.
     pub validation: Validation,
 }
 

@@ -1,6 +1,6 @@
 //! The field against exact sections, against its definition, and against itself read back.
 
-use glam::{DMat4, DVec3};
+use glam::DVec3;
 
 use super::basis::{Basis, Domain};
 use super::coefficients::Precision;
@@ -8,6 +8,7 @@ use super::radial::direct_coefficients;
 use super::{FitSettings, HarmonicField, PointScratch, fit, section_count};
 use crate::metrics::{Errors, Validation};
 use imf_core::control::Control;
+use imf_core::mesh::Mesh;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
 use imf_core::scene::{Scene, SceneSpec};
@@ -298,10 +299,7 @@ fn single_poses_equal_sections_and_gradients_central_differences() {
 fn tools_that_are_not_of_revolution_have_fields_over_rotations() {
     let mut scene = scene();
     // A cutter with a box beside its axis.
-    let side = crate::fixtures::unit_cube().transformed(
-        &(DMat4::from_translation(DVec3::new(0.0, -6.0, 0.0))
-            * DMat4::from_scale(DVec3::new(24.0, 12.0, 50.0))),
-    );
+    let side = Mesh::cuboid(DVec3::new(0.0, -6.0, 0.0), DVec3::new(24.0, 6.0, 50.0));
     scene.record.tool = Tool { shape: imf_core::tool::ToolShape::Mesh(side), ..Tool::paper() };
     let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, ToolPoints::SharpPoints).unwrap();
     let settings = FitSettings { degree: 4, axes: 60, sections_per_function: 3.0, ..settings() };

@@ -374,7 +374,7 @@ fn a_part_far_from_zero_loses_no_digits() {
 
 #[test]
 fn functions_of_rotations_are_refused() {
-    let cube = crate::fixtures::unit_cube().transformed(&glam::DMat4::from_scale(DVec3::splat(9.0)));
+    let cube = imf_core::mesh::Mesh::cuboid(DVec3::ZERO, DVec3::splat(9.0));
     let scene = scene(&Tool { shape: ToolShape::Mesh(cube), ..Tool::paper() }, 0.0);
     let stored = FieldFile::Harmonic(Arc::new(harmonic_file(&scene, 1)));
     let error = model(&stored).unwrap_err();

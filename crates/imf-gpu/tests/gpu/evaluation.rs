@@ -66,24 +66,6 @@ fn values_agree_with_the_definition() {
 
 #[test]
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
-fn matrix_kernels_agree() {
-    let parameters = SHAPE.initial_parameters(3);
-    let inputs = inputs(&points(300), [10.0, 90.0]);
-    let [first, others @ ..] = MatrixKernel::ALL.map(|kernel| {
-        let gpu = open().with_matrix_kernel(kernel);
-        let mut outputs = vec![f32::NAN; 300];
-        GpuEvaluator::new(&gpu, SHAPE, &parameters).unwrap().evaluate(&inputs, &mut outputs).unwrap();
-        outputs
-    });
-    for other in others {
-        for (a, b) in first.iter().zip(&other) {
-            assert!(f64::from((a - b).abs()) <= NETWORK, "{a} {b}");
-        }
-    }
-}
-
-#[test]
-#[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
 fn the_minimum_is_that_of_the_values() {
     let parameters = SHAPE.initial_parameters(4);
     for gpu in devices() {

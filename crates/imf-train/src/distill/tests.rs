@@ -22,7 +22,6 @@ use imf_fields::factored::{
     DistillSettings, FactoredEvaluator, FactoredField, FactoredShape, FactoredState, INPUTS, PointScratch,
     Symmetry, reference,
 };
-use imf_fields::file::FieldFileError;
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::coefficients::Precision;
 use imf_fields::harmonic::{FitSettings, HarmonicField, fit};

@@ -7,7 +7,6 @@ use imf_fields::siren::INPUTS;
 use imf_fields::siren::lanes::archs;
 use imf_fields::siren::output::{Output, move_to_the_foot};
 use imf_fields::siren::reference;
-use imf_fields::siren::stack::Ending;
 
 /// Samples without pattern; `count` of them, from a generator of their own.
 pub(super) fn batch(count: usize, seed: u64) -> (Vec<f32>, Vec<f32>) {
@@ -296,15 +295,4 @@ fn the_minimum_is_the_first_least_value() {
     let constant = Output::of_sum(0.0).value() as f32;
     evaluator.minimum(&points, &directions, &mut least, &mut best).unwrap();
     assert!(best.iter().all(|&direction| direction == 0) && least.iter().all(|&value| value == constant));
-}
-
-#[test]
-fn what_ends_in_sines_is_not_trained() {
-    for ending in [Ending::Linear, Ending::Sines] {
-        let stack =
-            Stack { inputs: 3, width: 6, hidden: 3, skip_after: None, omega: 20.0, outputs: 6, ending };
-        let state = TrainingState::from_parameters(stack.initial_parameters(1));
-        let engine = CpuTrainer::of_stack(stack, AdamConfig::default(), Loss::L2, 4, state);
-        assert_eq!(engine.is_ok(), ending == Ending::Linear, "{ending:?}");
-    }
 }

@@ -4,7 +4,6 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use super::*;
-use crate::fixtures::small_tool;
 use crate::harmonic::coefficients::Precision;
 use crate::harmonic::evaluate::{DIRECTIONS_AT_ONCE, MANY, lower_to_whole, whole_sections};
 use crate::harmonic::{FitSettings, fit, minimum_of, minimum_over, outline, sections_of};
@@ -13,8 +12,15 @@ use imf_core::field::FieldError;
 use imf_core::obstacle::Obstacle;
 use imf_core::orientation::OrientationSet;
 use imf_core::section::{Imf, ToolPoints, sections};
+use imf_core::tool::{ElementKind, Segment, Tool};
 
 const DIMS: [usize; 3] = [15, 12, 14];
+
+/// A cutter and a holder of a few voxels.
+fn small_tool() -> Tool {
+    let (cutter, holder) = (Segment::cylinder(0.0, 5.0, 1.2), Segment::cylinder(5.0, 9.0, 2.7));
+    Tool::revolved("small", [(ElementKind::Cutter, vec![cutter]), (ElementKind::Holder(0), vec![holder])])
+}
 
 /// A bent bar and a pin, or a quarter of them and its images across x and z; `beyond` empty planes lie along x and z behind.
 fn obstacle(beyond: usize) -> Occupancy {

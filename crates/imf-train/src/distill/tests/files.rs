@@ -44,69 +44,6 @@ fn a_folded_network_is_not_trained() {
 }
 
 #[test]
-fn files_read_back_bit_for_bit_and_damage_is_named() {
-    let scene = scene();
-    let harmonic = harmonic(&scene);
-    let axes = harmonic.axis_count();
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("field.safetensors");
-    let [adam, soap] = OPTIMISERS;
-    for (optimiser, precision, resumable, folded) in [
-        (adam, Precision::F32, true, false),
-        (soap, Precision::F32, true, false),
-        (adam, Precision::F32, false, false),
-        (soap, Precision::F16, false, false),
-        (adam, Precision::F32, false, true),
-        (soap, Precision::F16, false, true),
-    ] {
-        let settings = DistillSettings { optimiser, ..settings(8) };
-        let mut state = settings.start(axes);
-        distil(&harmonic, &settings, &mut state, Control::quiet(), &mut |_| {}).unwrap();
-        let field =
-            FactoredField::new(&harmonic, settings.shape(axes), state.training.parameters.clone()).unwrap();
-        let mut file = FactoredFile {
-            field: if folded { field.fold() } else { field },
-            scene: Scene::from_union(scene.record.clone(), scene.obstacle.clone()),
-            fit: FIT,
-            report: harmonic.report,
-            settings,
-            precision,
-            state: resumable.then_some(state),
-            calibration: None,
-        };
-        file.write(&path).unwrap();
-        assert!(FactoredFile::is_one(&path));
-        let read = FactoredFile::read(&path).unwrap();
-        if precision == Precision::F16 {
-            let FactoredField { parameters, axes, .. } = &mut file.field;
-            let axes = axes.iter_mut().filter(|_| folded);
-            parameters.iter_mut().chain(axes).for_each(|w| *w = half::f16::from_f32(*w).to_f32());
-        }
-        assert_eq!(read, file);
-        let bytes = std::fs::read(&path).unwrap();
-        for cut in [0, 7, 100, bytes.len() / 2, bytes.len() - 1] {
-            std::fs::write(&path, &bytes[..cut]).unwrap();
-            let error = FactoredFile::read(&path).unwrap_err();
-            assert!(error.to_string().contains("field.safetensors"), "{error}");
-        }
-        let header = 8 + u64::from_le_bytes(bytes[..8].try_into().unwrap()) as usize;
-        for place in [header + 11, (header + bytes.len()) / 2, bytes.len() - 3] {
-            let mut flipped = bytes.clone();
-            flipped[place] ^= 0x10;
-            std::fs::write(&path, flipped).unwrap();
-            let error = FactoredFile::read(&path).unwrap_err();
-            assert!(matches!(error, FieldFileError::Damaged { .. }), "byte {place}: {error}");
-        }
-        let text = std::str::from_utf8(&bytes[8..header]).unwrap();
-        let newer = text.replacen(r#"\"version\":1"#, r#"\"version\":9"#, 1);
-        let other = [&bytes[..8], newer.as_bytes(), &bytes[header..]].concat();
-        std::fs::write(&path, other).unwrap();
-        assert!(matches!(FactoredFile::read(&path), Err(FieldFileError::Newer { found: 9, .. })));
-    }
-    assert!(matches!(FactoredFile::read(&folder.path().join("none")), Err(FieldFileError::Read { .. })));
-}
-
-#[test]
 fn weights_turned_to_another_teacher_answer_as_before() {
     let scene = scene();
     let own = field(&harmonic(&scene), 40);
