@@ -1,5 +1,5 @@
 //! Ctrl-C ends the program at once. Work that keeps what is finished ([`keep`]) is asked to stop at the next safe place instead, and
-//! only the second Ctrl-C ends it.
+//! only the second Ctrl-C ends it. Other work is never cancelled, and need not say what a cancellation leaves.
 
 use std::borrow::Cow;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};

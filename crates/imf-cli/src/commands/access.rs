@@ -14,13 +14,12 @@ use std::time::Instant;
 
 use anyhow::{Context, Result};
 use imf_core::access::{
-    AccessMap, AccessSettings, CombinedAccess, Removable, RemovableError, Space, ToolAccess, access_map,
-    cutter_of, removable, tool_access,
+    AccessMap, AccessSettings, CombinedAccess, Removable, Space, ToolAccess, access_map, cutter_of,
+    removable, tool_access,
 };
-use imf_core::section::{ElementMeasures, ElementPlans, SectionError, elements_at_best};
+use imf_core::section::{ElementMeasures, ElementPlans, elements_at_best};
 
 use crate::arguments::access::AccessArguments;
-use crate::interrupt::Interrupted;
 use crate::output::{OutputFile, OutputFolder, SUMMARY, print, print_json, write_json};
 use crate::session::Session;
 
@@ -101,14 +100,14 @@ fn find(session: &Session, run: &AccessRun) -> Result<Findings> {
             session.stage(&format!("sections, {}", tool.name), "orientations", orientations.len() as u64);
         let advance = |n| stage.advance(n);
         let access = tool_access(plan, orientations, settings, session.control(&advance));
-        let access = access.map_err(interrupted)?;
+        let access = access?;
         stage.finish("");
         together.take(index, &access);
         let stage =
             session.stage(&format!("elements, {}", tool.name), "orientations", orientations.len() as u64);
         let advance = |n| stage.advance(n);
         let found = elements_at_best(&plans, orientations, &access.imf, session.control(&advance));
-        elements.push(found.map_err(interrupted)?);
+        elements.push(found?);
         stage.finish("");
         let tip_alone = plan.tip_alone();
         drop(plans);
@@ -119,7 +118,7 @@ fn find(session: &Session, run: &AccessRun) -> Result<Findings> {
                 session.stage(&format!("fixtures, {}", tool.name), "orientations", orientations.len() as u64);
             let advance = |n| stage.advance(n);
             let found = elements_at_best(&plans, orientations, &access.imf, session.control(&advance));
-            let found = found.map_err(interrupted)?;
+            let found = found?;
             stage.finish("");
             Ok(found)
         });
@@ -136,10 +135,7 @@ fn find(session: &Session, run: &AccessRun) -> Result<Findings> {
             let control = session.control(&advance);
             let found =
                 removable(&run.obstacle, assembly, &stock.solid, &cutter, orientations, run.tau, control);
-            swept.push(found.map_err(|error| match error {
-                RemovableError::Section(error) => interrupted(error),
-                other => other.into(),
-            })?);
+            swept.push(found?);
             stage.finish("");
         }
         if let Some((point, cells)) = run.map {
@@ -147,7 +143,7 @@ fn find(session: &Session, run: &AccessRun) -> Result<Findings> {
                 session.stage(&format!("map, {}", tool.name), "directions", (cells[0] * cells[1]) as u64);
             let advance = |n| stage.advance(n);
             let map = access_map(&run.obstacle, assembly, point, cells, session.control(&advance));
-            let map = map.map_err(interrupted)?;
+            let map = map?;
             maps.push(match &run.limits {
                 Some(limits) => map.within(limits),
                 None => map,
@@ -157,13 +153,4 @@ fn find(session: &Session, run: &AccessRun) -> Result<Findings> {
     }
     let space = Space::new(&run.solid, &together.imf.value, run.tau);
     Ok(Findings { tools, elements, at_fixtures, together, space, removable: swept, maps })
-}
-
-fn interrupted(error: SectionError) -> anyhow::Error {
-    match error {
-        SectionError::Cancelled => {
-            Interrupted("no result was written, since a share of the orientations is no answer".into()).into()
-        }
-        other => other.into(),
-    }
 }

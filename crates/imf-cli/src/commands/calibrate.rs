@@ -59,10 +59,7 @@ pub(crate) fn run(session: &Session, arguments: &CalibrateArguments) -> Result<(
         }),
         None => calibrate(&field, &settings, control),
     };
-    let calibration = calibration.map_err(|error| match error {
-        CalibrationError::Cancelled => Interrupted("nothing was written".into()).into(),
-        other => anyhow::Error::from(other),
-    })?;
+    let calibration = calibration?;
     stage.finish(if calibration.keeps_its_goals() { "goals kept" } else { "goals missed" });
     // Two of a field need not be in memory at once.
     drop(field);

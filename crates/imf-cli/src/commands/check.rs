@@ -26,7 +26,6 @@ use thiserror::Error;
 
 use crate::arguments::check::{CheckArguments, Frame, NumberedTool};
 use crate::arguments::scene::{SceneArguments, warn_of};
-use crate::interrupt::Interrupted;
 use crate::output::{OutputFile, OutputFolder, print_result};
 use crate::session::Session;
 use stock::{StockInput, StockResult};
@@ -121,11 +120,8 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
     let around = CheckBodies { part: &bodies.part, fixtures: &bodies.fixtures, machine: machine.as_ref() };
     machine_remarks(around, &numbered, &toolpath.set_up).iter().for_each(|remark| session.warn(remark));
     let report = check_toolpath(around, &numbered, &toolpath, &settings, control);
-    let stopped = |error: CheckError| match error {
-        CheckError::Cancelled => Interrupted("the toolpath was not checked to its end".into()).into(),
-        other => named(other, arguments),
-    };
-    let mut report = report.map_err(stopped)?;
+    let with_name = |error| named(error, arguments);
+    let mut report = report.map_err(with_name)?;
     stage.finish(&format!("{} poses", report.poses));
     let mut stick_outs = Vec::new();
     if arguments.stickout {
@@ -135,7 +131,7 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
         let by = machine.as_ref().map(MachineBodies::machine);
         let control = session.control(&advance);
         let found = least_stick_outs(&obstacle, &numbered, &toolpath, &settings, by, control);
-        stick_outs = found.map_err(stopped)?;
+        stick_outs = found.map_err(with_name)?;
         stage.finish("");
     }
     let mut stock = match stock {
@@ -149,7 +145,7 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
             let advance = |n| stage.advance(n);
             let control = session.control(&advance);
             let found = check_stock(around, &stock.voxels, &numbered, &toolpath, &settings, control);
-            let found = found.map_err(stopped)?;
+            let found = found.map_err(with_name)?;
             stage.finish("");
             Some(StockResult::new(stock, found, &mut report, &bare.part, settings, &toolpath, record))
         }
@@ -200,9 +196,6 @@ fn asks_for_machine(error: ToolpathError, is_given: bool) -> anyhow::Error {
 
 /// The error, with the toolpath's name where it is about a line of it.
 fn named(error: CheckError, arguments: &CheckArguments) -> anyhow::Error {
-    if matches!(error, CheckError::Cancelled) {
-        return Interrupted("the toolpath was not checked to its end".into()).into();
-    }
     let of_line = matches!(
         error,
         CheckError::Opposite { .. }

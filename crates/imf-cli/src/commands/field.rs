@@ -25,7 +25,6 @@ use imf_fields::harmonic::basis::Domain;
 use serde_json::{Value, json};
 
 use self::check::Check;
-use self::counting::StreamOutcome;
 use self::saved::SavedField;
 use super::calibrate::threshold_text;
 use super::notes;

@@ -4,13 +4,12 @@ use std::path::Path;
 
 use anyhow::Result;
 use imf_core::access::Volume;
-use imf_core::certificate::{CertificateError, Reachability, certify};
+use imf_core::certificate::{Reachability, certify};
 use imf_core::field_files::write_npy;
 use serde::Serialize;
 
 use super::Findings;
 use super::run::AccessRun;
-use crate::interrupt::Interrupted;
 use crate::session::Session;
 
 /// By voxel of the examined grid: 0 solid, 1 reached from an asked direction, 2 from another one, 3 from none whatever, 4 not known.
@@ -53,14 +52,7 @@ impl AnyDirection {
             let name = format!("any direction, {}", assembly.tool().name);
             let stage = session.stage(&name, "places", left.len() as u64);
             let advance = |n| stage.advance(n);
-            let found = certify(&run.obstacle, assembly, &run.query, &left, session.control(&advance));
-            let found = found.map_err(|error| match error {
-                CertificateError::Cancelled => {
-                    Interrupted("no result was written, since a share of the places is no answer".into())
-                        .into()
-                }
-                other => anyhow::Error::from(other),
-            })?;
+            let found = certify(&run.obstacle, assembly, &run.query, &left, session.control(&advance))?;
             for (&voxel, found) in left.iter().zip(found) {
                 classes[voxel] = match found {
                     Reachability::Reached(_) => OTHER,

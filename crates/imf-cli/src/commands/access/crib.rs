@@ -7,13 +7,14 @@ mod tools;
 use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
+use imf_core::control::Cancelled;
 use imf_core::field_files::write_ply;
 use imf_core::machine::{AxisLimits, Machine};
 use imf_core::orientation::OrientationSet;
 use imf_core::scene::SceneWarning;
 use imf_core::set_cover::{CoverProblem, CoverSettings};
 use imf_core::surface::{
-    Reach, SurfaceError, SurfaceSamples, SurfaceTool, Verdict, contact_reach, crib_access, surface_access,
+    Reach, SurfaceSamples, SurfaceTool, Verdict, contact_reach, crib_access, surface_access,
 };
 use imf_core::tool::ElementKind;
 use imf_core::unit::LengthUnit;
@@ -23,7 +24,6 @@ use super::surface::{SAMPLES, SurfaceSettings, rgb};
 use crate::arguments::access::AccessArguments;
 use crate::arguments::orientations::{Directions, default_for};
 use crate::arguments::scene::{voxelise_with_progress, warn_of};
-use crate::interrupt::Interrupted;
 use crate::output::{OutputFolder, SUMMARY, print, print_json, write_json, write_text};
 use crate::session::Session;
 
@@ -142,7 +142,7 @@ impl Crib {
         let advance = |n| stage.advance(n);
         let control = session.control(&advance);
         let verdicts = crib_access(&among, &samples.samples, &orientations.orientations, control);
-        let verdicts = verdicts.map_err(interrupted)?;
+        let verdicts = verdicts?;
         stage.finish("");
         let mut crib = Self {
             part: inputs.part.name.clone(),
@@ -178,8 +178,7 @@ impl Crib {
         }
         let settings = CoverSettings { fraction: self.fraction, ..CoverSettings::default() };
         let cover = problem.fewest(&settings, session.control(&|_| {}));
-        let cover = cover
-            .ok_or_else(|| Interrupted("no result was written: the fewest tools were not found".into()))?;
+        let cover = cover.ok_or(Cancelled)?;
         (self.chosen, self.at_least) = (cover.sets, cover.at_least);
         Ok(())
     }
@@ -211,7 +210,7 @@ impl Crib {
             }
             let control = session.control(&|_| {});
             let access = surface_access(tool, &samples, &self.orientations.orientations, control);
-            for (reach, sample) in access.map_err(interrupted)?.reach.iter().zip(&samples) {
+            for (reach, sample) in access?.reach.iter().zip(&samples) {
                 let Reach::Obstructed { hits, .. } = reach else { continue };
                 if tool.is_limited() && *hits == 0 {
                     self.by_machine += sample.area;
@@ -256,14 +255,5 @@ impl Crib {
                 .into(),
         ];
         Ok(write_ply(path, &self.samples.mesh, &values, &colours, &comments)?)
-    }
-}
-
-fn interrupted(error: SurfaceError) -> anyhow::Error {
-    match error {
-        SurfaceError::Cancelled => {
-            Interrupted("no result was written, since a share of the tools is no answer".into()).into()
-        }
-        other => other.into(),
     }
 }

@@ -16,8 +16,8 @@ use imf_core::field_files::{NamedField, write_ply, write_vti, write_vtp};
 use imf_core::mesh::Mesh;
 use imf_core::scene::{Bodies, Guarantee, SceneSpec};
 use imf_core::surface::{
-    CollisionEnvironment, Reach, SurfaceAccess, SurfaceError, SurfaceSamples, SurfaceTool, Verdict,
-    default_tolerance, surface_access, surface_memory_estimate,
+    CollisionEnvironment, Reach, SurfaceAccess, SurfaceSamples, SurfaceTool, Verdict, default_tolerance,
+    surface_access, surface_memory_estimate,
 };
 
 pub(super) use row::SurfaceRow;
@@ -30,7 +30,6 @@ pub(super) use stick_out::StickOutRow;
 use super::on_machine::IN_THE_WAY;
 use super::run::AccessRun;
 use crate::arguments::access::AccessArguments;
-use crate::interrupt::Interrupted;
 use crate::session::Session;
 
 /// At least so many samples; triangles that are halved until they are small enough make up to four times as many.
@@ -336,15 +335,6 @@ impl Surface {
     }
 }
 
-fn interrupted(error: SurfaceError) -> anyhow::Error {
-    match error {
-        SurfaceError::Cancelled => {
-            Interrupted("no result was written, since a share of the surface is no answer".into()).into()
-        }
-        other => other.into(),
-    }
-}
-
 /// One tool among its surroundings, which are of a pitch.
 fn one_tool(
     session: &Session,
@@ -363,7 +353,7 @@ fn one_tool(
     let advance = |n| stage.advance(n);
     let control = session.control(&advance);
     let access = surface_access(&tool, &samples.samples, &run.orientations.orientations, control);
-    let access = access.map_err(interrupted)?;
+    let access = access?;
     stage.finish("");
     Ok((access, tool))
 }

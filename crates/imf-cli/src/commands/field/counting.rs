@@ -13,14 +13,6 @@ use super::{ExactSections, Values, Work};
 use crate::engine::Device;
 use crate::interrupt;
 
-/// The result of a run over all orientations.
-pub(super) enum StreamOutcome<V> {
-    /// What was made of all sections.
-    Whole(V),
-    /// Stopped by Ctrl-C.
-    Interrupted,
-}
-
 impl Work<'_> {
     /// How sections are computed, as text.
     pub(super) fn computed_by(&self) -> String {
@@ -46,7 +38,7 @@ impl Work<'_> {
         ready: impl FnOnce() -> Result<()>,
         start: impl Fn() -> V + Sync,
         visit: impl Fn(&mut V, usize, &[f32]) -> Result<()> + Sync,
-    ) -> Result<StreamOutcome<Vec<V>>> {
+    ) -> Result<Vec<V>> {
         let ExactSections { plan, depth, check, .. } = match &self.values {
             Values::Saved(field) => return field.stream(self, ready, start, visit),
             Values::Exact(counted) => counted,
@@ -82,7 +74,7 @@ impl Work<'_> {
     }
 
     /// The minimum over all orientations.
-    pub(super) fn minimum(&self) -> Result<StreamOutcome<Imf>> {
+    pub(super) fn minimum(&self) -> Result<Imf> {
         let ExactSections { plan, check, .. } = match &self.values {
             Values::Saved(field) => return field.minimum(self),
             Values::Exact(counted) => counted,
@@ -108,14 +100,10 @@ impl Work<'_> {
             minimum.lower_to(index, cmf);
             Ok(())
         };
-        Ok(match self.stream(|| Ok(()), || Imf::new(voxels), visit)? {
-            StreamOutcome::Interrupted => StreamOutcome::Interrupted,
-            StreamOutcome::Whole(parts) => {
-                let mut whole = Imf::new(voxels);
-                parts.iter().for_each(|part| whole.merge(part));
-                StreamOutcome::Whole(whole)
-            }
-        })
+        let parts = self.stream(|| Ok(()), || Imf::new(voxels), visit)?;
+        let mut whole = Imf::new(voxels);
+        parts.iter().for_each(|part| whole.merge(part));
+        Ok(whole)
     }
 
     fn on_device<'a>(&self, gpu: &Gpu, plan: &'a SectionPlan) -> Result<GpuSections<'a>> {
@@ -127,10 +115,7 @@ impl Work<'_> {
     }
 
     /// Runs `work` with a progress line and a flag that stops it, which Ctrl-C sets as well.
-    fn staged<T>(
-        &self,
-        work: impl FnOnce(Control<'_>, &AtomicBool) -> Result<T>,
-    ) -> Result<StreamOutcome<T>> {
+    fn staged<T>(&self, work: impl FnOnce(Control<'_>, &AtomicBool) -> Result<T>) -> Result<T> {
         let stop = AtomicBool::new(false);
         let stage = self.session.stage("exact sections", "sections", self.set.len() as u64);
         let advance = |sections| {
@@ -139,18 +124,14 @@ impl Work<'_> {
                 stop.store(true, Ordering::Relaxed);
             }
         };
-        match work(Control { progress: &advance, cancelled: &stop }, &stop) {
-            Ok(result) => {
-                stage.finish(&self.computed_by());
-                Ok(StreamOutcome::Whole(result))
-            }
-            Err(error) if is_cancelled(&error) => Ok(StreamOutcome::Interrupted),
-            Err(error) => Err(error),
-        }
+        let result = work(Control { progress: &advance, cancelled: &stop }, &stop)?;
+        stage.finish(&self.computed_by());
+        Ok(result)
     }
 }
 
-fn is_cancelled(error: &Error) -> bool {
+/// Whether a stream was stopped by Ctrl-C.
+pub(super) fn is_cancelled(error: &Error) -> bool {
     let on_device = matches!(error.downcast_ref(), Some(GpuSectionError::Section(SectionError::Cancelled)));
     on_device || matches!(error.downcast_ref(), Some(SectionError::Cancelled))
 }

@@ -2,12 +2,11 @@
 
 use anyhow::Result;
 use imf_core::field_files::write_npy;
-use imf_core::section::{ElementScratch, Imf, SectionError, elements_at_best};
+use imf_core::section::{ElementScratch, Imf, elements_at_best};
 use imf_core::tool::ElementKind;
 use serde::Serialize;
 
 use super::Work;
-use crate::interrupt::Interrupted;
 use crate::output::element_name;
 use crate::picture::MaskStyle;
 use crate::slices::{MidPlaneSheet, MidPlanes};
@@ -53,10 +52,7 @@ pub(super) fn at_best(work: &Work<'_>, imf: &Imf) -> Result<Vec<(ElementKind, Ve
     let stage = work.session.stage("elements", "orientations", work.set.len() as u64);
     let advance = |n| stage.advance(n);
     let found = elements_at_best(plans, &work.set.orientations, imf, work.session.control(&advance));
-    let found = found.map_err(|error| match error {
-        SectionError::Cancelled => Interrupted("the elements' measures are not written".into()).into(),
-        other => anyhow::Error::from(other),
-    })?;
+    let found = found?;
     stage.finish("");
     Ok(found.kinds.into_iter().zip(found.values).collect())
 }

@@ -8,17 +8,15 @@ use imf_core::tool::ElementKind;
 use serde_json::json;
 
 use super::elements::{self, ElementRow};
-use super::{ORIENTATIONS, SUMMARY, StreamOutcome, Values, Work};
+use super::{ORIENTATIONS, SUMMARY, Values, Work};
 use crate::arguments::orientations::suggested_lines;
-use crate::interrupt::Interrupted;
 use crate::output::{print, print_json, same_digits, write_json};
 use crate::picture::MaskStyle;
 use crate::slices::{MidPlaneSheet, MidPlanes};
 
 pub(super) fn run(work: &Work<'_>) -> Result<()> {
     let (grid, obstacle) = (&work.scene.record.grid, &work.scene.obstacle);
-    let unfinished = || Err(Interrupted("the IMF needs every section; none was written".into()).into());
-    let StreamOutcome::Whole(whole) = work.minimum()? else { return unfinished() };
+    let whole = work.minimum()?;
     work.folder.begin(work.session)?;
     let elements = elements::at_best(work, &whole)?;
     let borrowed: Vec<_> = elements.iter().map(|(kind, values)| (*kind, values.as_slice())).collect();

@@ -2,15 +2,13 @@
 
 use anyhow::Result;
 use glam::DVec3;
-use imf_core::field::FieldError;
-use imf_core::section::Imf;
+use imf_core::section::{Imf, SectionError};
 use imf_fields::file::FieldFile;
 use imf_fields::harmonic::DIRECTIONS_AT_ONCE;
 use imf_fields::harmonic::basis::Basis;
 use serde_json::{Value, json};
 
 use super::Work;
-use super::counting::StreamOutcome;
 use crate::commands::train::harmonic::{describe, errors_text};
 use crate::engine::{Device, Workload};
 use crate::interrupt;
@@ -117,7 +115,7 @@ impl SavedField {
         ready: impl FnOnce() -> Result<()>,
         start: impl Fn() -> V,
         visit: impl Fn(&mut V, usize, &[f32]) -> Result<()>,
-    ) -> Result<StreamOutcome<Vec<V>>> {
+    ) -> Result<Vec<V>> {
         let voxels = work.scene.record.grid.len();
         let all = &work.set.orientations;
         let calls = if all.len() > AT_ONCE { Workload::Many } else { Workload::One };
@@ -130,7 +128,7 @@ impl SavedField {
         let mut own = start();
         for (batch, orientations) in all.chunks(AT_ONCE).enumerate() {
             if interrupt::requested() {
-                return Ok(StreamOutcome::Interrupted);
+                return Err(SectionError::Cancelled.into());
             }
             let sections = &mut values[..voxels * orientations.len()];
             field.sections(orientations, sections)?;
@@ -140,11 +138,11 @@ impl SavedField {
             }
         }
         stage.finish("");
-        Ok(StreamOutcome::Whole(vec![own]))
+        Ok(vec![own])
     }
 
     /// The minimum over all orientations. Looks whether there is memory for what is made of it as well.
-    pub(super) fn minimum(&self, work: &Work<'_>) -> Result<StreamOutcome<Imf>> {
+    pub(super) fn minimum(&self, work: &Work<'_>) -> Result<Imf> {
         let together = work.set.len().min(DIRECTIONS_AT_ONCE);
         self.require_memory(work, work.device.copied_bytes(&self.stored, Workload::One), WRITTEN, together)?;
         let values = work.scene.record.grid.len() as u64 * work.set.len() as u64;
@@ -152,14 +150,9 @@ impl SavedField {
         let advance = |values| stage.advance(values);
         let control = work.session.control(&advance);
         let field = work.device.field(work.session, &self.stored, Workload::One)?.field;
-        match field.minimum(&work.set.orientations, control) {
-            Err(FieldError::Cancelled) => Ok(StreamOutcome::Interrupted),
-            Err(error) => Err(error.into()),
-            Ok(minimum) => {
-                stage.finish("");
-                Ok(StreamOutcome::Whole(minimum))
-            }
-        }
+        let minimum = field.minimum(&work.set.orientations, control)?;
+        stage.finish("");
+        Ok(minimum)
     }
 
     /// Refuses what does not fit beside the field: its coefficients at every voxel where they are needed, some arrays of values, and

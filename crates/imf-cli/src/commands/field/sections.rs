@@ -8,8 +8,9 @@ use imf_core::orientation::Orientation;
 use imf_core::section::ElementPlans;
 use serde_json::{Value, json};
 
+use super::counting::is_cancelled;
 use super::elements::{self, ElementBuffers, ElementRow};
-use super::{Measure, ORIENTATIONS, Outside, SUMMARY, StreamOutcome, Values, Work, angles_text};
+use super::{Measure, ORIENTATIONS, Outside, SUMMARY, Values, Work, angles_text};
 use crate::interrupt::{self, Interrupted};
 use crate::output::{print, print_json, same_digits, table, write_json};
 use crate::picture::MaskStyle;
@@ -88,13 +89,14 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
         written.fetch_add(1, Ordering::Relaxed);
         Ok(())
     };
-    let StreamOutcome::Whole(parts) = work.stream(begin, ThreadState::default, visit)? else {
+    let parts = work.stream(begin, ThreadState::default, visit).map_err(|error| {
+        if !is_cancelled(&error) {
+            return error;
+        }
         let (written, all, folder) =
             (written.load(Ordering::Relaxed), set.len(), work.folder.path().display());
-        return Err(
-            Interrupted(format!("{written} of {all} sections are finished and kept in {folder}")).into()
-        );
-    };
+        Interrupted(format!("{written} of {all} sections are finished and kept in {folder}")).into()
+    })?;
     // All sections are written; what is still drawn of them is not kept for.
     drop(keeping);
     let mut kept: Vec<WrittenSection> = parts.into_iter().flat_map(|own| own.kept).collect();

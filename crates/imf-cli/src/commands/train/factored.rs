@@ -216,8 +216,7 @@ fn section_source<'a>(
     let sections = fit.sizes(domain).sections + fit.held_out;
     let stage = session.stage("functions", "sections", sections as u64);
     let advance = |sections| stage.advance(sections);
-    let source = SectionSource::new(plan, domain, fit, session.control(&advance));
-    let source = source.map_err(|error| harmonic::interruption(error, "a choice of functions"))?;
+    let source = SectionSource::new(plan, domain, fit, session.control(&advance))?;
     stage.finish("");
     Ok(source)
 }

@@ -2,18 +2,17 @@
 
 use anyhow::Result;
 use imf_core::scene::Scene;
-use imf_core::section::{Quantity, SectionError, SectionPlan, ToolPoints};
+use imf_core::section::{Quantity, SectionPlan, ToolPoints};
 use imf_core::unit::LengthUnit;
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::file::HarmonicFile;
-use imf_fields::harmonic::{FitSettings, HarmonicError, HarmonicField, fit, section_count};
+use imf_fields::harmonic::{FitSettings, HarmonicField, fit, section_count};
 use imf_fields::metrics::Validation;
 use serde_json::json;
 
 use crate::arguments::harmonic::HarmonicArguments;
 use crate::arguments::quantity::scene_of;
 use crate::commands::calibrate;
-use crate::interrupt::Interrupted;
 use crate::output::{OutputFile, print_result, short};
 use crate::session::Session;
 
@@ -85,15 +84,6 @@ pub(in crate::commands) fn validation_text(
     }
 }
 
-/// An interrupted fit says that nothing is kept; other errors stay as they are.
-pub(in crate::commands) fn interruption(error: HarmonicError, what: &str) -> anyhow::Error {
-    match error {
-        HarmonicError::Section(SectionError::Cancelled) => {
-            Interrupted(format!("{what} needs every section; nothing was written")).into()
-        }
-        other => other.into(),
-    }
-}
 
 /// The field of a scene, in so many exact sections as the settings ask for; `smaller` says what takes less memory.
 pub fn fit_field(
@@ -114,8 +104,7 @@ pub fn fit_field(
     })?;
     let stage = session.stage("sections to fit", "sections", section_count(domain, &settings) as u64);
     let advance = |sections| stage.advance(sections);
-    let field = fit(plan, domain, &settings, session.control(&advance));
-    let field = field.map_err(|error| interruption(error, "a fit"))?;
+    let field = fit(plan, domain, &settings, session.control(&advance))?;
     stage.finish(&errors_text(&field, scene.record.unit));
     // As its file would have them, which does not tell one pass from two: what is distilled from it is resumed by a fit in either.
     let settings = FitSettings { one_pass: true, ..settings };

@@ -3,12 +3,10 @@
 
 use anyhow::Result;
 use imf_core::grid::Grid;
-use imf_core::surface::{
-    ElementCollision, LeastOverlap, SurfaceError, SurfaceSample, culprits, least_overlaps,
-};
+use imf_core::surface::{ElementCollision, LeastOverlap, SurfaceSample, culprits, least_overlaps};
 use imf_core::tool::ElementKind;
 
-use super::{AccessRun, Surface, Verdict, interrupted};
+use super::{AccessRun, Surface, Verdict};
 use crate::session::Session;
 
 /// Samples that are looked into, at most; with more of them every second, third, … one stands for its neighbours.
@@ -36,20 +34,18 @@ impl Blame {
         }
         let stage = session.stage("what is in the way", "samples", 2 * looked_into.len() as u64);
         let advance = |n| stage.advance(n);
-        let stopped = |error: SurfaceError| interrupted(error);
         for (index, (_, tool)) in surface.tools.iter().enumerate() {
             let own: Vec<usize> =
                 looked_into.iter().copied().filter(|&s| surface.best[s].1 == index).collect();
             let directions = &run.orientations.orientations;
-            let found = least_overlaps(tool, samples, &own, directions, session.control(&advance))
-                .map_err(stopped)?;
+            let found = least_overlaps(tool, samples, &own, directions, session.control(&advance))?;
             let poses = own
                 .iter()
                 .zip(&found)
                 .filter_map(|(&sample, at)| Some((every as f64 * samples[sample].area, (*at)?)));
             let poses: Vec<(f64, LeastOverlap)> = poses.collect();
             own.iter().zip(found).for_each(|(&sample, at)| blame.nearest[sample] = at);
-            if let Some((grid, area)) = culprits(tool, &poses, session.control(&advance)).map_err(stopped)? {
+            if let Some((grid, area)) = culprits(tool, &poses, session.control(&advance))? {
                 match &mut blame.voxels {
                     Some((_, sum)) => sum.iter_mut().zip(area).for_each(|(sum, area)| *sum += area),
                     None => blame.voxels = Some((grid, area)),

@@ -5,7 +5,7 @@ use imf_core::surface::{ElementCollision, StickOutTool, least_stick_outs};
 use imf_core::tool::{Assembly, Element, ElementKind, ToolShape};
 use imf_core::unit::LengthUnit;
 
-use super::{AccessRun, Surface, SurfaceSettings, Verdict, interrupted};
+use super::{AccessRun, Surface, SurfaceSettings, Verdict};
 use crate::output::length;
 use crate::session::Session;
 
@@ -34,8 +34,7 @@ pub(super) fn stick_outs(
         let directions = &run.orientations.orientations;
         let stage = session.stage("what would help", "directions", directions.len() as u64);
         let advance = |n| stage.advance(n);
-        let least =
-            least_stick_outs(&tool, &chosen, directions, session.control(&advance)).map_err(interrupted)?;
+        let least = least_stick_outs(&tool, &chosen, directions, session.control(&advance))?;
         stage.finish("");
         own.into_iter().zip(least).for_each(|(sample, least)| found[sample] = Some(least.length()));
     }

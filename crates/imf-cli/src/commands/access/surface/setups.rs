@@ -5,16 +5,16 @@ mod tilts;
 
 use anyhow::Result;
 use glam::DVec3;
-use imf_core::access::{RemovableError, cutter_of, removable_by_orientation};
+use imf_core::access::{cutter_of, removable_by_orientation};
+use imf_core::control::Cancelled;
 use imf_core::machine::AxisLimits;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::Orientation;
 use imf_core::pose::Pose;
-use imf_core::section::SectionError;
 use imf_core::set_cover::{CoverProblem, CoverSettings};
 use imf_core::surface::{
-    PartSetup, SetupPlan, SetupTool, SurfaceAccess, SurfaceError, SurfaceTool, Verdict, candidate_setups,
-    fewest_setups, reached_in_setups, removed_in_setups, ways_up,
+    PartSetup, SetupPlan, SetupTool, SurfaceAccess, SurfaceTool, Verdict, candidate_setups, fewest_setups,
+    reached_in_setups, removed_in_setups, ways_up,
 };
 pub(in crate::commands::access) use lines::SetupsRow;
 use lines::{AxisRow, LeftRow, SetupRow, StockRow, axis_rows};
@@ -22,7 +22,6 @@ use tilts::Tilts;
 
 use super::super::on_machine::OnMachine;
 use super::{AccessRun, Surface};
-use crate::interrupt::Interrupted;
 use crate::session::Session;
 
 /// What set-ups are looked for.
@@ -94,18 +93,17 @@ impl Setups {
             brought: machine.map(|_| brought as &(dyn Fn(&PartSetup) -> SurfaceTool + Sync)),
         });
         let tools: Vec<SetupTool<'_>> = tools.collect();
-        let interrupted = || Interrupted("no result was written: the set-ups were not found".into());
         let stage = session.stage("set-ups", "candidates", candidates.len() as u64);
         let advance = |n| stage.advance(n);
         let control = session.control(&advance);
         let reached = reached_in_setups(&tools, samples, orientations, &candidates, control);
-        let reached = reached.ok_or_else(interrupted)?;
+        let reached = reached.ok_or(Cancelled)?;
         let stock = run.stock.as_ref().map(|stock| removed(session, run, &stock.solid, &candidates));
         let stock = stock.transpose()?;
         let settings = CoverSettings { fraction: question.fraction, ..CoverSettings::default() };
         let both = stock.as_ref().map(|stock| reached.beside(stock));
         let plan = fewest_setups(&candidates, both.as_ref().unwrap_or(&reached), &settings, control);
-        let plan = plan.ok_or_else(interrupted)?;
+        let plan = plan.ok_or(Cancelled)?;
         let first = |sample: usize| {
             let reaches = |&at: &usize| reached.contains(plan.setups[at].candidate, sample);
             (0..plan.setups.len()).find(reaches).map_or(0, |at| at as u32 + 1)
@@ -227,11 +225,7 @@ fn removed(
         let control = session.control(&advance);
         let found =
             removable_by_orientation(&run.obstacle, tool, &drawn, &cutter, orientations, run.tau, control);
-        let found = found.map_err(|error| match error {
-            RemovableError::Section(SectionError::Cancelled) => super::interrupted(SurfaceError::Cancelled),
-            other => other.into(),
-        })?;
-        removed.iter_mut().zip(found).for_each(|(all, more)| all.extend(more));
+        removed.iter_mut().zip(found?).for_each(|(all, more)| all.extend(more));
         stage.finish("");
     }
     Ok(removed_in_setups(&removed, &drawn, candidates))

@@ -5,13 +5,12 @@ use std::fmt::Write as _;
 use anyhow::Result;
 use imf_core::orientation::OrientationSet;
 use imf_core::surface::{
-    CollisionEnvironment, StickOut, StickOutTool, SurfaceError, SurfaceSamples, Verdict, least_stick_outs,
+    CollisionEnvironment, StickOut, StickOutTool, SurfaceSamples, Verdict, least_stick_outs,
 };
 use imf_core::tool::Assembly;
 use imf_core::unit::LengthUnit;
 use serde::Serialize;
 
-use crate::interrupt::Interrupted;
 use crate::output::length;
 use crate::session::Session;
 
@@ -39,14 +38,7 @@ impl ToolStickOut {
             session.stage(&format!("stick-out, {}", tool.name()), "directions", orientations.len() as u64);
         let advance = |n| stage.advance(n);
         let control = session.control(&advance);
-        let found = least_stick_outs(&tool, &samples.samples, &orientations.orientations, control);
-        let found = found.map_err(|error| match error {
-            SurfaceError::Cancelled => {
-                Interrupted("no result was written, since a share of the directions is no answer".into())
-                    .into()
-            }
-            other => anyhow::Error::from(other),
-        })?;
+        let found = least_stick_outs(&tool, &samples.samples, &orientations.orientations, control)?;
         stage.finish("");
         Ok(Self { tool, found })
     }
