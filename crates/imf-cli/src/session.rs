@@ -148,6 +148,24 @@ impl Session {
         Stage::new(name, unit, total, self.quiet)
     }
 
+    /// Does `work` as a stage of `total` units, with progress and cancellation. Where it succeeds a line stays.
+    ///
+    /// # Errors
+    /// Those of `work`.
+    pub fn staged<T, E>(
+        &self,
+        name: &str,
+        unit: &'static str,
+        total: u64,
+        work: impl FnOnce(Control<'_>) -> Result<T, E>,
+    ) -> Result<T, E> {
+        let stage = self.stage(name, unit, total);
+        let advance = |units| stage.advance(units);
+        let made = work(self.control(&advance))?;
+        stage.finish("");
+        Ok(made)
+    }
+
     /// As [`Self::stage`], of work that is mostly over at once, and then nothing is said of it.
     pub(crate) fn brief_stage(&self, name: &str, unit: &'static str, total: u64) -> Stage {
         Stage::brief(name, unit, total, self.quiet)

@@ -139,12 +139,10 @@ impl Questions {
         let mut errors = vec![in_sample.errors, out_of_sample.errors, first.errors];
         let plan = SectionPlan::of_scene(&model.scene, ToolPoints::Tip)?;
         for set in others {
-            let stage = session.stage("evaluating", "sections", set.len() as u64);
-            let advance = |n| stage.advance(n);
-            let control = session.control(&advance);
-            errors
-                .push(grid_imf(&(&plan).into(), &set.orientations, &*field, self.threshold, control)?.errors);
-            stage.finish("");
+            let imf = session.staged("evaluating", "sections", set.len() as u64, |control| {
+                grid_imf(&(&plan).into(), &set.orientations, &*field, self.threshold, control)
+            })?;
+            errors.push(imf.errors);
         }
         errors.push(random.errors);
         let mut answers = self.named(errors);

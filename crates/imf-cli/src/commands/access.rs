@@ -87,6 +87,7 @@ pub(crate) fn run(session: &Session, arguments: &AccessArguments) -> Result<()> 
 
 fn find(session: &Session, run: &AccessRun) -> Result<Findings> {
     let orientations = &run.orientations.orientations;
+    let count = orientations.len() as u64;
     let settings = AccessSettings { tau: run.tau, lists: run.lists };
     let mut together = CombinedAccess::new(run.query.len());
     let (mut tools, mut elements, mut at_fixtures) = (Vec::new(), Vec::new(), Vec::new());
@@ -96,59 +97,41 @@ fn find(session: &Session, run: &AccessRun) -> Result<Findings> {
         let plan = plans.whole();
         let tool = assembly.whole();
         session.detail(&format!("{}: {}", tool.name, plan.describe()));
-        let stage =
-            session.stage(&format!("sections, {}", tool.name), "orientations", orientations.len() as u64);
-        let advance = |n| stage.advance(n);
-        let access = tool_access(plan, orientations, settings, session.control(&advance));
-        let access = access?;
-        stage.finish("");
+        let access =
+            session.staged(&format!("sections, {}", tool.name), "orientations", count, |control| {
+                tool_access(plan, orientations, settings, control)
+            })?;
         together.take(index, &access);
-        let stage =
-            session.stage(&format!("elements, {}", tool.name), "orientations", orientations.len() as u64);
-        let advance = |n| stage.advance(n);
-        let found = elements_at_best(&plans, orientations, &access.imf, session.control(&advance));
-        elements.push(found?);
-        stage.finish("");
+        let measures = |of: &str, plans: &ElementPlans| {
+            session.staged(&format!("{of}, {}", tool.name), "orientations", count, |control| {
+                elements_at_best(plans, orientations, &access.imf, control)
+            })
+        };
+        elements.push(measures("elements", &plans)?);
         let tip_alone = plan.tip_alone();
         drop(plans);
         let fixtures = run.fixtures_alone.as_ref().filter(|_| tip_alone);
         let found = fixtures.map(|fixtures| -> Result<ElementMeasures> {
-            let plans = ElementPlans::new(fixtures, assembly, &run.query)?;
-            let stage =
-                session.stage(&format!("fixtures, {}", tool.name), "orientations", orientations.len() as u64);
-            let advance = |n| stage.advance(n);
-            let found = elements_at_best(&plans, orientations, &access.imf, session.control(&advance));
-            let found = found?;
-            stage.finish("");
-            Ok(found)
+            Ok(measures("fixtures", &ElementPlans::new(fixtures, assembly, &run.query)?)?)
         });
         at_fixtures.push(found.transpose()?);
         tools.push(access);
         if let (Some(stock), Some(cutter)) = (&run.stock, cutter_of(assembly.tool())) {
             // Each orientation twice: tips on voxel centres, and anywhere.
-            let stage = session.stage(
-                &format!("removable, {}", tool.name),
-                "sections",
-                2 * orientations.len() as u64,
-            );
-            let advance = |n| stage.advance(n);
-            let control = session.control(&advance);
-            let found =
-                removable(&run.obstacle, assembly, &stock.solid, &cutter, orientations, run.tau, control);
-            swept.push(found?);
-            stage.finish("");
+            let name = format!("removable, {}", tool.name);
+            swept.push(session.staged(&name, "sections", 2 * count, |control| {
+                removable(&run.obstacle, assembly, &stock.solid, &cutter, orientations, run.tau, control)
+            })?);
         }
         if let Some((point, cells)) = run.map {
-            let stage =
-                session.stage(&format!("map, {}", tool.name), "directions", (cells[0] * cells[1]) as u64);
-            let advance = |n| stage.advance(n);
-            let map = access_map(&run.obstacle, assembly, point, cells, session.control(&advance));
-            let map = map?;
+            let name = format!("map, {}", tool.name);
+            let map = session.staged(&name, "directions", (cells[0] * cells[1]) as u64, |control| {
+                access_map(&run.obstacle, assembly, point, cells, control)
+            })?;
             maps.push(match &run.limits {
                 Some(limits) => map.within(limits),
                 None => map,
             });
-            stage.finish("");
         }
     }
     let space = Space::new(&run.solid, &together.imf.value, run.tau);

@@ -114,7 +114,8 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
     };
     cutters_not_compared(&toolpath, &numbered).iter().for_each(|remark| session.choose(remark));
     never_near(&toolpath, &numbered, &bodies.part).iter().for_each(|remark| session.warn(remark));
-    let stage = session.stage("checking", "lines", toolpath.locations.len() as u64);
+    let lines = toolpath.locations.len() as u64;
+    let stage = session.stage("checking", "lines", lines);
     let advance = |n| stage.advance(n);
     let control = session.control(&advance);
     let around = CheckBodies { part: &bodies.part, fixtures: &bodies.fixtures, machine: machine.as_ref() };
@@ -125,14 +126,12 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
     stage.finish(&format!("{} poses", report.poses));
     let mut stick_outs = Vec::new();
     if arguments.stickout {
-        let stage = session.stage("stick-out", "lines", toolpath.locations.len() as u64);
-        let advance = |n| stage.advance(n);
-        let obstacle = Arc::new(bodies.obstacle());
         let by = machine.as_ref().map(MachineBodies::machine);
-        let control = session.control(&advance);
-        let found = least_stick_outs(&obstacle, &numbered, &toolpath, &settings, by, control);
+        let found = session.staged("stick-out", "lines", lines, |control| {
+            let obstacle = Arc::new(bodies.obstacle());
+            least_stick_outs(&obstacle, &numbered, &toolpath, &settings, by, control)
+        });
         stick_outs = found.map_err(with_name)?;
-        stage.finish("");
     }
     let mut stock = match stock {
         None => None,
@@ -141,12 +140,10 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
             let settings =
                 CheckSettings { contact: arguments.contact_of_bare_voxels(record.unit), ..settings };
             let around = CheckBodies { part: &bare.part, fixtures: &bare.fixtures, ..around };
-            let stage = session.stage("cutting the stock", "lines", toolpath.locations.len() as u64);
-            let advance = |n| stage.advance(n);
-            let control = session.control(&advance);
-            let found = check_stock(around, &stock.voxels, &numbered, &toolpath, &settings, control);
+            let found = session.staged("cutting the stock", "lines", lines, |control| {
+                check_stock(around, &stock.voxels, &numbered, &toolpath, &settings, control)
+            });
             let found = found.map_err(with_name)?;
-            stage.finish("");
             Some(StockResult::new(stock, found, &mut report, &bare.part, settings, &toolpath, record))
         }
     };

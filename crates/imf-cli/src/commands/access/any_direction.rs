@@ -50,9 +50,9 @@ impl AnyDirection {
             let left: Vec<usize> =
                 (0..classes.len()).filter(|&voxel| matches!(classes[voxel], NONE | OPEN)).collect();
             let name = format!("any direction, {}", assembly.tool().name);
-            let stage = session.stage(&name, "places", left.len() as u64);
-            let advance = |n| stage.advance(n);
-            let found = certify(&run.obstacle, assembly, &run.query, &left, session.control(&advance))?;
+            let found = session.staged(&name, "places", left.len() as u64, |control| {
+                certify(&run.obstacle, assembly, &run.query, &left, control)
+            })?;
             for (&voxel, found) in left.iter().zip(found) {
                 classes[voxel] = match found {
                     Reachability::Reached(_) => OTHER,
@@ -60,7 +60,6 @@ impl AnyDirection {
                     Reachability::Open => OPEN,
                 };
             }
-            stage.finish("");
         }
         Ok(Self { classes })
     }

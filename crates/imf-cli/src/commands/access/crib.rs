@@ -138,12 +138,9 @@ impl Crib {
             grid.pitch,
             undecided.first().map_or("", |undecided| &undecided.why)
         );
-        let stage = session.stage("crib", "samples", samples.samples.len() as u64);
-        let advance = |n| stage.advance(n);
-        let control = session.control(&advance);
-        let verdicts = crib_access(&among, &samples.samples, &orientations.orientations, control);
-        let verdicts = verdicts?;
-        stage.finish("");
+        let verdicts = session.staged("crib", "samples", samples.samples.len() as u64, |control| {
+            crib_access(&among, &samples.samples, &orientations.orientations, control)
+        })?;
         let mut crib = Self {
             part: inputs.part.name.clone(),
             unit,

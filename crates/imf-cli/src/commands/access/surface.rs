@@ -349,11 +349,8 @@ fn one_tool(
         tool = machine.limit(index, tool);
     }
     let name = format!("surface, {}, pitch {pitch}", tool.name());
-    let stage = session.stage(&name, "samples", samples.samples.len() as u64);
-    let advance = |n| stage.advance(n);
-    let control = session.control(&advance);
-    let access = surface_access(&tool, &samples.samples, &run.orientations.orientations, control);
-    let access = access?;
-    stage.finish("");
+    let access = session.staged(&name, "samples", samples.samples.len() as u64, |control| {
+        surface_access(&tool, &samples.samples, &run.orientations.orientations, control)
+    })?;
     Ok((access, tool))
 }

@@ -49,11 +49,9 @@ impl ElementBuffers {
 /// Every element's measure at the best orientation of each voxel; none unless requested.
 pub(super) fn at_best(work: &Work<'_>, imf: &Imf) -> Result<Vec<(ElementKind, Vec<f32>)>> {
     let Some(plans) = work.elements() else { return Ok(Vec::new()) };
-    let stage = work.session.stage("elements", "orientations", work.set.len() as u64);
-    let advance = |n| stage.advance(n);
-    let found = elements_at_best(plans, &work.set.orientations, imf, work.session.control(&advance));
-    let found = found?;
-    stage.finish("");
+    let found = work.session.staged("elements", "orientations", work.set.len() as u64, |control| {
+        elements_at_best(plans, &work.set.orientations, imf, control)
+    })?;
     Ok(found.kinds.into_iter().zip(found.values).collect())
 }
 

@@ -146,13 +146,10 @@ impl SavedField {
         let together = work.set.len().min(DIRECTIONS_AT_ONCE);
         self.require_memory(work, work.device.copied_bytes(&self.stored, Workload::One), WRITTEN, together)?;
         let values = work.scene.record.grid.len() as u64 * work.set.len() as u64;
-        let stage = work.session.stage("minimum of the field", "values", values);
-        let advance = |values| stage.advance(values);
-        let control = work.session.control(&advance);
-        let field = work.device.field(work.session, &self.stored, Workload::One)?.field;
-        let minimum = field.minimum(&work.set.orientations, control)?;
-        stage.finish("");
-        Ok(minimum)
+        work.session.staged("minimum of the field", "values", values, |control| {
+            let field = work.device.field(work.session, &self.stored, Workload::One)?.field;
+            Ok(field.minimum(&work.set.orientations, control)?)
+        })
     }
 
     /// Refuses what does not fit beside the field: its coefficients at every voxel where they are needed, some arrays of values, and

@@ -214,11 +214,9 @@ fn section_source<'a>(
     fit: &FitSettings,
 ) -> Result<SectionSource<'a>> {
     let sections = fit.sizes(domain).sections + fit.held_out;
-    let stage = session.stage("functions", "sections", sections as u64);
-    let advance = |sections| stage.advance(sections);
-    let source = SectionSource::new(plan, domain, fit, session.control(&advance))?;
-    stage.finish("");
-    Ok(source)
+    Ok(session.staged("functions", "sections", sections as u64, |control| {
+        SectionSource::new(plan, domain, fit, control)
+    })?)
 }
 
 /// The end of a training: its error, error rates of the field's decisions, and its closing lines.
@@ -238,10 +236,9 @@ fn conclude(
         let sections = SectionPlan::of_scene(&scene, ToolPoints::Tip)?;
         let exact = Exact::new(&sections, quantity, None)?;
         let field = Field::new(FieldFile::Factored(Box::new(file)))?;
-        let stage = session.stage("validating", "sections", random.len() as u64);
-        let advance = |n| stage.advance(n);
-        let sections = grid_sections(&exact, &random, &field, 0.0, session.control(&advance))?;
-        stage.finish("");
+        let sections = session.staged("validating", "sections", random.len() as u64, |control| {
+            grid_sections(&exact, &random, &field, 0.0, control)
+        })?;
         sections.validation()
     };
     let bytes = std::fs::metadata(&path).with_context(|| format!("cannot read {}", path.display()))?.len();

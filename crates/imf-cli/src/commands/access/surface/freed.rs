@@ -32,10 +32,9 @@ pub(super) fn stick_outs(
         let tool = StickOutTool::new(&asked.environment, assembly, asked.tolerance)?;
         let chosen: Vec<_> = own.iter().map(|&sample| samples[sample]).collect();
         let directions = &run.orientations.orientations;
-        let stage = session.stage("what would help", "directions", directions.len() as u64);
-        let advance = |n| stage.advance(n);
-        let least = least_stick_outs(&tool, &chosen, directions, session.control(&advance))?;
-        stage.finish("");
+        let least = session.staged("what would help", "directions", directions.len() as u64, |control| {
+            least_stick_outs(&tool, &chosen, directions, control)
+        })?;
         own.into_iter().zip(least).for_each(|(sample, least)| found[sample] = Some(least.length()));
     }
     Ok(found)

@@ -220,13 +220,10 @@ fn removed(
     for tool in &run.tools {
         let Some(cutter) = cutter_of(tool.tool()) else { continue };
         let name = format!("set-ups, stock, {}", tool.tool().name);
-        let stage = session.stage(&name, "sections", orientations.len() as u64);
-        let advance = |n| stage.advance(n);
-        let control = session.control(&advance);
-        let found =
-            removable_by_orientation(&run.obstacle, tool, &drawn, &cutter, orientations, run.tau, control);
-        removed.iter_mut().zip(found?).for_each(|(all, more)| all.extend(more));
-        stage.finish("");
+        let found = session.staged(&name, "sections", orientations.len() as u64, |control| {
+            removable_by_orientation(&run.obstacle, tool, &drawn, &cutter, orientations, run.tau, control)
+        })?;
+        removed.iter_mut().zip(found).for_each(|(all, more)| all.extend(more));
     }
     Ok(removed_in_setups(&removed, &drawn, candidates))
 }

@@ -34,12 +34,10 @@ impl ToolStickOut {
         orientations: &OrientationSet,
     ) -> Result<Self> {
         let tool = StickOutTool::new(environment, assembly, tolerance)?;
-        let stage =
-            session.stage(&format!("stick-out, {}", tool.name()), "directions", orientations.len() as u64);
-        let advance = |n| stage.advance(n);
-        let control = session.control(&advance);
-        let found = least_stick_outs(&tool, &samples.samples, &orientations.orientations, control)?;
-        stage.finish("");
+        let name = format!("stick-out, {}", tool.name());
+        let found = session.staged(&name, "directions", orientations.len() as u64, |control| {
+            least_stick_outs(&tool, &samples.samples, &orientations.orientations, control)
+        })?;
         Ok(Self { tool, found })
     }
 
