@@ -203,6 +203,14 @@ impl Grid {
         (point - self.origin) / self.pitch - 0.5
     }
 
+    /// Position in a C-ordered array of the voxel that holds a place in continuous voxel coordinates; `None` outside the grid.
+    #[must_use]
+    pub fn index_at(&self, continuous: DVec3) -> Option<usize> {
+        let voxel = continuous.round();
+        let within = (0..3).all(|axis| (0.0..self.dims[axis] as f64).contains(&voxel[axis]));
+        within.then(|| self.index(voxel.to_array().map(|place| place as usize)))
+    }
+
     /// True in the box of the voxel centres, where values given at centres can be interpolated; false for positions that
     /// are not finite. A centre's own coordinate may be off by rounding.
     #[must_use]
@@ -277,8 +285,12 @@ mod tests {
         let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [3, 4, 5] };
         for index in 0..grid.len() {
             assert_eq!(grid.index(grid.voxel(index)), index);
+            assert_eq!(grid.index_at(grid.continuous(grid.centre(grid.voxel(index)) - 0.4)), Some(index));
         }
         assert_eq!(grid.index([0, 0, 1]), 1);
+        for outside in [DVec3::new(-0.6, 0.0, 0.0), DVec3::new(0.0, 0.0, 4.6), DVec3::NAN] {
+            assert_eq!(grid.index_at(outside), None);
+        }
     }
 
     #[test]

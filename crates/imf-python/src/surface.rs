@@ -5,10 +5,10 @@ use imf_core::mesh::MachiningDirection;
 use imf_core::orientation::{Limits, Orientation, OrientationSet};
 use imf_core::set_cover::CoverSettings;
 use imf_core::surface::{
-    ChosenSetup, CollisionEnvironment, PartSetup, Reach, SetupPlan, SetupTool, StickOut, StickOutTool,
-    SurfaceAccess, SurfaceError, SurfaceSamples, SurfaceTool, candidate_setups, default_tolerance,
-    fewest_setups, least_stick_outs, reached_in_setups, surface_access, surface_memory_estimate, ways_up,
-    with_ways_up,
+    ChosenSetup, CollisionEnvironment, ObstructedAreas, PartSetup, Reach, SetupPlan, SetupTool, StickOut,
+    StickOutTool, SurfaceAccess, SurfaceError, SurfaceSamples, SurfaceTool, candidate_setups,
+    default_tolerance, fewest_setups, least_stick_outs, reached_in_setups, surface_access,
+    surface_memory_estimate, ways_up, with_ways_up,
 };
 use imf_core::tool::Assembly;
 use numpy::{PyArray1, PyArray2};
@@ -130,25 +130,15 @@ impl Surface {
     fn obstructed_by(&self, py: Python<'_>) -> Vec<(String, String, f64)> {
         let scene = self.scene.bind(py).get();
         let fixtures = scene.fixture_names();
-        let mut shares: Vec<((usize, usize), String, f64)> = Vec::new();
-        for (reach, sample) in self.access.reach.iter().zip(&self.samples.samples) {
-            let Reach::Obstructed { hits, .. } = reach else { continue };
-            for (kind, body) in self.tool.hits(*hits) {
-                let key = (kind.rank(), body);
-                match shares.iter_mut().find(|(known, ..)| *known == key) {
-                    Some((.., area)) => *area += sample.area,
-                    None => shares.push((key, kind.to_string(), sample.area)),
-                }
-            }
-        }
-        shares.sort_by_key(|(key, ..)| *key);
+        let reach = self.access.reach.iter().zip(&self.samples.samples);
+        let found = ObstructedAreas::new(reach.map(|(reach, sample)| (&self.tool, *reach, sample.area)));
         let area = self.samples.area();
-        let rows = shares.into_iter().map(|((_, body), element, own)| {
+        let rows = found.hits.into_iter().map(|(kind, body, own)| {
             let against = match body {
                 0 => "part".to_owned(),
                 fixture => fixtures.get(fixture - 1).cloned().unwrap_or_default(),
             };
-            (element, against, own / area)
+            (kind.to_string(), against, own / area)
         });
         rows.collect()
     }

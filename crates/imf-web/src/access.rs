@@ -3,7 +3,8 @@
 use imf_core::control::Control;
 use imf_core::orientation::Orientation;
 use imf_core::surface::{
-    CollisionEnvironment, Reach, SurfaceSamples, SurfaceTool, Verdict, default_tolerance, surface_access,
+    CollisionEnvironment, ObstructedAreas, Reach, SurfaceSamples, SurfaceTool, Verdict, default_tolerance,
+    surface_access,
 };
 use wasm_bindgen::JsError;
 use wasm_bindgen::prelude::wasm_bindgen;
@@ -85,18 +86,11 @@ impl SurfaceAccess {
     /// be in the way of one place.
     #[must_use]
     pub fn obstructed_by(&self) -> Vec<String> {
-        let mut areas: Vec<(String, f64)> = Vec::new();
-        for (reach, sample) in self.reach.iter().zip(&self.samples.samples) {
-            let Reach::Obstructed { hits, .. } = reach else { continue };
-            for (kind, _) in self.tool.hits(*hits) {
-                let name = kind.to_string();
-                match areas.iter_mut().find(|(known, _)| *known == name) {
-                    Some((_, area)) => *area += sample.area,
-                    None => areas.push((name, sample.area)),
-                }
-            }
-        }
-        areas.sort_by(|one, other| other.1.total_cmp(&one.1));
-        areas.into_iter().map(|(name, area)| format!("{name}\t{area}")).collect()
+        let reach = self.reach.iter().zip(&self.samples.samples);
+        let found = ObstructedAreas::new(reach.map(|(reach, sample)| (&self.tool, *reach, sample.area)));
+        let mut hits = found.hits;
+        hits.sort_by(|one, other| other.2.total_cmp(&one.2));
+        // Here is no fixture: all of them hit the part.
+        hits.into_iter().map(|(kind, _, area)| format!("{kind}\t{area}")).collect()
     }
 }

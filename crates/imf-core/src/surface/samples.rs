@@ -81,10 +81,8 @@ impl SurfaceSamples {
                 }
                 return Some((sample, before && behind));
             }
-            let outside = grid.continuous(sample.point + sample.normal * (OUTSIDE * grid.pitch)).round();
-            let within = (0..3).all(|axis| (0.0..grid.dims[axis] as f64).contains(&outside[axis]));
-            let is_solid =
-                within && solid.solid[grid.index(outside.to_array().map(|v| v.max(0.0) as usize))] != 0;
+            let outside = grid.continuous(sample.point + sample.normal * (OUTSIDE * grid.pitch));
+            let is_solid = grid.index_at(outside).is_some_and(|voxel| solid.solid[voxel] != 0);
             Some((sample, before && is_solid))
         });
         let mut all = Self { mesh: Mesh::default(), samples: Vec::new(), hidden_area: 0.0 };
@@ -107,6 +105,14 @@ impl SurfaceSamples {
     #[must_use]
     pub fn area(&self) -> f64 {
         self.samples.iter().map(|sample| sample.area).sum()
+    }
+
+    /// Fraction of that area for whose samples, by their number, something holds.
+    #[must_use]
+    pub fn fraction(&self, holds: impl Fn(usize) -> bool) -> f64 {
+        let held = self.samples.iter().enumerate().filter(|(index, _)| holds(*index));
+        // A sum of nothing is −0.
+        (held.map(|(_, sample)| sample.area).sum::<f64>() + 0.0) / self.area()
     }
 }
 

@@ -14,9 +14,8 @@ use imf_core::orientation::OrientationSet;
 use imf_core::scene::SceneWarning;
 use imf_core::set_cover::{CoverProblem, CoverSettings};
 use imf_core::surface::{
-    Reach, SurfaceSamples, SurfaceTool, Verdict, contact_reach, crib_access, surface_access,
+    ObstructedAreas, SurfaceSamples, SurfaceTool, Verdict, contact_reach, crib_access, surface_access,
 };
-use imf_core::tool::ElementKind;
 use imf_core::unit::LengthUnit;
 
 use super::on_machine::OnMachine;
@@ -47,10 +46,8 @@ struct Crib {
     chosen: Vec<usize>,
     at_least: usize,
     fraction: f64,
-    /// What collides where the cutter of some tool fits and none reaches: element and body, and the area.
-    blame: Vec<(ElementKind, usize, f64)>,
-    /// The area where a machine alone keeps all tools away.
-    by_machine: f64,
+    /// What is in the way where the cutter of some tool fits and none reaches.
+    obstructed: ObstructedAreas,
 }
 
 pub(super) fn run(session: &Session, arguments: &AccessArguments) -> Result<()> {
@@ -155,11 +152,10 @@ impl Crib {
             chosen: Vec::new(),
             at_least: 0,
             fraction: 0.01 * arguments.cover,
-            blame: Vec::new(),
-            by_machine: 0.0,
+            obstructed: ObstructedAreas::default(),
         };
         crib.choose(session)?;
-        crib.find_blame(session, &among)?;
+        crib.obstructed = crib.obstructed_areas(session, &among)?;
         Ok(crib)
     }
 
@@ -193,9 +189,10 @@ impl Crib {
     }
 
     /// What the first tool hits whose cutter fits, where none reaches.
-    fn find_blame(&mut self, session: &Session, among: &[SurfaceTool]) -> Result<()> {
+    fn obstructed_areas(&self, session: &Session, among: &[SurfaceTool]) -> Result<ObstructedAreas> {
         let best: Vec<(Verdict, usize)> =
             (0..self.samples.samples.len()).map(|sample| self.best(sample)).collect();
+        let mut places = Vec::new();
         for (index, tool) in among.iter().enumerate() {
             let samples = best.iter().zip(&self.samples.samples);
             let samples: Vec<_> = samples
@@ -207,21 +204,10 @@ impl Crib {
             }
             let control = session.control(&|_| {});
             let access = surface_access(tool, &samples, &self.orientations.orientations, control);
-            for (reach, sample) in access?.reach.iter().zip(&samples) {
-                let Reach::Obstructed { hits, .. } = reach else { continue };
-                if tool.is_limited() && *hits == 0 {
-                    self.by_machine += sample.area;
-                }
-                for (kind, body) in tool.hits(*hits) {
-                    match self.blame.iter_mut().find(|(k, b, _)| (*k, *b) == (kind, body)) {
-                        Some((.., area)) => *area += sample.area,
-                        None => self.blame.push((kind, body, sample.area)),
-                    }
-                }
-            }
+            let found = access?.reach.into_iter().zip(&samples);
+            places.extend(found.map(|(reach, sample)| (tool, reach, sample.area)));
         }
-        self.blame.sort_by_key(|(kind, body, _)| (kind.rank(), *body));
-        Ok(())
+        Ok(ObstructedAreas::new(places))
     }
 
     fn write_surface(&self, path: &std::path::Path) -> Result<()> {

@@ -8,7 +8,6 @@ mod setups;
 mod shown;
 mod stick_out;
 
-use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::Result;
@@ -16,18 +15,17 @@ use imf_core::field_files::{NamedField, write_ply, write_vti, write_vtp};
 use imf_core::mesh::Mesh;
 use imf_core::scene::{Bodies, Guarantee, SceneSpec};
 use imf_core::surface::{
-    CollisionEnvironment, Reach, SurfaceAccess, SurfaceSamples, SurfaceTool, Verdict, default_tolerance,
-    surface_access, surface_memory_estimate,
+    CollisionEnvironment, ObstructedAreas, Reach, SurfaceAccess, SurfaceSamples, SurfaceTool, Verdict,
+    default_tolerance, surface_access, surface_memory_estimate,
 };
 
-pub(super) use row::SurfaceRow;
-use row::{DirectionRow, ObstructedRow};
+use row::DirectionRow;
+pub(super) use row::{ObstructedRow, SurfaceRow};
 pub(super) use setups::{SetupSettings, SetupsRow};
 pub(super) use shown::UnreachedPatch;
 use shown::words;
 pub(super) use stick_out::StickOutRow;
 
-use super::on_machine::IN_THE_WAY;
 use super::run::AccessRun;
 use crate::arguments::access::AccessArguments;
 use crate::session::Session;
@@ -174,16 +172,7 @@ impl Surface {
             let any = |(all, one): (&mut bool, &Reach)| *all |= matches!(one, Reach::Reached { .. });
             reached.iter_mut().zip(&access.reach).for_each(any);
         }
-        let areas = self.samples.samples.iter().zip(reached).filter(|(_, reached)| *reached);
-        // A sum of nothing is −0.
-        Ok((areas.map(|(sample, _)| sample.area).sum::<f64>() + 0.0) / self.samples.area())
-    }
-
-    /// Share of the samples' area for which something holds.
-    fn share(&self, holds: impl Fn(usize) -> bool) -> f64 {
-        let chosen = self.samples.samples.iter().enumerate().filter(|(index, _)| holds(*index));
-        // A sum of nothing is −0.
-        (chosen.map(|(_, sample)| sample.area).sum::<f64>() + 0.0) / self.samples.area()
+        Ok(self.samples.fraction(|sample| reached[sample]))
     }
 
     /// Of the directions from which its best tool reaches a sample, the one that reaches most of the surface.
@@ -196,31 +185,12 @@ impl Surface {
 
     /// Which element hits which body, with the share of the surface that this keeps from being reached; several may at once.
     fn obstructed_by(&self, fixtures: &[String]) -> Vec<ObstructedRow> {
-        let mut shares = BTreeMap::new();
-        let mut by_machine = 0.0;
-        for (index, &(verdict, tool)) in self.best.iter().enumerate() {
+        let places = self.best.iter().zip(&self.samples.samples).enumerate();
+        let found = ObstructedAreas::new(places.map(|(index, (&(_, tool), sample))| {
             let (access, surface_tool) = &self.tools[tool];
-            if let (Verdict::Obstructed, Reach::Obstructed { hits, .. }) = (verdict, access.reach[index]) {
-                if surface_tool.is_limited() && hits == 0 {
-                    by_machine += self.samples.samples[index].area;
-                }
-                for (kind, body) in surface_tool.hits(hits) {
-                    let row = shares.entry((kind.rank(), body)).or_insert((kind, 0.0));
-                    row.1 += self.samples.samples[index].area;
-                }
-            }
-        }
-        let rows = shares.into_iter().map(|((_, body), (kind, area))| ObstructedRow {
-            element: kind.to_string(),
-            body: match body {
-                0 => "part".into(),
-                fixture => fixtures.get(fixture - 1).cloned().unwrap_or_default(),
-            },
-            share: area / self.samples.area(),
-        });
-        let [element, body] = IN_THE_WAY.map(str::to_owned);
-        let machine = ObstructedRow { element, body, share: by_machine / self.samples.area() };
-        rows.chain((by_machine > 0.0).then_some(machine)).collect()
+            (surface_tool, access.reach[index], sample.area)
+        }));
+        ObstructedRow::all(&found, fixtures, self.samples.area())
     }
 
     /// Those that reach most of the surface.
@@ -232,7 +202,7 @@ impl Surface {
 
     pub(super) fn row(&self, run: &AccessRun) -> SurfaceRow {
         let orientations = &run.orientations;
-        let of = |verdict: Verdict| self.share(|sample| self.best[sample].0 == verdict);
+        let of = |verdict: Verdict| self.samples.fraction(|sample| self.best[sample].0 == verdict);
         let listed = self.best_directions().map(|direction| DirectionRow {
             direction: orientations.orientations[direction].direction().to_array(),
             share: self.by_direction[direction] / self.samples.area(),
@@ -269,7 +239,7 @@ impl Surface {
 
     /// The share that one tool reaches by itself.
     pub(super) fn reached_by(&self, tool: usize) -> f64 {
-        self.share(|sample| matches!(self.tools[tool].0.reach[sample], Reach::Reached { .. }))
+        self.samples.fraction(|sample| matches!(self.tools[tool].0.reach[sample], Reach::Reached { .. }))
     }
 
     /// Writes `surface.ply`, `surface.vtp` and what each voxel is to blame for, and gives back the files' names.

@@ -6,7 +6,7 @@ use imf_core::surface::Verdict;
 use imf_core::unit::LengthUnit;
 use serde::Serialize;
 
-use super::super::on_machine::IN_THE_WAY;
+use super::super::surface::ObstructedRow;
 use super::Crib;
 use super::tools::Undecided;
 use crate::output::{length, show_measure};
@@ -37,14 +37,6 @@ struct ToolRow {
     chosen: Option<usize>,
 }
 
-/// What of which tools is in the way where none reaches.
-#[derive(Debug, Serialize)]
-struct BlameRow {
-    element: String,
-    body: String,
-    share: f64,
-}
-
 /// Everything in `summary.json`.
 #[derive(Debug, Serialize)]
 pub(super) struct Report {
@@ -68,7 +60,8 @@ pub(super) struct Report {
     reached_by_the_fewest: f64,
     reached: f64,
     obstructed: f64,
-    obstructed_by: Vec<BlameRow>,
+    /// What of which tools is in the way where none reaches.
+    obstructed_by: Vec<ObstructedRow>,
     gouged: f64,
     not_faced: f64,
     /// In the order of the crib.
@@ -81,11 +74,7 @@ impl Report {
     pub(super) fn new(crib: &Crib, seconds: f64) -> Self {
         let samples = &crib.samples.samples;
         let total = crib.samples.area();
-        let share = |holds: &dyn Fn(usize) -> bool| {
-            let held = (0..samples.len()).filter(|&sample| holds(sample));
-            // A sum of nothing is −0.
-            (held.map(|sample| samples[sample].area).sum::<f64>() + 0.0) / total
-        };
+        let share = |holds: &dyn Fn(usize) -> bool| crib.samples.fraction(holds);
         let rigid: Vec<Option<usize>> = (0..samples.len()).map(|sample| crib.most_rigid(sample)).collect();
         let tools = crib.tools.iter().enumerate().map(|(index, tool)| {
             let of = |verdict: Verdict| share(&|sample| crib.verdicts[index][sample] == verdict);
@@ -107,17 +96,6 @@ impl Report {
         });
         let best: Vec<Verdict> = (0..samples.len()).map(|sample| crib.best(sample).0).collect();
         let of = |verdict: Verdict| share(&|sample| best[sample] == verdict);
-        let blame = crib.blame.iter().map(|&(kind, body, area)| BlameRow {
-            element: kind.to_string(),
-            body: match body {
-                0 => "part".into(),
-                fixture => crib.fixtures.get(fixture - 1).cloned().unwrap_or_default(),
-            },
-            share: area / total,
-        });
-        let [element, body] = IN_THE_WAY.map(str::to_owned);
-        let machine = BlameRow { element, body, share: crib.by_machine / total };
-        let blame = blame.chain((crib.by_machine > 0.0).then_some(machine));
         let undecided = crib.undecided.iter().map(|u| Undecided::new(&u.tool, &u.why));
         Self {
             program: format!("imf {}", env!("CARGO_PKG_VERSION")),
@@ -140,7 +118,7 @@ impl Report {
             }),
             reached: of(Verdict::Reached),
             obstructed: of(Verdict::Obstructed),
-            obstructed_by: blame.collect(),
+            obstructed_by: ObstructedRow::all(&crib.obstructed, &crib.fixtures, total),
             gouged: of(Verdict::Gouged),
             not_faced: of(Verdict::NotFaced),
             tools: tools.collect(),
@@ -192,11 +170,7 @@ impl Report {
             let _ = writeln!(text, "  {name:34}{:>8}   {rest}", percent(share));
         };
         row("some tool reaches", self.reached, "");
-        let by = self.obstructed_by.iter().map(|row| {
-            let the = if row.body == "part" { "the " } else { "" };
-            format!("{} at {the}{} {}", row.element, row.body, percent(row.share))
-        });
-        row("none: something is in the way", self.obstructed, &by.collect::<Vec<_>>().join(", "));
+        row("none: something is in the way", self.obstructed, &ObstructedRow::text(&self.obstructed_by));
         row("none: no cutter fits", self.gouged, "");
         row("none: no direction faces it", self.not_faced, "");
         let proof = if self.proven {

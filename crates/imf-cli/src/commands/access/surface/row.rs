@@ -2,10 +2,11 @@
 
 use std::fmt::Write as _;
 
-use imf_core::surface::Verdict;
+use imf_core::surface::{ObstructedAreas, Verdict};
 use imf_core::unit::LengthUnit;
 use serde::Serialize;
 
+use super::super::on_machine::IN_THE_WAY;
 use super::words;
 use crate::output::{length, show_measure};
 
@@ -18,11 +19,40 @@ pub(in crate::commands::access) struct DirectionRow {
 
 /// What of a tool hits what, and how much of the surface is not reached where it does.
 #[derive(Debug, Serialize)]
-pub(super) struct ObstructedRow {
-    pub(super) element: String,
+pub(in crate::commands::access) struct ObstructedRow {
+    element: String,
     /// `part`, or a fixture's name.
-    pub(super) body: String,
-    pub(super) share: f64,
+    body: String,
+    share: f64,
+}
+
+impl ObstructedRow {
+    /// The rows of areas among these fixtures, of so much surface.
+    pub(in crate::commands::access) fn all(
+        found: &ObstructedAreas,
+        fixtures: &[String],
+        area: f64,
+    ) -> Vec<Self> {
+        let hits = found.hits.iter().map(|&(kind, body, own)| {
+            let body = match body {
+                0 => "part".into(),
+                fixture => fixtures.get(fixture - 1).cloned().unwrap_or_default(),
+            };
+            Self { element: kind.to_string(), body, share: own / area }
+        });
+        let [element, body] = IN_THE_WAY.map(str::to_owned);
+        let machine = Self { element, body, share: found.by_limit / area };
+        hits.chain((found.by_limit > 0.0).then_some(machine)).collect()
+    }
+
+    /// All of them in a line.
+    pub(in crate::commands::access) fn text(rows: &[Self]) -> String {
+        let each = rows.iter().map(|Self { element, body, share }| {
+            let the = if body == "part" { "the " } else { "" };
+            format!("{element} at {the}{body} {:.1} %", 100.0 * share)
+        });
+        each.collect::<Vec<_>>().join(", ")
+    }
 }
 
 /// The surface in the summary; shares are of its area.
@@ -63,11 +93,7 @@ impl SurfaceRow {
             100.0 * self.difference
         );
         row(words(Verdict::Reached), self.reached, &coarse);
-        let by = self.obstructed_by.iter().map(|row| {
-            let the = if row.body == "part" { "the " } else { "" };
-            format!("{} at {the}{} {:.1} %", row.element, row.body, 100.0 * row.share)
-        });
-        row(words(Verdict::Obstructed), self.obstructed, &by.collect::<Vec<_>>().join(", "));
+        row(words(Verdict::Obstructed), self.obstructed, &ObstructedRow::text(&self.obstructed_by));
         row(words(Verdict::Gouged), self.gouged, "");
         row(words(Verdict::NotFaced), self.not_faced, "");
         for DirectionRow { direction: [i, j, k], share } in &self.best_directions {

@@ -164,7 +164,9 @@ impl Setups {
         });
         let reachable = |sample: usize| all.iter().any(|&set| self.surface.contains(set, sample));
         let left = |holds: &dyn Fn(usize, Verdict) -> bool| {
-            surface.share(|sample| self.by_sample[sample] == 0 && holds(sample, surface.best[sample].0))
+            surface
+                .samples
+                .fraction(|sample| self.by_sample[sample] == 0 && holds(sample, surface.best[sample].0))
         };
         let of = |verdict: Verdict| left(&|_, own| own == verdict);
         let given = |sample: usize| {

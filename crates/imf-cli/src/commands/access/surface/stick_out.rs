@@ -53,11 +53,7 @@ impl ToolStickOut {
         orientations: &OrientationSet,
         (surface_nearer_by, conservative): (Option<f64>, bool),
     ) -> StickOutRow {
-        let total = samples.area();
-        let share = |holds: &dyn Fn(&StickOut) -> bool| {
-            let chosen = self.found.iter().zip(&samples.samples).filter(|(found, _)| holds(found));
-            (chosen.map(|(_, sample)| sample.area).sum::<f64>() + 0.0) / total
-        };
+        let share = |holds: &dyn Fn(&StickOut) -> bool| samples.fraction(|sample| holds(&self.found[sample]));
         let at_most = |most: f64| share(&|found| found.length() <= most);
         let (given, shortest, longest) = (self.tool.given(), self.tool.shortest(), self.tool.longest());
         // What the tool has, the least first.
@@ -108,7 +104,7 @@ impl ToolStickOut {
                 .to_vec(),
             largest: most,
             margin: used.map(|used| given - used),
-            at_some_length: reachable / total,
+            at_some_length: reachable / samples.area(),
             beyond_the_tool: share(&|found| found.length().is_finite() && found.length() > longest),
             obstructed_at_any_length: of(Verdict::Obstructed),
             gouged: of(Verdict::Gouged),

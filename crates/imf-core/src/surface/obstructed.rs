@@ -1,0 +1,36 @@
+//! What keeps how much of a surface from being reached.
+
+use super::{Reach, SurfaceTool};
+use crate::tool::ElementKind;
+
+/// What keeps area from being reached.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ObstructedAreas {
+    /// An element, the body that it hits (0 the part, then the fixtures in their order), and the area that this obstructs; elements
+    /// in their order along the tool. Several may be in the way of one place.
+    pub hits: Vec<(ElementKind, usize, f64)>,
+    /// The area that a limit on poses alone obstructs ([`SurfaceTool::is_limited`]).
+    pub by_limit: f64,
+}
+
+impl ObstructedAreas {
+    /// Of places with their areas and their tools; those that are not obstructed count for nothing.
+    #[must_use]
+    pub fn new<'a>(places: impl IntoIterator<Item = (&'a SurfaceTool, Reach, f64)>) -> Self {
+        let mut found = Self::default();
+        for (tool, reach, area) in places {
+            let Reach::Obstructed { hits, .. } = reach else { continue };
+            if tool.is_limited() && hits == 0 {
+                found.by_limit += area;
+            }
+            for (kind, body) in tool.hits(hits) {
+                match found.hits.iter_mut().find(|(k, b, _)| (*k, *b) == (kind, body)) {
+                    Some((.., sum)) => *sum += area,
+                    None => found.hits.push((kind, body, area)),
+                }
+            }
+        }
+        found.hits.sort_by_key(|(kind, body, _)| (kind.rank(), *body));
+        found
+    }
+}
