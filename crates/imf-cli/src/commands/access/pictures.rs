@@ -196,9 +196,7 @@ fn plane(grid: &Grid, run: &AccessRun, axis: usize, index: usize) -> String {
 /// True where the voxel that holds a point of the world is solid.
 fn inside(run: &AccessRun, point: DVec3) -> bool {
     let solid = &run.obstacle.forbidden;
-    let place = ((point - solid.grid.origin) / solid.grid.pitch).floor().to_array();
-    let held = (0..3).all(|axis| (0.0..solid.grid.dims[axis] as f64).contains(&place[axis]));
-    held && solid.solid[solid.grid.index(place.map(|at| at as usize))] != 0
+    solid.grid.index_at(solid.grid.continuous(point)).is_some_and(|voxel| solid.solid[voxel] != 0)
 }
 
 fn count(n: usize, what: &str) -> String {

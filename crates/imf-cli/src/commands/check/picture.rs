@@ -215,7 +215,5 @@ fn widest(tool: &Tool, element: &str) -> f64 {
 }
 
 fn is_solid(body: &Occupancy, point: DVec3) -> bool {
-    let voxel = body.grid.continuous(point).round().to_array();
-    let inside = (0..3).all(|a| voxel[a] >= 0.0 && voxel[a] < body.grid.dims[a] as f64);
-    inside && body.solid[body.grid.index(voxel.map(|v| v as usize))] == 1
+    body.grid.index_at(body.grid.continuous(point)).is_some_and(|voxel| body.solid[voxel] == 1)
 }

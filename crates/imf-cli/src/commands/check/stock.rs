@@ -287,13 +287,8 @@ impl StockResult {
     /// Whether stock was at a place in the world when a line began, or a little later.
     pub(super) fn is_there(&self, line: usize, point: DVec3) -> bool {
         let StockReport { remaining, removed_by, .. } = &self.report;
-        let grid = &remaining.grid;
-        let voxel = grid.continuous(point).round().to_array();
-        let inside = (0..3).all(|a| voxel[a] >= 0.0 && voxel[a] < grid.dims[a] as f64);
-        inside && {
-            let index = grid.index(voxel.map(|v| v as usize));
-            remaining.solid[index] == 1 || removed_by[index] as usize >= line.max(1)
-        }
+        let voxel = remaining.grid.index_at(remaining.grid.continuous(point));
+        voxel.is_some_and(|voxel| remaining.solid[voxel] == 1 || removed_by[voxel] as usize >= line.max(1))
     }
 }
 

@@ -110,13 +110,7 @@ impl TablePair {
     /// The solid's voxel that holds a point of its frame.
     fn solid_voxel(&self, point: DVec3) -> Option<usize> {
         let voxels = self.solid.voxels();
-        let grid = &voxels.grid;
-        let at = grid.continuous(point).round();
-        let last = DVec3::from_array(grid.dims.map(|n| (n - 1) as f64));
-        if !(at.cmpge(DVec3::ZERO) & at.cmple(last)).all() {
-            return None;
-        }
-        let index = grid.index(at.to_array().map(|at| at as usize));
+        let index = voxels.grid.index_at(voxels.grid.continuous(point))?;
         (voxels.solid[index] == 1).then_some(index)
     }
 

@@ -6,6 +6,7 @@ use imf_core::grid::Grid;
 use imf_core::surface::{ElementCollision, LeastOverlap, SurfaceSample, culprits, least_overlaps};
 use imf_core::tool::ElementKind;
 
+use super::cavities::voxels_around;
 use super::{AccessRun, Surface, Verdict};
 use crate::session::Session;
 
@@ -64,14 +65,8 @@ impl Blame {
     /// The area that the voxels at a sample keep from being reached, at most; NaN where none does.
     pub(super) fn at(&self, sample: &SurfaceSample) -> f32 {
         let Some((grid, area)) = &self.voxels else { return f32::NAN };
-        let inside = grid.continuous(sample.point - 0.5 * grid.pitch * sample.normal).round();
-        let mut most = 0.0_f32;
-        for offset in 0..27 {
-            let at = [0, 1, 2].map(|axis| inside[axis] + f64::from(offset / 3_i32.pow(axis as u32) % 3 - 1));
-            if (0..3).all(|axis| (0.0..grid.dims[axis] as f64).contains(&at[axis])) {
-                most = most.max(area[grid.index(at.map(|v| v as usize))]);
-            }
-        }
+        let inside = sample.point - 0.5 * grid.pitch * sample.normal;
+        let most = voxels_around(grid, inside).map(|voxel| area[voxel]).fold(0.0, f32::max);
         if most > 0.0 { most } else { f32::NAN }
     }
 }

@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 use imf_core::access::{Components, components};
+use imf_core::grid::Grid;
 use imf_core::occupancy::Occupancy;
 
 /// How far outside the surface its empty voxel is looked for, in pitches.
@@ -21,10 +22,8 @@ impl<'a> Cavities<'a> {
     /// Whether the surface at a point, with its outward normal, is a wall of a closed one: of the empty voxels before it each is.
     pub(super) fn closes_off(&self, point: DVec3, normal: DVec3) -> bool {
         let grid = &self.solid.grid;
-        let before = grid.continuous(point + OUTSIDE * grid.pitch * normal).round();
-        let around = (0..27).map(|n| before + DVec3::from([n / 9, n / 3 % 3, n % 3].map(f64::from)) - 1.0);
-        let within = around.filter(|v| (0..3).all(|axis| (0.0..grid.dims[axis] as f64).contains(&v[axis])));
-        let labels = within.map(|v| self.empty.labels[grid.index(v.to_array().map(|v| v as usize))]);
+        let before = voxels_around(grid, point + OUTSIDE * grid.pitch * normal);
+        let labels = before.map(|voxel| self.empty.labels[voxel]);
         let mut pieces = labels.filter(|&label| label > 0).peekable();
         pieces.peek().is_some() && pieces.all(|label| self.is_closed(label))
     }
@@ -36,10 +35,15 @@ impl<'a> Cavities<'a> {
     }
 }
 
+/// The voxel that holds a point, and the 26 around it, as far as they lie in the grid.
+pub(super) fn voxels_around(grid: &Grid, point: DVec3) -> impl Iterator<Item = usize> {
+    let middle = grid.continuous(point).round();
+    let around = (0..27).map(move |n| middle + DVec3::from([n / 9, n / 3 % 3, n % 3].map(f64::from)) - 1.0);
+    around.filter_map(move |voxel| grid.index_at(voxel))
+}
+
 #[cfg(test)]
 mod tests {
-    use imf_core::grid::Grid;
-
     use super::*;
 
     #[test]
