@@ -177,10 +177,7 @@ pub(crate) struct VoxelizeArguments {
 
 /// Seconds of at least 0.
 pub fn parse_seconds(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(seconds) if seconds >= 0.0 => Ok(seconds),
-        _ => Err(format!("'{text}' is no number of seconds")),
-    }
+    numbers::number(text, |&seconds| seconds >= 0.0, &format!("'{text}' is no number of seconds"))
 }
 
 /// Describe a mesh, a tool, a dataset, a model or a field

@@ -9,7 +9,7 @@ use imf_core::machine::{AxisLimits, Machine};
 use imf_core::orientation::Limits;
 
 use super::clearance::ContactArguments;
-use super::numbers::parse_threshold;
+use super::numbers::{number, parse_threshold, three};
 use super::scene::SceneArguments;
 
 /// What the tools reach: accessible space, best directions, removable stock, the part's surface
@@ -130,24 +130,14 @@ impl AccessArguments {
 }
 
 fn parse_point(text: &str) -> Result<DVec3, String> {
-    let values: Vec<f64> =
-        text.split(',').filter_map(|t| t.trim().parse().ok()).filter(|v: &f64| v.is_finite()).collect();
-    match values.as_slice() {
-        &[x, y, z] if text.split(',').count() == 3 => Ok(DVec3::new(x, y, z)),
-        _ => Err("three numbers such as 10,0,25.5".into()),
-    }
+    three(text, |v: &f64| v.is_finite(), "three numbers such as 10,0,25.5").map(DVec3::from_array)
 }
 
 fn parse_percent(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(percent) if percent > 0.0 && percent <= 100.0 => Ok(percent),
-        _ => Err("a percentage above 0 and at most 100, such as 99.5".into()),
-    }
+    let wanted = "a percentage above 0 and at most 100, such as 99.5";
+    number(text, |&percent| percent > 0.0 && percent <= 100.0, wanted)
 }
 
 fn parse_length(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(length) if length.is_finite() && length > 0.0 => Ok(length),
-        _ => Err("a length above 0, such as 0.05".into()),
-    }
+    number(text, |&length| length > 0.0 && length < f64::INFINITY, "a length above 0, such as 0.05")
 }

@@ -4,10 +4,11 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use clap::Args;
+use imf_core::section::Quantity;
 
 use super::clearance::ContactArguments;
 use super::explicit::ExplicitOptions;
-use super::quantity::FieldQuantity;
+use super::quantity::quantity;
 use super::scene::SceneArguments;
 
 /// The field over the whole grid: how much the tool hits at every point, for each direction or at the best of them
@@ -37,9 +38,10 @@ pub(crate) struct FieldArguments {
     /// The inaccessibility measure (minimum over the orientations) with its best orientation, not every section
     #[arg(long)]
     pub(crate) imf: bool,
-    /// Of a part: what the values are
-    #[arg(long, value_enum, default_value = "overlap")]
-    pub(crate) quantity: FieldQuantity,
+    /// Of a part: what the values are: overlap, the fraction of the tool's volume that lies in the part; or depth, the signed penetration
+    /// depth (how far the tool must be moved to be free, below 0 how far it may be moved, clamped within 8 pitches)
+    #[arg(long, value_parser = quantity(), default_value = "overlap")]
+    pub(crate) quantity: Quantity,
     /// Of a part: also the measures of cutter, shank and each holder segment by themselves
     #[arg(long)]
     pub(crate) elements: bool,
@@ -65,7 +67,7 @@ impl FieldArguments {
     /// Refuses what is of a part beside a saved field, and the other way round.
     pub(crate) fn check(&self, is_saved: bool) -> Result<()> {
         if !is_saved {
-            if self.quantity == FieldQuantity::Depth {
+            if self.quantity == Quantity::Depth {
                 let whose = "overlaps, and --quantity depth asks for lengths";
                 self.explicit.refuse_option("elements", whose)?;
                 self.explicit.refuse_option("check", whose)?;

@@ -1,5 +1,7 @@
 //! Numbers and names on the command line: what each may be, so that another is refused beside the option that it was given to.
 
+use std::str::FromStr;
+
 use clap::Command;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use serde::de::DeserializeOwned;
@@ -25,44 +27,41 @@ pub fn named<T: DeserializeOwned + Clone + Send + Sync + 'static>(
     PossibleValuesParser::new(names).try_map(|name| serde_json::from_value(Value::String(name)))
 }
 
+/// A number that is as it must be, or the words for what is wanted.
+pub(super) fn number<T: FromStr>(text: &str, is: impl Fn(&T) -> bool, wanted: &str) -> Result<T, String> {
+    text.parse().ok().filter(is).ok_or_else(|| wanted.to_owned())
+}
+
+/// Three of them with commas between.
+pub(super) fn three<T: FromStr>(text: &str, is: impl Fn(&T) -> bool, wanted: &str) -> Result<[T; 3], String> {
+    let all: Result<Vec<T>, String> = text.split(',').map(|text| number(text.trim(), &is, wanted)).collect();
+    all?.try_into().map_err(|_| wanted.to_owned())
+}
+
 /// A measure above which a pose counts as colliding.
 pub fn parse_threshold(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(share) if (0.0..1.0).contains(&share) => Ok(share),
-        _ => Err("a measure of at least 0 and below 1, such as 0.001".into()),
-    }
+    number(text, |share| (0.0..1.0).contains(share), "a measure of at least 0 and below 1, such as 0.001")
 }
 
 /// A value of a field, which its quantity bounds.
 pub fn parse_value(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value.is_finite() => Ok(value),
-        _ => Err("a finite number, such as 0.001 or -0.5".into()),
-    }
+    number(text, |value: &f64| value.is_finite(), "a finite number, such as 0.001 or -0.5")
 }
 
 /// How many of something that there must be.
 pub fn parse_count(text: &str) -> Result<usize, String> {
-    match text.parse::<usize>() {
-        Ok(count) if count > 0 => Ok(count),
-        _ => Err("a whole number of at least 1".into()),
-    }
+    number(text, |&count| count > 0, "a whole number of at least 1")
 }
 
 /// A learning rate; at 0 nothing would be learnt.
 pub(super) fn parse_rate(text: &str) -> Result<f32, String> {
-    match text.parse::<f32>() {
-        Ok(rate) if rate.is_finite() && rate > 0.0 => Ok(rate),
-        _ => Err("a learning rate above 0, such as 1e-3".into()),
-    }
+    number(text, |&rate| rate > 0.0 && rate < f32::INFINITY, "a learning rate above 0, such as 1e-3")
 }
 
 /// A frequency factor.
 pub(super) fn parse_omega(text: &str) -> Result<f32, String> {
-    match text.parse::<f32>() {
-        Ok(omega) if omega > 0.0 && omega <= MAX_OMEGA => Ok(omega),
-        _ => Err(format!("a frequency factor above 0 and up to {MAX_OMEGA}, such as 30")),
-    }
+    let wanted = format!("a frequency factor above 0 and up to {MAX_OMEGA}, such as 30");
+    number(text, |&omega| omega > 0.0 && omega <= MAX_OMEGA, &wanted)
 }
 
 #[cfg(test)]

@@ -2,41 +2,31 @@
 
 use std::str::FromStr as _;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
+use clap::builder::TypedValueParser;
 use imf_core::parts::ReferencePart;
 use imf_core::section::Quantity;
 use imf_fields::harmonic::FitSettings;
 
 use super::explicit::ExplicitOptions;
+use super::numbers::named;
 use super::scene::SceneArguments;
 
-/// What a field's values are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum FieldQuantity {
-    /// Signed penetration depth: how far the tool must be moved to be free, below 0 how far it may be moved, clamped within 8
-    /// pitches. What decides
-    Depth,
-    /// The fraction of the tool's volume that lies in the part, the paper's measure: beside a holder it hardly sees a small cutter
-    Overlap,
+/// A quantity by its name.
+pub(crate) fn quantity() -> impl TypedValueParser<Value = Quantity> {
+    named(&["depth", "overlap"])
 }
 
-impl From<FieldQuantity> for Quantity {
-    fn from(quantity: FieldQuantity) -> Self {
-        match quantity {
-            FieldQuantity::Depth => Self::Depth,
-            FieldQuantity::Overlap => Self::Overlap,
-        }
-    }
-}
-
-/// The choice of it.
+/// The choice of what a field's values are.
 #[derive(Args, Clone, Copy)]
 pub(crate) struct QuantityArguments {
-    /// What the field's values are; by default depth, and overlap for the paper's question, a built-in part with the tool paper. A field
-    /// of depth is of the tool with its shank and holder offset by two voxels, where no clearance is given; the cutter may touch. Around a
-    /// part of your own there are six empty voxels, where neither --margin nor --dims is given
-    #[arg(long, value_enum)]
-    quantity: Option<FieldQuantity>,
+    /// What the field's values are: depth, the signed penetration depth (how far the tool must be moved to be free, below 0 how far it may
+    /// be moved, clamped within 8 pitches), which decides; or overlap, the fraction of the tool's volume that lies in the part, the paper's
+    /// measure, which beside a holder hardly sees a small cutter. By default depth, and overlap for the paper's question, a built-in part
+    /// with the tool paper. A field of depth is of the tool with its shank and holder offset by two voxels, where no clearance is given; the
+    /// cutter may touch. Around a part of your own there are six empty voxels, where neither --margin nor --dims is given
+    #[arg(long, value_parser = quantity())]
+    quantity: Option<Quantity>,
 }
 
 /// Empty voxels around a user's part: the tool approaches within the field's box, beyond its clearance.
@@ -48,7 +38,7 @@ impl QuantityArguments {
     /// The quantity of a field of this scene.
     pub(crate) fn of(self, scene: &SceneArguments) -> Quantity {
         match self.quantity {
-            Some(quantity) => quantity.into(),
+            Some(quantity) => quantity,
             None if is_built_in(scene) && scene.tool.iter().all(|tool| tool == "paper") => Quantity::Overlap,
             None => Quantity::Depth,
         }

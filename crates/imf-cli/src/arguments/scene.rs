@@ -15,6 +15,7 @@ use imf_core::unit::LengthUnit;
 use super::clearance::{ClearanceArguments, ContactArguments, clearance_text};
 use super::fixture::{FixtureArgument, parse_fixture};
 use super::inputs::SceneInputs;
+use super::numbers::{number, three};
 use super::transform::parse_transform;
 use crate::output::short;
 use crate::session::{Session, show_bytes};
@@ -82,25 +83,15 @@ fn parse_pitch(text: &str) -> Result<f64, String> {
                 .into(),
         );
     }
-    match text.parse::<f64>() {
-        Ok(pitch) if pitch.is_finite() && pitch > 0.0 => Ok(pitch),
-        _ => Err("a positive length such as 0.5".into()),
-    }
+    number(text, |&pitch| pitch > 0.0 && pitch < f64::INFINITY, "a positive length such as 0.5")
 }
 
 fn parse_scale(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(scale) if scale.is_finite() && scale > 0.0 => Ok(scale),
-        _ => Err("a factor above 0, such as 25.4".into()),
-    }
+    number(text, |&scale| scale > 0.0 && scale < f64::INFINITY, "a factor above 0, such as 25.4")
 }
 
 fn parse_dims(text: &str) -> Result<[usize; 3], String> {
-    let values: Vec<usize> = text.split(',').filter_map(|t| t.trim().parse().ok()).collect();
-    match values.as_slice() {
-        &[x, y, z] if text.split(',').count() == 3 => Ok([x, y, z]),
-        _ => Err("three whole numbers such as 58,76,121".into()),
-    }
+    three(text, |_| true, "three whole numbers such as 58,76,121")
 }
 
 /// Meshes by the names of their bodies.

@@ -51,7 +51,7 @@ fn of_part(session: &Session, arguments: &FieldArguments, folder: OutputFolder) 
     let of_part = || inputs.part.mesh.transformed(&inputs.transform).machining_directions();
     let directions = |text: &str| Directions::of_part(text, of_part);
     let named = arguments.orientations.as_deref().map(directions).transpose()?;
-    let quantity = Quantity::from(arguments.quantity);
+    let quantity = arguments.quantity;
     let (scene, bodies) =
         arguments.scene.scene_among(session, &inputs, &arguments.contact, arguments.elements, quantity)?;
     let round = scene.record.bare_tool().is_axisymmetric();
