@@ -22,7 +22,7 @@ pub use data::Data;
 pub use factored::{Distillation, DistillationSize, FactoredStart, Source, symmetry_of};
 pub use log::seconds_until;
 pub use memory::Footprint;
-pub use siren5::{continued, fresh_model, plan_defaults, run};
+pub use siren5::{continued, fresh_model, run};
 pub(crate) use siren5::{require_togetherness, resumed_model, schedule_from};
 
 use std::ops::ControlFlow;

@@ -3,7 +3,6 @@
 mod factored;
 mod siren;
 
-use std::path::Path;
 use std::time::Instant;
 
 use anyhow::Result;
@@ -17,11 +16,13 @@ use imf_fields::file::FieldFile;
 pub use self::siren::SHAPE;
 use crate::arguments::{DemoArguments, NetworkFamily};
 use crate::commands::calibrate::calibrate_written;
+use crate::commands::eval;
+use crate::engine::Device;
 use crate::interrupt;
 use crate::job::FIELD;
 use crate::output::{prepare_folder, print_result};
 use crate::progress::show_seconds;
-use crate::report::{EvaluationSettings, PAPER_THRESHOLD, forget};
+use crate::report::{EvaluationSettings, PAPER_THRESHOLD, Report, forget};
 use crate::session::Session;
 
 pub(crate) fn run(session: &Session, arguments: &DemoArguments) -> Result<()> {
@@ -30,11 +31,11 @@ pub(crate) fn run(session: &Session, arguments: &DemoArguments) -> Result<()> {
     let report = match arguments.family {
         NetworkFamily::Factored => {
             let scene = teapot(session, ReferencePart::Teapot.dims())?;
-            factored::make_report(session, arguments, &scene)?
+            factored::run(session, arguments, &scene)?
         }
         NetworkFamily::Siren5 => {
             let scene = teapot(session, siren::DIMS)?;
-            siren::make_report(session, arguments, &scene)?
+            siren::run(session, arguments, &scene)?
         }
     };
     let words = format!(
@@ -62,30 +63,29 @@ fn teapot(session: &Session, dims: [usize; 3]) -> Result<Scene> {
     Ok(scene)
 }
 
-/// What a demo's field is compared at: 64 random directions that nothing was made from, the IMF over `imf`, and a section that it
-/// was made from where there is one that it saw alone.
-fn eval_settings(
-    seed: u64,
+/// Calibrates the field that was just written and compares it with the exact one: at 64 random directions that nothing was made from,
+/// by the IMF over `imf`, and in a section that it was made from where there is one that it saw alone.
+fn make_report(
+    session: &Session,
+    device: &Device,
+    arguments: &DemoArguments,
     in_sample: Option<Orientation>,
     imf: OrientationSet,
-) -> Result<EvaluationSettings> {
-    Ok(EvaluationSettings {
+) -> Result<Report> {
+    let DemoArguments { out, seed, .. } = arguments;
+    let settings = EvaluationSettings {
         in_sample,
         out_of_sample: Some(Orientation::new(12.0, 6.0)),
         random: OrientationSet::parse(&format!("random:64:{}", seed.wrapping_add(1)))?,
         imf,
         // Of shares of the tool, as the paper compares; the verdict beside the table goes by the calibrated one.
         threshold: Some(PAPER_THRESHOLD),
-    })
-}
-
-/// The field that was just written, with error rates of its decisions.
-fn decided(session: &Session, out: &Path) -> Result<FieldFile> {
+    };
     let path = out.join(FIELD);
     forget(out);
     calibrate_written(session, &path, true)?;
     interrupt::leave(
         format!("{} is written and calibrated; imf eval makes its report", path.display()).into(),
     );
-    Ok(FieldFile::read(&path)?)
+    eval::make_report(session, device, &FieldFile::read(&path)?, &settings, Some(out))
 }

@@ -1,5 +1,7 @@
 //! `imf eval`: a field of any family against the exact one.
 
+use std::path::Path;
+
 use anyhow::{Result, ensure};
 use glam::DVec3;
 use imf_core::orientation::{Orientation, OrientationSet};
@@ -12,7 +14,7 @@ use crate::arguments::saved::EvalArguments;
 use crate::commands::calibrate::{DecisionQuality, measure_decisions};
 use crate::engine::{Device, DeviceField, Workload};
 use crate::output::{prepare_folder, print_result, short};
-use crate::report::{EvaluationSettings, Subject, evaluate};
+use crate::report::{EvaluationSettings, Report, Subject, evaluate};
 use crate::session::Session;
 
 /// Orientations of the IMF by default, of a field that has no training set: as many as the paper's.
@@ -27,22 +29,34 @@ pub(crate) fn run(session: &Session, arguments: &EvalArguments) -> Result<()> {
     }
     let stored = FieldFile::read(&arguments.model)?;
     let device = Device::for_field(&arguments.device.device, session, &stored)?;
-    require_memory(session, &device, &stored)?;
-    let eval_settings = eval_settings(arguments, &stored)?;
-    let subject = Subject::of_stored(&stored)?;
-    let quality = decision_quality(session, &stored)?;
-    let DeviceField { field, by, .. } = device.field(session, &stored, Workload::Many)?;
+    let settings = eval_settings(arguments, &stored)?;
+    let report = make_report(session, &device, &stored, &settings, arguments.out.as_deref())?;
+    print_result(session, &report, &report.table())
+}
+
+/// Holds a field against the exact one; with a folder, writes the report and its pictures there.
+pub(super) fn make_report(
+    session: &Session,
+    device: &Device,
+    stored: &FieldFile,
+    settings: &EvaluationSettings,
+    out: Option<&Path>,
+) -> Result<Report> {
+    require_memory(session, device, stored)?;
+    let subject = Subject::of_stored(stored)?;
+    let quality = decision_quality(session, stored)?;
+    let DeviceField { field, by, .. } = device.field(session, stored, Workload::Many)?;
     session.note(&format!("evaluating on {by}"));
-    let evaluation = evaluate(session, &subject, &*field, by, &eval_settings, &quality)?;
-    if let Some(folder) = &arguments.out {
+    let evaluation = evaluate(session, &subject, &*field, by, settings, &quality)?;
+    if let Some(folder) = out {
         evaluation.write(folder, &subject, &*field)?;
         session.note(&format!("wrote {}", folder.join("report.md").display()));
     }
-    print_result(session, &evaluation.report, &evaluation.report.table())
+    Ok(evaluation.report)
 }
 
 /// Error rates of the field's decisions: from its file, else measured for the report.
-pub(super) fn decision_quality(session: &Session, stored: &FieldFile) -> Result<DecisionQuality> {
+fn decision_quality(session: &Session, stored: &FieldFile) -> Result<DecisionQuality> {
     match stored.calibration() {
         Some(known) => Ok(DecisionQuality::Known(Box::new(*known))),
         None => {
@@ -58,7 +72,7 @@ pub(super) fn decision_quality(session: &Session, stored: &FieldFile) -> Result<
 }
 
 /// Refuses what would not fit beside the exact field.
-pub(super) fn require_memory(session: &Session, device: &Device, stored: &FieldFile) -> Result<()> {
+fn require_memory(session: &Session, device: &Device, stored: &FieldFile) -> Result<()> {
     let record = &stored.scene().record;
     let needed = SectionPlan::memory_estimate(&record.grid, &record.tool, session.threads())
         + 40 * record.grid.len() as u64 * session.threads() as u64

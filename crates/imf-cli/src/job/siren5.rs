@@ -19,7 +19,7 @@ use super::checkpoint::{Checkpoint as _, Latest, latest};
 use super::data::{Data, Source};
 use super::held_out::{HeldOutWatch, record};
 use super::memory::Footprint;
-use super::{Loop, REPORT_EVERY, Settings, Training};
+use super::{Loop, Settings, Training};
 use crate::arguments::train::Siren5Training;
 use crate::engine::Device;
 use crate::interrupt;
@@ -139,11 +139,6 @@ pub(crate) fn require_togetherness(session: &Session) -> Result<()> {
         ),
         _ => Ok(()),
     }
-}
-
-/// The paper's plan, reported often enough to notice Ctrl-C.
-pub fn plan_defaults() -> TrainingPlan {
-    TrainingPlan { report_every: REPORT_EVERY, ..TrainingPlan::default() }
 }
 
 /// A model at the start of its training.

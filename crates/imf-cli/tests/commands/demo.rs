@@ -44,8 +44,7 @@ fn a_short_demo_of_the_papers_network_leaves_everything_and_says_what_it_is_wort
     let model = work.model("demo/field.safetensors");
     assert_eq!((model.record.steps, model.record.finished), (300, true));
     // A line for each stage, with a rate.
-    for stage in ["exact sections: 225 sections in", "training: 300 steps in", "evaluating: 355 sections in"]
-    {
+    for stage in ["sampling: 225 sections in", "training: 300 steps in", "evaluating: 355 sections in"] {
         let line = demo.stderr.lines().find(|line| line.starts_with(stage));
         assert!(line.is_some_and(|line| line.contains("/s)")), "{stage} in\n{}", demo.stderr);
     }

@@ -9,14 +9,14 @@ use imf_fields::factored::file::FactoredFile;
 use imf_fields::harmonic::coefficients::Precision;
 use imf_fields::recipe::{Length, TrainingPlan};
 
-use super::{decided, eval_settings};
+use super::make_report;
 use crate::arguments::DemoArguments;
-use crate::commands::eval::{IMF_ORIENTATIONS, decision_quality, require_memory};
+use crate::commands::eval::IMF_ORIENTATIONS;
 use crate::commands::train::factored::{Request, beside};
-use crate::engine::{Device, DeviceField, Workload};
+use crate::engine::Device;
 use crate::job::{self, FactoredStart};
 use crate::output::lock_folder;
-use crate::report::{Report, Subject, evaluate};
+use crate::report::Report;
 use crate::session::Session;
 
 /// Steps of training: twice through the grid, a dozen seconds on two fast cores.
@@ -24,7 +24,7 @@ const STEPS: u64 = 1_000;
 /// Seconds between checkpoints.
 const CHECKPOINT_EVERY: f64 = 30.0;
 
-pub(super) fn make_report(session: &Session, arguments: &DemoArguments, scene: &Scene) -> Result<Report> {
+pub(super) fn run(session: &Session, arguments: &DemoArguments, scene: &Scene) -> Result<Report> {
     let device = Device::open(&arguments.device.device, session)?;
     let _lock = lock_folder(&arguments.out)?;
     let start = FactoredStart::at(&arguments.out, job::is_unfinished::<FactoredFile>(&arguments.out))?;
@@ -49,12 +49,5 @@ pub(super) fn make_report(session: &Session, arguments: &DemoArguments, scene: &
 
     let imf = file.field.basis.even_set(IMF_ORIENTATIONS)?;
     drop(file);
-    let stored = decided(session, &arguments.out)?;
-    require_memory(session, &device, &stored)?;
-    let (subject, eval_settings) = (Subject::of_stored(&stored)?, eval_settings(arguments.seed, None, imf)?);
-    let DeviceField { field, by, .. } = device.field(session, &stored, Workload::Many)?;
-    let evaluation =
-        evaluate(session, &subject, &*field, by, &eval_settings, &decision_quality(session, &stored)?)?;
-    evaluation.write(&arguments.out, &subject, &*field)?;
-    Ok(evaluation.report)
+    make_report(session, &device, arguments, None, imf)
 }

@@ -9,16 +9,14 @@ use imf_fields::recipe::schedule::Schedule;
 use imf_fields::recipe::{AdamConfig, TrainingState};
 use imf_fields::recipe::{Length, TrainingPlan};
 use imf_fields::siren::SirenShape;
-use imf_train::dataset::generate;
+use imf_train::dataset::Layout;
 
-use super::{decided, eval_settings};
+use super::make_report;
 use crate::arguments::DemoArguments;
-use crate::commands::dataset::interruption;
-use crate::commands::eval::decision_quality;
-use crate::engine::{Device, Workload};
-use crate::interrupt;
-use crate::job::{self, Data, Settings};
-use crate::report::{Report, Subject, evaluate};
+use crate::commands::dataset::sample_sections;
+use crate::engine::Device;
+use crate::job::{self, Data, REPORT_EVERY, Settings};
+use crate::report::Report;
 use crate::session::Session;
 
 /// Training steps: a minute on two fast cores.
@@ -31,18 +29,12 @@ const SECTIONS: usize = 225;
 /// MSE of 2e-6 at unseen orientations, ω = 30 2e-5.
 pub const SHAPE: SirenShape = SirenShape { width: 128, hidden: 5, skip_after: Some(2), omega: 10.0 };
 
-pub(super) fn make_report(session: &Session, arguments: &DemoArguments, scene: &Scene) -> Result<Report> {
+pub(super) fn run(session: &Session, arguments: &DemoArguments, scene: &Scene) -> Result<Report> {
     let device = Device::open(&arguments.device.device, session)?;
     let set = OrientationSet::parse(&format!("fibonacci:{SECTIONS}"))?;
     let folder = arguments.out.join("dataset");
-    let keeping = interrupt::keep();
-    let stage = session.stage("exact sections", "sections", SECTIONS as u64);
-    let advance = |n| stage.advance(n);
     let sampling = Sampling { seed: arguments.seed, ..Sampling::default() };
-    let made = generate(&folder, scene, &set, &sampling, session.control(&advance))
-        .map_err(|error| interruption(error, &folder))?;
-    stage.finish(&format!("{} samples", made.samples));
-    drop(keeping);
+    sample_sections(session, &folder, scene, &set, &sampling, &Layout::default())?;
 
     let data = Data::open(&folder)?;
     let plan = TrainingPlan {
@@ -50,7 +42,8 @@ pub(super) fn make_report(session: &Session, arguments: &DemoArguments, scene: &
         schedule: Schedule::Cosine { initial: 5e-4, last: 5e-6, warmup: 200 },
         adam: AdamConfig { weight_decay: 0.0, ..AdamConfig::default() },
         seed: arguments.seed,
-        ..job::plan_defaults()
+        report_every: REPORT_EVERY,
+        ..TrainingPlan::default()
     };
     let state = TrainingState::new(&SHAPE, arguments.seed);
     let fresh = job::fresh_model(&data, SHAPE, plan, state, None);
@@ -63,18 +56,5 @@ pub(super) fn make_report(session: &Session, arguments: &DemoArguments, scene: &
         held_out_every: None,
     };
     job::run(session, &device, &data, model, &arguments.out, &settings)?;
-
-    let eval_settings = eval_settings(arguments.seed, set.orientations.first().copied(), set)?;
-    let file = decided(session, &arguments.out)?;
-    let (subject, evaluated) = (Subject::of_stored(&file)?, device.field(session, &file, Workload::Many)?);
-    let evaluation = evaluate(
-        session,
-        &subject,
-        &*evaluated.field,
-        evaluated.by,
-        &eval_settings,
-        &decision_quality(session, &file)?,
-    )?;
-    evaluation.write(&arguments.out, &subject, &*evaluated.field)?;
-    Ok(evaluation.report)
+    make_report(session, &device, arguments, set.orientations.first().copied(), set)
 }
