@@ -19,7 +19,7 @@ pub use checkpoint::{Checkpoint, Latest, Progress, latest};
 pub(crate) use checkpoint::{is_unfinished, to_resume};
 pub(crate) use curve::loss_chart;
 pub use data::Data;
-pub use factored::{Distillation, DistillationSize, FactoredStart, Source, symmetry_of};
+pub use factored::{Distillation, DistillationSize, FactoredStart, Source};
 pub use log::seconds_until;
 pub use memory::Footprint;
 pub use siren5::{continued, fresh_model, run};

@@ -28,7 +28,7 @@ use crate::session::Session;
 const BYTES_PER_PARAMETER: u64 = 4 * 8;
 
 /// What symmetry of the part the network of a field may rely on.
-pub fn symmetry_of(session: &Session, field: &HarmonicFile) -> Symmetry {
+fn symmetry_of(session: &Session, field: &HarmonicFile) -> Symmetry {
     let symmetry = Symmetry::of(&field.field, &field.scene.obstacle);
     if !symmetry.is_none() {
         session.note(&format!("symmetry-reduced: {symmetry}"));
@@ -265,10 +265,10 @@ impl<'a> FactoredStart<'a> {
 
 /// A factored field that is trained, in a folder.
 pub struct Distillation<'a> {
-    /// What is distilled.
-    pub source: Source<'a>,
-    /// How.
+    /// How it is trained.
     pub settings: DistillSettings,
+    /// The network relies on what symmetry the harmonic field has, whatever the settings say.
+    pub find_symmetry: bool,
     /// How the finished weights are saved.
     pub precision: Precision,
     /// What happens beside the steps.
@@ -280,7 +280,7 @@ pub struct Distillation<'a> {
 }
 
 impl Distillation<'_> {
-    /// Trains from the checkpoint on where there is one to go on from, else from another field's network or from random
+    /// Trains by `source`: from the checkpoint on where there is one to go on from, else from another field's network or from random
     /// weights; writes checkpoints and the finished field. Also says the loss of the last steps.
     ///
     /// # Errors
@@ -289,9 +289,13 @@ impl Distillation<'_> {
         self,
         session: &Session,
         device: &Device,
+        source: &Source<'_>,
         from: Option<&FactoredFile>,
     ) -> Result<(FactoredFile, Option<f64>)> {
-        let Self { source, settings, precision, beside, smaller, start } = self;
+        let Self { mut settings, find_symmetry, precision, beside, smaller, start } = self;
+        if let (true, Source::Harmonic(field)) = (find_symmetry, source) {
+            settings.symmetry = symmetry_of(session, field);
+        }
         source.extent().require(session, &settings, smaller)?;
         let target = source.target();
         let resumed = start.state(session);
@@ -303,11 +307,11 @@ impl Distillation<'_> {
                 )?;
                 state.clone()
             }
-            None => initial_state(&source, &settings, from)?,
+            None => initial_state(source, &settings, from)?,
         };
         let (shape, batch, voxels) = (target.shape(&settings), target.batch(&settings), target.grid().len());
         let total = settings.plan.total_steps(voxels);
-        let of = match &source {
+        let of = match source {
             Source::Harmonic(_) => format!("to the coefficients of {voxels} voxels"),
             Source::Sections { .. } => {
                 let pool = settings.online.unwrap_or_default().pool;

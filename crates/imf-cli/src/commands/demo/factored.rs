@@ -12,9 +12,9 @@ use imf_fields::recipe::{Length, TrainingPlan};
 use super::make_report;
 use crate::arguments::DemoArguments;
 use crate::commands::eval::IMF_ORIENTATIONS;
-use crate::commands::train::factored::{Request, beside};
+use crate::commands::train::factored::{beside, of_scene};
 use crate::engine::Device;
-use crate::job::{self, FactoredStart};
+use crate::job::{self, Distillation, FactoredStart};
 use crate::output::lock_folder;
 use crate::report::Report;
 use crate::session::Session;
@@ -31,21 +31,21 @@ pub(super) fn run(session: &Session, arguments: &DemoArguments, scene: &Scene) -
     let defaults = DistillSettings::of_length(Length::Steps(arguments.steps.unwrap_or(STEPS)));
     let defaults = start.resolve_settings(None, None, defaults);
     let symmetry = start.symmetry(true);
-    let request = Request {
-        quantity: Quantity::Overlap,
-        degree: None,
+    let settings = DistillSettings {
+        plan: TrainingPlan { seed: arguments.seed, ..defaults.plan },
+        symmetry: symmetry.unwrap_or_default(),
+        ..defaults
+    };
+    start.require_settings(&settings)?;
+    let distillation = Distillation {
+        settings,
         find_symmetry: symmetry.is_none(),
-        settings: DistillSettings {
-            plan: TrainingPlan { seed: arguments.seed, ..defaults.plan },
-            symmetry: symmetry.unwrap_or_default(),
-            ..defaults
-        },
         precision: Precision::F32,
         beside: beside(CHECKPOINT_EVERY, "run the same command again"),
         smaller: "raise --memory, or take the smaller demo: --family siren5",
+        start: &start,
     };
-    start.require_settings(&request.settings)?;
-    let (file, _) = request.of_scene(session, &device, scene, &start, None)?;
+    let (file, _) = of_scene(session, &device, distillation, scene, (Quantity::Overlap, None), None)?;
 
     let imf = file.field.basis.even_set(IMF_ORIENTATIONS)?;
     drop(file);

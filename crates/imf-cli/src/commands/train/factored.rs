@@ -28,7 +28,7 @@ use crate::arguments::train::FactoredArguments;
 use crate::commands::calibrate::calibrate_written;
 use crate::commands::field::is_field;
 use crate::engine::Device;
-use crate::job::{Distillation, DistillationSize, FIELD, FactoredStart, Settings, Source, symmetry_of};
+use crate::job::{Distillation, DistillationSize, FIELD, FactoredStart, Settings, Source};
 use crate::output::{OutputFolder, lock_folder, print_result, require_other};
 use crate::session::{Session, show_bytes};
 
@@ -94,31 +94,31 @@ pub(super) fn run(session: &Session, arguments: &FactoredArguments) -> Result<()
     settings.symmetry = symmetry.unwrap_or_default();
     begun.require_settings(&settings)?;
     let quantity = quantity.of(scene);
-    let request = Request {
-        quantity,
-        degree: *degree,
-        find_symmetry: symmetry.is_none(),
+    let distillation = Distillation {
         settings,
+        find_symmetry: symmetry.is_none(),
         precision: arguments.precision(),
         beside: beside(set.checkpoint_every()?, "add --resume"),
         smaller: "use a lower --degree, a smaller --network or --online, or a larger --pitch",
+        start: &begun,
     };
+    let from = from.as_ref().map(|(_, from)| from);
     let trained = if is_saved {
         let field = HarmonicFile::read(subject)?;
         begun.require_source(&field.scene, &field.settings)?;
-        match begun.finished(session, request.precision)? {
+        match begun.finished(session, distillation.precision)? {
             Some(file) => (file, None),
             None => {
                 folder.create()?;
                 let _lock = lock_folder(folder.path())?;
-                request.distilled(session, &device, &field, &begun, from.as_ref().map(|(_, from)| from))?
+                distillation.run(session, &device, &Source::Harmonic(&field), from)?
             }
         }
     } else {
         let scene = scene_of(quantity, explicit, scene).scene_with(session, contact)?;
         folder.create()?;
         let _lock = lock_folder(folder.path())?;
-        request.of_scene(session, &device, &scene, &begun, from.as_ref().map(|(_, from)| from))?
+        of_scene(session, &device, distillation, &scene, (quantity, *degree), from)?
     };
     conclude(session, folder.path(), trained, !run.no_calibrate)
 }
@@ -128,82 +128,36 @@ pub(in crate::commands) fn beside(checkpoint_every: f64, go_on: &'static str) ->
     Settings { checkpoint_every, go_on, slower: " with --rate ", held_out: 0, held_out_every: None }
 }
 
-/// A field that is wanted.
-pub(in crate::commands) struct Request {
-    /// What its values are.
-    pub(in crate::commands) quantity: Quantity,
-    /// Degree of the harmonics; by default that of its kind of functions.
-    pub(in crate::commands) degree: Option<usize>,
-    /// The network relies on what symmetry the field has.
-    pub(in crate::commands) find_symmetry: bool,
-    /// How the network is trained.
-    pub(in crate::commands) settings: DistillSettings,
-    /// How its weights are saved.
-    pub(in crate::commands) precision: Precision,
-    pub(in crate::commands) beside: Settings,
-    /// What takes less memory.
-    pub(in crate::commands) smaller: &'static str,
-}
-
-impl Request {
-    /// The field of a scene, written to the folder, with the last loss. Where a training is resumed that
-    /// has steps left, the harmonic field is fitted, or the functions are chosen, once more. What cannot be is refused before.
-    pub(in crate::commands) fn of_scene(
-        self,
-        session: &Session,
-        device: &Device,
-        scene: &Scene,
-        start: &FactoredStart<'_>,
-        from: Option<&FactoredFile>,
-    ) -> Result<(FactoredFile, Option<f64>)> {
-        let domain = Domain::of_tool(scene.record.bare_tool());
-        let usual = FitSettings::of_teacher(domain);
-        let degree = self.degree.unwrap_or(usual.degree);
-        let fit = FitSettings { quantity: self.quantity, degree, ..usual };
-        start.require_source(scene, &fit)?;
-        if let Some(file) = start.finished(session, self.precision)? {
-            return Ok((file, None));
-        }
-        let by_sections = self.settings.online.is_some();
-        let extent = DistillationSize { by_sections, fit, domain, voxels: scene.record.grid.len() };
-        extent.require(session, &self.settings, self.smaller)?;
-        let plan = SectionPlan::of_scene(scene, ToolPoints::Tip)?;
-        if by_sections {
-            let source = Box::new(section_source(session, &plan, domain, &fit)?);
-            let source = Source::Sections { source, scene, fit };
-            return self.trained(session, device, source, start, None);
-        }
-        let field = harmonic::fit_field(session, scene, &plan, domain, fit, self.smaller)?;
-        drop(plan);
-        self.distilled(session, device, &field, start, from)
+/// The field of a scene, written to the folder, with the last loss. Where a training is resumed that has steps left, the harmonic
+/// field is fitted, or the functions are chosen, once more. What cannot be is refused before. The harmonics are of `degree`, by
+/// default that of their kind of functions.
+pub(in crate::commands) fn of_scene(
+    session: &Session,
+    device: &Device,
+    distillation: Distillation<'_'>,
+    scene: &Scene,
+    (quantity, degree): (Quantity, Option<usize>),
+    from: Option<&FactoredFile>,
+) -> Result<(FactoredFile, Option<f64>)> {
+    let domain = Domain::of_tool(scene.record.bare_tool());
+    let usual = FitSettings::of_teacher(domain);
+    let fit = FitSettings { quantity, degree: degree.unwrap_or(usual.degree), ..usual };
+    let Distillation { settings, precision, smaller, start, .. } = distillation;
+    start.require_source(scene, &fit)?;
+    if let Some(file) = start.finished(session, precision)? {
+        return Ok((file, None));
     }
-
-    /// The network that a harmonic field is distilled into.
-    fn distilled(
-        mut self,
-        session: &Session,
-        device: &Device,
-        field: &HarmonicFile,
-        start: &FactoredStart<'_>,
-        from: Option<&FactoredFile>,
-    ) -> Result<(FactoredFile, Option<f64>)> {
-        if self.find_symmetry {
-            self.settings.symmetry = symmetry_of(session, field);
-        }
-        self.trained(session, device, Source::Harmonic(field), start, from)
+    let by_sections = settings.online.is_some();
+    let extent = DistillationSize { by_sections, fit, domain, voxels: scene.record.grid.len() };
+    extent.require(session, &settings, smaller)?;
+    let plan = SectionPlan::of_scene(scene, ToolPoints::Tip)?;
+    if by_sections {
+        let source = Box::new(section_source(session, &plan, domain, &fit)?);
+        return distillation.run(session, device, &Source::Sections { source, scene, fit }, None);
     }
-
-    fn trained(
-        self,
-        session: &Session,
-        device: &Device,
-        source: Source<'_>,
-        start: &FactoredStart<'_>,
-        from: Option<&FactoredFile>,
-    ) -> Result<(FactoredFile, Option<f64>)> {
-        let Self { settings, precision, beside, smaller, .. } = self;
-        Distillation { source, settings, precision, beside, smaller, start }.run(session, device, from)
-    }
+    let field = harmonic::fit_field(session, scene, &plan, domain, fit, smaller)?;
+    drop(plan);
+    distillation.run(session, device, &Source::Harmonic(&field), from)
 }
 
 /// The functions that sections are learnt along, chosen by a sample of voxels.

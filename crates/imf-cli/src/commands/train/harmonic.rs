@@ -84,7 +84,6 @@ pub(in crate::commands) fn validation_text(
     }
 }
 
-
 /// The field of a scene, in so many exact sections as the settings ask for; `smaller` says what takes less memory.
 pub fn fit_field(
     session: &Session,
