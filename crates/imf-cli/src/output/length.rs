@@ -30,6 +30,19 @@ pub(crate) fn place(point: [f64; 3], unit: LengthUnit) -> String {
     point.map(|value| nearest(value, unit)).join(", ")
 }
 
+/// A tool's stick-out: what it is set to, the shortest, and the longest where that is known.
+pub(crate) fn stick_out(
+    tool: &str,
+    [given, shortest]: [f64; 2],
+    longest: Option<f64>,
+    unit: LengthUnit,
+) -> String {
+    let [given, shortest] = [given, shortest].map(|value| nearest(value, unit));
+    let longest = longest.map(|longest| format!(", overall length {}", nearest(longest, unit)));
+    let longest = longest.unwrap_or_default();
+    format!("stick-out of {tool} (set to {given} {unit}, shortest {shortest}{longest})")
+}
+
 /// That the surface lies nearer than the voxels that shank and holder were kept off, in words.
 pub(crate) fn surface_nearer(nearer: f64, conservative: bool, unit: LengthUnit) -> String {
     let more = at_least(nearer, unit);

@@ -45,17 +45,9 @@ pub(super) fn lines(checked: &CheckRun<'_>) -> String {
 }
 
 fn one(found: &PathStickOut, unit: LengthUnit) -> String {
-    let near = |value: f64| length::nearest(value, unit);
-    let PathStickOut { given, shortest, .. } = found;
+    let PathStickOut { given, shortest, longest, .. } = *found;
     let number = found.tool.map_or_else(String::new, |number| format!("tool {number}, "));
-    let longest =
-        found.longest.map_or_else(String::new, |longest| format!(", overall length {}", near(longest)));
-    let tool = format!(
-        "stick-out of {number}{} (set to {} {unit}, shortest {}{longest})",
-        found.name,
-        near(*given),
-        near(*shortest)
-    );
+    let tool = length::stick_out(&(number + &found.name), [given, shortest], longest, unit);
     let line = found.line.map_or_else(String::new, |line| format!(", decided by line {line}"));
     let Some(least) = found.least else {
         let on = found.line.map_or_else(String::new, |line| format!(" on line {line}"));
@@ -64,7 +56,7 @@ fn one(found: &PathStickOut, unit: LengthUnit) -> String {
         );
     };
     let takes = format!("the whole path takes {} {unit}{line}", length::at_least(least, unit));
-    if found.longest.is_some_and(|longest| least > longest) {
+    if longest.is_some_and(|longest| least > longest) {
         return format!("{tool}: {takes}: more than the tool has");
     }
     let margin = given - least;

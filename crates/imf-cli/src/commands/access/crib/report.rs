@@ -6,7 +6,7 @@ use imf_core::surface::Verdict;
 use imf_core::unit::LengthUnit;
 use serde::Serialize;
 
-use super::super::surface::ObstructedRow;
+use super::super::surface::{ObstructedRow, proof};
 use super::Crib;
 use super::tools::Undecided;
 use crate::output::{length, show_measure};
@@ -173,11 +173,7 @@ impl Report {
         row("none: something is in the way", self.obstructed, &ObstructedRow::text(&self.obstructed_by));
         row("none: no cutter fits", self.gouged, "");
         row("none: no direction faces it", self.not_faced, "");
-        let proof = if self.proven {
-            "proven: no fewer do".to_owned()
-        } else {
-            format!("at least {} are needed: the search for fewer was given up", self.at_least)
-        };
+        let proof = proof(self.proven, self.at_least);
         let _ = writeln!(
             text,
             "\nthe fewest tools: {} reach {} of the surface, of {} that all of them reach ({proof})",

@@ -55,6 +55,21 @@ impl ObstructedRow {
     }
 }
 
+/// How sure it is that nothing fewer does, in words.
+pub(in crate::commands::access) fn proof(proven: bool, at_least: usize) -> String {
+    match proven {
+        true => "proven: no fewer do".into(),
+        false => format!("at least {at_least} are needed: the search for fewer was given up"),
+    }
+}
+
+/// The line of what is left, by why it is; nothing where nothing is left.
+pub(super) fn left(shares: &[(&str, f64)]) -> String {
+    let some = shares.iter().filter(|(_, share)| *share > 0.0);
+    let some: Vec<String> = some.map(|(why, share)| format!("{why} {:.1} %", 100.0 * share)).collect();
+    if some.is_empty() { String::new() } else { format!("  left: {}\n", some.join(", ")) }
+}
+
 /// The surface in the summary; shares are of its area.
 #[derive(Debug, Serialize)]
 pub(in crate::commands::access) struct SurfaceRow {

@@ -11,6 +11,7 @@ use imf_core::tool::Assembly;
 use imf_core::unit::LengthUnit;
 use serde::Serialize;
 
+use super::row::left;
 use crate::output::length;
 use crate::session::Session;
 
@@ -154,13 +155,7 @@ impl StickOutRow {
         let [near, enough] =
             [length::nearest, length::at_least].map(|text| move |value: f64| text(value, unit));
         let percent = |share: f64| format!("{:.1} %", 100.0 * share);
-        let longest = self.longest.map_or(String::new(), |l| format!(", overall length {}", near(l)));
-        let mut text = format!(
-            "stick-out of {} (set to {} {unit}, shortest {}{longest})\n",
-            self.tool,
-            near(self.given),
-            near(self.shortest)
-        );
+        let mut text = length::stick_out(&self.tool, [self.given, self.shortest], self.longest, unit) + "\n";
         if let Some(Largest { length, point, direction: [i, j, k] }) = self.largest {
             let _ = writeln!(
                 text,
@@ -186,17 +181,12 @@ impl StickOutRow {
             };
             let _ = writeln!(text, "  {:>10}   {:>8}{note}", near(*length), percent(*share));
         }
-        let left = [
+        text += &left(&[
             ("more than its overall length", self.beyond_the_tool),
             ("in the way at any stick-out", self.obstructed_at_any_length),
             ("the cutter does not fit", self.gouged),
             ("no direction faces it", self.not_faced),
-        ];
-        let left = left.into_iter().filter(|(_, share)| *share > 0.0);
-        let left: Vec<String> = left.map(|(why, share)| format!("{why} {}", percent(share))).collect();
-        if !left.is_empty() {
-            let _ = writeln!(text, "  left: {}", left.join(", "));
-        }
+        ]);
         if let Some(nearer) = self.surface_nearer_by {
             let _ = writeln!(text, "  {}", length::surface_nearer(nearer, self.conservative, unit));
         }

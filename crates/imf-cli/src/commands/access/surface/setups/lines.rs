@@ -4,6 +4,8 @@ use std::fmt::{self, Write as _};
 
 use serde::Serialize;
 
+use super::super::row::{left, proof};
+
 /// What a set-up needs of one of the machine's rotary axes, in degrees: the range of its angles when each point is machined with the
 /// least tilt.
 #[derive(Clone, Copy, Debug, Serialize)]
@@ -105,11 +107,7 @@ impl SetupsRow {
         // A sum of nothing is −0.
         let percent = |share: f64| format!("{:.1} %", 100.0 * share + 0.0);
         let count = self.setups.len();
-        let proof = if self.proven {
-            "proven: no fewer do".to_owned()
-        } else {
-            format!("at least {} are needed: the search for fewer was given up", self.at_least)
-        };
+        let proof = proof(self.proven, self.at_least);
         let machine = match self.machine.as_str() {
             "cone:0,0,1:0" => "three axes",
             range => range,
@@ -146,18 +144,13 @@ impl SetupsRow {
                 let _ = writeln!(text, "     {}", axes.join(", "));
             }
         }
-        let left = [
+        text += &left(&[
             ("from directions that these set-ups do not give", self.left.reached_from_other_directions),
             ("the machine's travel, head or table is in the way", self.left.kept_away_by_the_machine),
             ("obstructed", self.left.obstructed),
             ("the cutter does not fit", self.left.gouged),
             ("no direction faces it", self.left.not_faced),
-        ];
-        let left = left.into_iter().filter(|(_, share)| *share > 0.0);
-        let left: Vec<String> = left.map(|(why, share)| format!("{why} {}", percent(share))).collect();
-        if !left.is_empty() {
-            let _ = writeln!(text, "  left: {}", left.join(", "));
-        }
+        ]);
         text
     }
 }
