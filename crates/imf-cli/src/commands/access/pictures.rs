@@ -4,9 +4,8 @@ use std::path::Path;
 
 use anyhow::Result;
 use glam::DVec3;
-use imf_core::grid::Grid;
 use imf_core::occupancy::Occupancy;
-use ndarray::Array2;
+use ndarray::{Array2, ArrayView2};
 
 use super::Findings;
 use super::files::{OBSTACLE, OUT_OF_REACH, REMOVABLE, UNDECIDED, named, removable_classes};
@@ -35,7 +34,6 @@ fn title(run: &AccessRun) -> String {
 }
 
 fn draw_slices(run: &AccessRun, findings: &Findings, path: &Path) -> Result<()> {
-    let grid = &run.query;
     let poses = (run.orientations.len() * run.tools.len()) as f32;
     let share: Vec<f32> = findings.together.free.iter().map(|&n| 100.0 * n as f32 / poses).collect();
     // What collides anyway is hidden, and must not set the scale.
@@ -51,48 +49,61 @@ fn draw_slices(run: &AccessRun, findings: &Findings, path: &Path) -> Result<()> 
         true => (findings.together.tool[voxel] + 1) as f32,
         false => 0.0,
     });
+    let measure = |shown: &[ArrayView2<'_, f32>]| {
+        let label = "inaccessibility measure IMF: fraction of the tool that collides";
+        Scale::measure_of(shown, label).with_free(run.tau)
+    };
+    let free = |shown: &[ArrayView2<'_, f32>]| Scale::measure_of(shown, "free poses in %");
+    let tools = |_: &[ArrayView2<'_, f32>]| Scale::classes(&classes);
+    let fields: [Field<'_>; 3] =
+        [("minimum overlap", &least, &measure), ("freedom", &share, &free), ("best tool", &tool, &tools)];
+    let note = format!(
+        "{} ({}), τ = {}; grey: part and fixtures; slices where the minimum overlap varies most",
+        count(run.orientations.len(), "orientation"),
+        run.orientations.spec,
+        run.tau
+    );
+    draw_fields(run, &run.solid, &fields[..if many { 3 } else { 2 }], note, path)
+}
+
+/// A field in slices: its name, its values, and its colours by what is shown of it.
+type Field<'a> = (&'a str, &'a [f32], &'a dyn Fn(&[ArrayView2<'_, f32>]) -> Scale);
+
+/// Slices of fields at right angles to each axis, where the first that varies at all outside the hidden voxels varies most.
+fn draw_fields(
+    run: &AccessRun,
+    hidden: &Occupancy,
+    fields: &[Field<'_>],
+    note: String,
+    path: &Path,
+) -> Result<()> {
+    let grid = &hidden.grid;
     let cuts: Vec<_> = (0..3)
         .map(|axis| {
-            let varied = |values: &[f32]| slices::most_varied(values, &run.solid, axis);
-            let index =
-                varied(&least).or_else(|| varied(&share)).unwrap_or_else(|| slices::middle(grid, axis));
-            let cut = |values: &[f32]| slices::slice(values, grid, axis, index);
-            let solid = slices::mask(&run.solid, axis, index);
-            (axis, index, [cut(&least), cut(&share), cut(&tool)], solid)
+            let varied = fields.iter().find_map(|(_, values, _)| slices::most_varied(values, hidden, axis));
+            let index = varied.unwrap_or_else(|| slices::middle(grid, axis));
+            let cut = fields.iter().map(|(_, values, _)| slices::slice(values, grid, axis, index));
+            (axis, index, cut.collect::<Vec<_>>(), slices::mask(hidden, axis, index))
         })
         .collect();
-    let all = |field: usize| cuts.iter().map(|(_, _, cut, _)| cut[field].view()).collect::<Vec<_>>();
-    let measure =
-        Scale::measure_of(&all(0), "inaccessibility measure IMF: fraction of the tool that collides");
-    let measure = measure.with_free(run.tau);
-    let free = Scale::measure_of(&all(1), "free poses in %");
-    let tools = Scale::classes(&classes);
-    let rows = cuts
-        .iter()
-        .map(|(axis, index, [least, share, tool], solid)| {
-            let axes = slices::axes(grid, run.unit, *axis);
-            let panel =
-                |title: &str, values, scale| filled(slices::panel(title, values, solid, scale, &axes));
-            let mut panels = vec![panel("minimum overlap", least, &measure), panel("freedom", share, &free)];
-            if many {
-                panels.push(panel("best tool", tool, &tools));
-            }
-            PanelRow { title: plane(grid, run, *axis, *index), panels }
-        })
-        .collect();
-    PanelSheet {
-        title: title(run),
-        rows,
-        notes: vec![format!(
-            "{} ({}), τ = {}; grey: part and fixtures; slices where the minimum overlap varies most",
-            count(run.orientations.len(), "orientation"),
-            run.orientations.spec,
-            run.tau
-        )],
-        pixels_per_voxel: None,
-    }
-    .save(path)?;
-    Ok(())
+    let scales = fields.iter().enumerate().map(|(field, (.., scale))| {
+        let shown: Vec<_> = cuts.iter().map(|(_, _, cut, _)| cut[field].view()).collect();
+        scale(&shown)
+    });
+    let scales: Vec<Scale> = scales.collect();
+    let rows = cuts.iter().map(|(axis, index, cut, solid)| {
+        let panels = fields.iter().zip(cut).zip(&scales).map(|(((title, ..), values), scale)| Panel {
+            title: (*title).to_owned(),
+            values: values.view(),
+            mask: Some(Mask { voxels: solid.view(), style: MaskStyle::Fill }),
+            scale: scale.clone(),
+            axes: slices::axes(grid, run.unit, *axis),
+        });
+        let title = format!("plane {}", slices::layer_title(grid, run.unit, *axis, *index));
+        PanelRow { title, panels: panels.collect() }
+    });
+    let (title, rows) = (title(run), rows.collect());
+    PanelSheet { title, rows, notes: vec![note], pixels_per_voxel: None }.save(path)
 }
 
 /// False where there is no stock to draw.
@@ -111,30 +122,14 @@ fn draw_removable(run: &AccessRun, findings: &Findings, path: &Path) -> Result<b
     let values: Vec<f32> = values.collect();
     let held =
         Occupancy { grid: *grid, solid: classes.iter().map(|&class| u8::from(class == OBSTACLE)).collect() };
-    let cuts: Vec<_> = (0..3)
-        .map(|axis| {
-            let index =
-                slices::most_varied(&values, &held, axis).unwrap_or_else(|| slices::middle(grid, axis));
-            let values = slices::slice(&values, grid, axis, index);
-            (axis, index, values, slices::mask(&held, axis, index))
-        })
-        .collect();
     let mut names = vec!["no stock".to_owned(), "out of reach".into(), "not decided at this pitch".into()];
     match &run.tools[..] {
         [_] => names.push("a cutter removes it".into()),
         tools => names.extend(tools.iter().map(|tool| format!("removed by {}", tool.tool().name))),
     }
     let scale = Scale::classes(&names.iter().map(String::as_str).collect::<Vec<_>>());
-    let rows = cuts
-        .iter()
-        .map(|(axis, index, values, solid)| {
-            let axes = slices::axes(grid, run.unit, *axis);
-            let panel = filled(slices::panel("stock", values, solid, &scale, &axes));
-            PanelRow { title: plane(grid, run, *axis, *index), panels: vec![panel] }
-        })
-        .collect();
-    let notes = vec![format!("Stock: {}; grey: part and fixtures", stock.name)];
-    PanelSheet { title: title(run), rows, notes, pixels_per_voxel: None }.save(path)?;
+    let note = format!("Stock: {}; grey: part and fixtures", stock.name);
+    draw_fields(run, &held, &[("stock", &values, &|_| scale.clone())], note, path)?;
     Ok(true)
 }
 
@@ -179,18 +174,6 @@ fn draw_map(run: &AccessRun, findings: &Findings, index: usize, tool: &str, path
 /// Which directions a map is of.
 pub(super) fn directions(run: &AccessRun) -> &'static str {
     if run.limits.is_some() { "the directions within the machine's limits" } else { "all directions" }
-}
-
-/// The panel with its solid voxels in grey.
-fn filled(mut panel: Panel<'_>) -> Panel<'_> {
-    if let Some(mask) = &mut panel.mask {
-        mask.style = MaskStyle::Fill;
-    }
-    panel
-}
-
-fn plane(grid: &Grid, run: &AccessRun, axis: usize, index: usize) -> String {
-    format!("plane {}", slices::layer_title(grid, run.unit, axis, index))
 }
 
 /// True where the voxel that holds a point of the world is solid.
