@@ -161,8 +161,12 @@ impl SceneArguments {
     }
 
     /// The scene as [`Self::scene_with`] makes it, with no room kept for sections and without contact, and part and fixtures apart on a
-    /// grid that holds them all, with their meshes in the world by name, the part's first.
-    pub(crate) fn scene_and_bodies(&self, session: &Session) -> Result<(Scene, Bodies, NamedMeshes)> {
+    /// grid that holds them all, with their meshes in the world by name, the part's first. Other tools are looked at as the scene's is.
+    pub(crate) fn scene_and_bodies<'a>(
+        &self,
+        session: &Session,
+        others: impl IntoIterator<Item = &'a Tool>,
+    ) -> Result<(Scene, Bodies, NamedMeshes)> {
         self.with_spec(session, true, |spec, _| {
             let wide = spec.wide_grid(&spec.grid()?, f64::INFINITY)?;
             // Beside the voxels, counts and distances of the part and of the fixtures.
@@ -174,7 +178,11 @@ impl SceneArguments {
             let fixtures =
                 fixtures.map(|(own, (name, _))| (name.clone(), own.mesh.transformed(&own.transform)));
             let meshes = std::iter::once(part).chain(fixtures).collect();
-            Ok((self.announce(session, spec, scene, &bodies)?, bodies, meshes))
+            let scene = self.announce(session, spec, scene, &bodies)?;
+            for tool in others {
+                warn_of(session, &spec.check_tool(tool, &scene.record.grid)?);
+            }
+            Ok((scene, bodies, meshes))
         })
     }
 

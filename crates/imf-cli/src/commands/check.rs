@@ -17,15 +17,15 @@ use imf_core::check::{
     check_toolpath, cutters_not_compared, least_stick_outs, machine_remarks, never_near,
 };
 use imf_core::machine::Machine;
-use imf_core::scene::{CoarseTool, PathGuarantee, SceneError, SceneRecord, SceneWarning};
+use imf_core::scene::{PathGuarantee, SceneRecord};
 use imf_core::tool::{Tool, ToolShape};
 use imf_core::toolpath::{PathReading, Toolpath, ToolpathError};
-use imf_core::unit::{LengthUnit, proportion_check};
+use imf_core::unit::LengthUnit;
 use serde_json::json;
 use thiserror::Error;
 
 use crate::arguments::check::{CheckArguments, Frame, NumberedTool};
-use crate::arguments::scene::{SceneArguments, warn_of};
+use crate::arguments::scene::SceneArguments;
 use crate::output::{OutputFile, OutputFolder, print_result};
 use crate::session::Session;
 use stock::{StockInput, StockResult};
@@ -54,7 +54,8 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
     let given = arguments.tools()?;
     let out = arguments.out.as_deref().map(OutputFolder::check).transpose()?;
     let page = arguments.html.as_deref().map(OutputFile::check).transpose()?;
-    let (scene, bodies, meshes) = scene_arguments(arguments, &given).scene_and_bodies(session)?;
+    let scene = scene_arguments(arguments, &given);
+    let (scene, bodies, meshes) = scene.scene_and_bodies(session, given.iter().map(|given| &given.tool))?;
     let record = &scene.record;
     let mut tools: Vec<(Option<u32>, Tool)> =
         given.iter().map(|given| (given.number, given.tool.in_unit(record.unit))).collect();
@@ -80,22 +81,6 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
             "the toolpath calls its only tool {number}: it is checked with '{}'",
             tool.name
         ));
-    }
-    let longest = meshes[0].1.bounds().map_or(0.0, |(lower, upper)| (upper - lower).max_element());
-    // The scene has looked at its own.
-    for (_, tool) in tools.iter().filter(|(_, tool)| tool != record.bare_tool()) {
-        if let Some(coarse) = CoarseTool::of(tool, record.grid.pitch, record.unit) {
-            if !arguments.scene.allow_coarse {
-                return Err(SceneError::Coarse(coarse).into());
-            }
-            session.warn(&coarse.to_string());
-        }
-        let proportion = proportion_check(longest, tool.thinnest().1, record.unit);
-        let frame = SceneWarning::of_frame(tool, record.grid.pitch);
-        warn_of(
-            session,
-            &proportion.map(SceneWarning::Proportion).into_iter().chain(frame).collect::<Vec<_>>(),
-        );
     }
     let numbered: Vec<(Option<u32>, &Tool)> = tools.iter().map(|(number, tool)| (*number, tool)).collect();
     let settings = arguments.settings(record.grid.pitch, record.unit);
