@@ -58,8 +58,7 @@ pub(crate) fn run(session: &Session, arguments: &CalibrateArguments) -> Result<(
             ..known
         }),
         None => calibrate(&field, &settings, control),
-    };
-    let calibration = calibration?;
+    }?;
     stage.finish(if calibration.keeps_its_goals() { "goals kept" } else { "goals missed" });
     // Two of a field need not be in memory at once.
     drop(field);

@@ -12,14 +12,10 @@ use imf_core::orientation::Orientation;
 use imf_core::pose::Pose;
 use imf_core::toolpath::column_remedy;
 
-use crate::interrupt::{self, Interrupted};
-
 const POSITION: [&str; 3] = ["x", "y", "z"];
 const VECTOR: [&str; 3] = ["i", "j", "k"];
 const ANGLES: [&str; 2] = ["theta", "phi"];
 const ROLL: [&str; 2] = ["roll", "psi"];
-/// Poses between two checks for Ctrl-C.
-const CHECK_INTERVAL: u64 = 1 << 12;
 
 /// Where the tool's direction stands in a line.
 enum Direction {
@@ -172,9 +168,6 @@ impl<R: Read> PoseReader<R> {
         while self.advance()? {
             self.waiting_pose();
             count += 1;
-            if count % CHECK_INTERVAL == 0 && interrupt::requested() {
-                return Err(Interrupted("no pose was answered, and nothing was written".into()).into());
-            }
         }
         self.invalid.check(count)?;
         Ok(count)
