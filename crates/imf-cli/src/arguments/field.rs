@@ -38,7 +38,7 @@ pub(crate) struct FieldArguments {
     /// The inaccessibility measure (minimum over the orientations) with its best orientation, not every section
     #[arg(long)]
     pub(crate) imf: bool,
-    /// Of a part: what the values are: overlap, the fraction of the tool's volume that lies in the part; or depth, the signed penetration
+    /// Of a part: its values, either overlap, the fraction of the tool's volume that lies in the part, or depth, the signed penetration
     /// depth (how far the tool must be moved to be free, below 0 how far it may be moved, clamped within 8 pitches)
     #[arg(long, value_parser = quantity(), default_value = "overlap")]
     pub(crate) quantity: Quantity,
