@@ -13,7 +13,6 @@ use imf_fields::field::Field;
 use imf_fields::file::FieldFile;
 use imf_fields::harmonic::FitSettings;
 use imf_fields::harmonic::basis::Domain;
-use imf_fields::harmonic::coefficients::Precision;
 use imf_fields::harmonic::file::HarmonicFile;
 use imf_train::dataset::Manifest;
 use imf_train::distill::SectionSource;
@@ -134,7 +133,7 @@ pub(in crate::commands) fn beside(checkpoint_every: f64, go_on: &'static str) ->
 pub(in crate::commands) fn of_scene(
     session: &Session,
     device: &Device,
-    distillation: Distillation<'_'>,
+    distillation: Distillation<'_>,
     scene: &Scene,
     (quantity, degree): (Quantity, Option<usize>),
     from: Option<&FactoredFile>,
