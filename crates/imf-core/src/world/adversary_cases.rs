@@ -5,6 +5,7 @@ use glam::{DQuat, DVec3};
 
 use super::adversary_truth::Case;
 use super::*;
+use crate::field::solid::tests::awkward;
 use crate::grid::Grid;
 use crate::occupancy::Occupancy;
 use crate::parts::ReferencePart;
@@ -18,7 +19,7 @@ fn tool(pitch: f64, elements: &[(ElementKind, &[Segment])]) -> Tool {
     revolved(elements.iter().map(|(kind, profile)| (*kind, scaled(profile))))
 }
 
-const TOOLS: usize = 7;
+const TOOLS: usize = 8;
 
 fn tool_of(index: usize, pitch: f64) -> (&'static str, Tool) {
     use ElementKind::{Cutter, Holder, Shank};
@@ -63,13 +64,14 @@ fn tool_of(index: usize, pitch: f64) -> (&'static str, Tool) {
             "needle",
             of(&[(Cutter, &[line(0.0, 20.0, 0.75, 0.75)]), (Holder(0), &[line(20.0, 24.5, 6.5, 6.5)])]),
         ),
-        _ => ("paper", of_paper(pitch)),
+        6 => ("paper", in_voxels(Tool::paper(), pitch)),
+        _ => ("awkward", in_voxels(awkward(), pitch)),
     }
 }
 
-/// The paper's, of which a voxel is a unit.
-fn of_paper(pitch: f64) -> Tool {
-    let crate::tool::ToolShape::Revolved(elements) = Tool::paper().shape else { unreachable!() };
+/// A tool of which a voxel is a unit.
+fn in_voxels(of: Tool, pitch: f64) -> Tool {
+    let crate::tool::ToolShape::Revolved(elements) = of.shape else { unreachable!() };
     let all: Vec<_> = elements.iter().map(|element| (element.kind, element.profile.as_slice())).collect();
     tool(pitch, &all)
 }

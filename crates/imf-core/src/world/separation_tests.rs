@@ -1,60 +1,32 @@
 //! Distances against every voxel, closed forms, and translations that were tried.
 
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 
+use super::adversary_truth::Case;
 use super::tests::{poses, tool, world};
 use super::*;
 use crate::mesh::Mesh;
 use crate::orientation::{Orientation, OrientationSet};
 use crate::section::test_shapes::cylinder;
-use crate::tool::{Element, Segment, ToolShape};
-
-/// From a point to a convex body of straight outline, by the four sides of its half section.
-fn to_element(element: &Element, height: f64, radius: f64) -> f64 {
-    let [Segment::Line { from, to, radius_from, radius_to }] = element.profile[..] else { unreachable!() };
-    let point = DVec2::new(height, radius);
-    let corners = [(from, 0.0), (from, radius_from), (to, radius_to), (to, 0.0)].map(DVec2::from);
-    let inside = (from..=to).contains(&height)
-        && radius <= radius_from + (radius_to - radius_from) * (height - from) / (to - from);
-    let side = |i: usize| {
-        let (a, b) = (corners[i], corners[(i + 1) % 4]);
-        let along = ((point - a).dot(b - a) / (b - a).length_squared()).clamp(0.0, 1.0);
-        point.distance(a + (b - a) * along)
-    };
-    if inside { 0.0 } else { (0..3).map(side).fold(f64::INFINITY, f64::min) }
-}
-
-/// The least over every solid voxel and every element.
-fn every_voxel(world: &World, tool: &Tool, pose: &Pose) -> f64 {
-    let ToolShape::Revolved(elements) = &tool.shape else { unreachable!() };
-    let axis = pose.axis().unwrap();
-    let mut least = f64::INFINITY;
-    for standing in &world.obstacles {
-        let solid = &standing.prepared.obstacle().forbidden;
-        for index in (0..solid.solid.len()).filter(|&index| solid.solid[index] == 1) {
-            let centre =
-                standing.at.position + standing.at.rotation * solid.grid.centre(solid.grid.voxel(index));
-            let offset = centre - pose.position;
-            let height = offset.dot(axis);
-            let radius = (offset - axis * height).length();
-            least = elements.iter().map(|e| to_element(e, height, radius)).fold(least, f64::min);
-        }
-    }
-    least
-}
+use crate::tool::ToolShape;
 
 #[test]
 fn distances_of_free_tools_are_those_of_trying_every_voxel() {
     let (world, tool) = (world(), tool());
     let checker = world.checker(&tool, &Clearance::default()).unwrap();
+    let case = Case::new("three obstacles".into(), checker.clone());
+    let all: Vec<_> = case.solids.iter().map(|solid| solid.centres.clone()).collect();
     let (mut near, mut hit) = (0, [0; 3]);
     for pose in poses(500, 31, 60.0).into_iter().filter(|pose| checker.is_free(pose)) {
-        let Distance { lower, upper, obstacle, element, tool_point, obstacle_point } =
-            checker.distance(&pose).unwrap().unwrap();
-        let expected = every_voxel(&world, &tool, &pose);
-        assert_eq!(lower, upper);
-        assert!((lower - expected).abs() < 1e-6, "{pose:?}: {lower}, {expected}");
-        assert!((tool_point.distance(obstacle_point) - lower).abs() < 1e-6);
+        let found = checker.distance(&pose).unwrap().unwrap();
+        assert!(case.is_distance(&all, &pose, &found, f64::INFINITY), "{pose:?}: {found:?}");
+        let Distance { lower, obstacle, element, tool_point, obstacle_point, .. } = found;
+        // Its point is a solid centre of the obstacle that it names, where that stands.
+        let Standing { at, prepared, .. } = &world.obstacles[obstacle.0 as usize];
+        let solid = &prepared.obstacle().forbidden;
+        let centre = solid.grid.continuous(at.rotation.inverse() * (obstacle_point - at.position));
+        assert!(centre.distance(centre.round()) < 1e-6, "{pose:?}: {centre}");
+        assert_eq!(solid.solid[solid.grid.index(centre.round().to_array().map(|v| v as usize))], 1);
         hit[obstacle.0 as usize] += 1;
         near += usize::from(lower < 2.0);
         // A hair into the element from its surface is in the element.

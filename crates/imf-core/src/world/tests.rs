@@ -114,31 +114,6 @@ fn poses_among_placed_obstacles_are_decided_as_counted() {
 }
 
 #[test]
-fn poses_at_contact_are_never_called_free_where_a_centre_is_inside() {
-    let (world, tool) = (world(), tool());
-    let checker = world.checker(&tool, &Clearance::default()).unwrap();
-    let all = poses(600, 2, 45.0);
-    let mut pairs = 0;
-    for pair in all.chunks_exact(2) {
-        let [mut low, mut high] = [pair[0], pair[1]];
-        if checker.is_free(&low) == checker.is_free(&high) {
-            continue;
-        }
-        pairs += 1;
-        for _ in 0..40 {
-            let Some(middle) = low.interpolate(&high, 0.5) else { break };
-            let is_free = checker.is_free(&middle);
-            // At a hair from contact rounding in the frames' change decides.
-            let counts = counted(&world, &tool, &middle);
-            let near = low.position.distance(high.position) < 1e-9;
-            assert!(near || is_free == counts.iter().all(|&count| count == 0), "{middle:?} {counts:?}");
-            if is_free == checker.is_free(&low) { low = middle } else { high = middle }
-        }
-    }
-    assert!(pairs > 80, "{pairs}");
-}
-
-#[test]
 fn a_moved_obstacle_is_the_moved_mesh_up_to_voxels() {
     let tool = tool();
     let at = places()[1];

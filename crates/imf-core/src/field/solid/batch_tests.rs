@@ -71,36 +71,6 @@ fn slender_tools_and_slices_of_balls_are_decided_as_they_are_counted() {
 }
 
 #[test]
-fn batches_within_two_voxels_of_contact_decide_as_single_poses_do() {
-    let tool = awkward();
-    let scene = half(ReferencePart::Bracket, &tool);
-    let field = field_of(&scene);
-    let grid = scene.record.grid;
-    let mut near = Vec::new();
-    for index in 0..4000 {
-        let pose = random_pose(&grid, 11, index);
-        let other = random_pose(&grid, 12, index);
-        if field.collides(&pose) == field.collides(&other) {
-            continue;
-        }
-        let (mut low, mut high) = (0.0, 1.0);
-        let at = |time: f64| Pose { position: pose.position.lerp(other.position, time), ..pose };
-        if field.collides(&at(0.0)) == field.collides(&at(1.0)) {
-            continue;
-        }
-        for _ in 0..30 {
-            let middle = 0.5 * (low + high);
-            if field.collides(&at(middle)) == field.collides(&at(0.0)) { low = middle } else { high = middle }
-        }
-        let step = 2.0 * grid.pitch / pose.position.distance(other.position);
-        near.extend((-4..=4).map(|k| at(low + step * f64::from(k) / 4.0)));
-        near.extend([at(low), at(high)]);
-    }
-    let free = agree(&field, &near);
-    assert!(near.len() > 5000 && free > 1000 && free < near.len() - 1000, "{free} of {}", near.len());
-}
-
-#[test]
 fn batches_of_odd_poses_and_tools_decide_as_single_ones() {
     let tool = Tool::paper();
     let scene = half(ReferencePart::Teapot, &tool);

@@ -25,7 +25,7 @@ pub(super) fn field_of(scene: &Scene) -> SolidField {
 }
 
 /// Bull-nose cutter with a corner, tapered flank, shank, holder with a cone that narrows.
-pub(super) fn awkward() -> Tool {
+pub(crate) fn awkward() -> Tool {
     let nose = Segment::Arc { from: 0.0, to: 1.6, centre_height: 2.0, centre_radius: 2.0, arc_radius: 2.0 };
     let elements = [
         (ElementKind::Cutter, vec![nose, line(1.6, 20.0, 3.959_591_794_226_542, 7.0)]),
