@@ -160,10 +160,9 @@ impl Trial {
             counts: Vec::new(),
         };
         for orientation in orientations {
-            let mut counts = vec![0; obstacle.grid.len()];
-            plan.counts(orientation, &mut scratch, &mut counts)?;
+            let (_, counts) = plan.counts_in(orientation, &obstacle.grid, &mut scratch)?;
             trial.tools.push(ToolVoxels::new(tool, orientation, obstacle.grid.pitch)?);
-            trial.counts.push(counts);
+            trial.counts.push(counts.to_vec());
         }
         ensure!(!trial.tools.is_empty(), "no section to compare");
         Ok(trial)

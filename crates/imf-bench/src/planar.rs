@@ -81,11 +81,10 @@ pub(crate) fn section(
     let grid = plan.grid();
     assert!(grid.dims[2] == 1, "a part of one layer, not {:?}", grid.dims);
     assert!(plan.tool().is_axisymmetric(), "a cut through the axis of a tool of revolution");
-    let mut counts = vec![0; grid.len()];
-    plan.counts(&lying(theta), scratch, &mut counts)?;
+    let (_, counts) = plan.counts_in(&lying(theta), grid, scratch)?;
     let pixels = silhouette(plan.tool(), theta, grid.pitch)?.len() as u32;
     assert_eq!(cmf.len(), counts.len(), "one value for each pixel");
-    cmf.iter_mut().zip(&counts).for_each(|(value, &count)| *value = overlap_fraction(count, pixels));
+    cmf.iter_mut().zip(counts).for_each(|(value, &count)| *value = overlap_fraction(count, pixels));
     Ok(())
 }
 

@@ -275,30 +275,6 @@ impl SectionPlan {
         estimate.map_or_else(String::new, |estimate| self.whole.describe(estimate))
     }
 
-    /// Voxels shared by obstacle and rotated tool with the tip at every voxel of the grid, C-ordered into `counts`,
-    /// and the rotated tool's own count. Whole numbers, equal to [`direct_count`].
-    ///
-    /// # Errors
-    /// A tool that does not fit the grid, or a failed spot check.
-    ///
-    /// # Panics
-    /// If `counts` has not the grid's length.
-    pub fn counts(
-        &self,
-        orientation: &Orientation,
-        scratch: &mut SectionScratch,
-        counts: &mut [u32],
-    ) -> Result<u32, SectionError> {
-        assert_eq!(counts.len(), self.grid.len(), "one count for each voxel of the grid");
-        let rotated = self.box_counts(orientation, &self.query, scratch)?;
-        let ([ox, oy, oz], nz) = (self.offset, self.grid.dims[2]);
-        for (line, [x, y]) in self.lines() {
-            let from = self.query.index([x + ox, y + oy, oz]);
-            counts[line].copy_from_slice(&scratch.counts[from..from + nz]);
-        }
-        Ok(rotated)
-    }
-
     /// The collision measure field of one orientation, C-ordered into `cmf`, in [0, 1].
     ///
     /// # Errors
@@ -351,9 +327,9 @@ impl SectionPlan {
         self.sharp_points == [DVec3::ZERO]
     }
 
-    /// As [`SectionPlan::counts`], at the voxels of `window` alone: a box within the plan's grid, which may be another one
-    /// for every orientation. Returns the rotated tool's own count and the counts, C-ordered over the window, in the
-    /// scratch.
+    /// Voxels shared by obstacle and rotated tool with the tip at every voxel of `window`: the plan's grid or a box within
+    /// it, which may be another one for every orientation. Whole numbers, equal to [`direct_count`]. Returns the rotated
+    /// tool's own count and the counts, C-ordered over the window, in the scratch.
     ///
     /// # Errors
     /// A tool that does not fit the grid, a window on other voxels than the obstacle's, or a failed spot check.

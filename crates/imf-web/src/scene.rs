@@ -174,10 +174,9 @@ impl PartScene {
     /// A text that names no set; a tool that does not fit the grid.
     pub fn section_sums(&mut self, directions: &str) -> Result<Vec<f64>, JsError> {
         let set = self.set(directions)?;
-        let mut counts = vec![0; self.plan.grid().len()];
         let mut sums = Vec::with_capacity(set.len());
         for orientation in &set.orientations {
-            self.plan.counts(orientation, &mut self.scratch, &mut counts)?;
+            let (_, counts) = self.plan.counts_in(orientation, self.plan.grid(), &mut self.scratch)?;
             sums.push(counts.iter().map(|&count| u64::from(count)).sum::<u64>() as f64);
         }
         Ok(sums)

@@ -23,10 +23,8 @@ fn sections_of_the_papers_teapot_are_direct_sums_and_the_imf_is_their_least() {
     assert!(least.best.iter().all(|&best| (best as usize) < set.len()));
 
     let voxels = plan.grid().len();
-    let start = || (SectionScratch::default(), vec![0; voxels]);
-    let section = |(scratch, counts): &mut (SectionScratch, Vec<u32>), index: usize| {
-        counts.fill(u32::MAX);
-        let whole = plan.counts(&set[index], scratch, counts).unwrap();
+    let section = |scratch: &mut SectionScratch, index: usize| {
+        let (whole, counts) = plan.counts_in(&set[index], plan.grid(), scratch).unwrap();
         let rotated = ToolVoxels::new(plan.tool(), &set[index], plan.grid().pitch).unwrap();
         assert_eq!(whole, rotated.count);
 
@@ -53,7 +51,8 @@ fn sections_of_the_papers_teapot_are_direct_sums_and_the_imf_is_their_least() {
         }
         colliding
     };
-    let colliding: Vec<usize> = (0..set.len()).into_par_iter().map_init(start, section).collect();
+    let colliding: Vec<usize> =
+        (0..set.len()).into_par_iter().map_init(SectionScratch::default, section).collect();
 
     // The sample sees both sides.
     let all = CHECKED * set.len();

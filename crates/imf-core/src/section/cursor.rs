@@ -2,7 +2,7 @@
 //!
 //! Run-length counting yields a section plane by plane and may pause between two planes, so that a fit that needs all
 //! orientations of a voxel at once need not store whole sections. Counts are those of
-//! [`SectionPlan::counts`], bit by bit.
+//! [`SectionPlan::counts_in`], bit by bit.
 
 use std::ops::Range;
 
@@ -82,6 +82,7 @@ mod tests {
     use crate::orientation::OrientationSet;
     use crate::parts::ReferencePart;
     use crate::scene::SceneSpec;
+    use crate::section::test_shapes::counts;
     use crate::section::{Method, ToolPoints};
     use crate::tool::Tool;
 
@@ -99,9 +100,9 @@ mod tests {
         for (scene, has_layer) in [(scene, false), (touching, true)] {
             let plan = SectionPlan::of_scene(&scene, ToolPoints::Tip).unwrap().with_method(Method::RunLength);
             assert_eq!((plan.has_cursor(), plan.has_layer()), (true, has_layer));
-            let (mut scratch, mut whole) = (SectionScratch::default(), vec![0; plan.grid().len()]);
+            let mut scratch = SectionScratch::default();
             for orientation in &set {
-                let count = plan.counts(orientation, &mut scratch, &mut whole).unwrap();
+                let (whole, count) = counts(&plan, orientation);
                 let mut cursor = plan.cursor(orientation, &mut scratch).unwrap();
                 assert_eq!(cursor.whole, count);
                 let mut found = Vec::new();

@@ -55,7 +55,7 @@ pub(crate) fn cmf(plan: &SectionPlan, orientation: &Orientation) -> Vec<f32> {
 
 /// Counts over the plan's grid, and the tool's own.
 pub(crate) fn counts(plan: &SectionPlan, orientation: &Orientation) -> (Vec<u32>, u32) {
-    let mut counts = vec![u32::MAX; plan.grid().len()];
-    let whole = plan.counts(orientation, &mut SectionScratch::default(), &mut counts).unwrap();
-    (counts, whole)
+    let mut scratch = SectionScratch { counts: vec![u32::MAX; plan.grid().len()], ..Default::default() };
+    let (whole, counts) = plan.counts_in(orientation, plan.grid(), &mut scratch).unwrap();
+    (counts.to_vec(), whole)
 }
