@@ -120,8 +120,6 @@ pub struct Scene {
     pub record: SceneRecord,
     /// The solid voxels of part and fixtures.
     pub obstacle: Occupancy,
-    /// The fixtures' solid voxels alone; empty where the scene was read from a file, which keeps only the union.
-    pub fixtures: Occupancy,
     /// The layer of the part that only the cutter may enter, where there is contact; also part of `obstacle`.
     pub layer: Option<Occupancy>,
 }
@@ -131,8 +129,7 @@ impl Scene {
     #[doc(hidden)]
     #[must_use]
     pub fn from_union(record: SceneRecord, obstacle: Occupancy) -> Self {
-        let fixtures = Occupancy::empty(obstacle.grid);
-        Self { record, obstacle, fixtures, layer: None }
+        Self { record, obstacle, layer: None }
     }
 
     /// The scene with a cutter that may reach `depth` (in the scene's unit) below the part's surface: `bodies` are its

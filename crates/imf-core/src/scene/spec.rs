@@ -153,8 +153,7 @@ impl<'a> SceneSpec<'a> {
     }
 
     fn scene_of(&self, grid: Grid, bodies: &Bodies) -> Scene {
-        let on = |occupancy: &Occupancy| occupancy.on(&grid).unwrap_or_else(|| Occupancy::empty(grid));
-        let (obstacle, fixtures) = (on(&bodies.obstacle()), on(&bodies.all_fixtures()));
+        let obstacle = bodies.obstacle().on(&grid).unwrap_or_else(|| Occupancy::empty(grid));
         let record = SceneRecord {
             part: self.part.to_owned(),
             unit: self.unit,
@@ -170,7 +169,7 @@ impl<'a> SceneSpec<'a> {
             contact: None,
             obstacle_crc32: crc32(&obstacle.packed()),
         };
-        Scene { record, obstacle, fixtures, layer: None }
+        Scene { record, obstacle, layer: None }
     }
 
     /// The grid of all that a tool can meet which reaches `reach` (in the part's unit) from the voxels of `query`: it
