@@ -54,7 +54,7 @@ use thiserror::Error;
 use crate::field::PreparedObstacle;
 use crate::obstacle::Obstacle;
 use crate::pose::Pose;
-use crate::scene::{CoarseTool, Scene, SceneError, SceneWarning};
+use crate::scene::{CoarseTool, SceneError, SceneWarning};
 use crate::tool::{Clearance, ClearanceError, Tool, ToolError};
 use crate::unit::LengthUnit;
 
@@ -244,15 +244,6 @@ impl World {
             next: 0,
         };
         WorldBuilder { world, meshes: Vec::new() }
-    }
-
-    /// The voxels of a scene as one obstacle: part and fixtures, with the layer that its cutter may enter. Any tool is accepted, since the
-    /// scene has judged its own.
-    #[must_use]
-    pub fn of_scene(scene: &Scene) -> Self {
-        let mut world = Self::builder().unit(scene.record.unit).allow_coarse(true).world();
-        world.stand(&scene.record.part, Obstacle::from(scene).into(), HERE);
-        world
     }
 
     /// Unit of every length.

@@ -138,17 +138,7 @@ impl Checker {
         self.follow_way(&Way::Machine(motion), options)
     }
 
-    /// [`Checker::check_motion`] of every pair of poses.
-    #[must_use]
-    pub fn check_motions(
-        &self,
-        motions: &[[Pose; 2]],
-        options: &MotionOptions,
-    ) -> Vec<Result<MotionResult, QueryError>> {
-        motions.iter().map(|[a, b]| self.check_motion(a, b, options)).collect()
-    }
-
-    /// [`Checker::check_motions`] on all threads of the current pool.
+    /// [`Checker::check_motion`] of every pair of poses, on all threads of the current pool.
     #[must_use]
     pub fn check_motions_on_all_threads(
         &self,

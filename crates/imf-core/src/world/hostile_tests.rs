@@ -8,6 +8,7 @@ use crate::field::Decision;
 use crate::grid::Grid;
 use crate::mesh::Mesh;
 use crate::occupancy::Occupancy;
+use crate::scene::Scene;
 use crate::section::test_shapes::{line, revolved};
 use crate::tool::{ElementKind, Segment, SharpPoints, ToolShape};
 
