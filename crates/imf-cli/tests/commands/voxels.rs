@@ -1,6 +1,6 @@
 //! `imf parts` and `imf voxelize`.
 
-use imf_core::mesh::read::read_mesh;
+use imf_core::mesh::read::read_mesh_file;
 use imf_core::parts::ReferencePart;
 
 use crate::binary::Workdir;
@@ -12,7 +12,8 @@ fn parts_are_written_as_obj_with_what_they_are() {
     let table = folder.imf("parts all").done().stdout;
     for part in ReferencePart::ALL {
         let name = format!("all/{part}.obj");
-        assert_eq!(read_mesh(folder.path(&name)).unwrap().triangles.len(), part.mesh().triangles.len());
+        let read = read_mesh_file(folder.path(&name)).unwrap().mesh;
+        assert_eq!(read.triangles.len(), part.mesh().triangles.len());
         let text = folder.text(&name);
         let [x, y, z] = part.dims();
         assert!(text.starts_with(&format!("# {part}: ")), "{name}");

@@ -65,14 +65,6 @@ impl MeshFile {
     }
 }
 
-/// Reads a mesh, in whatever unit its file is in; see [`read_mesh_file`].
-///
-/// # Errors
-/// As [`read_mesh_file`].
-pub fn read_mesh(path: impl AsRef<Path>) -> Result<Mesh, FileError> {
-    Ok(read_mesh_file(path)?.mesh)
-}
-
 /// Reads a mesh: OBJ (polygons become triangle fans; groups are merged; materials, normals and texture coordinates
 /// are ignored), STL or PLY, binary or ASCII, or 3MF (the objects of its build, placed and joined, but for a printer's
 /// supports). The format follows from the name's ending.
@@ -186,7 +178,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
         let failure = |path: std::path::PathBuf| {
-            let error = read_mesh(&path).unwrap_err();
+            let error = read_mesh_file(&path).unwrap_err();
             assert!(error.to_string().contains(&path.display().to_string()), "{error}");
             error
         };
@@ -215,7 +207,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("PART.OBJ");
         fs::write(&path, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
-        assert_eq!(read_mesh(&path).unwrap().triangles, [[0, 1, 2]]);
+        assert_eq!(read_mesh_file(&path).unwrap().mesh.triangles, [[0, 1, 2]]);
     }
 
     /// Whatever the bytes are, the result is an error or a mesh that keeps the module's guarantee.

@@ -79,12 +79,11 @@ pub struct MeshReport {
     pub boundary_edges: usize,
     /// Pieces connected by shared vertices.
     pub components: usize,
-    /// Volume by the divergence theorem; only of an orienting kind (about the box's centre) when the mesh is open.
+    /// Volume by the divergence theorem, below 0 where a closed mesh faces inwards on the whole; only of an orienting kind
+    /// (about the box's centre) when the mesh is open.
     pub signed_volume: f64,
     /// There are triangles, and the mesh has no boundary.
     pub closed: bool,
-    /// The mesh is closed and its triangles face inwards on the whole: the signed volume is negative.
-    pub inverted: bool,
 }
 
 impl MeshReport {
@@ -96,7 +95,6 @@ impl MeshReport {
     pub fn new(mesh: &Mesh) -> Self {
         let boundary_edges = boundary_chain(mesh).len();
         let closed = boundary_edges == 0 && !mesh.triangles.is_empty();
-        let signed_volume = mesh.signed_volume();
         Self {
             triangles: mesh.triangles.len(),
             vertices: mesh.vertices.len(),
@@ -106,9 +104,8 @@ impl MeshReport {
                 .count(),
             boundary_edges,
             components: component_count(mesh),
-            signed_volume,
+            signed_volume: mesh.signed_volume(),
             closed,
-            inverted: closed && signed_volume < 0.0,
         }
     }
 
@@ -134,9 +131,6 @@ impl MeshReport {
             write!(f, "\nsurface     closed, volume {volume} {unit}³")?;
             if self.components > 1 {
                 write!(f, " (of all components, added up)")?;
-            }
-            if self.inverted {
-                write!(f, "; its triangles face inwards (treated as if they faced outwards)")?;
             }
         } else {
             let edges = count(self.boundary_edges, "boundary edge");
@@ -220,7 +214,7 @@ mod tests {
     fn the_report_tells_closed_open_and_inverted_apart() {
         let cube = unit_cube();
         let report = MeshReport::new(&cube);
-        assert!(report.closed && !report.inverted);
+        assert!(report.closed);
         assert_eq!((report.triangles, report.vertices, report.components), (12, 8, 1));
         assert!((report.signed_volume - 1.0).abs() < 1e-15);
         assert_eq!(report.extents, DVec3::ONE);
@@ -228,13 +222,13 @@ mod tests {
         let mut inverted = cube.clone();
         inverted.triangles.iter_mut().for_each(|t| t.swap(1, 2));
         let report = MeshReport::new(&inverted);
-        assert!(report.closed && report.inverted);
-        assert!(report.display(LengthUnit::Cm).to_string().contains("face inwards"));
+        assert!(report.closed && report.signed_volume < 0.0);
+        assert!(report.display(LengthUnit::Cm).to_string().contains("closed, volume 1 cm³"));
 
         let mut open = cube.clone();
         open.triangles.truncate(10);
         let report = MeshReport::new(&open);
-        assert!(!report.closed && !report.inverted);
+        assert!(!report.closed);
         assert_eq!(report.boundary_edges, 4);
         let text = report.display(LengthUnit::Mm).to_string();
         assert!(text.contains("1 × 1 × 1 mm") && text.contains("open: 4 boundary edges"), "{text}");

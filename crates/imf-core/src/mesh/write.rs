@@ -73,7 +73,7 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     use super::*;
-    use crate::mesh::read::read_mesh;
+    use crate::mesh::read::read_mesh_file;
 
     #[test]
     fn what_is_written_is_read_back_bit_for_bit() {
@@ -90,7 +90,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("part.obj");
         write_obj(&mesh, &path, "a part\nv 1 2 3 is no vertex here").unwrap();
-        assert_eq!(read_mesh(&path).unwrap(), mesh);
+        assert_eq!(read_mesh_file(&path).unwrap().mesh, mesh);
     }
 
     #[test]
@@ -106,7 +106,7 @@ mod tests {
             "solid facet, and a comment that is longer than the eighty bytes of a file's head may be",
         )
         .unwrap();
-        let read = read_mesh(&path).unwrap();
+        let read = read_mesh_file(&path).unwrap().mesh;
         let corners = |mesh: &Mesh| {
             (0..4).map(|t| mesh.corners(t).map(|corner| (corner * 1.0).as_vec3())).collect::<Vec<_>>()
         };
