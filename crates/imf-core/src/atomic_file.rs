@@ -49,34 +49,24 @@ pub fn write_atomically(
     path: impl AsRef<Path>,
     write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
 ) -> Result<(), AtomicFileError> {
-    replace(path.as_ref(), None, write)
-        .map_err(|source| AtomicFileError { path: path.as_ref().into(), source })
+    replace(path.as_ref(), write).map_err(|source| AtomicFileError { path: path.as_ref().into(), source })
 }
 
-/// As [`write_atomically`]; the content that is replaced stays as `previous`, a name in the same folder. Whenever the
-/// process ends, `path` is whole, and `previous` is its older content, whole too. Where writing fails neither changes.
-///
-/// # Errors
-/// As [`write_atomically`].
-pub fn write_keeping_previous(
-    path: impl AsRef<Path>,
-    previous: impl AsRef<Path>,
-    write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
-) -> Result<(), AtomicFileError> {
-    let written = replace(path.as_ref(), Some(previous.as_ref()), write);
-    written.map_err(|source| AtomicFileError { path: path.as_ref().into(), source })
-}
-
-/// Gives what `path` holds now the further name `previous`, in the same folder, before it is replaced.
+/// Gives what `path` holds now the further name `previous`, in the same folder, before it is replaced, without a moment in
+/// which either is missing; where the file system has no second names, `path` is renamed.
 ///
 /// # Errors
 /// A folder that may not be written.
 pub fn keep_previous(path: impl AsRef<Path>, previous: impl AsRef<Path>) -> io::Result<()> {
-    let path = path.as_ref();
+    let (path, previous) = (path.as_ref(), previous.as_ref());
     let folder = folder_of(path);
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let prefix = format!(".{name}.");
-    keep_as(path, previous.as_ref(), tempfile::Builder::new().prefix(&prefix).suffix(PART), folder)?;
+    let mut builder = tempfile::Builder::new();
+    match builder.prefix(&prefix).suffix(PART).make_in(folder, |link| fs::hard_link(path, link)) {
+        Ok(link) => link.into_temp_path().persist(previous).map_err(|error| error.error)?,
+        Err(_) => fs::rename(path, previous)?,
+    }
     sync_folder(folder)
 }
 
@@ -117,11 +107,7 @@ fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-fn replace(
-    path: &Path,
-    previous: Option<&Path>,
-    write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
-) -> io::Result<()> {
+fn replace(path: &Path, write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>) -> io::Result<()> {
     let refuse = |kind: io::ErrorKind, what: &str| Err(io::Error::new(kind, what.to_owned()));
     // Renaming onto a link would replace the link, not the file behind it.
     let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
@@ -162,25 +148,8 @@ fn replace(
         temporary.as_file().set_permissions(metadata.permissions())?;
     }
     temporary.as_file().sync_all()?;
-    if let Some(previous) = previous.filter(|_| target.exists()) {
-        keep_as(&target, previous, &builder, folder)?;
-    }
     temporary.persist(&target).map_err(|error| error.error)?;
     sync_folder(folder)
-}
-
-/// Gives the content of `target` the further name `previous`, replacing what had it, without a moment in which either
-/// is missing; where the file system has no second names, `target` is renamed.
-fn keep_as(
-    target: &Path,
-    previous: &Path,
-    builder: &tempfile::Builder<'_, '_>,
-    folder: &Path,
-) -> io::Result<()> {
-    match builder.make_in(folder, |link| fs::hard_link(target, link)) {
-        Ok(link) => link.into_temp_path().persist(previous).map_err(|error| error.error),
-        Err(_) => fs::rename(target, previous),
-    }
 }
 
 /// Makes the rename itself durable. Other systems than Unix offer no such call.
@@ -247,23 +216,6 @@ mod tests {
         );
         assert_eq!(fs::read(&path).unwrap(), b"old");
         assert_eq!(entries(folder.path()), ["a.bin"]);
-    }
-
-    #[test]
-    fn the_content_before_is_kept_and_a_failure_changes_neither() {
-        let folder = tempfile::tempdir().unwrap();
-        let (path, previous) = (folder.path().join("a.bin"), folder.path().join("a.previous.bin"));
-        let both = || [&path, &previous].map(|file| fs::read(file).unwrap_or_default());
-        for (content, expected) in
-            [("one", ["one", ""]), ("two", ["two", "one"]), ("three", ["three", "two"])]
-        {
-            write_keeping_previous(&path, &previous, |out| out.write_all(content.as_bytes())).unwrap();
-            assert_eq!(both(), expected.map(|text| text.as_bytes().to_vec()));
-        }
-        let full = |_: &mut BufWriter<&File>| Err(io::Error::from(io::ErrorKind::StorageFull));
-        write_keeping_previous(&path, &previous, full).unwrap_err();
-        assert_eq!(both(), [b"three".to_vec(), b"two".to_vec()]);
-        assert_eq!(entries(folder.path()).len(), 2);
     }
 
     #[test]

@@ -164,17 +164,7 @@ impl Model {
     /// A file that cannot be written.
     #[cfg(feature = "fit")]
     pub fn write(&self, path: &Path) -> Result<(), FieldFileError> {
-        FORMAT.write(path, None, self.contents())
-    }
-
-    /// As [`Model::write`]; the file that is replaced stays as `previous`
-    /// ([`write_keeping_previous`](imf_core::atomic_file::write_keeping_previous)).
-    ///
-    /// # Errors
-    /// A file that cannot be written; then neither changes.
-    #[cfg(feature = "fit")]
-    pub fn write_keeping_previous(&self, path: &Path, previous: &Path) -> Result<(), FieldFileError> {
-        FORMAT.write(path, Some(previous), self.contents())
+        FORMAT.write(path, self.contents())
     }
 
     #[cfg(feature = "fit")]

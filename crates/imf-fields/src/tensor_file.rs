@@ -302,7 +302,7 @@ mod tests {
             let tensors = vec![("values".into(), Dtype::F32, shape.to_vec(), little_endian(&values))];
             let contents =
                 Contents { scene: &scene, calibration: None, description: Answer { answer: 42 }, tensors };
-            FORMAT.write(&path, None, contents)
+            FORMAT.write(&path, contents)
         };
         // Too few bytes for a shape.
         assert!(write(&[4]).is_err());

@@ -177,7 +177,7 @@ impl FactoredFile {
             watch: state.map_or_else(Watch::default, |state| state.watch),
         };
         let (scene, calibration) = (&self.scene, self.calibration);
-        FORMAT.write(path, None, Contents { scene, calibration, description, tensors })
+        FORMAT.write(path, Contents { scene, calibration, description, tensors })
     }
 
     /// Reads and checks a field.

@@ -77,7 +77,7 @@ impl HarmonicFile {
                 ("mean".into(), Dtype::F32, vec![functions], little_endian(&field.mean)),
             ],
         };
-        FORMAT.write(path, None, contents)
+        FORMAT.write(path, contents)
     }
 
     /// Reads and checks a field.

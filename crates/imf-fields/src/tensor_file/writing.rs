@@ -2,7 +2,7 @@
 
 use std::io::{self, Write};
 
-use imf_core::atomic_file::{write_atomically, write_keeping_previous};
+use imf_core::atomic_file::write_atomically;
 use safetensors::tensor::{Metadata, TensorInfo, TensorView};
 use serde::Serialize;
 
@@ -33,12 +33,10 @@ struct Description<'a, T> {
 }
 
 impl Format {
-    /// Writes a file whole or not at all; the file that is replaced stays as `previous`, if one is named. Equal contents
-    /// give equal bytes.
+    /// Writes a file whole or not at all. Equal contents give equal bytes.
     pub(crate) fn write<T: Serialize>(
         self,
         path: &Path,
-        previous: Option<&Path>,
         contents: Contents<'_, T>,
     ) -> Result<(), FieldFileError> {
         let Contents { scene, calibration, description, mut tensors } = contents;
@@ -62,10 +60,7 @@ impl Format {
             file.write_all(&header)?;
             tensors.iter().try_for_each(|(_, _, _, bytes)| file.write_all(bytes))
         };
-        Ok(match previous {
-            None => write_atomically(path, write),
-            Some(previous) => write_keeping_previous(path, previous, write),
-        }?)
+        Ok(write_atomically(path, write)?)
     }
 }
 
