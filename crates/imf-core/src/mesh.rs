@@ -118,11 +118,7 @@ pub(crate) mod tests {
 
     /// The cube [0, 1]³, triangles outwards.
     pub(crate) fn unit_cube() -> Mesh {
-        let vertices = (0..8).map(|i| DVec3::new(f64::from(i & 1), f64::from(i >> 1 & 1), f64::from(i >> 2)));
-        let sides: [[u32; 4]; 6] =
-            [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-        let triangles = sides.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]);
-        Mesh { vertices: vertices.collect(), triangles: triangles.collect() }
+        Mesh::cuboid(DVec3::ZERO, DVec3::ONE)
     }
 
     #[test]

@@ -3,6 +3,7 @@ use super::size::{CircularSize, ClippedTool};
 use super::test_shapes::{archs, cmf, counts, cylinder, orientations, scattered};
 use super::*;
 use crate::control::Control;
+use crate::mesh::Mesh;
 use crate::occupancy::Occupancy;
 use crate::tool::{SharpPoints, ToolShape};
 
@@ -93,20 +94,8 @@ fn runs_and_counts_beyond_a_byte_and_beyond_sixteen_bits_are_exact() {
 #[test]
 fn mesh_tools_with_holes_and_sharp_points_off_the_grid_are_direct_sums() {
     // Two boxes apart from each other: two runs on a line.
-    let mut mesh = crate::mesh::Mesh::default();
-    for (low, high) in
-        [(DVec3::new(-1.2, -2.1, 0.2), DVec3::new(2.3, 1.7, 3.4)), (DVec3::splat(5.1), DVec3::splat(8.8))]
-    {
-        let first = mesh.vertices.len() as u32;
-        for corner in 0..8 {
-            let pick = |axis: usize| if corner >> axis & 1 == 0 { low[axis] } else { high[axis] };
-            mesh.vertices.push(DVec3::new(pick(0), pick(1), pick(2)));
-        }
-        let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-        mesh.triangles.extend(
-            quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).map(|t| t.map(|v| v + first)),
-        );
-    }
+    let mut mesh = Mesh::cuboid(DVec3::new(-1.2, -2.1, 0.2), DVec3::new(2.3, 1.7, 3.4));
+    mesh.append(&Mesh::cuboid(DVec3::splat(5.1), DVec3::splat(8.8)));
     let tool = Tool {
         shape: ToolShape::Mesh(mesh),
         sharp_points: SharpPoints::Points(vec![DVec3::new(-4.2, 6.1, -3.3), DVec3::new(0.5, 0.0, 9.0)]),
