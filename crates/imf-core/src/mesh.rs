@@ -4,6 +4,7 @@ use glam::{DMat4, DVec3};
 use serde::{Deserialize, Serialize};
 
 pub(crate) mod distance;
+pub(crate) mod edges;
 mod face_orientation;
 mod features;
 pub(crate) mod groups;

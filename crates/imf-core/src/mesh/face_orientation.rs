@@ -14,8 +14,9 @@ use std::collections::{HashMap, HashSet};
 use glam::DVec3;
 
 use super::Mesh;
+use super::edges::{EdgeUse, neighbours, runs, sorted_edges};
+use super::groups::Groups;
 use super::solid_angle::winding_number;
-use crate::parallel;
 
 /// Where this much of a patch's area faces one way, that way is meant. Below it the file says nothing.
 const CLEAR_MAJORITY: f64 = 0.9;
@@ -163,37 +164,20 @@ impl Mesh {
     }
 }
 
-/// A directed use of an edge by a triangle: the lower vertex first, the triangle, whether it goes upwards.
-type EdgeUse = ([u32; 2], u32, bool);
-
-/// All uses of edges, those of one edge together. Triangles that name a vertex twice have none.
-fn sorted_edges(mesh: &Mesh) -> Vec<EdgeUse> {
-    let mut edges = Vec::with_capacity(3 * mesh.triangles.len());
-    for (triangle, &[a, b, c]) in mesh.triangles.iter().enumerate() {
-        if a != b && b != c && c != a {
-            let upwards = |from: u32, to: u32| ([from.min(to), from.max(to)], triangle as u32, from < to);
-            edges.extend([upwards(a, b), upwards(b, c), upwards(c, a)]);
-        }
-    }
-    parallel::sort(&mut edges);
-    edges
-}
-
 /// Edges that an odd number of triangles uses: none of a closed surface, however its triangles face.
 fn single_edges(edges: &[EdgeUse]) -> usize {
     runs(edges).filter(|run| run.len() % 2 == 1).count()
 }
 
-fn runs(edges: &[EdgeUse]) -> impl Iterator<Item = &[EdgeUse]> {
-    edges.chunk_by(|first, second| first.0 == second.0)
-}
-
 /// The patch of every triangle, its parity (against the patch's root), and the patches, flipped as most of their area faces.
 fn patches(mesh: &Mesh, edges: &[EdgeUse]) -> (Vec<u32>, Vec<bool>, Vec<Patch>) {
-    let mut forest = Forest::new(mesh.triangles.len());
-    for pair in runs(edges).filter(|run| run.len() == 2) {
-        // Consistent neighbours use their edge in opposite directions.
-        forest.join(pair[0].1, pair[1].1, pair[0].2 == pair[1].2);
+    let mut groups = Groups::new(mesh.triangles.len());
+    neighbours(edges).for_each(|(a, b, differ)| groups.join_with_parity(a, b, differ));
+    // By root: two ways around lead to different parities.
+    let mut one_sided = vec![false; mesh.triangles.len()];
+    for (a, b, differ) in neighbours(edges) {
+        let ((root, odd_a), (_, odd_b)) = (groups.root_and_parity(a), groups.root_and_parity(b));
+        one_sided[root] |= (odd_a ^ odd_b) != differ;
     }
     let (lower, upper) = mesh.bounds().unwrap_or_default();
     let centre = (lower + upper) * 0.5;
@@ -201,8 +185,7 @@ fn patches(mesh: &Mesh, edges: &[EdgeUse]) -> (Vec<u32>, Vec<bool>, Vec<Patch>) 
     let (mut of, mut parity) = (Vec::new(), Vec::new());
     let mut patches: Vec<Patch> = Vec::new();
     for triangle in 0..mesh.triangles.len() {
-        let (root, odd) = forest.root(triangle as u32);
-        let root = root as usize;
+        let (root, odd) = groups.root_and_parity(triangle);
         if number[root] == u32::MAX {
             number[root] = patches.len() as u32;
             patches.push(Patch {
@@ -210,7 +193,7 @@ fn patches(mesh: &Mesh, edges: &[EdgeUse]) -> (Vec<u32>, Vec<bool>, Vec<Patch>) 
                 volume: 0.0,
                 lower: DVec3::INFINITY,
                 upper: DVec3::NEG_INFINITY,
-                one_sided: forest.one_sided[root],
+                one_sided: one_sided[root],
                 closed: true,
                 flipped: false,
             });
@@ -308,46 +291,6 @@ fn shells_around(
         found
     };
     closed.iter().map(around).collect()
-}
-
-/// Sets of triangles joined by shared edges, with the parity of each against its set's root.
-struct Forest {
-    parents: Vec<(u32, bool)>,
-    /// By root: two ways around lead to different parities.
-    one_sided: Vec<bool>,
-}
-
-impl Forest {
-    fn new(count: usize) -> Self {
-        Self { parents: (0..count as u32).map(|t| (t, false)).collect(), one_sided: vec![false; count] }
-    }
-
-    fn root(&mut self, triangle: u32) -> (u32, bool) {
-        let (mut at, mut odd) = (triangle, false);
-        loop {
-            let (parent, step) = self.parents[at as usize];
-            if parent == at {
-                return (at, odd);
-            }
-            // Path halving keeps the trees flat.
-            let (grandparent, further) = self.parents[parent as usize];
-            self.parents[at as usize] = (grandparent, step ^ further);
-            odd ^= step ^ further;
-            at = grandparent;
-        }
-    }
-
-    fn join(&mut self, a: u32, b: u32, differ: bool) {
-        let ((a, odd_a), (b, odd_b)) = (self.root(a), self.root(b));
-        if a == b {
-            self.one_sided[a as usize] |= (odd_a ^ odd_b) != differ;
-            return;
-        }
-        // The smaller index becomes the root.
-        let (root, child) = (a.min(b), a.max(b));
-        self.parents[child as usize] = (root, odd_a ^ odd_b ^ differ);
-        self.one_sided[root as usize] |= self.one_sided[child as usize];
-    }
 }
 
 #[cfg(test)]

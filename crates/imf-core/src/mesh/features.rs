@@ -7,6 +7,7 @@ use glam::DVec3;
 use serde::Serialize;
 
 use super::Mesh;
+use super::edges::{neighbours, sorted_edges};
 use super::groups::Groups;
 
 /// Directions at less than this angle, in radians, are one: five hundredths of a millimetre at the end of 100 mm.
@@ -48,7 +49,7 @@ impl Mesh {
         let enough = SHARE * vectors.iter().map(|v| v.length()).sum::<f64>();
         let mut flat = Groups::new(self.triangles.len());
         let mut curved = Groups::new(self.triangles.len());
-        for (a, b) in self.neighbours() {
+        for (a, b, _) in neighbours(&sorted_edges(self)) {
             let (na, nb) = (vectors[a].normalize_or_zero(), vectors[b].normalize_or_zero());
             let sine = na.cross(nb).length();
             if na.dot(nb) > 0.0 && sine < SMOOTH {
@@ -91,22 +92,6 @@ impl Mesh {
         // Faces of one normal are one face to a tool; the sort is stable, so that cylinders keep their order.
         found.sort_by(|a, b| b.flat_area.total_cmp(&a.flat_area));
         found
-    }
-
-    /// Pairs of triangles that share an edge with no third one.
-    fn neighbours(&self) -> Vec<(usize, usize)> {
-        let mut edges: HashMap<(u32, u32), (usize, usize, usize)> = HashMap::new();
-        for (triangle, &[a, b, c]) in self.triangles.iter().enumerate() {
-            for (from, to) in [(a, b), (b, c), (c, a)] {
-                let entry = edges.entry((from.min(to), from.max(to))).or_insert((triangle, triangle, 0));
-                entry.1 = triangle;
-                entry.2 += 1;
-            }
-        }
-        let mut pairs: Vec<(usize, usize)> =
-            edges.into_values().filter(|&(.., count)| count == 2).map(|(a, b, _)| (a, b)).collect();
-        pairs.sort_unstable();
-        pairs
     }
 }
 

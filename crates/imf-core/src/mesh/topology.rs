@@ -9,8 +9,8 @@ use glam::DVec3;
 use serde::Serialize;
 
 use super::Mesh;
+use super::edges::{runs, sorted_edges};
 use super::groups::Groups;
-use crate::parallel;
 use crate::unit::{Length, LengthUnit};
 
 /// A triangle counts as degenerate if it is this thin: twice its area over its longest edge squared.
@@ -24,21 +24,11 @@ const DEGENERATE_RATIO: f64 = 1e-12;
 /// It is defined for any triangles at all: edges shared by one, three or more, neighbours that disagree on
 /// orientation, triangles that name a vertex twice. It is what a generalised winding number of an open mesh depends on.
 pub(crate) fn boundary_chain(mesh: &Mesh) -> Vec<([u32; 2], i32)> {
-    let mut uses = Vec::with_capacity(3 * mesh.triangles.len());
-    for &[a, b, c] in &mesh.triangles {
-        for (from, to) in [(a, b), (b, c), (c, a)] {
-            // The edge from a vertex to itself is nothing.
-            if from != to {
-                uses.push(if from < to { ([from, to], 1) } else { ([to, from], -1) });
-            }
-        }
-    }
-    parallel::sort(&mut uses);
-    let mut chain: Vec<_> = uses
-        .chunk_by(|(first, _), (second, _)| first == second)
+    let edges = sorted_edges(mesh);
+    let mut chain: Vec<_> = runs(&edges)
         .filter_map(|run| {
             let [low, high] = run[0].0;
-            match run.iter().map(|&(_, sign)| sign).sum::<i32>() {
+            match run.iter().map(|&(.., upwards)| if upwards { 1 } else { -1 }).sum::<i32>() {
                 0 => None,
                 net if net > 0 => Some(([low, high], net)),
                 net => Some(([high, low], -net)),

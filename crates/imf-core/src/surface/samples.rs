@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use crate::mesh::Mesh;
+use crate::mesh::edges::{EdgeUse, neighbours, runs, sorted_edges};
 use crate::mesh::topology::{boundary_chain, component_count};
 use crate::occupancy::Occupancy;
 use crate::parallel;
@@ -56,7 +57,7 @@ impl SurfaceSamples {
         let outward = if fine.signed_volume() < 0.0 { -1.0 } else { 1.0 };
         let grid = &solid.grid;
         // One body alone hides none of its own surface.
-        let touching = edges.chunk_by(|a, b| a.0 == b.0).any(|run| run.len() > 2);
+        let touching = runs(&edges).any(|run| run.len() > 2);
         let several = touching || component_count(&welded) > 1;
         let crossings = several.then(|| Crossings::new(&fine, grid.pitch));
         let is_closed = several && boundary_chain(&welded).is_empty();
@@ -116,30 +117,19 @@ impl SurfaceSamples {
     }
 }
 
-/// Every edge with every triangle that has it, those of one edge together.
-fn sorted_edges(mesh: &Mesh) -> Vec<([u32; 2], u32)> {
-    let mut edges = Vec::with_capacity(3 * mesh.triangles.len());
-    for (triangle, &[a, b, c]) in mesh.triangles.iter().enumerate() {
-        edges.extend([(a, b), (b, c), (c, a)].map(|(p, q)| ([p.min(q), p.max(q)], triangle as u32)));
-    }
-    parallel::sort(&mut edges);
-    edges
-}
-
 /// By triangle, [`SurfaceSample::bend`].
-fn bends(mesh: &Mesh, edges: &[([u32; 2], u32)]) -> Vec<f64> {
+fn bends(mesh: &Mesh, edges: &[EdgeUse]) -> Vec<f64> {
     let normals: Vec<DVec3> =
         (0..mesh.triangles.len()).map(|t| area_vector(mesh.corners(t)).normalize_or_zero()).collect();
     let mut bends = vec![0.0_f64; mesh.triangles.len()];
-    for pair in edges.chunk_by(|a, b| a.0 == b.0) {
-        // An edge of more than two triangles bends nothing.
-        let &[(_, one), (_, other)] = pair else { continue };
-        let cosine = normals[one as usize].dot(normals[other as usize]);
+    // An edge of more than two triangles bends nothing.
+    for (one, other, _) in neighbours(edges) {
+        let cosine = normals[one].dot(normals[other]);
         // Below a thousandth of a degree it is rounding.
         if (SMOOTH..1.0 - 1e-10).contains(&cosine) {
             let half = (0.5 * (1.0 - cosine)).sqrt();
             for triangle in [one, other] {
-                bends[triangle as usize] = bends[triangle as usize].max(half);
+                bends[triangle] = bends[triangle].max(half);
             }
         }
     }
