@@ -1,8 +1,7 @@
 //! Warnings about a scene that can be used all the same.
 
-use std::fmt;
-
 use glam::DVec3;
+use thiserror::Error;
 
 use super::CoarseTool;
 use crate::mesh::FaceRepair;
@@ -10,10 +9,13 @@ use crate::tool::{Assembly, Element, ElementKind, Tool, ToolShape};
 use crate::unit::{ImplausibleProportion, Length, LengthUnit};
 
 /// A warning about a scene.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum SceneWarning {
     /// Corners that all but coincide, and were joined.
+    #[error(
+        "{part}: {corners} corners lay within a hundred-thousandth of its size from others and were joined to them"
+    )]
     Joined {
         /// The part or fixture.
         part: String,
@@ -21,6 +23,7 @@ pub enum SceneWarning {
         corners: usize,
     },
     /// Triangles that were there more than once, and were left out.
+    #[error("{part}: {triangles} triangles were there more than once and were left out")]
     Doubled {
         /// The part or fixture.
         part: String,
@@ -28,6 +31,10 @@ pub enum SceneWarning {
         triangles: usize,
     },
     /// Closed bodies of a mesh that lie within another one and face as it does.
+    #[error(
+        "{part}: {}, and was taken as solid within solid; if a cavity is meant, its triangles must face inwards",
+        nested(*.bodies)
+    )]
     Nested {
         /// The part or fixture.
         part: String,
@@ -35,6 +42,7 @@ pub enum SceneWarning {
         bodies: usize,
     },
     /// Triangles that faced the wrong way and were flipped.
+    #[error("{part}: {flipped} of {triangles} triangles faced the wrong way and were flipped")]
     Flipped {
         /// The part or fixture.
         part: String,
@@ -44,6 +52,9 @@ pub enum SceneWarning {
         triangles: usize,
     },
     /// A surface that has one side alone, and so no inside.
+    #[error(
+        "{part}: {triangles} triangles are of a surface with one side alone (as a Möbius strip), which has no inside"
+    )]
     OneSided {
         /// The part or fixture.
         part: String,
@@ -51,6 +62,12 @@ pub enum SceneWarning {
         triangles: usize,
     },
     /// A mesh that is not closed.
+    #[error(
+        "{part} is open ({boundary_edges} boundary edges): it was taken as solid, its openings closed as by a skin over \
+         their rims, which leaves {} of the voxel centres in it or near it in doubt; if it is a sheet, or faces are missing, \
+         make it one closed solid and export it again",
+        percent(*.share)
+    )]
     Open {
         /// The part.
         part: String,
@@ -60,13 +77,21 @@ pub enum SceneWarning {
         share: f64,
     },
     /// A tool of which nothing holds the cutter.
+    #[error("the tool {tool} has no holder: what holds it is not seen")]
     NoHolder {
         /// The tool.
         tool: String,
     },
     /// A tool that passes between the voxels' centres, where that is allowed.
+    #[error("{0}")]
     Coarse(CoarseTool),
     /// An element that is wider than the cutter, by less than a voxel.
+    #[error(
+        "the {element} of the tool '{tool}', with its clearance, is {} {unit} a side wider than the cutter, which voxels of {} {unit} see \
+         at some walls and not at others: what it hits, and keeps from being reached, may be far off; choose a pitch of at most {}, or \
+         conservative voxels",
+        Length(*.step), Length(*.pitch), Length(*.step)
+    )]
     Step {
         /// The tool.
         tool: String,
@@ -80,6 +105,11 @@ pub enum SceneWarning {
         unit: LengthUnit,
     },
     /// A tool that is not where its tip or another of its sharp points is.
+    #[error(
+        "the tip of the tool '{tool}', or another of its sharp points, is {} {unit} away from it: poses are those of the tip, and the \
+         tool itself is elsewhere; check its frame (tip at the origin, holder towards +z) and its unit",
+        Length(*.distance)
+    )]
     TipOff {
         /// The tool.
         tool: String,
@@ -89,6 +119,11 @@ pub enum SceneWarning {
         unit: LengthUnit,
     },
     /// A tool whose tip is so slender that it passes between the voxels' centres for a while.
+    #[error(
+        "the tip of the tool '{tool}' is so slender that it passes between the centres of voxels of {} {unit}: what it hits is certain \
+         to be seen where it is {} {unit} deep or more; choose a smaller pitch",
+        Length(*.pitch), Length(*.depth)
+    )]
     SlenderTip {
         /// The tool.
         tool: String,
@@ -100,13 +135,22 @@ pub enum SceneWarning {
         unit: LengthUnit,
     },
     /// A mesh tool more of which lies below its tip than above.
+    #[error(
+        "more of the tool '{tool}' lies below its tip than above: its holder should be towards +z of its own frame"
+    )]
     UpsideDown {
         /// The tool.
         tool: String,
     },
     /// A part and a tool whose sizes hardly belong together.
+    #[error("{0}; check the units of part and tool")]
     Proportion(ImplausibleProportion),
     /// A part of few voxels across.
+    #[error(
+        "{part} is {voxels} {} thick at most, at pitch {}: what is said of walls as thin as these is coarse; choose a \
+         smaller pitch",
+        if *.voxels == 1 { "voxel" } else { "voxels" }, Length(*.pitch)
+    )]
     Thin {
         /// The part.
         part: String,
@@ -116,6 +160,12 @@ pub enum SceneWarning {
         pitch: f64,
     },
     /// Surface of walls, ribs and edges that lie between the voxels' centres.
+    #[error(
+        "{part}: {} {unit}² of its surface ({}), as at ({}), is of walls, ribs or edges so thin that they lie between the centres of \
+         voxels of {} {unit}: a tool passes through them unseen; choose a smaller pitch, or conservative voxels",
+        Length(*.area), percent(*.share),
+        .at.to_array().map(|v| Length(v).to_string()).join(", "), Length(*.pitch)
+    )]
     Lost {
         /// The part or fixture.
         part: String,
@@ -131,6 +181,10 @@ pub enum SceneWarning {
         unit: LengthUnit,
     },
     /// A fixture that shares room with the part.
+    #[error(
+        "the fixture {fixture} overlaps the part by {} {unit}³: check where it stands, and its unit",
+        Length(*.volume)
+    )]
     Overlap {
         /// The fixture.
         fixture: String,
@@ -200,91 +254,11 @@ impl SceneWarning {
     }
 }
 
-impl fmt::Display for SceneWarning {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Open { part, boundary_edges, share } => write!(
-                f,
-                "{part} is open ({boundary_edges} boundary edges): it was taken as solid, its openings closed as by a skin over \
-                 their rims, which leaves {} of the voxel centres in it or near it in doubt; if it is a sheet, or faces are missing, \
-                 make it one closed solid and export it again",
-                percent(*share)
-            ),
-            Self::Joined { part, corners } => write!(
-                f,
-                "{part}: {corners} corners lay within a hundred-thousandth of its size from others and were joined to them"
-            ),
-            Self::Doubled { part, triangles } => {
-                write!(f, "{part}: {triangles} triangles were there more than once and were left out")
-            }
-            Self::Nested { part, bodies } => write!(
-                f,
-                "{part}: {}, and was taken as solid within solid; if a cavity is meant, its triangles must face inwards",
-                match bodies {
-                    1 => "a closed body lies within another and faces outwards as that does".to_owned(),
-                    _ => format!(
-                        "each of {bodies} closed bodies lies within another and faces outwards as that does"
-                    ),
-                }
-            ),
-            Self::Flipped { part, flipped, triangles } => {
-                write!(f, "{part}: {flipped} of {triangles} triangles faced the wrong way and were flipped")
-            }
-            Self::OneSided { part, triangles } => write!(
-                f,
-                "{part}: {triangles} triangles are of a surface with one side alone (as a Möbius strip), which has no inside"
-            ),
-            Self::Coarse(coarse) => coarse.fmt(f),
-            Self::Step { tool, element, step, pitch, unit } => write!(
-                f,
-                "the {element} of the tool '{tool}', with its clearance, is {} {unit} a side wider than the cutter, which voxels of {} {unit} see \
-                 at some walls and not at others: what it hits, and keeps from being reached, may be far off; choose a pitch of at most {}, or \
-                 conservative voxels",
-                Length(*step),
-                Length(*pitch),
-                Length(*step)
-            ),
-            Self::TipOff { tool, distance, unit } => write!(
-                f,
-                "the tip of the tool '{tool}', or another of its sharp points, is {} {unit} away from it: poses are those of the tip, and the \
-                 tool itself is elsewhere; check its frame (tip at the origin, holder towards +z) and its unit",
-                Length(*distance)
-            ),
-            Self::SlenderTip { tool, depth, pitch, unit } => write!(
-                f,
-                "the tip of the tool '{tool}' is so slender that it passes between the centres of voxels of {} {unit}: what it hits is certain \
-                 to be seen where it is {} {unit} deep or more; choose a smaller pitch",
-                Length(*pitch),
-                Length(*depth)
-            ),
-            Self::UpsideDown { tool } => write!(
-                f,
-                "more of the tool '{tool}' lies below its tip than above: its holder should be towards +z of its own frame"
-            ),
-            Self::Proportion(proportion) => write!(f, "{proportion}; check the units of part and tool"),
-            Self::Thin { part, voxels, pitch } => write!(
-                f,
-                "{part} is {voxels} {} thick at most, at pitch {}: what is said of walls as thin as these is coarse; choose a \
-                 smaller pitch",
-                if *voxels == 1 { "voxel" } else { "voxels" },
-                Length(*pitch)
-            ),
-            Self::Lost { part, area, share, at, pitch, unit } => write!(
-                f,
-                "{part}: {} {unit}² of its surface ({}), as at ({}), is of walls, ribs or edges so thin that they lie between the centres of \
-                 voxels of {} {unit}: a tool passes through them unseen; choose a smaller pitch, or conservative voxels",
-                Length(*area),
-                percent(*share),
-                at.to_array().map(|v| Length(v).to_string()).join(", "),
-                Length(*pitch)
-            ),
-            Self::Overlap { fixture, volume, unit } => write!(
-                f,
-                "the fixture {fixture} overlaps the part by {} {unit}³: check where it stands, and its unit",
-                Length(*volume)
-            ),
-            Self::NoHolder { tool } => write!(f, "the tool {tool} has no holder: what holds it is not seen"),
-        }
+/// So many closed bodies that lie in others, in words.
+fn nested(bodies: usize) -> String {
+    match bodies {
+        1 => "a closed body lies within another and faces outwards as that does".to_owned(),
+        _ => format!("each of {bodies} closed bodies lies within another and faces outwards as that does"),
     }
 }
 
