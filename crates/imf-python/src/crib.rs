@@ -49,8 +49,8 @@ pub(crate) fn crib<'py>(
         }
     }
     let (environment, samples) = run(py, (&None, "", 0), |control| {
-        let bodies = own.bodies(control)?;
-        let environment = own.with_spec(control, |spec| CollisionEnvironment::of_bodies(spec, &bodies))?;
+        let environment =
+            own.with_spec(control, |spec| CollisionEnvironment::of_bodies(spec, &own.bodies))?;
         let samples = SurfaceSamples::new(&mesh, environment.part(), samples);
         Ok::<_, Failure>((environment, samples))
     })?;

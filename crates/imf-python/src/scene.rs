@@ -2,7 +2,7 @@
 
 use std::path::Path;
 use std::str::FromStr as _;
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 use glam::{DMat4, DVec3};
 use imf_core::control::Control;
@@ -125,9 +125,8 @@ pub(crate) struct Scene {
     tool: tool::Tool,
     fixtures: Vec<(String, Mesh, DMat4)>,
     allow_coarse: bool,
-    undecided: f64,
-    /// Part and fixtures apart, on a grid that holds them all.
-    bodies: OnceLock<Arc<Bodies>>,
+    /// Part and fixtures apart, on the scene's grid.
+    pub(crate) bodies: Bodies,
 }
 
 impl Scene {
@@ -157,23 +156,6 @@ impl Scene {
             around: GridExtent::Part,
             control,
         })
-    }
-
-    /// Part and fixtures apart. Without fixtures they are the scene's own voxels; else they are voxelised once more, on all that the
-    /// tool can meet.
-    pub(crate) fn bodies(&self, control: Control<'_>) -> Result<Arc<Bodies>, SceneError> {
-        if let Some(bodies) = self.bodies.get() {
-            return Ok(bodies.clone());
-        }
-        let made = if self.fixtures.is_empty() {
-            let part = self.scene.obstacle.clone();
-            Bodies { part, fixtures: Vec::new(), undecided: self.undecided }
-        } else {
-            self.with_spec(control, |spec| {
-                spec.bodies(&spec.wide_grid(&self.scene.record.grid, f64::INFINITY)?)
-            })?
-        };
-        Ok(self.bodies.get_or_init(|| Arc::new(made)).clone())
     }
 
     /// The part's mesh in the world.
@@ -284,17 +266,12 @@ impl Scene {
         let rows = if let Some([x, y, _]) = dims { x * y * (1 + held.len()) } else { 0 };
         let built =
             run(py, (&progress, "voxelising", rows as u64), |control| builder.control(control).build())?;
-        let scene::BuiltScene { scene, warnings, undecided, chosen_pitch } = built;
+        let scene::BuiltScene { scene, mesh, fixtures, bodies, warnings, chosen_pitch, .. } = built;
         let mut warnings: Vec<String> = warnings.iter().map(ToString::to_string).collect();
         warnings.extend(chosen_pitch.map(|chosen| chosen.to_string()));
         warnings.extend(
             overruled.map(|stated| format!("{name} says that it is in {stated}; unit='{unit}' overrules it")),
         );
-        let (mesh, fixtures) = py.detach(|| {
-            let consistent =
-                |(name, mesh, at): (String, Mesh, DMat4)| (name, mesh.with_consistent_faces().0, at);
-            (mesh.with_consistent_faces().0, held.into_iter().map(consistent).collect())
-        });
         Ok(Self {
             tool: tool.unwrap_or_else(tool::Tool::paper),
             mesh,
@@ -303,8 +280,7 @@ impl Scene {
             reference,
             warnings,
             allow_coarse,
-            undecided,
-            bodies: OnceLock::new(),
+            bodies,
         })
     }
 

@@ -6,7 +6,7 @@ use imf_core::check::StockReport;
 use imf_core::control::Control;
 use imf_core::mesh::Mesh;
 use imf_core::occupancy::Occupancy;
-use imf_core::scene::{Bodies, SceneError, solid_voxels};
+use imf_core::scene::{SceneError, solid_voxels};
 use numpy::{IntoPyArray as _, PyArray3, PyArrayMethods as _};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -29,7 +29,7 @@ const BYTES: u64 = 24;
 
 impl StockInput<'_> {
     /// Its voxels, those of the part's grid.
-    pub(crate) fn voxels(&self, py: Python<'_>, scene: &Scene, bodies: &Bodies) -> PyResult<Occupancy> {
+    pub(crate) fn voxels(&self, py: Python<'_>, scene: &Scene) -> PyResult<Occupancy> {
         let record = &scene.scene.record;
         let Some(part) = scene.placed_mesh().bounds() else {
             return Err(value_error("the part has no triangle"));
@@ -53,7 +53,7 @@ impl StockInput<'_> {
         let Some((lower, upper)) = mesh.bounds() else {
             return Err(value_error("the stock has no triangle"));
         };
-        let grid = bodies.part.grid.covering(lower.min(part.0), upper.max(part.1), 0);
+        let grid = record.grid.covering(lower.min(part.0), upper.max(part.1), 0);
         let grid = grid.map_err(|error| value_error(error.to_string()))?;
         memory::require(BYTES * grid.len() as u64, || {
             let [x, y, z] = grid.dims;
@@ -86,9 +86,8 @@ pub(crate) fn removable_stock<'py>(
     let Some(cutter) = cutter_of(record.bare_tool()) else {
         return Err(value_error(format!("the tool '{}' has no cutter", record.bare_tool().name)));
     };
-    let bodies = run(py, (&None, "", 0), |control| own.bodies(control))?;
-    let mut stock = stock.voxels(py, own, &bodies)?;
-    let whole = bodies.obstacle();
+    let mut stock = stock.voxels(py, own)?;
+    let whole = own.bodies.obstacle();
     let held = whole.on(&stock.grid).ok_or_else(|| value_error("the grids of part and stock do not meet"))?;
     stock.solid.iter_mut().zip(&held.solid).for_each(|(stock, &held)| *stock &= 1 - held);
     let assembly = record.assembly().map_err(|error| value_error(error.to_string()))?;

@@ -73,8 +73,8 @@ pub(crate) fn access<'py>(
     })?;
     let tolerance = tolerance.unwrap_or_else(|| default_tolerance(record.grid.pitch, record.unit));
     let (environment, assembly, samples) = run(py, (&None, "", 0), |control| {
-        let bodies = own.bodies(control)?;
-        let environment = own.with_spec(control, |spec| CollisionEnvironment::of_bodies(spec, &bodies))?;
+        let environment =
+            own.with_spec(control, |spec| CollisionEnvironment::of_bodies(spec, &own.bodies))?;
         let samples = SurfaceSamples::new(&mesh, environment.part(), samples);
         Ok::<_, Failure>((environment, record.assembly()?, samples))
     })?;
@@ -86,7 +86,7 @@ pub(crate) fn access<'py>(
     })?;
     let coarse = run(py, (&progress, "surface at twice the pitch", count), |control| {
         let environment = own.with_spec(control, |spec| {
-            CollisionEnvironment::at_twice_the_pitch(spec, &own.bodies(control)?.part.grid)
+            CollisionEnvironment::at_twice_the_pitch(spec, &own.bodies.part.grid)
         })?;
         let tool = SurfaceTool::new(&environment, &assembly, tolerance)?;
         let access = surface_access(&tool, &samples.samples, &set.orientations, control)?;

@@ -82,7 +82,7 @@ pub(crate) fn check<'py>(
     settings.step = step.unwrap_or(settings.step);
     let numbered: Vec<(Option<u32>, &tool::Tool)> =
         tools.iter().map(|(number, tool)| (*number, tool)).collect();
-    let bodies = run(py, (&None, "", 0), |control| own.bodies(control))?;
+    let bodies = &own.bodies;
     let machine = match machine {
         Some(machine) => {
             Some(run(py, (&None, "", 0), |control| MachineBodies::new(machine, record.grid.pitch, control))?)
@@ -105,14 +105,14 @@ pub(crate) fn check<'py>(
     })?;
     let mut stock_left = None;
     if let Some(stock) = stock {
-        let voxels = stock.voxels(py, own, &bodies)?;
+        let voxels = stock.voxels(py, own)?;
         let bare: Option<Bodies> = match record.conservative {
             true => Some(run(py, (&None, "", 0), |control| {
                 own.with_spec(control, |spec| bodies.by_centres(&spec.placed(), control))
             })?),
             false => None,
         };
-        let bodies = bare.as_ref().unwrap_or(&bodies);
+        let bodies = bare.as_ref().unwrap_or(bodies);
         let around = CheckBodies { part: &bodies.part, fixtures: &bodies.fixtures, ..around };
         let mut found = run(py, (&progress, "cutting the stock", lines), |control| {
             // Voxels of the stock reach nowhere out of it.

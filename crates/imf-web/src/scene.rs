@@ -8,7 +8,7 @@ use imf_core::mesh::Mesh;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::pose::Pose;
-use imf_core::scene::{Bodies, BuiltScene, Scene};
+use imf_core::scene::{BuiltScene, Scene};
 use imf_core::section::{SectionPlan, SectionScratch, ToolPoints};
 use imf_core::tool::{Clearance, Tool};
 use imf_core::world::Checker;
@@ -65,17 +65,15 @@ impl PartScene {
     #[wasm_bindgen(constructor)]
     pub fn new(part: &Part, tool: &str, pitch: Option<f64>) -> Result<PartScene, JsError> {
         let tool = Tool::parse(tool, Path::new("tool"))?;
-        let (mesh, _) = part.mesh.clone().with_consistent_faces();
         let builder = match part.reference {
             Some(reference) => Scene::builder().reference(reference),
             None => Scene::builder().part(&part.name, part.mesh.clone(), part.unit),
         };
         let builder = builder.tool(&tool);
-        let BuiltScene { scene, warnings, .. } = match pitch {
+        let BuiltScene { scene, mesh, bodies, warnings, .. } = match pitch {
             Some(pitch) => builder.pitch(pitch).build()?,
             None => builder.build()?,
         };
-        let bodies = Bodies { part: scene.obstacle.clone(), fixtures: Vec::new(), undecided: 0.0 };
         let touching = scene.clone().with_contact(&bodies, scene.record.grid.pitch);
         Ok(Self {
             checker: Checker::of_scene(&touching, &Clearance::default())?,

@@ -4,7 +4,9 @@ use std::path::Path;
 
 use glam::DMat4;
 
-use super::{ChosenPitch, Fixture, GridExtent, Resolution, Scene, SceneError, SceneSpec, SceneWarning};
+use super::{
+    Bodies, ChosenPitch, Fixture, GridExtent, Resolution, Scene, SceneError, SceneSpec, SceneWarning,
+};
 use crate::control::Control;
 use crate::mesh::Mesh;
 use crate::mesh::read::{MeshFile, read_mesh_file};
@@ -13,11 +15,18 @@ use crate::parts::ReferencePart;
 use crate::tool::{Clearance, Tool};
 use crate::unit::{LengthUnit, unit_check};
 
-/// A scene and its warnings.
+/// A scene, what it was made of, and its warnings.
 #[derive(Clone, Debug)]
 pub struct BuiltScene {
     /// The scene.
     pub scene: Scene,
+    /// The part's mesh in its own coordinates, its triangles facing consistently.
+    pub mesh: Mesh,
+    /// Name, such a mesh and place of every fixture.
+    pub fixtures: Vec<(String, Mesh, DMat4)>,
+    /// Part and fixtures apart, on the scene's grid.
+    #[doc(hidden)]
+    pub bodies: Bodies,
     /// Warnings; the scene can be used all the same.
     pub warnings: Vec<SceneWarning>,
     /// Of the voxel centres in or near the part, the share at which its mesh does not say whether they are inside
@@ -204,13 +213,13 @@ impl<'a> SceneBuilder<'a> {
             warnings.extend(SceneWarning::of_repair(&name, &repair, report.triangles));
         }
         warnings.extend(SceneWarning::of_tool(&tool));
-        let mut meshes = Vec::new();
+        let mut fixtures = Vec::new();
         for (name, mesh, transform) in self.fixtures {
             let (mesh, repair) = mesh.with_consistent_faces();
             warnings.extend(SceneWarning::of_repair(&name, &repair, mesh.triangles.len()));
-            meshes.push((name, mesh, transform));
+            fixtures.push((name, mesh, transform));
         }
-        let fixtures: Vec<Fixture<'_>> = meshes
+        let held: Vec<Fixture<'_>> = fixtures
             .iter()
             .map(|(name, mesh, transform)| Fixture { name, mesh, transform: *transform })
             .collect();
@@ -235,7 +244,7 @@ impl<'a> SceneBuilder<'a> {
             conservative: self.conservative,
             allow_coarse: self.allow_coarse,
             tool: &tool,
-            fixtures: &fixtures,
+            fixtures: &held,
             around: self.around,
             control: self.control,
         };
@@ -249,7 +258,8 @@ impl<'a> SceneBuilder<'a> {
         if !self.conservative {
             warnings.extend(SceneWarning::of_step(&scene.record.assembly()?, scene.record.grid.pitch));
         }
-        Ok(BuiltScene { scene, warnings, undecided: bodies.undecided, chosen_pitch: chosen })
+        let undecided = bodies.undecided;
+        Ok(BuiltScene { scene, mesh, fixtures, bodies, warnings, undecided, chosen_pitch: chosen })
     }
 }
 
@@ -278,6 +288,7 @@ mod tests {
         let spec = SceneSpec { margin: 1, ..SceneSpec::of_reference(part, &mesh, [9, 27, 16], &tool) };
         let scene = spec.scene().unwrap().with_clearance(&clearance).unwrap();
         let bodies = spec.bodies(&scene.record.grid).unwrap();
+        assert_eq!(built.bodies, bodies);
         assert_eq!((built.scene, built.chosen_pitch), (scene.with_contact(&bodies, 3.0), None));
         assert_eq!(built.undecided, 0.0);
     }
