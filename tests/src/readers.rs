@@ -105,6 +105,7 @@ fn mesh(bytes: &[u8], name: &str) -> bool {
     let Ok(MeshFile { mesh, .. }) = MeshFile::from_bytes(bytes, name) else { return false };
     assert!(!mesh.triangles.is_empty() && mesh.vertices.iter().all(|vertex| vertex.is_finite()));
     assert!(mesh.triangles.iter().flatten().all(|&vertex| (vertex as usize) < mesh.vertices.len()));
+    assert_eq!(mesh.welded(), mesh);
     true
 }
 

@@ -161,11 +161,7 @@ fn not_finite(vertex: &str) -> Fault {
 
 #[cfg(test)]
 mod tests {
-    use rand::{RngExt, SeedableRng};
-    use rand_chacha::ChaCha8Rng;
-
     use super::*;
-    use crate::mesh::tests::unit_cube;
 
     /// A mesh of the format, or the error's text for the file `part`.
     pub(super) fn mesh_of(bytes: impl AsRef<[u8]>, format: Format) -> Result<Mesh, String> {
@@ -208,66 +204,5 @@ mod tests {
         let path = folder.path().join("PART.OBJ");
         fs::write(&path, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
         assert_eq!(read_mesh_file(&path).unwrap().mesh.triangles, [[0, 1, 2]]);
-    }
-
-    /// Whatever the bytes are, the result is an error or a mesh that keeps the module's guarantee.
-    fn survives(bytes: &[u8], format: Format) {
-        if let Ok(MeshFile { mesh, .. }) = parse(bytes, format) {
-            assert!(mesh.vertices.iter().all(|v| v.is_finite()));
-            assert_eq!(mesh.welded(), mesh);
-        }
-    }
-
-    #[test]
-    fn truncated_and_mutated_files_never_panic() {
-        let cube = unit_cube();
-        let mut obj = "mtllib a.mtl\no part\nvn 0 0 1\nvt 0 0\n".to_owned();
-        for v in &cube.vertices {
-            obj += &format!("v {} {} {}\n", v.x, v.y, v.z);
-        }
-        for t in &cube.triangles {
-            obj += &format!("g side\nf {}/1/1 {}//1 -{} \\\n # note\n", t[0] + 1, t[1] + 1, 8 - t[2]);
-        }
-        let samples = [
-            (obj.into_bytes(), Format::Obj),
-            (stl::tests::ascii(&cube).into_bytes(), Format::Stl),
-            (stl::tests::binary(&cube), Format::Stl),
-            (ply::tests::ascii(&cube).into_bytes(), Format::Ply),
-            (ply::tests::binary(&cube, true), Format::Ply),
-            (ply::tests::binary(&cube, false), Format::Ply),
-            (three_mf::tests::archive(&three_mf::tests::cube(&cube)), Format::ThreeMf),
-        ];
-        let telling = b"0123456789-+e./ \n#\\fv";
-        let mut random = ChaCha8Rng::seed_from_u64(3);
-        for (sample, format) in &samples {
-            assert_eq!(mesh_of(sample, *format).unwrap().triangles.len(), 12);
-            for length in 0..sample.len() {
-                survives(&sample[..length], *format);
-            }
-            for _ in 0..3000 {
-                let mut bytes = sample.clone();
-                for _ in 0..random.random_range(1..6) {
-                    let at = random.random_range(0..bytes.len());
-                    match random.random_range(0..4) {
-                        0 => bytes[at] = random.random(),
-                        1 => bytes[at] = telling[random.random_range(0..telling.len())],
-                        2 => {
-                            bytes.remove(at);
-                        }
-                        _ => {
-                            let end = (at + random.random_range(1..40)).min(bytes.len());
-                            let piece = bytes[at..end].to_vec();
-                            let to = random.random_range(0..bytes.len());
-                            bytes.splice(to..to, piece);
-                        }
-                    }
-                }
-                survives(&bytes, *format);
-            }
-            for _ in 0..300 {
-                let noise: Vec<u8> = (0..random.random_range(0..400)).map(|_| random.random()).collect();
-                survives(&noise, *format);
-            }
-        }
     }
 }

@@ -147,7 +147,7 @@ fn explain(error: &ParseError) -> Fault {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+mod tests {
     use super::*;
     use crate::file_error::FaultKind;
     use crate::mesh::tests::unit_cube;
@@ -157,7 +157,7 @@ pub(super) mod tests {
     }
 
     /// The mesh with a colour at each vertex and a quality at each face.
-    pub(in crate::mesh::read) fn ascii(mesh: &Mesh) -> String {
+    fn ascii(mesh: &Mesh) -> String {
         let mut text = format!(
             "ply\nformat ascii 1.0\ncomment by hand\nelement vertex {}\nproperty float x\nproperty double y\n\
              property float z\nproperty uchar red\nelement face {}\nproperty list uchar int vertex_indices\n\
@@ -175,7 +175,7 @@ pub(super) mod tests {
     }
 
     /// The mesh in little or big endian.
-    pub(in crate::mesh::read) fn binary(mesh: &Mesh, little: bool) -> Vec<u8> {
+    fn binary(mesh: &Mesh, little: bool) -> Vec<u8> {
         let order = if little { "little" } else { "big" };
         let mut bytes = format!(
             "ply\nformat binary_{order}_endian 1.0\nelement vertex {}\nproperty double x\nproperty double y\n\

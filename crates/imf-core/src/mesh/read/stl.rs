@@ -104,7 +104,7 @@ fn unreadable(line: usize) -> Fault {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+mod tests {
     use std::fmt::Write as _;
 
     use super::super::Format;
@@ -116,7 +116,7 @@ pub(super) mod tests {
         mesh_of(bytes, Format::Stl)
     }
 
-    pub(in crate::mesh::read) fn ascii(mesh: &Mesh) -> String {
+    fn ascii(mesh: &Mesh) -> String {
         let mut text = "solid cube\n".to_owned();
         for t in 0..mesh.triangles.len() {
             text += "  facet normal 0 0 1\n    outer loop\n";
@@ -128,7 +128,7 @@ pub(super) mod tests {
         text + "endsolid cube\n"
     }
 
-    pub(in crate::mesh::read) fn binary(mesh: &Mesh) -> Vec<u8> {
+    fn binary(mesh: &Mesh) -> Vec<u8> {
         let mut bytes = vec![b' '; HEADER];
         // As some CAD systems do.
         bytes[..10].copy_from_slice(b"solid cube");

@@ -170,4 +170,4 @@ impl Placing<'_> {
 }
 
 #[cfg(test)]
-pub(super) mod tests;
+mod tests;

@@ -13,7 +13,7 @@ const CORE: &str = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02";
 const PRODUCTION: &str = "http://schemas.microsoft.com/3dmanufacturing/production/2015/06";
 
 /// An archive of one model, packed.
-pub(in crate::mesh::read) fn archive(model: &str) -> Vec<u8> {
+fn archive(model: &str) -> Vec<u8> {
     archive_of(&[("3D/part.model", model)])
 }
 
@@ -55,7 +55,7 @@ fn model(attributes: &str, resources: &str, items: &str) -> String {
 }
 
 /// A mesh as the only object, placed as it is.
-pub(in crate::mesh::read) fn cube(mesh: &Mesh) -> String {
+fn cube(mesh: &Mesh) -> String {
     let object = format!(r#"<object id="1" type="model">{}</object>"#, mesh_text(mesh));
     model(r#"unit="millimeter""#, &object, r#"<item objectid="1"/>"#)
 }
