@@ -185,13 +185,10 @@ fn lower(values: &[u8], [outer, length, inner]: [usize; 3], out: &mut [u8]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::field::ExactField;
     use crate::parts::ReferencePart;
-    use crate::pose::Pose;
     use crate::scene::{Scene, SceneSpec};
     use crate::section::ToolPoints;
     use crate::tool::{Clearance, Tool};
-    use glam::DVec3;
 
     fn scene(clearance: f64) -> Scene {
         let part = ReferencePart::Bracket;
@@ -206,40 +203,6 @@ mod tests {
         let mut depths = vec![f32::NAN; scene.record.grid.len()];
         plan.depths(orientation, &mut DepthScratch::default(), &mut depths).unwrap();
         depths
-    }
-
-    #[test]
-    fn depths_are_those_of_trying_every_position_around() {
-        let scene = scene(2.0);
-        let (grid, exact) = (scene.record.grid, ExactField::new(&scene.obstacle, &scene.record.tool));
-        let cap = DEPTH_CAP as i64;
-        for orientation in
-            [Orientation::default(), Orientation::new(25.0, 55.0), Orientation::new(200.0, 120.0)]
-        {
-            let found = depths(&scene, &orientation);
-            let collides = |voxel: [i64; 3]| {
-                let away = DVec3::from_array(voxel.map(|v| v as f64)) * grid.pitch;
-                exact.collides(&Pose::oriented(grid.centre([0; 3]) + away, &orientation))
-            };
-            let (mut above, mut below) = (0, 0);
-            for index in (0..grid.len()).step_by(61) {
-                let voxel = grid.voxel(index).map(|v| v as i64);
-                let own = collides(voxel);
-                let mut nearest = cap * cap;
-                for (x, y, z) in (-cap..=cap)
-                    .flat_map(|x| (-cap..=cap).flat_map(move |y| (-cap..=cap).map(move |z| (x, y, z))))
-                {
-                    let squared = x * x + y * y + z * z;
-                    if squared < nearest && collides([voxel[0] + x, voxel[1] + y, voxel[2] + z]) != own {
-                        nearest = squared;
-                    }
-                }
-                let expected = ((nearest as f64).sqrt() - 0.5) * grid.pitch * if own { 1.0 } else { -1.0 };
-                assert!((f64::from(found[index]) - expected).abs() < 1e-5, "{voxel:?}: {expected}");
-                if own { above += 1 } else { below += 1 }
-            }
-            assert!(above > 10 && below > 10, "{above}, {below}");
-        }
     }
 
     #[test]
