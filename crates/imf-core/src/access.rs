@@ -1,19 +1,16 @@
 //! What a tool reaches of space: where its sharp points may stand, from which orientations, and what stock its cutter removes there, in one
 //! pass over the orientations. What it reaches of a part's surface is [`surface`](crate::surface).
 //!
-//! Orientations are streamed: each section is reduced and dropped, so memory does not grow with their number, except for the
-//! optional lists of free orientations ([`FreeOrientations`], one bit a voxel and orientation).
+//! Orientations are streamed: each section is reduced and dropped, so memory does not grow with their number.
 //! A pose counts as free where its collision measure is at most τ; with τ = 0 that is exact for voxel centres.
 
 mod components;
 mod dilation;
-mod free;
 mod map;
 mod removable;
 mod space;
 
 pub use components::{Component, Components, components};
-pub use free::FreeOrientations;
 pub use map::{AccessMap, access_map};
 pub use removable::{
     Removable, RemovableError, cutter_of, position_grid, removable, removable_by_orientation,
@@ -25,15 +22,6 @@ use crate::control::Control;
 use crate::orientation::Orientation;
 use crate::section::{Imf, SectionError, SectionPlan, stream_sections};
 
-/// Settings of [`tool_access`].
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct AccessSettings {
-    /// Largest collision measure of a pose that counts as free, in [0, 1].
-    pub tau: f64,
-    /// Also keep which orientations are free at every voxel: [`FreeOrientations::memory_estimate`] bytes more.
-    pub lists: bool,
-}
-
 /// What one tool reaches.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ToolAccess {
@@ -41,59 +29,42 @@ pub struct ToolAccess {
     pub imf: Imf,
     /// Number of free orientations of every voxel.
     pub free: Vec<u32>,
-    /// Which orientations these are, if the settings ask for the lists.
-    pub lists: Option<FreeOrientations>,
 }
 
 /// The exact accessibility of every voxel of the plan's grid over `orientations`, on all threads of the current pool;
-/// the result does not depend on their number. One unit of progress is one orientation.
+/// the result does not depend on their number. A pose is free where its collision measure, in [0, 1], is at most `tau`. One unit of
+/// progress is one orientation.
 ///
 /// # Errors
 /// As [`SectionPlan::cmf`]; [`SectionError::Cancelled`] when the control asks to stop.
 pub fn tool_access(
     plan: &SectionPlan,
     orientations: &[Orientation],
-    settings: AccessSettings,
+    tau: f64,
     control: Control<'_>,
 ) -> Result<ToolAccess, SectionError> {
     let grid = plan.grid();
-    let start = || ToolAccess {
-        imf: Imf::new(grid.len()),
-        free: vec![0; grid.len()],
-        lists: settings.lists.then(|| FreeOrientations::new(grid.dims)),
-    };
+    let start = || ToolAccess { imf: Imf::new(grid.len()), free: vec![0; grid.len()] };
     let parts = stream_sections(plan, orientations, control, start, |access, index, cmf| {
         access.imf.lower_to(index, cmf);
         for (count, &value) in access.free.iter_mut().zip(cmf) {
-            *count += u32::from(f64::from(value) <= settings.tau);
-        }
-        if let Some(lists) = &mut access.lists {
-            lists.push(index, cmf, settings.tau);
+            *count += u32::from(f64::from(value) <= tau);
         }
     })?;
     let mut whole = start();
     for part in parts {
         whole.imf.merge(&part.imf);
         whole.free.iter_mut().zip(part.free).for_each(|(count, more)| *count += more);
-        if let (Some(lists), Some(more)) = (&mut whole.lists, part.lists) {
-            lists.append(more);
-        }
     }
     Ok(whole)
 }
 
 /// Bytes that [`tool_access`] takes beside the plan and its scratch: known before anything is allocated.
 #[must_use]
-pub fn memory_estimate(
-    dims: [usize; 3],
-    orientations: usize,
-    settings: AccessSettings,
-    threads: usize,
-) -> u64 {
+pub fn memory_estimate(dims: [usize; 3], threads: usize) -> u64 {
     let voxels = dims.iter().map(|&d| d as u64).product::<u64>();
-    let lists = if settings.lists { FreeOrientations::memory_estimate(dims, orientations) } else { 0 };
     // Measure, best orientation and count of each thread and of the whole, and each thread's section.
-    voxels * (12 + 16 * threads as u64) + lists
+    voxels * (12 + 16 * threads as u64)
 }
 
 /// Several tools together: a voxel is as accessible as its best tool makes it.
@@ -171,22 +142,18 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn counts_and_lists_are_those_of_the_single_sections() {
+    fn counts_are_those_of_the_single_sections() {
         let obstacle = slotted();
         let query = obstacle.grid.padded([2, 1, 0], [-1, 3, 2]).unwrap();
         let plan = SectionPlan::with_query(&obstacle, small_tool(), ToolPoints::SharpPoints, &query).unwrap();
         let orientations = OrientationSet::parse("fibonacci:23").unwrap().orientations;
         let all = sections(&plan, &orientations, Control::quiet()).unwrap();
         for (tau, threads) in [(0.0, 1), (0.07, 3)] {
-            let settings = AccessSettings { tau, lists: true };
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let access =
-                pool.install(|| tool_access(&plan, &orientations, settings, Control::quiet())).unwrap();
-            let lists = access.lists.unwrap();
+            let access = pool.install(|| tool_access(&plan, &orientations, tau, Control::quiet())).unwrap();
             for voxel in 0..query.len() {
-                let free: Vec<usize> = (0..23).filter(|&i| f64::from(all[i][voxel]) <= tau).collect();
-                assert_eq!(access.free[voxel] as usize, free.len());
-                assert_eq!(lists.of(query.voxel(voxel)), free);
+                let free = all.iter().filter(|cmf| f64::from(cmf[voxel]) <= tau).count();
+                assert_eq!(access.free[voxel] as usize, free);
             }
             assert!(access.free.contains(&0) && access.free.iter().any(|&n| n > 3));
             assert_eq!(access.imf, crate::section::imf(&plan, &orientations, Control::quiet()).unwrap());
@@ -206,7 +173,7 @@ pub(crate) mod tests {
         };
         let access = [small_tool(), thin].map(|tool| {
             let plan = SectionPlan::new(&obstacle, &tool, ToolPoints::SharpPoints).unwrap();
-            tool_access(&plan, &orientations, AccessSettings::default(), Control::quiet()).unwrap()
+            tool_access(&plan, &orientations, 0.0, Control::quiet()).unwrap()
         });
         let mut together = CombinedAccess::new(obstacle.grid.len());
         access.iter().enumerate().for_each(|(tool, access)| together.take(tool, access));

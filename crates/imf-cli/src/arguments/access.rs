@@ -21,9 +21,8 @@ use super::scene::SceneArguments;
                   Writes surface.vtp and surface.ply (ParaView, MeshLab: what is reached of the surface, and why the rest is not), surface.png, imf.vti \
                   (ParaView) and the same fields as .npy, slices.png, orientations.csv and summary.json; with --removable removable.vti and .npy, with --certify any_direction.npy (0 solid, \
                   1 reached, 2 by another direction, 3 by none, 4 not known), with --map \
-                  map.png and map.npy, with --lists free_lists.npy.\n\
-                  map.npy is [1, longitude, latitude] by cells, θ from 0° up, φ from 180° down; free_lists.npy is bytes \
-                  [orientation, x·ny + y, z/8], bit z mod 8 (the lowest first) set where the voxel is free.\n\
+                  map.png and map.npy.\n\
+                  map.npy is [1, longitude, latitude] by cells, θ from 0° up, φ from 180° down.\n\
                   Machine limits, in degrees: ac: d = Rz(C) Rx(A) z, bc: d = Rz(C) Ry(B) z, d from tip to holder."
 ))]
 pub(crate) struct AccessArguments {
@@ -51,7 +50,7 @@ pub(crate) struct AccessArguments {
     /// Tools to choose from, in place of --tool: files, folders of them, whole libraries of FreeCAD and Fusion. The surface alone is
     /// decided: which tools serve it where, the fewest that cover it, and what none reaches
     #[arg(long, value_name = "PATH", num_args = 1.., group = "covering", conflicts_with_all =
-        ["tool", "setups", "stickout", "removable", "stock", "map", "lists", "contact", "tau", "html"])]
+        ["tool", "setups", "stickout", "removable", "stock", "map", "contact", "tau", "html"])]
     pub(crate) crib: Vec<String>,
     /// The least stick-out with which each tool reaches the surface, its holder moved along its shank
     #[arg(long)]
@@ -84,9 +83,6 @@ pub(crate) struct AccessArguments {
     /// Cells of the map in degrees
     #[arg(long, default_value_t = 5.0, value_name = "DEGREES")]
     pub(crate) map_step: f64,
-    /// Also write which orientations are free at every voxel, one bit each
-    #[arg(long)]
-    pub(crate) lists: bool,
     /// A page with the part in 3D, coloured by what is reached: one file that a browser opens without network
     #[arg(long, value_name = "FILE")]
     pub(crate) html: Option<PathBuf>,

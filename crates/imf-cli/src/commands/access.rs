@@ -14,8 +14,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result};
 use imf_core::access::{
-    AccessMap, AccessSettings, CombinedAccess, Removable, Space, ToolAccess, access_map, cutter_of,
-    removable, tool_access,
+    AccessMap, CombinedAccess, Removable, Space, ToolAccess, access_map, cutter_of, removable, tool_access,
 };
 use imf_core::section::{ElementMeasures, ElementPlans, elements_at_best};
 
@@ -88,7 +87,6 @@ pub(crate) fn run(session: &Session, arguments: &AccessArguments) -> Result<()> 
 fn find(session: &Session, run: &AccessRun) -> Result<Findings> {
     let orientations = &run.orientations.orientations;
     let count = orientations.len() as u64;
-    let settings = AccessSettings { tau: run.tau, lists: run.lists };
     let mut together = CombinedAccess::new(run.query.len());
     let (mut tools, mut elements, mut at_fixtures) = (Vec::new(), Vec::new(), Vec::new());
     let (mut swept, mut maps) = (Vec::new(), Vec::new());
@@ -99,7 +97,7 @@ fn find(session: &Session, run: &AccessRun) -> Result<Findings> {
         session.detail(&format!("{}: {}", tool.name, plan.describe()));
         let access =
             session.staged(&format!("sections, {}", tool.name), "orientations", count, |control| {
-                tool_access(plan, orientations, settings, control)
+                tool_access(plan, orientations, run.tau, control)
             })?;
         together.take(index, &access);
         let measures = |of: &str, plans: &ElementPlans| {

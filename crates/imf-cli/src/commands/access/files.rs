@@ -70,15 +70,6 @@ pub(super) fn write(run: &AccessRun, findings: &Findings, folder: &Path) -> Resu
     if let Some(stock) = &run.stock {
         written.extend(write_removable(run, stock, findings, folder)?);
     }
-    for (index, access) in findings.tools.iter().enumerate() {
-        if let Some(lists) = &access.lists {
-            let file = named("free_lists", "npy", index, many);
-            let shape = lists.shape();
-            let bytes = lists.clone().into_bytes();
-            write_npy(folder.join(&file), shape, &bytes[..])?;
-            written.push(file);
-        }
-    }
     for (index, map) in findings.maps.iter().enumerate() {
         let file = named("map", "npy", index, many);
         write_npy(folder.join(&file), [1, map.cells[0], map.cells[1]], &map.values[..])?;

@@ -4,7 +4,7 @@ use std::cell::OnceCell;
 
 use anyhow::{Result, ensure};
 use glam::DVec3;
-use imf_core::access::{AccessSettings, memory_estimate, position_grid, removable_memory_estimate};
+use imf_core::access::{memory_estimate, position_grid, removable_memory_estimate};
 use imf_core::grid::Grid;
 use imf_core::machine::{AxisLimits, Machine};
 use imf_core::mesh::{MachiningDirection, Mesh};
@@ -51,7 +51,6 @@ pub(super) struct AccessRun {
     /// What the part suggested, where the set names it.
     pub(super) suggested: Vec<MachiningDirection>,
     pub(super) tau: f64,
-    pub(super) lists: bool,
     /// Places that no direction reaches are looked into.
     pub(super) certify: bool,
     /// `None` where no tool has a cutter.
@@ -201,17 +200,15 @@ impl AccessRun {
         let seen = if arguments.stickout || machine.is_some() { f64::INFINITY } else { reach };
         let obstacle_grid = spec.obstacle_grid(&positions, seen)?;
 
-        let settings = AccessSettings { tau: arguments.tau, lists: arguments.lists };
         let grids = (&obstacle_grid, &query, stock_grid.as_ref());
-        let needed = needed(grids, &tools, &orientations, settings, &spec, session)?;
+        let needed = needed(grids, &tools, &orientations, &spec, session)?;
         // A second section is added, of shank and holder, and the layer is kept apart.
         let needed = needed * if depth.is_some() { 2 } else { 1 };
         session.require_memory(needed, || {
             let [x, y, z] = query.dims;
-            let lists = if settings.lists { ", do without --lists" } else { "" };
             format!(
                 "{x}×{y}×{z} voxels, tools that reach {:.0} voxels, {} orientations, {} threads; use a larger \
-                 --pitch or fewer --threads{lists}",
+                 --pitch or fewer --threads",
                 reach / query.pitch,
                 orientations.len(),
                 session.threads()
@@ -298,7 +295,6 @@ impl AccessRun {
             orientations,
             suggested,
             tau: arguments.tau,
-            lists: arguments.lists,
             certify: arguments.certify,
             surface,
             map,
@@ -340,7 +336,6 @@ fn needed(
     (obstacle, query, stock): (&Grid, &Grid, Option<&Grid>),
     tools: &[Assembly],
     orientations: &OrientationSet,
-    settings: AccessSettings,
     spec: &SceneSpec<'_>,
     session: &Session,
 ) -> Result<u64> {
@@ -350,19 +345,14 @@ fn needed(
         let (tool, bare) = (assembly.whole(), assembly.tool());
         let plan = SectionPlan::memory_estimate_with_query(obstacle, query, tool, threads)
             + ElementPlans::memory_estimate(obstacle, query, tool, threads);
-        let streaming = memory_estimate(query.dims, orientations.len(), settings, threads);
+        let streaming = memory_estimate(query.dims, threads);
         let sweep = match stock {
             Some(stock) => removable_memory_estimate(obstacle, stock, tool, bare, threads)?,
             None => 0,
         };
         most = most.max((plan + streaming).max(sweep));
     }
-    // Obstacle, part and fixtures; results of each tool and of all; labels; the lists of every tool, and one copied.
-    let lists = if settings.lists {
-        (tools.len() as u64 + 1) * memory_estimate(query.dims, orientations.len(), settings, 0)
-    } else {
-        0
-    };
+    // Obstacle, part and fixtures; results of each tool and of all; labels.
     let stock = stock.map_or(0, |stock| stock.len() as u64 * (3 + tools.len() as u64));
     // And up to half a dozen elements of each tool.
     let results = query.len() as u64 * (40 + 32 * tools.len() as u64);
@@ -374,7 +364,7 @@ fn needed(
     let surface = (13 * sets + 10) * obstacle.len() as u64
         + SurfaceSettings::memory_estimate(orientations.len(), tools.len());
     let bodies = spec.fixture_voxels(obstacle)? + 4 * obstacle.len() as u64;
-    Ok(most.max(surface) + bodies + results + lists + stock)
+    Ok(most.max(surface) + bodies + results + stock)
 }
 
 #[cfg(test)]
