@@ -8,7 +8,6 @@ mod components;
 mod dilation;
 mod map;
 mod removable;
-mod space;
 
 pub use components::{Component, Components, components};
 pub use map::{AccessMap, access_map};
@@ -16,7 +15,6 @@ pub use removable::{
     Removable, RemovableError, cutter_of, position_grid, removable, removable_by_orientation,
     removable_memory_estimate,
 };
-pub use space::{Space, Volume};
 
 use crate::control::Control;
 use crate::orientation::Orientation;

@@ -14,9 +14,11 @@ use std::time::Instant;
 
 use anyhow::{Context, Result};
 use imf_core::access::{
-    AccessMap, CombinedAccess, Removable, Space, ToolAccess, access_map, cutter_of, removable, tool_access,
+    AccessMap, CombinedAccess, Components, Removable, ToolAccess, access_map, components, cutter_of,
+    removable, tool_access,
 };
 use imf_core::section::{ElementMeasures, ElementPlans, elements_at_best};
+use serde::Serialize;
 
 use crate::arguments::access::AccessArguments;
 use crate::output::{OutputFile, OutputFolder, SUMMARY, print, print_json, write_json};
@@ -36,11 +38,28 @@ struct Findings {
     /// elements are then read at the sharp point that is best for all that is solid.
     at_fixtures: Vec<Option<ElementMeasures>>,
     together: CombinedAccess,
-    space: Space,
+    /// The empty voxels that some pose reaches.
+    accessible: Components,
+    /// Those that none reaches.
+    inaccessible: Components,
     /// By tool, on the stock's grid: what its cutter can remove.
     removable: Vec<Removable>,
     /// By tool.
     maps: Vec<AccessMap>,
+}
+
+/// A number of voxels and what they measure.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+struct Volume {
+    voxels: usize,
+    /// In cubic units of the grid.
+    volume: f64,
+}
+
+impl Volume {
+    fn new(voxels: usize, voxel_volume: f64) -> Self {
+        Self { voxels, volume: voxels as f64 * voxel_volume }
+    }
 }
 
 pub(crate) fn run(session: &Session, arguments: &AccessArguments) -> Result<()> {
@@ -132,6 +151,9 @@ fn find(session: &Session, run: &AccessRun) -> Result<Findings> {
             });
         }
     }
-    let space = Space::new(&run.solid, &together.imf.value, run.tau);
-    Ok(Findings { tools, elements, at_fixtures, together, space, removable: swept, maps })
+    let empty = |v: usize| run.solid.solid[v] == 0;
+    let reached = |v: usize| f64::from(together.imf.value[v]) <= run.tau;
+    let accessible = components(&run.query, |v| empty(v) && reached(v));
+    let inaccessible = components(&run.query, |v| empty(v) && !reached(v));
+    Ok(Findings { tools, elements, at_fixtures, together, accessible, inaccessible, removable: swept, maps })
 }

@@ -24,6 +24,14 @@ pub struct Components {
     pub labels: Vec<u32>,
 }
 
+impl Components {
+    /// Number of voxels in all pieces.
+    #[must_use]
+    pub fn voxels(&self) -> usize {
+        self.pieces.iter().map(|piece| piece.voxels).sum()
+    }
+}
+
 /// Finds the pieces of the voxels for which `inside` is true, by index.
 #[must_use]
 pub fn components(grid: &Grid, inside: impl Fn(usize) -> bool) -> Components {
@@ -94,7 +102,7 @@ mod tests {
         assert_eq!((found.pieces[0].lower, found.pieces[0].upper), ([1, 1, 0], [2, 2, 0]));
         assert_eq!(found.labels[grid.index([2, 3, 3])], 2);
         assert_eq!(found.labels[grid.index([0, 0, 0])], 3);
-        assert_eq!(found.labels.iter().filter(|&&l| l > 0).count(), 6);
+        assert_eq!((found.labels.iter().filter(|&&l| l > 0).count(), found.voxels()), (6, 6));
         assert!(components(&grid, |_| false).pieces.is_empty());
         assert_eq!(components(&grid, |_| true).pieces[0].voxels, 60);
     }

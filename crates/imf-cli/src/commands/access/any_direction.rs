@@ -3,13 +3,12 @@
 use std::path::Path;
 
 use anyhow::Result;
-use imf_core::access::Volume;
 use imf_core::certificate::{Reachability, certify};
 use imf_core::field_files::write_npy;
 use serde::Serialize;
 
-use super::Findings;
 use super::run::AccessRun;
+use super::{Findings, Volume};
 use crate::session::Session;
 
 /// By voxel of the examined grid: 0 solid, 1 reached from an asked direction, 2 from another one, 3 from none whatever, 4 not known.

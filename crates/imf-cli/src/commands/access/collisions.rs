@@ -3,13 +3,12 @@
 //! "The holder hits" is mended by a longer tool, "the cutter hits" is not: so every element has two volumes, where it
 //! collides at all, and where it is the only one.
 
-use imf_core::access::Volume;
 use imf_core::section::ElementMeasures;
 use imf_core::tool::ElementKind;
 use serde::Serialize;
 
-use super::Findings;
 use super::run::AccessRun;
+use super::{Findings, Volume};
 
 /// One element and the empty voxels that it keeps from being reached.
 #[derive(Debug, PartialEq, Serialize)]

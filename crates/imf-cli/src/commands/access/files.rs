@@ -41,8 +41,8 @@ pub(super) fn write(run: &AccessRun, findings: &Findings, folder: &Path) -> Resu
         NamedField::new("best_orientation", &together.imf.best[..]),
         NamedField::new("free_orientations", &together.free[..]),
         // Which piece of space a voxel is of.
-        NamedField::new("accessible_pieces", &findings.space.accessible.labels[..]),
-        NamedField::new("inaccessible_pieces", &findings.space.inaccessible.labels[..]),
+        NamedField::new("accessible_pieces", &findings.accessible.labels[..]),
+        NamedField::new("inaccessible_pieces", &findings.inaccessible.labels[..]),
         NamedField::new("solid", &solid[..]),
     ];
     if many {

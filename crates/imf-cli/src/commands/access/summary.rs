@@ -2,18 +2,18 @@
 
 use std::fmt::Write as _;
 
-use imf_core::access::{Component, Components, Removable, Volume};
+use imf_core::access::{Component, Components, Removable};
 use imf_core::mesh::MachiningDirection;
 use imf_core::tool::Clearance;
 use imf_core::unit::LengthUnit;
 use serde::Serialize;
 
-use super::Findings;
 use super::any_direction::AnyDirectionRow;
 use super::collisions::{self, CollisionRow};
 use super::pictures::directions;
 use super::run::AccessRun;
 use super::surface::{SetupsRow, StickOutRow, Surface, SurfaceRow, UnreachedPatch};
+use super::{Findings, Volume};
 use crate::arguments::clearance::clearance_text;
 use crate::arguments::orientations::suggested_lines;
 use crate::output::show_measure;
@@ -126,12 +126,11 @@ impl Summary {
         files: Vec<String>,
     ) -> Self {
         let measure = |voxels: usize| Volume::new(voxels, run.query.voxel_volume());
-        let region = |volume: Volume, components: &Components| Region {
-            volume,
+        let region = |components: &Components| Region {
+            volume: measure(components.voxels()),
             components: components.pieces.len(),
             largest: components.pieces.iter().take(LISTED).copied().collect(),
         };
-        let space = &findings.space;
         let reached = |imf: &[f32]| {
             imf.iter().zip(&run.solid.solid).filter(|&(&v, &s)| s == 0 && f64::from(v) <= run.tau).count()
         };
@@ -175,8 +174,8 @@ impl Summary {
             contact: run.contact,
             guarantee: run.guarantee.to_string(),
             solid: measure(run.solid.count()),
-            accessible: region(space.accessible_volume(), &space.accessible),
-            inaccessible: region(space.inaccessible_volume(), &space.inaccessible),
+            accessible: region(&findings.accessible),
+            inaccessible: region(&findings.inaccessible),
             any_direction,
             blocked_by: collisions::together(run, findings),
             tools: tools.collect(),
