@@ -35,7 +35,7 @@ pub use obstructed::ObstructedAreas;
 pub use part_setup::PartSetup;
 pub use patches::SurfacePatch;
 pub use samples::{SurfaceSample, SurfaceSamples};
-pub use setups::{ChosenSetup, SetupPlan, SetupTool, fewest_setups, reached_in_setups, removed_in_setups};
+pub use setups::{SetupTool, fewest_setups, reached_in_setups, removed_in_setups};
 pub(crate) use stick_out::Raising;
 pub use stick_out::{StickOut, StickOutTool, least_stick_outs};
 

@@ -3,12 +3,12 @@
 use glam::DMat3;
 use imf_core::mesh::MachiningDirection;
 use imf_core::orientation::{Limits, Orientation, OrientationSet};
-use imf_core::set_cover::CoverSettings;
+use imf_core::set_cover::{Cover, CoverProblem, CoverSettings};
 use imf_core::surface::{
-    ChosenSetup, CollisionEnvironment, ObstructedAreas, PartSetup, Reach, SetupPlan, SetupTool, StickOut,
-    StickOutTool, SurfaceAccess, SurfaceError, SurfaceSamples, SurfaceTool, candidate_setups,
-    default_tolerance, fewest_setups, least_stick_outs, reached_in_setups, surface_access,
-    surface_memory_estimate, ways_up, with_ways_up,
+    CollisionEnvironment, ObstructedAreas, PartSetup, Reach, SetupTool, StickOut, StickOutTool,
+    SurfaceAccess, SurfaceError, SurfaceSamples, SurfaceTool, candidate_setups, default_tolerance,
+    fewest_setups, least_stick_outs, reached_in_setups, surface_access, surface_memory_estimate, ways_up,
+    with_ways_up,
 };
 use imf_core::tool::Assembly;
 use numpy::{PyArray1, PyArray2};
@@ -191,14 +191,15 @@ impl Surface {
         let candidates =
             run(py, (&None, "", 0), |_| candidate_setups(&mesh, &ways, orientations, &limits, false))?;
         let settings = CoverSettings { fraction, ..CoverSettings::default() };
-        let plan = run(py, (&progress, "set-ups", candidates.len() as u64), |control| {
+        let (chosen, reached) = run(py, (&progress, "set-ups", candidates.len() as u64), |control| {
             let tools = [SetupTool { access: &self.access, brought: None }];
             let samples = &self.samples.samples;
             let reached = reached_in_setups(&tools, samples, orientations, &candidates, control);
-            let plan = reached.and_then(|reached| fewest_setups(&candidates, &reached, &settings, control));
-            plan.ok_or(SurfaceError::Cancelled)
+            let reached = reached.ok_or(SurfaceError::Cancelled)?;
+            let chosen = fewest_setups(&candidates, &reached, &settings, control);
+            Ok::<_, SurfaceError>((chosen.ok_or(SurfaceError::Cancelled)?, reached))
         })?;
-        self.plan_dict(py, &plan, &candidates)
+        self.plan_dict(py, &chosen, &reached, &candidates)
     }
 
     /// By sample, the least stick-out (infinite where none is) and the direction that allows it, and the verdict; given, shortest and
@@ -233,12 +234,14 @@ impl Surface {
     fn plan_dict<'py>(
         &self,
         py: Python<'py>,
-        plan: &SetupPlan,
+        chosen: &Cover,
+        reached: &CoverProblem,
         candidates: &[PartSetup],
     ) -> PyResult<Bound<'py, PyDict>> {
         let area = self.samples.area();
-        let setups = plan.setups.iter().map(|chosen| {
-            let candidate = &candidates[chosen.candidate];
+        let alone = reached.covered_alone(&chosen.sets);
+        let setups = chosen.sets.iter().zip(alone).map(|(&set, alone)| {
+            let candidate = &candidates[set];
             let setup = PyDict::new(py);
             setup.set_item("up", candidate.up.to_array())?;
             let rotation = DMat3::from_quat(candidate.rotation()).transpose();
@@ -247,26 +250,25 @@ impl Surface {
             setup.set_item("rests", candidate.rests)?;
             setup.set_item("floor_area", candidate.floor_area)?;
             setup.set_item("directions", candidate.directions.clone())?;
-            setup.set_item("reached", chosen.covered / area)?;
-            setup.set_item("alone", chosen.alone / area)?;
+            setup.set_item("reached", reached.covered(&[set]) / area)?;
+            setup.set_item("alone", alone / area)?;
             Ok(setup)
         });
         let setups = setups.collect::<PyResult<Vec<_>>>()?;
         // By sample the first chosen set-up that reaches it, counted from 0; −1 for none.
         let first = |sample: usize| {
-            let reaches = |chosen: &ChosenSetup| {
-                self.access.is_free_from_any(sample, &candidates[chosen.candidate].directions)
-            };
-            plan.setups.iter().position(reaches).map_or(-1, |at| at as i64)
+            let reaches = |&set: &usize| reached.contains(set, sample);
+            chosen.sets.iter().position(reaches).map_or(-1, |at| at as i64)
         };
         let by_sample = (0..self.samples.samples.len()).map(first).collect();
         let found = PyDict::new(py);
         found.set_item("setups", setups)?;
         found.set_item("by_sample", PyArray1::from_vec(py, by_sample))?;
         found.set_item("candidates", candidates.len())?;
-        found.set_item("at_least", plan.at_least)?;
-        found.set_item("reached", plan.covered / area)?;
-        found.set_item("reachable", plan.coverable / area)?;
+        found.set_item("at_least", chosen.at_least)?;
+        found.set_item("reached", reached.covered(&chosen.sets) / area)?;
+        let all: Vec<usize> = (0..candidates.len()).collect();
+        found.set_item("reachable", reached.covered(&all) / area)?;
         Ok(found)
     }
 }

@@ -122,7 +122,7 @@ impl Asked {
             points: self.samples.len(),
             candidates: self.setups.len(),
             percent,
-            setups: plan.setups.len(),
+            setups: plan.sets.len(),
             at_least: plan.at_least,
             access_seconds: self.seconds,
             seconds,

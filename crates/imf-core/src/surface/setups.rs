@@ -7,39 +7,7 @@ use crate::control::Control;
 use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
 use crate::parallel;
-use crate::set_cover::{CoverProblem, CoverSettings};
-
-/// One of the set-ups that were chosen.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ChosenSetup {
-    /// Its index in the candidates.
-    pub candidate: usize,
-    /// What it covers: area, of a surface.
-    pub covered: f64,
-    /// What no other chosen one covers.
-    pub alone: f64,
-}
-
-/// The fewest set-ups, and what they cover.
-#[derive(Clone, Debug, PartialEq)]
-pub struct SetupPlan {
-    /// The set-ups; each adds the most to those before it.
-    pub setups: Vec<ChosenSetup>,
-    /// No fewer of the candidates cover as much.
-    pub at_least: usize,
-    /// What the chosen set-ups cover together.
-    pub covered: f64,
-    /// What all candidates together cover.
-    pub coverable: f64,
-}
-
-impl SetupPlan {
-    /// True where no plan with fewer set-ups of the candidates exists.
-    #[must_use]
-    pub fn is_proven(&self) -> bool {
-        self.at_least == self.setups.len()
-    }
-}
+use crate::set_cover::{Cover, CoverProblem, CoverSettings};
 
 /// A tool in all set-ups.
 #[derive(Clone, Copy)]
@@ -116,7 +84,7 @@ pub fn removed_in_setups(removed: &[Vec<u32>], stock: &Occupancy, setups: &[Part
 
 /// The fewest of these set-ups that cover the fraction of [`CoverSettings`] of what all of them cover, set by set those of `problem`;
 /// `None` where the control asks to stop. Where a part that stands by itself does too, it is chosen, and of set-ups that do as well
-/// those that come first.
+/// those that come first. The sets of the cover are indices of set-ups.
 ///
 /// # Panics
 /// If the problem has another number of sets.
@@ -126,7 +94,7 @@ pub fn fewest_setups(
     problem: &CoverProblem,
     settings: &CoverSettings,
     control: Control<'_>,
-) -> Option<SetupPlan> {
+) -> Option<Cover> {
     assert_eq!(setups.len(), problem.sets());
     let mut cover = problem.fewest(settings, control)?;
     let coverable = problem.covered(&(0..setups.len()).collect::<Vec<_>>());
@@ -150,18 +118,7 @@ pub fn fewest_setups(
         cover.sets[at] = best.map_or(held, |(_, candidate)| candidate);
     }
     problem.largest_gain_first(&mut cover.sets);
-    let alone = problem.covered_alone(&cover.sets);
-    let chosen = cover.sets.iter().zip(alone).map(|(&candidate, alone)| ChosenSetup {
-        candidate,
-        covered: problem.covered(&[candidate]),
-        alone,
-    });
-    Some(SetupPlan {
-        setups: chosen.collect(),
-        at_least: cover.at_least,
-        covered: problem.covered(&cover.sets),
-        coverable,
-    })
+    Some(cover)
 }
 
 #[cfg(test)]
@@ -208,11 +165,16 @@ mod tests {
     }
 
     /// The fewest set-ups for a plain block with a flat end mill whose flutes are longer than the block is high.
-    fn plan(limits: &str, fraction: f64) -> (SetupPlan, Vec<PartSetup>, f64) {
-        plan_of(&AXES, limits, fraction)
+    struct Plan {
+        chosen: Cover,
+        setups: Vec<PartSetup>,
+        /// What each of them reaches.
+        reached: CoverProblem,
+        /// Of the whole block.
+        area: f64,
     }
 
-    fn plan_of(ways: &[DVec3], limits: &str, fraction: f64) -> (SetupPlan, Vec<PartSetup>, f64) {
+    fn plan(ways: &[DVec3], limits: &str, fraction: f64) -> Plan {
         let block = block();
         let grid = Grid::with_pitch(DVec3::splat(-0.4), DVec3::new(40.3, 30.3, 15.3), 1.0, 1).unwrap();
         let solid = Arc::new(voxelize(&block, &grid, false));
@@ -227,37 +189,35 @@ mod tests {
             ways.iter().flat_map(|&up| PartSetup::all(&block, up, &directions, &limits, false)).collect();
         let settings = CoverSettings { fraction, ..CoverSettings::default() };
         let tools = [SetupTool { access: &access, brought: None }];
-        let problem = reached_in_setups(&tools, &samples, &directions, &setups, Control::quiet()).unwrap();
-        let plan = fewest_setups(&setups, &problem, &settings, Control::quiet()).unwrap();
-        (plan, setups, samples.iter().map(|sample| sample.area).sum())
+        let reached = reached_in_setups(&tools, &samples, &directions, &setups, Control::quiet()).unwrap();
+        let chosen = fewest_setups(&setups, &reached, &settings, Control::quiet()).unwrap();
+        Plan { chosen, setups, area: reached.weight(), reached }
     }
 
     #[test]
     fn a_block_takes_two_set_ups_on_three_axes_and_one_where_the_tool_tilts_to_the_side() {
-        let (three_axes, setups, area) = plan("cone:0,0,1:0", 1.0);
+        let Plan { chosen, setups, reached, area } = plan(&AXES, "cone:0,0,1:0", 1.0);
         assert!(setups.iter().all(|setup| setup.directions.len() == 1 && setup.rests && setup.turn == 0.0));
         let floors: Vec<f64> = setups.iter().map(|setup| setup.floor_area.round()).collect();
         assert_eq!(floors, [1200.0, 1200.0, 450.0, 450.0, 600.0, 600.0]);
-        assert_eq!((three_axes.setups.len(), three_axes.at_least), (2, 2));
-        assert!(
-            (three_axes.covered - area).abs() < 1e-6 * area
-                && (three_axes.coverable - area).abs() < 1e-6 * area
-        );
+        assert_eq!((chosen.sets.len(), chosen.at_least), (2, 2));
+        let near = |one: f64, other: f64| assert!((one - other).abs() < 1e-6 * area, "{one} {other}");
+        near(reached.covered(&chosen.sets), area);
         // Each leaves the face that it stands on to the other.
-        let faces = three_axes.setups.iter().map(|chosen| area - chosen.covered);
-        let [first, second] = faces.collect::<Vec<_>>()[..] else { panic!() };
-        assert!((first - three_axes.setups[1].alone).abs() < 1e-6 * area);
-        assert!((second - three_axes.setups[0].alone).abs() < 1e-6 * area);
-        let (tilting, setups, _) = plan("cone:0,0,1:90", 1.0);
-        assert!(setups.iter().all(|setup| setup.directions.len() == 5));
-        assert_eq!(tilting.setups.len(), 1);
+        let [first, second] = chosen.sets[..] else { panic!() };
+        let alone = reached.covered_alone(&chosen.sets);
+        near(area - reached.covered(&[first]), alone[1]);
+        near(area - reached.covered(&[second]), alone[0]);
+        let tilting = plan(&AXES, "cone:0,0,1:90", 1.0);
+        assert!(tilting.setups.iter().all(|setup| setup.directions.len() == 5));
+        assert_eq!(tilting.chosen.sets.len(), 1);
     }
 
     #[test]
     fn a_face_that_may_stay_saves_a_set_up() {
         // The smallest face is 450 of 4,500 mm².
-        let (plan, ..) = plan("cone:0,0,1:0", 0.85);
-        assert_eq!((plan.setups.len(), plan.is_proven()), (1, true));
+        let Plan { chosen, .. } = plan(&AXES, "cone:0,0,1:0", 0.85);
+        assert_eq!((chosen.sets.len(), chosen.is_proven()), (1, true));
     }
 
     #[test]
@@ -265,12 +225,13 @@ mod tests {
         let ways = [&[DVec3::ONE.normalize()], &AXES[..]].concat();
         // On its corner three axes are within 60°, and their flanks reach all six sides; on a face the one axis leaves that face: 90 %
         // at the most.
-        let (corner, setups, _) = plan_of(&ways, "cone:0,0,1:60", 0.95);
-        assert!(corner.setups.len() == 1 && !setups[corner.setups[0].candidate].rests);
-        let (standing, setups, area) = plan_of(&ways, "cone:0,0,1:60", 0.85);
-        assert!(standing.setups.len() == 1 && standing.is_proven());
-        assert!(setups[standing.setups[0].candidate].rests);
-        assert!((standing.covered / area - 0.9).abs() < 0.01, "{} of {area}", standing.covered);
+        let corner = plan(&ways, "cone:0,0,1:60", 0.95);
+        assert!(corner.chosen.sets.len() == 1 && !corner.setups[corner.chosen.sets[0]].rests);
+        let Plan { chosen, setups, reached, area } = plan(&ways, "cone:0,0,1:60", 0.85);
+        assert!(chosen.sets.len() == 1 && chosen.is_proven());
+        assert!(setups[chosen.sets[0]].rests);
+        let covered = reached.covered(&chosen.sets);
+        assert!((covered / area - 0.9).abs() < 0.01, "{covered} of {area}");
     }
 
     #[test]

@@ -11,9 +11,9 @@ use imf_core::machine::AxisLimits;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::Orientation;
 use imf_core::pose::Pose;
-use imf_core::set_cover::{CoverProblem, CoverSettings};
+use imf_core::set_cover::{Cover, CoverProblem, CoverSettings};
 use imf_core::surface::{
-    PartSetup, SetupPlan, SetupTool, SurfaceAccess, SurfaceTool, Verdict, candidate_setups, fewest_setups,
+    PartSetup, SetupTool, SurfaceAccess, SurfaceTool, Verdict, candidate_setups, fewest_setups,
     reached_in_setups, removed_in_setups, ways_up,
 };
 pub(in crate::commands::access) use lines::SetupsRow;
@@ -40,7 +40,8 @@ const STOCK: usize = 8_000;
 
 /// The answer.
 pub(super) struct Setups {
-    plan: SetupPlan,
+    /// Of the candidates.
+    chosen: Cover,
     candidates: Vec<PartSetup>,
     /// What each candidate reaches of the samples.
     surface: CoverProblem,
@@ -102,16 +103,16 @@ impl Setups {
         let stock = stock.transpose()?;
         let settings = CoverSettings { fraction: question.fraction, ..CoverSettings::default() };
         let both = stock.as_ref().map(|stock| reached.beside(stock));
-        let plan = fewest_setups(&candidates, both.as_ref().unwrap_or(&reached), &settings, control);
-        let plan = plan.ok_or(Cancelled)?;
+        let chosen = fewest_setups(&candidates, both.as_ref().unwrap_or(&reached), &settings, control);
+        let chosen = chosen.ok_or(Cancelled)?;
         let first = |sample: usize| {
-            let reaches = |&at: &usize| reached.contains(plan.setups[at].candidate, sample);
-            (0..plan.setups.len()).find(reaches).map_or(0, |at| at as u32 + 1)
+            let reaches = |&set: &usize| reached.contains(set, sample);
+            chosen.sets.iter().position(reaches).map_or(0, |at| at as u32 + 1)
         };
         let by_sample: Vec<u32> = (0..samples.len()).map(first).collect();
         let search = Tilts { tools: &tools, samples, orientations, limits: &question.range.limits };
-        let rotary = plan.setups.iter().enumerate().map(|(at, chosen)| {
-            let candidate = &candidates[chosen.candidate];
+        let rotary = chosen.sets.iter().enumerate().map(|(at, &set)| {
+            let candidate = &candidates[set];
             let tilts = search.of(candidate);
             let mine = (0..samples.len()).filter(|&sample| by_sample[sample] == at as u32 + 1);
             let Some(machine) = machine else {
@@ -126,25 +127,24 @@ impl Setups {
         });
         let rotary = rotary.collect();
         stage.finish("");
-        let places =
-            plan.setups.iter().map(|chosen| machine.map(|_| candidates[chosen.candidate].place(&run.mesh)));
-        let places = places.collect();
+        let place = |&set: &usize| machine.map(|_| candidates[set].place(&run.mesh));
+        let places = chosen.sets.iter().map(place).collect();
         let own = machine.map(|own| &own.machine).filter(|own| own.limits() == Some(question.range));
         let machine = own.map_or_else(|| question.range.limits.to_string(), |own| own.name.clone());
         let (surface, fraction) = (reached, question.fraction);
-        Ok(Self { plan, candidates, surface, stock, machine, fraction, by_sample, rotary, places })
+        Ok(Self { chosen, candidates, surface, stock, machine, fraction, by_sample, rotary, places })
     }
 
     /// Of the chosen set-ups.
     pub(super) fn ways_up(&self) -> impl Iterator<Item = DVec3> {
-        self.plan.setups.iter().map(|chosen| self.candidates[chosen.candidate].up)
+        self.chosen.sets.iter().map(|&set| self.candidates[set].up)
     }
 
     pub(super) fn row(&self, surface: &Surface) -> SetupsRow {
         let total = surface.samples.area();
-        let sets: Vec<usize> = self.plan.setups.iter().map(|chosen| chosen.candidate).collect();
+        let sets = &self.chosen.sets;
         let all: Vec<usize> = (0..self.candidates.len()).collect();
-        let alone = self.surface.covered_alone(&sets);
+        let alone = self.surface.covered_alone(sets);
         let of_stock = |stock: &CoverProblem, sets: &[usize]| stock.covered(sets) / stock.weight();
         let chosen = sets.iter().enumerate().map(|(at, &index)| {
             let candidate = &self.candidates[index];
@@ -185,12 +185,12 @@ impl Setups {
             candidates: self.candidates.len(),
             asked: self.fraction,
             setups: chosen.collect(),
-            proven: self.plan.is_proven(),
-            at_least: self.plan.at_least,
-            reached: self.surface.covered(&sets) / total,
+            proven: self.chosen.is_proven(),
+            at_least: self.chosen.at_least,
+            reached: self.surface.covered(sets) / total,
             reachable: self.surface.covered(&all) / total,
             stock: self.stock.as_ref().map(|stock| StockRow {
-                removed: of_stock(stock, &sets),
+                removed: of_stock(stock, sets),
                 removable: of_stock(stock, &all),
                 voxels: stock.elements(),
             }),
