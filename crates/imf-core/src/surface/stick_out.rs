@@ -164,24 +164,6 @@ impl StickOutTool {
         self.given
     }
 
-    /// The least stick-out with which shank and holder are free at every pose: one for all, `None` where there is none, and of an
-    /// invalid pose. What the cutter meets is not looked at, nor what lies between the poses.
-    #[must_use]
-    pub fn least_for(&self, poses: &[Pose]) -> Option<f64> {
-        let mut raising = Raising::new(self);
-        let mut length = self.shortest;
-        loop {
-            let before = length;
-            for pose in poses {
-                length = raising.from(length, pose)?;
-            }
-            // Farther out a pose may collide that was free: then all are asked again.
-            if length == before {
-                return Some(length);
-            }
-        }
-    }
-
     /// True where shank and holder are free at a pose with a stick-out from the shortest up; false of an invalid pose.
     pub(crate) fn is_free_at(&self, pose: &Pose, length: f64) -> bool {
         pose.axis().is_some_and(|axis| {
