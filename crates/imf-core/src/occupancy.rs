@@ -45,25 +45,9 @@ impl Occupancy {
     /// `None` where the grids' voxels do not coincide.
     #[must_use]
     pub fn on(&self, grid: &Grid) -> Option<Self> {
-        let offset = self.grid.offset_of(grid)?;
+        self.grid.offset_of(grid)?;
         let mut moved = Self::empty(*grid);
-        // The range of the new grid's voxels that lie on the old one.
-        let range = |axis: usize| {
-            let clamp = |v: i64| v.clamp(0, grid.dims[axis] as i64) as usize;
-            clamp(-offset[axis])..clamp(self.grid.dims[axis] as i64 - offset[axis])
-        };
-        let old = |axis: usize, v: usize| (v as i64 + offset[axis]) as usize;
-        let lines = range(2);
-        if lines.is_empty() {
-            return Some(moved);
-        }
-        for x in range(0) {
-            for y in range(1) {
-                let from = self.grid.index([old(0, x), old(1, y), old(2, lines.start)]);
-                let to = grid.index([x, y, lines.start]);
-                moved.solid[to..][..lines.len()].copy_from_slice(&self.solid[from..][..lines.len()]);
-            }
-        }
+        moved.add(self);
         Some(moved)
     }
 
@@ -79,27 +63,24 @@ impl Occupancy {
     /// Makes solid what is solid in another one, of a grid of the same voxels; what of it lies outside this grid is left out.
     #[doc(hidden)]
     pub fn add(&mut self, other: &Self) {
-        let Some(offset) = self.grid.offset_of(&other.grid) else { return };
-        let [_, ny, nz] = other.grid.dims;
-        let inside = |axis: usize, v: usize| {
-            let here = v as i64 + offset[axis];
-            (0..self.grid.dims[axis] as i64).contains(&here).then_some(here as usize)
+        let grid = self.grid;
+        let Some(offset) = other.grid.offset_of(&grid) else { return };
+        // The range of this grid's voxels that lie on the other one.
+        let range = |axis: usize| {
+            let clamp = |v: i64| v.clamp(0, grid.dims[axis] as i64) as usize;
+            clamp(-offset[axis])..clamp(other.grid.dims[axis] as i64 - offset[axis])
         };
-        for (row, line) in other.solid.chunks_exact(nz).enumerate() {
-            let (Some(x), Some(y)) = (inside(0, row / ny), inside(1, row % ny)) else { continue };
-            for (z, _) in line.iter().enumerate().filter(|(_, solid)| **solid != 0) {
-                if let Some(z) = inside(2, z) {
-                    self.solid[(x * self.grid.dims[1] + y) * self.grid.dims[2] + z] = 1;
-                }
-            }
+        let there = |axis: usize, v: usize| (v as i64 + offset[axis]) as usize;
+        let line = range(2);
+        if line.is_empty() {
+            return;
         }
-    }
-
-    /// What is solid in either; `None` where the grids differ.
-    #[must_use]
-    pub fn union(&self, other: &Self) -> Option<Self> {
-        let solid = || self.solid.iter().zip(&other.solid).map(|(a, b)| a | b).collect();
-        (self.grid == other.grid).then(|| Self { grid: self.grid, solid: solid() })
+        for (x, y) in range(0).flat_map(|x| range(1).map(move |y| (x, y))) {
+            let from = other.grid.index([there(0, x), there(1, y), there(2, line.start)]);
+            let to = grid.index([x, y, line.start]);
+            let (own, more) = (&mut self.solid[to..][..line.len()], &other.solid[from..]);
+            own.iter_mut().zip(more).for_each(|(own, more)| *own |= more);
+        }
     }
 
     /// Lowest and highest solid voxel along each axis; `None` where nothing is solid.
@@ -166,10 +147,10 @@ mod tests {
         assert_eq!(one.cropped().solid, [1]);
         assert_eq!(one.cropped().on(&grid), Some(one.clone()));
         assert_eq!(Occupancy::empty(grid).cropped().solid, [0]);
-        assert_eq!(
-            occupancy.union(&one).unwrap().count(),
-            occupancy.count() + usize::from(occupancy.solid[grid.index([1, 2, 3])] == 0)
-        );
+        let mut both = occupancy.clone();
+        both.add(&one);
+        let new = usize::from(occupancy.solid[grid.index([1, 2, 3])] == 0);
+        assert_eq!(both.count(), occupancy.count() + new);
     }
 
     #[test]

@@ -228,7 +228,8 @@ fn what_cannot_be_checked_is_refused() {
 #[test]
 fn stretches_that_a_pose_proves_free_hold_nothing() {
     let post = post();
-    let obstacle = block().union(&post).unwrap();
+    let mut obstacle = block();
+    obstacle.add(&post);
     let text = "-25,0,24,0,0,1\n25,0,24,0,0.3,1\n0,0,16,0,0,1\n12,0,22,0,0,1\n-40,-40,40,1,0,0.2\n-30,0,24,1,0,1\n30,2,24,-1,0,1\n";
     for (room, contact) in [(0.0, 0.0), (1.5, 0.0), (1.5, 0.05)] {
         let clearance = Clearance { holder: room, shank: room, cutter: 0.0 };

@@ -54,9 +54,7 @@ impl CollisionEnvironment {
             std::iter::once(whole).chain(fixtures.iter().map(|body| body.clone().into())).collect();
         let union = |bodies: &mut dyn Iterator<Item = &Arc<Occupancy>>| {
             let mut union = Occupancy::empty(*grid);
-            for body in bodies {
-                union.solid.iter_mut().zip(&body.solid).for_each(|(all, one)| *all |= one);
-            }
+            bodies.for_each(|body| union.add(body));
             SolidVoxels::from(Arc::new(union))
         };
         let held = !fixtures.is_empty();

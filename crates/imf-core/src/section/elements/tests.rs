@@ -119,7 +119,8 @@ fn contact_and_clearance_are_counted_by_their_definition() {
                     })
                     .sum()
             };
-            let whole = part.union(&clamp).unwrap();
+            let mut whole = part.clone();
+            whole.add(&clamp);
             for (index, &count) in counts.iter().enumerate() {
                 let at = part.grid.centre(part.grid.voxel(index));
                 let forbidden = field(&obstacle.forbidden, true, at) + field(&whole, false, at);
