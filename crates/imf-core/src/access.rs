@@ -106,24 +106,15 @@ pub(crate) mod tests {
     use crate::orientation::OrientationSet;
     use crate::section::ToolPoints;
     use crate::section::sections;
-    use crate::tool::{Element, ElementKind, Segment, SharpPoints, Tool, ToolShape};
-    use crate::unit::LengthUnit;
+    use crate::section::test_shapes::{cylinder, revolved};
+    use crate::tool::{ElementKind, Segment, Tool};
 
     /// A cutter of radius 1.2 and length 5 in a holder of radius 2.7 up to 9.
     pub(crate) fn small_tool() -> Tool {
-        let line = |from, to, r| Segment::Line { from, to, radius_from: r, radius_to: r };
-        let element = |kind, segment| Element { kind, profile: vec![segment] };
-        Tool {
-            name: "small".into(),
-            unit: LengthUnit::Mm,
-            shape: ToolShape::Revolved(vec![
-                element(ElementKind::Cutter, line(0.0, 5.0, 1.2)),
-                element(ElementKind::Holder(0), line(5.0, 9.0, 2.7)),
-            ]),
-            sharp_points: SharpPoints::Tip,
-            overall_length: None,
-            back_cutting: false,
-        }
+        revolved([
+            (ElementKind::Cutter, vec![Segment::cylinder(0.0, 5.0, 1.2)]),
+            (ElementKind::Holder(0), vec![Segment::cylinder(5.0, 9.0, 2.7)]),
+        ])
     }
 
     /// A block with a slot that opens towards +z, and a loose voxel above.
@@ -162,14 +153,7 @@ pub(crate) mod tests {
     fn together_is_the_least_over_tools() {
         let obstacle = slotted();
         let orientations = OrientationSet::parse("fibonacci:9").unwrap().orientations;
-        let thin = {
-            let mut tool = small_tool();
-            let line = Segment::Line { from: 0.0, to: 9.0, radius_from: 0.6, radius_to: 0.6 };
-            tool.shape =
-                ToolShape::Revolved(vec![Element { kind: ElementKind::Cutter, profile: vec![line] }]);
-            tool
-        };
-        let access = [small_tool(), thin].map(|tool| {
+        let access = [small_tool(), cylinder(0.6, 9.0)].map(|tool| {
             let plan = SectionPlan::new(&obstacle, &tool, ToolPoints::SharpPoints).unwrap();
             tool_access(&plan, &orientations, 0.0, Control::quiet()).unwrap()
         });

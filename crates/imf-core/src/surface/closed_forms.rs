@@ -17,19 +17,20 @@ use crate::grid::Grid;
 use crate::mesh::Mesh;
 use crate::orientation::OrientationSet;
 use crate::parts::shell::{circle, pocketed, rounded_rectangle};
+use crate::section::test_shapes::line;
 use crate::tool::{SharpPoints, Tool};
 use crate::voxelize::voxelize;
-use solids::{ball, cylinder, dimpled, extruded, flat, line, of_mesh, slotted, tapered, tool};
+use solids::{ball, cylinder, dimpled, extruded, flat, of_mesh, slotted, tapered, tool};
 
 const PITCHES: [f64; 4] = [2.0, 1.0, 0.5, 0.25];
 /// Samples of a part, at least: some 0.8 to 1.5 mm apart.
 const SAMPLES: usize = 1500;
 
 /// A part at a pitch, for several tools.
-struct Part {
-    samples: Vec<SurfaceSample>,
-    environment: CollisionEnvironment,
-    pitch: f64,
+pub(super) struct Part {
+    pub(super) samples: Vec<SurfaceSample>,
+    pub(super) environment: CollisionEnvironment,
+    pub(super) pitch: f64,
 }
 
 impl Part {
@@ -37,7 +38,7 @@ impl Part {
         Self::sampled(mesh, pitch, if pitch < 0.5 { SAMPLES / 2 } else { SAMPLES })
     }
 
-    fn sampled(mesh: &Mesh, pitch: f64, samples: usize) -> Self {
+    pub(super) fn sampled(mesh: &Mesh, pitch: f64, samples: usize) -> Self {
         let (lower, upper) = mesh.bounds().unwrap();
         // Off the part's own planes, as a user's part lies.
         let shift = DVec3::new(0.37, 0.21, 0.13) * pitch;
@@ -374,9 +375,7 @@ fn a_mesh_tool_that_says_what_cuts_touches_with_that_alone() {
         extruded(&outline, 5.0).transformed(&DMat4::from_translation(DVec3::new(0.0, -2.5, 0.0)))
     };
     let (mut mesh, housing) = (bar([0.0, 30.0], [-2.5, 2.5]), bar([-5.0, 30.0], [8.0, 18.0]));
-    let first = mesh.vertices.len() as u32;
-    mesh.vertices.extend(&housing.vertices);
-    mesh.triangles.extend(housing.triangles.iter().map(|t| t.map(|vertex| first + vertex)));
+    mesh.append(&housing);
     let silent = of_mesh(mesh.clone());
     let cutting: Vec<DVec3> = mesh.vertices.into_iter().filter(|v| v.length() < 4.0).collect();
     assert_eq!(cutting.len(), 4);

@@ -302,24 +302,7 @@ impl ContactFrame {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::unit::LengthUnit;
-
-    fn tool(elements: &[(ElementKind, Vec<Segment>)]) -> Tool {
-        let elements =
-            elements.iter().map(|(kind, profile)| Element { kind: *kind, profile: profile.clone() });
-        Tool {
-            name: "test".into(),
-            unit: LengthUnit::Mm,
-            shape: ToolShape::Revolved(elements.collect()),
-            sharp_points: SharpPoints::Tip,
-            overall_length: None,
-            back_cutting: false,
-        }
-    }
-
-    fn line(from: f64, to: f64, radius_from: f64, radius_to: f64) -> Segment {
-        Segment::Line { from, to, radius_from, radius_to }
-    }
+    use crate::section::test_shapes::{line, revolved};
 
     fn found(tool: &Tool, degrees: f64) -> Vec<Touch> {
         let mut found = Vec::new();
@@ -332,9 +315,8 @@ mod tests {
 
     #[test]
     fn a_ball_touches_with_the_point_of_that_normal() {
-        let ball =
-            Segment::Arc { from: 0.0, to: 3.0, centre_height: 3.0, centre_radius: 0.0, arc_radius: 3.0 };
-        let tool = tool(&[(ElementKind::Cutter, vec![ball, line(3.0, 20.0, 3.0, 3.0)])]);
+        let cutter = vec![Segment::ball_end(3.0), Segment::cylinder(3.0, 20.0, 3.0)];
+        let tool = revolved([(ElementKind::Cutter, cutter)]);
         for degrees in [-90.0, -60.0, -30.0] {
             let found = found(&tool, degrees);
             let [Touch::Point { height, radius }] = found[..] else { panic!("{degrees}: {found:?}") };
@@ -351,7 +333,7 @@ mod tests {
     fn a_flat_end_touches_with_its_bottom_its_rim_or_its_flank() {
         let flank = line(0.0, 20.0, 5.0, 5.0);
         let holder = line(20.0, 40.0, 12.0, 12.0);
-        let tool = tool(&[(ElementKind::Cutter, vec![flank]), (ElementKind::Holder(0), vec![holder])]);
+        let tool = revolved([(ElementKind::Cutter, vec![flank]), (ElementKind::Holder(0), vec![holder])]);
         let bottom = Touch::Ring { height: 0.0, inner: 0.0, outer: 5.0 };
         let rim = Touch::Point { height: 0.0, radius: 5.0 };
         assert_eq!(found(&tool, -90.0), [bottom, rim]);
@@ -365,7 +347,7 @@ mod tests {
     fn a_slot_cutter_touches_with_its_shoulder_and_a_drill_with_its_point() {
         let head = line(0.0, 4.0, 8.0, 8.0);
         let neck = line(4.0, 30.0, 3.0, 3.0);
-        let wide = tool(&[(ElementKind::Cutter, vec![head]), (ElementKind::Shank, vec![neck])]);
+        let wide = revolved([(ElementKind::Cutter, vec![head]), (ElementKind::Shank, vec![neck])]);
         // The back of a face mill, or of a mill with a neck, cuts nothing.
         assert_eq!((found(&wide, 90.0), found(&wide, 30.0)), (vec![], vec![]));
         assert!(Outline::of(&wide).unwrap().shoulder);
@@ -375,12 +357,13 @@ mod tests {
         assert_eq!(found(&slotter, 90.0), [Touch::Point { height: 4.0, radius: 8.0 }, shoulder]);
         // Its flank at all heights, and both its edges.
         assert_eq!(found(&slotter, 0.0).len(), 33 + 2);
-        let drill = tool(&[(ElementKind::Cutter, vec![line(0.0, 2.0, 0.0, 2.0), line(2.0, 9.0, 2.0, 2.0)])]);
+        let drill =
+            revolved([(ElementKind::Cutter, vec![line(0.0, 2.0, 0.0, 2.0), line(2.0, 9.0, 2.0, 2.0)])]);
         assert_eq!(found(&drill, -90.0), [Touch::Point { height: 0.0, radius: 0.0 }]);
         assert_eq!(found(&drill, -45.0).len(), 33 + 2);
         assert_eq!(found(&drill, -20.0), [Touch::Point { height: 2.0, radius: 2.0 }]);
         // The widest end of a cone cuts walls that are steeper than itself.
-        let cone = tool(&[(ElementKind::Cutter, vec![line(0.0, 4.0, 1.0, 3.0)])]);
+        let cone = revolved([(ElementKind::Cutter, vec![line(0.0, 4.0, 1.0, 3.0)])]);
         let end = Touch::Point { height: 4.0, radius: 3.0 };
         assert_eq!((found(&cone, -10.0), found(&cone, 10.0)), (vec![end], vec![]));
     }

@@ -270,26 +270,18 @@ mod tests {
     use crate::grid::Grid;
     use crate::orientation::OrientationSet;
     use crate::parts::shell::{pocketed, rounded_rectangle};
+    use crate::section::test_shapes::revolved;
     use crate::surface::{CollisionEnvironment, SurfaceSamples, surface_access};
-    use crate::tool::{Element, ElementKind, Segment, SharpPoints, ToolShape};
-    use crate::unit::LengthUnit;
+    use crate::tool::{ElementKind, Segment};
     use crate::voxelize::voxelize;
 
     fn crib() -> Vec<Tool> {
-        let line = |from, to, radius| Segment::Line { from, to, radius_from: radius, radius_to: radius };
-        let ball = |radius| Segment::Arc {
-            from: 0.0,
-            to: radius,
-            centre_height: radius,
-            centre_radius: 0.0,
-            arc_radius: radius,
-        };
         let cutters = [
-            vec![line(0.0, 8.0, 2.0)],
-            vec![ball(2.0), line(2.0, 8.0, 2.0)],
-            vec![line(0.0, 8.0, 5.0)],
+            vec![Segment::cylinder(0.0, 8.0, 2.0)],
+            vec![Segment::ball_end(2.0), Segment::cylinder(2.0, 8.0, 2.0)],
+            vec![Segment::cylinder(0.0, 8.0, 5.0)],
             // A slot cutter.
-            vec![line(0.0, 3.0, 4.0)],
+            vec![Segment::cylinder(0.0, 3.0, 4.0)],
         ];
         let mut tools = Vec::new();
         for (index, cutter) in cutters.iter().enumerate() {
@@ -297,21 +289,12 @@ mod tests {
             for (shank, face, holder) in
                 [(1.9, 12.0, 8.0), (2.0, 12.0, 8.0), (2.0, 20.0, 8.0), (2.0, 30.0, 14.0), (2.0, 20.0, 5.0)]
             {
-                let elements = [
+                let tool = revolved([
                     (ElementKind::Cutter, cutter.clone()),
-                    (ElementKind::Shank, vec![line(end, face, shank)]),
-                    (ElementKind::Holder(0), vec![line(face, face + 25.0, holder)]),
-                ];
-                tools.push(Tool {
-                    name: "test".into(),
-                    unit: LengthUnit::Mm,
-                    shape: ToolShape::Revolved(
-                        elements.map(|(kind, profile)| Element { kind, profile }).to_vec(),
-                    ),
-                    sharp_points: SharpPoints::Tip,
-                    overall_length: None,
-                    back_cutting: index == 3,
-                });
+                    (ElementKind::Shank, vec![Segment::cylinder(end, face, shank)]),
+                    (ElementKind::Holder(0), vec![Segment::cylinder(face, face + 25.0, holder)]),
+                ]);
+                tools.push(Tool { back_cutting: index == 3, ..tool });
             }
         }
         tools

@@ -254,8 +254,8 @@ mod tests {
     use crate::occupancy::Occupancy;
     use crate::orientation::OrientationSet;
     use crate::parts::shell::{circle, pocketed};
-    use crate::tool::{Segment, SharpPoints, Tool, ToolShape};
-    use crate::unit::LengthUnit;
+    use crate::section::test_shapes::revolved;
+    use crate::tool::{Segment, Tool, ToolShape};
     use crate::voxelize::voxelize;
     use glam::DVec2;
 
@@ -269,23 +269,11 @@ mod tests {
     }
 
     fn short() -> Tool {
-        let line = |from, to, radius| Segment::Line { from, to, radius_from: radius, radius_to: radius };
-        let ball =
-            Segment::Arc { from: 0.0, to: 2.0, centre_height: 2.0, centre_radius: 0.0, arc_radius: 2.0 };
-        let elements = [
-            (ElementKind::Cutter, vec![ball, line(2.0, 5.0, 2.0)]),
-            (ElementKind::Shank, vec![line(5.0, 6.0, 2.0)]),
-            (ElementKind::Holder(0), vec![line(6.0, 26.0, 7.0)]),
-        ];
-        let elements = elements.into_iter().map(|(kind, profile)| Element { kind, profile }).collect();
-        Tool {
-            name: "short".into(),
-            unit: LengthUnit::Mm,
-            shape: ToolShape::Revolved(elements),
-            sharp_points: SharpPoints::Tip,
-            overall_length: None,
-            back_cutting: false,
-        }
+        revolved([
+            (ElementKind::Cutter, vec![Segment::ball_end(2.0), Segment::cylinder(2.0, 5.0, 2.0)]),
+            (ElementKind::Shank, vec![Segment::cylinder(5.0, 6.0, 2.0)]),
+            (ElementKind::Holder(0), vec![Segment::cylinder(6.0, 26.0, 7.0)]),
+        ])
     }
 
     fn tool(solid: &Occupancy) -> SurfaceTool {

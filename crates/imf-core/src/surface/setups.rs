@@ -125,43 +125,27 @@ pub fn fewest_setups(
 mod tests {
     use std::sync::Arc;
 
-    use glam::{DMat4, DVec3};
+    use glam::DVec3;
 
     use super::*;
-    use crate::grid::Grid;
     use crate::mesh::Mesh;
-    use crate::mesh::tests::unit_cube;
     use crate::orientation::{AXES, Limits, OrientationSet};
-    use crate::surface::{
-        CollisionEnvironment, Reach, SurfaceSamples, SurfaceTool, default_tolerance, surface_access,
-    };
-    use crate::tool::{Element, ElementKind, Segment, SharpPoints, Tool, ToolShape};
+    use crate::section::test_shapes::revolved;
+    use crate::surface::closed_forms::Part;
+    use crate::surface::{Reach, SurfaceTool, default_tolerance, surface_access};
+    use crate::tool::{ElementKind, Segment, Tool};
     use crate::unit::LengthUnit;
-    use crate::voxelize::voxelize;
 
     fn block() -> Mesh {
-        unit_cube().transformed(&DMat4::from_scale(DVec3::new(40.0, 30.0, 15.0)))
+        Mesh::cuboid(DVec3::ZERO, DVec3::new(40.0, 30.0, 15.0))
     }
 
     /// Flutes of 45 in a holder.
     fn flat() -> Tool {
-        let cylinder = |kind, from, to, radius| Element {
-            kind,
-            profile: vec![Segment::Line { from, to, radius_from: radius, radius_to: radius }],
-        };
-        let elements = vec![
-            cylinder(ElementKind::Cutter, 0.0, 45.0, 5.0),
-            cylinder(ElementKind::Holder(0), 45.0, 75.0, 12.0),
-        ];
-        let (name, unit, sharp_points) = ("flat".into(), LengthUnit::Mm, SharpPoints::Tip);
-        Tool {
-            name,
-            unit,
-            shape: ToolShape::Revolved(elements),
-            sharp_points,
-            overall_length: None,
-            back_cutting: false,
-        }
+        revolved([
+            (ElementKind::Cutter, vec![Segment::cylinder(0.0, 45.0, 5.0)]),
+            (ElementKind::Holder(0), vec![Segment::cylinder(45.0, 75.0, 12.0)]),
+        ])
     }
 
     /// The fewest set-ups for a plain block with a flat end mill whose flutes are longer than the block is high.
@@ -176,13 +160,10 @@ mod tests {
 
     fn plan(ways: &[DVec3], limits: &str, fraction: f64) -> Plan {
         let block = block();
-        let grid = Grid::with_pitch(DVec3::splat(-0.4), DVec3::new(40.3, 30.3, 15.3), 1.0, 1).unwrap();
-        let solid = Arc::new(voxelize(&block, &grid, false));
-        let samples = SurfaceSamples::new(&block, &solid, 600).samples;
-        let environment = CollisionEnvironment::new(&solid.into(), &[]);
+        let Part { samples, environment, pitch } = Part::sampled(&block, 1.0, 600);
         let directions = OrientationSet::parse("0,0;0,180;0,90;180,90;90,90;270,90").unwrap().orientations;
         let tool =
-            SurfaceTool::new(&environment, &flat().into(), default_tolerance(1.0, LengthUnit::Mm)).unwrap();
+            SurfaceTool::new(&environment, &flat().into(), default_tolerance(pitch, LengthUnit::Mm)).unwrap();
         let access = surface_access(&tool, &samples, &directions, Control::quiet()).unwrap();
         let limits = Limits::parse(limits).unwrap();
         let setups: Vec<PartSetup> =
@@ -237,10 +218,7 @@ mod tests {
     #[test]
     fn a_tool_that_is_brought_to_some_poses_reaches_what_it_reaches_there_in_each_set_up() {
         let block = block();
-        let grid = Grid::with_pitch(DVec3::splat(-0.4), DVec3::new(40.3, 30.3, 15.3), 1.0, 1).unwrap();
-        let solid = Arc::new(voxelize(&block, &grid, false));
-        let samples = SurfaceSamples::new(&block, &solid, 300).samples;
-        let environment = CollisionEnvironment::new(&solid.into(), &[]);
+        let Part { samples, environment, .. } = Part::sampled(&block, 1.0, 300);
         let directions = OrientationSet::parse("axes").unwrap().orientations;
         let tool = SurfaceTool::new(&environment, &flat().into(), 0.1).unwrap();
         let access = surface_access(&tool, &samples, &directions, Control::quiet()).unwrap();

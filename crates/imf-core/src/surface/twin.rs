@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::{DMat4, DQuat, DVec3};
 
-use super::closed_forms::solids::{ball, extruded, flat, line, tapered, tool};
+use super::closed_forms::solids::{ball, extruded, flat, tapered, tool};
 use super::contact::ContactFrame;
 use super::sample_query::TOUCH;
 use super::*;
@@ -13,6 +13,7 @@ use crate::grid::Grid;
 use crate::mesh::Mesh;
 use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
+use crate::section::test_shapes::{arc, line};
 use crate::tool::{Clearance, Tool, contains};
 use crate::voxelize::voxelize;
 
@@ -40,10 +41,8 @@ impl Random {
         let unit = extruded(&[[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]], 1.0);
         for _ in 0..count {
             let (size, at) = (self.vector(3.0, 12.0), self.vector(within[0], within[1]));
-            let one = unit.transformed(&DMat4::from_scale_rotation_translation(size, self.rotation(), at));
-            let first = all.vertices.len() as u32;
-            all.vertices.extend(&one.vertices);
-            all.triangles.extend(one.triangles.iter().map(|t| t.map(|vertex| first + vertex)));
+            let place = DMat4::from_scale_rotation_translation(size, self.rotation(), at);
+            all.append(&unit.transformed(&place));
         }
         all
     }
@@ -127,7 +126,7 @@ impl Definition {
 
 #[test]
 fn verdicts_are_those_of_every_voxel_against_every_element() {
-    let bull = Segment::Arc { from: 0.0, to: 1.0, centre_height: 1.0, centre_radius: 1.5, arc_radius: 1.0 };
+    let bull = arc(0.0, 1.0, 1.0, 1.5, 1.0);
     let tools = [
         ball(1.5),
         flat(2.0),

@@ -8,10 +8,9 @@ use super::*;
 use crate::access::tests::{slotted, small_tool};
 use crate::mesh::Mesh;
 use crate::orientation::OrientationSet;
-use crate::parts::shell::{Axis, Facing, Shell, area, circle, pocketed, rounded_rectangle};
+use crate::parts::shell::{area, circle, pocketed, rounded_rectangle};
 use crate::section::direct_count;
-use crate::section::test_shapes::orientations;
-use crate::tool::{Element, Segment};
+use crate::section::test_shapes::{cylinder, orientations};
 use crate::voxelize::voxelize;
 
 #[test]
@@ -74,34 +73,18 @@ fn it_is_what_the_cutter_covers_at_free_poses_counted_one_by_one() {
     }
 }
 
-/// A mill of a radius, 40 long.
-fn mill(radius: f64) -> Tool {
-    let profile = vec![Segment::Line { from: 0.0, to: 40.0, radius_from: radius, radius_to: radius }];
-    let element = Element { kind: ElementKind::Cutter, profile };
-    Tool { shape: ToolShape::Revolved(vec![element]), ..small_tool() }
-}
-
-/// What a mill leaves of the stock that `mesh` leaves of `whole`: least and most, as volumes.
+/// What a mill of a radius leaves of the stock that `mesh` leaves of `whole`: least and most, as volumes.
 fn left(mesh: &Mesh, whole: &Mesh, set: &[Orientation], radius: f64, pitch: f64) -> [f64; 2] {
     let (lower, upper) = whole.bounds().unwrap();
     let grid = Grid::with_pitch(lower, upper, pitch, 0).unwrap();
     let (part, mut stock) = (voxelize(mesh, &grid, false), voxelize(whole, &grid, false));
     stock.solid.iter_mut().zip(&part.solid).for_each(|(stock, &part)| *stock &= 1 - part);
-    let tool = mill(radius);
+    let tool = cylinder(radius, 40.0);
     let found = removable(&part, &tool, &stock, &tool, set, 0.0, Control::quiet()).unwrap();
     [&found.possible, &found.covered].map(|gone| {
         let left = stock.solid.iter().zip(gone).filter(|&(&stock, &gone)| stock > gone).count();
         left as f64 * grid.voxel_volume()
     })
-}
-
-/// A box from the origin to `size`.
-fn block(size: DVec3) -> Mesh {
-    let (outer, mut shell) = (rectangle(DVec2::ZERO, size.truncate()), Shell::default());
-    shell.post(Axis::Z, &outer, [0.0, size.z]);
-    shell.face(Axis::Z, 0.0, Facing::Down, &outer, &[]);
-    shell.face(Axis::Z, size.z, Facing::Up, &outer, &[]);
-    shell.into_mesh()
 }
 
 fn rectangle(lower: DVec2, upper: DVec2) -> Vec<DVec2> {
@@ -111,7 +94,7 @@ fn rectangle(lower: DVec2, upper: DVec2) -> Vec<DVec2> {
 /// A plate of 30 × 30 × 12 with a hole of depth 8, and the same without it.
 fn plate(hole: &[DVec2]) -> [Mesh; 2] {
     let size = DVec3::new(30.0, 30.0, 12.0);
-    [pocketed(size, hole, 8.0), block(size)]
+    [pocketed(size, hole, 8.0), Mesh::cuboid(DVec3::ZERO, size)]
 }
 
 /// What stays lies between both bounds, and their distance falls with the pitch.
@@ -150,7 +133,8 @@ fn a_deep_hole_in_a_turned_block_is_cleared_along_the_axis_that_the_block_sugges
     let size = DVec3::new(12.0, 12.0, 40.0);
     let hole = circle(DVec2::splat(6.0), 4.0, 64);
     let volume = size.z * area(&hole);
-    let [part, whole] = [pocketed(size, &hole, size.z), block(size)].map(|mesh| mesh.transformed(&turn));
+    let bodies = [pocketed(size, &hole, size.z), Mesh::cuboid(DVec3::ZERO, size)];
+    let [part, whole] = bodies.map(|mesh| mesh.transformed(&turn));
     let directions = || part.machining_directions().into_iter().map(|found| found.direction).collect();
     let set = OrientationSet::parse_for("axes+normals+fibonacci:20", directions).unwrap().orientations;
     let even = orientations("axes+fibonacci:20");

@@ -5,22 +5,13 @@ use crate::tool::Clearance;
 
 #[test]
 fn a_cutter_keeps_its_clearance_from_a_clamp_beside_the_part() {
+    let clamp = [Mesh::cuboid(DVec3::new(30.0, -5.0, 0.0), DVec3::new(40.0, 35.0, 25.0))];
     for pitch in [1.0, 0.5] {
-        let mesh = Mesh::cuboid(DVec3::ZERO, DVec3::new(30.0, 30.0, 10.0));
-        let clamp = Mesh::cuboid(DVec3::new(30.0, -5.0, 0.0), DVec3::new(40.0, 35.0, 25.0));
-        let shift = DVec3::new(0.37, 0.21, 0.13) * pitch;
-        let upper = DVec3::new(40.0, 35.0, 25.0);
-        let grid = Grid::with_pitch(DVec3::new(0.0, -5.0, 0.0) - shift, upper + shift, pitch, 1).unwrap();
-        let voxels = |mesh: &Mesh| Arc::new(voxelize(mesh, &grid, false));
-        let environment = CollisionEnvironment::new(&voxels(&mesh).into(), &[voxels(&clamp)]);
-        let samples = SurfaceSamples::new(&mesh, &voxels(&mesh), SAMPLES).samples;
         let tolerance = default_tolerance(pitch, LengthUnit::Mm);
-        let above = OrientationSet::parse("0,0").unwrap().orientations;
         for cutter in [0.0, 3.0] {
             let room = Clearance { holder: 0.0, shank: 0.0, cutter };
-            let tool = SurfaceTool::new(&environment, &flat(3.0).offset(&room).unwrap(), tolerance).unwrap();
-            let reach = surface_access(&tool, &samples, &above, Control::quiet()).unwrap().reach;
-            let top = Found { samples: &samples, tool, reach }.reached(|sample| sample.normal.z > 0.9);
+            let tool = flat(3.0).offset(&room).unwrap();
+            let top = top_among(&clamp, &tool, pitch, false, tolerance);
             // The cutter's edge stays 3 before the clamp; centres lie up to half a pitch behind its face.
             assert!(
                 (top - (30.0 - cutter) / 30.0).abs() < (0.5 * pitch + 0.8) / 30.0,
@@ -30,8 +21,9 @@ fn a_cutter_keeps_its_clearance_from_a_clamp_beside_the_part() {
     }
 }
 
-/// What a tool reaches from above of a slab's top among fixtures, which are conservative or not.
-fn top_among(slab: DVec3, fixtures: &[Mesh], pitch: f64, conservative: bool, tolerance: f64) -> f64 {
+/// What a tool reaches from above of the top of a slab of 30 × 30 × 10 among fixtures, which are conservative or not.
+fn top_among(fixtures: &[Mesh], tool: &Assembly, pitch: f64, conservative: bool, tolerance: f64) -> f64 {
+    let slab = DVec3::new(30.0, 30.0, 10.0);
     let mesh = Mesh::cuboid(DVec3::ZERO, slab);
     let shift = DVec3::new(0.37, 0.21, 0.13) * pitch;
     let (lower, upper) = (DVec3::new(-12.0, -12.0, 0.0) - shift, slab + 12.0 + shift);
@@ -41,7 +33,7 @@ fn top_among(slab: DVec3, fixtures: &[Mesh], pitch: f64, conservative: bool, tol
     let fixtures: Vec<_> = fixtures.iter().map(|mesh| voxels(mesh, conservative)).collect();
     let environment = CollisionEnvironment::new(&part, &fixtures);
     let samples = SurfaceSamples::new(&mesh, environment.part(), SAMPLES).samples;
-    let tool = SurfaceTool::new(&environment, &flat(3.0).into(), tolerance).unwrap();
+    let tool = SurfaceTool::new(&environment, tool, tolerance).unwrap();
     let above = OrientationSet::parse(DOWN).unwrap().orientations;
     let reach = surface_access(&tool, &samples, &above, Control::quiet()).unwrap().reach;
     Found { samples: &samples, tool, reach }.reached(|sample| sample.normal.z > 0.9)
@@ -49,21 +41,19 @@ fn top_among(slab: DVec3, fixtures: &[Mesh], pitch: f64, conservative: bool, tol
 
 #[test]
 fn a_strap_that_holds_no_centre_keeps_a_cutter_out_where_voxels_are_conservative() {
-    let slab = DVec3::new(30.0, 30.0, 10.0);
     let strap = Mesh::cuboid(DVec3::new(-5.0, -5.0, 14.55), DVec3::new(35.0, 35.0, 14.95));
     let tolerance = default_tolerance(1.0, LengthUnit::Mm);
-    assert_eq!(top_among(slab, &[strap], 1.0, true, tolerance), 0.0);
+    assert_eq!(top_among(&[strap], &flat(3.0).into(), 1.0, true, tolerance), 0.0);
 }
 
 #[test]
 fn a_cutter_does_not_pass_between_jaws_by_the_tolerance_of_the_part() {
     // 4.8 apart, for a cutter of 6, and no way around them; 6.2 apart it passes.
-    let slab = DVec3::new(30.0, 30.0, 10.0);
     for (apart, passes) in [(4.8, false), (6.2, true)] {
         let jaw =
             |from: f64, to: f64| Mesh::cuboid(DVec3::new(from, -10.0, 10.0), DVec3::new(to, 40.0, 20.0));
         let jaws = [jaw(-10.0, 15.0 - apart / 2.0), jaw(15.0 + apart / 2.0, 40.0)];
-        let reached = top_among(slab, &jaws, 0.5, false, 0.6);
+        let reached = top_among(&jaws, &flat(3.0).into(), 0.5, false, 0.6);
         assert_eq!(reached > 0.15, passes, "{apart}: {reached}");
         assert!(passes || reached == 0.0, "{apart}: {reached}");
     }

@@ -6,41 +6,25 @@ use glam::{DVec2, DVec3};
 
 use crate::mesh::Mesh;
 use crate::parts::shell::{Axis, Facing as Side, Shell, circle};
-use crate::tool::{Element, ElementKind, Segment, SharpPoints, Tool, ToolShape};
-use crate::unit::LengthUnit;
-
-pub(in crate::surface) fn line(from: f64, to: f64, radius_from: f64, radius_to: f64) -> Segment {
-    Segment::Line { from, to, radius_from, radius_to }
-}
+use crate::section::test_shapes::{line, revolved};
+use crate::tool::{ElementKind, Segment, Tool, ToolShape};
 
 /// A cutter, a shank of a radius up to 30, and a holder of diameter 24 up to 60.
 pub(in crate::surface) fn tool(cutter: Vec<Segment>, shank: f64) -> Tool {
     let end = cutter.last().unwrap().range().1;
-    let elements = [
+    revolved([
         (ElementKind::Cutter, cutter),
-        (ElementKind::Shank, vec![line(end, 30.0, shank, shank)]),
-        (ElementKind::Holder(0), vec![line(30.0, 60.0, 12.0, 12.0)]),
-    ];
-    Tool {
-        name: "test".into(),
-        unit: LengthUnit::Mm,
-        shape: ToolShape::Revolved(
-            elements.into_iter().map(|(kind, profile)| Element { kind, profile }).collect(),
-        ),
-        sharp_points: SharpPoints::Tip,
-        overall_length: None,
-        back_cutting: false,
-    }
+        (ElementKind::Shank, vec![Segment::cylinder(end, 30.0, shank)]),
+        (ElementKind::Holder(0), vec![Segment::cylinder(30.0, 60.0, 12.0)]),
+    ])
 }
 
 pub(in crate::surface) fn flat(radius: f64) -> Tool {
-    tool(vec![line(0.0, 20.0, radius, radius)], radius)
+    tool(vec![Segment::cylinder(0.0, 20.0, radius)], radius)
 }
 
 pub(in crate::surface) fn ball(radius: f64) -> Tool {
-    let round =
-        Segment::Arc { from: 0.0, to: radius, centre_height: radius, centre_radius: 0.0, arc_radius: radius };
-    tool(vec![round, line(radius, 20.0, radius, radius)], radius)
+    tool(vec![Segment::ball_end(radius), Segment::cylinder(radius, 20.0, radius)], radius)
 }
 
 /// A profile in (z, x), counter-clockwise, extruded along y.
@@ -130,12 +114,5 @@ pub(in crate::surface) fn tapered(radius: f64, degrees: f64, height: f64) -> Too
 
 /// A tool that is a mesh.
 pub(in crate::surface) fn of_mesh(mesh: Mesh) -> Tool {
-    Tool {
-        name: "mesh".into(),
-        unit: LengthUnit::Mm,
-        shape: ToolShape::Mesh(mesh),
-        sharp_points: SharpPoints::Tip,
-        overall_length: None,
-        back_cutting: false,
-    }
+    Tool { name: "mesh".into(), shape: ToolShape::Mesh(mesh), ..Tool::paper() }
 }

@@ -1,15 +1,12 @@
 //! The skyline against the solid that it is of.
 
 use crate::grid::Grid;
+use crate::section::test_shapes::{arc, line};
 use crate::surface::skyline::*;
-
-fn line(from: f64, to: f64, radius_from: f64, radius_to: f64) -> Segment {
-    Segment::Line { from, to, radius_from, radius_to }
-}
 
 /// A cone, a collar that narrows again, a waist, and a round flange.
 fn holder() -> Body {
-    let round = Segment::Arc { from: 4.0, to: 7.0, centre_height: 7.0, centre_radius: 3.0, arc_radius: 3.0 };
+    let round = arc(4.0, 7.0, 7.0, 3.0, 3.0);
     Body::new([line(-1.0, 2.0, 1.5, 3.5), line(2.0, 4.0, 3.5, 2.0), round].into_iter()).unwrap()
 }
 

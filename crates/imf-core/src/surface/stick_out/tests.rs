@@ -1,61 +1,27 @@
 //! Against closed forms, against exact counts at every answer, and against trial.
 
-use std::sync::Arc;
-
 use glam::{DMat4, DVec2};
 
 use super::*;
-use crate::grid::Grid;
-use crate::mesh::Mesh;
 use crate::orientation::OrientationSet;
 use crate::parts::shell::{circle, pocketed, rounded_rectangle};
-use crate::surface::{SurfaceSamples, default_tolerance, surface_access};
-use crate::tool::{Clearance, Segment, SharpPoints, Tool};
+use crate::section::test_shapes::{line, revolved};
+use crate::surface::closed_forms::Part;
+use crate::surface::{default_tolerance, surface_access};
+use crate::tool::{Clearance, Segment, Tool};
 use crate::unit::LengthUnit;
-use crate::voxelize::voxelize;
-
-fn line(from: f64, to: f64, radius_from: f64, radius_to: f64) -> Segment {
-    Segment::Line { from, to, radius_from, radius_to }
-}
-
-fn ball(radius: f64) -> Segment {
-    Segment::Arc { from: 0.0, to: radius, centre_height: radius, centre_radius: 0.0, arc_radius: radius }
-}
 
 /// Cutter of 8 and shank, set to 20, in a holder of two parts.
 fn tool(cutter: Vec<Segment>, shank: f64, holder: [Segment; 2]) -> Tool {
-    let elements = [
+    revolved([
         (ElementKind::Cutter, cutter),
-        (ElementKind::Shank, vec![line(8.0, 20.0, shank, shank)]),
+        (ElementKind::Shank, vec![Segment::cylinder(8.0, 20.0, shank)]),
         (ElementKind::Holder(0), vec![holder[0]]),
         (ElementKind::Holder(1), vec![holder[1]]),
-    ];
-    Tool {
-        name: "test".into(),
-        unit: LengthUnit::Mm,
-        shape: ToolShape::Revolved(elements.map(|(kind, profile)| Element { kind, profile }).to_vec()),
-        sharp_points: SharpPoints::Tip,
-        overall_length: None,
-        back_cutting: false,
-    }
-}
-
-struct Part {
-    samples: Vec<SurfaceSample>,
-    environment: CollisionEnvironment,
-    pitch: f64,
+    ])
 }
 
 impl Part {
-    fn new(mesh: &Mesh, pitch: f64, samples: usize) -> Self {
-        let (lower, upper) = mesh.bounds().unwrap();
-        let shift = DVec3::new(0.37, 0.21, 0.13) * pitch;
-        let grid = Grid::with_pitch(lower - shift, upper + shift, pitch, 1).unwrap();
-        let solid = Arc::new(voxelize(mesh, &grid, false));
-        let samples = SurfaceSamples::new(mesh, &solid, samples).samples;
-        Self { samples, environment: CollisionEnvironment::new(&solid.into(), &[]), pitch }
-    }
-
     fn tool(&self, tool: &Tool, clearance: &Clearance) -> StickOutTool {
         let tolerance = default_tolerance(self.pitch, LengthUnit::Mm);
         StickOutTool::new(&self.environment, &tool.offset(clearance).unwrap(), tolerance).unwrap()
@@ -86,7 +52,7 @@ fn the_floor_of_a_pocket_takes_its_depth_and_a_narrow_nose_less() {
     let mesh = pocketed(DVec3::new(30.0, 30.0, 20.0), &pocket, 14.0);
     let cutter = || vec![line(0.0, 8.0, 2.0, 2.0)];
     for pitch in [1.0, 0.5, 0.25] {
-        let part = Part::new(&mesh, pitch, 800);
+        let part = Part::sampled(&mesh, pitch, 800);
         let wide = tool(cutter(), 2.0, [line(20.0, 24.0, 16.0, 16.0), line(24.0, 50.0, 20.0, 20.0)]);
         // Its nose of 5 goes into the pocket with room to spare in the middle.
         let nose = tool(cutter(), 2.0, [line(20.0, 24.0, 4.0, 4.0), line(24.0, 50.0, 20.0, 20.0)]);
@@ -119,12 +85,12 @@ fn the_floor_of_a_pocket_takes_its_depth_and_a_narrow_nose_less() {
 #[test]
 fn a_shank_thicker_than_the_hole_helps_at_no_length() {
     let hole = circle(DVec2::splat(10.0), 3.0, 48);
-    let part = Part::new(&pocketed(DVec3::new(20.0, 20.0, 25.0), &hole, 20.0), 0.5, 1500);
+    let part = Part::sampled(&pocketed(DVec3::new(20.0, 20.0, 25.0), &hole, 20.0), 0.5, 1500);
     let holder = [line(20.0, 24.0, 8.0, 8.0), line(24.0, 50.0, 12.0, 12.0)];
     let deep =
         |s: &SurfaceSample| (s.point.truncate() - 10.0).length() < 0.7 && s.point.z < 6.0 && s.normal.z > 0.9;
     for (shank, reaches) in [(1.8, true), (3.5, false)] {
-        let tool = tool(vec![ball(2.0), line(2.0, 8.0, 2.0, 2.0)], shank, holder);
+        let tool = tool(vec![Segment::ball_end(2.0), line(2.0, 8.0, 2.0, 2.0)], shank, holder);
         let found = part.find(&part.tool(&tool, &Clearance::default()), "0,0");
         let of_floor = part.samples.iter().zip(&found).filter(|(s, _)| deep(s));
         let of_floor: Vec<_> = of_floor.map(|(_, found)| *found).collect();
@@ -144,11 +110,11 @@ fn every_answer_is_free_and_one_voxel_less_is_not() {
     let pocket = rounded_rectangle(DVec2::new(7.0, 4.0), DVec2::new(21.0, 20.0), 3.0, 6);
     let mesh = pocketed(DVec3::new(40.0, 24.0, 22.0), &pocket, 13.0);
     let mesh = mesh.transformed(&DMat4::from_axis_angle(DVec3::new(0.3, 1.0, 0.2).normalize(), 0.4));
-    let part = Part::new(&mesh, 0.8, 600);
+    let part = Part::sampled(&mesh, 0.8, 600);
     let waisted = [line(20.0, 26.0, 9.0, 5.0), line(26.0, 30.0, 12.0, 12.0)];
     let cone = [line(20.0, 32.0, 4.0, 10.0), line(32.0, 60.0, 14.0, 14.0)];
     let tools = [
-        tool(vec![ball(2.5), line(2.5, 8.0, 2.5, 2.5)], 2.5, waisted),
+        tool(vec![Segment::ball_end(2.5), line(2.5, 8.0, 2.5, 2.5)], 2.5, waisted),
         tool(vec![line(0.0, 8.0, 3.0, 3.0)], 2.0, cone),
         tool(vec![line(0.0, 8.0, 2.0, 2.0)], 3.0, cone),
     ];
@@ -177,9 +143,9 @@ fn every_answer_is_free_and_one_voxel_less_is_not() {
 #[test]
 fn the_best_direction_is_the_best_of_each_alone_and_of_trial() {
     let pocket = rounded_rectangle(DVec2::new(7.0, 4.0), DVec2::new(21.0, 20.0), 3.0, 6);
-    let part = Part::new(&pocketed(DVec3::new(40.0, 24.0, 22.0), &pocket, 13.0), 1.0, 120);
+    let part = Part::sampled(&pocketed(DVec3::new(40.0, 24.0, 22.0), &pocket, 13.0), 1.0, 120);
     let holder = [line(20.0, 26.0, 7.0, 5.0), line(26.0, 50.0, 9.0, 9.0)];
-    let tool = tool(vec![ball(2.5), line(2.5, 8.0, 2.5, 2.5)], 2.5, holder);
+    let tool = tool(vec![Segment::ball_end(2.5), line(2.5, 8.0, 2.5, 2.5)], 2.5, holder);
     let clearance = Clearance::default();
     let prepared = part.tool(&tool, &clearance);
     let directions = OrientationSet::parse("axes+fibonacci:34").unwrap().orientations;
@@ -225,11 +191,11 @@ fn the_best_direction_is_the_best_of_each_alone_and_of_trial() {
 #[test]
 fn as_it_is_set_a_tool_reaches_no_more_than_its_stick_out_allows() {
     let pocket = rounded_rectangle(DVec2::new(7.0, 4.0), DVec2::new(21.0, 20.0), 3.0, 6);
-    let part = Part::new(&pocketed(DVec3::new(40.0, 24.0, 22.0), &pocket, 13.0), 1.0, 900);
+    let part = Part::sampled(&pocketed(DVec3::new(40.0, 24.0, 22.0), &pocket, 13.0), 1.0, 900);
     let tolerance = default_tolerance(part.pitch, LengthUnit::Mm);
     let directions = OrientationSet::parse("axes+fibonacci:20").unwrap().orientations;
     let holder = [line(20.0, 26.0, 7.0, 5.0), line(26.0, 50.0, 9.0, 9.0)];
-    for cutter in [vec![ball(2.5), line(2.5, 8.0, 2.5, 2.5)], vec![line(0.0, 8.0, 4.0, 4.0)]] {
+    for cutter in [vec![Segment::ball_end(2.5), line(2.5, 8.0, 2.5, 2.5)], vec![line(0.0, 8.0, 4.0, 4.0)]] {
         let assembly = tool(cutter, 2.0, holder).with_stick_out(11.0).unwrap();
         let assembly = assembly.offset(&Clearance::around_holder_and_shank(0.4)).unwrap();
         let prepared = StickOutTool::new(&part.environment, &assembly, tolerance).unwrap();
@@ -254,7 +220,7 @@ fn as_it_is_set_a_tool_reaches_no_more_than_its_stick_out_allows() {
 #[test]
 fn a_path_takes_the_length_with_which_all_its_poses_are_free() {
     let pocket = rounded_rectangle(DVec2::splat(6.0), DVec2::splat(24.0), 4.0, 8);
-    let part = Part::new(&pocketed(DVec3::new(30.0, 30.0, 20.0), &pocket, 14.0), 0.5, 100);
+    let part = Part::sampled(&pocketed(DVec3::new(30.0, 30.0, 20.0), &pocket, 14.0), 0.5, 100);
     let holder = [line(20.0, 26.0, 8.0, 5.0), line(26.0, 50.0, 12.0, 12.0)];
     let tool = tool(vec![line(0.0, 8.0, 2.0, 2.0)], 2.0, holder);
     let clearance = Clearance::around_holder_and_shank(0.3);
@@ -284,7 +250,7 @@ fn a_path_takes_the_length_with_which_all_its_poses_are_free() {
 
 #[test]
 fn what_has_no_holder_has_no_stick_out() {
-    let part = Part::new(&crate::mesh::tests::unit_cube(), 0.25, 12);
+    let part = Part::sampled(&crate::mesh::tests::unit_cube(), 0.25, 12);
     let assembly = Assembly::from(Tool::paper().without_holder());
     let found = StickOutTool::new(&part.environment, &assembly, 0.05);
     assert_eq!(found.err(), Some(SurfaceError::NoHolder("paper".into())));
