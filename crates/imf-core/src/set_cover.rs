@@ -217,18 +217,19 @@ impl CoverProblem {
         Reduced::new(weights, Vec::new(), slack, (0..self.sets() as u32).collect(), rows_of)
     }
 
+    /// The weight that a set adds to covered elements.
+    fn gain(&self, set: usize, covered: &[u64]) -> f64 {
+        let new = self.sets[set].iter().zip(covered).map(|(held, covered)| held & !covered);
+        bits::places(new).map(|element| self.weights[element]).sum()
+    }
+
     /// Exchanges each set for the first with which they cover no less.
     fn first_of_equals(&self, sets: &mut [usize]) {
         for at in 0..sets.len() {
             let others = sets.iter().enumerate().filter(|(other, _)| *other != at);
             let others = self.union(others.map(|(_, &set)| set));
-            let gain = |set: usize| -> f64 {
-                let new: Vec<u64> =
-                    others.iter().zip(&self.sets[set]).map(|(others, held)| held & !others).collect();
-                bits::ones(&new).map(|element| self.weights[element]).sum()
-            };
-            let own = gain(sets[at]);
-            if let Some(first) = (0..sets[at]).find(|&candidate| gain(candidate) >= own) {
+            let own = self.gain(sets[at], &others);
+            if let Some(first) = (0..sets[at]).find(|&candidate| self.gain(candidate, &others) >= own) {
                 sets[at] = first;
             }
         }
@@ -239,11 +240,7 @@ impl CoverProblem {
         sets.sort_unstable();
         let mut covered = vec![0u64; self.weights.len().div_ceil(64)];
         for at in 0..sets.len() {
-            let gain = |set: usize| -> f64 {
-                let new = |e: &usize| self.contains(set, *e) && covered[e / 64] >> (e % 64) & 1 == 0;
-                (0..self.weights.len()).filter(new).map(|e| self.weights[e]).sum()
-            };
-            let gains: Vec<f64> = sets[at..].iter().map(|&set| gain(set)).collect();
+            let gains: Vec<f64> = sets[at..].iter().map(|&set| self.gain(set, &covered)).collect();
             let mut best = 0;
             for (index, value) in gains.iter().enumerate() {
                 if *value > gains[best] {

@@ -91,11 +91,21 @@ pub(super) fn remove(words: &mut [u64], place: usize) {
 
 /// The places of the bits that are set.
 pub(super) fn ones(words: &[u64]) -> impl Iterator<Item = usize> + '_ {
-    words.iter().enumerate().flat_map(|(index, &word)| nodes(word).map(move |bit| index * 64 + bit))
+    places(words.iter().copied())
+}
+
+/// The places of the bits that are set in both.
+pub(super) fn common<'a>(one: &'a [u64], other: &'a [u64]) -> impl Iterator<Item = usize> + 'a {
+    places(one.iter().zip(other).map(|(one, other)| one & other))
+}
+
+/// The places of the bits that are set, of words one after the other.
+pub(super) fn places(words: impl Iterator<Item = u64>) -> impl Iterator<Item = usize> {
+    words.enumerate().flat_map(|(index, word)| of_word(word).map(move |bit| index * 64 + bit))
 }
 
 /// The places of a word's bits that are set.
-pub(super) fn nodes(mut word: u64) -> impl Iterator<Item = usize> {
+fn of_word(mut word: u64) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
         let bit = word.trailing_zeros() as usize;
         (word != 0).then(|| {

@@ -1,6 +1,6 @@
 //! Groups of rows that weigh more than may stay uncovered: every cover has a set of each.
 
-use super::bits::{Bits, count, ones};
+use super::bits::{Bits, common, count, has};
 use super::pairs::narrow;
 use super::reduced::Reduced;
 
@@ -41,7 +41,7 @@ impl Groups {
                     break;
                 }
             }
-            left.retain(|row| rows[row / 64] >> (row % 64) & 1 == 0);
+            left.retain(|&row| !has(&rows, row));
             if weight > problem.slack {
                 made.sets.push(sets.into_iter());
                 made.rows.push(rows);
@@ -54,14 +54,13 @@ impl Groups {
     pub(super) fn narrow(&self, problem: &Reduced, open: &[u64], sets: &mut [u64]) -> u64 {
         let mut steps = 0;
         for (group, rows) in self.rows.iter().enumerate() {
-            let rest: Vec<u64> = rows.iter().zip(open).map(|(group, open)| group & open).collect();
             let mut weight = 0;
-            let heavy = ones(&rest).any(|row| {
+            let heavy = common(rows, open).any(|row| {
                 weight += problem.weights[row];
                 weight > problem.slack
             });
             // A row takes as long as some words do.
-            steps += 4 * rest.len() as u64;
+            steps += 4 * rows.len() as u64;
             if heavy && !narrow(sets, self.sets.row(group)) {
                 break;
             }

@@ -1,6 +1,6 @@
 //! Covers that need not be the smallest: greedy, then sets exchanged for others.
 
-use super::bits::{count, first, ones};
+use super::bits::{common, count, first, ones};
 use super::reduced::Reduced;
 use crate::control::Control;
 
@@ -16,7 +16,11 @@ pub(super) fn greedy(problem: &Reduced) -> Vec<usize> {
     let mut open = first(problem.rows());
     let mut chosen: Vec<usize> = Vec::new();
     while weight(problem, &open) > problem.slack {
-        let gain = |set: usize| -> u64 { common(problem, set, &open) };
+        // Where all rows must be covered, each counts as one.
+        let gain = |set: usize| match problem.slack {
+            0 => count(open.iter().zip(problem.rows_of.row(set)).map(|(open, held)| open & held)) as u64,
+            _ => problem.gain(set, &open),
+        };
         let best = (0..problem.sets()).max_by_key(|&set| (gain(set), usize::MAX - set));
         let best = best.expect("every open row has a set");
         chosen.push(best);
@@ -68,7 +72,6 @@ fn one_less(
         vec![1.0; problem.rows()]
     };
     let mut prices = base.clone();
-    let worth = |rows: &[u64], prices: &[f64]| ones(rows).map(|row| prices[row]).sum::<f64>();
     // By set: the exchange until which it stays away, and the one in which it came.
     let (mut away, mut since) = (vec![0usize; problem.sets()], vec![0usize; problem.sets()]);
     let mut chosen = cover[..cover.len() - 1].to_vec();
@@ -96,11 +99,10 @@ fn one_less(
             let others: Vec<usize> =
                 (0..chosen.len()).filter(|&other| other != at).map(|at| chosen[at]).collect();
             let open = left_open(problem, &others);
-            let all = worth(&open, &prices);
+            let all: f64 = ones(&open).map(|row| prices[row]).sum();
             for &set in &coming {
-                let new: Vec<u64> =
-                    open.iter().zip(problem.rows_of.row(set)).map(|(open, held)| open & held).collect();
-                let left = all - worth(&new, &prices);
+                let new: f64 = common(&open, problem.rows_of.row(set)).map(|row| prices[row]).sum();
+                let left = all - new;
                 let better = |&(best, _, other): &(f64, usize, usize)| {
                     left < best || (left == best && since[set] < since[other])
                 };
@@ -120,7 +122,8 @@ fn one_less(
     None
 }
 
-fn left_open(problem: &Reduced, chosen: &[usize]) -> Vec<u64> {
+/// The rows that some sets leave.
+pub(super) fn left_open(problem: &Reduced, chosen: &[usize]) -> Vec<u64> {
     let mut open = first(problem.rows());
     for &set in chosen {
         open.iter_mut().zip(problem.rows_of.row(set)).for_each(|(open, held)| *open &= !held);
@@ -132,19 +135,11 @@ fn weight(problem: &Reduced, rows: &[u64]) -> u64 {
     ones(rows).map(|row| problem.weights[row]).sum()
 }
 
-fn common(problem: &Reduced, set: usize, open: &[u64]) -> u64 {
-    if problem.slack == 0 {
-        return count(open.iter().zip(problem.rows_of.row(set)).map(|(open, held)| open & held)) as u64;
-    }
-    let rows: Vec<u64> = open.iter().zip(problem.rows_of.row(set)).map(|(open, held)| open & held).collect();
-    weight(problem, &rows)
-}
-
 /// Numbers of a small linear congruential generator, the same everywhere.
-struct Numbers(u64);
+pub(super) struct Numbers(pub(super) u64);
 
 impl Numbers {
-    fn below(&mut self, n: usize) -> usize {
+    pub(super) fn below(&mut self, n: usize) -> usize {
         self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 33) as usize % n
     }

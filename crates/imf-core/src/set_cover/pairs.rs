@@ -1,7 +1,7 @@
 //! The last two sets of a cover.
 
 use super::Stop;
-use super::bits::{count, has, nodes, ones, remove};
+use super::bits::{count, has, ones, remove};
 use super::groups::Groups;
 use super::reduced::Reduced;
 use super::search::{ROWS, Search};
@@ -84,7 +84,7 @@ impl Search<'_> {
             return Ok(Some(Vec::new()));
         }
         let mut gains: Vec<(u64, usize)> =
-            ones(available).map(|set| (common_weight(problem, set, open), set)).collect();
+            ones(available).map(|set| (problem.gain(set, open), set)).collect();
         gains.sort_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
         // A row takes as long as some words do.
         let each = 8 * open.len() as u64;
@@ -106,7 +106,7 @@ impl Search<'_> {
             let fit = gains.iter().take_while(|(other, _)| gain + other >= needed);
             let second = fit.filter(|(_, other)| has(&seconds, *other)).find(|(_, other)| {
                 steps += each;
-                gain + common_weight(problem, *other, &rest) >= needed
+                gain + problem.gain(*other, &rest) >= needed
             });
             self.spend(steps)?;
             if let Some((_, second)) = second {
@@ -130,13 +130,4 @@ pub(super) fn narrow(common: &mut [u64], own: &[u64]) -> bool {
         any |= *common;
     }
     any != 0
-}
-
-/// The weight that a set covers of the open rows.
-fn common_weight(problem: &Reduced, set: usize, open: &[u64]) -> u64 {
-    let words = problem.rows_of.row(set).iter().zip(open).map(|(held, open)| held & open).enumerate();
-    words
-        .flat_map(|(at, word)| nodes(word).map(move |bit| at * 64 + bit))
-        .map(|row| problem.weights[row])
-        .sum()
 }

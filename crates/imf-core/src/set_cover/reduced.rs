@@ -1,6 +1,6 @@
 //! A problem with nothing in it that does not matter.
 
-use super::bits::{Bits, count, first, ones};
+use super::bits::{Bits, common, count, first, ones};
 
 /// A problem: rows, which are elements or several with the same sets, and sets.
 #[derive(Clone)]
@@ -68,6 +68,11 @@ impl Reduced {
     /// The weight that must be covered.
     pub(super) fn needed(&self) -> u64 {
         self.weights.iter().sum::<u64>().saturating_sub(self.slack)
+    }
+
+    /// The weight that a set covers of some open rows.
+    pub(super) fn gain(&self, set: usize, open: &[u64]) -> u64 {
+        common(self.rows_of.row(set), open).map(|row| self.weights[row]).sum()
     }
 
     pub(super) fn all_sets(&self) -> Vec<u64> {

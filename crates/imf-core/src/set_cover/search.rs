@@ -4,6 +4,7 @@ use super::Stop;
 use super::bits::{count, first, has, ones, remove};
 use super::bound::{Verdict, by_prices};
 use super::groups::Groups;
+use super::local::left_open;
 use super::reduced::Reduced;
 use crate::control::Control;
 
@@ -173,11 +174,7 @@ impl<'a> Search<'a> {
 
     /// A set is chosen, at most two others may follow.
     fn rest_by_two(&mut self, problem: &Reduced, groups: &Groups, set: usize, available: &[u64]) -> Found {
-        let open: Vec<u64> = first(problem.rows())
-            .iter()
-            .zip(problem.rows_of.row(set))
-            .map(|(all, held)| all & !held)
-            .collect();
+        let open = left_open(problem, &[set]);
         let found = self.pair(problem, groups, &open, available, 2)?;
         Ok(found.map(|sets| sets.into_iter().chain([set]).map(|set| problem.names[set]).collect()))
     }

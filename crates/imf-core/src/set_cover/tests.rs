@@ -1,16 +1,7 @@
+use super::local::Numbers;
 use super::*;
 
-/// Numbers of a small linear congruential generator, the same everywhere.
-struct Numbers(u64);
-
-impl Numbers {
-    fn below(&mut self, n: u64) -> u64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 33) % n
-    }
-}
-
-fn random(numbers: &mut Numbers, elements: usize, sets: usize, one_in: u64) -> CoverProblem {
+fn random(numbers: &mut Numbers, elements: usize, sets: usize, one_in: usize) -> CoverProblem {
     let mut problem = CoverProblem::new((0..elements).map(|_| numbers.below(10) as f64).collect());
     for _ in 0..sets {
         let held: Vec<usize> = (0..elements).filter(|_| numbers.below(one_in) == 0).collect();
@@ -35,7 +26,7 @@ fn by_trying_all(problem: &CoverProblem, fraction: f64) -> usize {
 fn covers_are_the_smallest_that_trying_all_finds() {
     let mut numbers = Numbers(7);
     for round in 0..400 {
-        let mut problem = random(&mut numbers, 6 + round % 27, 3 + round % 10, 2 + round as u64 % 5);
+        let mut problem = random(&mut numbers, 6 + round % 27, 3 + round % 10, 2 + round % 5);
         if round % 3 == 0 {
             let first = problem.sets[0].clone();
             problem.sets.insert(problem.sets.len() / 2, first);
