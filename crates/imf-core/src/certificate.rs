@@ -13,7 +13,7 @@ use std::f64::consts::FRAC_PI_2;
 use glam::{DVec2, DVec3, I64Vec3};
 use thiserror::Error;
 
-use crate::control::Control;
+use crate::control::{Cancelled, Control};
 use crate::field::solid::{SolidField, SolidVoxels};
 use crate::grid::Grid;
 use crate::obstacle::Obstacle;
@@ -79,21 +79,12 @@ pub fn certify(
 ) -> Result<Vec<Reachability>, CertificateError> {
     let offset = obstacle.grid().offset_of(grid).ok_or(CertificateError::Grid)?;
     let blocking = Blocking::all(obstacle, assembly)?;
-    let chunks = parallel::try_map(points.len().div_ceil(CHUNK), |chunk| {
-        let own = &points[chunk * CHUNK..points.len().min((chunk + 1) * CHUNK)];
-        let mut search = Search::new(&blocking);
-        let mut found = Vec::with_capacity(own.len());
-        for &point in own {
-            if control.is_cancelled() {
-                return Err(CertificateError::Cancelled);
-            }
-            let [x, y, z] = grid.voxel(point).map(|v| v as i64);
-            found.push(search.point(I64Vec3::new(x, y, z) + I64Vec3::from_array(offset)));
-        }
-        (control.progress)(own.len() as u64);
-        Ok(found)
-    })?;
-    Ok(chunks.into_iter().flatten().collect())
+    let search = || Search::new(&blocking);
+    let found = parallel::map_in_chunks(points, CHUNK, control, search, |search, &point| {
+        let [x, y, z] = grid.voxel(point).map(|v| v as i64);
+        search.point(I64Vec3::new(x, y, z) + I64Vec3::from_array(offset))
+    });
+    found.map_err(|Cancelled| CertificateError::Cancelled)
 }
 
 /// A tool, or shank and holder alone, and the voxels that it must stay out of.

@@ -5,6 +5,8 @@ use std::sync::OnceLock;
 #[cfg(feature = "parallel")]
 use rayon::prelude::*;
 
+use crate::control::{Cancelled, Control};
+
 /// The values of the indices `0..count`, in order, or an error of one of them.
 pub(crate) fn try_map<T: Send, E: Send>(
     count: usize,
@@ -22,6 +24,25 @@ pub(crate) fn map<T: Send>(count: usize, value: impl Fn(usize) -> T + Sync + Sen
     return (0..count).into_par_iter().map(value).collect();
     #[cfg(not(feature = "parallel"))]
     (0..count).map(value).collect()
+}
+
+/// The values of some items, in order, so many items at a time with a working memory of their own. One unit of progress is one item.
+pub(crate) fn map_in_chunks<T: Sync, M, V: Send>(
+    items: &[T],
+    chunk: usize,
+    control: Control<'_>,
+    memory: impl Fn() -> M + Sync + Send,
+    value: impl Fn(&mut M, &T) -> V + Sync + Send,
+) -> Result<Vec<V>, Cancelled> {
+    let chunks: Vec<&[T]> = items.chunks(chunk).collect();
+    let values = try_map(chunks.len(), |index| {
+        let mut memory = memory();
+        let one = |item| control.check().map(|()| value(&mut memory, item));
+        let values = chunks[index].iter().map(one).collect::<Result<Vec<V>, Cancelled>>()?;
+        (control.progress)(chunks[index].len() as u64);
+        Ok(values)
+    })?;
+    Ok(values.into_iter().flatten().collect())
 }
 
 /// Each chunk of `data` with its number, and a working memory that a thread keeps from chunk to chunk.

@@ -254,13 +254,6 @@ impl SolidField {
         self.bodies().iter().any(|body| placed.contains(&body.profile, point))
     }
 
-    /// Number of the tool's bodies that hold a point, given in continuous voxel coordinates: summed over the solid voxels it is
-    /// [`SolidField::count`]. 0 of a mesh, and at an invalid pose.
-    pub(crate) fn bodies_around(&self, pose: &Pose, point: [f64; 3]) -> usize {
-        let Some(placed) = self.placed(pose) else { return 0 };
-        self.bodies().iter().filter(|body| placed.contains(&body.profile, point)).count()
-    }
-
     /// A point of the world in continuous voxel coordinates.
     pub(crate) fn voxel_of(&self, point: DVec3) -> [f64; 3] {
         self.voxels.occupancy().grid.continuous(point).to_array()

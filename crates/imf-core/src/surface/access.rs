@@ -5,7 +5,7 @@ use glam::{DQuat, DVec3};
 use super::level_ring::RingPlaces;
 use super::sample_query::{Above, Last, SampleQuery};
 use super::{Reach, SurfaceError, SurfaceSample, SurfaceTool};
-use crate::control::Control;
+use crate::control::{Cancelled, Control};
 use crate::orientation::Orientation;
 use crate::parallel;
 use crate::pose::axis_of;
@@ -123,28 +123,19 @@ pub fn surface_access(
 ) -> Result<SurfaceAccess, SurfaceError> {
     let words = directions.len().div_ceil(64);
     let turns: Vec<ToolDirection> = directions.iter().map(ToolDirection::new).collect();
-    let parts = parallel::try_map(samples.len().div_ceil(CHUNK), |chunk| {
-        let samples = &samples[chunk * CHUNK..samples.len().min((chunk + 1) * CHUNK)];
-        let mut free = vec![0u64; samples.len() * words];
-        let mut reach = Vec::with_capacity(samples.len());
-        let mut cache = ColliderCache::new(turns.len());
-        for (index, sample) in samples.iter().enumerate() {
-            if control.is_cancelled() {
-                return Err(SurfaceError::Cancelled);
-            }
-            let row = &mut free[index * words..(index + 1) * words];
-            let free = |direction: usize| row[direction / 64] |= 1 << (direction % 64);
-            reach.push(tool.reach(sample, &turns, &mut cache, free));
-        }
-        (control.progress)(samples.len() as u64);
-        Ok((reach, free))
-    })?;
-    let (reach, free): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
-    Ok(SurfaceAccess { reach: reach.concat(), free: free.concat(), directions: directions.len() })
+    let cache = || ColliderCache::new(turns.len());
+    let found = parallel::map_in_chunks(samples, CHUNK, control, cache, |cache, sample| {
+        let mut free = vec![0u64; words];
+        let reach = tool.reach(sample, &turns, cache, |turn| free[turn / 64] |= 1 << (turn % 64));
+        (reach, free)
+    });
+    let found = found.map_err(|Cancelled| SurfaceError::Cancelled)?;
+    let (reach, free): (Vec<Reach>, Vec<Vec<u64>>) = found.into_iter().unzip();
+    Ok(SurfaceAccess { reach, free: free.concat(), directions: directions.len() })
 }
 
 /// Bytes of the results of [`surface_access`].
 #[must_use]
 pub fn surface_memory_estimate(samples: usize, directions: usize) -> u64 {
-    samples as u64 * (16 + 8 * directions.div_ceil(64) as u64) * 2
+    samples as u64 * (64 + 8 * directions.div_ceil(64) as u64) * 2
 }

@@ -9,7 +9,7 @@
 use super::level_ring::RingPlaces;
 use super::sample_query::{Above, Last, SampleQuery};
 use super::{Shape, SurfaceError, SurfaceSample, SurfaceTool, ToolDirection, Verdict};
-use crate::control::Control;
+use crate::control::{Cancelled, Control};
 use crate::field::solid::OutsidePlane;
 use crate::orientation::Orientation;
 use crate::parallel;
@@ -34,20 +34,11 @@ pub fn crib_access(
     let turns: Vec<ToolDirection> = directions.iter().map(ToolDirection::new).collect();
     let groups: Vec<Group<'_>> =
         same_cutters(tools).into_iter().map(|group| Group::new(tools, group)).collect();
-    let chunks = parallel::try_map(samples.len().div_ceil(CHUNK), |chunk| {
-        let samples = &samples[chunk * CHUNK..samples.len().min((chunk + 1) * CHUNK)];
-        let mut work = Work::new(&groups, &turns);
-        let mut rows = Vec::with_capacity(samples.len());
-        for sample in samples {
-            if control.is_cancelled() {
-                return Err(SurfaceError::Cancelled);
-            }
-            rows.push(work.verdicts(sample, tools.len()));
-        }
-        (control.progress)(samples.len() as u64);
-        Ok(rows)
-    })?;
-    let rows: Vec<Vec<Verdict>> = chunks.into_iter().flatten().collect();
+    let work = || Work::new(&groups, &turns);
+    let rows = parallel::map_in_chunks(samples, CHUNK, control, work, |work, sample| {
+        work.verdicts(sample, tools.len())
+    });
+    let rows = rows.map_err(|Cancelled| SurfaceError::Cancelled)?;
     Ok((0..tools.len()).map(|tool| rows.iter().map(|row| row[tool]).collect()).collect())
 }
 

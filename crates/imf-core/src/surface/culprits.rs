@@ -11,13 +11,13 @@ use glam::{DQuat, DVec3};
 
 use super::contact::{ContactFrame, Touch};
 use super::{Revolved, Shape, SurfaceError, SurfaceSample, SurfaceTool, ToolDirection};
-use crate::control::Control;
+use crate::control::{Cancelled, Control};
 use crate::field::solid::SolidField;
 use crate::grid::Grid;
 use crate::orientation::Orientation;
 use crate::parallel;
 use crate::pose::Pose;
-use crate::tool::{Element, ElementKind};
+use crate::tool::{Element, ElementKind, ToolShape};
 
 /// The contact pose of one sample that overlaps least, of those at which the cutter fits among the part where there are any.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,6 +54,21 @@ pub struct ElementCollision {
     pub depth: f64,
     /// With a radius smaller by this at every height it would hold none of them.
     pub slimmer: f64,
+}
+
+impl Revolved {
+    /// The elements of which a pose's overlap counts what they hold, each with the solid that it must stay out of; `named` are those of
+    /// the tool that hits name, of which the cutter at fixtures is the first.
+    fn elements<'a>(&'a self, named: &'a [(Element, Vec<SolidField>)]) -> Vec<(&'a Element, &'a SolidField)> {
+        let mut elements = vec![(&self.eroded, &self.cutter)];
+        elements.extend(self.held.as_ref().map(|held| (&named[0].0, held)));
+        if let (Some(rest), Some(ToolShape::Revolved(above))) =
+            (&self.rest, self.above.as_ref().map(|tool| &tool.shape))
+        {
+            elements.extend(above.iter().map(|element| (element, rest)));
+        }
+        elements
+    }
 }
 
 /// Places around a level ring.
@@ -176,19 +191,8 @@ pub fn least_overlaps(
     control: Control<'_>,
 ) -> Result<Vec<Option<LeastOverlap>>, SurfaceError> {
     let turns: Vec<ToolDirection> = directions.iter().map(ToolDirection::new).collect();
-    let chunks: Vec<&[usize]> = chosen.chunks(CHUNK).collect();
-    let found = parallel::try_map(chunks.len(), |chunk| {
-        let of_one = |&sample: &usize| {
-            if control.is_cancelled() {
-                return Err(SurfaceError::Cancelled);
-            }
-            Ok(tool.least_overlap(&samples[sample], &turns))
-        };
-        let found: Result<Vec<_>, _> = chunks[chunk].iter().map(of_one).collect();
-        (control.progress)(chunks[chunk].len() as u64);
-        found
-    })?;
-    Ok(found.concat())
+    let least = |_: &mut (), &sample: &usize| tool.least_overlap(&samples[sample], &turns);
+    parallel::map_in_chunks(chosen, CHUNK, control, || (), least).map_err(|Cancelled| SurfaceError::Cancelled)
 }
 
 /// By voxel of the surroundings' grid: the area of the samples at whose pose it is in the way, once for each piece of the tool
@@ -204,44 +208,19 @@ pub fn culprits(
 ) -> Result<Option<(Grid, Vec<f32>)>, SurfaceError> {
     let Shape::Revolved(revolved) = &*tool.shape else { return Ok(None) };
     let grid = revolved.cutter.voxels().occupancy().grid;
-    let parts = parallel::try_map(poses.len().div_ceil(CHUNK), |chunk| {
-        let poses = &poses[chunk * CHUNK..poses.len().min((chunk + 1) * CHUNK)];
+    let elements = revolved.elements(&tool.elements);
+    let in_the_way = |_: &mut (), &(area, at): &(f64, LeastOverlap)| {
+        let pose = Pose::new(at.tip, at.rotation);
         let mut blamed: Vec<(usize, f64)> = Vec::new();
-        for (area, at) in poses {
-            if control.is_cancelled() {
-                return Err(SurfaceError::Cancelled);
-            }
-            let pose = Pose::new(at.tip, at.rotation);
-            for piece in tool.pieces() {
-                let occupancy = piece.voxels().occupancy();
-                let tip = grid.continuous(at.tip);
-                let reach = DVec3::splat(piece.reach() / grid.pitch + 1.0);
-                let [low, high] = [tip - reach, tip + reach].map(|at| at.to_array());
-                let range = |axis: usize| {
-                    let last = grid.dims[axis] as f64;
-                    low[axis].floor().clamp(0.0, last) as usize
-                        ..(high[axis].ceil() + 1.0).clamp(0.0, last) as usize
-                };
-                for x in range(0) {
-                    for y in range(1) {
-                        for z in range(2) {
-                            let index = grid.index([x, y, z]);
-                            if occupancy.solid[index] != 0 {
-                                let times = piece.bodies_around(&pose, [x, y, z].map(|at| at as f64));
-                                if times > 0 {
-                                    blamed.push((index, times as f64 * area));
-                                }
-                            }
-                        }
-                    }
-                }
-            }
+        for (element, solid) in &elements {
+            element.visit_inside(solid.voxels().occupancy(), &pose, |voxel, _, _| blamed.push((voxel, area)));
         }
-        (control.progress)(poses.len() as u64);
-        Ok(blamed)
-    })?;
+        blamed
+    };
+    let blamed = parallel::map_in_chunks(poses, CHUNK, control, || (), in_the_way);
+    let blamed = blamed.map_err(|Cancelled| SurfaceError::Cancelled)?;
     let mut blame = vec![0.0_f64; grid.len()];
-    parts.into_iter().flatten().for_each(|(voxel, area)| blame[voxel] += area);
+    blamed.into_iter().flatten().for_each(|(voxel, area)| blame[voxel] += area);
     Ok(Some((grid, blame.into_iter().map(|area| area as f32).collect())))
 }
 
@@ -255,7 +234,7 @@ mod tests {
     use crate::orientation::OrientationSet;
     use crate::parts::shell::{circle, pocketed};
     use crate::section::test_shapes::revolved;
-    use crate::tool::{Segment, Tool, ToolShape};
+    use crate::tool::{Segment, Tool};
     use crate::voxelize::voxelize;
     use glam::DVec2;
 
