@@ -61,7 +61,6 @@ impl Occupancy {
     }
 
     /// Makes solid what is solid in another one, of a grid of the same voxels; what of it lies outside this grid is left out.
-    #[doc(hidden)]
     pub fn add(&mut self, other: &Self) {
         let grid = self.grid;
         let Some(offset) = other.grid.offset_of(&grid) else { return };
