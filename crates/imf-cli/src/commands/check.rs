@@ -176,19 +176,9 @@ fn asks_for_machine(error: ToolpathError, is_given: bool) -> anyhow::Error {
     if lacks { error.context(remedy) } else { error }
 }
 
-/// The error, with the toolpath's name where it is about a line of it.
+/// The error, with the toolpath's name where its text begins with a line of it.
 fn named(error: CheckError, arguments: &CheckArguments) -> anyhow::Error {
-    let of_line = matches!(
-        error,
-        CheckError::Opposite { .. }
-            | CheckError::RollsOver { .. }
-            | CheckError::NoRoll { .. }
-            | CheckError::NoTool { .. }
-            | CheckError::Machine { .. }
-            | CheckError::OtherCutter { .. }
-            | CheckError::ToolChange { .. }
-            | CheckError::TooLong { .. }
-    );
+    let of_line = error.to_string().starts_with("line ");
     let error = anyhow::Error::from(error);
     if of_line { error.context(arguments.toolpath.display().to_string()) } else { error }
 }

@@ -53,6 +53,9 @@ fn rapids_and_arcs_of_a_program_are_told_by_their_lines() {
 fn what_a_program_does_not_say_is_refused_with_line_and_remedy() {
     check(("part.nc", "G0 X0. Y0. Z40. A30.\n"), "")
         .bad_input(&["part.nc, line 1: A30. turns a rotary axis", "no machine is given"]);
+    let tilted = "G21 G90 T1 M6\nG0 B40. C0.\nG43 H1 X0. Y0. Z200.\n";
+    check(("part.nc", tilted), "--machine head.toml --stickout")
+        .bad_input(&["part.nc: line 3: the head is tilted"]);
     let missing = check(("path.csv", "x,y,z\n0,0,40\n"), "--machine none.toml");
     assert!(
         missing.code != Some(0) && missing.stderr.contains("none.toml: there is no machine file"),
