@@ -1,8 +1,8 @@
 //! Which solid voxels' centres an element or a mesh holds at a pose, and how deep below its surface each of them lies.
 
-use glam::{DMat4, DVec2, DVec3};
+use glam::{DVec2, DVec3};
 
-use super::tool_voxels::{SLACK, bounds, line_through_cylinder};
+use super::tool_voxels::{SLACK, bounds, line_through_cylinder, turned};
 use super::voxel_count::{mesh_voxels, snapped};
 use super::{Element, ElementKind, Segment, Tool, ToolShape};
 use crate::grid::Grid;
@@ -163,7 +163,7 @@ impl Tool {
         pose.axis()?;
         let (grid, orientation) = (&obstacle.grid, pose.orientation());
         let tip = snapped(grid, pose.position);
-        let turned = mesh.transformed(&DMat4::from_mat3(orientation.rotation()));
+        let turned = turned(mesh, &orientation, grid.pitch);
         let voxels = mesh_voxels(&turned, grid.pitch, tip, bounds(self, &orientation, grid.pitch))?;
         let own = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: voxels.dims };
         for index in (0..voxels.solid.len()).filter(|&index| voxels.solid[index] == 1) {

@@ -158,6 +158,9 @@ mod tests {
                 let tip = grid.origin + (DVec3::from_array(at.map(|v| v as f64)) + 0.5) * grid.pitch;
                 let counted = tool.count_inside(&obstacle, tip, orientation);
                 assert_eq!(counted, expected, "{at:?} {orientation:?}");
+                let (pose, mut visited) = (Pose::oriented(tip, orientation), 0);
+                tool.visit_inside_mesh(&obstacle, &pose, |_, _, _| visited += 1).unwrap();
+                assert_eq!(visited, expected, "{at:?} {orientation:?}");
             }
         }
     }
