@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
-use super::tool_voxels::{SLACK, bounds, line_through_cylinder, turned};
+use super::tool_voxels::{SLACK, bounds, held, line_through_cylinder, turned};
 use super::voxel_count::{mesh_voxels, snapped};
 use super::{Element, ElementKind, Segment, Tool, ToolShape};
 use crate::grid::Grid;
@@ -86,11 +86,8 @@ impl Element {
     /// the predicate that defines the tool.
     #[inline]
     pub(crate) fn holds(&self, offset: DVec3, axis: DVec3, pitch: f64) -> Option<(f64, f64)> {
-        let height = offset.dot(axis);
-        let held = self.profile.iter().find(|s| s.range().0 <= height && height < s.range().1)?;
-        let squared = offset.length_squared() - height * height;
-        (squared <= held.radius(height).powi(2) + SLACK * pitch * pitch)
-            .then(|| (height, squared.max(0.0).sqrt()))
+        let (height, squared) = held(&self.profile, axis, offset, SLACK * pitch * pitch)?;
+        Some((height, squared.max(0.0).sqrt()))
     }
 
     /// Its radius at a height; 0 where it has none.

@@ -49,9 +49,7 @@ fn shrunk(segment: &Segment, depth: f64) -> Option<Segment> {
 /// The part of a segment between two heights at which its radius is positive.
 fn positive(segment: &Segment, from: f64, to: f64) -> Option<Segment> {
     match *segment {
-        Segment::Arc { centre_height, centre_radius, arc_radius, .. } => {
-            Some(Segment::Arc { from, to, centre_height, centre_radius, arc_radius })
-        }
+        Segment::Arc { .. } => Some(segment.between(from, to)),
         Segment::Line { .. } => {
             let (mut low, mut high) = (from, to);
             let (a, b) = (segment.radius(from), segment.radius(to));

@@ -192,22 +192,22 @@ impl Segment {
         }
     }
 
+    /// The piece of the segment between two heights.
+    pub(super) fn between(&self, from: f64, to: f64) -> Self {
+        match *self {
+            Self::Line { .. } => {
+                Self::Line { from, to, radius_from: self.radius(from), radius_to: self.radius(to) }
+            }
+            Self::Arc { centre_height, centre_radius, arc_radius, .. } => {
+                Self::Arc { from, to, centre_height, centre_radius, arc_radius }
+            }
+        }
+    }
+
     /// The part of the segment below `height`; `None` where nothing is left.
     pub(super) fn below(&self, height: f64) -> Option<Self> {
         let (from, to) = self.range();
-        if from >= height {
-            return None;
-        }
-        let mut cut = *self;
-        let end_radius = self.radius(to.min(height));
-        match &mut cut {
-            Self::Line { to: end, radius_to, .. } => {
-                *radius_to = end_radius;
-                *end = to.min(height);
-            }
-            Self::Arc { to: end, .. } => *end = to.min(height),
-        }
-        Some(cut)
+        (from < height).then(|| self.between(from, to.min(height)))
     }
 }
 

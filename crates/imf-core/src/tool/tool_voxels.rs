@@ -126,7 +126,7 @@ impl ToolVoxels {
     }
 
     /// Tests voxel centres, line by line along z, within the cylinder around the widest radius. The arithmetic is
-    /// that of [`contains`], operation by operation, so that both agree to the last bit; a whole line at a time.
+    /// that of [`held`], operation by operation, so that both agree to the last bit; a whole line at a time.
     #[inline(always)]
     fn fill_revolved(&mut self, profile: &[Segment], direction: DVec3, pitch: f64) {
         let span =
@@ -190,12 +190,16 @@ impl ToolVoxels {
 
 /// True where the point `p`, relative to the tip and turned with the world, lies in a body of revolution.
 pub(crate) fn contains(profile: &[Segment], direction: DVec3, p: DVec3, slack: f64) -> bool {
+    held(profile, direction, p, slack).is_some()
+}
+
+/// The predicate that defines the tool: height on the axis and squared distance from it of a point that a body of revolution holds.
+#[inline]
+pub(super) fn held(profile: &[Segment], direction: DVec3, p: DVec3, slack: f64) -> Option<(f64, f64)> {
     let height = p.dot(direction);
-    let Some(segment) = profile.iter().find(|s| s.range().0 <= height && height < s.range().1) else {
-        return false;
-    };
-    let radius = segment.radius(height);
-    p.length_squared() - height * height <= radius * radius + slack
+    let segment = profile.iter().find(|s| s.range().0 <= height && height < s.range().1)?;
+    let (radius, squared) = (segment.radius(height), p.length_squared() - height * height);
+    (squared <= radius * radius + slack).then_some((height, squared))
 }
 
 /// Offsets (whole numbers of voxels) of a box that surely holds the rotated tool.

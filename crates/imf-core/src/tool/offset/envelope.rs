@@ -58,20 +58,8 @@ pub(in crate::tool) fn envelope(curves: &[Curve], side: Side) -> Vec<Curve> {
     }
     pieces
         .into_iter()
-        .map(|(c, from, to)| Curve { segment: cut(&curves[c].segment, from, to), ..curves[c] })
+        .map(|(c, from, to)| Curve { segment: curves[c].segment.between(from, to), ..curves[c] })
         .collect()
-}
-
-/// The piece of a segment between two heights.
-fn cut(segment: &Segment, from: f64, to: f64) -> Segment {
-    match *segment {
-        Segment::Line { .. } => {
-            Segment::Line { from, to, radius_from: segment.radius(from), radius_to: segment.radius(to) }
-        }
-        Segment::Arc { centre_height, centre_radius, arc_radius, .. } => {
-            Segment::Arc { from, to, centre_height, centre_radius, arc_radius }
-        }
-    }
 }
 
 /// Heights within both ranges at which two curves may cross (the other half of a circle counts too: a height more
