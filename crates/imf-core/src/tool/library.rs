@@ -15,15 +15,16 @@ use super::Tool;
 use super::stack::{Stack, end_mill, line, pointed, top};
 use crate::file_error::Fault;
 
-/// The message for `FILE#`: an empty name would match any tool without a name.
-const NAMELESS: &str = "no tool is named behind the #";
-
 /// Names that a message lists.
 const LISTED: usize = 20;
 
-/// Several tools, or none, have the name.
-fn no_choice(what: &str, tools: &[String]) -> Fault {
-    Fault::malformed(format!("{what}; its tools are: {}", listed(tools)))
+/// A tool of a library.
+struct Entry {
+    /// What people call it.
+    title: String,
+    /// What it can be named by behind the `#`.
+    names: Vec<String>,
+    tool: Result<Tool, Fault>,
 }
 
 /// The file is not what its ending says.
@@ -52,6 +53,11 @@ fn ends_in(path: &Path, endings: &[&str]) -> bool {
     path.extension().is_some_and(|ending| endings.iter().any(|known| ending.eq_ignore_ascii_case(known)))
 }
 
+/// True for a file of FreeCAD's.
+fn is_bit(path: &Path) -> bool {
+    ends_in(path, &["fctb"])
+}
+
 /// True for a file whose ending is that of a library.
 pub(super) fn is_library(path: &Path) -> bool {
     ends_in(path, &["fctb", "json", "tools"])
@@ -73,12 +79,32 @@ pub(super) fn location(text: &str) -> (&Path, Option<&str>) {
 
 /// The tool of a library that `wanted` names, or its only one.
 pub(super) fn tool(path: &Path, bytes: &[u8], wanted: Option<&str>) -> Result<Tool, Fault> {
-    if ends_in(path, &["fctb"]) { freecad::tool(bytes, wanted) } else { fusion::tool(bytes, wanted) }
+    let entries = if is_bit(path) { vec![freecad::entry(bytes)?] } else { fusion::entries(bytes)? };
+    let titles: Vec<String> = entries.iter().map(|entry| entry.title.clone()).collect();
+    let wanted = wanted.map(str::trim);
+    let is_wanted = |entry: &Entry| match wanted {
+        // It would match any tool without a name.
+        Some("") => false,
+        Some(wanted) => entry.names.iter().any(|name| name.trim().eq_ignore_ascii_case(wanted)),
+        None => true,
+    };
+    let mut found: Vec<Entry> = entries.into_iter().filter(is_wanted).collect();
+    let what = match (found.len(), wanted) {
+        (1, _) => return found.remove(0).tool,
+        (count, None) => format!("it holds {count} tools; name one, as in FILE#NAME"),
+        (_, Some("")) => "no tool is named behind the #".into(),
+        (0, Some(wanted)) => format!("no tool of it is called '{wanted}'"),
+        (count, Some(wanted)) => format!("{count} tools of it are called '{wanted}'"),
+    };
+    Err(Fault::malformed(format!("{what}; its tools are: {}", listed(&titles))))
 }
 
 /// All tools of a library.
 pub(super) fn tools(path: &Path, bytes: &[u8]) -> Result<Vec<Result<Tool, Fault>>, Fault> {
-    if ends_in(path, &["fctb"]) { Ok(vec![freecad::tool(bytes, None)]) } else { fusion::tools(bytes) }
+    if is_bit(path) {
+        return Ok(vec![tool(path, bytes, None)]);
+    }
+    Ok(fusion::entries(bytes)?.into_iter().map(|entry| entry.tool).collect())
 }
 
 #[cfg(test)]

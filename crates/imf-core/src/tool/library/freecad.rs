@@ -9,7 +9,7 @@ use std::collections::HashMap;
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::{Fault, Stack, damaged, end_mill, line, no_choice, pointed, refused, top};
+use super::{Entry, Fault, Stack, damaged, end_mill, line, pointed, refused, top};
 use crate::tool::{Segment, SharpPoints, Tool};
 use crate::unit::LengthUnit;
 
@@ -25,30 +25,23 @@ struct Bit {
 }
 
 /// The tool of a `.fctb` file.
-pub(super) fn tool(bytes: &[u8], wanted: Option<&str>) -> Result<Tool, Fault> {
+pub(super) fn entry(bytes: &[u8]) -> Result<Entry, Fault> {
     let bit: Bit = serde_json::from_slice(bytes).map_err(damaged)?;
-    if let Some(wanted) = wanted.map(str::trim)
-        && (wanted.is_empty() || !wanted.eq_ignore_ascii_case(bit.name.trim()))
-    {
-        let what = match wanted {
-            "" => super::NAMELESS.to_owned(),
-            _ => format!("no tool of it is called '{wanted}'"),
-        };
-        return Err(no_choice(&what, &[bit.name]));
-    }
-    let shape = bit.stack().map_err(|what| refused(&bit.name, &what))?.shape();
-    let overall_length = bit.optional_length("Length").ok().flatten();
-    Ok(Tool {
-        name: bit.name,
-        unit: LengthUnit::Mm,
-        shape,
-        sharp_points: SharpPoints::Tip,
-        overall_length,
-        back_cutting: false,
-    })
+    Ok(Entry { tool: bit.tool(), title: bit.name.clone(), names: vec![bit.name] })
 }
 
 impl Bit {
+    fn tool(&self) -> Result<Tool, Fault> {
+        Ok(Tool {
+            name: self.name.clone(),
+            unit: LengthUnit::Mm,
+            shape: self.stack().map_err(|what| refused(&self.name, &what))?.shape(),
+            sharp_points: SharpPoints::Tip,
+            overall_length: self.optional_length("Length").ok().flatten(),
+            back_cutting: false,
+        })
+    }
+
     /// Lower-case name of the shape: that of its kind, or of its file.
     fn kind(&self) -> String {
         let name = if self.shape_type.is_empty() { &self.shape } else { &self.shape_type };

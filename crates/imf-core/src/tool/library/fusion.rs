@@ -19,19 +19,19 @@ use std::io::Read as _;
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::{Fault, Stack, damaged, end_mill, line, no_choice, pointed, refused, top};
+use super::{Entry, Fault, Stack, damaged, end_mill, line, pointed, refused, top};
 use crate::tool::{Segment, SharpPoints, Tool};
 use crate::unit::LengthUnit;
 
 #[derive(Deserialize)]
 struct Library {
-    data: Vec<Entry>,
+    data: Vec<EntryText>,
 }
 
-/// Read when the tool is asked for.
+/// Of any kind each, so that what is unexpected spoils no other entry.
 #[derive(Default, Deserialize)]
 #[serde(default)]
-struct Entry {
+struct EntryText {
     #[serde(rename = "type")]
     kind: Value,
     unit: Value,
@@ -65,44 +65,18 @@ struct Part {
 /// The most bytes that an archive may unfold to, for each of its own.
 const MAX_UNFOLDING: u64 = 200;
 
-/// The tool of a `.json` or `.tools` file that `wanted` names, or its only one.
-pub(super) fn tool(bytes: &[u8], wanted: Option<&str>) -> Result<Tool, Fault> {
-    let entries = entries(bytes)?;
-    let tools: Vec<&Entry> = entries.iter().collect();
-    let found: Vec<&Entry> = match wanted.map(str::trim) {
-        Some("") => Vec::new(),
-        Some(wanted) => tools.iter().copied().filter(|entry| entry.answers_to(wanted)).collect(),
-        None => tools.clone(),
-    };
-    let &[entry] = found.as_slice() else {
-        let what = match wanted {
-            None => format!("it holds {} tools; name one, as in FILE#NAME", found.len()),
-            Some(wanted) if wanted.trim().is_empty() => super::NAMELESS.into(),
-            Some(wanted) if found.is_empty() => format!("no tool of it is called '{wanted}'"),
-            Some(wanted) => format!("{} tools of it are called '{wanted}'", found.len()),
-        };
-        let titles: Vec<String> = tools.iter().map(|entry| entry.title()).collect();
-        return Err(no_choice(&what, &titles));
-    };
-    entry.tool()
-}
-
-/// All tools of a `.json` or `.tools` file.
-pub(super) fn tools(bytes: &[u8]) -> Result<Vec<Result<Tool, Fault>>, Fault> {
-    Ok(entries(bytes)?.iter().map(Entry::tool).collect())
-}
-
-/// The entries that are tools.
-fn entries(bytes: &[u8]) -> Result<Vec<Entry>, Fault> {
+/// The tools of a `.json` or `.tools` file.
+pub(super) fn entries(bytes: &[u8]) -> Result<Vec<Entry>, Fault> {
     let text = if bytes.starts_with(b"PK") {
         Cow::Owned(unpacked_json(bytes).map_err(damaged)?)
     } else {
         Cow::Borrowed(bytes)
     };
-    let mut library: Library =
+    let library: Library =
         serde_json::from_slice(text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&text)).map_err(damaged)?;
-    library.data.retain(|entry| word(&entry.kind) != "holder");
-    Ok(library.data)
+    let tools = library.data.iter().filter(|text| word(&text.kind) != "holder");
+    let entry = |text: &EntryText| Entry { title: text.title(), names: text.names(), tool: text.tool() };
+    Ok(tools.map(entry).collect())
 }
 
 /// The JSON inside a `.tools` archive.
@@ -137,7 +111,7 @@ fn unit(text: &str) -> Result<LengthUnit, String> {
     text.parse().map_err(|_| format!("its unit '{text}' is not known"))
 }
 
-impl Entry {
+impl EntryText {
     /// What people call it.
     fn title(&self) -> String {
         let mut names =
@@ -145,14 +119,13 @@ impl Entry {
         names.find(|name| !name.is_empty()).unwrap_or_default()
     }
 
+    fn names(&self) -> Vec<String> {
+        vec![word(&self.description), word(&self.product), self.number()]
+    }
+
     /// Its number in the machine.
     fn number(&self) -> String {
         self.post.get("number").map(word).unwrap_or_default()
-    }
-
-    fn answers_to(&self, wanted: &str) -> bool {
-        let names = [word(&self.description), word(&self.product), self.number()];
-        names.iter().any(|name| name.trim().eq_ignore_ascii_case(wanted))
     }
 
     /// Its type, in Fusion's words.
