@@ -30,13 +30,14 @@ pub use solids::{MachineSolid, SolidShape};
 use std::collections::BTreeMap;
 
 use glam::{DQuat, DVec3};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::pose::Pose;
 use crate::unit::LengthUnit;
 
 /// Which side of the machine something belongs to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Side {
     /// It carries the part.
     Table,

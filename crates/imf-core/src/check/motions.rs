@@ -3,7 +3,7 @@
 use glam::{DMat4, DVec3};
 
 use super::{CheckError, CheckSettings, Collision};
-use crate::machine::{Machine, MachineMotion, Side};
+use crate::machine::{Machine, MachineMotion};
 use crate::occupancy::Occupancy;
 use crate::pose::{Pose, StraightMotion};
 use crate::tool::{Element, Segment, Tool, ToolShape};
@@ -151,8 +151,7 @@ pub(super) fn motions<'a>(
             (Some(machine), Some(before), Some(after)) => {
                 let straight = after.tip_goes_straight;
                 let way = MachineMotion::new(machine, before.joints, after.joints, after.length, straight);
-                let ball = way.tool_ball(reach);
-                let farthest = way.motion_bound(&ball, machine.axes_of(Side::Table));
+                let farthest = way.tool_motion_bound(reach);
                 (Way::Machine(way, rigid(&toolpath.set_up)), farthest)
             }
             (None, None, None) => {

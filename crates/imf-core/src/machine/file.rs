@@ -66,18 +66,11 @@ struct TravelText {
 #[serde(deny_unknown_fields)]
 struct RotaryText {
     letter: char,
-    on: SideText,
+    on: Side,
     axis: [f64; 3],
     #[serde(default)]
     centre: [f64; 3],
     range: Option<[f64; 2]>,
-}
-
-#[derive(Clone, Copy, Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum SideText {
-    Table,
-    Head,
 }
 
 #[derive(Deserialize)]
@@ -191,11 +184,7 @@ impl Reader<'_> {
         let direction = self.point(place, text.axis)?.try_normalize();
         let direction = direction.ok_or_else(|| self.at(place, "the axis must not be zero"))?;
         let range = text.range.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
-        let side = match text.on {
-            SideText::Table => Side::Table,
-            SideText::Head => Side::Head,
-        };
-        let letter = text.letter.to_ascii_uppercase();
+        let (letter, side) = (text.letter.to_ascii_uppercase(), text.on);
         Ok(RotaryAxis { letter, side, direction, centre: self.point(place, text.centre)?, range })
     }
 

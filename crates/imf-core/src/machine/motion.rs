@@ -84,18 +84,14 @@ impl<'a> MachineMotion<'a> {
     /// Upper bound of how far any point of a tool of revolution moves as seen from the part, whose points are at most `reach` away from
     /// its tip. Evenly divided times divide it evenly.
     pub(crate) fn tool_motion_bound(&self, reach: f64) -> f64 {
-        self.motion_bound(&self.tool_ball(reach), self.machine.axes_of(Side::Table))
+        let [head, table] = [Side::Head, Side::Table].map(|side| self.machine.axes_of(side));
+        let ball = Ball { centre: DVec3::new(0.0, 0.0, -self.length), radius: reach, level: head };
+        self.motion_bound(&ball, table)
     }
 
     pub(crate) fn placement(&self, fraction: f64) -> Placement {
         let joints = self.joints(fraction);
         Placement::turned(self.machine, &joints.rotary).moved(joints.linear)
-    }
-
-    /// The tool's ball.
-    pub(crate) fn tool_ball(&self, reach: f64) -> Ball {
-        let centre = DVec3::new(0.0, 0.0, -self.length);
-        Ball { centre, radius: reach, level: self.machine.axes_of(Side::Head) }
     }
 
     /// Upper bound of how far any point of a ball on the head moves as seen from what stands on the first `level` rotary axes of the
