@@ -12,12 +12,9 @@
 //! to C10 is 340° back, which is remarked.
 
 mod arc;
-mod arrival;
 mod block;
 mod coordinates;
 mod length;
-mod reference;
-mod words;
 
 use glam::DVec3;
 
@@ -133,14 +130,14 @@ pub(super) fn parse(text: &str, reading: &PathReading<'_>) -> Result<Toolpath, L
         let wrong = |what: String| LineError { line: index + 1, what };
         if let Some(end) = end {
             // Comments and names may follow, but nothing that would seem to have been checked.
-            if words::is_command(line) {
+            if block::is_command(line) {
                 return Err(wrong(format!(
                     "it stands after the end of the program in line {end}: give each program a file of its own, or take out what does not run"
                 )));
             }
             continue;
         }
-        let words = words::words(line).map_err(wrong)?;
+        let words = block::words(line).map_err(wrong)?;
         let block = Block::new(&words, reading.machine).map_err(wrong)?;
         program.take(index + 1, &block).map_err(wrong)?;
         end = block.ends.then_some(index + 1);

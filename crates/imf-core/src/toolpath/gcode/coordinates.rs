@@ -1,11 +1,23 @@
-//! From the program's coordinates to the machine's axes and back.
+//! From the program's coordinates, and the machine's own (G53 and G28), to the machine's axes and back, and the location that results.
 
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 
-use super::arrival::Coordinates;
 use super::block::Block;
 use super::{Motion, Program};
-use crate::machine::Joints;
+use crate::machine::{Joints, OutOfTravel};
+use crate::pose::Pose;
+use crate::toolpath::{Location, MachinePoint, MoveKind};
+
+/// By which coordinates a motion goes.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Coordinates {
+    /// Those of the program.
+    Programs,
+    /// The same, while the tool's centre point is kept.
+    CentrePoints,
+    /// The machine's own: G53 and G28.
+    Machines,
+}
 
 impl Program<'_> {
     pub(super) fn set_offset(&mut self, offset: u8) -> Result<(), String> {
@@ -31,7 +43,7 @@ impl Program<'_> {
     }
 
     /// The origin of the program's coordinates in the machine's.
-    pub(super) fn origin(&self) -> DVec3 {
+    fn origin(&self) -> DVec3 {
         self.machine
             .map_or(DVec3::ZERO, |machine| machine.offsets.get(&self.offset).copied().unwrap_or(DVec3::NAN))
     }
@@ -104,5 +116,157 @@ impl Program<'_> {
         };
         let by = if self.centre_point { Coordinates::CentrePoints } else { Coordinates::Programs };
         self.arrive(line, Joints { linear, rotary }, motion, by)
+    }
+
+    /// G53: the linear axes by the machine's own coordinates.
+    pub(super) fn go_in_machine_coordinates(&mut self, line: usize, block: &Block) -> Result<(), String> {
+        let motion = self.motion.filter(|motion| matches!(motion, Motion::Rapid | Motion::Feed));
+        let motion = motion.ok_or("G53 needs G0 or G1")?;
+        if self.centre_point || !self.absolute {
+            return Err("G53 is followed by G90 and while no centre point is kept (G49)".into());
+        }
+        if self.machine.is_none() {
+            return self.leave(line, block, "G53");
+        }
+        let mut joints = self.joints;
+        for (axis, given) in block.linear.iter().enumerate() {
+            joints.linear[axis] = given.map_or(joints.linear[axis], |given| self.value(given));
+        }
+        for (place, given) in block.rotary.iter().enumerate() {
+            joints.rotary[place] = given.unwrap_or(joints.rotary[place]);
+        }
+        self.z_by_spindle |= block.linear[2].is_some();
+        self.arrive(line, joints, motion, Coordinates::Machines)
+    }
+
+    /// G28: by the place that is given to the reference point, each axis that is named.
+    pub(super) fn go_home(&mut self, line: usize, block: &Block) -> Result<(), String> {
+        if self.centre_point {
+            return Err("G28 while the tool's centre point is kept: end that with G49 before".into());
+        }
+        let steps =
+            !self.absolute && block.linear.iter().chain(&block.rotary).flatten().all(|&step| step == 0.0);
+        if !steps {
+            if self.machine.is_none() {
+                self.check_length(line, block)?;
+            }
+            let (to, rotary) = self.target(block)?;
+            self.z_by_spindle &= block.linear[2].is_none();
+            self.reach(line, to, rotary, Motion::Rapid)?;
+        }
+        let Some(machine) = self.machine else { return self.leave(line, block, "G28") };
+        let mut joints = self.joints;
+        for axis in (0..3).filter(|&axis| block.linear[axis].is_some()) {
+            joints.linear[axis] = machine.home[axis];
+        }
+        for place in (0..2).filter(|&place| block.rotary[place].is_some()) {
+            joints.rotary[place] = 0.0;
+        }
+        self.z_by_spindle |= block.linear[2].is_some();
+        self.arrive(line, joints, Motion::Rapid, Coordinates::Machines)
+    }
+
+    /// Without a machine: to a place that is not known, and the path begins anew behind it.
+    fn leave(&mut self, line: usize, block: &Block, word: &str) -> Result<(), String> {
+        for axis in (0..3).filter(|&axis| block.linear[axis].is_some()) {
+            self.joints.linear[axis] = f64::NAN;
+        }
+        self.broken = true;
+        self.remark(
+            line,
+            "leaves",
+            &format!(
+                "{word} goes to the machine's own place, which only a machine's description says: the ways there and from there are not checked"
+            ),
+        );
+        Ok(())
+    }
+
+    /// A location, once every axis is known.
+    fn arrive(&mut self, line: usize, joints: Joints, motion: Motion, by: Coordinates) -> Result<(), String> {
+        let before = std::mem::replace(&mut self.joints, joints);
+        self.remark_on_turn(line, &before.rotary);
+        let unknown = (0..3).find(|&axis| joints.linear[axis].is_nan()).map(|axis| ['X', 'Y', 'Z'][axis]);
+        let rotary = self.machine.map_or(&[][..], |machine| machine.rotary.as_slice());
+        let turned =
+            rotary.iter().zip(joints.rotary).find(|(_, angle)| angle.is_nan()).map(|(axis, _)| axis.letter);
+        if let Some(letter) = turned.or(unknown) {
+            self.check_known_axes()?;
+            if motion == Motion::Rapid {
+                return Ok(());
+            }
+            return Err(format!(
+                "where {letter} stands is not known: write it before the first cut, such as G0 {letter}0."
+            ));
+        }
+        // Before the first tool the spindle goes where it is told, and nothing hangs from it.
+        if by == Coordinates::Machines && self.tool.is_none() && self.tool_length().is_err() {
+            return self.check_known_axes();
+        }
+        let length = self.tool_length()?;
+        let (pose, machine) = match self.machine {
+            Some(machine) => {
+                let tip_goes_straight = by == Coordinates::CentrePoints;
+                let point = MachinePoint { joints, length, tip_goes_straight, by_spindle: self.z_by_spindle };
+                (machine.forward(&joints, length), Some(point))
+            }
+            None => (Pose::new(joints.linear, DQuat::IDENTITY), None),
+        };
+        if !pose.is_valid() {
+            return Err("a position must be finite".into());
+        }
+        let kind = match motion {
+            _ if self.broken => MoveKind::Start,
+            Motion::Rapid => MoveKind::Rapid,
+            _ => MoveKind::Feed,
+        };
+        self.broken = false;
+        let goes_home = by == Coordinates::Machines && self.tool.is_none();
+        self.homed += usize::from(goes_home && self.path.locations.len() == self.homed);
+        self.path.locations.push(Location {
+            line,
+            pose,
+            rolled: machine.is_some(),
+            tool: self.tool,
+            kind,
+            machine,
+        });
+        Ok(())
+    }
+
+    /// The check of the path sees locations alone: what leads out of its range on the way to the first is refused here.
+    fn check_known_axes(&self) -> Result<(), String> {
+        let Some(machine) = self.machine else { return Ok(()) };
+        let Some(out) = machine.all_out_of_travel(&self.joints).find(|out| !out.value.is_nan()) else {
+            return Ok(());
+        };
+        let unit = if "XYZ".contains(out.axis) { format!(" {}", self.reading.unit) } else { "°".into() };
+        let end = |end: f64| if end.is_finite() { format!("{end}{unit}") } else { "no limit".into() };
+        let OutOfTravel { axis, value, range: [low, high] } = out;
+        Err(format!(
+            "{axis} would have to be at {value:.3}{unit}, and goes from {} to {}: check the angle, the work offset, the tool's length, and \
+             the range that the machine's description gives",
+            end(low),
+            end(high)
+        ))
+    }
+
+    /// Angles are followed as they are written; of an axis without ends a control may take the short way.
+    fn remark_on_turn(&mut self, line: usize, before: &[f64; 2]) {
+        let Some(machine) = self.machine.filter(|_| self.absolute) else { return };
+        for (place, axis) in machine.rotary.iter().enumerate() {
+            let turn = (self.joints.rotary[place] - before[place]).abs();
+            if turn > 180.0 && axis.range.iter().any(|end| end.is_infinite()) {
+                self.remark(
+                    line,
+                    "turns",
+                    &format!(
+                        "{} turns by {}° as written; a control whose axis rolls over takes the short way, so check its settings",
+                        axis.letter,
+                        (turn * 1e6).round() / 1e6
+                    ),
+                );
+            }
+        }
     }
 }
