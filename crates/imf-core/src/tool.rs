@@ -330,6 +330,7 @@ impl Tool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::section::test_shapes::revolved;
 
     #[test]
     fn the_papers_tool_has_the_papers_reach_and_volume() {
@@ -356,10 +357,10 @@ mod tests {
         assert!(none.check().unwrap_err().to_string().contains("no element"));
         assert!(Tool::paper().check().is_ok());
         // A stick-out of 4e9 mm.
-        let line = |from, to, radius| Segment::Line { from, to, radius_from: radius, radius_to: radius };
-        let far = [(ElementKind::Cutter, line(0.0, 9.0, 3.0)), (ElementKind::Shank, line(9.0, 4e9, 2.0))];
-        let elements = far.map(|(kind, segment)| Element { kind, profile: vec![segment] });
-        let far = Tool { shape: ToolShape::Revolved(elements.to_vec()), ..Tool::paper() };
+        let far = revolved([
+            (ElementKind::Cutter, vec![Segment::cylinder(0.0, 9.0, 3.0)]),
+            (ElementKind::Shank, vec![Segment::cylinder(9.0, 4e9, 2.0)]),
+        ]);
         let text = far.check().unwrap_err().to_string();
         assert!(text.contains("4e9 mm") && text.contains("stick-out"), "{text}");
         assert_eq!(far.thinnest(), ("shank".into(), 4.0));

@@ -10,16 +10,11 @@ mod refusals;
 
 use super::*;
 use crate::grid::Grid;
-use crate::machine::{Joints, Machine, MachineMotion, MachineSolid, RotaryAxis, Side, SolidShape};
+use crate::machine::tests::{FREE, axis, head_to_table, machine_of};
+use crate::machine::{Joints, Machine, MachineMotion, MachineSolid, Side, SolidShape};
 use crate::section::test_shapes::{line, revolved};
 use crate::tool::ElementKind;
 use crate::toolpath::{Location, MachinePoint, MoveKind};
-
-const FREE: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
-
-fn axis(letter: char, side: Side, direction: DVec3, centre: DVec3) -> RotaryAxis {
-    RotaryAxis { letter, side, direction, centre, range: FREE }
-}
 
 fn cylinder(
     name: &str,
@@ -40,24 +35,16 @@ fn cuboid(name: &str, side: Side, level: usize, lower: [f64; 3], upper: [f64; 3]
 
 /// Two machines with their axes a little apart: both rotary axes in the table, and one on either side.
 fn machines() -> [Machine; 2] {
-    let machine = |rotary: Vec<RotaryAxis>, solids: Vec<MachineSolid>| {
-        let machine = Machine {
-            name: "small".into(),
-            unit: LengthUnit::Mm,
-            rotary,
-            travel: [FREE, FREE, [-60.0, 25.0]],
-            home: DVec3::ZERO,
-            preferred: None,
-            offsets: [(54, DVec3::new(1.0, -2.0, -40.0))].into(),
-            solids,
-        };
-        assert_eq!(machine.fault(), None);
-        machine
+    let machine = |rotary, solids| Machine {
+        travel: [FREE, FREE, [-60.0, 25.0]],
+        offsets: [(54, DVec3::new(1.0, -2.0, -40.0))].into(),
+        solids,
+        ..machine_of(rotary)
     };
     let trunnion = machine(
         vec![
-            axis('A', Side::Table, DVec3::X, DVec3::new(0.0, 1.0, -44.0)),
-            axis('C', Side::Table, DVec3::Z, DVec3::new(1.0, 0.0, 0.0)),
+            axis('A', Side::Table, [1.0, 0.0, 0.0], [0.0, 1.0, -44.0], FREE),
+            axis('C', Side::Table, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0], FREE),
         ],
         vec![
             cylinder("platter", Side::Table, 2, [1.0, 0.0, -44.0], [1.0, 0.0, -40.0], 14.0),
@@ -69,8 +56,8 @@ fn machines() -> [Machine; 2] {
     );
     let mixed = machine(
         vec![
-            axis('B', Side::Head, DVec3::Y, DVec3::new(0.5, 0.0, 8.0)),
-            axis('C', Side::Table, DVec3::NEG_Z, DVec3::new(1.0, 0.0, 0.0)),
+            axis('B', Side::Head, [0.0, 1.0, 0.0], [0.5, 0.0, 8.0], FREE),
+            axis('C', Side::Table, [0.0, 0.0, -1.0], [1.0, 0.0, 0.0], FREE),
         ],
         vec![
             cylinder("platter", Side::Table, 1, [1.0, 0.0, -44.0], [1.0, 0.0, -40.0], 14.0),
@@ -161,17 +148,7 @@ fn pairs(machine: &Machine, bodies: &MachineBodies, part: &Occupancy) -> (Vec<In
 
 /// From what stands on the table to what hangs on the head, both where they are with all axes at 0.
 fn to_head(machine: &Machine, joints: &Joints, levels: (usize, usize)) -> DMat4 {
-    let turns = |side: Side, level: usize| {
-        let of_side = machine.rotary.iter().enumerate().filter(|(_, axis)| axis.side == side).take(level);
-        of_side.fold(DMat4::IDENTITY, |matrix, (index, axis)| {
-            matrix
-                * DMat4::from_translation(axis.centre)
-                * DMat4::from_axis_angle(axis.direction, joints.rotary[index].to_radians())
-                * DMat4::from_translation(-axis.centre)
-        })
-    };
-    (DMat4::from_translation(joints.linear) * turns(Side::Head, levels.0)).inverse()
-        * turns(Side::Table, levels.1)
+    head_to_table(machine, joints, levels).inverse()
 }
 
 fn random(seed: usize) -> Joints {

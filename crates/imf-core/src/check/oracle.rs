@@ -8,8 +8,8 @@ use crate::grid::Grid;
 use crate::mesh::tests::unit_cube;
 use crate::orientation::{Orientation, OrientationSet};
 use crate::pose::Pose;
-use crate::section::test_shapes::{line, revolved};
-use crate::tool::{ElementKind, Segment, ToolShape};
+use crate::section::test_shapes::{arc, holds, line, revolved, walk};
+use crate::tool::{ElementKind, ToolShape};
 
 /// A slab with a groove, thin walls on it, and loose voxels.
 fn part() -> Occupancy {
@@ -26,31 +26,27 @@ fn part() -> Occupancy {
 }
 
 fn tool() -> Tool {
-    let nose = Segment::Arc { from: 0.0, to: 1.0, centre_height: 1.0, centre_radius: 0.8, arc_radius: 1.0 };
     revolved([
-        (ElementKind::Cutter, vec![nose, line(1.0, 5.0, 1.8, 2.2)]),
+        (ElementKind::Cutter, vec![arc(0.0, 1.0, 1.0, 0.8, 1.0), line(1.0, 5.0, 1.8, 2.2)]),
         (ElementKind::Shank, vec![line(5.0, 8.0, 1.5, 1.5)]),
         (ElementKind::Holder(0), vec![line(8.0, 12.0, 4.0, 3.0)]),
     ])
 }
 
-/// Distance in the plane of height and radius from a point in a profile to its outline, ends included, by a fine walk.
-fn walk(profile: &[Segment], exposed: bool, height: f64, radius: f64) -> f64 {
-    let (low, high) = (profile[0], profile[profile.len() - 1]);
-    let mut points: Vec<(f64, f64)> = Vec::new();
-    let steps = 1500;
-    for step in 0..=steps {
-        let t = f64::from(step) / f64::from(steps);
-        points.extend(profile.iter().map(|s| {
-            let at = s.range().0 + (s.range().1 - s.range().0) * t;
-            (at, s.radius(at))
-        }));
-        points.push((low.range().0, low.radius(low.range().0) * t));
-        if exposed {
-            points.push((high.range().1, high.radius(high.range().1) * t));
-        }
-    }
-    points.iter().map(|(h, r)| (h - height).hypot(r - radius)).fold(f64::INFINITY, f64::min)
+/// A path of one pose.
+fn pose_line(tip: DVec3, axis: DVec3) -> String {
+    format!("x,y,z,i,j,k\n{},{},{},{},{},{}\n", tip.x, tip.y, tip.z, axis.x, axis.y, axis.z)
+}
+
+fn check_text(
+    part: &Occupancy,
+    tool: &Tool,
+    text: &str,
+    settings: &CheckSettings,
+) -> Result<CheckReport, CheckError> {
+    let bodies = CheckBodies { part, fixtures: &[], machine: None };
+    let path = Toolpath::parse(text, LengthUnit::Mm, "path").unwrap();
+    check_toolpath(bodies, &[(None, tool)], &path, settings, Control::quiet())
 }
 
 /// From every solid centre to the nearest empty one, less half a pitch.
@@ -80,16 +76,13 @@ fn elements_and_depths_are_those_of_trying_every_centre() {
     let below = below_surface(&part);
     let ToolShape::Revolved(elements) = &tool.shape else { panic!() };
     let settings = CheckSettings { contact: 0.3, ..CheckSettings::of_pitch(grid.pitch, LengthUnit::Mm) };
-    let bodies = CheckBodies { part: &part, fixtures: &[], machine: None };
     let (mut hits, mut spared) = ([0; 3], 0);
     for (index, orientation) in OrientationSet::parse("random:60:9").unwrap().orientations.iter().enumerate()
     {
         let place = |step: f64| (index as f64 * step).fract() * 1.2 - 0.1;
         let tip = grid.origin + grid.size() * DVec3::new(place(0.618), place(0.755), place(0.57));
         let axis = orientation.direction();
-        let text = format!("x,y,z,i,j,k\n{},{},{},{},{},{}\n", tip.x, tip.y, tip.z, axis.x, axis.y, axis.z);
-        let path = Toolpath::parse(&text, LengthUnit::Mm, "path").unwrap();
-        let report = check_toolpath(bodies, &[(None, &tool)], &path, &settings, Control::quiet()).unwrap();
+        let report = check_text(&part, &tool, &pose_line(tip, axis), &settings).unwrap();
         let found = report.colliding.first().map_or(&[][..], |line| &line.collisions);
         for (which, element) in elements.iter().enumerate() {
             let cutter = element.kind == ElementKind::Cutter;
@@ -98,8 +91,7 @@ fn elements_and_depths_are_those_of_trying_every_centre() {
                 let offset = grid.centre(grid.voxel(voxel)) - tip;
                 let height = offset.dot(axis);
                 let radius = (offset - axis * height).length();
-                let inside = element.profile.iter().find(|s| s.range().0 <= height && height < s.range().1);
-                if inside.is_some_and(|s| radius <= s.radius(height)) {
+                if holds(&element.profile, height, radius) {
                     voxels += 1;
                     // The cutter narrows to the shank, and so has a shoulder of its own.
                     let own = walk(&element.profile, true, height, radius);
@@ -136,16 +128,13 @@ fn no_shorter_translation_parts_tool_and_part_where_the_part_is_one_piece() {
     let tool = tool();
     let exact = ExactField::new(&part, &tool);
     let ways = OrientationSet::parse("fibonacci:60").unwrap().orientations;
-    let bodies = CheckBodies { part: &part, fixtures: &[], machine: None };
     let strict = CheckSettings { contact: 0.0, ..CheckSettings::of_pitch(0.5, LengthUnit::Mm) };
     for (index, orientation) in OrientationSet::parse("random:40:2").unwrap().orientations.iter().enumerate()
     {
         let place = |step: f64| (index as f64 * step).fract();
         let tip = grid.size() * DVec3::new(place(0.618), place(0.755), place(0.57));
         let axis = orientation.direction();
-        let text = format!("x,y,z,i,j,k\n{},{},{},{},{},{}\n", tip.x, tip.y, tip.z, axis.x, axis.y, axis.z);
-        let path = Toolpath::parse(&text, LengthUnit::Mm, "path").unwrap();
-        let report = check_toolpath(bodies, &[(None, &tool)], &path, &strict, Control::quiet()).unwrap();
+        let report = check_text(&part, &tool, &pose_line(tip, axis), &strict).unwrap();
         let Some((_, worst)) = report.worst().first().copied() else { continue };
         for way in &ways {
             let moved = tip + way.direction() * (worst.depth - 0.5 * grid.pitch - 0.87 * grid.pitch).max(0.0);
@@ -165,12 +154,8 @@ fn angled_head() -> Tool {
 fn rolls_count_for_tools_that_are_not_round_as_in_the_exact_field() {
     let (part, tool) = (part(), angled_head());
     let exact = ExactField::new(&part, &tool);
-    let bodies = CheckBodies { part: &part, fixtures: &[], machine: None };
     let settings = CheckSettings::of_pitch(part.grid.pitch, LengthUnit::Mm);
-    let run = |text: &str| {
-        let path = Toolpath::parse(text, LengthUnit::Mm, "path").unwrap();
-        check_toolpath(bodies, &[(None, &tool)], &path, &settings, Control::quiet())
-    };
+    let run = |text: &str| check_text(&part, &tool, text, &settings);
     let mut counts = Vec::new();
     for (axis, theta, phi) in [("0,0,1", 0.0, 0.0), ("0,1,0", 90.0, 90.0), ("-1,0,1", 180.0, 45.0)] {
         for roll in [0.0, 90.0, 180.0, 270.0] {
@@ -199,12 +184,8 @@ fn rolls_count_for_tools_that_are_not_round_as_in_the_exact_field() {
 fn a_motion_over_the_pole_does_not_turn_a_head_about_its_own_axis() {
     let tool = angled_head();
     let part = Occupancy::empty(Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [4; 3] });
-    let bodies = CheckBodies { part: &part, fixtures: &[], machine: None };
     let settings = CheckSettings { step: 0.01, ..CheckSettings::of_pitch(1.0, LengthUnit::Mm) };
-    let run = |text: &str| {
-        let path = Toolpath::parse(text, LengthUnit::Mm, "path").unwrap();
-        check_toolpath(bodies, &[(None, &tool)], &path, &settings, Control::quiet()).unwrap().poses
-    };
+    let run = |text: &str| check_text(&part, &tool, text, &settings).unwrap().poses;
     // θ jumps from 180° to 0°; the roll that goes with it keeps the head as it is.
     let tilt = 0.04_f64 * tool.reach() / settings.step;
     let poses = run("x,y,z,i,j,k,roll\n0,0,9,-.02,0,1,180\n0,0,9,.02,0,1,0\n") as f64;

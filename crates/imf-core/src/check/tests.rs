@@ -124,8 +124,8 @@ fn each_stretch_is_checked_with_its_own_tool() {
     let (long, short) = (Tool::paper(), Tool::paper());
     let ToolShape::Revolved(mut elements) = short.shape.clone() else { panic!() };
     // The same holder on a cutter of 10.
-    elements[0].profile[1] = Segment::Line { from: 5.0, to: 10.0, radius_from: 5.0, radius_to: 5.0 };
-    elements[1].profile[0] = Segment::Line { from: 10.0, to: 58.0, radius_from: 14.5, radius_to: 14.5 };
+    elements[0].profile[1] = Segment::cylinder(5.0, 10.0, 5.0);
+    elements[1].profile[0] = Segment::cylinder(10.0, 58.0, 14.5);
     let short = Tool { name: "short".into(), shape: ToolShape::Revolved(elements), ..short };
     let block = block();
     let bodies = CheckBodies { part: &block, fixtures: &[], machine: None };
@@ -256,9 +256,8 @@ fn stretches_that_a_pose_proves_free_hold_nothing() {
 
 /// A ball-end mill of radius 1, and a part of one voxel around (½, ½, ½) that a vertex of the mesh touches at (1, 1, 1).
 fn mill_and_voxel() -> (Tool, Occupancy) {
-    let ball = Segment::Arc { from: 0.0, to: 1.0, centre_height: 1.0, centre_radius: 0.0, arc_radius: 1.0 };
-    let shaft = Segment::Line { from: 1.0, to: 6.0, radius_from: 1.0, radius_to: 1.0 };
-    let tool = revolved([(ElementKind::Cutter, vec![ball, shaft])]);
+    let mill = vec![Segment::ball_end(1.0), Segment::cylinder(1.0, 6.0, 1.0)];
+    let tool = revolved([(ElementKind::Cutter, mill)]);
     let grid = Grid { origin: DVec3::splat(-3.0), pitch: 1.0, dims: [7; 3] };
     let mut part = Occupancy::empty(grid);
     part.solid[grid.index([3; 3])] = 1;

@@ -1,12 +1,12 @@
 //! Kinematics against closed forms, plain matrices, and a search over a grid of angles.
 
-use glam::{DMat4, DVec3, DVec4};
+use glam::{DMat4, DVec3};
 
 use super::motion::Ball;
 use super::*;
 use crate::orientation::{Orientation, OrientationSet};
 
-const FREE: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
+pub(crate) const FREE: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
 
 pub(crate) fn axis(
     letter: char,
@@ -80,8 +80,8 @@ fn all() -> [Machine; 4] {
     [trunnion(), head_and_table(), fork(), nutating()]
 }
 
-/// By 4 by 4 matrices alone: where a point of the head that is at `point` with all axes at 0 is in the part's frame.
-pub(crate) fn by_matrices(machine: &Machine, joints: &Joints, point: DVec3, levels: (usize, usize)) -> DVec3 {
+/// By 4 by 4 matrices alone: from what hangs on the head to what stands on the table, both where they are with all axes at 0.
+pub(crate) fn head_to_table(machine: &Machine, joints: &Joints, levels: (usize, usize)) -> DMat4 {
     let turns = |side: Side, level: usize| {
         let mut matrix = DMat4::IDENTITY;
         for (index, axis) in machine.rotary.iter().enumerate().filter(|(_, a)| a.side == side).take(level) {
@@ -93,9 +93,12 @@ pub(crate) fn by_matrices(machine: &Machine, joints: &Joints, point: DVec3, leve
         matrix
     };
     let head = DMat4::from_translation(joints.linear) * turns(Side::Head, levels.0);
-    let table = turns(Side::Table, levels.1);
-    let moved: DVec4 = table.inverse() * head * point.extend(1.0);
-    moved.truncate() - machine.part_zero()
+    turns(Side::Table, levels.1).inverse() * head
+}
+
+/// Where a point of the head that is at `point` with all axes at 0 is in the part's frame.
+fn by_matrices(machine: &Machine, joints: &Joints, point: DVec3, levels: (usize, usize)) -> DVec3 {
+    head_to_table(machine, joints, levels).transform_point3(point) - machine.part_zero()
 }
 
 fn random_joints(seed: usize) -> Joints {

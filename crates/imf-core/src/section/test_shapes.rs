@@ -27,6 +27,28 @@ pub(crate) fn cylinder(radius: f64, height: f64) -> Tool {
     revolved([(ElementKind::Cutter, vec![Segment::cylinder(0.0, height, radius)])])
 }
 
+/// Whether a point, by its height and its distance from the axis, is within an outline.
+pub(crate) fn holds(profile: &[Segment], height: f64, radius: f64) -> bool {
+    let segment = profile.iter().find(|s| s.range().0 <= height && height < s.range().1);
+    segment.is_some_and(|s| radius <= s.radius(height))
+}
+
+/// Distance in the plane of height and radius from a point to an outline, by a fine walk. Its lower end is part of it, its upper end where
+/// it is `exposed`.
+pub(crate) fn walk(profile: &[Segment], exposed: bool, height: f64, radius: f64) -> f64 {
+    let (first, last) = (profile[0], profile[profile.len() - 1]);
+    let (low, high) = (first.range().0, last.range().1);
+    let points = (0..=1500).map(|step| f64::from(step) / 1500.0).flat_map(|t| {
+        let flank = profile.iter().map(move |s| {
+            let at = s.range().0 + (s.range().1 - s.range().0) * t;
+            (at, s.radius(at))
+        });
+        let ends = exposed.then_some((high, last.radius(high) * t));
+        flank.chain([(low, first.radius(low) * t)]).chain(ends)
+    });
+    points.map(|(h, r)| (h - height).hypot(r - radius)).fold(f64::INFINITY, f64::min)
+}
+
 /// A grid of unit voxels of which so many of four are solid.
 pub(crate) fn scattered(dims: [usize; 3], of_four: usize) -> Occupancy {
     let grid = Grid { origin: DVec3::new(0.3, -1.0, 2.0), pitch: 1.0, dims };

@@ -183,16 +183,13 @@ mod tests {
 
     #[test]
     fn depths_are_distances_to_the_outline() {
-        let cylinder = Segment::Line { from: 0.0, to: 10.0, radius_from: 3.0, radius_to: 3.0 };
-        let flat = Element { kind: ElementKind::Cutter, profile: vec![cylinder] };
+        let of = |profile| Element { kind: ElementKind::Cutter, profile };
+        let flat = of(vec![Segment::cylinder(0.0, 10.0, 3.0)]);
         let depths = [(1.0, 0.0), (5.0, 0.5), (9.5, 1.0)].map(|(h, r)| flat.depth(h, r, true));
         assert_eq!(depths, [1.0, 2.5, 0.5]);
         assert_eq!(flat.depth(9.5, 1.0, false), 2.0);
-        let ball =
-            Segment::Arc { from: 0.0, to: 3.0, centre_height: 3.0, centre_radius: 0.0, arc_radius: 3.0 };
-        let shaft = Segment::Line { from: 3.0, to: 10.0, radius_from: 3.0, radius_to: 3.0 };
-        let collar = Segment::Line { from: 10.0, to: 12.0, radius_from: 5.0, radius_to: 5.0 };
-        let mill = Element { kind: ElementKind::Cutter, profile: vec![ball, shaft, collar] };
+        let [shaft, collar] = [Segment::cylinder(3.0, 10.0, 3.0), Segment::cylinder(10.0, 12.0, 5.0)];
+        let mill = of(vec![Segment::ball_end(3.0), shaft, collar]);
         for (height, radius, expected) in [
             (1.0, 0.0, 1.0),
             (3.0, 0.0, 3.0),

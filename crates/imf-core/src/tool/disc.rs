@@ -75,22 +75,12 @@ fn end(outline: &[Spot<'_>], peak: usize, step: isize, level: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Element, SharpPoints};
     use super::*;
+    use crate::section::test_shapes::{line, revolved};
     use crate::unit::LengthUnit;
 
     fn tool(parts: &[(ElementKind, [f64; 4])]) -> Tool {
-        let line = |[from, to, a, b]: [f64; 4]| Segment::Line { from, to, radius_from: a, radius_to: b };
-        let elements =
-            parts.iter().map(|&(kind, part)| Element { kind, profile: vec![line(part)] }).collect();
-        Tool {
-            name: "t".into(),
-            unit: LengthUnit::Mm,
-            shape: ToolShape::Revolved(elements),
-            sharp_points: SharpPoints::Tip,
-            overall_length: None,
-            back_cutting: false,
-        }
+        revolved(parts.iter().map(|&(kind, [from, to, a, b])| (kind, vec![line(from, to, a, b)])))
     }
 
     #[test]

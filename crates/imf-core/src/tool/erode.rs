@@ -77,33 +77,8 @@ fn positive(segment: &Segment, from: f64, to: f64) -> Option<Segment> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::section::test_shapes::{arc, line};
+    use crate::section::test_shapes::{arc, holds, line, walk};
     use crate::tool::ElementKind;
-
-    /// Depth of a point below the outline and both ends, by a fine walk; negative outside.
-    fn depth(profile: &[Segment], exposed: bool, height: f64, radius: f64) -> f64 {
-        let (low, high) = (profile[0].range().0, profile.last().unwrap().range().1);
-        let holding = profile.iter().find(|s| s.range().0 <= height && height < s.range().1);
-        if holding.is_none_or(|s| radius > s.radius(height)) {
-            return -1.0;
-        }
-        let mut least = height - low;
-        // The bottom ends at its rim, which the walk passes.
-        if radius > profile[0].radius(low) {
-            least = f64::INFINITY;
-        }
-        if exposed {
-            least = least.min(high - height);
-        }
-        for segment in profile {
-            let (from, to) = segment.range();
-            for i in 0..=1000 {
-                let h = from + (to - from) * f64::from(i) / 1000.0;
-                least = least.min((h - height).hypot(segment.radius(h) - radius));
-            }
-        }
-        least
-    }
 
     #[test]
     fn eroded_cutters_are_the_points_deeper_than_the_depth() {
@@ -123,10 +98,9 @@ mod tests {
                 for i in 0..60 {
                     for j in 0..40 {
                         let (height, radius) = (-0.2 + 0.22 * f64::from(i), 0.12 * f64::from(j));
-                        let holding =
-                            eroded.profile.iter().find(|s| s.range().0 <= height && height < s.range().1);
-                        let inside = holding.is_some_and(|s| radius <= s.radius(height));
-                        let depth = depth(&element.profile, exposed, height, radius);
+                        let inside = holds(&eroded.profile, height, radius);
+                        let below = || walk(&element.profile, exposed, height, radius);
+                        let depth = if holds(&element.profile, height, radius) { below() } else { -1.0 };
                         // Half a step of the walk is below a hundredth.
                         if depth > amount + 0.01 {
                             assert!(inside, "{element:?} {amount} {height} {radius} {depth}");

@@ -212,43 +212,19 @@ mod tests {
     use super::*;
     use glam::DVec3;
 
-    fn tapered() -> Tool {
-        let cutter = vec![
-            Segment::Arc { from: 0.0, to: 1.6, centre_height: 2.0, centre_radius: 1.0, arc_radius: 2.0 },
-            Segment::Line { from: 1.6, to: 12.0, radius_from: 2.959_591_794_226_542, radius_to: 5.0 },
-        ];
-        let shank = vec![Segment::Line { from: 12.0, to: 18.0, radius_from: 2.5, radius_to: 2.5 }];
-        let holder = vec![Segment::Line { from: 18.0, to: 30.0, radius_from: 9.0, radius_to: 6.0 }];
-        let element = |kind, profile| Element { kind, profile };
-        Tool {
-            shape: ToolShape::Revolved(vec![
-                element(ElementKind::Cutter, cutter),
-                element(ElementKind::Shank, shank),
-                element(ElementKind::Holder(0), holder),
-            ]),
-            ..Tool::paper()
-        }
-    }
+    use crate::section::test_shapes::{arc, holds, line, revolved, walk};
 
-    /// Distance in the half-plane of height and radius from a point to the element, by a fine walk over its outline.
-    fn distance(element: &Element, height: f64, radius: f64) -> f64 {
-        let mut minimum = f64::INFINITY;
-        for segment in &element.profile {
-            let (from, to) = segment.range();
-            for i in 0..=2000 {
-                let h = from + (to - from) * f64::from(i) / 2000.0;
-                // All of the disc at this height belongs to the element.
-                minimum = minimum.min((h - height).hypot((radius - segment.radius(h)).max(0.0)));
-            }
-        }
-        minimum
+    fn tapered() -> Tool {
+        let flank = line(1.6, 12.0, 2.959_591_794_226_542, 5.0);
+        revolved([
+            (ElementKind::Cutter, vec![arc(0.0, 1.6, 2.0, 1.0, 2.0), flank]),
+            (ElementKind::Shank, vec![Segment::cylinder(12.0, 18.0, 2.5)]),
+            (ElementKind::Holder(0), vec![line(18.0, 30.0, 9.0, 6.0)]),
+        ])
     }
 
     fn inside(element: &Element, height: f64, radius: f64) -> bool {
-        element.profile.iter().any(|s| {
-            let (from, to) = s.range();
-            from <= height && height < to && radius <= s.radius(height)
-        })
+        holds(&element.profile, height, radius)
     }
 
     #[test]
@@ -265,8 +241,9 @@ mod tests {
                     for j in 0..60 {
                         let height = low - 0.3 + (high - low + 0.6) * f64::from(i) / 149.0;
                         let radius = f64::from(j) * 0.31;
-                        let away = distance(element, height, radius);
                         // The walk's steps are below 0.05, so its distance is right to about a thousandth.
+                        let outside = || walk(&element.profile, true, height, radius);
+                        let away = if inside(element, height, radius) { 0.0 } else { outside() };
                         if away < delta - 1e-9 {
                             assert!(inside(body, height, radius), "{:?} {height} {radius}", element.kind);
                         }
@@ -296,11 +273,7 @@ mod tests {
 
     #[test]
     fn a_tool_holds_one_that_is_nowhere_wider() {
-        let line = |from, to, radius_from, radius_to| Segment::Line { from, to, radius_from, radius_to };
-        let of = |profile: Vec<Segment>| {
-            let shape = ToolShape::Revolved(vec![Element { kind: ElementKind::Holder(0), profile }]);
-            Tool { shape, ..Tool::paper() }
-        };
+        let of = |profile| revolved([(ElementKind::Holder(0), profile)]);
         let cone = of(vec![line(5.0, 15.0, 2.0, 6.0), line(15.0, 30.0, 6.0, 6.0)]);
         let cases = [
             (vec![line(5.0, 15.0, 2.0, 6.0), line(15.0, 30.0, 6.0, 6.0)], true),
@@ -322,8 +295,7 @@ mod tests {
 
     #[test]
     fn an_offset_cylinder_has_the_volume_in_closed_form() {
-        let line = Segment::Line { from: 3.0, to: 11.0, radius_from: 4.0, radius_to: 4.0 };
-        let element = Element { kind: ElementKind::Shank, profile: vec![line] };
+        let element = Element { kind: ElementKind::Shank, profile: vec![Segment::cylinder(3.0, 11.0, 4.0)] };
         let (r, h, d, pi) = (4.0, 8.0, 1.25, std::f64::consts::PI);
         // Steiner's formula: volume, surface, mean curvature, ball.
         let surface = 2.0 * pi * r * (r + h);

@@ -165,6 +165,7 @@ mod tests {
 
     use super::*;
     use crate::orientation::Orientation;
+    use crate::section::test_shapes::cylinder;
     use crate::tool::{Clearance, ToolVoxels};
     use crate::unit::LengthUnit;
 
@@ -183,12 +184,9 @@ mod tests {
 
     #[test]
     fn the_corner_of_a_flat_end_is_sharp() {
-        let flank = Segment::Line { from: 0.0, to: 6.0, radius_from: 2.0, radius_to: 2.0 };
-        let cutter = Element { kind: ElementKind::Cutter, profile: vec![flank] };
         for count in [9, 17, 40] {
-            let (shape, sharp_points) =
-                (ToolShape::Revolved(vec![cutter.clone()]), SharpPoints::Cutter(count));
-            let points = Tool { shape, sharp_points, ..Tool::paper() }.sharp_point_positions(1.0);
+            let cutter = Tool { sharp_points: SharpPoints::Cutter(count), ..cylinder(2.0, 6.0) };
+            let points = cutter.sharp_point_positions(1.0);
             let at_corner = points.iter().filter(|p| p.z < 1e-9 && (p.x.hypot(p.y) - 2.0).abs() < 1e-9);
             assert!(at_corner.count() >= 4 && points.len() == count, "{points:?}");
             assert!(points.iter().all(|p| p.z < 5.9), "the flutes' upper end is none: {points:?}");

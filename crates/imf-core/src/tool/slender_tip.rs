@@ -62,22 +62,11 @@ impl Tool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tool::{Segment, SharpPoints};
-    use crate::unit::LengthUnit;
+    use crate::section::test_shapes::{line, revolved};
+    use crate::tool::Segment;
 
-    fn tool(profile: Vec<Segment>) -> Tool {
-        Tool {
-            name: "test".into(),
-            unit: LengthUnit::Mm,
-            shape: ToolShape::Revolved(vec![Element { kind: ElementKind::Cutter, profile }]),
-            sharp_points: SharpPoints::Tip,
-            overall_length: None,
-            back_cutting: false,
-        }
-    }
-
-    fn line(from: f64, to: f64, radius_from: f64, radius_to: f64) -> Segment {
-        Segment::Line { from, to, radius_from, radius_to }
+    fn tool(segment: Segment) -> Tool {
+        revolved([(ElementKind::Cutter, vec![segment])])
     }
 
     #[test]
@@ -85,13 +74,13 @@ mod tests {
         let near = |found: Option<f64>, expected: f64| {
             assert!((found.unwrap() - expected).abs() < 1e-6, "{found:?} for {expected}");
         };
-        near(tool(vec![line(0.0, 20.0, 3.0, 3.0)]).tip_depth(1.0), 2.0);
+        near(tool(line(0.0, 20.0, 3.0, 3.0)).tip_depth(1.0), 2.0);
         near(Tool::paper().tip_depth(1.0), 2.0);
         assert_eq!(Tool::paper().slender_tip(), None);
-        assert_eq!(tool(vec![line(0.0, 20.0, 3.0, 3.0)]).tip_depth(3.5), None);
+        assert_eq!(tool(line(0.0, 20.0, 3.0, 3.0)).tip_depth(3.5), None);
         for degrees in [45.0_f64, 30.0, 15.0] {
             let (sine, tangent) = (degrees.to_radians().sin(), degrees.to_radians().tan());
-            let cone = tool(vec![line(0.0, 20.0, 0.0, 20.0 * tangent)]);
+            let cone = tool(line(0.0, 20.0, 0.0, 20.0 * tangent));
             near(cone.tip_depth(0.8), 0.8 * (1.0 + 1.0 / sine));
             assert_eq!(cone.slender_tip(), None);
         }
@@ -101,7 +90,7 @@ mod tests {
     fn a_needle_is_as_thick_as_the_ball_that_it_holds_near_its_end() {
         // 0.5 at the tip, 5 degrees a side.
         let (sine, cosine) = 5.0_f64.to_radians().sin_cos();
-        let needle = tool(vec![line(0.0, 25.0, 0.25, 0.25 + 25.0 * sine / cosine)]);
+        let needle = tool(line(0.0, 25.0, 0.25, 0.25 + 25.0 * sine / cosine));
         let expected = |radius: f64| (radius / cosine - 0.25) * cosine / sine + radius;
         assert!((needle.tip_depth(1.0).unwrap() - expected(1.0)).abs() < 1e-6);
         let thick = needle.slender_tip().unwrap();

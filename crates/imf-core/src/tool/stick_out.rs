@@ -64,7 +64,7 @@ impl Tool {
         let ToolShape::Revolved(elements) = &self.shape else { return None };
         let below = elements.iter().rfind(|e| !matches!(e.kind, ElementKind::Holder(_)))?;
         let radius = below.profile.last()?.radius(face);
-        (from < to).then_some(Segment::Line { from, to, radius_from: radius, radius_to: radius })
+        (from < to).then_some(Segment::cylinder(from, to, radius))
     }
 
     /// Holder alone, its lower face at height 0; `None` as of [`Tool::stick_out`].
@@ -106,30 +106,17 @@ impl Segment {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tool::SharpPoints;
-    use crate::unit::LengthUnit;
-
-    fn line(from: f64, to: f64, radius_from: f64, radius_to: f64) -> Segment {
-        Segment::Line { from, to, radius_from, radius_to }
-    }
+    use crate::section::test_shapes::{line, revolved};
 
     /// A cutter of 20 with a neck of 5 and a shank up to `face`, and a holder of 30.
     fn necked(face: f64) -> Tool {
         let shank = vec![line(20.0, 25.0, 2.0, 3.0), line(25.0, 32.0, 3.0, 3.0), line(32.0, face, 3.0, 3.0)];
-        let elements = [
+        let tool = revolved([
             (ElementKind::Cutter, vec![line(0.0, 20.0, 2.5, 2.5)]),
             (ElementKind::Shank, shank),
             (ElementKind::Holder(0), vec![line(face, face + 30.0, 8.0, 12.0)]),
-        ];
-        let elements = elements.map(|(kind, profile)| Element { kind, profile });
-        Tool {
-            name: "necked".into(),
-            unit: LengthUnit::Mm,
-            shape: ToolShape::Revolved(elements.to_vec()),
-            sharp_points: SharpPoints::Tip,
-            overall_length: Some(60.0),
-            back_cutting: false,
-        }
+        ]);
+        Tool { overall_length: Some(60.0), ..tool }
     }
 
     #[test]

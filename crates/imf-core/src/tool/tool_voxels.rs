@@ -265,7 +265,8 @@ mod tests {
     use super::*;
     use crate::mesh::tests::unit_cube;
     use crate::orientation::OrientationSet;
-    use crate::tool::{Element, ElementKind};
+    use crate::section::test_shapes::{arc, line, revolved};
+    use crate::tool::ElementKind;
 
     /// Every voxel of a generous box tested against the definition.
     fn definition(tool: &Tool, orientation: &Orientation, pitch: f64) -> Vec<[i64; 3]> {
@@ -297,12 +298,11 @@ mod tests {
         let paper = Tool::paper();
         // A bull nose under a cone that narrows upwards and a wide collar: several runs on a line.
         let profile = vec![
-            Segment::Arc { from: 0.0, to: 4.0, centre_height: 4.0, centre_radius: 6.0, arc_radius: 4.0 },
-            Segment::Line { from: 4.0, to: 20.0, radius_from: 10.0, radius_to: 3.0 },
-            Segment::Line { from: 20.0, to: 31.0, radius_from: 13.0, radius_to: 13.0 },
+            arc(0.0, 4.0, 4.0, 6.0, 4.0),
+            line(4.0, 20.0, 10.0, 3.0),
+            Segment::cylinder(20.0, 31.0, 13.0),
         ];
-        let element = Element { kind: ElementKind::Cutter, profile };
-        let waisted = Tool { shape: ToolShape::Revolved(vec![element]), ..paper.clone() };
+        let waisted = revolved([(ElementKind::Cutter, profile)]);
         let mut set = OrientationSet::parse("random:12:3").unwrap().orientations;
         set.extend(OrientationSet::parse("0,0;0,90;90,90;0,180;45,90;0,45").unwrap().orientations);
         for (tool, pitch) in [(&paper, 3.1), (&waisted, 1.0)] {
@@ -339,11 +339,9 @@ mod tests {
 
     #[test]
     fn absurd_sizes_are_refused() {
-        let tool = Tool::paper();
         let made = |tool: &Tool, pitch: f64| ToolVoxels::new(tool, &Orientation::default(), pitch);
-        assert!(matches!(made(&tool, 1e-3), Err(ToolError::TooLarge { .. })));
-        let profile = vec![Segment::Line { from: 0.5, to: 0.9, radius_from: 0.1, radius_to: 0.1 }];
-        let shape = ToolShape::Revolved(vec![Element { kind: ElementKind::Cutter, profile }]);
-        assert!(matches!(made(&Tool { shape, ..tool }, 1.0), Err(ToolError::TooSmall { .. })));
+        assert!(matches!(made(&Tool::paper(), 1e-3), Err(ToolError::TooLarge { .. })));
+        let needle = revolved([(ElementKind::Cutter, vec![Segment::cylinder(0.5, 0.9, 0.1)])]);
+        assert!(matches!(made(&needle, 1.0), Err(ToolError::TooSmall { .. })));
     }
 }

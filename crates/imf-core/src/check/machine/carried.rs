@@ -40,7 +40,7 @@ impl HeadBody {
         let (frame, shape) = match &solid.shape {
             SolidShape::Cylinder { base, top, diameter } => {
                 let axis = (*top - *base).normalize_or_zero();
-                let profile = vec![line(0.0, base.distance(*top), 0.5 * diameter)];
+                let profile = vec![Segment::cylinder(0.0, base.distance(*top), 0.5 * diameter)];
                 let element = Element { kind: ElementKind::Holder(0), profile }.offset(clearance);
                 let rotation = Pose::along(*base, axis).rotation;
                 (Pose::new(*base, rotation), HeadShape::Round(vec![element]))
@@ -83,10 +83,6 @@ impl HeadBody {
     }
 }
 
-fn line(from: f64, to: f64, radius: f64) -> Segment {
-    Segment::Line { from, to, radius_from: radius, radius_to: radius }
-}
-
 /// A mesh as a tool whose tip is in the middle of its box.
 fn centred(name: &str, mesh: &Mesh) -> (Pose, HeadShape) {
     let (lower, upper) = mesh.bounds().unwrap_or_default();
@@ -111,6 +107,6 @@ pub(in crate::check) fn bar_around(tool: &Tool) -> Element {
     };
     let (lower, upper) = mesh.bounds().unwrap_or_default();
     let room = 1e-6 * (upper - lower).length();
-    let radius = tool.rolling_radius() + room;
-    Element { kind: ElementKind::Holder(0), profile: vec![line(lower.z - room, upper.z + room, radius)] }
+    let bar = Segment::cylinder(lower.z - room, upper.z + room, tool.rolling_radius() + room);
+    Element { kind: ElementKind::Holder(0), profile: vec![bar] }
 }
