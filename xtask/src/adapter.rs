@@ -46,6 +46,6 @@ fn has_driver() -> bool {
         .arg("-p")
         .output()
         .is_ok_and(|listed| !String::from_utf8_lossy(&listed.stdout).contains(LOADER));
-    let is_named = VARIABLES.iter().any(|name| env::var_os(name).is_some());
+    let is_named = VARIABLES.iter().any(|name| env::var_os(name).is_some_and(|value| !value.is_empty()));
     is_named || (!lacks_loader && FOLDERS.iter().any(holds_any))
 }

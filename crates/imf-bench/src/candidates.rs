@@ -3,9 +3,9 @@
 use anyhow::{Result, bail};
 use imf_cli::engine::Device;
 use imf_cli::session::Session;
+use imf_core::control::Cancelled;
 use imf_core::parts::ReferencePart;
 use imf_core::scene::{Scene, SceneSpec};
-use imf_core::section::SectionError;
 use imf_core::tool::Tool;
 use imf_fields::factored::file::FactoredFile;
 use imf_fields::factored::{DistillSettings, Symmetry};
@@ -79,7 +79,7 @@ pub(crate) fn distilled(
         }
     };
     if !matches!(outcome, Outcome::Finished) {
-        bail!(SectionError::Cancelled);
+        bail!(Cancelled);
     }
     stage.finish(&format!("loss {loss:.2e}"));
     Ok(FactoredFile::distilled(teacher, settings, state)?.finished(SavedPrecision::F32))

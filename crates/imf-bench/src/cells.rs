@@ -8,13 +8,11 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Error, Result};
 use imf_cli::engine::Device;
-use imf_cli::interrupt::Interrupted;
+use imf_cli::interrupt::{Interrupted, is_cancelled};
 use imf_cli::output::{prepare_folder, write_json};
 use imf_cli::session::Session;
 use imf_core::mesh::Mesh;
 use imf_core::parts::ReferencePart;
-use imf_core::section::SectionError;
-use imf_fields::evaluation::EvaluationError;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -125,11 +123,7 @@ impl<'a> Cells<'a> {
 
 /// Work that was interrupted leaves what was finished before it.
 pub(crate) fn interruption(error: Error, out: &Path) -> Error {
-    let cancelled = error.chain().any(|cause| {
-        matches!(cause.downcast_ref(), Some(SectionError::Cancelled))
-            || matches!(cause.downcast_ref(), Some(EvaluationError::Section(SectionError::Cancelled)))
-    });
-    if cancelled {
+    if is_cancelled(&error) {
         let kept = format!("what was finished is kept in {}; {GO_ON} to go on", out.display());
         return Interrupted(kept).into();
     }

@@ -177,7 +177,7 @@ fn sphere() -> Mesh {
             [height, (1.0 - height * height).sqrt()]
         })
         .collect();
-    Mesh::revolved(&outline, 40).welded()
+    Mesh::revolved(&outline, 40)
 }
 
 /// Seconds for the voxels of a sphere of 1,280 triangles on 128³.

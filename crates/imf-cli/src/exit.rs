@@ -3,11 +3,8 @@
 use std::process::ExitCode;
 
 use imf_core::check::CheckError;
-use imf_core::control::Cancelled;
 use imf_core::scene::SceneError;
-use imf_core::section::SectionError;
 use imf_core::toolpath::ToolpathError;
-use imf_fields::evaluation::EvaluationError;
 use imf_fields::onnx::OnnxError;
 use imf_train::dataset::DatasetError;
 
@@ -69,7 +66,9 @@ fn is_bad_input(error: &anyhow::Error) -> bool {
     error.chain().any(|cause| {
         cause.downcast_ref().is_some_and(path)
             || matches!(cause.downcast_ref(), Some(SceneError::NoTool(_)))
-            || cause.downcast_ref::<CheckError>().is_some_and(|error| !matches!(error, CheckError::Cancelled))
+            || cause
+                .downcast_ref::<CheckError>()
+                .is_some_and(|error| !matches!(error, CheckError::Cancelled(_)))
     })
 }
 
@@ -123,15 +122,7 @@ const TOOL_FILE: &str = "--tool mill.toml; for a 6 mm ball end mill in a 24 mm h
 
 /// Work that the user cancelled with nothing to save.
 fn was_cancelled(error: &anyhow::Error) -> bool {
-    let section = error.chain().any(|cause| {
-        let evaluation = cause.downcast_ref::<EvaluationError>();
-        matches!(cause.downcast_ref(), Some(SectionError::Cancelled))
-            || matches!(cause.downcast_ref(), Some(SceneError::Cancelled(_)))
-            || cause.is::<Cancelled>()
-            || matches!(cause.downcast_ref(), Some(CheckError::Cancelled))
-            || matches!(evaluation, Some(EvaluationError::Section(SectionError::Cancelled)))
-    });
-    section && interrupt::requested()
+    interrupt::is_cancelled(error) && interrupt::requested()
 }
 
 /// `imf … | head` is no error.

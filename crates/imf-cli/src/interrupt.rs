@@ -1,5 +1,5 @@
 //! Ctrl-C ends the program at once. Work that keeps what is finished ([`keep`]) is asked to stop at the next safe place instead, and
-//! only the second Ctrl-C ends it. Other work is never cancelled, and need not say what a cancellation leaves.
+//! only the second Ctrl-C ends it. Other work of the command is never cancelled, and need not say what a cancellation leaves.
 
 use std::borrow::Cow;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
@@ -7,6 +7,7 @@ use std::sync::{Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
+use imf_core::control::Cancelled;
 
 use crate::output::eprint_line;
 use thiserror::Error;
@@ -25,6 +26,12 @@ static LAST_WORDS: Mutex<Cow<'static, str>> = Mutex::new(Cow::Borrowed(NOTHING_F
 /// By this variable tests interrupt a training after so many of its reports, however fast the machine is. Release builds do not
 /// read it.
 const AFTER_REPORTS: &str = "IMF_INTERRUPT_AFTER_REPORTS";
+
+/// Whether work was asked to stop, and did: every error of ours that says so has [`Cancelled`] for its cause.
+#[must_use]
+pub fn is_cancelled(error: &anyhow::Error) -> bool {
+    error.chain().any(<dyn std::error::Error>::is::<Cancelled>)
+}
 
 /// Work that the user cancelled; the text says what is saved.
 #[derive(Debug, Error)]

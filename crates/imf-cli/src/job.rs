@@ -127,7 +127,7 @@ impl<T: Checkpoint> Training<'_, T> {
         }
         match outcome {
             // The first sections were still being made.
-            Err(TrainError::Section(SectionError::Cancelled)) if interrupt::requested() => {
+            Err(TrainError::Section(SectionError::Cancelled(_))) if interrupt::requested() => {
                 run.take_state(engine)?;
                 run.files.write(&run.field).context("interrupted")?;
                 return Err(run.interrupted(total));

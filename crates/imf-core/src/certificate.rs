@@ -43,8 +43,8 @@ pub enum CertificateError {
     #[error("the points are not voxel centres of the obstacle's grid")]
     Grid,
     /// The caller asked to stop.
-    #[error("cancelled")]
-    Cancelled,
+    #[error("interrupted")]
+    Cancelled(#[from] Cancelled),
 }
 
 /// Cells of this level are not divided.
@@ -80,11 +80,10 @@ pub fn certify(
     let offset = obstacle.grid().offset_of(grid).ok_or(CertificateError::Grid)?;
     let blocking = Blocking::all(obstacle, assembly)?;
     let search = || Search::new(&blocking);
-    let found = parallel::map_in_chunks(points, CHUNK, control, search, |search, &point| {
+    Ok(parallel::map_in_chunks(points, CHUNK, control, search, |search, &point| {
         let [x, y, z] = grid.voxel(point).map(|v| v as i64);
         search.point(I64Vec3::new(x, y, z) + I64Vec3::from_array(offset))
-    });
-    found.map_err(|Cancelled| CertificateError::Cancelled)
+    })?)
 }
 
 /// A tool, or shank and holder alone, and the voxels that it must stay out of.

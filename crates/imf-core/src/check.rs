@@ -33,7 +33,7 @@ use glam::DVec3;
 use serde::Serialize;
 use thiserror::Error;
 
-use crate::control::Control;
+use crate::control::{Cancelled, Control};
 use crate::occupancy::Occupancy;
 use crate::parallel;
 use crate::scene::SceneError;
@@ -302,7 +302,7 @@ pub enum CheckError {
     StickOut(#[from] SurfaceError),
     /// The caller's [`Control`] asked to stop.
     #[error("interrupted")]
-    Cancelled,
+    Cancelled(#[from] Cancelled),
 }
 
 fn number_text(number: Option<u32>) -> String {
@@ -348,9 +348,7 @@ pub fn check_toolpath(
             .map(|machine| MachinePairs::new(machine, &part, &fixtures, tool, settings, &world));
         let pairs = pairs.transpose()?;
         lines.extend(parallel::try_map(own.len(), |place| {
-            if control.is_cancelled() {
-                return Err(CheckError::Cancelled);
-            }
+            control.check()?;
             let motion = &motions[own[place]];
             let location = &toolpath.locations[own[place]];
             let (line, tool, kind) = (location.line, location.tool, location.kind);
@@ -371,7 +369,7 @@ pub fn check_toolpath(
             motion.with_joints(&mut collisions);
             (control.progress)(1);
             let found = LineCollisions { line, tool, kind, poses: motion.count, collisions };
-            Ok((own[place], found, beyond))
+            Ok::<_, CheckError>((own[place], found, beyond))
         })?);
     }
     lines.sort_by_key(|(index, ..)| *index);

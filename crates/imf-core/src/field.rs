@@ -54,7 +54,7 @@ use glam::{DQuat, DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::control::Control;
+use crate::control::{Cancelled, Control};
 use crate::grid::Grid;
 use crate::orientation::Orientation;
 use crate::parallel;
@@ -169,13 +169,13 @@ pub enum FieldError {
     Engine(#[from] EngineError),
     /// The caller's [`Control`] asked to stop.
     #[error("interrupted")]
-    Cancelled,
+    Cancelled(#[from] Cancelled),
 }
 
 impl From<SectionError> for FieldError {
     fn from(error: SectionError) -> Self {
         match error {
-            SectionError::Cancelled => Self::Cancelled,
+            SectionError::Cancelled(stop) => Self::Cancelled(stop),
             SectionError::Tool(error) => Self::Tool(error),
             SectionError::Clearance(error) => Self::Clearance(error),
             error => Self::Section(error),

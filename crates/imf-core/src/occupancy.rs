@@ -60,8 +60,9 @@ impl Occupancy {
         self.on(&Grid { origin, dims, ..self.grid }).unwrap_or_else(|| self.clone())
     }
 
-    /// Makes solid what is solid in another one, of a grid of the same voxels; what of it lies outside this grid is left out.
-    pub fn add(&mut self, other: &Self) {
+    /// Makes solid what is solid in another one, of a grid of the same voxels; what of it lies outside this grid is left out. Nothing
+    /// where the grids' voxels do not coincide.
+    pub(crate) fn add(&mut self, other: &Self) {
         let grid = self.grid;
         let Some(offset) = other.grid.offset_of(&grid) else { return };
         // The range of this grid's voxels that lie on the other one.
@@ -134,9 +135,15 @@ mod tests {
                 let expected = if inside { occupancy.solid[grid.index(old.map(|v| v as usize))] } else { 0 };
                 assert_eq!(moved.solid[index], expected, "{voxel:?}");
             }
-            let mut added = Occupancy::empty(other);
-            added.add(&occupancy);
-            assert_eq!(added, moved);
+            // Beside voxels that the grid has already, some of them at the same places.
+            let own =
+                Occupancy { grid: other, solid: (0..other.len()).map(|i| u8::from(i % 3 == 0)).collect() };
+            let mut both = own.clone();
+            both.add(&occupancy);
+            let either = own.solid.iter().zip(&moved.solid).map(|(own, more)| own | more);
+            assert!(both.solid.iter().copied().eq(either));
+            both.add(&Occupancy { grid: Grid { pitch: 0.4, ..other }, solid: vec![1; other.len()] });
+            assert!(both.solid.iter().zip(&own.solid).zip(&moved.solid).all(|((b, o), m)| *b == o | m));
         }
         assert!(occupancy.on(&Grid { pitch: 0.4, ..grid }).is_none());
         let mut one = Occupancy::empty(grid);

@@ -337,7 +337,7 @@ pub enum SceneError {
         pitch: f64,
     },
     /// The caller's [`Control`] asked to stop.
-    #[error(transparent)]
+    #[error("interrupted")]
     Cancelled(#[from] Cancelled),
 }
 

@@ -40,6 +40,7 @@ pub use values::overlap_fraction;
 use glam::DVec3;
 use thiserror::Error;
 
+use crate::control::Cancelled;
 use crate::grid::Grid;
 use crate::obstacle::Obstacle;
 use crate::orientation::Orientation;
@@ -88,7 +89,7 @@ pub enum SectionError {
     },
     /// The caller's [`Control`](crate::control::Control) asked to stop.
     #[error("interrupted")]
-    Cancelled,
+    Cancelled(#[from] Cancelled),
 }
 
 /// The points of the tool over which a section takes the minimum.

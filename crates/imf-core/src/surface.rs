@@ -49,6 +49,7 @@ use inside::InnerBalls;
 use level_ring::RingPlaces;
 use sample_query::{Above, Last, Outcome, SampleQuery, TOUCH};
 
+use crate::control::Cancelled;
 use crate::field::solid::{SolidField, SolidVoxels};
 use crate::tool::{Assembly, ClearanceError, Element, ElementKind, Segment, Tool, ToolShape};
 use crate::unit::LengthUnit;
@@ -82,8 +83,8 @@ pub enum SurfaceError {
     #[error(transparent)]
     Clearance(#[from] ClearanceError),
     /// The caller asked to stop.
-    #[error("cancelled")]
-    Cancelled,
+    #[error("interrupted")]
+    Cancelled(#[from] Cancelled),
 }
 
 /// How deep a cutter may cut below the surface by default, in `unit`: 0.05 mm or a tenth of the pitch, whichever is more.

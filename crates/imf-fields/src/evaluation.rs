@@ -97,9 +97,7 @@ pub fn field_imf(
     let mut least = Imf::new(exact.value.len());
     let mut values = vec![0.0; exact.value.len()];
     for (index, orientation) in orientations.iter().enumerate() {
-        if control.is_cancelled() {
-            return Err(SectionError::Cancelled.into());
-        }
+        control.check().map_err(SectionError::from)?;
         field(orientation, &mut values);
         least.lower_to(index, &values);
         (control.progress)(1);
@@ -171,7 +169,7 @@ pub fn grid_imf(
     let least = exact.minimum(orientations, control)?;
     let bare = exact.bare.map(|plan| imf(plan, orientations, quiet)).transpose()?;
     let learnt = field.minimum(orientations, quiet).map_err(|error| match error {
-        FieldError::Cancelled => SectionError::Cancelled.into(),
+        FieldError::Cancelled(stop) => SectionError::from(stop).into(),
         other => EvaluationError::Field(other),
     })?;
     let mut errors = Errors::default();

@@ -160,11 +160,9 @@ impl<'a> GpuSections<'a> {
                 _ => Vec::new(),
             };
             (&whole, counts).into_par_iter().enumerate().try_for_each(|(place, (turn, counts))| {
-                if control.is_cancelled() {
-                    return Err(SectionError::Cancelled);
-                }
+                control.check()?;
                 // The whole tool holds a voxel centre, or it had been refused.
-                let Some(rotated) = &turn.rotated else { return Ok(()) };
+                let Some(rotated) = &turn.rotated else { return Ok::<_, SectionError>(()) };
                 let more = cuttable
                     .get(place)
                     .and_then(|turn| turn.rotated.as_ref())
@@ -214,9 +212,7 @@ impl<'a> GpuSections<'a> {
         let watched: Vec<usize> = (1..=WATCHED).map(|part| voxels * part / (WATCHED + 1)).collect();
         let mut expected = Imf::new(watched.len());
         for (part, first) in orientations.chunks(MOST_JOBS).zip((0..).step_by(MOST_JOBS)) {
-            if control.is_cancelled() {
-                return Err(SectionError::Cancelled.into());
-            }
+            control.check().map_err(SectionError::from)?;
             let turned = self.whole.prepare(part, first, &watched)?;
             for turn in &turned {
                 let normaliser = turn.rotated.as_ref().map_or(1, |rotated| rotated.count);

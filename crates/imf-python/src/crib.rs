@@ -1,6 +1,6 @@
 //! Which tools of a crib serve which places of a surface, and the fewest that serve all.
 
-use imf_core::control::Control;
+use imf_core::control::{Cancelled, Control};
 use imf_core::scene::SceneWarning;
 use imf_core::set_cover::{CoverProblem, CoverSettings};
 use imf_core::surface::{
@@ -93,7 +93,8 @@ pub(crate) fn fewest_sets<'py>(
         problem.add((0..row.len()).filter(|&place| row[place]));
     }
     let settings = CoverSettings { fraction, ..CoverSettings::default() };
-    let cover =
-        run(py, (&None, "", 0), |control| problem.fewest(&settings, control).ok_or(SurfaceError::Cancelled))?;
+    let cover = run(py, (&None, "", 0), |control| {
+        problem.fewest(&settings, control).ok_or(SurfaceError::Cancelled(Cancelled))
+    })?;
     Ok((cover.sets, cover.at_least))
 }

@@ -186,7 +186,7 @@ impl Field {
             // So many points at a time, on all threads.
             let chunks = best.chunks_mut(4096).zip(points.chunks(4096));
             chunks.collect::<Vec<_>>().into_par_iter().try_for_each(|(best, points)| {
-                control.check().map_err(|_| FieldError::Cancelled)?;
+                control.check()?;
                 self.field.best(points, &rotations, best)?;
                 (control.progress)(points.len() as u64);
                 Ok::<_, FieldError>(())

@@ -70,7 +70,7 @@ impl<'a> PoseRows<'a> {
         let mut answers = vec![T::default(); self.len()];
         let chunks = answers.par_chunks_mut(CHUNK).enumerate();
         chunks.try_for_each_init(Vec::new, |poses, (chunk, answers)| -> Result<(), FieldError> {
-            control.check().map_err(|_| FieldError::Cancelled)?;
+            control.check()?;
             let first = chunk * CHUNK;
             poses.clear();
             poses.extend((first..first + answers.len()).map(|row| self.pose(row)));
@@ -103,7 +103,7 @@ impl PoseRows<'_> {
         run(py, (progress, "poses", self.len() as u64), |control| {
             self.answers(control, |poses, found| {
                 poses.iter().zip(found).try_for_each(|(pose, found)| {
-                    control.check().map_err(|_| FieldError::Cancelled)?;
+                    control.check()?;
                     *found = answer(pose);
                     Ok(())
                 })

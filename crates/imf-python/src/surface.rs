@@ -1,6 +1,7 @@
 //! What a scene's tool reaches of its part's surface: accessibility, the fewest set-ups, the least stick-outs.
 
 use glam::DMat3;
+use imf_core::control::Cancelled;
 use imf_core::mesh::MachiningDirection;
 use imf_core::orientation::{Limits, Orientation, OrientationSet};
 use imf_core::set_cover::{Cover, CoverProblem, CoverSettings};
@@ -195,9 +196,9 @@ impl Surface {
             let tools = [SetupTool { access: &self.access, brought: None }];
             let samples = &self.samples.samples;
             let reached = reached_in_setups(&tools, samples, orientations, &candidates, control);
-            let reached = reached.ok_or(SurfaceError::Cancelled)?;
+            let reached = reached.ok_or(Cancelled)?;
             let chosen = fewest_setups(&candidates, &reached, &settings, control);
-            Ok::<_, SurfaceError>((chosen.ok_or(SurfaceError::Cancelled)?, reached))
+            Ok::<_, SurfaceError>((chosen.ok_or(Cancelled)?, reached))
         })?;
         self.plan_dict(py, &chosen, &reached, &candidates)
     }

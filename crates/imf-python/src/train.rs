@@ -3,6 +3,7 @@
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
+use imf_core::control::Cancelled;
 use imf_core::field::EngineError;
 use imf_core::scene;
 use imf_core::section::{Quantity, SectionError, SectionPlan, ToolPoints};
@@ -163,7 +164,7 @@ impl Training<'_> {
             let target = Target::from(&teacher.field);
             let mut state = FactoredState::new(&target.shape(&settings), self.seed);
             if let Outcome::Stopped(_) = distil(target, &settings, &mut state, control, &mut |_| {})? {
-                return Err(SectionError::Cancelled.into());
+                return Err(SectionError::from(Cancelled).into());
             }
             let file = FactoredFile::distilled(&teacher, settings, state)
                 .map_err(|error| EngineError::Shape(error.to_string()))?;
@@ -212,7 +213,7 @@ impl Training<'_> {
                 if control.is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
             })?;
             if let Outcome::Stopped(_) = outcome {
-                return Err(SectionError::Cancelled.into());
+                return Err(SectionError::from(Cancelled).into());
             }
             model.state = engine.state()?;
             (model.record.steps, model.record.finished) = (total, true);
@@ -233,7 +234,7 @@ fn calibrated(py: Python<'_>, progress: &Progress<'_>, mut file: FieldFile) -> P
     loop {
         let found = run(py, (progress, "calibrating", settings.units()), |control| {
             match calibrate(&field, &settings, control) {
-                Err(CalibrationError::Cancelled) => Err(CalibrationError::Cancelled),
+                Err(stopped @ CalibrationError::Cancelled(_)) => Err(stopped),
                 other => Ok(other),
             }
         })?;

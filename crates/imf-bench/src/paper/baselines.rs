@@ -54,7 +54,7 @@ pub(super) fn measure(bench: &Bench<'_>, recipe: &Recipe, n: usize) -> Result<Ve
     let exact = questions.exact(&plan, session.control(&advance))?;
     let (stored_in, stored) = seconds(|| Ok(SectionTable::new(&plan, angles, session.control(&advance))?))?;
     stage.finish("");
-    let (domain, smaller) = (Domain::Directions, "take --scale reduced");
+    let (domain, smaller) = (Domain::Directions, "take a smaller --scale");
     let (fitted_in, file) = seconds(|| fit_field(session, &scene, &plan, domain, settings, smaller))?;
     let harmonic = &file.field;
     let (distilled_in, factored) = seconds(|| {

@@ -11,8 +11,9 @@ use imf_cli::interrupt;
 use imf_cli::picture::PanelSheet;
 use imf_cli::progress::show_seconds;
 use imf_cli::slices;
+use imf_core::control::Cancelled;
 use imf_core::occupancy::Occupancy;
-use imf_core::section::{Imf, SectionError, SectionPlan, SectionScratch, ToolPoints};
+use imf_core::section::{Imf, SectionPlan, SectionScratch, ToolPoints};
 use imf_core::tool::Tool;
 use imf_fields::metrics::{ErrorReport, Errors};
 use imf_fields::recipe::{Cursor, Precision, Sampling, TrainingState};
@@ -76,7 +77,7 @@ impl Sections {
         let mut exact = Vec::new();
         for (index, &theta) in fine_angles().iter().enumerate() {
             if interrupt::requested() {
-                return Err(SectionError::Cancelled.into());
+                return Err(Cancelled.into());
             }
             let mut values = vec![0.0; part.grid.len()];
             section(&plan, theta, &mut scratch, &mut values)?;
@@ -165,7 +166,7 @@ fn measure(bench: &Bench<'_>, recipe: &Recipe, stage: &Stage) -> Result<Measured
         })?)
     })?;
     if done < total {
-        return Err(SectionError::Cancelled.into());
+        return Err(Cancelled.into());
     }
     progress.finish("");
     let parameters = engine.state()?.parameters;

@@ -1,10 +1,10 @@
 //! The table of time: training, 225 sections by the network and exactly on the same device in the same run, and what
 //! everything takes in memory.
 
-use anyhow::{Result, bail};
+use anyhow::Result;
 use imf_cli::engine::Device;
 use imf_core::orientation::{Orientation, OrientationSet};
-use imf_core::section::{SectionError, SectionPlan, ToolPoints, stream_sections};
+use imf_core::section::{SectionPlan, ToolPoints, stream_sections};
 use imf_fields::model::Model;
 use imf_fields::siren::over_grid;
 use imf_gpu::GpuSections;
@@ -56,9 +56,7 @@ fn measure(bench: &Bench<'_>, model: &Model) -> Result<Measured> {
     let each = set.len() / timed;
     let (network, ()) = seconds(|| {
         for orientation in set.iter().step_by(each) {
-            if control.is_cancelled() {
-                bail!(SectionError::Cancelled);
-            }
+            control.check()?;
             section(orientation, &mut values)?;
             advance(each as u64);
         }

@@ -135,7 +135,7 @@ pub(crate) fn measure_decisions(
         let stage = session.stage("calibrating", "batches", settings.units());
         let advance = |n| stage.advance(n);
         match calibrate(field, &settings, session.control(&advance)) {
-            Err(CalibrationError::Cancelled) => {
+            Err(CalibrationError::Cancelled(_)) => {
                 return Err(Interrupted(kept.to_owned()).into());
             }
             Err(error) => {

@@ -119,7 +119,7 @@ pub(super) fn sample_sections(
 /// An interrupted dataset says what is kept; other errors stay as they are.
 pub fn interruption(error: DatasetError, folder: &Path) -> anyhow::Error {
     match error {
-        DatasetError::Section(SectionError::Cancelled) => Interrupted(format!(
+        DatasetError::Section(SectionError::Cancelled(_)) => Interrupted(format!(
             "finished shards are kept in {}; run the same command again to go on",
             folder.display()
         ))

@@ -138,7 +138,7 @@ impl Data {
 /// The reading of a dataset was interrupted.
 fn interruption(error: DatasetError) -> anyhow::Error {
     match error {
-        DatasetError::Section(SectionError::Cancelled) => {
+        DatasetError::Section(SectionError::Cancelled(_)) => {
             Interrupted("the training had not begun; run the same command again".into()).into()
         }
         other => other.into(),

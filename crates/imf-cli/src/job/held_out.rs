@@ -42,7 +42,7 @@ impl HeldOutWatch {
         let Some(record) = &model.record.held_out else { return Ok(None) };
         let trained = &model.record.orientations.orientations;
         let poses = match HeldOut::new(record.choice, &model.scene, trained, session.control(&|_| {})) {
-            Err(SectionError::Cancelled) => {
+            Err(SectionError::Cancelled(_)) => {
                 let text =
                     "the training had not begun; run the same command again: what was made for it is kept";
                 return Err(Interrupted(text.into()).into());

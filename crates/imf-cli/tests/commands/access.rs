@@ -113,6 +113,14 @@ fn unreached_space_is_split_by_elements_that_sum_to_the_measure() {
         assert!(tool == 1 || voxels(&rows[1]["alone"]) > 0);
     }
     assert_eq!(summary["blocked_by"].as_array().unwrap().len(), 2);
+    // Below a threshold as well what is solid is neither accessible nor inaccessible.
+    let imf = folder.npy::<f32>("out/imf.npy");
+    let summary = folder.json(&arguments(&format!("{tools} --tau 0.1")));
+    for (what, below) in [("accessible", true), ("inaccessible", false)] {
+        let expected = imf.iter().zip(&solid).filter(|&(&v, &s)| s == 0 && (v <= 0.1) == below).count();
+        assert_eq!(voxels(&summary[what]), expected, "{what}");
+    }
+    assert!(imf.iter().zip(&solid).any(|(&v, &s)| s != 0 && v <= 0.1), "a threshold that says nothing");
     let text = folder.imf(&arguments(tools)).done().stdout;
     assert!(text.contains("the cutter hits") && text.contains("the holder 1 hits"), "{text}");
 }

@@ -138,8 +138,7 @@ impl Workdir {
     /// Runs what must be refused with all these words in the last line, and leave nothing behind.
     pub(crate) fn refuse(&self, line: &str, words: &[&str]) {
         let before = self.entries();
-        let run = self.imf(line).refused(words);
-        assert_eq!(run.stderr.lines().last(), Some(run.errors()[0]), "`imf {line}`: what comes last");
+        self.imf(line).refused(words);
         assert_eq!(self.entries(), before, "`imf {line}` left something behind");
     }
 
@@ -227,6 +226,7 @@ impl Finished {
         assert_eq!(self.code, Some(code), "`imf {}`:\n{}", self.line, self.stderr);
         let errors = self.errors();
         assert_eq!(errors.len(), 1, "`imf {}`: one error line in\n{}", self.line, self.stderr);
+        assert_eq!(self.stderr.lines().last(), Some(errors[0]), "`imf {}`: what comes last", self.line);
         for word in words {
             assert!(errors[0].contains(word), "`imf {}`: no '{word}' in\n{}", self.line, self.stderr);
         }

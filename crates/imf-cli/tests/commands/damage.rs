@@ -28,8 +28,8 @@ fn damaged_datasets_are_named() {
     ] {
         work.write(manifest, bytes);
         work.imf(&train).refused(&[&[manifest], &words[..]].concat());
+        work.refuse("info data", &[&[manifest], &words[..]].concat());
     }
-    work.refuse("info data", &[manifest, "version 9", "newer imf"]);
     // Nor does `imf dataset` write over what it cannot read.
     work.imf(DATASET).refused(&[manifest, "version 9", "newer imf"]);
     assert_eq!(work.bytes(manifest), newer);

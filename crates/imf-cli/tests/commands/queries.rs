@@ -11,7 +11,6 @@ use imf_fields::field::Field;
 use imf_fields::file::FieldFile;
 use imf_fields::model::Model;
 
-#[cfg(target_os = "linux")]
 use crate::binary::Workdir;
 #[cfg(target_os = "linux")]
 use crate::binary::finish;

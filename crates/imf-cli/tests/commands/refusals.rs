@@ -182,11 +182,11 @@ fn orientation_sets_and_parts_that_are_none() {
 #[test]
 fn wrong_arguments_exit_with_2() {
     let folder = Workdir::new();
+    let missing = "arguments were not provided:\n  --out <";
     for (line, expected) in [
-        ("", "Usage: imf"),
         ("polish the-part", "error: unrecognized subcommand 'polish'"),
         ("info teapot --unit furlong", "mm, cm, m and inch"),
-        ("voxelize bracket", "--out"),
+        ("voxelize bracket", missing),
         ("voxelize bracket --out out --dims 5,15", "three whole numbers"),
         ("voxelize bracket --out out --dims 5,15,9 --pitch 2", "--pitch"),
         ("voxelize bracket --out out --pitch 0", "a positive length"),
@@ -199,16 +199,18 @@ fn wrong_arguments_exit_with_2() {
         ("field bracket --out out", "--orientations"),
         ("field bracket --orientations 0,0 --out out --memory plenty", "plenty"),
         ("dataset bracket --dims 7,21 --orientations grid:2 --out data", "three whole numbers"),
-        ("train", "--out"),
-        ("train siren5", "--out"),
-        ("train siren5 data", "--out"),
-        ("train harmonic bracket", "--out"),
+        ("train siren5 data", missing),
+        ("train harmonic bracket", missing),
         ("train siren5 data --out model --epochs 3 --steps 3", "cannot be used with '--steps <N>'"),
         ("eval model --in-sample grid:2", "one pair"),
     ] {
         let run = folder.imf(line);
         assert_eq!(run.code, Some(2), "`imf {line}`: {}", run.stderr);
-        assert!(run.stdout.is_empty() && run.stderr.contains(expected), "`imf {line}`: {}", run.stderr);
+        assert!(run.stdout.is_empty() && run.stderr.starts_with("error: "), "`imf {line}`: {}", run.stderr);
+        assert!(run.stderr.contains(expected), "`imf {line}`: {}", run.stderr);
     }
+    let alone = folder.imf("");
+    assert_eq!(alone.code, Some(2), "{}", alone.stderr);
+    assert!(alone.stdout.is_empty() && alone.stderr.contains("Usage: imf"), "{}", alone.stderr);
     assert!(folder.entries().is_empty());
 }

@@ -3,6 +3,7 @@
 use serde_json::Value;
 
 use crate::access::{arguments, mill, workshop};
+use crate::binary::finish;
 
 fn share(value: &Value) -> f64 {
     value.as_f64().unwrap()
@@ -84,7 +85,9 @@ fn a_crib_says_of_each_tool_what_the_tool_alone_does() {
             "from a library" => "crib/library.json#from a library".to_owned(),
             name => format!("crib/{name}.toml"),
         };
-        let alone = folder.json(&arguments(&format!("--tool {file} --orientations fibonacci:30")));
+        // The name has blanks.
+        let mut command = folder.command(&arguments("--orientations fibonacci:30 --json"));
+        let alone = finish("access --tool", command.args(["--tool", &file])).done().json();
         for name in ["reached", "obstructed", "gouged", "not_faced"] {
             assert!((share(&tool[name]) - share(&alone["surface"][name])).abs() < 1e-12, "{name}: {tool}");
         }

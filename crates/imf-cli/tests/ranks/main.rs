@@ -14,6 +14,8 @@ use std::time::{Duration, Instant};
 use binary::{DATASET, Finished, TRAIN, Workdir, finish};
 use imf_fields::model::Model;
 
+/// The binary that is run.
+const PROGRAM: &str = env!("CARGO_BIN_EXE_imf");
 /// Of the loss, between trainings that group their sums differently, in the first steps: rounding alone, 7e-8 was seen.
 const FIRST_TOLERANCE: f64 = 1e-5;
 /// Steps that count as the first.

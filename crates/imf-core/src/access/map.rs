@@ -74,16 +74,16 @@ pub fn access_map(
     let sharp_points = tool.sharp_point_positions(grid.pitch);
     let at = (point - grid.centre([0; 3])) / grid.pitch;
     let values = parallel::try_map(cells[0] * cells[1], |cell| {
-        if control.is_cancelled() {
-            return Err(SectionError::Cancelled);
-        }
+        control.check()?;
         let orientation = AccessMap::orientation(cells, cell / cells[1], cell % cells[1]);
         let rotated = ToolVoxels::new(tool, &orientation, grid.pitch)?;
         let rest = layer.map(|layer| layer.rotated(&orientation)).transpose()?.flatten();
         let layer = layer.zip(rest.as_ref()).map(|(layer, rest)| (&**layer.voxels, rest));
         (control.progress)(1);
-        Ok(minimum_mean(&obstacle.forbidden, &rotated, layer, &sharp_points, &orientation, at).min(1.0)
-            as f32)
+        Ok::<_, SectionError>(
+            minimum_mean(&obstacle.forbidden, &rotated, layer, &sharp_points, &orientation, at).min(1.0)
+                as f32,
+        )
     })?;
     Ok(AccessMap { cells, values })
 }

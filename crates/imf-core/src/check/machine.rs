@@ -47,7 +47,7 @@ impl MachineBodies {
         for solid in &machine.solids {
             let is_mesh = matches!(solid.shape, SolidShape::Mesh(_));
             if solid.side == Side::Table || is_mesh {
-                let voxels = solid.voxels(pitch, control).map_err(|_| CheckError::Cancelled)?;
+                let voxels = solid.voxels(pitch, control)?;
                 let voxels = decided(&solid.name, voxels)?;
                 if let SolidShape::Mesh(mesh) = &solid.shape
                     && let Some(lost) = LostSurface::of(mesh, &voxels.solid, &voxels.solid.grid)

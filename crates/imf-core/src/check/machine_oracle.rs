@@ -35,11 +35,15 @@ fn cuboid(name: &str, side: Side, level: usize, lower: [f64; 3], upper: [f64; 3]
 
 /// Two machines with their axes a little apart: both rotary axes in the table, and one on either side.
 fn machines() -> [Machine; 2] {
-    let machine = |rotary, solids| Machine {
-        travel: [FREE, FREE, [-60.0, 25.0]],
-        offsets: [(54, DVec3::new(1.0, -2.0, -40.0))].into(),
-        solids,
-        ..machine_of(rotary)
+    let machine = |rotary, solids| {
+        let machine = Machine {
+            travel: [FREE, FREE, [-60.0, 25.0]],
+            offsets: [(54, DVec3::new(1.0, -2.0, -40.0))].into(),
+            solids,
+            ..machine_of(rotary)
+        };
+        assert_eq!(machine.fault(), None);
+        machine
     };
     let trunnion = machine(
         vec![

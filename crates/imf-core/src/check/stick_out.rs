@@ -147,10 +147,10 @@ impl Search<'_> {
             // Farther out a pose may collide that was free: all are asked until none does.
             let length = self.length;
             let blocked = parallel::try_map(motions.len(), |at| {
-                if control.is_cancelled() {
-                    return Err(CheckError::Cancelled);
-                }
-                Ok(motions[at].1.poses().any(|(_, pose)| !self.tool.is_free_at(&pose, length)))
+                control.check()?;
+                Ok::<_, CheckError>(
+                    motions[at].1.poses().any(|(_, pose)| !self.tool.is_free_at(&pose, length)),
+                )
             })?;
             if !blocked.contains(&true) {
                 return Ok(Some(self.length));
@@ -165,9 +165,7 @@ impl Search<'_> {
                         (self.length, self.line) = (length, Some(*line));
                     }
                 }
-                if control.is_cancelled() {
-                    return Err(CheckError::Cancelled);
-                }
+                control.check()?;
             }
         }
     }

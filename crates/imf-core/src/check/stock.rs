@@ -242,9 +242,7 @@ impl Following<'_> {
     }
 
     fn cut(&mut self, index: usize, rapid: Option<Collision>) -> Result<(), CheckError> {
-        if self.control.is_cancelled() {
-            return Err(CheckError::Cancelled);
-        }
+        self.control.check()?;
         let (motion, location) = (&self.motions[index], &self.toolpath.locations[index]);
         let (line, tool, kind) = (location.line, location.tool, location.kind);
         let mut removal = LineRemoval { line, tool, kind, voxels: 0, of_part: 0 };

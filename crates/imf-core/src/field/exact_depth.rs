@@ -72,13 +72,14 @@ mod tests {
         let (mesh, tool) = (ReferencePart::Bracket.mesh(), Tool::paper());
         let spec = SceneSpec::of_reference(ReferencePart::Bracket, &mesh, [11, 35, 21], &tool);
         let room = Clearance { holder: 2.0, shank: 2.0, cutter: 2.0 };
-        let scene = spec.scene().unwrap().with_clearance(&room).unwrap();
-        let (grid, exact) = (scene.record.grid, ExactField::new(&scene, &scene.record.tool));
-        let plan = DepthPlan::of(&SectionPlan::of_scene(&scene, ToolPoints::Tip).unwrap()).unwrap();
-        let mut section = vec![0.0; grid.len()];
-        for orientation in
-            [Orientation::default(), Orientation::new(25.0, 55.0), Orientation::new(200.0, 120.0)]
-        {
+        let bare = spec.scene().unwrap();
+        let grid = bare.record.grid;
+        let turns = [Orientation::default(), Orientation::new(25.0, 55.0), Orientation::new(200.0, 120.0)];
+        let scenes = [bare.clone().with_clearance(&room).unwrap(), bare];
+        for (scene, orientation) in scenes.iter().flat_map(|scene| turns.map(|turn| (scene, turn))) {
+            let exact = ExactField::new(scene, &scene.record.tool);
+            let plan = DepthPlan::of(&SectionPlan::of_scene(scene, ToolPoints::Tip).unwrap()).unwrap();
+            let mut section = vec![0.0; grid.len()];
             plan.depths(&orientation, &mut DepthScratch::default(), &mut section).unwrap();
             let places: Vec<usize> = (0..grid.len()).step_by(61).collect();
             let pose = |&place: &usize| Pose::oriented(grid.centre(grid.voxel(place)), &orientation);
@@ -91,6 +92,7 @@ mod tests {
             let above = depths.iter().filter(|depth| **depth > 0.0).count();
             assert!(above > 10 && above + 10 < depths.len(), "{above} of {}", depths.len());
         }
+        let exact = ExactField::new(&scenes[0], &scenes[0].record.tool);
         let nowhere = Pose { position: DVec3::NAN, ..Pose::along(DVec3::ZERO, DVec3::Z) };
         assert!(exact.depth(&nowhere).is_nan());
     }

@@ -33,12 +33,12 @@ impl Mesh {
                 mesh.triangles.extend([[a, b, c], [b, d, c]]);
             }
         }
-        // A ring without a radius gives triangles without an area.
+        // A ring without a radius gives triangles without an area, and its vertices are one.
         let vertices = &mesh.vertices;
         mesh.triangles.retain(|t| {
             let [a, b, c] = t.map(|v| vertices[v as usize]);
             (b - a).cross(c - a).length_squared() > 0.0
         });
-        mesh
+        mesh.welded()
     }
 }

@@ -8,7 +8,7 @@ use crate::mesh::FaceRepair;
 use crate::tool::{Assembly, Element, ElementKind, Tool, ToolShape};
 use crate::unit::{ImplausibleProportion, Length, LengthUnit};
 
-/// A warning about a scene.
+/// A warning about a scene; an error too, for who refuses what is warned of.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum SceneWarning {

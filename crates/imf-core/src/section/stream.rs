@@ -151,9 +151,7 @@ pub(crate) fn stream_orientations<V: Send, E: From<SectionError> + Send>(
             if index >= count {
                 return Ok(visitor);
             }
-            if control.is_cancelled() {
-                return Err(SectionError::Cancelled.into());
-            }
+            control.check().map_err(SectionError::from)?;
             visit(&mut visitor, index)?;
             (control.progress)(1);
         }

@@ -5,7 +5,7 @@ use glam::{DQuat, DVec3};
 use super::level_ring::RingPlaces;
 use super::sample_query::{Above, Last, SampleQuery};
 use super::{Reach, SurfaceError, SurfaceSample, SurfaceTool};
-use crate::control::{Cancelled, Control};
+use crate::control::Control;
 use crate::orientation::Orientation;
 use crate::parallel;
 use crate::pose::axis_of;
@@ -93,18 +93,6 @@ impl SurfaceAccess {
     pub fn directions(&self) -> usize {
         self.directions
     }
-
-    /// The area that each direction reaches.
-    #[must_use]
-    pub fn area_by_direction(&self, samples: &[SurfaceSample]) -> Vec<f64> {
-        let mut areas = vec![0.0; self.directions];
-        for (index, sample) in samples.iter().enumerate() {
-            (0..self.directions)
-                .filter(|&direction| self.is_free(index, direction))
-                .for_each(|direction| areas[direction] += sample.area);
-        }
-        areas
-    }
 }
 
 /// Samples that are one unit of progress.
@@ -129,12 +117,13 @@ pub fn surface_access(
         let reach = tool.reach(sample, &turns, cache, |turn| free[turn / 64] |= 1 << (turn % 64));
         (reach, free)
     });
-    let found = found.map_err(|Cancelled| SurfaceError::Cancelled)?;
+    let found = found?;
     let (reach, free): (Vec<Reach>, Vec<Vec<u64>>) = found.into_iter().unzip();
     Ok(SurfaceAccess { reach, free: free.concat(), directions: directions.len() })
 }
 
-/// Bytes of the results of [`surface_access`].
+/// Bytes that [`surface_access`] takes at the most: by sample the outcome and a row of bits with its header, twice while they are put
+/// together.
 #[must_use]
 pub fn surface_memory_estimate(samples: usize, directions: usize) -> u64 {
     samples as u64 * (64 + 8 * directions.div_ceil(64) as u64) * 2

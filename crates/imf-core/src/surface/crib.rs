@@ -9,7 +9,7 @@
 use super::level_ring::RingPlaces;
 use super::sample_query::{Above, Last, SampleQuery};
 use super::{Shape, SurfaceError, SurfaceSample, SurfaceTool, ToolDirection, Verdict};
-use crate::control::{Cancelled, Control};
+use crate::control::Control;
 use crate::field::solid::OutsidePlane;
 use crate::orientation::Orientation;
 use crate::parallel;
@@ -38,7 +38,7 @@ pub fn crib_access(
     let rows = parallel::map_in_chunks(samples, CHUNK, control, work, |work, sample| {
         work.verdicts(sample, tools.len())
     });
-    let rows = rows.map_err(|Cancelled| SurfaceError::Cancelled)?;
+    let rows = rows?;
     Ok((0..tools.len()).map(|tool| rows.iter().map(|row| row[tool]).collect()).collect())
 }
 

@@ -11,7 +11,7 @@ use glam::{DQuat, DVec3};
 
 use super::contact::{ContactFrame, Touch};
 use super::{Revolved, Shape, SurfaceError, SurfaceSample, SurfaceTool, ToolDirection};
-use crate::control::{Cancelled, Control};
+use crate::control::Control;
 use crate::field::solid::SolidField;
 use crate::grid::Grid;
 use crate::orientation::Orientation;
@@ -192,7 +192,7 @@ pub fn least_overlaps(
 ) -> Result<Vec<Option<LeastOverlap>>, SurfaceError> {
     let turns: Vec<ToolDirection> = directions.iter().map(ToolDirection::new).collect();
     let least = |_: &mut (), &sample: &usize| tool.least_overlap(&samples[sample], &turns);
-    parallel::map_in_chunks(chosen, CHUNK, control, || (), least).map_err(|Cancelled| SurfaceError::Cancelled)
+    Ok(parallel::map_in_chunks(chosen, CHUNK, control, || (), least)?)
 }
 
 /// By voxel of the surroundings' grid: the area of the samples at whose pose it is in the way, once for each piece of the tool
@@ -218,7 +218,7 @@ pub fn culprits(
         blamed
     };
     let blamed = parallel::map_in_chunks(poses, CHUNK, control, || (), in_the_way);
-    let blamed = blamed.map_err(|Cancelled| SurfaceError::Cancelled)?;
+    let blamed = blamed?;
     let mut blame = vec![0.0_f64; grid.len()];
     blamed.into_iter().flatten().for_each(|(voxel, area)| blame[voxel] += area);
     Ok(Some((grid, blame.into_iter().map(|area| area as f32).collect())))

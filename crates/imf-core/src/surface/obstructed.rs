@@ -14,7 +14,7 @@ pub struct ObstructedAreas {
 }
 
 impl ObstructedAreas {
-    /// Of places with their areas and their tools; those that are not obstructed count for nothing.
+    /// Of places: their tools, what these reach there, and their areas. Places that are not obstructed count for nothing.
     #[must_use]
     pub fn new<'a>(places: impl IntoIterator<Item = (&'a SurfaceTool, Reach, f64)>) -> Self {
         let mut found = Self::default();

@@ -172,7 +172,7 @@ mod tests {
         let tools = [SetupTool { access: &access, brought: None }];
         let reached = reached_in_setups(&tools, &samples, &directions, &setups, Control::quiet()).unwrap();
         let chosen = fewest_setups(&setups, &reached, &settings, Control::quiet()).unwrap();
-        Plan { chosen, setups, area: reached.weight(), reached }
+        Plan { chosen, setups, area: samples.iter().map(|sample| sample.area).sum(), reached }
     }
 
     #[test]

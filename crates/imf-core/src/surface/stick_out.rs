@@ -269,9 +269,7 @@ pub fn least_stick_outs(
             let mut memory = [[Last::None; 2]; DIRECTIONS];
             let mut waiting = Waiting::new();
             for (sample, best) in found.iter_mut().enumerate() {
-                if control.is_cancelled() {
-                    return Err(SurfaceError::Cancelled);
-                }
+                control.check()?;
                 let query = &stances[chunk * CHUNK + sample];
                 for (index, (turn, skyline)) in turns.iter().zip(&skylines).enumerate() {
                     // None is shorter.
@@ -309,7 +307,7 @@ pub fn least_stick_outs(
                     }
                 }
             }
-            Ok(())
+            Ok::<_, SurfaceError>(())
         })?;
         (control.progress)(turns.len() as u64);
     }

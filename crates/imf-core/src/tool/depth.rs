@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
-use super::tool_voxels::{SLACK, bounds, held, line_through_cylinder, turned};
+use super::tool_voxels::{SLACK, bounds, line_through_cylinder, locate_inside, turn};
 use super::voxel_count::{mesh_voxels, snapped};
 use super::{Element, ElementKind, Segment, Tool, ToolShape};
 use crate::grid::Grid;
@@ -86,7 +86,7 @@ impl Element {
     /// the predicate that defines the tool.
     #[inline]
     pub(crate) fn holds(&self, offset: DVec3, axis: DVec3, pitch: f64) -> Option<(f64, f64)> {
-        let (height, squared) = held(&self.profile, axis, offset, SLACK * pitch * pitch)?;
+        let (height, squared) = locate_inside(&self.profile, axis, offset, SLACK * pitch * pitch)?;
         Some((height, squared.max(0.0).sqrt()))
     }
 
@@ -160,7 +160,7 @@ impl Tool {
         pose.axis()?;
         let (grid, orientation) = (&obstacle.grid, pose.orientation());
         let tip = snapped(grid, pose.position);
-        let turned = turned(mesh, &orientation, grid.pitch);
+        let turned = turn(mesh, &orientation, grid.pitch);
         let voxels = mesh_voxels(&turned, grid.pitch, tip, bounds(self, &orientation, grid.pitch))?;
         let own = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: voxels.dims };
         for index in (0..voxels.solid.len()).filter(|&index| voxels.solid[index] == 1) {

@@ -32,6 +32,7 @@ impl Tool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mesh::topology::MeshReport;
 
     #[test]
     fn the_surface_has_the_tools_volume_and_faces_outwards() {
@@ -40,6 +41,7 @@ mod tests {
         // A polygon of 48 corners has 0.3 % less area than its circle, arcs in 12 pieces lose a little more.
         let volume = mesh.signed_volume();
         assert!(volume < tool.volume() && volume > 0.995 * tool.volume(), "{volume}");
+        assert!(MeshReport::new(&mesh).closed);
         let (low, high) = mesh.bounds().unwrap();
         assert!((low.z.abs() < 1e-9) && (high.z - tool.length()).abs() < 1e-9);
     }

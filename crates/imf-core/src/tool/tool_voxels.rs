@@ -33,7 +33,7 @@ pub(crate) const SLACK: f64 = 1e-9;
 const ASIDE: DVec3 = DVec3::new(3.1e-7, 4.7e-7, 1e-6);
 
 /// A mesh tool in an orientation, [`ASIDE`].
-pub(super) fn turned(mesh: &Mesh, orientation: &Orientation, pitch: f64) -> Mesh {
+pub(super) fn turn(mesh: &Mesh, orientation: &Orientation, pitch: f64) -> Mesh {
     let aside = DMat4::from_translation(-ASIDE * pitch);
     mesh.transformed(&(DMat4::from_mat3(orientation.rotation()) * aside))
 }
@@ -70,7 +70,7 @@ impl ToolVoxels {
                 vectorised!(pulp::Arch::new(), rotated.fill_revolved(&profile, direction, pitch));
             }
             ToolShape::Mesh(mesh) => {
-                let turned = turned(mesh, orientation, pitch);
+                let turned = turn(mesh, orientation, pitch);
                 let grid = Grid { origin: (lower - 0.5) * pitch, pitch, dims: rotated.dims };
                 rotated.solid = voxelize(&turned, &grid, false).solid;
             }
@@ -190,12 +190,17 @@ impl ToolVoxels {
 
 /// True where the point `p`, relative to the tip and turned with the world, lies in a body of revolution.
 pub(crate) fn contains(profile: &[Segment], direction: DVec3, p: DVec3, slack: f64) -> bool {
-    held(profile, direction, p, slack).is_some()
+    locate_inside(profile, direction, p, slack).is_some()
 }
 
 /// The predicate that defines the tool: height on the axis and squared distance from it of a point that a body of revolution holds.
 #[inline]
-pub(super) fn held(profile: &[Segment], direction: DVec3, p: DVec3, slack: f64) -> Option<(f64, f64)> {
+pub(super) fn locate_inside(
+    profile: &[Segment],
+    direction: DVec3,
+    p: DVec3,
+    slack: f64,
+) -> Option<(f64, f64)> {
     let height = p.dot(direction);
     let segment = profile.iter().find(|s| s.range().0 <= height && height < s.range().1)?;
     let (radius, squared) = (segment.radius(height), p.length_squared() - height * height);

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::tool_voxels::{MAX_VOXELS, SLACK, bounds, contains, turned};
+use super::tool_voxels::{MAX_VOXELS, SLACK, bounds, contains, turn};
 use super::{ElementKind, Segment, Tool, ToolShape, ToolVoxels};
 use crate::grid::Grid;
 use crate::mesh::Mesh;
@@ -36,7 +36,7 @@ impl Tool {
                 count_one_by_one(obstacle, tip, ranges(&obstacle.grid, tip, bounds), inside)
             }
             ToolShape::Mesh(mesh) => {
-                let turned = turned(mesh, orientation, obstacle.grid.pitch);
+                let turned = turn(mesh, orientation, obstacle.grid.pitch);
                 count_in_mesh(&turned, obstacle, tip, bounds)
             }
         }

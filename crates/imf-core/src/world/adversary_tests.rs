@@ -297,8 +297,8 @@ impl Asked {
         case.checker.classify(&self.poses, &mut decisions).unwrap();
         for ((pose, &collides), decision) in self.poses.iter().zip(&self.collides).zip(decisions) {
             let alone = Decision::of(!case.checker.is_free(pose));
-            let as_it_is = [alone, decision] == [Decision::of(collides); 2];
-            if !as_it_is && (collides || !case.rounds(pose)) {
+            let is_true = alone == Decision::of(collides) || (!collides && case.rounds(pose));
+            if alone != decision || !is_true {
                 let answers = format!("one by one {alone:?}, together {decision:?}, collides {collides}");
                 tally.wrong.push(format!("{} {pose:?}: {answers}", case.name));
             }

@@ -16,6 +16,12 @@ fn distances_of_free_tools_are_those_of_trying_every_voxel() {
     let checker = world.checker(&tool, &Clearance::default()).unwrap();
     let case = Case::new("three obstacles".into(), checker.clone());
     let all: Vec<_> = case.solids.iter().map(|solid| solid.centres.clone()).collect();
+    // The checker, from which the case has them, left none out.
+    let solid = |standing: &Standing| standing.prepared.obstacle().forbidden.count();
+    assert!(all.iter().map(Vec::len).eq(world.obstacles.iter().map(solid)));
+    let ToolShape::Revolved(elements) = &tool.shape else { panic!() };
+    let whole: Vec<_> = elements.iter().flat_map(|element| element.profile.clone()).collect();
+    assert!(case.solids.iter().all(|solid| solid.profile == whole));
     let (mut near, mut hit) = (0, [0; 3]);
     for pose in poses(500, 31, 60.0).into_iter().filter(|pose| checker.is_free(pose)) {
         let found = checker.distance(&pose).unwrap().unwrap();

@@ -43,9 +43,7 @@ impl<'a> Exact<'a> {
     pub fn sections(&self, set: &[Orientation], control: Control<'_>) -> Result<Vec<Vec<f32>>, SectionError> {
         let Some(depth) = &self.depth else { return sections(self.plan, set, control) };
         let section = |scratch: &mut DepthScratch, orientation: &Orientation| {
-            if control.is_cancelled() {
-                return Err(SectionError::Cancelled);
-            }
+            control.check()?;
             let mut values = vec![0.0; depth.grid().len()];
             depth.depths(orientation, scratch, &mut values)?;
             (control.progress)(1);

@@ -19,7 +19,7 @@ use draw::{Draw, Kind, Seen, Truth};
 use crate::calibration::{Calibration, Goals, Judgement, Rate, most_errors};
 use crate::field::Field;
 use crate::metrics::larger;
-use imf_core::control::Control;
+use imf_core::control::{Cancelled, Control};
 use imf_core::field::{Decision, FieldError};
 use imf_core::tool::{ClearanceError, ToolError};
 
@@ -81,7 +81,7 @@ pub enum CalibrationError {
     Clearance(#[from] ClearanceError),
     /// The caller's [`Control`] asked to stop.
     #[error("interrupted")]
-    Cancelled,
+    Cancelled(#[from] Cancelled),
 }
 
 /// Poses drawn and answered at a time; one unit of progress.

@@ -10,6 +10,7 @@ use crate::field::scenes::{
     calibration, factored_file, harmonic_file, harmonic_in_halves, scene, siren_model,
 };
 use crate::harmonic::coefficients::Precision;
+use crate::recipe::Cursor;
 use imf_core::tool::Tool;
 
 /// Every family, in every precision, with and without what training goes on by.
@@ -29,10 +30,15 @@ fn all() -> Vec<FieldFile> {
     checkpoint.state = Some(state);
     // What SOAP keeps of the one matrix between hidden layers, once there was a step.
     let mut stepped = checkpoint.clone();
-    let training = &mut stepped.state.as_mut().unwrap().training;
+    let state = stepped.state.as_mut().unwrap();
+    state.cursor = Cursor { epoch: 2, step: 5 };
+    state.watch.observe(5, 100, 0.125);
+    let training = &mut state.training;
     let width = factored.settings.width;
     training.step = 1;
-    training.preconditioners = vec![0.25; factored.settings.optimiser.kept_count(width, width)];
+    let numbers = |count: usize, last: f32| (0..count).map(|i| last + i as f32).collect();
+    training.second_moment = numbers(training.second_moment.len(), 0.5);
+    training.preconditioners = numbers(factored.settings.optimiser.kept_count(width, width), 0.25);
     assert!(!training.preconditioners.is_empty());
     // In f16 weights are rounded, and the axes of a folded network, which are most of them.
     let round = |values: &mut [f32]| values.iter_mut().for_each(|w| *w = f16::from_f32(*w).to_f32());

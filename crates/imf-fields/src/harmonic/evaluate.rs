@@ -10,7 +10,7 @@ use super::HarmonicField;
 use super::basis::Basis;
 use super::mirror::{Mirrors, one_side};
 use crate::siren::matrix::{Matrix, multiply, product};
-use imf_core::control::Control;
+use imf_core::control::{Cancelled, Control};
 use imf_core::field::FieldError;
 use imf_core::orientation::Orientation;
 use imf_core::section::{Imf, Quantity};
@@ -238,7 +238,7 @@ pub(crate) fn minimum_over(
             &mut least,
             control,
         ) {
-            return Err(FieldError::Cancelled);
+            return Err(Cancelled.into());
         }
     }
     least.clamp(source.quantity(), source.pitch());

@@ -75,9 +75,7 @@ pub fn minimum_at(
         // Without any the engine says so.
         let groups = directions.chunks(DIRECTIONS).chain(directions.is_empty().then_some(directions));
         for (first, directions) in (0..).step_by(DIRECTIONS).zip(groups) {
-            if control.is_cancelled() {
-                return Err(FieldError::Cancelled);
-            }
+            control.check()?;
             engine.minimum(points, directions, least, best)?;
             for ((lowest, chosen), (least, best)) in
                 lowest.iter_mut().zip(chosen.iter_mut()).zip(least.iter().zip(best.iter()))

@@ -74,11 +74,9 @@ impl GridCoefficients {
         let Self { voxels, over, evaluated } = self;
         let source = evaluated.as_deref().map_or(source, Source::Factored);
         let mut found = over.minimum(voxels.count, orientations, source, |part, count| {
-            if control.is_cancelled() {
-                return Err(FieldError::Cancelled);
-            }
+            control.check()?;
             (control.progress)((part.len() * count) as u64);
-            Ok(voxels.hold(&part))
+            Ok::<_, FieldError>(voxels.hold(&part))
         })?;
         let (quantity, pitch) = source.quantity();
         found.clamp(quantity, pitch);

@@ -159,7 +159,7 @@ fn a_minimum_reports_its_progress_and_stops_when_asked() {
     assert_eq!(done.load(Ordering::Relaxed), 5 * voxels);
     stop.store(true, Ordering::Relaxed);
     let stopped = found.minimum(&orientations, control());
-    assert!(matches!(stopped, Err(FieldError::Cancelled)));
+    assert!(matches!(stopped, Err(FieldError::Cancelled(_))));
     let error = found.sections(&[], &mut []).expect_err("no orientation");
     assert!(error.to_string().contains("at least one orientation"), "{error}");
 }

@@ -228,7 +228,7 @@ fn limits_and_cancellation_are_reported() {
     let control = Control { progress: &|_| {}, cancelled: &stop };
     let mut device = GpuSections::new(&gpu, &plan).unwrap();
     let cancelled = |result: Result<(), GpuSectionError>| {
-        matches!(result, Err(GpuSectionError::Section(SectionError::Cancelled)))
+        matches!(result, Err(GpuSectionError::Section(SectionError::Cancelled(_))))
     };
     assert!(cancelled(device.imf(&orientations(), control).map(|_| ())));
     assert!(cancelled(device.stream(&orientations(), control, || (), |(), _, _| {}).map(|_| ())));

@@ -67,9 +67,7 @@ pub fn merge(out: &Path, folders: &[PathBuf], control: Control<'_>) -> Result<Me
     let mut manifest = joined(&sources, out, &mut damaged)?;
     let (mut kept, mut copied, mut missing) = (0, 0, Vec::new());
     for index in 0..manifest.shard_count() {
-        if control.is_cancelled() {
-            return Err(SectionError::Cancelled.into());
-        }
+        control.check().map_err(SectionError::from)?;
         match take(out, &sources, index, &mut damaged)? {
             Some((record, is_copied)) => {
                 manifest.shards[index] = Some(record);

@@ -10,6 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use super::manifest::{DatasetError, Manifest};
 use super::shard;
 use crate::samples::Samples;
+use imf_core::control::Cancelled;
 use imf_core::grid::Grid;
 use imf_core::section::SectionError;
 
@@ -143,7 +144,7 @@ impl Shards {
         into.clear();
         for shard in 0..self.count() {
             if cancelled.load(Ordering::Relaxed) {
-                return Err(SectionError::Cancelled.into());
+                return Err(SectionError::from(Cancelled).into());
             }
             shard::read_into(&self.folder, &self.manifest, shard, file, into, |sample| keep(shard, sample))?;
         }

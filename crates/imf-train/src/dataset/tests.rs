@@ -69,7 +69,7 @@ fn an_interrupted_dataset_goes_on_and_is_the_same() {
     let set = OrientationSet::parse("fibonacci:12").unwrap();
     let control = Control { progress: &progress, cancelled: &stop };
     let error = generate(broken.path(), &scene(), &set, &Sampling::default(), control).unwrap_err();
-    assert!(matches!(error, DatasetError::Section(imf_core::section::SectionError::Cancelled)));
+    assert!(matches!(error, DatasetError::Section(imf_core::section::SectionError::Cancelled(_))));
     assert!(matches!(load(broken.path()), Err(DatasetError::Unfinished { .. })));
     make(broken.path()).unwrap();
     assert_eq!(load(whole.path()).unwrap().2, load(broken.path()).unwrap().2);

@@ -204,7 +204,7 @@ pub fn distil_on<'a>(
     });
     let ended = match trained {
         // No step was taken.
-        Err(TrainError::Section(SectionError::Cancelled)) if control.is_cancelled() => {
+        Err(TrainError::Section(SectionError::Cancelled(_))) if control.is_cancelled() => {
             Outcome::Stopped(begun.cursor)
         }
         ended => ended?,

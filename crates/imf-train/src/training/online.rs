@@ -7,6 +7,7 @@
 use std::ops::RangeInclusive;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
+use imf_core::control::Cancelled;
 use imf_core::section::SectionError;
 use imf_fields::recipe::OnlineSettings;
 
@@ -70,10 +71,10 @@ impl<S> Arrivals<'_, S> {
     pub(crate) fn at(&mut self, step: u64) -> Result<&[Option<S>], SectionError> {
         while self.next <= self.settings.newest(step) {
             if step == self.first && (self.stop)() {
-                return Err(SectionError::Cancelled);
+                return Err(Cancelled.into());
             }
             // A producer that is gone has panicked, which is passed on when it is joined.
-            let made = self.receiver.recv().unwrap_or(Err(SectionError::Cancelled))?;
+            let made = self.receiver.recv().unwrap_or(Err(Cancelled.into()))?;
             self.pool[(self.next % self.settings.pool as u64) as usize] = Some(made);
             self.next += 1;
         }
@@ -135,7 +136,7 @@ mod tests {
         let stop = || cancelled.load(Ordering::Relaxed);
         let settings = OnlineSettings { lead: 1, ..SETTINGS };
         let taken = with_arrivals(settings, [0, 60], make, &stop, |arrivals| arrivals.at(0).map(<[_]>::len));
-        assert!(matches!(taken, Err(SectionError::Cancelled)), "{taken:?}");
+        assert!(matches!(taken, Err(SectionError::Cancelled(_))), "{taken:?}");
         // The two that were taken, the one that may be ahead, and the one after it, which found no taker.
         assert!(made.load(Ordering::Relaxed) <= 4, "{made:?} of {} were made", settings.pool);
     }

@@ -26,6 +26,7 @@ use super::permutation::{Permutation, mix};
 use super::run::{Observer, Outcome, Start, TrainError, gather, train_by};
 use crate::dataset::{DatasetError, Shards};
 use crate::samples::Samples;
+use imf_core::control::Cancelled;
 use imf_core::section::SectionError;
 use imf_fields::recipe::{Cursor, RecipeError, TrainingPlan};
 use imf_fields::siren::INPUTS;
@@ -163,7 +164,7 @@ impl Groups {
             }
             let begun = Instant::now();
             // A reader that is gone has panicked, which is passed on when it is joined.
-            let next = self.full.recv().unwrap_or(Err(SectionError::Cancelled.into()))?;
+            let next = self.full.recv().unwrap_or(Err(SectionError::from(Cancelled).into()))?;
             self.waited += begun.elapsed();
             self.current = Some(next);
         }

@@ -6,8 +6,8 @@ use std::sync::{Mutex, PoisonError};
 
 use anyhow::{Context as _, Error, Result};
 use imf_core::control::Control;
-use imf_core::section::{Imf, SectionError, SectionPlan, stream_depths, stream_sections};
-use imf_gpu::{Gpu, GpuSectionError, GpuSections};
+use imf_core::section::{Imf, SectionPlan, stream_depths, stream_sections};
+use imf_gpu::{Gpu, GpuSections};
 
 use super::{ExactSections, Values, Work};
 use crate::engine::Device;
@@ -128,10 +128,4 @@ impl Work<'_> {
         stage.finish(&self.computed_by());
         Ok(result)
     }
-}
-
-/// Whether a stream was stopped by Ctrl-C.
-pub(super) fn is_cancelled(error: &Error) -> bool {
-    let on_device = matches!(error.downcast_ref(), Some(GpuSectionError::Section(SectionError::Cancelled)));
-    on_device || matches!(error.downcast_ref(), Some(SectionError::Cancelled))
 }

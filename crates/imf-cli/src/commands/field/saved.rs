@@ -2,7 +2,8 @@
 
 use anyhow::Result;
 use glam::DVec3;
-use imf_core::section::{Imf, SectionError};
+use imf_core::control::Cancelled;
+use imf_core::section::Imf;
 use imf_fields::file::FieldFile;
 use imf_fields::harmonic::DIRECTIONS_AT_ONCE;
 use imf_fields::harmonic::basis::Basis;
@@ -128,7 +129,7 @@ impl SavedField {
         let mut own = start();
         for (batch, orientations) in all.chunks(AT_ONCE).enumerate() {
             if interrupt::requested() {
-                return Err(SectionError::Cancelled.into());
+                return Err(Cancelled.into());
             }
             let sections = &mut values[..voxels * orientations.len()];
             field.sections(orientations, sections)?;

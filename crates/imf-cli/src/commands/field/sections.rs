@@ -8,7 +8,6 @@ use imf_core::orientation::Orientation;
 use imf_core::section::ElementPlans;
 use serde_json::{Value, json};
 
-use super::counting::is_cancelled;
 use super::elements::{self, ElementBuffers, ElementRow};
 use super::{Measure, ORIENTATIONS, Outside, SUMMARY, Values, Work, angles_text};
 use crate::interrupt::{self, Interrupted};
@@ -90,7 +89,7 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
         Ok(())
     };
     let parts = work.stream(begin, ThreadState::default, visit).map_err(|error| {
-        if !is_cancelled(&error) {
+        if !interrupt::is_cancelled(&error) {
             return error;
         }
         let (written, all, folder) =

@@ -68,6 +68,7 @@ fn what_is_not_followed_is_refused_with_its_line() {
         ("GOTO/1,2,3\nTRANS/0,0,50\n", 2, "TRANS/0,0,50 changes where"),
         ("ROTATE/AAXIS,90\n", 1, "changes where"),
         ("ROTABL/90\n", 1, "changes where"),
+        ("TRANS/0,0,-50\n", 1, "coordinate system"),
         ("MSYS/0,0,-50,1,0,0,0,1,0\n", 1, "changes where"),
         ("ORIGIN/1,0,0\n", 1, "changes where"),
         ("COPY/1,TRANSL,5,0,0,3\n", 1, "changes where"),

@@ -83,9 +83,7 @@ impl<'a> Truth<'a> {
         let chunks: Vec<Vec<Seen>> = (0..count.div_ceil(CHUNK))
             .into_par_iter()
             .map(|chunk| {
-                if control.is_cancelled() {
-                    return Err(CalibrationError::Cancelled);
-                }
+                control.check()?;
                 let first = chunk * CHUNK;
                 let wanted = CHUNK.min(count - first);
                 let mut random = ChaCha8Rng::seed_from_u64(seed ^ SEED_MARK);
@@ -112,7 +110,7 @@ impl<'a> Truth<'a> {
                 (control.progress)(1);
                 Ok(seen)
             })
-            .collect::<Result<_, _>>()?;
+            .collect::<Result<_, CalibrationError>>()?;
         let mut seen = Vec::with_capacity(count);
         chunks.into_iter().for_each(|chunk| seen.extend(chunk));
         Ok(seen)

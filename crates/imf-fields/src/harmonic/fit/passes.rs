@@ -245,9 +245,7 @@ pub(super) fn count_sections(
 ) -> Result<(), SectionError> {
     let sections = sections.par_chunks_exact_mut(source.grid().len());
     sections.zip(set).try_for_each_init(SourceScratch::default, |scratch, (values, orientation)| {
-        if control.is_cancelled() {
-            return Err(SectionError::Cancelled);
-        }
+        control.check()?;
         source.section(orientation, scratch, values)?;
         (control.progress)(1);
         Ok(())

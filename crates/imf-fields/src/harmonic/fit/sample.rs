@@ -157,13 +157,11 @@ fn gather(
     all.par_chunks_mut(places.len()).zip(set).try_for_each_init(
         || (SourceScratch::default(), vec![0.0; source.grid().len()]),
         |(scratch, section), (values, orientation)| {
-            if control.is_cancelled() {
-                return Err(SectionError::Cancelled);
-            }
+            control.check()?;
             source.section(orientation, scratch, section)?;
             values.iter_mut().zip(places).for_each(|(value, &place)| *value = section[place]);
             (control.progress)(1);
-            Ok(())
+            Ok::<_, SectionError>(())
         },
     )?;
     Ok(all)

@@ -84,9 +84,7 @@ impl KeptSections {
             workspaces.with(|(scratch, sections)| {
                 sections.resize(tools.len() * voxels, 0);
                 for (section, tool) in sections.chunks_exact_mut(voxels).zip(tools) {
-                    if control.is_cancelled() {
-                        return Err(SectionError::Cancelled);
-                    }
+                    control.check()?;
                     make(tool, scratch, section)?;
                 }
                 into_blocks(sections, voxels, kept);
@@ -231,9 +229,7 @@ impl<'a> Parts<'a> {
             let cursors: Result<Vec<_>, SectionError> = set
                 .par_iter()
                 .map_init(SectionScratch::default, |scratch, orientation| {
-                    if control.is_cancelled() {
-                        return Err(SectionError::Cancelled);
-                    }
+                    control.check()?;
                     plan.cursor(orientation, scratch)
                 })
                 .collect();

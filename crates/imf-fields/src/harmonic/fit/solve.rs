@@ -80,12 +80,10 @@ impl NormalMatrix {
     ) -> Result<DMatrix<f64>, HarmonicError> {
         let rows = right.nrows();
         right.as_mut_slice().par_chunks_mut(rows * COLUMNS).try_for_each(|columns| {
-            if control.is_cancelled() {
-                return Err(HarmonicError::Section(SectionError::Cancelled));
-            }
+            control.check().map_err(SectionError::from)?;
             let count = columns.len() / rows;
             self.solve_columns(DMatrixViewMut::from_slice(columns, rows, count));
-            Ok(())
+            Ok::<_, SectionError>(())
         })?;
         Ok(right)
     }
@@ -271,7 +269,7 @@ mod tests {
         let cancelled = Control { cancelled: &AtomicBool::new(true), ..Control::quiet() };
         assert!(matches!(
             normal.solve(right, cancelled),
-            Err(HarmonicError::Section(SectionError::Cancelled))
+            Err(HarmonicError::Section(SectionError::Cancelled(_)))
         ));
     }
 }

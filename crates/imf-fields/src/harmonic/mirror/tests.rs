@@ -265,7 +265,7 @@ fn a_minimum_tells_how_far_it_is_and_stops_when_asked() {
         assert_eq!(found, field.minimum(&field.direction_weights(&set[..count])));
         assert_eq!(done.swap(0, Ordering::Relaxed), (field.grid.len() * count) as u64);
         stop.store(true, Ordering::Relaxed);
-        assert!(matches!(minimum(&set[..count]), Err(FieldError::Cancelled)));
+        assert!(matches!(minimum(&set[..count]), Err(FieldError::Cancelled(_))));
         assert_eq!(done.load(Ordering::Relaxed), 0);
     }
 }
