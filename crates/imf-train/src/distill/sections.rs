@@ -51,7 +51,7 @@ pub struct SectionSource<'a> {
 }
 
 impl<'a> SectionSource<'a> {
-    /// Chooses functions, mean and scale by a sample of voxels. Progress as [`imf_fields::harmonic::estimate`].
+    /// Chooses functions, mean and scale by a sample of voxels. One unit of progress is a section.
     ///
     /// # Errors
     /// As [`imf_fields::harmonic::fit`].
