@@ -75,7 +75,8 @@ fn is_bad_input(error: &anyhow::Error) -> bool {
 /// The error and its causes in one line, without repeating a cause that the text above it quotes.
 fn message(error: &anyhow::Error) -> String {
     let mut text = String::new();
-    for cause in error.chain().map(ToString::to_string) {
+    // Texts of the TOML reader end in a line of their own.
+    for cause in error.chain().map(|cause| cause.to_string().trim_end().to_owned()) {
         if text.is_empty() {
             text = cause;
         } else if !text.contains(&cause) {
