@@ -138,7 +138,7 @@ impl Workdir {
     /// Runs what must be refused with all these words in the last line, and leave nothing behind.
     pub(crate) fn refuse(&self, line: &str, words: &[&str]) {
         let before = self.entries();
-        self.imf(line).refused(words);
+        self.imf(line).refused(words).with_it_last();
         assert_eq!(self.entries(), before, "`imf {line}` left something behind");
     }
 
@@ -219,14 +219,24 @@ impl Finished {
 
     /// The same of what was given, as of a wrong argument or a file that says something wrong.
     pub(crate) fn bad_input(self, words: &[&str]) -> Self {
-        self.failed(2, words)
+        self.failed(2, words).with_it_last()
+    }
+
+    /// Nothing was said behind the error.
+    fn with_it_last(self) -> Self {
+        assert_eq!(
+            self.stderr.lines().last(),
+            Some(self.errors()[0]),
+            "`imf {}`: what comes last",
+            self.line
+        );
+        self
     }
 
     fn failed(self, code: i32, words: &[&str]) -> Self {
         assert_eq!(self.code, Some(code), "`imf {}`:\n{}", self.line, self.stderr);
         let errors = self.errors();
         assert_eq!(errors.len(), 1, "`imf {}`: one error line in\n{}", self.line, self.stderr);
-        assert_eq!(self.stderr.lines().last(), Some(errors[0]), "`imf {}`: what comes last", self.line);
         for word in words {
             assert!(errors[0].contains(word), "`imf {}`: no '{word}' in\n{}", self.line, self.stderr);
         }
