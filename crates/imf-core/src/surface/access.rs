@@ -116,8 +116,7 @@ pub fn surface_access(
         let mut free = vec![0u64; words];
         let reach = tool.reach(sample, &turns, cache, |turn| free[turn / 64] |= 1 << (turn % 64));
         (reach, free)
-    });
-    let found = found?;
+    })?;
     let (reach, free): (Vec<Reach>, Vec<Vec<u64>>) = found.into_iter().unzip();
     Ok(SurfaceAccess { reach, free: free.concat(), directions: directions.len() })
 }

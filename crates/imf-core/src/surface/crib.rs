@@ -37,8 +37,7 @@ pub fn crib_access(
     let work = || Work::new(&groups, &turns);
     let rows = parallel::map_in_chunks(samples, CHUNK, control, work, |work, sample| {
         work.verdicts(sample, tools.len())
-    });
-    let rows = rows?;
+    })?;
     Ok((0..tools.len()).map(|tool| rows.iter().map(|row| row[tool]).collect()).collect())
 }
 

@@ -217,8 +217,7 @@ pub fn culprits(
         }
         blamed
     };
-    let blamed = parallel::map_in_chunks(poses, CHUNK, control, || (), in_the_way);
-    let blamed = blamed?;
+    let blamed = parallel::map_in_chunks(poses, CHUNK, control, || (), in_the_way)?;
     let mut blame = vec![0.0_f64; grid.len()];
     blamed.into_iter().flatten().for_each(|(voxel, area)| blame[voxel] += area);
     Ok(Some((grid, blame.into_iter().map(|area| area as f32).collect())))
