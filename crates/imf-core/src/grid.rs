@@ -44,6 +44,19 @@ pub enum GridError {
         /// Requested dimensions.
         dims: [usize; 3],
     },
+    /// A box where double precision does not tell a voxel's parts.
+    #[error(
+        "the box to be gridded, from {lower} to {upper}, lies too far from the origin for voxels of {pitch}: double precision does not \
+         tell their parts; move it nearer"
+    )]
+    TooFar {
+        /// Lower corner of the box.
+        lower: DVec3,
+        /// Upper corner of the box.
+        upper: DVec3,
+        /// The pitch.
+        pitch: f64,
+    },
     /// More voxels than can be indexed.
     #[error("a grid of {0:?} voxels is too large: at most 2^31 voxels; choose a larger pitch")]
     TooLarge([usize; 3]),
@@ -89,6 +102,7 @@ impl Grid {
 
     fn centred(lower: DVec3, upper: DVec3, pitch: f64, dims: [usize; 3]) -> Result<Self, GridError> {
         check_voxels(dims)?;
+        check_place(lower, upper, pitch)?;
         let size = DVec3::from_array(dims.map(|d| d as f64)) * pitch;
         Ok(Self { origin: (lower + upper) * 0.5 - size * 0.5, pitch, dims })
     }
@@ -107,7 +121,8 @@ impl Grid {
         }
         check_voxels(dims)?;
         let upper = origin + DVec3::from_array(dims.map(|d| d as f64)) * pitch;
-        checked_extent(origin, upper).map(drop)
+        checked_extent(origin, upper)?;
+        check_place(origin, upper, pitch)
     }
 
     /// The grid padded by `before` voxels below and `after` above along x, y, z; negative numbers crop.
@@ -241,6 +256,14 @@ fn check_voxels(dims: [usize; 3]) -> Result<(), GridError> {
     if voxels.is_some_and(|n| n <= 1 << 31) { Ok(()) } else { Err(GridError::TooLarge(dims)) }
 }
 
+/// Farther from the origin than this, in voxels, coordinates have less than a thousandth of a voxel.
+const FARTHEST: f64 = (1_u64 << 42) as f64;
+
+fn check_place(lower: DVec3, upper: DVec3, pitch: f64) -> Result<(), GridError> {
+    let far = lower.abs().max(upper.abs()).max_element();
+    if far <= FARTHEST * pitch { Ok(()) } else { Err(GridError::TooFar { lower, upper, pitch }) }
+}
+
 fn checked_extent(lower: DVec3, upper: DVec3) -> Result<DVec3, GridError> {
     let extent = upper - lower;
     if lower.is_finite() && upper.is_finite() && extent.min_element() >= 0.0 && extent.max_element() > 0.0 {
@@ -253,6 +276,17 @@ fn checked_extent(lower: DVec3, upper: DVec3) -> Result<DVec3, GridError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_box_where_voxels_have_no_parts_is_refused() {
+        let far = DVec3::new(0.0, 1e16, 0.0);
+        let found = Grid::with_pitch(far, far + 64.0, 1.0, 0);
+        assert_eq!(found, Err(GridError::TooFar { lower: far, upper: far + 64.0, pitch: 1.0 }));
+        let grid = Grid { origin: far, pitch: 0.5, dims: [2, 3, 4] };
+        assert!(matches!(grid.check(), Err(GridError::TooFar { .. })));
+        let near = DVec3::splat(f64::from(1 << 30));
+        assert_eq!(Grid::with_pitch(near, near + 64.0, 1.0, 0).map(|grid| grid.dims), Ok([64; 3]));
+    }
 
     #[test]
     fn a_grid_from_elsewhere_is_checked() {

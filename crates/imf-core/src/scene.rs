@@ -30,7 +30,7 @@ pub use spec::SceneSpec;
 #[doc(hidden)]
 pub use stored::StoredVoxelsError;
 
-use glam::DMat4;
+use glam::{DMat4, DVec4};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -299,6 +299,21 @@ pub enum SceneError {
     /// A mesh that is none.
     #[error("the mesh of '{0}' has a triangle whose vertex is not there, or a coordinate that is not finite")]
     Unsound(String),
+    /// A transform that does not turn, scale and move points.
+    #[error(
+        "the transform of '{name}' must be of finite numbers, with the last row 0 0 0 1 and the translation in the last column, not with \
+         the last row {} {} {} {}{}",
+        row.x, row.y, row.z, row.w,
+        if *transposed { ": it is transposed" } else { "" }
+    )]
+    Transform {
+        /// The part or fixture.
+        name: String,
+        /// The last row.
+        row: DVec4,
+        /// Its transpose has the right last row.
+        transposed: bool,
+    },
     /// The part has no triangle.
     #[error("the part '{0}' has no triangle")]
     NoTriangles(String),

@@ -82,7 +82,7 @@ macro_rules! raise_as {
     };
 }
 
-raise_as!(PyValueError: CheckError, ClearanceError, HarmonicError, QueryError, OrientationSetError, RecipeError, RemovableError,
+raise_as!(PyValueError: CheckError, ClearanceError, HarmonicError, QueryError, RecipeError, RemovableError,
     SectionError, ShapeError, SurfaceError, ToolError, TooManySetups, UnknownPart, UnknownUnit, CalibrationError);
 // `Cancelled`: of work that stopped though nobody asked it to.
 raise_as!(ImfError: Cancelled, DatasetError);
@@ -94,6 +94,15 @@ impl Raise for FileError {
             FaultKind::Missing => PyFileNotFoundError::new_err(text),
             FaultKind::Unreadable => PyOSError::new_err(text),
             _ => PyValueError::new_err(text),
+        }
+    }
+}
+
+impl Raise for OrientationSetError {
+    fn raise(self) -> PyErr {
+        match &self {
+            Self::Read { source, .. } => of_system(source, words(&self)),
+            _ => value_error(words(&self)),
         }
     }
 }

@@ -100,11 +100,8 @@ fn mesh_of(vertices: &PyReadonlyArray2<'_, f64>, faces: &PyReadonlyArray2<'_, i6
 /// A matrix as NumPy has it, `[4, 4]`, that is to be multiplied by columns.
 pub(crate) fn matrix_of(array: &PyReadonlyArray2<'_, f64>) -> PyResult<DMat4> {
     let array = array.as_array();
-    if array.dim() != (4, 4) || array.iter().any(|v| !v.is_finite()) {
-        return Err(value_error(format!(
-            "a transform must be a matrix of 4 × 4 finite numbers, not of {:?}",
-            array.dim()
-        )));
+    if array.dim() != (4, 4) {
+        return Err(value_error(format!("a transform is a matrix of 4 × 4, not of {:?}", array.dim())));
     }
     let rows: Vec<f64> = array.iter().copied().collect();
     Ok(DMat4::from_cols_slice(&rows).transpose())

@@ -66,8 +66,9 @@ pub(crate) fn access<'py>(
     let (voxels, directions) = (record.grid.len() as u64, set.len());
     // Voxels, counts and distances of every body; of every sample which directions are free, once in bits and once in bytes.
     let bodies = 2 + own.fixture_names().len() as u64;
-    let of_samples = surface_memory_estimate(8 * samples, directions) + 8 * (samples * directions) as u64;
-    memory::require((26 * bodies + 10) * voxels + of_samples, || {
+    let of_samples = surface_memory_estimate(samples.saturating_mul(8), directions)
+        .saturating_add(8_u64.saturating_mul(samples as u64).saturating_mul(directions as u64));
+    memory::require(of_samples.saturating_add((26 * bodies + 10) * voxels), || {
         format!(
             "{samples} samples, {directions} directions, {voxels} voxels; ask for fewer, or use a larger pitch"
         )

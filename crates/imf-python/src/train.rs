@@ -22,7 +22,7 @@ use imf_fields::recipe::schedule::Schedule;
 use imf_fields::recipe::{Length, Sampling, TrainingPlan, TrainingState};
 use imf_fields::siren::SirenShape;
 use imf_train::dataset::{generate, load};
-use imf_train::distill::{Target, distil};
+use imf_train::distill::{Target, distil, optimiser_bytes};
 use imf_train::engine::CpuTrainer;
 use imf_train::training::TrainingEngine as _;
 use imf_train::training::run::{Outcome, Start, TrainError, train as train_on};
@@ -34,8 +34,20 @@ use crate::memory;
 use crate::scene::Scene;
 use crate::work::{Progress, run};
 
-/// Steps between two reports, at which Ctrl-C is heard.
-const REPORT_EVERY: u64 = 20;
+/// Weights that are trained between two reports, at which Ctrl-C is heard: half a second or so on two cores.
+const WEIGHTS_A_REPORT: usize = 5_000_000;
+
+/// Steps between two reports of a network of so many weights.
+fn report_every(weights: usize) -> u64 {
+    (WEIGHTS_A_REPORT / weights).clamp(1, 20) as u64
+}
+
+/// Refuses a network that does not fit into memory: `engine` bytes, and for each weight two states and what they are saved as.
+fn require_for_network(engine: u64, weights: usize, (hidden, width): (usize, usize)) -> PyResult<()> {
+    memory::require(engine.saturating_add(4 * 11 * weights as u64), || {
+        format!("{hidden} hidden layers of {width} neurons, {weights} weights; ask for fewer")
+    })
+}
 
 /// The field of a scene. `layers` are hidden layers and neurons of each, `directions` those that siren5 learns from.
 ///
@@ -67,9 +79,6 @@ pub(crate) fn train<'py>(
         None if is_papers || family == "siren5" => Quantity::Overlap,
         None => Quantity::Depth,
     };
-    if steps == Some(0) {
-        return Err(value_error("steps must be at least 1"));
-    }
     let scene = with_room(&own.scene, quantity).map_err(Raise::raise)?;
     let of = Training { scene: &scene, quantity, degree, steps, layers, omega, seed };
     let file = match family {
@@ -129,6 +138,7 @@ impl Training<'_> {
             if for_distillation { FitSettings::of_teacher(domain) } else { FitSettings::usual(domain) };
         let degree = self.degree.unwrap_or(usual.degree);
         let settings = FitSettings { quantity: self.quantity, degree, ..usual };
+        settings.check().map_err(Raise::raise)?;
         let plan = run(py, (&None, "", 0), |_| SectionPlan::of_scene(self.scene, ToolPoints::Tip))?;
         let needed = |one_pass| FitSettings { one_pass, ..settings }.memory_with(&plan, domain).0;
         // One pass over the sections where they fit into memory, else two.
@@ -156,13 +166,23 @@ impl Training<'_> {
             plan: TrainingPlan { seed: self.seed, ..usual.plan },
             ..usual
         };
-        let steps = settings.plan.total_steps(self.scene.record.grid.len());
-        run(py, (progress, "training", steps), |control| {
+        let (settings, shape) = run(py, (&None, "", 0), |_| {
             let symmetry = Symmetry::of(&teacher.field, &self.scene.obstacle);
             let settings = DistillSettings { symmetry, ..settings };
             settings.check()?;
+            let shape = Target::from(&teacher.field).shape(&settings);
+            Ok::<_, TrainError>((settings, shape))
+        })?;
+        let weights = shape.parameter_count();
+        let engine = CpuTrainer::BYTES_PER_PARAMETER * weights as u64;
+        let engine = engine.saturating_add(optimiser_bytes(settings.optimiser, shape));
+        require_for_network(engine, weights, (hidden, width))?;
+        let plan = TrainingPlan { report_every: report_every(weights), ..settings.plan };
+        let settings = DistillSettings { plan, ..settings };
+        let steps = settings.plan.total_steps(self.scene.record.grid.len());
+        run(py, (progress, "training", steps), |control| {
             let target = Target::from(&teacher.field);
-            let mut state = FactoredState::new(&target.shape(&settings), self.seed);
+            let mut state = FactoredState::new(&shape, self.seed);
             if let Outcome::Stopped(_) = distil(target, &settings, &mut state, control, &mut |_| {})? {
                 return Err(SectionError::from(Cancelled).into());
             }
@@ -188,9 +208,11 @@ impl Training<'_> {
             length: Length::Steps(self.steps.unwrap_or(TrainingPlan::STEPS)),
             schedule: Schedule::cosine_from(shape.rate()),
             seed: self.seed,
-            report_every: REPORT_EVERY,
+            report_every: report_every(shape.parameter_count()),
             ..TrainingPlan::default()
         };
+        let engine = CpuTrainer::memory_bytes(shape, plan.batch, plan.precision);
+        require_for_network(engine, shape.parameter_count(), (hidden, width))?;
         let folder = tempfile::tempdir().map_err(|error| ImfError::new_err(error.to_string()))?;
         let sampling = Sampling { seed: self.seed, ..Sampling::default() };
         let (manifest, scene, samples) = run(py, (progress, "sections", set.len() as u64), |control| {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -66,11 +67,16 @@ def test_the_best_direction_is_the_least_value(harmonic: imf.Field, poses: Float
     np.testing.assert_allclose(chosen, values.min(axis=0), atol=1e-6)
 
 
-@pytest.mark.parametrize("family", ["harmonic", "factored", "siren5"])
+OPTIONS: dict[str, dict[str, Any]] = {
+    "harmonic": {"degree": 3},
+    "factored": {"degree": 3, "steps": 40, "layers": (2, 16)},
+    "siren5": {"steps": 40, "layers": (2, 16), "directions": "fibonacci:10"},
+}
+
+
+@pytest.mark.parametrize("family", OPTIONS)
 def test_every_family_comes_back_from_its_file(bracket: imf.Scene, poses: Floats, family: str, tmp_path: Path) -> None:
-    field = imf.train(
-        bracket, family, degree=3, steps=40, layers=(2, 16), directions="fibonacci:10", calibrate=False
-    )
+    field = imf.train(bracket, family, calibrate=False, **OPTIONS[family])
     path = tmp_path / "field.safetensors"
     field.save(path)
     again = imf.load(path)
@@ -115,6 +121,13 @@ def test_what_a_family_cannot_have_is_refused(bracket: imf.Scene, mill: imf.Tool
         imf.train(bracket, "siren5", quantity="depth")
     with pytest.raises(ValueError, match="degree of 99"):
         imf.train(bracket, "harmonic", degree=99)
+    with pytest.raises(ValueError, match="1099511627776"):
+        imf.train(bracket, "harmonic", degree=2**40)
+    for family, unknown in [("harmonic", "steps"), ("factored", "directions"), ("siren5", "degree")]:
+        with pytest.raises(ValueError, match=f"{family} has no {unknown}: it takes"):
+            imf.train(bracket, family, **{unknown: 3})
+    with pytest.raises(ValueError, match="seed must be a whole number of at least 0, not -1"):
+        imf.train(bracket, "siren5", seed=-1)
     with pytest.raises(FileNotFoundError, match="none.safetensors"):
         imf.load(tmp_path / "none.safetensors")
     (tmp_path / "other.safetensors").write_bytes(b"no field")

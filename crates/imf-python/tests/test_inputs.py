@@ -13,6 +13,8 @@ from conftest import CUTTER, box
 import imf
 
 CUBE = box((0, 0, 0), (20, 20, 20))
+SHIFT = np.eye(4)
+SHIFT[:3, 3] = [100, 0, -20]
 
 
 def write_obj(path: Path) -> Path:
@@ -43,9 +45,7 @@ def test_every_kind_of_mesh_is_the_same_part(mill: imf.Tool, block: imf.Scene, t
 
 
 def test_a_set_up_moves_the_part(mill: imf.Tool) -> None:
-    at = np.eye(4)
-    at[:3, 3] = [100, 0, -20]
-    scene = imf.Scene(CUBE, mill, pitch=1.0, transform=at)
+    scene = imf.Scene(CUBE, mill, pitch=1.0, transform=SHIFT)
     np.testing.assert_allclose(scene.grid.origin, [100, 0, -20], atol=1e-9)
     np.testing.assert_allclose(scene.mesh[0].min(axis=0), [100, 0, -20], atol=1e-9)
 
@@ -69,6 +69,7 @@ def test_a_tool_is_described_as_in_its_file(tmp_path: Path) -> None:
     assert imf.Tool.read(path).name == "mill" and [one.name for one in imf.Tool.library(path)] == ["mill"]
     assert imf.Tool(CUTTER | {"back_cutting": True}, name="T-slot cutter").name == "T-slot cutter"
     points = imf.Tool(CUTTER, sharp_points=[[4.0, 0, 0], [-4.0, 0, 0]], name="two points")
+    assert imf.Tool(CUTTER, sharp_points=np.int64(8)).reach == points.reach
     assert points.reach == pytest.approx(np.hypot(4, 30))
 
 
@@ -88,6 +89,23 @@ def test_a_tool_is_described_as_in_its_file(tmp_path: Path) -> None:
         (lambda mill: imf.Scene(CUBE, mill, pitch=8.0), ValueError, "or allow it"),
         (lambda mill: imf.Scene(CUBE, mill, pitch=1.0, clearance={"tip": 1}), ValueError, "not of tip"),
         (lambda mill: imf.Scene(CUBE, mill, pitch=1.0, transform=np.eye(3)), ValueError, "4 × 4"),
+        (lambda mill: imf.Scene(CUBE, mill, pitch=1.0, transform=SHIFT.T), ValueError, "of 'part' .* it is transposed"),
+        (lambda mill: imf.Scene(CUBE, mill, pitch=1.0, transform=2 * SHIFT), ValueError, "last row 0 0 0 2"),
+        (lambda mill: imf.Scene(CUBE, mill, pitch=1.0, transform=SHIFT * np.nan), ValueError, "finite numbers"),
+        (lambda mill: imf.Scene(CUBE, mill, pitch=1.0, fixtures=[(CUBE, SHIFT.T)]), ValueError, "fixture 1.* transposed"),
+        (lambda mill: imf.Scene(CUBE, mill, pitch=1.0, fixtures=[(CUBE, SHIFT[:3])]), ValueError, "4 × 4"),
+        (lambda mill: imf.Scene(CUBE, mill, pitch=1.0, fixtures="clamp.stl"), ValueError, "are a list: give .'clamp.stl'"),
+        (lambda mill: imf.Scene((CUBE[0] + 1e16, CUBE[1]), mill, pitch=1.0), ValueError, "too far from the origin"),
+        (lambda mill: imf.Scene((CUBE[0], CUBE[1][:0]), mill, pitch=1.0), ValueError, "no triangle"),
+        (lambda mill: imf.Scene(CUBE, "mill.toml"), ValueError, "'mill.toml' is no imf.Tool"),
+        (lambda mill: imf.Scene(CUBE, mill, dims=[9.5, 9, 9]), ValueError, "dims must be a whole number of at least 1, not 9.5"),
+        (lambda mill: imf.Scene(CUBE, mill, pitch=1.0, margin=-1), ValueError, "margin must be a whole number"),
+        (lambda mill: imf.Scene(CUBE, mill, pitch=1.0).section("axes"), ValueError, "for several use sections"),
+        (lambda mill: imf.Scene(CUBE, mill, pitch=1.0).section([[0, 0, 1], [1, 0, 0]]), ValueError, "for several use sections"),
+        (lambda mill: imf.Scene(CUBE, mill, pitch=1.0).removable(True), ValueError, "bool is no mesh"),
+        (lambda mill: imf.Scene(CUBE, mill, pitch=1.0).directions("none.csv"), FileNotFoundError, "none.csv"),
+        (lambda mill: imf.Scene(CUBE, mill, pitch=1.0).crib([CUTTER]), ValueError, "is no imf.Tool"),
+        (lambda mill: imf.Tool(CUTTER, holder={"diameter": 20, "length": 9}), ValueError, "a list of parts"),
         (lambda mill: imf.Tool({"shape": "flat", "diameter": 8}), ValueError, "length"),
         (lambda mill: imf.Tool(CUTTER | {"flutes": 3}), ValueError, "flutes"),
         (lambda mill: imf.Tool.read("none.toml"), FileNotFoundError, "none.toml"),
@@ -107,5 +125,10 @@ def test_more_than_memory_holds_is_refused(bracket: imf.Scene) -> None:
         bracket.sections("fibonacci:10000000")
     with pytest.raises(MemoryError, match="1000000 samples, 1000000 directions"):
         bracket.access("fibonacci:1000000", samples=1_000_000)
+    with pytest.raises(MemoryError, match="samples"):
+        bracket.access("axes", samples=2**62)
+    for family in ("siren5", "factored"):
+        with pytest.raises(MemoryError, match="64 hidden layers of 8192 neurons"):
+            imf.train(bracket, family, layers=(64, 8192), steps=1, calibrate=False)
     with pytest.raises(MemoryError, match="voxels; use a larger pitch"):
         imf.Scene(CUBE, imf.Tool(CUTTER), pitch=1e-4)

@@ -51,8 +51,13 @@ fn batches_of_any_size_are_answered_as_in_rust() {
         .map(|p| Pose::new(DVec3::from_array(p.position), DQuat::from_array(p.rotation)))
         .collect();
     let n = poses.len();
-    let deep = harmonic_of(Quantity::Depth, &scene, folder.path());
-    for path in [siren(&scene, folder.path()), harmonic(&scene, folder.path()), deep.clone()] {
+    let mut paths = vec![siren(&scene, folder.path())];
+    // What Miri looks at is the same for all families, and fits take it long.
+    let deep = (!cfg!(miri)).then(|| harmonic_of(Quantity::Depth, &scene, folder.path()));
+    if let Some(deep) = &deep {
+        paths.extend([harmonic(&scene, folder.path()), deep.clone()]);
+    }
+    for path in paths {
         let rust = Field::load(&path).unwrap();
         let field = open(imf_open_model, &path);
         let (mut values, mut expected) = (vec![-1.0; n], vec![0.0; n]);
@@ -115,7 +120,7 @@ fn batches_of_any_size_are_answered_as_in_rust() {
         assert_eq!((info.pitch, info.unit_in_mm, info.calibrated), (grid.pitch, 1.0, false));
         assert_eq!((info.lower, info.clearance), (grid.centre([0; 3]).to_array(), [grid.pitch; 3]));
         assert_eq!(info.upper, grid.centre(DIMS.map(|n| n - 1)).to_array());
-        let depth = path == deep;
+        let depth = Some(&path) == deep.as_ref();
         assert_eq!(info.quantity, if depth { ImfQuantity::Depth } else { ImfQuantity::Overlap });
         assert_eq!(info.bounds, if depth { [-8.0 * grid.pitch, 8.0 * grid.pitch] } else { [0.0, 1.0] });
         // Values are what the field is said to be of.

@@ -68,10 +68,9 @@ impl Mesh {
         let facet = |area: f64, all: &[(f64, DVec3)]| {
             all.iter().filter(|(other, _)| *other > 0.5 * area).count() >= FACETS
         };
-        let faces = planes
-            .values()
-            .flat_map(|all| all.iter().filter(|(area, _)| !facet(*area, all)))
-            .filter(|(area, _)| *area >= enough && *area > 0.0);
+        // Few are large enough, however many facets a curved surface has.
+        let is_face = |area: f64, all: &[(f64, DVec3)]| area >= enough && area > 0.0 && !facet(area, all);
+        let faces = planes.values().flat_map(|all| all.iter().filter(|(area, _)| is_face(*area, all)));
         let mut found: Vec<MachiningDirection> = Vec::new();
         let mut note = |direction: DVec3, flat_area: f64, cylinders: usize| {
             let same = |known: &&mut MachiningDirection| known.direction.distance(direction) < SAME;

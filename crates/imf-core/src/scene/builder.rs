@@ -203,6 +203,9 @@ impl<'a> SceneBuilder<'a> {
                 return Err(SceneError::Unsound(name.clone()));
             }
         }
+        if mesh.triangles.is_empty() {
+            return Err(SceneError::NoTriangles(name));
+        }
         let mut warnings = Vec::new();
         let (mesh, repair) = mesh.with_consistent_faces();
         let report = MeshReport::new(&mesh);

@@ -60,8 +60,9 @@ impl Found {
             [_, bc, ca] if bc >= ca => [b, c, a],
             _ => [c, a, b],
         };
-        if p.distance_squared(q) > longest {
-            let middle = (p + q) * 0.5;
+        let middle = (p + q) * 0.5;
+        // Far from the origin the middle may be an end.
+        if p.distance_squared(q) > longest && middle != p && middle != q {
             self.look([p, middle, r], longest, solid, grid);
             self.look([middle, q, r], longest, solid, grid);
             return;

@@ -1,6 +1,6 @@
 //! What a scene is made from, and its voxels.
 
-use glam::{DMat4, DVec3};
+use glam::{DMat4, DVec3, DVec4};
 
 use super::resolution::solid_voxels;
 use super::stored::crc32;
@@ -266,8 +266,9 @@ impl<'a> SceneSpec<'a> {
     /// The part's box in the world.
     ///
     /// # Errors
-    /// A mesh without triangles.
+    /// A mesh without triangles, or a transform with another last row than 0 0 0 1.
     pub fn part_bounds(&self) -> Result<(DVec3, DVec3), SceneError> {
+        check_transform(self.part, &self.transform)?;
         let bounds = self.mesh.transformed(&self.transform).bounds();
         bounds.ok_or_else(|| SceneError::NoTriangles(self.part.to_owned()))
     }
@@ -275,6 +276,7 @@ impl<'a> SceneSpec<'a> {
     /// Name and box in the world of every fixture.
     pub(super) fn fixture_boxes(&self) -> Result<Vec<(&'a str, DVec3, DVec3)>, SceneError> {
         let boxes = self.fixtures.iter().map(|fixture| {
+            check_transform(fixture.name, &fixture.transform)?;
             let bounds = fixture.mesh.transformed(&fixture.transform).bounds();
             let (low, high) =
                 bounds.ok_or_else(|| SceneError::NoFixtureTriangles(fixture.name.to_owned()))?;
@@ -282,4 +284,16 @@ impl<'a> SceneSpec<'a> {
         });
         boxes.collect()
     }
+}
+
+/// Refuses what points are not multiplied by: the last row would be passed over.
+fn check_transform(name: &str, transform: &DMat4) -> Result<(), SceneError> {
+    let row = transform.row(3);
+    // What inverting leaves of rounding is none.
+    let is_last = |row: DVec4| transform.is_finite() && row.abs_diff_eq(DVec4::W, 1e-9);
+    if is_last(row) {
+        return Ok(());
+    }
+    let transposed = is_last(transform.w_axis);
+    Err(SceneError::Transform { name: name.to_owned(), row, transposed })
 }

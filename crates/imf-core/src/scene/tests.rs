@@ -31,6 +31,19 @@ fn clamp(cube: &Mesh) -> Fixture<'_> {
 }
 
 #[test]
+fn a_transform_with_another_last_row_is_refused() {
+    let (cube, tool) = (unit_cube(), Tool::paper());
+    let transform = DMat4::from_translation(DVec3::new(2.0, 3.0, 0.0));
+    let (transposed, doubled) = (transform.transpose(), transform * 2.0);
+    let of_part = SceneSpec { transform: transposed, ..spec(&cube, &tool, &[]) };
+    let refusal = of_part.scene().unwrap_err().to_string();
+    assert!(refusal.contains("'cube'") && refusal.ends_with("row 2 3 0 1: it is transposed"), "{refusal}");
+    let fixtures = [Fixture { transform: doubled, ..clamp(&cube) }];
+    let refusal = spec(&cube, &tool, &fixtures).scene().unwrap_err().to_string();
+    assert!(refusal.contains("'clamp'") && refusal.ends_with("row 0 0 0 2"), "{refusal}");
+}
+
+#[test]
 fn fixtures_are_apart_and_part_of_the_obstacle() {
     let (cube, tool) = (unit_cube(), Tool::paper());
     let fixtures = [clamp(&cube)];

@@ -125,5 +125,5 @@ pub fn surface_access(
 /// together.
 #[must_use]
 pub fn surface_memory_estimate(samples: usize, directions: usize) -> u64 {
-    samples as u64 * (64 + 8 * directions.div_ceil(64) as u64) * 2
+    (samples as u64).saturating_mul(2 * (64 + 8 * directions.div_ceil(64) as u64))
 }

@@ -111,7 +111,11 @@ impl FitSettings {
         domain == Domain::Directions && axes == functions && self.quantity.is_overlap()
     }
 
-    pub(crate) fn check(&self) -> Result<(), HarmonicError> {
+    /// Checks the values that no type keeps in range.
+    ///
+    /// # Errors
+    /// [`HarmonicError::Settings`], naming the value.
+    pub fn check(&self) -> Result<(), HarmonicError> {
         let refuse = |what: String| Err(HarmonicError::Settings(what));
         if self.degree > MOST_DEGREE {
             return refuse(format!("a degree of {} is above {MOST_DEGREE}", self.degree));

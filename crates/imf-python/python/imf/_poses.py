@@ -18,7 +18,7 @@ def poses(positions: ArrayLike, directions: ArrayLike) -> NDArray[np.float64]:
         raise ValueError(f"positions must have the shape (n, 3), not {np.shape(positions)}")
     if turns.ndim != 2 or turns.shape[1] not in (3, 4):
         raise ValueError(f"directions must have the shape (n, 3) or (n, 4), not {np.shape(directions)}")
-    count = max(len(tips), len(turns))
+    count = len(turns) if len(tips) == 1 else len(tips)
     if len(tips) not in (1, count) or len(turns) not in (1, count):
         raise ValueError(f"{len(tips)} positions and {len(turns)} directions: give as many of both, or one of either")
     rows = np.empty((count, 3 + turns.shape[1]))

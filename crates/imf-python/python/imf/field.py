@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _imf
+from ._numbers import whole
 from ._poses import rows_of
 from ._progress import Progress, listener
 from .results import Grid
@@ -32,9 +33,9 @@ class Best(NamedTuple):
     """The best of some directions at points."""
 
     value: NDArray[np.float32]
-    """``(n,)``: the minimum."""
+    """``(n,)``: the minimum, of an overlap within [0, 1]."""
     direction: NDArray[np.uint32]
-    """``(n,)``: its row in the directions, the first of equals."""
+    """``(n,)``: the row of the lowest value before it is brought into [0, 1], so that of many that are free it is the one most so."""
     decision: NDArray[np.uint8]
     """``(n,)`` of :class:`Decision`."""
 
@@ -133,6 +134,13 @@ def load(path: str | os.PathLike[str]) -> Field:
     return Field(_imf.Field.load(os.fspath(path)))
 
 
+_OPTIONS = {
+    "harmonic": ("degree",),
+    "factored": ("degree", "steps", "layers", "omega"),
+    "siren5": ("steps", "layers", "omega", "directions"),
+}
+
+
 def train(
     scene: Scene,
     family: str = "factored",
@@ -142,7 +150,7 @@ def train(
     steps: int | None = None,
     layers: tuple[int, int] | None = None,
     omega: float | None = None,
-    directions: str = "fibonacci:225",
+    directions: str | None = None,
     seed: int = 0,
     calibrate: bool = True,
     progress: Progress = None,
@@ -150,7 +158,7 @@ def train(
     """Makes a field of a scene.
 
     family: "harmonic", fitted to exact sections in seconds; "factored", a network of a megabyte that is distilled from such a fit;
-    "siren5", the paper's network, which learns from samples of the exact sections of ``directions``.
+    "siren5", the paper's network, which learns from samples of the exact sections of ``directions`` (by default fibonacci:225).
     quantity: "depth", or "overlap"; by default depth, and overlap for siren5 and for a built-in part with the paper's tool. For
     depths shank and holder keep two voxels of room where the scene has no clearance.
     degree: of the harmonics. steps: of the training. layers: hidden layers and neurons of each. omega: frequency of the sines.
@@ -158,16 +166,20 @@ def train(
 
     Raises ``ValueError`` for what a family cannot have, :class:`ImfError` for a training that diverged.
     """
+    given = {"degree": degree, "steps": steps, "layers": layers, "omega": omega, "directions": directions}
+    for name, value in given.items():
+        if value is not None and family in _OPTIONS and name not in _OPTIONS[family]:
+            raise ValueError(f"{family} has no {name}: it takes {', '.join(_OPTIONS[family])}")
     native = _imf.train(
         scene._native,
         family,
         quantity,
-        degree,
-        steps,
-        layers,
+        None if degree is None else whole("degree", degree),
+        None if steps is None else whole("steps", steps, 1),
+        None if layers is None else (whole("layers", layers[0], 1), whole("layers", layers[1], 1)),
         omega,
-        directions,
-        seed,
+        "fibonacci:225" if directions is None else directions,
+        whole("seed", seed),
         calibrate,
         listener(progress),
     )

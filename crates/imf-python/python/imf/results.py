@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 from importlib import import_module
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,7 +41,7 @@ def optional(module: str, what: str) -> Any:
         raise ImportError(f"{what} needs {module}, which is not installed: pip install {module}") from error
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Grid:
     """Cubic voxels in the world, in the scene's unit."""
 
@@ -57,6 +57,15 @@ class Grid:
         """From the native module's numbers."""
         origin, pitch, (x, y, z) = native
         return cls(np.array(origin), pitch, (x, y, z))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Grid) and self._key() == other._key()
+
+    def __hash__(self) -> int:
+        return hash(self._key())
+
+    def _key(self) -> tuple[Any, ...]:
+        return (*self.origin.tolist(), self.pitch, self.dims)
 
     def axes(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """The centres' coordinates along x, y and z: arrays of ``dims`` numbers."""
@@ -84,7 +93,7 @@ class Grid:
         return xarray.DataArray(values, dims=("x", "y", "z"), coords=coordinates, name=name, attrs=attributes)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Section:
     """The exact collision measure of one direction at every voxel."""
 
@@ -106,7 +115,7 @@ class Section:
         return self.grid.to_xarray(self.values, "cmf", {"direction": self.direction, "unit": self.unit})
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Sections:
     """The exact collision measure of several directions at every voxel."""
 
@@ -122,8 +131,13 @@ class Sections:
     def __len__(self) -> int:
         return len(self.values)
 
-    def __getitem__(self, index: int) -> Section:
-        return Section(self.values[index], self.directions[index], self.rotations[index], self.grid, self.unit)
+    @overload
+    def __getitem__(self, index: int) -> Section: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sections: ...
+    def __getitem__(self, index: int | slice) -> Section | Sections:
+        some = Sections if isinstance(index, slice) else Section
+        return some(self.values[index], self.directions[index], self.rotations[index], self.grid, self.unit)
 
     def to_xarray(self) -> Any:
         """A ``xarray.DataArray`` called ``cmf`` over direction, x, y and z."""
@@ -139,7 +153,7 @@ class Sections:
         return self.grid.to_pyvista(**{f"cmf_{index}": values for index, values in enumerate(self.values)})
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Inaccessibility:
     """The inaccessibility measure: the minimum of the collision measure over directions at every voxel."""
 

@@ -12,11 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _imf
 from ._mesh import Mesh, mesh_input
+from ._numbers import whole
 from ._progress import Progress, listener
 from .results import Grid, Inaccessibility, Section, Sections
 from .stock import Removable, Stock, StockLeft, stock_input
 from .surface import Access, Crib, SetupPlan, StickOuts
-from .tool import Tool
+from .tool import Tool, native
 from .toolpath import CheckReport
 
 Directions: TypeAlias = "str | ArrayLike"
@@ -46,6 +47,24 @@ def directions_input(directions: Directions) -> str | NDArray[np.float64]:
     if isinstance(directions, str):
         return directions
     return np.ascontiguousarray(np.atleast_2d(np.asarray(directions, dtype=np.float64)))
+
+
+def one_direction(direction: ArrayLike) -> NDArray[np.float64]:
+    """Of a question about a single one."""
+    if isinstance(direction, str) or np.ndim(direction) != 1:
+        raise ValueError("a direction is a vector (3,) or a quaternion (4,); for several use sections() or imf()")
+    return np.asarray(direction, dtype=np.float64)
+
+
+def _placed(fixture: Any) -> tuple[Any, ArrayLike | None]:
+    """A fixture's mesh, and its transform where it has one."""
+    if not (isinstance(fixture, (tuple, list)) and len(fixture) == 2):
+        return fixture, None
+    mesh, at = fixture
+    is_mesh = isinstance(mesh, (str, os.PathLike)) or hasattr(mesh, "faces")
+    if is_mesh or (isinstance(mesh, (tuple, list)) and len(mesh) == 2) or np.shape(at) == (4, 4):
+        return mesh, at
+    return fixture, None
 
 
 def _matrix(transform: ArrayLike | None) -> NDArray[np.float64]:
@@ -97,19 +116,19 @@ class Scene:
             raise ValueError(f"around must be 'part' or 'all', not {around!r}")
         if pitch is not None and dims is not None:
             raise ValueError("give pitch or dims, not both")
+        if isinstance(fixtures, (str, os.PathLike)):
+            raise ValueError(f"fixtures are a list: give [{str(fixtures)!r}]")
         held = []
         for index, fixture in enumerate(fixtures):
-            mesh, at = fixture, None
-            if isinstance(fixture, (tuple, list)) and np.shape(fixture[1]) == (4, 4):
-                mesh, at = fixture
+            mesh, at = _placed(fixture)
             held.append((mesh_input(mesh, f"fixture {index + 1}"), _matrix(at)))
         self._native = _imf.Scene(
             mesh_input(part, name or "part"),
-            None if tool is None else tool._native,
+            None if tool is None else native(tool),
             unit=unit,
             pitch=None if pitch is None else float(pitch),
-            dims=None if dims is None else [int(n) for n in dims],
-            margin=margin,
+            dims=None if dims is None else [whole("dims", n, 1) for n in dims],
+            margin=whole("margin", margin),
             transform=_matrix(transform),
             fixtures=held,
             clearance=clearance_input(clearance),
@@ -172,7 +191,7 @@ class Scene:
 
     def section(self, direction: ArrayLike, *, progress: Progress = None) -> Section:
         """The exact collision measure of one direction ``(3,)`` (or rotation ``(4,)``) at every voxel."""
-        return self.sections(direction, progress=progress)[0]
+        return self.sections(one_direction(direction), progress=progress)[0]
 
     def sections(self, directions: Directions, *, progress: Progress = None) -> Sections:
         """The exact collision measure of several directions at every voxel: 4 bytes a voxel and direction."""
@@ -199,7 +218,8 @@ class Scene:
         0.05 mm or a tenth of the pitch, whichever is more.
         """
         asked = None if directions is None else directions_input(directions)
-        return Access(_imf.access(self._native, asked, samples, tolerance, listener(progress)), self.unit)
+        count = whole("samples", samples, 1)
+        return Access(_imf.access(self._native, asked, count, tolerance, listener(progress)), self.unit)
 
     def setups(
         self,
@@ -253,7 +273,7 @@ class Scene:
         text, remarks, left = _imf.check(
             self._native,
             given,
-            [(number, tool._native) for number, tool in (tools or {}).items()],
+            [(whole("a tool's number", number), native(tool)) for number, tool in (tools or {}).items()],
             None if machine is None else os.fspath(machine),
             None if clearance is None else clearance_input(clearance),
             contact,
@@ -285,8 +305,9 @@ class Scene:
     ) -> Crib:
         """Which of many tools reach which places of the surface: the same verdicts as one by one, many times sooner."""
         asked = None if directions is None else directions_input(directions)
-        native = [tool._native for tool in tools]
-        found = _imf.crib(self._native, native, asked, samples, tolerance, listener(progress))
+        natives = [native(tool) for tool in tools]
+        count = whole("samples", samples, 1)
+        found = _imf.crib(self._native, natives, asked, count, tolerance, listener(progress))
         for text in found.pop("warnings"):
             warnings.warn(text, SceneWarning, stacklevel=2)
         return Crib(names=[tool.name for tool in tools], **found)

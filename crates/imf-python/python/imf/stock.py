@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from numbers import Real
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -17,7 +18,9 @@ Stock: TypeAlias = "float | Mesh"
 
 def stock_input(stock: Stock) -> float | Native:
     """What the native module reads."""
-    return float(stock) if isinstance(stock, (int, float)) else mesh_input(stock, "stock")
+    if isinstance(stock, Real) and not isinstance(stock, (bool, np.bool_)):
+        return float(stock)
+    return mesh_input(stock, "stock")
 
 
 @dataclass(frozen=True)

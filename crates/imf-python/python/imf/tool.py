@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _imf
+from ._numbers import whole
 
 
 def _toml(value: Any) -> str:
@@ -56,12 +57,14 @@ class Tool:
         lines = [f"name = {_toml(name)}", f"unit = {_toml(unit)}"]
         if stick_out is not None:
             lines.append(f"stick_out = {_toml(stick_out)}")
-        if isinstance(sharp_points, int):
-            lines.append(f"sharp_points = {sharp_points}")
+        if isinstance(sharp_points, (int, np.integer)):
+            lines.append(f"sharp_points = {whole('sharp_points', sharp_points, 1)}")
         elif isinstance(sharp_points, str):
             lines.append(f"sharp_points = {_toml(sharp_points)}")
         else:
             lines.append(f"sharp_points = {_toml(np.asarray(sharp_points))}")
+        if isinstance(holder, Mapping):
+            raise ValueError("a holder is a list of parts from the tip upwards: give [{...}]")
         tables = [("[cutter]", cutter), ("[shank]", shank), *(("[[holder]]", part) for part in holder)]
         for heading, table in tables:
             if table is not None:
@@ -138,3 +141,10 @@ class Tool:
 
     def __repr__(self) -> str:
         return f"<imf.Tool {self.name!r}, {self.length:g} {self.unit} long>"
+
+
+def native(tool: Tool) -> _imf.Tool:
+    """What the native module reads."""
+    if not isinstance(tool, Tool):
+        raise ValueError(f"{tool!r} is no imf.Tool: describe it, or read it by Tool.read(path)")
+    return tool._native
