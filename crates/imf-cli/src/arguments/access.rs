@@ -31,7 +31,7 @@ pub(crate) struct AccessArguments {
     /// A set of directions, see below; by default axes+normals+fibonacci:225, or axes+normals+so3:500 where a tool is not round
     #[arg(long, value_name = "SET", allow_hyphen_values = true)]
     pub(crate) orientations: Option<String>,
-    /// Only orientations that the machine reaches, its fixed axis among them: ac:A0:A1:C0:C1, bc:B0:B1:C0:C1 or
+    /// Only orientations that the machine reaches, and what a fixed axis leaves of all others: ac:A0:A1:C0:C1, bc:B0:B1:C0:C1 or
     /// cone:X,Y,Z:HALF_ANGLE
     #[arg(long, value_name = "LIMITS")]
     pub(crate) limits: Option<String>,
@@ -55,7 +55,7 @@ pub(crate) struct AccessArguments {
     /// The least stick-out with which each tool reaches the surface, its holder moved along its shank
     #[arg(long)]
     pub(crate) stickout: bool,
-    /// Largest collision measure of a pose that counts as free; 0 is exact
+    /// Largest collision measure of a pose that counts as free; 0 is exact. For the space and the stock, not for the surface
     #[arg(long, default_value_t = 0.0, value_name = "τ", value_parser = parse_threshold)]
     pub(crate) tau: f64,
     #[command(flatten)]

@@ -6,7 +6,9 @@ mod crib;
 mod files;
 mod on_machine;
 mod pictures;
+mod resolved;
 mod run;
+mod stock;
 mod summary;
 mod surface;
 

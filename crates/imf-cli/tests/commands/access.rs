@@ -188,6 +188,11 @@ fn machine_limits_leave_only_what_the_axes_reach() {
         assert!((3..60).contains(&tilts.len()), "{limits}: {tilts:?}");
         assert!(tilts.iter().all(|tilt| (least - 1e-9..=most + 1e-9).contains(tilt)), "{limits}: {tilts:?}");
     }
+    // A cone that is open adds no direction to those asked for, and one that holds none of them is refused.
+    let within =
+        |set: &str| arguments(&format!("--tool long.toml --limits cone:0,0,1:10 --orientations {set}"));
+    assert_eq!(folder.json(&within("0,5"))["orientation_count"], 1);
+    folder.refuse(&within("0,90"), &["none of its 1 orientations is within cone:0,0,1:10"]);
     let sets = "--tool long.toml --orientations ac:0:40:0:270:3:4";
     assert_eq!(folder.json(&arguments(sets))["orientation_count"], 12);
 }
@@ -344,4 +349,38 @@ fn a_face_mill_meets_a_wall_beside_the_part_that_is_farther_than_it_is_long_and_
     near(share("face.toml", "not_faced"), 0.3);
     near(share("face.toml", "reached"), 0.6);
     near(share("back.toml", "not_faced"), 0.0);
+}
+
+#[test]
+fn a_stock_that_does_not_hold_the_part_is_told() {
+    let folder = workshop();
+    folder.write("stock.obj", cuboid([-10, -10, 0], [10, 10, 20], 0));
+    folder.write("low.obj", cuboid([-10, -10, 0], [10, 10, 16], 0));
+    let of = |stock: &str| {
+        let more = format!("--tool long.toml --orientations 0,0 --removable --stock {stock}");
+        folder.imf(&arguments(&more)).done().stderr
+    };
+    let told = "of the part lies outside the stock";
+    assert!(!of("stock.obj").contains(told) && !of("box:2").contains(told));
+    // Of 880 voxels the upper two layers, with the slot in them.
+    let (low, aside) = (of("low.obj"), of("stock.obj@translate:100,0,0"));
+    assert!(low.contains("18.2 % of the part lies outside the stock 'low.obj'"), "{low}");
+    assert!(aside.contains("100.0 % of the part lies outside the stock 'stock.obj'"), "{aside}");
+}
+
+#[test]
+fn what_voxels_resolve_is_said_once_in_every_answer_about_the_surface() {
+    let folder = workshop();
+    let said = "walls are known to within voxels of 2 mm";
+    for more in ["--tool long.toml --orientations axes --setups", "--crib long.toml --orientations axes"] {
+        let run = folder.imf(&arguments(more)).done();
+        assert_eq!(run.stdout.matches(said).count(), 1, "{}", run.stdout);
+        assert!(run.stdout.contains("exact for voxel centres; no guarantee about the mesh itself"));
+        let summary = folder.read_json("out/summary.json");
+        assert!(summary["resolved"].as_str().unwrap().starts_with(said), "{summary}");
+    }
+    // Directions that are not listed are counted, and the surface's figures do not know of contact.
+    let run = folder.imf(&arguments("--tool long.toml --orientations axes --contact 0.1")).done();
+    assert!(run.stdout.contains("\n  and 1 more\n"), "{}", run.stdout);
+    assert!(run.stdout.contains("τ and contact are for the space and the stock below"), "{}", run.stdout);
 }

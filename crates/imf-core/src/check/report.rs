@@ -46,8 +46,9 @@ pub struct Collision {
     pub against: HitBody,
     /// Room that the element, which is offset by it, was to keep.
     pub clearance: f64,
-    /// Largest depth of all poses looked at: no shorter translation parts the element, offset by its clearance, from the body.
-    /// It falls short of the truth by up to a pitch or so. Of stock it is the depth in the element, and half a pitch.
+    /// Largest depth of all poses looked at: no shorter translation parts the element, offset by its clearance, from the
+    /// centres of the body's voxels. It falls short of the depth in the body itself by up to a pitch or so, and exceeds it by up to
+    /// half a pitch where a face lies between two centres. Of stock it is the depth in the element, and half a pitch.
     pub depth: f64,
     /// How deep the contact point lies below the surface of the element, offset by its clearance.
     pub depth_in_tool: f64,

@@ -110,10 +110,11 @@ impl Limits {
         }
     }
 
-    /// Directions that these limits alone name: a cone's axis, and those that a fixed rotary axis leaves to the other one.
+    /// Directions that fixed axes leave: that of a cone of half angle 0, and those that a fixed rotary axis leaves to the other one.
     pub(super) fn own_directions(&self) -> Vec<Orientation> {
         match *self {
-            Self::Cone { .. } => self.cone(1),
+            Self::Cone { half_angle, .. } if half_angle <= SLACK => self.cone(1),
+            Self::Cone { .. } => Vec::new(),
             Self::Rotary { tilt, turn, .. } => {
                 let [tilts, turns] = [tilt, turn].map(|[low, high]| high - low);
                 // So many that none is farther than half a step from one of them; a whole turn is enough.
@@ -264,8 +265,12 @@ mod tests {
         assert_eq!(within.len(), 300);
         assert_eq!(OrientationSet::parse(&within.spec).unwrap(), within);
         let cone = OrientationSet::parse("within:cone:0,0,-1:90@fibonacci:400").unwrap();
-        assert_eq!((cone.len(), cone.orientations[0].direction()), (201, DVec3::NEG_Z));
+        assert_eq!(cone.len(), 200);
         assert!(cone.orientations.iter().all(|o| o.direction().z <= 0.0));
+        // A cone that has an opening adds nothing, not its axis either.
+        assert_eq!(set("within:cone:0,0,1:10@0,5"), [Orientation::new(0.0, 5.0)]);
+        let outside = OrientationSet::parse("within:cone:0,0,1:10@0,90").unwrap_err().to_string();
+        assert!(outside.contains("none of its 1 orientations is within cone:0,0,1:10"), "{outside}");
         let none = OrientationSet::parse("0,170").unwrap().within(&limits).unwrap_err().to_string();
         assert!(none.contains("none of its 1"), "{none}");
     }

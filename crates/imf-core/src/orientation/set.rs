@@ -177,8 +177,8 @@ impl OrientationSet {
         })
     }
 
-    /// The limits' own directions, which no set meets by chance (a cone's axis; along a circle that a fixed rotary axis
-    /// leaves, every few degrees), then the orientations whose directions lie within the limits, in the same order.
+    /// Where an axis is fixed, what it leaves, which no set meets by chance (the axis of a cone of half angle 0; every few degrees of the
+    /// circle that a fixed rotary axis leaves), then the orientations whose directions lie within the limits, in the same order.
     ///
     /// # Errors
     /// No orientation is left.

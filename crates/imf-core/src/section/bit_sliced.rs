@@ -200,8 +200,11 @@ mod tests {
     fn differences_of_counts_are_those_of_one_bit_after_the_other() {
         let bytes = bytes(1000);
         // No tree, a tree and a rest, and counts beyond 15 digits, which numbers of 16 bits could not hold: too many for Miri.
-        let most = if cfg!(miri) { 304 } else { 70_000 };
-        for (plus, minus) in [(8, 16), (104, 40), (0, 32), (most, 8), (8, most)] {
+        let pairs: &[(usize, usize)] = match cfg!(miri) {
+            true => &[(8, 16), (40, 8)],
+            false => &[(8, 16), (104, 40), (0, 32), (70_000, 8), (8, 70_000)],
+        };
+        for &(plus, minus) in pairs {
             let (plus, minus) = (addresses(plus, bytes.len()), addresses(minus, bytes.len()));
             let bit = |address: u32, place: usize| {
                 i32::from(bytes[address as usize + place / 8] >> (place % 8) & 1)

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::field::solid::SolidVoxels;
 use crate::grid::Grid;
 use crate::occupancy::Occupancy;
-use crate::scene::{Bodies, SceneError, SceneSpec};
+use crate::scene::{Bodies, Resolution, SceneError, SceneSpec};
 use crate::voxelize::voxelize_with;
 
 /// A part, as two sets of voxels on one grid.
@@ -102,9 +102,10 @@ impl CollisionEnvironment {
     /// As [`SceneSpec::bodies`].
     #[doc(hidden)]
     pub fn at_twice_the_pitch(spec: &SceneSpec<'_>, grid: &Grid) -> Result<Self, SceneError> {
-        let coarse = Grid { pitch: 2.0 * grid.pitch, dims: grid.dims.map(|n| n.div_ceil(2)), ..*grid };
+        // The scene's own grid at that pitch: faces lie among its voxels as they would there, on which conservative voxels depend.
+        let own = SceneSpec { resolution: Resolution::Pitch(2.0 * grid.pitch), ..spec.clone() }.grid()?;
         // Larger voxels that are touched reach farther.
-        let coarse = if spec.conservative { coarse.padded([1; 3], [1; 3])? } else { coarse };
+        let coarse = own.covering(grid.origin, grid.origin + grid.size(), i64::from(spec.conservative))?;
         // A part that is too thin for the larger voxels has none, which says that nothing has converged.
         match spec.bodies(&coarse) {
             Ok(bodies) => Self::of_bodies(spec, &bodies),
@@ -119,5 +120,39 @@ impl CollisionEnvironment {
     #[must_use]
     pub fn pitch(&self) -> f64 {
         self.part().grid.pitch
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::mesh::Mesh;
+    use crate::parts::ReferencePart;
+    use crate::tool::Tool;
+
+    #[test]
+    fn at_twice_the_pitch_the_voxels_are_those_of_a_scene_of_that_pitch() {
+        // Faces on those of voxels, where conservative voxels on both sides are solid.
+        let (cube, tool) = (Mesh::cuboid(DVec3::ZERO, DVec3::splat(12.0)), Tool::paper());
+        for conservative in [false, true] {
+            let of = |pitch: f64| SceneSpec {
+                resolution: Resolution::Pitch(pitch),
+                conservative,
+                ..SceneSpec::of_reference(ReferencePart::Bracket, &cube, [1; 3], &tool)
+            };
+            let fine = of(1.0);
+            for reach in 0..4 {
+                let around = fine.grid().unwrap().padded([reach; 3], [reach; 3]).unwrap();
+                let found = CollisionEnvironment::at_twice_the_pitch(&fine, &around).unwrap();
+                let coarse = of(2.0);
+                let whole = coarse.grid().unwrap().padded([8; 3], [8; 3]).unwrap();
+                let own = CollisionEnvironment::of_bodies(&coarse, &coarse.bodies(&whole).unwrap()).unwrap();
+                let on = |voxels: &SolidVoxels| voxels.occupancy().on(&whole).unwrap();
+                assert_eq!(on(&found.keep_out), on(&own.keep_out), "{conservative}, {reach}");
+                assert_eq!(on(&found.part), on(&own.part), "{conservative}, {reach}");
+            }
+        }
     }
 }

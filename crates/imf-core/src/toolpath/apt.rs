@@ -12,13 +12,13 @@ mod statement;
 
 use std::str::FromStr;
 
-use super::{CutterStatement, Direction, LineError, Location, MoveKind, Toolpath, pose};
+use super::{CutterStatement, Direction, LineError, Location, MoveKind, Toolpath, gcode, pose};
 use crate::unit::LengthUnit;
 use frame::{TRANSFORMS, changes_nothing};
 use statement::{Statement, first_word, is_of, numbers, statements};
 
 /// Words that neither move the tool nor change what its coordinates mean.
-const STILL: &str = "AUXFUN CLEARP COOLNT DELAY DISPLY DWELL END END-OF-PATH FEDRAT FINI INTOL LEADER MACHIN OPSTOP \
+const STILL: &str = "CLEARP COOLNT DELAY DISPLY DWELL END END-OF-PATH FEDRAT FINI INTOL LEADER MACHIN OPSTOP \
                      OUTTOL PAINT PARTNO PPRINT REMARK SELCTL SELECT SEQNO SPINDL STOP TOLER TPRINT";
 
 /// Words that move the tool along a path that is not in the file.
@@ -37,6 +37,8 @@ struct State {
     factor: f64,
     /// The path's unit, while the file has not said its own.
     unit_taken: Option<LengthUnit>,
+    /// `UNITS/` has been read.
+    has_unit: bool,
     rapid: bool,
     tool: Option<u32>,
     /// Loaded since the last location.
@@ -60,6 +62,7 @@ pub(super) fn parse(text: &str, unit: LengthUnit) -> Result<Toolpath, LineError>
         upright: false,
         factor: 1.0,
         unit_taken: Some(unit),
+        has_unit: false,
         rapid: false,
         tool: None,
         loaded: false,
@@ -143,15 +146,12 @@ impl State {
                 let file = LengthUnit::from_str(named).map_err(|error| wrong(error.to_string()))?;
                 self.factor = file.in_mm() / unit.in_mm();
                 self.unit_taken = None;
+                if !std::mem::replace(&mut self.has_unit, true) {
+                    self.convert_cutters();
+                }
             }
             "LOADTL" | "TURRET" | "LOAD" => {
-                let number = if word == "LOAD" {
-                    rest.trim_start()
-                        .strip_prefix("TOOL")
-                        .and_then(|rest| rest.trim_start().strip_prefix(','))
-                } else {
-                    Some(rest)
-                };
+                let number = if word == "LOAD" { behind(rest, "TOOL") } else { Some(rest) };
                 let number = number.and_then(|text| text.split(',').next()?.trim().parse().ok());
                 self.tool = Some(number.ok_or_else(|| {
                     wrong(format!(
@@ -165,10 +165,7 @@ impl State {
                 self.describe(line, &word, rest);
                 let cutter = match word.as_str() {
                     "CUTTER" => Some(rest),
-                    "TLDATA" => rest
-                        .trim_start()
-                        .strip_prefix("MILL")
-                        .and_then(|rest| rest.trim_start().strip_prefix(',')),
+                    "TLDATA" => behind(rest, "MILL"),
                     _ => None,
                 };
                 if let Some(values) = cutter.filter(|rest| !is_off(rest)) {
@@ -178,13 +175,10 @@ impl State {
                 }
             }
             "TOOL" if statement.to_ascii_uppercase().starts_with("TOOL PATH") => {
-                self.describe(line, "TOOL PATH", rest.rsplit_once("TOOL,").map_or("", |(_, name)| name));
+                let name = rest.to_ascii_uppercase().rfind("TOOL,").map_or("", |at| &rest[at + 5..]);
+                self.describe(line, "TOOL PATH", name);
             }
-            "AUXFUN" if numbers(rest).is_ok_and(|values| values.first() == Some(&6.0)) => {
-                return Err(wrong(
-                    "AUXFUN/6 changes the tool without a number: write LOADTL/ and the number".into(),
-                ));
-            }
+            "AUXFUN" => check_auxiliary(statement, rest).map_err(wrong)?,
             known if is_of(STILL, known) => {}
             known if is_of(TRANSFORMS, known) && changes_nothing(known, rest) => {}
             known if is_of(TRANSFORMS, known) => {
@@ -286,6 +280,14 @@ impl State {
         Ok(CutterStatement { line, tool: self.tool, diameter, corner_radius })
     }
 
+    /// Cutters that were described before the first `UNITS/` are in its unit.
+    fn convert_cutters(&mut self) {
+        for cutter in self.cutters.iter_mut().chain(&mut self.described_since) {
+            cutter.diameter *= self.factor;
+            cutter.corner_radius = cutter.corner_radius.map(|radius| radius * self.factor);
+        }
+    }
+
     /// Before the first location a description begins; after it, another one is another tool.
     fn describe(&mut self, line: usize, word: &str, text: &str) {
         let text = text.trim().to_owned();
@@ -300,6 +302,24 @@ impl State {
             None => self.described.push((word.to_owned(), text)),
         }
     }
+}
+
+/// An M word of the machine by its number, of which the same are known as in a program.
+fn check_auxiliary(statement: &str, rest: &str) -> Result<(), String> {
+    let number = rest.split(',').next().and_then(|number| number.trim().parse::<f64>().ok());
+    match number {
+        Some(6.0) => Err("AUXFUN/6 changes the tool without a number: write LOADTL/ and the number".into()),
+        Some(known) if known >= 0.0 && known.fract() == 0.0 && gcode::is_still_m(known as u32) => Ok(()),
+        _ => Err(format!(
+            "{statement} is not understood and might move the machine: take it out of the file if it does not"
+        )),
+    }
+}
+
+/// What follows a word and a comma.
+fn behind<'a>(rest: &'a str, word: &str) -> Option<&'a str> {
+    let (first, rest) = rest.split_once(',')?;
+    first.trim().eq_ignore_ascii_case(word).then_some(rest)
 }
 
 fn is_off(rest: &str) -> bool {

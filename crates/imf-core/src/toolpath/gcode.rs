@@ -11,10 +11,12 @@
 //! the tip would be with the head upright, in the work offset that does not turn. Angles are followed as they are written: from C350
 //! to C10 is 340° back, which is remarked.
 
+mod after_end;
 mod arc;
 mod block;
 mod coordinates;
 mod length;
+mod unchecked;
 
 use glam::DVec3;
 
@@ -22,6 +24,7 @@ use super::{LineError, PathReading, Toolpath};
 use crate::machine::{Joints, Machine};
 use arc::Arc;
 use block::Block;
+use unchecked::Unchecked;
 
 /// Names of files that are programs, by their ends.
 const ENDS: [&str; 9] = ["nc", "gcode", "ngc", "tap", "mpf", "cnc", "eia", "ptp", "iso"];
@@ -32,6 +35,11 @@ pub(super) fn is_program(text: &str, name: &str) -> bool {
     let mut lines = text.lines().map(|line| line.trim_start_matches('\u{feff}').trim());
     let first = lines.find(|line| !line.is_empty() && !line.starts_with([';', '#'])).unwrap_or_default();
     end.is_some_and(|end| ENDS.contains(&end.as_str())) || first.starts_with(['%', '(']) || is_address(first)
+}
+
+/// True where an M word, by its number, moves neither tool nor part.
+pub(super) fn is_still_m(number: u32) -> bool {
+    block::STILL_M.contains(&number)
 }
 
 /// A letter and a number, as machines read them.
@@ -75,6 +83,13 @@ struct Program<'a> {
     homed: usize,
     /// D has named a tool's edge.
     has_used_edge: bool,
+    /// The number of the last H since the tool changed.
+    length_number: Option<u32>,
+    /// The edge that D names, and the one with which this tool moved before.
+    edge: Option<f64>,
+    edge_of_motion: Option<f64>,
+    /// Where a tool moves with another edge than before, and both.
+    edge_change: Option<(usize, f64, f64)>,
     /// The word that has ended a tool length, while none is in force again.
     ended_by: Option<&'static str>,
     /// The tool's centre point is kept.
@@ -87,6 +102,7 @@ struct Program<'a> {
     /// The path begins anew.
     broken: bool,
     joints: Joints,
+    unchecked: Unchecked,
     chords_left: usize,
     /// By how much corners are rounded at most, in the program's unit.
     rounded: f64,
@@ -111,6 +127,10 @@ pub(super) fn parse(text: &str, reading: &PathReading<'_>) -> Result<Toolpath, L
         z_by_spindle: false,
         homed: 0,
         has_used_edge: false,
+        length_number: None,
+        edge: None,
+        edge_of_motion: None,
+        edge_change: None,
         ended_by: None,
         centre_point: false,
         kept: DVec3::NAN,
@@ -121,6 +141,7 @@ pub(super) fn parse(text: &str, reading: &PathReading<'_>) -> Result<Toolpath, L
             linear: DVec3::NAN,
             rotary: [0, 1].map(|place| if place < axes { f64::NAN } else { 0.0 }),
         },
+        unchecked: Unchecked::default(),
         chords_left: arc::most_chords(text.len()),
         rounded: 0.0,
         remarked: Vec::new(),
@@ -130,7 +151,7 @@ pub(super) fn parse(text: &str, reading: &PathReading<'_>) -> Result<Toolpath, L
         let wrong = |what: String| LineError { line: index + 1, what };
         if let Some(end) = end {
             // Comments and names may follow, but nothing that would seem to have been checked.
-            if block::is_command(line) {
+            if after_end::is_command(line) {
                 return Err(wrong(format!(
                     "it stands after the end of the program in line {end}: give each program a file of its own, or take out what does not run"
                 )));
@@ -145,7 +166,10 @@ pub(super) fn parse(text: &str, reading: &PathReading<'_>) -> Result<Toolpath, L
     if let (None, Some((line, number))) = (program.tool, program.called) {
         return Err(LineError { line, what: format!("T{number} calls a tool, and no M6 changes to it") });
     }
+    program.check_said().map_err(|(line, what)| LineError { line, what })?;
     program.remark_on_length();
+    program.remark_on_edges();
+    program.remark_on_unchecked();
     Ok(program.path)
 }
 
@@ -191,11 +215,14 @@ impl Program<'_> {
                 &format!("the program moves without G20 or G21: its unit is taken to be {unit}"),
             );
         }
+        self.note_edge(line);
         match (block.goes_home, block.in_machine_coordinates) {
             (true, _) => self.go_home(line, block),
             (_, true) => self.go_in_machine_coordinates(line, block),
             _ => self.go(line, block),
-        }
+        }?;
+        self.take_axes(line, block);
+        Ok(())
     }
 
     /// The path is followed as it is written.

@@ -69,7 +69,7 @@ class Checker:
     def clearance(self, poses: ArrayLike, *, progress: Progress = None) -> NDArray[np.float64]:
         """By pose the signed clearance as far as it is proven, ``(n,)``, in the scene's unit.
 
-        Above 0 the tool is free, and no solid centre is nearer to it; below 0 no shorter translation frees it; 0 where neither is
+        Above 0 the tool is free, and no solid centre is nearer to it; below 0 no shorter translation parts it from their centres; 0 where neither is
         proven, which :meth:`is_free` decides. Sooner found than :meth:`distance`. Raises ``ValueError`` for a mesh tool.
         """
         return self._native.clearance(rows_of(poses)[0], listener(progress))

@@ -11,11 +11,12 @@ use imf_core::control::Cancelled;
 use imf_core::field_files::write_ply;
 use imf_core::machine::{AxisLimits, Machine};
 use imf_core::orientation::OrientationSet;
-use imf_core::scene::SceneWarning;
+use imf_core::scene::{Guarantee, SceneWarning};
 use imf_core::set_cover::{CoverProblem, CoverSettings};
 use imf_core::surface::{
     ObstructedAreas, SurfaceSamples, SurfaceTool, Verdict, contact_reach, crib_access, surface_access,
 };
+use imf_core::tool::Assembly;
 use imf_core::unit::LengthUnit;
 
 use super::on_machine::OnMachine;
@@ -36,6 +37,9 @@ struct Crib {
     pitch: f64,
     orientations: OrientationSet,
     tolerance: f64,
+    /// The weakest of the tools'.
+    guarantee: Guarantee,
+    conservative: bool,
     fixtures: Vec<String>,
     samples: SurfaceSamples,
     tools: Vec<CribTool>,
@@ -138,12 +142,17 @@ impl Crib {
         let verdicts = session.staged("crib", "samples", samples.samples.len() as u64, |control| {
             crib_access(&among, &samples.samples, &orientations.orientations, control)
         })?;
+        let guarantee =
+            |tool: &Assembly| Guarantee::new(spec.conservative, tool.tool(), &clearance, false, grid.pitch);
+        let weakest = kept.iter().map(guarantee).min_by_key(Guarantee::strength);
         let mut crib = Self {
             part: inputs.part.name.clone(),
             unit,
             pitch: grid.pitch,
             orientations,
             tolerance,
+            guarantee: weakest.unwrap_or(Guarantee::Centres),
+            conservative: spec.conservative,
             fixtures: fixtures.iter().map(|fixture| fixture.name.to_owned()).collect(),
             samples,
             tools,

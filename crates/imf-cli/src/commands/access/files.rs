@@ -9,7 +9,8 @@ use imf_core::machine::Machine;
 
 use super::Findings;
 use super::on_machine::OnMachine;
-use super::run::{AccessRun, Stock};
+use super::run::AccessRun;
+use super::stock::Stock;
 use crate::output::{element_name, write_text};
 
 /// What a voxel of the removable field is; 0 where no stock is.

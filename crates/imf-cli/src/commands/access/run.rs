@@ -18,6 +18,7 @@ use imf_core::tool::{Assembly, Clearance, SharpPoints, Tool, ToolShape};
 use imf_core::unit::LengthUnit;
 
 use super::on_machine::OnMachine;
+use super::stock::Stock;
 use super::surface::{SetupSettings, SurfaceSettings};
 use crate::arguments::access::AccessArguments;
 use crate::arguments::fixture;
@@ -25,13 +26,6 @@ use crate::arguments::orientations::{Directions, default_for};
 use crate::arguments::scene::{voxelise_with_progress, warn_of, warn_of_fixtures_out_of_reach};
 use crate::output::short;
 use crate::session::{Session, show_bytes};
-
-/// What is cut.
-pub(super) struct Stock {
-    pub(super) name: String,
-    /// Stock that neither part nor fixtures hold, on a grid of its own.
-    pub(super) solid: Occupancy,
-}
 
 /// What a run is about.
 pub(super) struct AccessRun {
@@ -42,6 +36,8 @@ pub(super) struct AccessRun {
     pub(super) contact: Option<f64>,
     /// The weakest of the tools' guarantees.
     pub(super) guarantee: Guarantee,
+    /// Every voxel is solid that the surface touches.
+    pub(super) conservative: bool,
     /// The part's surface in the world.
     pub(super) mesh: Mesh,
     pub(super) fixtures: Vec<String>,
@@ -232,16 +228,12 @@ impl AccessRun {
         };
         let stock = match (stock_mesh, stock_grid) {
             (Some(stock), Some(grid)) => {
-                let mut solid = stock.voxels(session, &grid, session.control(&|_| {}))?;
                 // A voxel that the part only touches may hold stock.
-                let bare = match conservative {
-                    true => bodies.by_centres(&spec.placed(), session.control(&|_| {}))?.obstacle(),
-                    false => whole.clone(),
-                };
-                let held = on(&bare, &grid)?;
-                solid.solid.iter_mut().zip(&held.solid).for_each(|(s, &o)| *s &= 1 - o);
-                ensure!(solid.count() > 0, "the stock '{}' holds nothing beside the part", stock.name);
-                Some(Stock { name: stock.name, solid })
+                let bare = conservative
+                    .then(|| bodies.by_centres(&spec.placed(), session.control(&|_| {})))
+                    .transpose()?;
+                let bare = bare.as_ref().unwrap_or(&bodies);
+                Some(Stock::new(session, stock, &grid, bare, (&mesh, unit))?)
             }
             _ => None,
         };
@@ -286,6 +278,7 @@ impl AccessRun {
             clearance,
             contact: depth,
             guarantee,
+            conservative,
             mesh,
             fixtures: bodies.fixtures.iter().map(|(name, _)| name.clone()).collect(),
             solid: on(&whole, &query)?,

@@ -11,6 +11,7 @@ use serde::Serialize;
 use super::any_direction::AnyDirectionRow;
 use super::collisions::{self, CollisionRow};
 use super::pictures::directions;
+use super::resolved::resolved;
 use super::run::AccessRun;
 use super::surface::{SetupsRow, StickOutRow, Surface, SurfaceRow, UnreachedPatch};
 use super::{Findings, Volume};
@@ -86,6 +87,9 @@ pub(super) struct Summary {
     clearance: Clearance,
     contact: Option<f64>,
     guarantee: String,
+    /// What voxels resolve of the surface's walls.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    resolved: Option<String>,
     solid: Volume,
     accessible: Region,
     inaccessible: Region,
@@ -173,6 +177,7 @@ impl Summary {
             clearance: run.clearance,
             contact: run.contact,
             guarantee: run.guarantee.to_string(),
+            resolved: surface.map(|_| resolved(run.query.pitch, run.conservative, run.unit)),
             solid: measure(run.solid.count()),
             accessible: region(&findings.accessible),
             inaccessible: region(&findings.inaccessible),
@@ -196,6 +201,14 @@ impl Summary {
         let Some(surface) = &self.surface else { return String::new() };
         let unit = self.unit.to_string();
         let mut text = surface.lines(self.unit);
+        if let Some(line) = &self.resolved {
+            let _ = writeln!(text, "  {line}");
+        }
+        if self.tau > 0.0 || self.contact.is_some() {
+            text.push_str(
+                "  τ and contact are for the space and the stock below: these figures are without them\n",
+            );
+        }
         for tool in self.tools.iter().filter(|_| self.tools.len() > 1) {
             let share = 100.0 * tool.surface_reached.unwrap_or_default();
             let _ = writeln!(text, "  {:34}{share:>8.1} %", format!("reached by {}", tool.tool));

@@ -13,7 +13,7 @@ use std::path::Path;
 use anyhow::Result;
 use imf_core::field_files::{NamedField, write_ply, write_vti, write_vtp};
 use imf_core::mesh::Mesh;
-use imf_core::scene::{Bodies, Guarantee, SceneSpec};
+use imf_core::scene::{Bodies, SceneSpec};
 use imf_core::surface::{
     CollisionEnvironment, ObstructedAreas, Reach, SurfaceAccess, SurfaceSamples, SurfaceTool, Verdict,
     default_tolerance, surface_access, surface_memory_estimate,
@@ -221,6 +221,7 @@ impl Surface {
             gouged: of(Verdict::Gouged),
             not_faced: of(Verdict::NotFaced),
             best_directions: listed.collect(),
+            other_directions: self.by_direction.len().saturating_sub(LISTED),
         }
     }
 
@@ -230,10 +231,9 @@ impl Surface {
 
     pub(super) fn stick_out_rows(&self, run: &AccessRun) -> Vec<StickOutRow> {
         let nearer = run.guarantee.surface_nearer_by(run.query.pitch);
-        let conservative = run.guarantee != Guarantee::Centres;
         self.stick_outs
             .iter()
-            .map(|found| found.row(&self.samples, &run.orientations, (nearer, conservative)))
+            .map(|found| found.row(&self.samples, &run.orientations, (nearer, run.conservative)))
             .collect()
     }
 

@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use glam::DMat4;
 use imf_core::check::{Collision, LineCollisions, TravelFault};
+use imf_core::machine::{MachineSolid, Side};
 use imf_core::toolpath::MoveKind;
 use imf_core::unit::LengthUnit;
 
@@ -88,6 +89,8 @@ pub(super) fn text(checked: &CheckRun<'_>) -> String {
     );
     if let Some(bodies) = checked.machine {
         let machine = bodies.machine();
+        let is_moved = |solid: &&MachineSolid| solid.side == Side::Head || solid.level > 0;
+        let moving = machine.solids.iter().filter(is_moved).count();
         let seen = bodies.coarsest_pitch().map_or_else(String::new, |pitch| {
             let sure = 3f64.sqrt() * pitch + settings.step;
             format!(
@@ -100,7 +103,7 @@ pub(super) fn text(checked: &CheckRun<'_>) -> String {
             "machine: {}, {} rotary axes, {} solids that move with them{seen}; between two lines its rotary axes turn evenly",
             machine.name,
             machine.rotary.len(),
-            machine.solids.len()
+            moving
         );
     }
     let _ = writeln!(text, "{}", checked.guarantee());

@@ -37,6 +37,8 @@ fn tools_are_known_by_number_alone() {
     for change in ["TLDATA/MILL,6\nLOADTL/2\n", "LOADTL/2\nTLDATA/MILL,6\n"] {
         assert_eq!(of(&format!("{first}{change}GOTO/1,2,4\n")).unwrap(), Some(2));
     }
+    let wrong = of("tool path/a,tool,d10\nGOTO/1,2,3\ntool path/b,tool,d6\nGOTO/1,2,4\n").unwrap_err();
+    assert!(wrong.what.contains("TOOL PATH describes another tool"), "{}", wrong.what);
     let wrong = of(&format!("{first}TOOL PATH/B,TOOL,D6\nGOTO/1,2,4\n")).unwrap_err();
     assert_eq!(wrong.line, 4);
     assert!(wrong.what.contains("TOOL PATH describes another tool"), "{}", wrong.what);
@@ -49,6 +51,11 @@ fn cutters_are_read_in_the_files_unit_and_belong_to_the_tool_that_follows() {
     let cutters = parse(text, LengthUnit::Mm).unwrap().cutters;
     let known: Vec<_> = cutters.iter().map(|c| (c.line, c.tool, c.diameter, c.corner_radius)).collect();
     assert_eq!(known, [(3, Some(1), 12.7, Some(3.175)), (5, Some(2), 6.35, Some(0.0))]);
+    // In lower case, and in the unit that stands behind it.
+    let text = "CUTTER/.5,.125\nLOADTL/1\nunits/inch\nGOTO/1,2,3\ntldata/mill,.25,0\nload/tool,2\nunits/inch\nGOTO/1,2,3\n";
+    let cutters = parse(text, LengthUnit::Mm).unwrap().cutters;
+    let known: Vec<_> = cutters.iter().map(|c| (c.line, c.tool, c.diameter, c.corner_radius)).collect();
+    assert_eq!(known, [(1, Some(1), 12.7, Some(3.175)), (5, Some(2), 6.35, Some(0.0))]);
     let wrong = parse("CUTTER/BALL\nGOTO/1,2,3\n", LengthUnit::Mm).unwrap_err();
     assert!(wrong.line == 1 && wrong.what.contains("'BALL' is not a number"), "{}", wrong.what);
 }
@@ -77,6 +84,9 @@ fn what_is_not_followed_is_refused_with_its_line() {
         ("MODE/INCR\n", 1, "changes where"),
         ("LOADTL/BALL6\n", 1, "does not say the tool's number"),
         ("AUXFUN/8\nAUXFUN/6\n", 2, "changes the tool"),
+        ("AUXFUN/21\n", 1, "AUXFUN/21 is not understood and might move the machine"),
+        ("AUXFUN/ 8,NEXT\nAUXFUN/98,NEXT\n", 2, "AUXFUN/98,NEXT is not understood"),
+        ("AUXFUN/PALLET\n", 1, "AUXFUN/PALLET is not understood"),
         (
             "OPSKIP/OFF\nOPSKIP/ON\n",
             2,

@@ -19,20 +19,6 @@ pub(super) struct Word<'a> {
     pub(super) text: &'a str,
 }
 
-/// True where a line has a word that a control would carry out, whether it is understood or not; numbers of blocks and names of programs
-/// are none.
-pub(super) fn is_command(line: &str) -> bool {
-    let line = line.trim_start_matches('\u{feff}').trim_start();
-    let line = line.trim_start_matches('/').trim_start();
-    let numbered =
-        line.strip_prefix(['N', 'n']).map(|rest| rest.trim_start_matches(|c: char| c.is_ascii_digit()));
-    let rest = numbered.unwrap_or(line).trim_start();
-    let mut letters = rest.chars();
-    let first = letters.next().is_some_and(|letter| "GMTXYZABCUVW".contains(letter.to_ascii_uppercase()));
-    let number = letters.find(|c| !c.is_whitespace());
-    first && number.is_some_and(|c| c.is_ascii_digit() || "+-.#[".contains(c))
-}
-
 /// The words of one line; none of a line that only separates or comments.
 pub(super) fn words(line: &str) -> Result<Vec<Word<'_>>, String> {
     let mut rest = line.trim_start_matches('\u{feff}').trim();
@@ -89,8 +75,8 @@ pub(super) struct Block {
     /// `Some(None)` ends a tool length, `Some(Some(true))` keeps the tool's centre point as well.
     pub(super) length: Option<Option<bool>>,
     pub(super) length_number: Option<u32>,
-    /// D, and whether it is 0.
-    pub(super) ends_edge: Option<bool>,
+    /// D.
+    pub(super) edge: Option<f64>,
     pub(super) in_machine_coordinates: bool,
     pub(super) goes_home: bool,
     pub(super) dwells: bool,
@@ -110,6 +96,8 @@ pub(super) struct Block {
     pub(super) smooths: bool,
     /// Of G5.1, G8 and G187 the word, and the letter that it needs.
     mode: Option<(&'static str, Option<char>)>,
+    /// The G words so far that exclude others, in tenths.
+    excluding: Vec<u32>,
     /// P and Q.
     pub(super) lengths: [Option<f64>; 2],
 }
@@ -117,8 +105,17 @@ pub(super) struct Block {
 /// G words that move nothing and change no coordinate, in tenths: exact stop, no cutter compensation, no scaling, end of a cycle, path
 /// modes, no rotation, kinds of feed, the cycles' level.
 const STILL_G: [u32; 12] = [90, 400, 800, 610, 611, 690, 930, 940, 950, 970, 980, 990];
+/// G words of which one alone is in force, in tenths: plane, unit, absolute or steps, tool length, work offset, path mode.
+const EXCLUDING_G: [&[u32]; 6] = [
+    &[170, 180, 190],
+    &[200, 210],
+    &[900, 910],
+    &[430, 434, 2340, 490],
+    &[540, 550, 560, 570, 580, 590],
+    &[610, 611, 640],
+];
 /// M words that move neither tool nor part: stops, ends, spindle, coolant, clamps, overrides.
-const STILL_M: [u32; 15] = [0, 1, 2, 3, 4, 5, 7, 8, 9, 10, 11, 19, 30, 48, 49];
+pub(super) const STILL_M: [u32; 15] = [0, 1, 2, 3, 4, 5, 7, 8, 9, 10, 11, 19, 30, 48, 49];
 
 impl Block {
     pub(super) fn new(words: &[Word<'_>], machine: Option<&Machine>) -> Result<Self, String> {
@@ -172,7 +169,7 @@ impl Block {
             // Numbers of blocks and programs, feed, spindle speed.
             'N' | 'O' | 'F' | 'S' => {}
             // The place of a radius in the control, or a tool's edge.
-            'D' => self.ends_edge = Some(value == 0.0),
+            'D' => self.edge = Some(value),
             'T' => self.tool = Some(whole()?),
             'H' => self.length_number = Some(whole()?),
             'P' => self.lengths[0] = Some(value),
@@ -208,6 +205,7 @@ impl Block {
         if (tenths / 10.0 - value).abs() > 1e-9 || !(0.0..1e5).contains(&tenths) {
             return Err(format!("G{text} is not understood and might move the machine"));
         }
+        self.exclude(tenths as u32, text)?;
         let motion = match tenths as u32 {
             0 => Some(Motion::Rapid),
             10 => Some(Motion::Feed),
@@ -256,12 +254,29 @@ impl Block {
         Ok(())
     }
 
+    /// Which of two such words wins differs from control to control.
+    fn exclude(&mut self, tenths: u32, text: &str) -> Result<(), String> {
+        let Some(group) = EXCLUDING_G.iter().find(|group| group.contains(&tenths)) else { return Ok(()) };
+        let before = self.excluding.iter().find(|before| group.contains(before) && **before != tenths);
+        if let Some(&before) = before {
+            return Err(format!(
+                "G{text} stands beside G{} in one line, and each ends the other: write one of them",
+                f64::from(before) / 10.0
+            ));
+        }
+        self.excluding.push(tenths);
+        Ok(())
+    }
+
     /// Words that say nothing where they stand might mean something that is not known.
     fn check(&self, seen: &[char]) -> Result<(), String> {
         let has = |letters: &str| seen.iter().copied().find(|&letter| letters.contains(letter));
         if self.dwells {
-            // The time may be X, U or P.
-            return match has("YZIJKRABCHQL") {
+            // The time is P, or X or U where they can be nothing else.
+            let moves = self.motion.is_some() || self.goes_home || self.in_machine_coordinates;
+            let is_lost =
+                |&letter: &char| moves || seen.iter().any(|&other| other != letter && "PXUF".contains(other));
+            return match has("YZIJKRABCHQL").or(has("X").or(has("U")).filter(is_lost)) {
                 Some(letter) => {
                     Err(format!("{letter} stands beside G4, which waits: write it in a line of its own"))
                 }

@@ -106,6 +106,7 @@ impl Program<'_> {
         motion: Motion,
     ) -> Result<(), String> {
         let below = DVec3::new(0.0, 0.0, self.tool_length()?);
+        let before = self.standing();
         let linear = match self.machine {
             Some(machine) if self.centre_point => {
                 self.kept = to;
@@ -115,7 +116,9 @@ impl Program<'_> {
             _ => to + self.origin() + below,
         };
         let by = if self.centre_point { Coordinates::CentrePoints } else { Coordinates::Programs };
-        self.arrive(line, Joints { linear, rotary }, motion, by)
+        self.arrive(line, Joints { linear, rotary }, motion, by)?;
+        self.note_motion(line, &before, false);
+        Ok(())
     }
 
     /// G53: the linear axes by the machine's own coordinates.
@@ -128,7 +131,7 @@ impl Program<'_> {
         if self.machine.is_none() {
             return self.leave(line, block, "G53");
         }
-        let mut joints = self.joints;
+        let (before, mut joints) = (self.standing(), self.joints);
         for (axis, given) in block.linear.iter().enumerate() {
             joints.linear[axis] = given.map_or(joints.linear[axis], |given| self.value(given));
         }
@@ -136,7 +139,9 @@ impl Program<'_> {
             joints.rotary[place] = given.unwrap_or(joints.rotary[place]);
         }
         self.z_by_spindle |= block.linear[2].is_some();
-        self.arrive(line, joints, motion, Coordinates::Machines)
+        self.arrive(line, joints, motion, Coordinates::Machines)?;
+        self.note_motion(line, &before, true);
+        Ok(())
     }
 
     /// G28: by the place that is given to the reference point, each axis that is named.
@@ -155,7 +160,7 @@ impl Program<'_> {
             self.reach(line, to, rotary, Motion::Rapid)?;
         }
         let Some(machine) = self.machine else { return self.leave(line, block, "G28") };
-        let mut joints = self.joints;
+        let (before, mut joints) = (self.standing(), self.joints);
         for axis in (0..3).filter(|&axis| block.linear[axis].is_some()) {
             joints.linear[axis] = machine.home[axis];
         }
@@ -163,7 +168,9 @@ impl Program<'_> {
             joints.rotary[place] = 0.0;
         }
         self.z_by_spindle |= block.linear[2].is_some();
-        self.arrive(line, joints, Motion::Rapid, Coordinates::Machines)
+        self.arrive(line, joints, Motion::Rapid, Coordinates::Machines)?;
+        self.note_motion(line, &before, true);
+        Ok(())
     }
 
     /// Without a machine: to a place that is not known, and the path begins anew behind it.
@@ -172,6 +179,7 @@ impl Program<'_> {
             self.joints.linear[axis] = f64::NAN;
         }
         self.broken = true;
+        self.unchecked.said = [false; 5];
         self.remark(
             line,
             "leaves",

@@ -16,12 +16,15 @@ impl Program<'_> {
             // Before its first tool a program only goes home, with nothing that could be checked.
             self.path.locations.clear();
             self.z_without_length = None;
+            self.forget_ways_home();
         }
         self.tool = Some(number);
         if self.has_used_length {
             self.ended_by = Some("M6");
         }
         self.length = false;
+        (self.length_number, self.edge_of_motion) = (None, None);
+        self.unchecked.said = [false; 5];
         // The way to where tools are changed is the machine's own.
         self.joints.linear = DVec3::NAN;
         self.broken = true;
@@ -37,6 +40,14 @@ impl Program<'_> {
         {
             return Err(format!("H{number} is the length of another tool than T{tool}"));
         }
+        if let (Some(number), Some(before)) = (block.length_number, self.length_number)
+            && number != before
+        {
+            return Err(format!(
+                "H{number} is the length of another tool than H{before}, and nothing changes to it: write T{number} M6 before"
+            ));
+        }
+        self.length_number = block.length_number.or(self.length_number);
         let keeps = length == Some(true);
         if keeps && self.machine.is_none_or(|machine| machine.rotary.is_empty()) {
             return Err("it keeps the tool's centre point while rotary axes turn, and no machine with such axes is given".into());
@@ -61,13 +72,35 @@ impl Program<'_> {
 
     /// Where no G43 takes up a length, D may be a tool's edge (Siemens): in force from the tool change on, up to D0.
     fn take_edge(&mut self, block: &Block) {
-        let Some(is_none) = block.ends_edge else { return };
+        let Some(edge) = block.edge else { return };
+        let is_none = edge == 0.0;
         if is_none && !self.has_used_length && (self.tool.is_some() || self.has_used_edge) {
             self.ended_by = Some("D0");
         }
         if !is_none {
+            self.edge = Some(edge);
             self.has_used_edge = true;
             self.ended_by = self.ended_by.filter(|&word| word != "D0");
+        }
+    }
+
+    /// A tool's other edge may be longer, or lie elsewhere.
+    pub(super) fn note_edge(&mut self, line: usize) {
+        if let (Some(before), Some(edge)) = (self.edge_of_motion, self.edge)
+            && before != edge
+        {
+            self.edge_change.get_or_insert((line, before, edge));
+        }
+        self.edge_of_motion = self.edge;
+    }
+
+    /// Beside G43 D is a radius's place; of a program without it, an edge.
+    pub(super) fn remark_on_edges(&mut self) {
+        if let (Some((line, before, edge)), false) = (self.edge_change, self.has_used_length) {
+            let text = format!(
+                "the tool moves by its edge D{edge}, and before by D{before}: both are taken to be its tip, and where they are not, the edges have to be checked one by one"
+            );
+            self.remark(line, "edges", &text);
         }
     }
 

@@ -396,3 +396,5 @@ fn any_number_without_a_decimal_point_is_remarked() {
         assert_eq!(path.remarks, expected, "{text}");
     }
 }
+
+mod blocks;

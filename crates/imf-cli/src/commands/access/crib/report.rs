@@ -6,6 +6,7 @@ use imf_core::surface::Verdict;
 use imf_core::unit::LengthUnit;
 use serde::Serialize;
 
+use super::super::resolved::resolved;
 use super::super::surface::{ObstructedRow, proof};
 use super::Crib;
 use super::tools::Undecided;
@@ -48,6 +49,9 @@ pub(super) struct Report {
     orientations: String,
     orientation_count: usize,
     tolerance: f64,
+    guarantee: String,
+    /// What voxels resolve of the surface's walls.
+    resolved: String,
     area: f64,
     samples: usize,
     hidden_area: f64,
@@ -106,6 +110,8 @@ impl Report {
             orientations: crib.orientations.spec.clone(),
             orientation_count: crib.orientations.len(),
             tolerance: crib.tolerance,
+            guarantee: crib.guarantee.to_string(),
+            resolved: resolved(crib.pitch, crib.conservative, crib.unit),
             area: total,
             samples: samples.len(),
             hidden_area: crib.samples.hidden_area,
@@ -173,6 +179,7 @@ impl Report {
         row("none: something is in the way", self.obstructed, &ObstructedRow::text(&self.obstructed_by));
         row("none: no cutter fits", self.gouged, "");
         row("none: no direction faces it", self.not_faced, "");
+        let _ = writeln!(text, "  {}", self.resolved);
         let proof = proof(self.proven, self.at_least);
         let _ = writeln!(
             text,
@@ -227,7 +234,7 @@ impl Report {
                 );
             }
         }
-        let _ = write!(text, "\n{}.", show_seconds(self.seconds));
+        let _ = write!(text, "\n{}; {}.", show_seconds(self.seconds), self.guarantee);
         text
     }
 }

@@ -40,12 +40,13 @@ pub(super) fn stick_outs(
     Ok(found)
 }
 
-/// A stick-out that frees a patch: the length, and the fraction of the places that were looked into which it frees.
+/// A stick-out that frees a patch: the length, and the fraction of the places that were looked into which it frees; `None` where that is
+/// less than a hundredth, which is no remedy.
 pub(super) fn stick_out(lengths: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
     let all: Vec<f64> = lengths.collect();
     let freed: Vec<f64> = all.iter().copied().filter(|length| length.is_finite()).collect();
     let longest = freed.iter().copied().reduce(f64::max)?;
-    Some((longest, freed.len() as f64 / all.len() as f64))
+    (100 * freed.len() >= all.len()).then(|| (longest, freed.len() as f64 / all.len() as f64))
 }
 
 /// That, in words.
@@ -84,4 +85,20 @@ pub(super) fn slimmer(hits: &[ElementCollision], assembly: &Assembly) -> Option<
     };
     let by = hits.iter().map(|hit| hit.slimmer).fold(0.0, f64::max);
     (by < widest(true) - widest(false)).then_some(2.0 * by)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_stick_out_that_frees_next_to_nothing_is_no_remedy() {
+        let of = |freed: usize| {
+            let all = (0..1000).map(move |at| if at < freed { 20.0 + at as f64 } else { f64::INFINITY });
+            stick_out(all)
+        };
+        assert_eq!((of(0), of(1), of(9)), (None, None, None));
+        assert_eq!(of(10), Some((29.0, 0.01)));
+        assert_eq!(stick_out(std::iter::empty()), None);
+    }
 }

@@ -89,6 +89,9 @@ pub(in crate::commands::access) struct SurfaceRow {
     pub(super) gouged: f64,
     pub(super) not_faced: f64,
     pub(super) best_directions: Vec<DirectionRow>,
+    /// That are not among these.
+    #[serde(skip)]
+    pub(super) other_directions: usize,
 }
 
 impl SurfaceRow {
@@ -113,6 +116,9 @@ impl SurfaceRow {
         row(words(Verdict::NotFaced), self.not_faced, "");
         for DirectionRow { direction: [i, j, k], share } in &self.best_directions {
             row(&format!("from ({i:.3}, {j:.3}, {k:.3})"), *share, "");
+        }
+        if self.other_directions > 0 {
+            let _ = writeln!(text, "  and {} more", self.other_directions);
         }
         if self.hidden_area > 0.0 {
             let _ = writeln!(

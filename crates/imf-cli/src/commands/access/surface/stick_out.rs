@@ -85,6 +85,14 @@ impl ToolStickOut {
             let point = samples.samples[*index].point;
             Largest { length: *length, point: point.to_array(), direction: direction.to_array() }
         });
+        // By how much a triangle's corner lies deeper than its middle, along the direction from which it is reached.
+        let deeper = |index: usize| {
+            let StickOut::Reached { direction, .. } = self.found[index] else { return 0.0 };
+            let axis = orientations.orientations[direction as usize].direction();
+            let below = |corner: glam::DVec3| (samples.samples[index].point - corner).dot(axis);
+            samples.mesh.corners(index).map(below).into_iter().fold(0.0, f64::max)
+        };
+        let corners_deeper_by = needed.iter().map(|(.., index)| deeper(*index)).fold(0.0, f64::max);
         let largest = most.as_ref().map_or(shortest, |most| most.length);
         let steps = (0..STEPS).map(|i| shortest + (largest - shortest) * i as f64 / (STEPS - 1) as f64);
         let mut lengths: Vec<f64> = steps.chain([given]).collect();
@@ -98,6 +106,7 @@ impl ToolStickOut {
             shortest,
             longest: longest.is_finite().then_some(longest),
             surface_nearer_by,
+            corners_deeper_by,
             conservative,
             needed_at_most: lengths.into_iter().map(|length| (length, at_most(length))).collect(),
             needed_for: [0.5, 0.9, 0.99]
@@ -133,6 +142,8 @@ pub(in crate::commands::access) struct StickOutRow {
     longest: Option<f64>,
     /// By so much the surface may lie nearer than the voxels that the lengths are for.
     surface_nearer_by: Option<f64>,
+    /// By so much a corner of the surface's triangles lies deeper than its middle, which the lengths are for.
+    corners_deeper_by: f64,
     conservative: bool,
     /// A length, and the share that needs no more.
     needed_at_most: Vec<(f64, f64)>,
@@ -189,6 +200,13 @@ impl StickOutRow {
         ]);
         if let Some(nearer) = self.surface_nearer_by {
             let _ = writeln!(text, "  {}", length::surface_nearer(nearer, self.conservative, unit));
+        }
+        if self.corners_deeper_by > 1e-6 * self.given {
+            let _ = writeln!(
+                text,
+                "  lengths are for the middles of small triangles, whose corners lie up to {} {unit} deeper: that comes on top",
+                enough(self.corners_deeper_by)
+            );
         }
         text
     }

@@ -1,0 +1,71 @@
+//! What is cut: stock that neither part nor fixtures hold, and what is told where it does not hold the part.
+
+use anyhow::{Context as _, Result, ensure};
+use imf_core::grid::Grid;
+use imf_core::mesh::Mesh;
+use imf_core::mesh::topology::MeshReport;
+use imf_core::occupancy::Occupancy;
+use imf_core::scene::Bodies;
+use imf_core::unit::LengthUnit;
+
+use crate::arguments::fixture;
+use crate::output::show_measure;
+use crate::session::Session;
+
+/// Share of the part outside the stock from which on it is told: a face on the stock's own may lose some voxels to rounding.
+const OUTSIDE: f64 = 0.01;
+/// Relative difference of volumes by voxels and by meshes from which on it is told.
+const DIFFERENCE: f64 = 0.02;
+
+/// What is cut.
+pub(super) struct Stock {
+    pub(super) name: String,
+    /// Stock that neither part nor fixtures hold, on a grid of its own.
+    pub(super) solid: Occupancy,
+}
+
+impl Stock {
+    /// On a grid of the same voxels as those of the bodies, which are by the rule of voxel centres; `part` is the part's mesh in the world.
+    pub(super) fn new(
+        session: &Session,
+        stock: fixture::Stock,
+        grid: &Grid,
+        bodies: &Bodies,
+        (part, unit): (&Mesh, LengthUnit),
+    ) -> Result<Self> {
+        let mut solid = stock.voxels(session, grid, session.control(&|_| {}))?;
+        let on_grid = |voxels: &Occupancy| voxels.on(grid).context("the grids of part and stock do not meet");
+        let own = on_grid(&bodies.part)?;
+        let within = own.solid.iter().zip(&solid.solid).filter(|(part, stock)| **part & **stock == 1).count();
+        let outside = 1.0 - within as f64 / bodies.part.count().max(1) as f64;
+        if outside > OUTSIDE {
+            session.warn(&format!(
+                "{:.1} % of the part lies outside the stock '{}': check where it stands, and its unit",
+                100.0 * outside,
+                stock.name
+            ));
+        }
+        let held = on_grid(&bodies.obstacle())?;
+        solid.solid.iter_mut().zip(&held.solid).for_each(|(stock, &held)| *stock &= 1 - held);
+        ensure!(solid.count() > 0, "the stock '{}' holds nothing beside the part", stock.name);
+        if outside == 0.0
+            && bodies.fixtures.is_empty()
+            && let (Some(whole), Some(own)) = (volume(&stock.mesh), volume(part))
+            && ((whole - own) - solid.volume()).abs() > DIFFERENCE * (whole - own)
+        {
+            session.warn(&format!(
+                "the stock to remove is {} {unit}³ by its voxels and {} {unit}³ by the meshes: faces that run through the voxels' centres \
+                 are counted to one side; a smaller pitch brings both together",
+                show_measure(solid.volume()),
+                show_measure(whole - own)
+            ));
+        }
+        Ok(Self { name: stock.name, solid })
+    }
+}
+
+/// Of a mesh in one closed piece; of others it is not known what they hold.
+fn volume(mesh: &Mesh) -> Option<f64> {
+    let report = MeshReport::new(mesh);
+    (report.closed && report.components == 1).then(|| report.signed_volume.abs())
+}

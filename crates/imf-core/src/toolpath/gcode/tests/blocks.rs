@@ -1,0 +1,87 @@
+//! Words that would be lost beside others, and tools that change without a word.
+
+use super::*;
+
+const START: &str = "G21 G90 G17\nG0 X0. Y0. Z9.\n";
+
+fn said_of(text: &str) -> String {
+    let wrong = read(&format!("{START}{text}\n")).unwrap_err();
+    assert_eq!(wrong.line, 2 + text.lines().count(), "{text}");
+    wrong.what
+}
+
+#[test]
+fn a_dwell_swallows_no_motion() {
+    for (text, letter) in [
+        ("G4 P0.5 X60.", 'X'),
+        ("G1 G4 P0.5 X60.", 'X'),
+        ("G4 P1 G0 X60.", 'X'),
+        ("G4 U60. X5.", 'X'),
+        ("G1 G4 X60.", 'X'),
+        ("G0 G4 U5.", 'U'),
+        ("G4 F2. X60.", 'X'),
+        ("G4 G28 X0.", 'X'),
+        ("G4 P1 U5.", 'U'),
+    ] {
+        let said = format!("{letter} stands beside G4, which waits: write it in a line of its own");
+        assert_eq!(said_of(text), said, "{text}");
+    }
+    for text in ["G4 X2.0", "G4 U2.0", "G4 P500", "G4 F2.", "G1 G4 P1"] {
+        assert!(read(&format!("{START}{text}\n")).is_ok(), "{text}");
+    }
+}
+
+#[test]
+fn of_words_that_exclude_each_other_none_wins() {
+    for (text, first, second) in [
+        ("G90 G91 X3.", "90", "91"),
+        ("G20 G21 X3.", "20", "21"),
+        ("G17 G18", "17", "18"),
+        ("G43 G49 H1", "43", "49"),
+        ("G49 G43.4 H1", "49", "43.4"),
+        ("G54 G55", "54", "55"),
+        ("G61 G64 P.1", "61", "64"),
+    ] {
+        let said = format!(
+            "G{second} stands beside G{first} in one line, and each ends the other: write one of them"
+        );
+        assert_eq!(said_of(text), said, "{text}");
+    }
+    assert!(read(&format!("{START}G90 G17 G21 G40 G49 G54 G80 G90 G94\n")).is_ok());
+}
+
+#[test]
+fn another_length_is_another_tool() {
+    let program = "G21 G90 G17\nG43 H1 G0 X-60. Y0. Z50.\nG1 Z35. F500\nM0 (CHANGE TO TOOL 2)\nG43 H2 Z50.\n";
+    let wrong = read(program).unwrap_err();
+    let said = "H2 is the length of another tool than H1, and nothing changes to it: write T2 M6 before";
+    assert_eq!((wrong.line, wrong.what.as_str()), (5, said));
+    for changed in [program.replace("M0", "G0 T2 M6 X0. Y0."), program.replace("H2", "H1")] {
+        assert!(read(&changed).is_ok(), "{changed}");
+    }
+}
+
+#[test]
+fn another_edge_is_told() {
+    let program = "G21 G90 G17\nT1 M6\nD1\nG0 X-60. Y0. Z50.\nG1 Z35. F500\nD2\nG1 X60. Z34.\nD1 Z9.\n";
+    let path = read(program).unwrap();
+    let told: Vec<&String> = path.remarks.iter().filter(|remark| remark.contains("edge")).collect();
+    assert_eq!(told.len(), 1, "{:?}", path.remarks);
+    assert!(told[0].starts_with("line 7: the tool moves by its edge D2, and before by D1: "), "{}", told[0]);
+    // Another tool has edges of its own, and beside G43 D is no edge.
+    for quiet in [
+        program.replace("D2", "T2 M6\nD2\nG0 X0. Y0. Z50.").replace("D1 Z9.", "D2 Z9."),
+        program.replace("G0 X-60.", "G43 H1 G0 X-60."),
+    ] {
+        let path = read(&quiet).unwrap();
+        assert!(path.remarks.iter().all(|remark| !remark.contains("edge")), "{:?}", path.remarks);
+    }
+}
+
+#[test]
+fn behind_its_end_a_program_does_not_go_on() {
+    for text in ["F500 G1 X60. Z10.", "(next) G1 X-60. Z10.", "S500 X60.", "H1 G43 Z5."] {
+        let wrong = said_of(&format!("M30\n{text}"));
+        assert!(wrong.contains("after the end of the program in line 3"), "{text}: {wrong}");
+    }
+}
