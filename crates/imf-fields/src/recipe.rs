@@ -144,7 +144,7 @@ impl TrainingState {
         Self::from_parameters(shape.initial_parameters(seed))
     }
 
-    /// ExplicitOptions weights and zero moments: where fine-tuning starts.
+    /// Given weights and zero moments: where fine-tuning starts.
     #[must_use]
     pub fn from_parameters(parameters: Vec<f32>) -> Self {
         let zeros = vec![0.0; parameters.len()];

@@ -16,7 +16,7 @@ use super::scene::SceneArguments;
 #[derive(Args)]
 #[command(after_help = "Examples:\n  imf train harmonic teapot --out teapot.safetensors\n  \
                   imf train harmonic part.obj --tool mill.toml --out part.safetensors\n\n\
-                  The file is for imf query, imf field, imf check and imf train factored.")]
+                  The file is for imf query, imf field, imf calibrate, imf export and imf train factored.")]
 pub(crate) struct HarmonicArguments {
     #[command(flatten)]
     pub(crate) explicit: ExplicitOptions,

@@ -59,7 +59,7 @@ pub(crate) struct SolidField {
 
 enum Shape {
     Bodies(Vec<Body>),
-    /// ExactSections by the definition.
+    /// Counted by the definition.
     Definition(Box<Tool>, OrientedTools),
 }
 

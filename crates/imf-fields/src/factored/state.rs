@@ -22,7 +22,7 @@ impl FactoredState {
         Self::from_parameters(shape.initial_parameters(seed))
     }
 
-    /// ExplicitOptions weights.
+    /// Given weights.
     #[must_use]
     pub fn from_parameters(parameters: Vec<f32>) -> Self {
         Self {
