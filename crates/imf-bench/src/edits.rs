@@ -121,7 +121,7 @@ pub(crate) fn run(session: &Session, arguments: &EditsArguments) -> Result<()> {
     let halves = learns_in_halves(&Device::Cpu);
     let lab = Lab {
         rate: arguments.rate,
-        shape: SirenShape { width: arguments.width, omega: 10.0, ..SirenShape::default() },
+        shape: SirenShape { width: arguments.width, ..SirenShape::default() },
         precision: if halves { Precision::Bf16 } else { Precision::F32 },
         steps: arguments.steps,
         directions: OrientationSet::parse(ORIENTATIONS)?,

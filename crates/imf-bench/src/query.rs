@@ -128,11 +128,7 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
             "{how} is of another scene than {}: give fields of one part, grid and tool",
             arguments.fields[0].display()
         );
-        let family = match &file {
-            FieldFile::Siren(_) => "siren5",
-            FieldFile::Harmonic(_) => "harmonic",
-            FieldFile::Factored(_) => "factored",
-        };
+        let family = file.family();
         let planner = Planner::new(Field::new(file)?)?;
         let (model, name) = (&planner.model, format!("Field, {family}"));
         rows.push(trial.decisions(&format!("Planner, {family}"), proven, BATCH, |poses, found| {

@@ -139,7 +139,7 @@ pub(crate) fn run(session: &Session, arguments: &TrainArguments) -> Result<()> {
 
 /// Measures the paper's network on a device, up to the first batch that fails or is not waited for.
 pub(crate) fn measured(session: &Session, device: &Device, of: &Steps<'_>) -> Result<Report> {
-    let shape = SirenShape { width: of.width, ..SirenShape::default() };
+    let shape = SirenShape { width: of.width, ..SirenShape::paper() };
     shape.check()?;
     let plan = TrainingPlan { precision: of.precision, ..TrainingPlan::default() };
     device.require_precision(plan.precision)?;

@@ -115,19 +115,14 @@ impl Device {
 
     /// Bytes of this machine's memory that a field's coefficients take once more when it is evaluated over its grid.
     pub(crate) fn copied_bytes(&self, stored: &FieldFile, calls: Workload) -> u64 {
-        let axes = match (stored, self) {
-            (FieldFile::Siren(_), _) => 0,
-            // They are there already.
-            (FieldFile::Harmonic(_), Self::Cpu) => 0,
-            (FieldFile::Harmonic(file), Self::Gpu(_)) => file.field.axis_count(),
-            (FieldFile::Factored(_), Self::Cpu) if calls == Workload::One => 0,
-            (FieldFile::Factored(file), _) => file.field.coefficient_count(),
+        let coefficients = stored.coefficient_count();
+        let coefficients = match self {
+            // A harmonic field has them in memory, and one call does not need a factored field's.
+            Self::Cpu if matches!(stored, FieldFile::Harmonic(_)) || calls == Workload::One => 0,
+            Self::Cpu => coefficients,
+            Self::Gpu(gpu) => coefficients.next_multiple_of(gpu.matrix_kernel().padding()),
         };
-        let axes = match self {
-            Self::Cpu => axes,
-            Self::Gpu(gpu) => axes.next_multiple_of(gpu.matrix_kernel().padding()),
-        };
-        if self.shares_memory() { 4 * (stored.scene().record.grid.len() * axes) as u64 } else { 0 }
+        if self.shares_memory() { 4 * (stored.scene().record.grid.len() * coefficients) as u64 } else { 0 }
     }
 
     /// A field on this device. For many calls over the whole grid a factored field's network runs once at every voxel, now on the

@@ -3,10 +3,12 @@
 use std::process::ExitCode;
 
 use imf_core::check::CheckError;
+use imf_core::orientation::OrientationSetError;
 use imf_core::scene::SceneError;
 use imf_core::toolpath::ToolpathError;
 use imf_fields::onnx::OnnxError;
 use imf_train::dataset::DatasetError;
+use thiserror::Error;
 
 use crate::commands::check::CollisionFound;
 use crate::interrupt::{self, Interrupted, NOTHING_FINISHED};
@@ -60,11 +62,19 @@ pub fn code_of(joins_ranks: bool, work: impl FnOnce(Rank) -> anyhow::Result<()>)
     ExitCode::from(code)
 }
 
-/// A toolpath, or a tool for it, that cannot be checked as it is; a part without a tool.
+/// A value that an option cannot have, where only the command's other inputs tell.
+#[derive(Debug, Error)]
+#[error("{0}")]
+pub(crate) struct WrongArgument(pub(crate) String);
+
+/// A wrong argument; a toolpath, or a tool for it, that cannot be checked as it is; a part without a tool.
 fn is_bad_input(error: &anyhow::Error) -> bool {
     let path = |error: &ToolpathError| !matches!(error, ToolpathError::Read { .. });
+    let set = |error: &OrientationSetError| !matches!(error, OrientationSetError::Read { .. });
     error.chain().any(|cause| {
-        cause.downcast_ref().is_some_and(path)
+        cause.is::<WrongArgument>()
+            || cause.downcast_ref().is_some_and(set)
+            || cause.downcast_ref().is_some_and(path)
             || matches!(cause.downcast_ref(), Some(SceneError::NoTool(_)))
             || cause
                 .downcast_ref::<CheckError>()
@@ -113,7 +123,11 @@ fn remedy(cause: &(dyn std::error::Error + 'static)) -> Option<&'static str> {
     if let Some(OnnxError::Rotations(_)) = cause.downcast_ref() {
         return Some("query it with imf query");
     }
-    matches!(cause.downcast_ref(), Some(DatasetError::Shares { .. })).then_some("imf dataset merge")
+    match cause.downcast_ref() {
+        Some(DatasetError::Shares { .. }) => Some("imf dataset merge"),
+        Some(DatasetError::Unfinished { .. }) => Some("the same imf dataset command again"),
+        _ => None,
+    }
 }
 
 /// How a tool is given.

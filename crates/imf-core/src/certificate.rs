@@ -33,6 +33,7 @@ pub enum Reachability {
 
 /// Why nothing is proven.
 #[derive(Clone, Debug, Error, PartialEq)]
+#[non_exhaustive]
 pub enum CertificateError {
     /// The tool is a mesh, or more of it than its tip is sharp.
     #[error(

@@ -16,12 +16,14 @@
 //! range is told.
 
 mod elements;
+mod error;
 mod machine;
 mod motions;
 mod report;
 mod stick_out;
 mod stock;
 
+pub use error::CheckError;
 pub use machine::{MachineBodies, MachineFault, MachineReach, machine_remarks};
 pub use report::{CheckReport, Collision, HitBody, LineCollisions, TravelFault};
 pub use stick_out::{PathStickOut, least_stick_outs};
@@ -29,16 +31,13 @@ pub use stock::{LineRemoval, StockLeft, StockReport, check_stock};
 
 use std::sync::Arc;
 
-use glam::DVec3;
 use serde::Serialize;
-use thiserror::Error;
 
-use crate::control::{Cancelled, Control};
+use crate::control::Control;
 use crate::occupancy::Occupancy;
 use crate::parallel;
-use crate::scene::SceneError;
-use crate::surface::SurfaceError;
-use crate::tool::{Clearance, ClearanceError, Tool, ToolError, ToolShape};
+use crate::scene::{PathGuarantee, SceneRecord};
+use crate::tool::{Clearance, Tool, ToolShape};
 use crate::toolpath::Toolpath;
 use crate::unit::LengthUnit;
 use elements::{Body, Elements};
@@ -86,6 +85,33 @@ impl CheckSettings {
         Self { contact: usual.contact + 0.75_f64.sqrt() * pitch, ..usual }
     }
 
+    /// The defaults for a scene, with its clearance; `contact` and `step` where they are given.
+    #[must_use]
+    pub fn of_scene(record: &SceneRecord, contact: Option<f64>, step: Option<f64>) -> Self {
+        let of = if record.conservative { Self::of_conservative } else { Self::of_pitch };
+        let usual = of(record.grid.pitch, record.unit);
+        Self {
+            clearance: record.clearance,
+            contact: contact.unwrap_or(usual.contact),
+            step: step.unwrap_or(usual.step),
+        }
+    }
+
+    /// The weakest guarantee of some tools on a path in a scene; `None` without tools.
+    #[must_use]
+    pub fn guarantee<'a>(
+        &self,
+        tools: impl IntoIterator<Item = &'a Tool>,
+        record: &SceneRecord,
+    ) -> Option<PathGuarantee> {
+        let Self { clearance, contact, step } = self;
+        let of = |tool| {
+            let (conservative, pitch) = (record.conservative, record.grid.pitch);
+            PathGuarantee::new(conservative, tool, clearance, *contact > 0.0, pitch, *step)
+        };
+        tools.into_iter().map(of).min_by_key(|g| (g.at_all_times.strength(), g.at_poses.strength()))
+    }
+
     /// Diameter of the smallest ball whose overlap is certain to be detected at any time of a motion: at the nearest checked
     /// pose, and below the accepted contact, the rest of such an overlap still contains a voxel centre.
     #[must_use]
@@ -116,197 +142,6 @@ pub struct CheckBodies<'a> {
     pub fixtures: &'a [(String, Occupancy)],
     /// The machine that follows the path; the path is read for it.
     pub machine: Option<&'a MachineBodies>,
-}
-
-/// Why a toolpath cannot be checked.
-#[derive(Debug, Error)]
-pub enum CheckError {
-    /// The tool has no volume.
-    #[error(transparent)]
-    Tool(#[from] ToolError),
-    /// The tool cannot be offset.
-    #[error(transparent)]
-    Clearance(#[from] ClearanceError),
-    /// Which way the tool turns is not defined.
-    #[error(
-        "line {line}: the tool axis turns to its opposite in one step; which way is not said, so add a line between"
-    )]
-    Opposite {
-        /// The line the motion ends on.
-        line: usize,
-    },
-    /// Which way the tool rolls is not defined.
-    #[error(
-        "line {line}: the tool rolls about its axis by half a turn in one step; which way is not said, so add a line between"
-    )]
-    RollsOver {
-        /// The line the motion ends on.
-        line: usize,
-    },
-    /// The tool is not round, and the path does not say how it is rolled.
-    #[error(
-        "line {line}: the tool '{tool}' is not round, and the toolpath does not say how it is rolled about its axis: add a \
-         column roll, in degrees (APT files have none)"
-    )]
-    NoRoll {
-        /// The line.
-        line: usize,
-        /// The tool's name.
-        tool: String,
-    },
-    /// A tool number that none of the tools has.
-    #[error("line {line}: {}, and the tools that are given have the numbers {given}", number_text(*.number))]
-    NoTool {
-        /// The line.
-        line: usize,
-        /// The number that it has.
-        number: Option<u32>,
-        /// The numbers that there are.
-        given: String,
-    },
-    /// The path was made for another cutter.
-    #[error(
-        "line {line}: the path is made for a cutter with a {what} of {said}, and that of '{tool}' is {given}: give the tool \
-         that the path was made for, or take the line out if it means another one"
-    )]
-    OtherCutter {
-        /// The line.
-        line: usize,
-        /// Which length.
-        what: &'static str,
-        /// What the file says, in the path's unit.
-        said: f64,
-        /// What the tool has.
-        given: f64,
-        /// The tool's name.
-        tool: String,
-    },
-    /// Several tools on the path, and one without a number.
-    #[error(
-        "line {line}: the tool changes, from {} to {}, and one tool is given for both: give each tool its number",
-        number_text(*.from), number_text(*.to)
-    )]
-    ToolChange {
-        /// The line.
-        line: usize,
-        /// The number before.
-        from: Option<u32>,
-        /// The number after.
-        to: Option<u32>,
-    },
-    /// The path is for a machine that is not given, or for none.
-    #[error("line {line}: the toolpath was not read for the machine that is to follow it")]
-    Machine {
-        /// The line.
-        line: usize,
-    },
-    /// A mesh cannot be offset.
-    #[error(
-        "the machine's solid '{name}' is a mesh, which cannot be offset by the holder's clearance: describe it by cylinders and boxes"
-    )]
-    HeadMesh {
-        /// The solid's name.
-        name: String,
-    },
-    /// A solid that voxels do not show.
-    #[error(
-        "the machine's solid '{name}' is {thickness} thick, and voxels of {pitch} show nothing below √2 of that for sure: choose a \
-         smaller pitch, or describe it by smaller solids"
-    )]
-    ThinSolid {
-        /// The solid's name.
-        name: String,
-        /// Its thickness.
-        thickness: f64,
-        /// Of its voxels.
-        pitch: f64,
-    },
-    /// A solid of which walls lie between the voxels' centres.
-    #[error(
-        "the machine's solid '{name}' has walls that lie between the centres of voxels of {pitch} (an area of {area:.1}, as at {at:.1}), and \
-         would be overlooked there: choose a smaller pitch, or describe it by boxes and cylinders"
-    )]
-    LostSolid {
-        /// The solid's name.
-        name: String,
-        /// Area of their surface.
-        area: f64,
-        /// A point of it.
-        at: DVec3,
-        /// Of its voxels.
-        pitch: f64,
-    },
-    /// A solid's mesh that does not say what is inside.
-    #[error(transparent)]
-    Solid(#[from] SceneError),
-    /// Tools that cannot be told apart.
-    #[error("the tools are {0}: give one tool without a number, or each its own")]
-    Tools(String),
-    /// The cutter is too thin for the contact.
-    #[error(
-        "the cutter of '{tool}' is not thicker than twice the contact of {contact} and a voxel's diagonal together: it could cut \
-         anything unseen between the voxels' centres; choose a smaller contact or pitch"
-    )]
-    Contact {
-        /// The tool's name.
-        tool: String,
-        /// The contact.
-        contact: f64,
-    },
-    /// A setting that is not a valid length.
-    #[error("the {name} must be {wanted}, not {value}")]
-    Setting {
-        /// Which.
-        name: &'static str,
-        /// What it should be.
-        wanted: &'static str,
-        /// What it is.
-        value: f64,
-    },
-    /// A motion would need too many poses.
-    #[error(
-        "line {line}: {poses:.1e} poses at steps of {step}; use larger ones, or check the toolpath's unit"
-    )]
-    TooLong {
-        /// The line the motion ends on.
-        line: usize,
-        /// Poses it would need.
-        poses: f64,
-        /// The step.
-        step: f64,
-    },
-    /// The elements of an outline that bends inwards cannot be counted by themselves.
-    #[error(
-        "the tool '{0}' has an arc around a centre beyond its axis, which cannot be checked with a clearance or among stock"
-    )]
-    Outline(String),
-    /// The stock is followed with a tool that has no elements.
-    #[error(
-        "the tool '{0}' is a mesh, which does not say what of it cuts the stock: describe it by cutter, shank and holder"
-    )]
-    StockMesh(String),
-    /// The stock lies between the part's voxels.
-    #[error("the voxels of the stock are not those of the part and the fixtures")]
-    StockGrid,
-    /// The tip's place depends on the tool's length.
-    #[error(
-        "line {line}: the head is tilted and no centre point is kept, so that the tip moves with the tool's length: no stick-out \
-         can be found for such a path; write it with the centre point kept (G43.4)"
-    )]
-    TipMoves {
-        /// The line.
-        line: usize,
-    },
-    /// No stick-out can be found for the tool.
-    #[error(transparent)]
-    StickOut(#[from] SurfaceError),
-    /// The caller's [`Control`] asked to stop.
-    #[error("interrupted")]
-    Cancelled(#[from] Cancelled),
-}
-
-fn number_text(number: Option<u32>) -> String {
-    number.map_or_else(|| "no tool by number".into(), |number| format!("tool {number}"))
 }
 
 /// Checks every motion of a toolpath on all threads of the current pool. One unit of progress is one location.

@@ -131,6 +131,7 @@ impl Best {
 
 /// Why an engine of training or evaluation failed: its device, or what it was given.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum EngineError {
     /// The device is gone or out of memory, or a call to it failed.
     #[error("{0}")]

@@ -52,6 +52,7 @@ use reading::LowestAround;
 
 /// Why a section cannot be computed.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum SectionError {
     /// The tool does not fit the grid.
     #[error(transparent)]

@@ -56,6 +56,7 @@ use crate::unit::LengthUnit;
 
 /// Why what a tool reaches of a surface cannot be computed.
 #[derive(Debug, Error, PartialEq)]
+#[non_exhaustive]
 pub enum SurfaceError {
     /// The tool has nothing that cuts.
     #[error("the tool '{0}' has no cutter: nothing of it may touch a surface")]

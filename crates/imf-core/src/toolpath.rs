@@ -122,6 +122,7 @@ pub struct Toolpath {
 
 /// Why a toolpath cannot be read.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum ToolpathError {
     /// The file cannot be read.
     #[error("cannot read the toolpath {path}")]
@@ -146,6 +147,17 @@ pub enum ToolpathError {
         "{0} holds no tool location: neither lines below a header such as x,y,z,i,j,k nor GOTO/ lines nor G-code that moves x, y and z"
     )]
     Empty(String),
+}
+
+/// In the errors of lines that only a machine gives a meaning.
+const NO_MACHINE: &str = "no machine is given";
+
+impl ToolpathError {
+    /// True where the path is for a machine, and was read without one.
+    #[must_use]
+    pub fn needs_machine(&self) -> bool {
+        matches!(self, Self::Line { what, .. } if what.contains(NO_MACHINE))
+    }
 }
 
 /// What is wrong with a line, before the file's name is known.

@@ -96,6 +96,26 @@ impl FieldFile {
         }
     }
 
+    /// Its family by name: `siren5`, `harmonic` or `factored`.
+    #[must_use]
+    pub fn family(&self) -> &'static str {
+        match self {
+            Self::Siren(_) => "siren5",
+            Self::Harmonic(_) => "harmonic",
+            Self::Factored(_) => "factored",
+        }
+    }
+
+    /// Coefficients of a voxel; none of the paper's network.
+    #[must_use]
+    pub fn coefficient_count(&self) -> usize {
+        match self {
+            Self::Siren(_) => 0,
+            Self::Harmonic(file) => file.field.axis_count(),
+            Self::Factored(file) => file.field.coefficient_count(),
+        }
+    }
+
     /// What its values are.
     pub fn quantity(&self) -> Quantity {
         match self {

@@ -208,6 +208,7 @@ fn is_default(precision: &Precision) -> bool {
 }
 
 impl Default for TrainingPlan {
+    /// The paper's: 50 epochs, a rate of 5e-4 that falls by 7 % an epoch.
     fn default() -> Self {
         Self {
             length: Length::Epochs(50),
@@ -223,8 +224,26 @@ impl Default for TrainingPlan {
 }
 
 impl TrainingPlan {
-    /// Steps of siren5 where nothing is said of its length: a few minutes on two cores for the paper's network.
-    pub const STEPS: u64 = 12_000;
+    /// How `siren5` is trained by default, from random weights: a few minutes on two cores for the paper's width.
+    #[must_use]
+    pub fn siren5(shape: &SirenShape) -> Self {
+        Self {
+            length: Length::Steps(12_000),
+            schedule: Schedule::cosine_from(shape.rate()),
+            ..Self::default()
+        }
+    }
+
+    /// How `siren5` is trained by default from the weights of another part's network: a tenth of the steps and of the rate. A higher
+    /// rate shakes off what a small change leaves as it was (`imf-bench edits`).
+    #[must_use]
+    pub fn fine_tuning(shape: &SirenShape) -> Self {
+        Self {
+            length: Length::Steps(1_200),
+            schedule: Schedule::cosine_from(0.1 * shape.rate()),
+            ..Self::default()
+        }
+    }
 
     /// Steps of one epoch over `samples` samples.
     #[must_use]

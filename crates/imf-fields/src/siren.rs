@@ -72,17 +72,17 @@ pub struct SirenShape {
 }
 
 impl Default for SirenShape {
-    /// The paper's network: five hidden layers of 512, the input again after the second.
+    /// The paper's network with ω = 10: with the paper's 30 it errs more between orientations.
     fn default() -> Self {
-        Self { width: 512, hidden: 5, skip_after: Some(2), omega: 30.0 }
+        Self { omega: 10.0, ..Self::paper() }
     }
 }
 
 impl SirenShape {
-    /// The paper's network with the ω of siren5 where nothing is said of it: the paper's 30 errs more between orientations.
+    /// The paper's network: five hidden layers of 512 with ω = 30, the input again after the second.
     #[must_use]
-    pub fn usual() -> Self {
-        Self { omega: 10.0, ..Self::default() }
+    pub fn paper() -> Self {
+        Self { width: 512, hidden: 5, skip_after: Some(2), omega: 30.0 }
     }
 
     /// The rate that Adam begins with by default, in steps of 1,024 samples.
@@ -243,7 +243,7 @@ mod tests {
 
     #[test]
     fn starting_weights_keep_their_bounds_and_their_seed() {
-        let shape = SirenShape { width: 32, ..SirenShape::default() };
+        let shape = SirenShape { width: 32, ..SirenShape::paper() };
         let first = shape.initial_parameters(7);
         assert_eq!(first, shape.initial_parameters(7));
         assert_ne!(first, shape.initial_parameters(8));

@@ -17,7 +17,7 @@
 //! // `Automatic`, the default, takes hardware alone.
 //! let gpu = Gpu::open(&DeviceChoice::Any)?;
 //! println!("{}", gpu.describe());
-//! let shape = SirenShape { width: 16, ..SirenShape::default() };
+//! let shape = SirenShape { width: 16, ..SirenShape::paper() };
 //! let state = TrainingState::new(&shape, 1);
 //! let mut trainer = GpuTrainer::new(&gpu, shape.stack(), &TrainerSettings::default(), 64, &state)?;
 //! // Two samples of five numbers in [−1, 1], and what they should give.

@@ -54,6 +54,7 @@ const WATCHED: usize = 3;
 
 /// Why a section could not be had from a GPU.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum GpuSectionError {
     /// What would stop the CPU as well.
     #[error(transparent)]

@@ -67,11 +67,7 @@ impl Field {
     /// Its family.
     #[getter]
     fn family(&self) -> &'static str {
-        match self.file {
-            FieldFile::Siren(_) => "siren5",
-            FieldFile::Harmonic(_) => "harmonic",
-            FieldFile::Factored(_) => "factored",
-        }
+        self.file.family()
     }
 
     /// What its values are.

@@ -9,7 +9,7 @@ use imf_core::check::{
 };
 use imf_core::control::Control;
 use imf_core::machine::Machine;
-use imf_core::scene::{Bodies, PathGuarantee};
+use imf_core::scene::Bodies;
 use imf_core::tool;
 use imf_core::toolpath::{PathReading, Toolpath};
 use pyo3::prelude::*;
@@ -72,14 +72,9 @@ pub(crate) fn check<'py>(
     }
     let set_up = if in_world.unwrap_or(by_machine) { DMat4::IDENTITY } else { record.transform };
     let path = path.map_err(Raise::raise)?.placed(&set_up);
-    let usual = CheckSettings::of_pitch(record.grid.pitch, record.unit);
-    let mut settings = match record.conservative {
-        true => CheckSettings::of_conservative(record.grid.pitch, record.unit),
-        false => usual,
-    };
-    settings.clearance = clearance.map_or(record.clearance, clearance_of);
-    settings.contact = contact.unwrap_or(settings.contact);
-    settings.step = step.unwrap_or(settings.step);
+    let settings = CheckSettings::of_scene(record, contact, step);
+    let settings =
+        CheckSettings { clearance: clearance.map_or(record.clearance, clearance_of), ..settings };
     let numbered: Vec<(Option<u32>, &tool::Tool)> =
         tools.iter().map(|(number, tool)| (*number, tool)).collect();
     let bodies = &own.bodies;
@@ -116,6 +111,7 @@ pub(crate) fn check<'py>(
         let around = CheckBodies { part: &bodies.part, fixtures: &bodies.fixtures, ..around };
         let mut found = run(py, (&progress, "cutting the stock", lines), |control| {
             // Voxels of the stock reach nowhere out of it.
+            let usual = CheckSettings::of_pitch(record.grid.pitch, record.unit);
             let settings = CheckSettings { contact: contact.unwrap_or(usual.contact), ..settings };
             check_stock(around, &voxels, &numbered, &path, &settings, control)
         })?;
@@ -133,12 +129,7 @@ pub(crate) fn check<'py>(
             least_stick_outs(&bodies.obstacle().into(), &numbered, &path, &settings, by, control)
         })?;
     }
-    let guarantees = tools.iter().map(|(_, tool)| {
-        let (touches, pitch) = (settings.contact > 0.0, record.grid.pitch);
-        let CheckSettings { clearance, step, .. } = &settings;
-        PathGuarantee::new(record.conservative, tool, clearance, touches, pitch, *step)
-    });
-    let weakest = guarantees.min_by_key(|g| (g.at_all_times.strength(), g.at_poses.strength()));
+    let weakest = settings.guarantee(tools.iter().map(|(_, tool)| tool), record);
     let guarantee = weakest.map_or_else(String::new, |guarantee| guarantee.to_string());
     let found = json!({ "report": report, "stick_outs": stick_outs, "guarantee": guarantee });
     let text = serde_json::to_string(&found);

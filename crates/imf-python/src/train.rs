@@ -18,7 +18,6 @@ use imf_fields::harmonic::coefficients::Precision;
 use imf_fields::harmonic::file::HarmonicFile;
 use imf_fields::harmonic::{FitSettings, fit, section_count};
 use imf_fields::model::{LossPoint, Model};
-use imf_fields::recipe::schedule::Schedule;
 use imf_fields::recipe::{Length, Sampling, TrainingPlan, TrainingState};
 use imf_fields::siren::SirenShape;
 use imf_train::dataset::{generate, load};
@@ -135,7 +134,7 @@ impl Training<'_> {
     ) -> PyResult<HarmonicFile> {
         let domain = Domain::of_tool(self.scene.record.bare_tool());
         let usual =
-            if for_distillation { FitSettings::of_teacher(domain) } else { FitSettings::usual(domain) };
+            if for_distillation { FitSettings::for_distillation(domain) } else { FitSettings::for_domain(domain) };
         let degree = self.degree.unwrap_or(usual.degree);
         let settings = FitSettings { quantity: self.quantity, degree, ..usual };
         settings.check().map_err(Raise::raise)?;
@@ -200,16 +199,16 @@ impl Training<'_> {
         directions: &str,
     ) -> PyResult<Model> {
         let set = own.set(directions).map_err(Raise::raise)?;
-        let usual = SirenShape::usual();
+        let usual = SirenShape::default();
         let (hidden, width) = self.layers.unwrap_or((usual.hidden, usual.width));
         let shape = SirenShape { hidden, width, omega: self.omega.unwrap_or(usual.omega), ..usual };
         shape.check().map_err(Raise::raise)?;
+        let usual = TrainingPlan::siren5(&shape);
         let plan = TrainingPlan {
-            length: Length::Steps(self.steps.unwrap_or(TrainingPlan::STEPS)),
-            schedule: Schedule::cosine_from(shape.rate()),
+            length: self.steps.map_or(usual.length, Length::Steps),
             seed: self.seed,
             report_every: report_every(shape.parameter_count()),
-            ..TrainingPlan::default()
+            ..usual
         };
         let engine = CpuTrainer::memory_bytes(shape, plan.batch, plan.precision);
         require_for_network(engine, shape.parameter_count(), (hidden, width))?;

@@ -63,7 +63,7 @@ pub(super) fn measured(
 ) -> Result<()> {
     let (grid, plan) = (scene.record.grid, SectionPlan::of_scene(scene, ToolPoints::Tip)?);
     let domain = Domain::Directions;
-    let fit = FitSettings { degree: sizes.degree, ..FitSettings::of_teacher(domain) };
+    let fit = FitSettings { degree: sizes.degree, ..FitSettings::for_distillation(domain) };
     let (time, harmonic) = seconds(|| fit_field(session, scene, &plan, domain, fit, SMALLER))?;
     let settings =
         DistillSettings { width: sizes.width, ..DistillSettings::of_length(Length::Steps(sizes.steps)) };

@@ -38,7 +38,7 @@ fn every_built_in_recipe_has_its_name_and_the_papers_network() {
     for (name, text) in BUILT_IN {
         let recipe = recipe(name);
         assert_eq!(recipe.name, name);
-        assert_eq!(recipe.network.shape(), SirenShape::default());
+        assert_eq!(recipe.network.shape(), SirenShape::paper());
         assert_eq!(recipe.network.shape().parameter_count(), 1_056_769);
         assert_eq!((recipe.scene.tool.as_str(), recipe.scene.scale), ("paper", 1.0));
         assert_eq!(recipe.evaluation, EvaluationSettings::default());

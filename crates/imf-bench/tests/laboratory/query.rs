@@ -15,7 +15,7 @@ use crate::binary::Workdir;
 fn field() -> HarmonicFile {
     let (part, tool) = (ReferencePart::Teapot, Tool::paper());
     let scene = SceneSpec::of_reference(part, &part.mesh(), [15, 19, 31], &tool).scene().unwrap();
-    let settings = FitSettings { degree: 4, ..FitSettings::default() };
+    let settings = FitSettings { degree: 4, sections_per_function: 4.0, ..FitSettings::default() };
     let plan = SectionPlan::of_scene(&scene, ToolPoints::Tip).unwrap();
     let field = fit(&plan, Domain::Directions, &settings, Control::quiet()).unwrap();
     HarmonicFile { field, scene, settings, calibration: None }

@@ -64,7 +64,7 @@ pub(crate) fn harmonic_of(quantity: Quantity, scene: &Scene, folder: &Path) -> P
 
 /// A network of the paper's kind with its starting weights.
 pub(crate) fn siren(scene: &Scene, folder: &Path) -> PathBuf {
-    let shape = SirenShape { width: if cfg!(miri) { 17 } else { 33 }, hidden: 3, ..SirenShape::default() };
+    let shape = SirenShape { width: if cfg!(miri) { 17 } else { 33 }, hidden: 3, ..SirenShape::paper() };
     let orientations = OrientationSet::parse("fibonacci:3").unwrap();
     let record = TrainingRecord { finished: true, ..TrainingRecord::untrained(orientations) };
     let state = TrainingState::new(&shape, 3);

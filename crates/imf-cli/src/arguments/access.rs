@@ -9,7 +9,8 @@ use imf_core::machine::{AxisLimits, Machine};
 use imf_core::orientation::Limits;
 
 use super::clearance::ContactArguments;
-use super::numbers::{number, parse_threshold, three};
+use super::fixture::{StockArgument, parse_stock};
+use super::numbers::{number, parse_length, parse_threshold, three};
 use super::scene::SceneArguments;
 
 /// What the tools reach: accessible space, best directions, removable stock, the part's surface
@@ -33,8 +34,8 @@ pub(crate) struct AccessArguments {
     pub(crate) orientations: Option<String>,
     /// Only orientations that the machine reaches, and what a fixed axis leaves of all others: ac:A0:A1:C0:C1, bc:B0:B1:C0:C1 or
     /// cone:X,Y,Z:HALF_ANGLE
-    #[arg(long, value_name = "LIMITS")]
-    pub(crate) limits: Option<String>,
+    #[arg(long, value_name = "LIMITS", value_parser = Limits::parse)]
+    pub(crate) limits: Option<Limits>,
     /// The machine, in TOML: only directions that its rotary axes reach, with their angles in rotary_angles.csv, and of the
     /// surface only what it reaches within its travel, its head and table out of the way
     #[arg(long, value_name = "FILE", conflicts_with = "limits")]
@@ -42,8 +43,8 @@ pub(crate) struct AccessArguments {
     /// The fewest set-ups that reach the surface, proven, on a machine with this range of directions in each: by default that of
     /// --machine, or of a three-axis machine; else ac:A0:A1:C0:C1, bc:B0:B1:C0:C1 or cone:0,0,1:HALF_ANGLE. With --stock they remove
     /// the stock as well. With --machine the part stands with the middle of its foot on the zero of G54
-    #[arg(long, value_name = "LIMITS", num_args = 0..=1, default_missing_value = "", group = "covering", conflicts_with = "limits")]
-    pub(crate) setups: Option<String>,
+    #[arg(long, value_name = "LIMITS", num_args = 0..=1, group = "covering", conflicts_with = "limits", value_parser = Limits::parse)]
+    pub(crate) setups: Option<Option<Limits>>,
     /// The percentage that the set-ups, or the tools of a crib, must reach of what all of them together would
     #[arg(long, default_value_t = 100.0, value_name = "PERCENT", requires = "covering", value_parser = parse_percent)]
     pub(crate) cover: f64,
@@ -75,13 +76,13 @@ pub(crate) struct AccessArguments {
     pub(crate) removable: bool,
     /// What is cut, for --removable: box (the default), box:MARGIN around the part, or a file in the part's frame, set up with it;
     /// FILE@STEPS as for --fixture
-    #[arg(long, value_name = "STOCK")]
-    pub(crate) stock: Option<String>,
+    #[arg(long, value_name = "STOCK", value_parser = parse_stock)]
+    pub(crate) stock: Option<StockArgument>,
     /// Measure of every direction at this point in the world's frame, drawn over longitude and latitude
     #[arg(long, value_name = "X,Y,Z", value_parser = parse_point, allow_hyphen_values = true)]
     pub(crate) map: Option<DVec3>,
     /// Cells of the map in degrees
-    #[arg(long, default_value_t = 5.0, value_name = "DEGREES")]
+    #[arg(long, default_value_t = 5.0, value_name = "DEGREES", value_parser = parse_map_step)]
     pub(crate) map_step: f64,
     /// A page with the part in 3D, coloured by what is reached: one file that a browser opens without network
     #[arg(long, value_name = "FILE")]
@@ -107,21 +108,15 @@ impl AccessArguments {
     }
 
     /// What a machine reaches in one set-up, where the fewest are looked for; `reached` is that of the machine.
-    pub(crate) fn setup_range(&self, reached: Option<AxisLimits>) -> Result<Option<AxisLimits>> {
+    pub(crate) fn setup_range(&self, reached: Option<AxisLimits>) -> Option<AxisLimits> {
         let three_axes = Limits::Cone { axis: DVec3::Z, half_angle: 0.0 };
-        Ok(match self.setups.as_deref() {
-            None => None,
-            Some("") => Some(reached.unwrap_or_else(|| three_axes.into())),
-            Some(text) => Some(Limits::parse(text)?.into()),
-        })
+        let given = self.setups?;
+        Some(given.map(AxisLimits::from).or(reached).unwrap_or_else(|| three_axes.into()))
     }
 
     /// The limits on directions: those of the machine, unless each set-up has them.
-    pub(crate) fn limits(&self, reached: Option<Limits>) -> Result<Option<Limits>> {
-        match &self.limits {
-            Some(text) => Ok(Some(Limits::parse(text)?)),
-            None => Ok(reached.filter(|_| self.setups.is_none())),
-        }
+    pub(crate) fn limits(&self, reached: Option<Limits>) -> Option<Limits> {
+        self.limits.or_else(|| reached.filter(|_| self.setups.is_none()))
     }
 }
 
@@ -129,11 +124,11 @@ fn parse_point(text: &str) -> Result<DVec3, String> {
     three(text, |v: &f64| v.is_finite(), "three numbers such as 10,0,25.5").map(DVec3::from_array)
 }
 
+fn parse_map_step(text: &str) -> Result<f64, String> {
+    number(text, |step| (0.25..=90.0).contains(step), "from 0.25 to 90 degrees")
+}
+
 fn parse_percent(text: &str) -> Result<f64, String> {
     let wanted = "a percentage above 0 and at most 100, such as 99.5";
     number(text, |&percent| percent > 0.0 && percent <= 100.0, wanted)
-}
-
-fn parse_length(text: &str) -> Result<f64, String> {
-    number(text, |&length| length > 0.0 && length < f64::INFINITY, "a length above 0, such as 0.05")
 }

@@ -5,11 +5,14 @@ use std::path::PathBuf;
 use anyhow::{Result, ensure};
 use clap::{Args, ValueEnum};
 use imf_core::check::{CheckError, CheckSettings};
+use imf_core::scene::SceneRecord;
 use imf_core::tool::Tool;
 use imf_core::unit::LengthUnit;
 use serde::Serialize;
 
+use super::fixture::{StockArgument, parse_stock};
 use super::inputs::read_tool;
+use super::numbers::{parse_length, parse_room};
 use super::scene::SceneArguments;
 
 /// Check a 5-axis toolpath for collisions, exactly, line by line
@@ -42,16 +45,16 @@ pub(crate) struct CheckArguments {
     #[arg(long, value_enum, value_name = "FRAME")]
     pub(crate) frame: Option<Frame>,
     /// Farthest that any point of the tool moves between two checked poses; a quarter of a voxel by default
-    #[arg(long, value_name = "LENGTH")]
+    #[arg(long, value_name = "LENGTH", value_parser = parse_length)]
     pub(crate) step: Option<f64>,
     /// How deep the part may lie in the cutter; 0.05 mm by default, with --conservative √3/2 of a voxel more, by which such
     /// voxels reach out of the part
-    #[arg(long, value_name = "LENGTH")]
+    #[arg(long, value_name = "LENGTH", value_parser = parse_room)]
     pub(crate) contact: Option<f64>,
     /// The stock that the path cuts, followed line by line: box, box:MARGIN around the part, or a file in the part's frame, set up with it;
     /// FILE@STEPS as for --fixture. --contact loosens it too. Nothing but the cutter may touch it, and no rapid may cut it
-    #[arg(long, value_name = "STOCK")]
-    pub(crate) stock: Option<String>,
+    #[arg(long, value_name = "STOCK", value_parser = parse_stock)]
+    pub(crate) stock: Option<StockArgument>,
     /// The least stick-out of each tool with which shank and holder are free on the whole path, its holder moved along its shank
     #[arg(long)]
     pub(crate) stickout: bool,
@@ -99,15 +102,9 @@ impl CheckArguments {
     }
 
     /// The settings, with defaults that follow the scene.
-    pub(crate) fn settings(&self, pitch: f64, unit: LengthUnit) -> CheckSettings {
-        let conservative = self.scene.conservative;
-        let of = if conservative { CheckSettings::of_conservative } else { CheckSettings::of_pitch };
-        let usual = of(pitch, unit);
-        CheckSettings {
-            clearance: self.scene.clearance.clearance(),
-            contact: self.contact.unwrap_or(usual.contact),
-            step: self.step.unwrap_or(usual.step),
-        }
+    pub(crate) fn settings(&self, record: &SceneRecord) -> CheckSettings {
+        let clearance = self.scene.clearance.clearance();
+        CheckSettings { clearance, ..CheckSettings::of_scene(record, self.contact, self.step) }
     }
 
     /// `TOOL`, or `NUMBER=TOOL` for each of several.

@@ -4,6 +4,8 @@ use anyhow::{Result, ensure};
 use clap::Args;
 use imf_core::tool::{Clearance, Tool, ToolShape};
 
+use super::numbers::parse_room;
+
 /// Heading of these options.
 const HEADING: &str = "Clearance, in the part's unit";
 
@@ -11,16 +13,16 @@ const HEADING: &str = "Clearance, in the part's unit";
 #[derive(Args, Clone, Default)]
 pub struct ClearanceArguments {
     /// Room that holder and shank must keep: they are offset by it
-    #[arg(help_heading = HEADING, long, default_value_t = 0.0, value_name = "LENGTH")]
+    #[arg(help_heading = HEADING, long, default_value_t = 0.0, value_name = "LENGTH", value_parser = parse_room)]
     clearance: f64,
     /// Room that the holder must keep, instead of --clearance
-    #[arg(help_heading = HEADING, long, value_name = "LENGTH")]
+    #[arg(help_heading = HEADING, long, value_name = "LENGTH", value_parser = parse_room)]
     clearance_holder: Option<f64>,
     /// Room that the shank must keep, instead of --clearance
-    #[arg(help_heading = HEADING, long, value_name = "LENGTH")]
+    #[arg(help_heading = HEADING, long, value_name = "LENGTH", value_parser = parse_room)]
     clearance_shank: Option<f64>,
     /// Room that the cutter must keep from what it may not touch
-    #[arg(help_heading = HEADING, long, default_value_t = 0.0, value_name = "LENGTH")]
+    #[arg(help_heading = HEADING, long, default_value_t = 0.0, value_name = "LENGTH", value_parser = parse_room)]
     clearance_cutter: f64,
     /// In voxels instead, for shank and holder: the cutter may touch.
     #[arg(skip)]
@@ -70,7 +72,7 @@ impl From<Clearance> for ClearanceArguments {
 #[derive(Args, Clone, Default)]
 pub struct ContactArguments {
     /// The cutter may reach this deep below the part's surface (in the part's unit); shank, holder and fixtures may not
-    #[arg(long, value_name = "LENGTH")]
+    #[arg(long, value_name = "LENGTH", value_parser = parse_room)]
     contact: Option<f64>,
 }
 
@@ -81,13 +83,9 @@ impl From<Option<f64>> for ContactArguments {
 }
 
 impl ContactArguments {
-    /// The depth, checked together with the tools that are to touch.
+    /// The depth, for tools that can touch: an error for one without a cutter.
     pub(crate) fn depth<'a>(&self, tools: impl IntoIterator<Item = &'a Tool>) -> Result<Option<f64>> {
         let Some(depth) = self.contact else { return Ok(None) };
-        ensure!(
-            depth.is_finite() && depth >= 0.0,
-            "the contact must be a finite length of at least 0, not {depth}"
-        );
         for tool in tools {
             ensure!(
                 tool.has_cutter(),

@@ -5,7 +5,7 @@ use std::io::Read as _;
 use std::path::Path;
 use std::str::FromStr as _;
 
-use anyhow::{Context as _, Result, anyhow, bail, ensure};
+use anyhow::{Context as _, Result, bail};
 use glam::{DMat4, DVec3};
 use imf_core::control::Control;
 use imf_core::grid::Grid;
@@ -17,6 +17,7 @@ use imf_core::scene::{Fixture, SceneWarning, solid_voxels};
 use imf_core::unit::{LengthUnit, UnknownUnit};
 use imf_core::voxelize::Voxelized;
 
+use super::numbers::parse_room;
 use super::scene::warn_of;
 use super::transform::parse_transform;
 use crate::output::short;
@@ -113,6 +114,29 @@ pub(super) fn parse_fixture(text: &str) -> Result<FixtureArgument, String> {
     Ok(FixtureArgument { file: file.to_owned(), unit, transform: parse_transform(&others.join(";"))? })
 }
 
+/// What was typed of the stock.
+#[derive(Clone, Debug)]
+pub(crate) enum StockArgument {
+    /// `box`, or `box:MARGIN`: the part's box with a margin around it, in its unit.
+    Box(f64),
+    /// A file in the part's frame, which is set up as the part is, after steps of its own as a fixture has them.
+    File(FixtureArgument),
+}
+
+impl Default for StockArgument {
+    fn default() -> Self {
+        Self::Box(0.0)
+    }
+}
+
+pub(super) fn parse_stock(text: &str) -> Result<StockArgument, String> {
+    match text.split_once(':') {
+        _ if text == "box" => Ok(StockArgument::default()),
+        Some(("box", margin)) => parse_room(margin).map(StockArgument::Box),
+        _ => parse_fixture(text).map(StockArgument::File),
+    }
+}
+
 /// A fixture as read.
 pub(crate) struct FixtureMesh {
     pub(crate) name: String,
@@ -164,37 +188,25 @@ fn left_by(path: &Path) -> Option<(f64, LengthUnit)> {
 }
 
 impl Stock {
-    /// Reads `box`, `box:MARGIN` (around the part's box, in its unit) or a file in the part's frame, which is set up as the
-    /// part is, after steps of its own as a fixture has them.
+    /// The stock of a part whose box is `part_box`; `transform` sets the part up.
     pub(crate) fn read(
-        text: &str,
+        argument: &StockArgument,
         part_box: (DVec3, DVec3),
         transform: &DMat4,
         part_unit: LengthUnit,
     ) -> Result<Self> {
-        let margin = match text.split_once(':') {
-            _ if text == "box" => Some(0.0),
-            Some(("box", margin)) => {
-                let margin: f64 = margin.parse().context("--stock box:MARGIN needs a length")?;
-                ensure!(
-                    margin.is_finite() && margin >= 0.0,
-                    "--stock box:MARGIN must not be negative, nor infinite"
-                );
-                Some(margin)
+        let argument = match argument {
+            StockArgument::Box(margin) => {
+                let mesh = Mesh::cuboid(part_box.0 - *margin, part_box.1 + *margin);
+                let around =
+                    if *margin > 0.0 { format!(" and {margin} {part_unit} around") } else { String::new() };
+                let name = format!("the part's box{around}");
+                return Ok(Self { name, mesh, repair: FaceRepair::default(), left_by: None });
             }
-            _ => None,
+            StockArgument::File(argument) => argument,
         };
-        if let Some(margin) = margin {
-            let mesh = Mesh::cuboid(part_box.0 - margin, part_box.1 + margin);
-            let around =
-                if margin > 0.0 { format!(" and {margin} {part_unit} around") } else { String::new() };
-            let name = format!("the part's box{around}");
-            return Ok(Self { name, mesh, repair: FaceRepair::default(), left_by: None });
-        }
-        let argument =
-            parse_fixture(text).map_err(|why| anyhow!("the stock {text} cannot be used: {why}"))?;
         let file = Part::read(&argument.file, argument.unit, Some(part_unit))
-            .with_context(|| format!("the stock {text} cannot be used"))?;
+            .with_context(|| format!("the stock {} cannot be used", argument.file))?;
         let file = file.around_part_in(part_unit);
         let mesh = file.mesh.transformed(&(*transform * argument.transform));
         let left_by = left_by(Path::new(&argument.file));
@@ -235,10 +247,12 @@ mod tests {
     #[test]
     fn a_box_of_stock_stands_around_the_part() {
         let part = (DVec3::ZERO, DVec3::new(1.0, 2.0, 3.0));
-        let stock = Stock::read("box:0.5", part, &DMat4::IDENTITY, LengthUnit::Mm).unwrap();
+        let read = |text: &str| Stock::read(&parse_stock(text).unwrap(), part, &DMat4::IDENTITY, LengthUnit::Mm);
+        let stock = read("box:0.5").unwrap();
         assert!((stock.mesh.signed_volume() - 2.0 * 3.0 * 4.0).abs() < 1e-9);
-        for text in ["box:-1", "box:x", "box:nan", "no such file.obj", "bracket@scale:2"] {
-            assert!(Stock::read(text, part, &DMat4::IDENTITY, LengthUnit::Mm).is_err(), "{text}");
+        assert!(read("no such file.obj").is_err());
+        for text in ["box:-1", "box:x", "box:nan", "bracket@scale:2"] {
+            assert!(parse_stock(text).is_err(), "{text}");
         }
     }
 
@@ -250,7 +264,7 @@ mod tests {
         let part = (DVec3::ZERO, DVec3::splat(20.0));
         let text = format!("{}@unit:inch; translate:0,0,1", file.display());
         let up = DMat4::from_translation(DVec3::Y);
-        let stock = Stock::read(&text, part, &up, LengthUnit::Mm).unwrap();
+        let stock = Stock::read(&parse_stock(&text).unwrap(), part, &up, LengthUnit::Mm).unwrap();
         let (lower, upper) = stock.mesh.bounds().unwrap();
         assert!(lower.distance(DVec3::new(0.0, 1.0, 1.0)) < 1e-9, "{lower}");
         assert!(upper.distance(DVec3::new(25.4, 26.4, 26.4)) < 1e-9, "{upper}");

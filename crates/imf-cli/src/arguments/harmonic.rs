@@ -44,7 +44,7 @@ pub(crate) struct HarmonicArguments {
 impl HarmonicArguments {
     /// The settings of the fit of a field over directions or rotations.
     pub(crate) fn settings(&self, domain: Domain, quantity: Quantity) -> FitSettings {
-        let usual = FitSettings::usual(domain);
+        let usual = FitSettings::for_domain(domain);
         FitSettings {
             quantity,
             degree: self.degree.unwrap_or(usual.degree),

@@ -48,6 +48,16 @@ pub fn parse_value(text: &str) -> Result<f64, String> {
     number(text, |value: &f64| value.is_finite(), "a finite number, such as 0.001 or -0.5")
 }
 
+/// A length that there must be.
+pub(super) fn parse_length(text: &str) -> Result<f64, String> {
+    number(text, |&length| length > 0.0 && length < f64::INFINITY, "a length above 0, such as 0.05")
+}
+
+/// A length that may be 0.
+pub(super) fn parse_room(text: &str) -> Result<f64, String> {
+    number(text, |&length| length >= 0.0 && length < f64::INFINITY, "a length of at least 0, such as 0.5")
+}
+
 /// How many of something that there must be.
 pub fn parse_count(text: &str) -> Result<usize, String> {
     number(text, |&count| count > 0, "a whole number of at least 1")

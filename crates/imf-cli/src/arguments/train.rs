@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use anyhow::{Context as _, Result, ensure};
+use anyhow::Result;
 use clap::{Args, Subcommand};
 use imf_fields::factored::DistillSettings;
 use imf_fields::harmonic::coefficients::Precision as SavedPrecision;
@@ -23,6 +23,7 @@ use super::network::{Network, parse_network};
 use super::numbers::{parse_count, parse_rate};
 use super::quantity::QuantityArguments;
 use super::scene::SceneArguments;
+use crate::exit::WrongArgument;
 use crate::job::{REPORT_EVERY, schedule_from};
 
 /// Arguments of `imf train`: without a family those of a factored field.
@@ -153,8 +154,8 @@ pub(crate) struct RunArguments {
     #[arg(long)]
     pub(crate) no_calibrate: bool,
     /// Another setting, see below; may be repeated
-    #[arg(long, value_name = "KEY=VALUE")]
-    set: Vec<String>,
+    #[arg(long, value_name = "KEY=VALUE", value_parser = parse_setting)]
+    set: Vec<(String, Value)>,
 }
 
 /// What network is trained, from which weights.
@@ -225,18 +226,23 @@ enum ScheduleName {
     Cosine,
 }
 
-/// Steps of siren5 from another network, where nothing is said of its length.
-const STEPS_FROM_ANOTHER: u64 = 1_200;
-/// The rate from another network over that of a new one: a higher one shakes off what a small change leaves as it was
-/// (`imf-bench edits`).
-const SHARE_FROM_ANOTHER: f32 = 0.1;
 /// Seconds between checkpoints.
 const CHECKPOINT_EVERY: f64 = 60.0;
 
 fn checkpoint_every(seconds: Option<f64>) -> Result<f64> {
     let seconds = seconds.unwrap_or(CHECKPOINT_EVERY);
-    ensure!(seconds >= 0.0, "--set checkpoint_every={seconds} is no number of seconds");
+    if seconds < 0.0 {
+        let wanted = format!("--set checkpoint_every={seconds}: give seconds, at least 0");
+        return Err(WrongArgument(wanted).into());
+    }
     Ok(seconds)
+}
+
+/// A value is a number, true or false, else a word.
+fn parse_setting(text: &str) -> Result<(String, Value), String> {
+    let (key, value) = text.split_once('=').ok_or("KEY=VALUE, such as seed=1")?;
+    let value = serde_json::from_str(value).unwrap_or_else(|_| Value::String(value.to_owned()));
+    Ok((key.to_owned(), value))
 }
 
 impl RunArguments {
@@ -249,18 +255,14 @@ impl RunArguments {
         self.steps.map_or(Length::Epochs(epochs), Length::Steps)
     }
 
-    /// What `--set` says; a value is a number, true or false, else a word.
+    /// What `--set` says.
     fn settings<T: DeserializeOwned>(&self) -> Result<T> {
-        let mut all = Map::new();
-        for text in &self.set {
-            let (key, value) =
-                text.split_once('=').with_context(|| format!("--set {text} is no KEY=VALUE"))?;
-            let value = serde_json::from_str(value).unwrap_or_else(|_| Value::String(value.to_owned()));
-            let one = Map::from_iter([(key.to_owned(), value.clone())]);
-            serde_json::from_value::<T>(Value::Object(one)).with_context(|| format!("--set {text}"))?;
-            all.insert(key.to_owned(), value);
+        for (key, value) in &self.set {
+            let one = Map::from_iter([(key.clone(), value.clone())]);
+            serde_json::from_value::<T>(Value::Object(one))
+                .map_err(|error| WrongArgument(format!("--set {key}={value}: {error}")))?;
         }
-        Ok(serde_json::from_value(Value::Object(all))?)
+        Ok(serde_json::from_value(Value::Object(self.set.iter().cloned().collect()))?)
     }
 }
 
@@ -315,7 +317,7 @@ impl FactoredSettings {
 impl StartArguments {
     /// The shape of siren5.
     pub(crate) fn shape(&self) -> SirenShape {
-        let usual = SirenShape::usual();
+        let usual = SirenShape::default();
         let Network { layers, omega } = self.network.unwrap_or_default();
         let (hidden, width) = layers.unwrap_or((usual.hidden, usual.width));
         SirenShape { width, hidden, omega: omega.unwrap_or(usual.omega), ..usual }
@@ -340,18 +342,15 @@ impl<'a> Siren5Training<'a> {
         from_another: bool,
     ) -> Result<Self> {
         let set: Siren5Settings = run.settings()?;
-        let usual = if from_another { STEPS_FROM_ANOTHER } else { TrainingPlan::STEPS };
+        let usual = if from_another { TrainingPlan::fine_tuning(shape) } else { TrainingPlan::siren5(shape) };
         let schedule = match set.schedule {
             Some(ScheduleName::Exponential) => Schedule::default(),
-            None | Some(ScheduleName::Cosine) => {
-                let share = if from_another { SHARE_FROM_ANOTHER } else { 1.0 };
-                Schedule::cosine_from(share * shape.rate())
-            }
+            None | Some(ScheduleName::Cosine) => usual.schedule,
         };
         let schedule = run.rate.map_or(schedule, |rate| schedule_from(&schedule, rate));
-        let adam = AdamConfig::default();
+        let adam = usual.adam;
         let plan = TrainingPlan {
-            length: samples.epochs.map_or(Length::Steps(run.steps.unwrap_or(usual)), Length::Epochs),
+            length: samples.epochs.map(Length::Epochs).or(run.steps.map(Length::Steps)).unwrap_or(usual.length),
             batch: samples.batch,
             schedule: set.rate_rule.unwrap_or_default().apply(schedule, samples.batch),
             adam: AdamConfig { weight_decay: set.weight_decay.unwrap_or(adam.weight_decay), ..adam },
@@ -361,7 +360,9 @@ impl<'a> Siren5Training<'a> {
             report_every: REPORT_EVERY,
         };
         plan.check()?;
-        ensure!(set.held_out_every != Some(0), "--set held_out_every=0: give at least 1");
+        if set.held_out_every == Some(0) {
+            return Err(WrongArgument("--set held_out_every=0: give at least 1".into()).into());
+        }
         Ok(Self { explicit, run, set, plan })
     }
 
@@ -377,7 +378,7 @@ impl<'a> Siren5Training<'a> {
 
     /// Whether a setting was given by `--set`.
     fn is_set(&self, key: &str) -> bool {
-        self.run.set.iter().any(|text| text.split_once('=').is_some_and(|(name, _)| name == key))
+        self.run.set.iter().any(|(name, _)| name == key)
     }
 
     /// The first of these options and settings that was given and says something else than the training that is resumed.

@@ -17,7 +17,7 @@ use imf_core::check::{
     check_toolpath, cutters_not_compared, least_stick_outs, machine_remarks, never_near,
 };
 use imf_core::machine::Machine;
-use imf_core::scene::{PathGuarantee, SceneRecord};
+use imf_core::scene::SceneRecord;
 use imf_core::tool::{Tool, ToolShape};
 use imf_core::toolpath::{PathReading, Toolpath, ToolpathError};
 use imf_core::unit::LengthUnit;
@@ -25,6 +25,7 @@ use serde_json::json;
 use thiserror::Error;
 
 use crate::arguments::check::{CheckArguments, Frame, NumberedTool};
+use crate::arguments::fixture::StockArgument;
 use crate::arguments::scene::SceneArguments;
 use crate::output::{OutputFile, OutputFolder, print_result};
 use crate::session::Session;
@@ -74,7 +75,7 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
     let lengths: Vec<_> = tools.iter().map(|(number, tool)| (*number, tool.length())).collect();
     let inputs = PathReading { unit: record.unit, machine: machine.as_ref(), lengths: &lengths };
     let toolpath = Toolpath::read(&arguments.toolpath, inputs);
-    let toolpath = toolpath.map_err(|error| asks_for_machine(error, machine.is_some()))?.placed(&set_up);
+    let toolpath = toolpath.map_err(with_remedy)?.placed(&set_up);
     toolpath.remarks.iter().for_each(|remark| session.choose(remark));
     if let ([(None, tool)], [Some(number)]) = (tools.as_slice(), toolpath.tools().as_slice()) {
         session.choose(&format!(
@@ -83,7 +84,7 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
         ));
     }
     let numbered: Vec<(Option<u32>, &Tool)> = tools.iter().map(|(number, tool)| (*number, tool)).collect();
-    let settings = arguments.settings(record.grid.pitch, record.unit);
+    let settings = arguments.settings(record);
     let bare = match record.conservative && arguments.stock.is_some() {
         true => {
             let placed = meshes.iter().map(|(_, mesh)| mesh);
@@ -91,7 +92,7 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
         }
         false => Cow::Borrowed(&bodies),
     };
-    let read_stock = |text: &String| StockInput::read(session, text, record, &bare.part, &meshes[0].1);
+    let read_stock = |stock: &StockArgument| StockInput::read(session, stock, record, &bare.part, &meshes[0].1);
     let stock = arguments.stock.as_ref().map(read_stock).transpose()?;
     let machine = match machine {
         Some(machine) => Some(MachineBodies::new(machine, record.grid.pitch, session.control(&|_| {}))?),
@@ -106,7 +107,7 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
     let around = CheckBodies { part: &bodies.part, fixtures: &bodies.fixtures, machine: machine.as_ref() };
     machine_remarks(around, &numbered, &toolpath.set_up).iter().for_each(|remark| session.warn(remark));
     let report = check_toolpath(around, &numbered, &toolpath, &settings, control);
-    let with_name = |error| named(error, arguments);
+    let with_name = |error| in_toolpath(error, arguments);
     let mut report = report.map_err(with_name)?;
     stage.finish(&format!("{} poses", report.poses));
     let mut stick_outs = Vec::new();
@@ -169,18 +170,19 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
 }
 
 /// The error, with what a path for a machine lacks.
-fn asks_for_machine(error: ToolpathError, is_given: bool) -> anyhow::Error {
-    let lacks = !is_given && error.to_string().contains("no machine");
+fn with_remedy(error: ToolpathError) -> anyhow::Error {
+    let remedy = error
+        .needs_machine()
+        .then_some("the path is for a machine: describe it in a file, and name that (--machine FILE)");
     let error = anyhow::Error::from(error);
-    let remedy = "the path is for a machine: describe it in a file, and name that (--machine FILE)";
-    if lacks { error.context(remedy) } else { error }
+    remedy.into_iter().fold(error, anyhow::Error::context)
 }
 
-/// The error, with the toolpath's name where its text begins with a line of it.
-fn named(error: CheckError, arguments: &CheckArguments) -> anyhow::Error {
-    let of_line = error.to_string().starts_with("line ");
+/// The error, with the toolpath's name where it is about a line.
+fn in_toolpath(error: CheckError, arguments: &CheckArguments) -> anyhow::Error {
+    let path = error.line().map(|_| arguments.toolpath.display().to_string());
     let error = anyhow::Error::from(error);
-    if of_line { error.context(arguments.toolpath.display().to_string()) } else { error }
+    path.into_iter().fold(error, anyhow::Error::context)
 }
 
 /// The scene of one tool, the thinnest: voxels that it cannot pass unseen no other one can.
@@ -204,13 +206,8 @@ impl CheckRun<'_> {
 
     /// The weakest of all tools: the cutter may touch wherever any contact is accepted.
     fn guarantee(&self) -> String {
-        let CheckSettings { clearance, contact, step } = &self.report.settings;
-        let of = |tool: &Tool| {
-            let (conservative, pitch) = (self.record.conservative, self.record.grid.pitch);
-            PathGuarantee::new(conservative, tool, clearance, *contact > 0.0, pitch, *step)
-        };
-        let all = self.tools.iter().map(|(_, tool)| of(tool));
-        let weakest = all.min_by_key(|g| (g.at_all_times.strength(), g.at_poses.strength()));
+        let tools = self.tools.iter().map(|(_, tool)| tool);
+        let weakest = self.report.settings.guarantee(tools, self.record);
         weakest.map_or_else(String::new, |guarantee| guarantee.to_string())
     }
 

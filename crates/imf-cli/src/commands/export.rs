@@ -26,11 +26,7 @@ pub(crate) fn run(session: &Session, arguments: &ExportArguments) -> Result<()> 
     session.require_memory(COPIES * bytes, || format!("a graph of {}", show_bytes(bytes)))?;
     write_onnx(&stored, file.begin()?)?;
     let written = std::fs::metadata(out)?.len();
-    let family = match stored {
-        FieldFile::Siren(_) => "siren5",
-        FieldFile::Harmonic(_) => "harmonic",
-        FieldFile::Factored(_) => "factored",
-    };
+    let family = stored.family();
     if session.json {
         return print_json(&json!({ "file": out, "family": family, "bytes": written }));
     }

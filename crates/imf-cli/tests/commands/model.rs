@@ -15,7 +15,7 @@ pub(crate) fn model() -> Model {
     let mesh = ReferencePart::Bracket.mesh();
     let tool = Tool::paper();
     let spec = SceneSpec::of_reference(ReferencePart::Bracket, &mesh, [5, 15, 9], &tool);
-    let shape = SirenShape { width: 9, hidden: 3, ..SirenShape::default() };
+    let shape = SirenShape { width: 9, hidden: 3, ..SirenShape::paper() };
     let record = TrainingRecord {
         finished: true,
         steps: 12,

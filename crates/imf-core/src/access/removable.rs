@@ -24,6 +24,7 @@ use crate::tool::{Assembly, Clearance, ElementKind, Tool, ToolError, ToolShape, 
 
 /// Why the removable volume cannot be found.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum RemovableError {
     /// The tool has no cutter to remove anything with.
     #[error(

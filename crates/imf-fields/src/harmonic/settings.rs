@@ -17,7 +17,7 @@ fn at_most_all<'a, D: Deserializer<'a>>(deserializer: D) -> Result<usize, D::Err
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct FitSettings {
-    /// What is fitted. Files of overlaps do not name it: they are what all were before.
+    /// What is fitted. Left out of files where it is the overlap.
     #[serde(skip_serializing_if = "Quantity::is_overlap")]
     pub quantity: Quantity,
     /// Highest degree L of the functions.
@@ -42,11 +42,12 @@ pub struct FitSettings {
 }
 
 impl Default for FitSettings {
+    /// Those of a field of directions: see [`FitSettings::for_domain`].
     fn default() -> Self {
         Self {
             quantity: Quantity::Overlap,
             degree: DEGREE,
-            sections_per_function: 4.0,
+            sections_per_function: SECTIONS_PER_FUNCTION,
             // They hold most of a field of degree 14.
             axes: 128,
             precision: Precision::default(),
@@ -65,9 +66,9 @@ const DEGREE: usize = 14;
 /// 969 functions of a rotation, where degree 14 has 4,495.
 const DEGREE_OF_ROTATIONS: usize = 8;
 /// A degree that leaves the teapot an error of a few millionths, with all axes.
-const TEACHERS_DEGREE: usize = 16;
+const DISTILLATION_DEGREE: usize = 16;
 /// Of whole rotations: nearly as many functions, and so as much memory and time.
-const TEACHERS_DEGREE_OF_ROTATIONS: usize = 5;
+const DISTILLATION_DEGREE_OF_ROTATIONS: usize = 5;
 /// Measured: beyond a third more sections than functions, a higher degree is the better use of sections.
 const SECTIONS_PER_FUNCTION: f64 = 1.33;
 
@@ -76,24 +77,24 @@ impl FitSettings {
     /// cutter, which must touch what it cuts, the calibrated thresholds leave to an exact check.
     pub const CLEARANCE: f64 = 2.0;
 
-    /// The settings of a field that is saved, where nothing else is said.
+    /// The default settings over a domain.
     #[must_use]
-    pub fn usual(domain: Domain) -> Self {
+    pub fn for_domain(domain: Domain) -> Self {
         let degree = match domain {
             Domain::Directions => DEGREE,
             Domain::Rotations => DEGREE_OF_ROTATIONS,
         };
-        Self { degree, sections_per_function: SECTIONS_PER_FUNCTION, ..Self::default() }
+        Self { degree, ..Self::default() }
     }
 
-    /// The settings of a field that a network is distilled from, where nothing else is said: all axes, in full precision.
+    /// The default settings of a field that a network is distilled from: all components, in full precision.
     #[must_use]
-    pub fn of_teacher(domain: Domain) -> Self {
+    pub fn for_distillation(domain: Domain) -> Self {
         let degree = match domain {
-            Domain::Directions => TEACHERS_DEGREE,
-            Domain::Rotations => TEACHERS_DEGREE_OF_ROTATIONS,
+            Domain::Directions => DISTILLATION_DEGREE,
+            Domain::Rotations => DISTILLATION_DEGREE_OF_ROTATIONS,
         };
-        Self { degree, axes: usize::MAX, precision: Precision::F32, ..Self::usual(domain) }
+        Self { degree, axes: usize::MAX, precision: Precision::F32, ..Self::for_domain(domain) }
     }
 
     /// Functions, sections and axes of a field over a domain.
@@ -170,9 +171,9 @@ mod tests {
         let functions = |settings: fn(Domain) -> FitSettings| {
             [Domain::Directions, Domain::Rotations].map(|domain| settings(domain).sizes(domain).functions)
         };
-        assert_eq!(functions(FitSettings::usual), [225, 969]);
-        assert_eq!(functions(FitSettings::of_teacher), [289, 286]);
-        let teacher = FitSettings::of_teacher(Domain::Rotations);
+        assert_eq!(functions(FitSettings::for_domain), [225, 969]);
+        assert_eq!(functions(FitSettings::for_distillation), [289, 286]);
+        let teacher = FitSettings::for_distillation(Domain::Rotations);
         assert_eq!((teacher.sizes(Domain::Rotations).axes, teacher.precision), (286, Precision::F32));
     }
 }

@@ -41,6 +41,7 @@ fn values(field: &HarmonicField, set: &[Orientation]) -> Vec<f32> {
 fn settings() -> FitSettings {
     FitSettings {
         degree: 8,
+        sections_per_function: 4.0,
         axes: usize::MAX,
         precision: Precision::F32,
         held_out: 24,

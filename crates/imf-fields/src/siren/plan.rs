@@ -237,7 +237,7 @@ mod tests {
     #[test]
     fn pieces_tile_the_parameters_in_order() {
         for width in [1, 37, 64, 130, 512] {
-            let sigmoid = SirenShape { width, ..SirenShape::default() }.stack();
+            let sigmoid = SirenShape { width, ..SirenShape::paper() }.stack();
             let linear = Stack { inputs: 3, outputs: 99, ending: Ending::Linear, ..sigmoid };
             let sines = Stack { outputs: width, ending: Ending::Sines, ..linear };
             for stack in [sigmoid, linear, sines] {

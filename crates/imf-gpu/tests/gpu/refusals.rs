@@ -45,7 +45,7 @@ fn wrong_lengths_are_shape_errors() {
 fn a_network_beyond_the_limits_is_refused_with_the_estimate() {
     let limits = GpuLimits { storage_binding: 1 << 20, buffer: 1 << 20, workgroups: 65_535 };
     let gpu = open().with_limits(limits);
-    let shape = SirenShape::default();
+    let shape = SirenShape::paper();
     let error = GpuTrainer::memory_bytes(&gpu, shape, 1024).unwrap_err().to_string();
     assert!(error.contains("MiB of GPU memory") && error.contains("at most 1.00 MiB"), "{error}");
     assert!(GpuEvaluator::new(&gpu, shape, &shape.initial_parameters(1)).is_err());

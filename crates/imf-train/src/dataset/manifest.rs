@@ -38,6 +38,7 @@ pub struct Layout {
 
 /// Why a dataset cannot be made or read. Every message names the file.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum DatasetError {
     /// A file or folder cannot be read.
     #[error("cannot read {path}: {source}")]
@@ -83,9 +84,7 @@ pub enum DatasetError {
         what: &'static str,
     },
     /// Some shards are not there yet.
-    #[error(
-        "{path} lacks {missing} of {shards} shards: run the same `imf dataset` command again to finish it"
-    )]
+    #[error("{path} lacks {missing} of {shards} shards: finish it as it was begun")]
     Unfinished {
         /// The folder.
         path: String,

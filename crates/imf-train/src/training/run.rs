@@ -77,6 +77,7 @@ pub enum Outcome {
 
 /// Why a run failed.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum TrainError {
     /// There is nothing to learn from.
     #[error("there are no samples to train on")]

@@ -77,7 +77,7 @@ impl Crib {
         let text = arguments.orientations.as_deref().unwrap_or_else(|| default_for(&inputs.tools));
         let mut orientations = Directions::of_part(text, || mesh.machining_directions())?.set;
         let machine = arguments.machine()?;
-        if let Some(limits) = arguments.limits(machine.as_ref().map(|(_, reached)| reached.limits))? {
+        if let Some(limits) = arguments.limits(machine.as_ref().map(|(_, reached)| reached.limits)) {
             orientations = orientations.within(&limits)?;
         }
         let unit = inputs.part.unit;

@@ -2,7 +2,7 @@
 
 use std::cell::OnceCell;
 
-use anyhow::{Result, ensure};
+use anyhow::{Context as _, Result, ensure};
 use glam::DVec3;
 use imf_core::access::{memory_estimate, position_grid, removable_memory_estimate};
 use imf_core::grid::Grid;
@@ -78,53 +78,21 @@ impl AccessRun {
         );
         let machine = arguments.machine()?;
         let reached = machine.as_ref().map(|(_, limits)| *limits);
-        let limits = arguments.limits(reached.map(|reached| reached.limits))?;
+        let limits = arguments.limits(reached.map(|reached| reached.limits));
         let mut inputs = arguments.scene.read(session, true)?;
         let mesh = inputs.part.mesh.transformed(&inputs.transform);
-        let text = arguments.orientations.as_deref().unwrap_or_else(|| default_for(&inputs.tools));
-        let range = arguments.setup_range(reached)?;
-        let question = range.map(|range| SetupSettings {
+        let setups = arguments.setup_range(reached).map(|range| SetupSettings {
             range,
             fraction: 0.01 * arguments.cover,
             every_direction: arguments.orientations.is_some(),
         });
-        let found = OnceCell::new();
-        let suggests = || found.get_or_init(|| mesh.machining_directions()).clone();
-        // A way up is a direction that the tool may come from.
-        let text = match question {
-            Some(_) => with_ways_up(text, &suggests()),
-            None => text.to_owned(),
-        };
-        let Directions { mut set, mut suggested } = Directions::of_part(&text, suggests)?;
-        if let Some(limits) = &limits {
-            set = set.within(limits)?;
-            suggested.retain(|suggested| limits.reach(suggested.direction));
-        }
+        let text = arguments.orientations.as_deref().unwrap_or_else(|| default_for(&inputs.tools));
+        let Directions { set: orientations, suggested } =
+            directions(text, &mesh, setups.is_some(), limits.as_ref())?;
         if let Some((machine, _)) = &machine {
-            let looked_at = match question {
-                None => {
-                    "looked at for the part's surface, which stands in the frame of G54; for volumes and stick-outs directions alone count"
-                }
-                Some(_) => {
-                    "looked at for the surface in each set-up, where the middle of the part's foot is on the zero of G54"
-                }
-            };
-            session.note(&format!(
-                "directions are those of {}; its travel, head and table are {looked_at}",
-                machine.name
-            ));
+            note_of_machine(session, machine, setups.is_some());
         }
-        let orientations = set;
-        for tool in inputs.tools.iter().filter(|tool| matches!(tool.shape, ToolShape::Mesh(_))) {
-            if !matches!(tool.sharp_points, SharpPoints::Points(_)) {
-                session.warn(&format!(
-                    "{} is a mesh that does not say what of it cuts: whatever touches the surface first counts as touching it, the \
-                     housing too; write sharp_points = {{ within = LENGTH }} into its file, the distance from the tip to the farthest \
-                     point that cuts",
-                    tool.name
-                ));
-            }
-        }
+        warn_of_tools(session, &inputs.tools, &orientations);
         number_names(&mut inputs.tools);
         let unit = inputs.part.unit;
         let clearance = arguments.scene.clearance.clearance();
@@ -148,36 +116,17 @@ impl AccessRun {
             }
             warn_of(session, &warnings);
         }
-        if tools.iter().all(|tool| tool.tool().is_axisymmetric())
-            && orientations.orientations.iter().any(|o| o.roll != 0.0)
-        {
-            session
-                .warn("these tools look the same at every roll: rolled orientations only repeat directions");
-        }
-        if tools.iter().any(|tool| !tool.tool().is_axisymmetric())
-            && orientations.orientations.iter().all(|o| o.roll == 0.0)
-        {
-            session.note("a tool is not round, and no orientation rolls it: see so3:N");
-        }
-        let cells =
-            arguments.map.map(|point| Ok::<_, anyhow::Error>((point, map_cells(arguments.map_step)?)));
-        let map = cells.transpose()?;
-
         let stock_mesh = (arguments.removable || arguments.stock.is_some())
             .then(|| {
-                let text = arguments.stock.as_deref().unwrap_or("box");
-                let part_box = spec.part_bounds()?;
-                fixture::Stock::read(text, part_box, &inputs.transform, inputs.part.unit)
+                let stock = arguments.stock.clone().unwrap_or_default();
+                fixture::Stock::read(&stock, spec.part_bounds()?, &inputs.transform, unit)
             })
             .transpose()?;
-        let stock_grid = match &stock_mesh {
-            Some(stock) => {
-                let bounds = stock.mesh.bounds();
-                let (lower, upper) = bounds.ok_or_else(|| anyhow::anyhow!("the stock has no triangle"))?;
-                Some(query.covering(lower, upper, 0)?)
-            }
-            None => None,
-        };
+        let stock_grid = stock_mesh.as_ref().map(|stock| {
+            let (lower, upper) = stock.mesh.bounds().context("the stock has no triangle")?;
+            anyhow::Ok(query.covering(lower, upper, 0)?)
+        });
+        let stock_grid = stock_grid.transpose()?;
         // Everything that can be hit from any position of any tool that is examined.
         let mut positions = query;
         for (stock, tool) in stock_grid.iter().flat_map(|stock| tools.iter().map(move |tool| (stock, tool))) {
@@ -223,9 +172,7 @@ impl AccessRun {
             .map(|tool| Guarantee::new(conservative, tool.tool(), &clearance, depth.is_some(), query.pitch))
             .min_by_key(Guarantee::strength)
             .unwrap_or(Guarantee::Centres);
-        let on = |occupancy: &Occupancy, grid: &Grid| {
-            occupancy.on(grid).ok_or_else(|| anyhow::anyhow!("the grids of part and stock do not meet"))
-        };
+        let on_query = |occupancy: &Occupancy| occupancy.on(&query).context("the grids of part and stock do not meet");
         let stock = match (stock_mesh, stock_grid) {
             (Some(stock), Some(grid)) => {
                 // A voxel that the part only touches may hold stock.
@@ -237,29 +184,17 @@ impl AccessRun {
             }
             _ => None,
         };
-        let surface = tools.iter().all(can_touch).then(|| {
-            let made = |spec: &SceneSpec<'_>| SurfaceSettings::new(spec, &bodies, arguments, question);
-            voxelise_with_progress(session, &spec, &obstacle_grid, made)
-        });
-        let surface = surface.transpose()?;
-        if surface.is_none() {
-            ensure!(
-                question.is_none(),
-                "set-ups are chosen by the surface that they reach, and a tool here has no cutter"
-            );
-            ensure!(
-                arguments.html.is_none(),
-                "the page shows what is reached of the surface, and a tool here has no cutter: give it one"
-            );
-            ensure!(
-                !arguments.stickout,
-                "a stick-out is for a surface to be reached, and a tool here has no cutter"
-            );
+        let surface = if tools.iter().all(can_touch) {
+            let made = |spec: &SceneSpec<'_>| SurfaceSettings::new(spec, &bodies, arguments, setups);
+            Some(voxelise_with_progress(session, &spec, &obstacle_grid, made)?)
+        } else {
+            refuse_without_a_cutter(arguments)?;
             session.warn("a tool without a cutter can touch nothing: the part's surface is left out");
-        }
+            None
+        };
         let on_machine = |(machine, _): (Machine, AxisLimits)| {
             let seen = if surface.is_some() { &tools[..] } else { &[] };
-            OnMachine::new(session, machine.in_unit(unit), &bodies, seen, &orientations, question.is_some())
+            OnMachine::new(session, machine.in_unit(unit), &bodies, seen, &orientations, setups.is_some())
         };
         let machine = machine.map(on_machine).transpose()?;
         let [x, y, z] = query.dims;
@@ -281,8 +216,8 @@ impl AccessRun {
             conservative,
             mesh,
             fixtures: bodies.fixtures.iter().map(|(name, _)| name.clone()).collect(),
-            solid: on(&whole, &query)?,
-            held: on(&held, &query)?,
+            solid: on_query(&whole)?,
+            held: on_query(&held)?,
             fixtures_alone: (!fixtures.is_empty()).then_some(held),
             tools,
             orientations,
@@ -290,7 +225,7 @@ impl AccessRun {
             tau: arguments.tau,
             certify: arguments.certify,
             surface,
-            map,
+            map: arguments.map.map(|point| (point, map_cells(arguments.map_step))),
             limits,
             machine,
             query,
@@ -301,6 +236,66 @@ impl AccessRun {
             stock,
         })
     }
+}
+
+/// The set of this text within the limits; for set-ups with every way up, from which a tool may come.
+fn directions(text: &str, mesh: &Mesh, for_setups: bool, limits: Option<&Limits>) -> Result<Directions> {
+    let found = OnceCell::new();
+    let suggests = || found.get_or_init(|| mesh.machining_directions()).clone();
+    let text = if for_setups { with_ways_up(text, &suggests()) } else { text.to_owned() };
+    let Directions { mut set, mut suggested } = Directions::of_part(&text, suggests)?;
+    if let Some(limits) = limits {
+        set = set.within(limits)?;
+        suggested.retain(|suggested| limits.reach(suggested.direction));
+    }
+    Ok(Directions { set, suggested })
+}
+
+fn note_of_machine(session: &Session, machine: &Machine, for_setups: bool) {
+    let used = if for_setups {
+        "used for the surface in each set-up, where the middle of the part's foot is on the zero of G54"
+    } else {
+        "used for the part's surface, which stands in the frame of G54; for volumes and stick-outs directions alone count"
+    };
+    session.note(&format!("directions are those of {}; its travel, head and table are {used}", machine.name));
+}
+
+fn warn_of_tools(session: &Session, tools: &[Tool], orientations: &OrientationSet) {
+    for tool in tools.iter().filter(|tool| matches!(tool.shape, ToolShape::Mesh(_))) {
+        if !matches!(tool.sharp_points, SharpPoints::Points(_)) {
+            session.warn(&format!(
+                "{} is a mesh that does not say what of it cuts: whatever touches the surface first counts as touching it, the \
+                 housing too; write sharp_points = {{ within = LENGTH }} into its file, the distance from the tip to the farthest \
+                 point that cuts",
+                tool.name
+            ));
+        }
+    }
+    let all_round = tools.iter().all(Tool::is_axisymmetric);
+    let some_roll = orientations.orientations.iter().any(|o| o.roll != 0.0);
+    if all_round && some_roll {
+        session.warn("these tools look the same at every roll: rolled orientations only repeat directions");
+    }
+    if !all_round && !some_roll {
+        session.note("a tool is not round, and no orientation rolls it: see so3:N");
+    }
+}
+
+/// Refuses what is for a surface that is reached.
+fn refuse_without_a_cutter(arguments: &AccessArguments) -> Result<()> {
+    ensure!(
+        arguments.setups.is_none(),
+        "set-ups are chosen by the surface that they reach, and a tool here has no cutter"
+    );
+    ensure!(
+        arguments.html.is_none(),
+        "the page shows what is reached of the surface, and a tool here has no cutter: give it one"
+    );
+    ensure!(
+        !arguments.stickout,
+        "a stick-out is for a surface to be reached, and a tool here has no cutter"
+    );
+    Ok(())
 }
 
 fn can_touch(assembly: &Assembly) -> bool {
@@ -318,10 +313,9 @@ fn number_names(tools: &mut [Tool]) {
 }
 
 /// Cells of about `step` degrees along longitude and latitude.
-fn map_cells(step: f64) -> Result<[usize; 2]> {
-    ensure!((0.25..=90.0).contains(&step), "--map-step must be from 0.25 to 90 degrees");
+fn map_cells(step: f64) -> [usize; 2] {
     let cells = (180.0 / step).round() as usize;
-    Ok([2 * cells, cells])
+    [2 * cells, cells]
 }
 
 /// Bytes for sections, surface and results; the grids are those of the obstacle, of the query and of the stock.

@@ -16,7 +16,7 @@ use imf_core::toolpath::{MoveKind, Toolpath};
 use imf_core::unit::LengthUnit;
 use serde_json::{Value, json};
 
-use crate::arguments::fixture::{self, BY_VOXELS};
+use crate::arguments::fixture::{BY_VOXELS, Stock, StockArgument};
 use crate::output::{OutputFolder, short, show_measure, write_text};
 use crate::session::Session;
 
@@ -40,13 +40,13 @@ impl StockInput {
     /// `part` is the part's mesh in the world.
     pub(super) fn read(
         session: &Session,
-        text: &str,
+        argument: &StockArgument,
         record: &SceneRecord,
         part_voxels: &Occupancy,
         part: &Mesh,
     ) -> Result<Self> {
         let Some(part_box) = part.bounds() else { bail!("the part has no triangle") };
-        let stock = fixture::Stock::read(text, part_box, &record.transform, record.unit)?;
+        let stock = Stock::read(argument, part_box, &record.transform, record.unit)?;
         let (lower, upper) = stock.mesh.bounds().context("the stock has no triangle")?;
         let grid = part_voxels.grid.covering(lower.min(part_box.0), upper.max(part_box.1), 0)?;
         let [x, y, z] = grid.dims;

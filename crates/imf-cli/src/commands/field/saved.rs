@@ -86,27 +86,18 @@ impl SavedField {
 
     /// What it is, by the name of its family.
     pub(super) fn summary(&self) -> (&'static str, Value) {
-        match &self.stored {
-            FieldFile::Harmonic(file) => (
-                "harmonic",
-                json!({
-                    "settings": file.settings,
-                    "report": file.field.report,
-                    "bytes": file.field.bytes(),
-                }),
-            ),
-            FieldFile::Factored(file) => (
-                "factored",
-                json!({
-                    "shape": file.field.shape,
-                    "distilled_from": { "settings": file.fit, "report": file.report },
-                    "bytes": file.field.bytes(),
-                }),
-            ),
-            FieldFile::Siren(model) => {
-                ("siren5", json!({ "shape": model.shape, "steps": model.record.steps }))
+        let summary = match &self.stored {
+            FieldFile::Harmonic(file) => {
+                json!({ "settings": file.settings, "report": file.field.report, "bytes": file.field.bytes() })
             }
-        }
+            FieldFile::Factored(file) => json!({
+                "shape": file.field.shape,
+                "distilled_from": { "settings": file.fit, "report": file.report },
+                "bytes": file.field.bytes(),
+            }),
+            FieldFile::Siren(model) => json!({ "shape": model.shape, "steps": model.record.steps }),
+        };
+        (self.stored.family(), summary)
     }
 
     /// Shows the sections of all orientations in order, once it is `ready` to.
@@ -173,11 +164,6 @@ impl SavedField {
     /// Bytes of what orientations are multiplied with: their functions, and these along axes in two orders.
     fn direction_weights_bytes(&self, orientations: usize) -> u64 {
         let functions = self.stored.basis().map_or(0, Basis::len);
-        let axes = match &self.stored {
-            FieldFile::Siren(_) => 0,
-            FieldFile::Harmonic(file) => file.field.axis_count(),
-            FieldFile::Factored(file) => file.field.coefficient_count(),
-        };
-        4 * (orientations * (functions + 2 * axes)) as u64
+        4 * (orientations * (functions + 2 * self.stored.coefficient_count())) as u64
     }
 }

@@ -139,7 +139,7 @@ pub(in crate::commands) fn of_scene(
     from: Option<&FactoredFile>,
 ) -> Result<(FactoredFile, Option<f64>)> {
     let domain = Domain::of_tool(scene.record.bare_tool());
-    let usual = FitSettings::of_teacher(domain);
+    let usual = FitSettings::for_distillation(domain);
     let fit = FitSettings { quantity, degree: degree.unwrap_or(usual.degree), ..usual };
     let Distillation { settings, precision, smaller, start, .. } = distillation;
     start.require_source(scene, &fit)?;

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::mesh::Mesh;
+use crate::scene::SceneError;
 
 #[test]
 fn a_solids_mesh_that_voxels_do_not_show_is_refused() {

@@ -8,6 +8,7 @@ use glam::DVec3;
 
 use super::Motion;
 use crate::machine::Machine;
+use crate::toolpath::NO_MACHINE;
 
 /// A word.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -190,7 +191,7 @@ impl Block {
                         format!("{letter}{text} turns an axis that the machine '{}' has not", machine.name)
                     }
                     None => format!(
-                        "{letter}{text} turns a rotary axis, and no machine is given that says what it turns"
+                        "{letter}{text} turns a rotary axis, and {NO_MACHINE} that says what it turns"
                     ),
                 })?;
                 self.rotary[place] = Some(value);

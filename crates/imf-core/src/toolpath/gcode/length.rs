@@ -4,6 +4,7 @@ use glam::DVec3;
 
 use super::Program;
 use super::block::Block;
+use crate::toolpath::NO_MACHINE;
 
 impl Program<'_> {
     pub(super) fn change_tool(&mut self) -> Result<(), String> {
@@ -50,7 +51,7 @@ impl Program<'_> {
         self.length_number = block.length_number.or(self.length_number);
         let keeps = length == Some(true);
         if keeps && self.machine.is_none_or(|machine| machine.rotary.is_empty()) {
-            return Err("it keeps the tool's centre point while rotary axes turn, and no machine with such axes is given".into());
+            return Err(format!("it keeps the tool's centre point while rotary axes turn, and {NO_MACHINE} that has some"));
         }
         if let (Some(_), Some(line), None) = (length, self.z_without_length, self.machine) {
             return Err(format!(

@@ -16,6 +16,11 @@ use imf_core::tool::{ElementKind, Segment, Tool};
 
 const DIMS: [usize; 3] = [15, 12, 14];
 
+/// Sections enough that coefficients do not depend on the draw.
+fn four_sections() -> FitSettings {
+    FitSettings { sections_per_function: 4.0, ..FitSettings::default() }
+}
+
 /// A cutter and a holder of a few voxels.
 fn small_tool() -> Tool {
     let (cutter, holder) = (Segment::cylinder(0.0, 5.0, 1.2), Segment::cylinder(5.0, 9.0, 2.7));
@@ -95,7 +100,7 @@ fn a_layer_that_the_cutter_may_enter_is_mirrored_as_well_or_nothing_is() {
 
 #[test]
 fn memory_is_asked_for_one_side_and_then_for_the_whole_field_beside_it() {
-    let settings = FitSettings { degree: 6, axes: 49, ..FitSettings::default() };
+    let settings = FitSettings { degree: 6, axes: 49, ..four_sections() };
     let (plan, voxels) = (plan(0), DIMS.iter().product::<usize>() as u64);
     let (peak, field) = settings.memory_with(&plan, Domain::Directions);
     // Two bytes for each of 49 functions; eight of fifteen planes, half of the lines.
@@ -106,7 +111,7 @@ fn memory_is_asked_for_one_side_and_then_for_the_whole_field_beside_it() {
 #[test]
 fn both_sides_hold_what_one_side_of_a_fit_of_the_whole_grid_does() {
     let settings =
-        FitSettings { degree: 6, axes: usize::MAX, sections_per_function: 1.33, ..FitSettings::default() };
+        FitSettings { degree: 6, axes: usize::MAX, ..FitSettings::default() };
     // One pass rounds sections to multiples of 1/65535; directions and their images to 1e-16. Halves have 11 bits.
     for (one_pass, precision, tolerance) in
         [(true, Precision::F32, 5e-5), (false, Precision::F32, 5e-5), (true, Precision::F16, 1e-3)]
@@ -139,7 +144,7 @@ fn both_sides_hold_what_one_side_of_a_fit_of_the_whole_grid_does() {
 #[test]
 fn the_report_tells_of_both_sides() {
     let (plan, set) = (plan(0), OrientationSet::parse("random:16:0").unwrap().orientations);
-    let settings = FitSettings { degree: 6, axes: 49, held_out: 16, ..FitSettings::default() };
+    let settings = FitSettings { degree: 6, axes: 49, held_out: 16, ..four_sections() };
     let field = made(&plan, &settings);
     let exact = sections(&plan, &set, Control::quiet()).unwrap().concat();
     let squares: Vec<f64> =
@@ -175,7 +180,7 @@ fn fewer_axes_leave_out_over_both_sides_what_one_side_told() {
     let plan = plan(0);
     for one_pass in [true, false] {
         let settings =
-            FitSettings { degree: 6, one_pass, precision: Precision::F32, ..FitSettings::default() };
+            FitSettings { degree: 6, one_pass, precision: Precision::F32, ..four_sections() };
         let all = functions(&made(&plan, &FitSettings { axes: 49, ..settings }));
         for axes in [5, 20] {
             let field = made(&plan, &FitSettings { axes, ..settings });
@@ -191,7 +196,7 @@ fn fewer_axes_leave_out_over_both_sides_what_one_side_told() {
 #[test]
 fn planes_of_a_field_are_those_across_which_every_coefficient_has_its_image() {
     for precision in [Precision::F32, Precision::F16] {
-        let settings = FitSettings { degree: 6, axes: 20, precision, ..FitSettings::default() };
+        let settings = FitSettings { degree: 6, axes: 20, precision, ..four_sections() };
         assert_eq!(Mirrors::of(&made(&plan(1), &settings)), None);
         let field = made(&plan(0), &settings);
         // One coefficient of one voxel, off the plane across x or on it.
@@ -214,7 +219,7 @@ fn planes_of_a_field_are_those_across_which_every_coefficient_has_its_image() {
 
 /// Mirrored across x, where a plane goes through voxels, and z, where one goes between.
 fn field(axes: usize, precision: Precision) -> HarmonicField {
-    made(&plan(0), &FitSettings { degree: 6, axes, precision, ..FitSettings::default() })
+    made(&plan(0), &FitSettings { degree: 6, axes, precision, ..four_sections() })
 }
 
 /// One side's sums and every voxel's own.
@@ -298,7 +303,7 @@ fn three_planes_leave_an_eighth() {
         cross.solid[place] = u8::from(bar || inside(3, x, 8) && inside(2, y, 7) && inside(4, z, 10));
     }
     let plan = SectionPlan::new(&cross, small_tool(), ToolPoints::SharpPoints).unwrap();
-    let settings = FitSettings { degree: 5, axes: 36, precision: Precision::F32, ..FitSettings::default() };
+    let settings = FitSettings { degree: 5, axes: 36, precision: Precision::F32, ..four_sections() };
     let field = made(&plan, &settings);
     let mirrors = Mirrors::of(&field).unwrap();
     assert_eq!(mirrors.planes.across, 0b111);
