@@ -142,6 +142,13 @@ impl Workdir {
         assert_eq!(self.entries(), before, "`imf {line}` left something behind");
     }
 
+    /// The same with exit code 2, as of wrong input.
+    pub(crate) fn refuse_input(&self, line: &str, words: &[&str]) {
+        let before = self.entries();
+        self.imf(line).bad_input(words);
+        assert_eq!(self.entries(), before, "`imf {line}` left something behind");
+    }
+
     /// Starts the command and presses Ctrl-C as soon as a file is there.
     #[cfg(unix)]
     pub(crate) fn interrupted_once_there_is(&self, file: &str, line: &str) -> Finished {

@@ -168,14 +168,14 @@ fn orientation_sets_and_parts_that_are_none() {
         ("0,200", ["0,200", "φ must be from 0 to 180"]),
         ("random:5", ["'random:5' is no orientation set", "random:N:SEED"]),
         ("random:3:x", ["random:3:x", "'x' is no seed"]),
-        ("missing.csv", ["missing.csv", "cannot read"]),
         ("o.csv", ["o.csv", "line 3"]),
     ] {
-        folder.refuse(&format!("field bracket --orientations {set} --out out"), &words);
+        folder.refuse_input(&format!("field bracket --orientations {set} --out out"), &words);
     }
-    for (set, words) in [("ring:5", ["ring:5", "fibonacci:N"]), ("so3:8", ["so3:8", "rolls"])] {
-        folder.refuse(&format!("dataset bracket --orientations {set} --out data"), &words);
-    }
+    folder.refuse("field bracket --orientations missing.csv --out out", &["missing.csv", "cannot read"]);
+    let dataset = |set| format!("dataset bracket --orientations {set} --out data");
+    folder.refuse_input(&dataset("ring:5"), &["ring:5", "fibonacci:N"]);
+    folder.refuse(&dataset("so3:8"), &["so3:8", "rolls"]);
     folder.refuse("parts out --only kettle", &["kettle", "bracket-raw"]);
 }
 

@@ -126,7 +126,6 @@ fn a_stock_that_cannot_be_meant_is_refused_or_told() {
         let run = check(&folder, "free.csv", &format!("--stock {stock}"));
         assert!(run.code == Some(1) && run.stderr.contains(said), "{stock}: {:?} {}", run.code, run.stderr);
     };
-    refuse("box:-1", "must not be negative");
     refuse("nowhere.stl", "the stock nowhere.stl cannot be used");
     refuse("box:100000", "choose a larger pitch");
     folder.write("small.obj", BLOCK.replace("-15", "-1").replace("15", "1"));
