@@ -180,7 +180,7 @@ pub fn parse_seconds(text: &str) -> Result<f64, String> {
     numbers::number(text, |&seconds| seconds >= 0.0, &format!("'{text}' is no number of seconds"))
 }
 
-/// Describe a mesh, a tool, a dataset, a model or a field
+/// Describe a mesh, a tool, a dataset or a field; or what this machine can compute with, and the built-in parts
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  imf info\n  imf info part.obj\n  imf info mill.toml\n  imf info model/field.safetensors"

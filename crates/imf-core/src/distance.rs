@@ -136,7 +136,7 @@ pub struct Probe {
 /// Squared distance in voxels from every solid voxel's centre to the nearest empty voxel's, the outside of the grid
 /// being empty; 0 where empty.
 #[must_use]
-pub fn squared_depths(obstacle: &Occupancy) -> Vec<u64> {
+pub(crate) fn squared_depths(obstacle: &Occupancy) -> Vec<u64> {
     let dims = obstacle.grid.dims;
     let mut depths = nearest_voxels(obstacle, 0, u64::MAX, |_, squared| squared);
     parallel::for_each_chunk(
@@ -158,7 +158,7 @@ pub fn squared_depths(obstacle: &Occupancy) -> Vec<u64> {
 /// half-way between solid and empty centres: a solid voxel is as deep below it as its centre's distance to the nearest
 /// empty centre, less half a pitch.
 #[must_use]
-pub fn deeper_than(part: &Occupancy, depth: f64) -> Occupancy {
+pub(crate) fn deeper_than(part: &Occupancy, depth: f64) -> Occupancy {
     // Rounded to a billionth, so that a depth of whole pitches compares as exact.
     let limit = (depth / part.grid.pitch + 0.5 + 1e-9).powi(2);
     let solid = squared_depths(part).iter().map(|&squared| u8::from(squared as f64 > limit)).collect();

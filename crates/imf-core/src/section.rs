@@ -9,7 +9,8 @@ mod bit_obstacle;
 mod bit_sliced;
 mod cursor;
 mod depth;
-mod device;
+#[doc(hidden)]
+pub mod device;
 mod direct;
 mod elements;
 mod fft;
@@ -26,7 +27,6 @@ mod values;
 
 pub use cursor::SectionCursor;
 pub use depth::{DEPTH_CAP, DepthPlan, DepthScratch, Quantity};
-pub use device::{BoundaryOffsets, DifferenceLimits, SectionLayer, ToolDifferences};
 pub(crate) use direct::minimum_mean;
 pub use direct::{direct_cmf, direct_count, direct_element_measures};
 pub use elements::{ElementMeasures, ElementPlans, ElementScratch, elements_at_best};

@@ -163,7 +163,11 @@ impl fmt::Display for ImplausibleProportion {
 
 /// Whether a part's longest side and the diameter of a tool's thinnest element (both in `unit`) make sense together. Gives the reason if not.
 #[must_use]
-pub fn proportion_check(longest: f64, thickness: f64, unit: LengthUnit) -> Option<ImplausibleProportion> {
+pub(crate) fn proportion_check(
+    longest: f64,
+    thickness: f64,
+    unit: LengthUnit,
+) -> Option<ImplausibleProportion> {
     let sane = longest >= thickness && longest <= MAX_PROPORTION * thickness;
     (!sane).then_some(ImplausibleProportion { longest, thickness, unit })
 }

@@ -121,6 +121,7 @@ impl Gpu {
 
     /// The same device held to smaller limits where `limits` has smaller ones.
     #[must_use]
+    #[doc(hidden)]
     pub fn with_limits(mut self, limits: GpuLimits) -> Self {
         self.limits.storage_binding = self.limits.storage_binding.min(limits.storage_binding);
         self.limits.buffer = self.limits.buffer.min(limits.buffer);
@@ -130,6 +131,7 @@ impl Gpu {
 
     /// The same device with the given matrix kernel instead of the one that suits its kind.
     #[must_use]
+    #[doc(hidden)]
     pub fn with_matrix_kernel(mut self, matrix: MatrixKernel) -> Self {
         self.matrix = matrix;
         self

@@ -1,6 +1,6 @@
 //! Exact sections on a GPU: the same whole numbers as on the CPU, and the same values bit for bit.
 //!
-//! The host voxelises the rotated tool and lists its run-length differences ([`imf_core::section::DifferenceLimits`]); the device never
+//! The host voxelises the rotated tool and lists its run-length differences ([`imf_core::section::device::DifferenceLimits`]); the device never
 //! recomputes a voxel. It takes the differences of neighbouring overlaps from the obstacle's bits, sums them up along
 //! the tool's axis of steps, and hands the overlaps back or keeps the minimum over all orientations. Everything
 //! on the device is whole numbers. Values are made by the host: from counts that are read back, or beforehand for

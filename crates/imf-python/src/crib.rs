@@ -1,7 +1,6 @@
 //! Which tools of a crib serve which places of a surface, and the fewest that serve all.
 
 use imf_core::control::{Cancelled, Control};
-use imf_core::scene::SceneWarning;
 use imf_core::set_cover::{CoverProblem, CoverSettings};
 use imf_core::surface::{
     CollisionEnvironment, SurfaceError, SurfaceSamples, SurfaceTool, crib_access, default_tolerance,
@@ -41,12 +40,8 @@ pub(crate) fn crib<'py>(
     let mut warnings = Vec::new();
     for tool in &tools {
         // A tool that passes between the voxels' centres would be free everywhere.
-        let found = own.with_spec(Control::quiet(), |spec| spec.check_tool(tool, &record.grid));
-        warnings.extend(found.map_err(Raise::raise)?);
-        if !record.conservative {
-            let assembly = tool.offset(&clearance).map_err(Raise::raise)?;
-            warnings.extend(SceneWarning::of_step(&assembly, record.grid.pitch));
-        }
+        let found = own.with_spec(Control::quiet(), |spec| spec.assembly(tool, &clearance, &record.grid));
+        warnings.extend(found.map_err(Raise::raise)?.1);
     }
     let (environment, samples) = run(py, (&None, "", 0), |control| {
         let environment =

@@ -73,8 +73,7 @@ pub(crate) fn check<'py>(
     let set_up = if in_world.unwrap_or(by_machine) { DMat4::IDENTITY } else { record.transform };
     let path = path.map_err(Raise::raise)?.placed(&set_up);
     let settings = CheckSettings::of_scene(record, contact, step);
-    let settings =
-        CheckSettings { clearance: clearance.map_or(record.clearance, clearance_of), ..settings };
+    let settings = CheckSettings { clearance: clearance.map_or(record.clearance, clearance_of), ..settings };
     let numbered: Vec<(Option<u32>, &tool::Tool)> =
         tools.iter().map(|(number, tool)| (*number, tool)).collect();
     let bodies = &own.bodies;
@@ -87,8 +86,10 @@ pub(crate) fn check<'py>(
     let mut remarks = path.remarks.clone();
     for (_, tool) in &tools {
         // A tool that passes between the voxels' centres would be free everywhere.
-        let warnings = own.with_spec(Control::quiet(), |spec| spec.check_tool(tool, &record.grid));
-        remarks.extend(warnings.map_err(Raise::raise)?.iter().map(ToString::to_string));
+        let found = own
+            .with_spec(Control::quiet(), |spec| spec.assembly(tool, &settings.clearance, &record.grid))
+            .map_err(Raise::raise)?;
+        remarks.extend(found.1.iter().map(ToString::to_string));
     }
     remarks.extend(cutters_not_compared(&path, &numbered));
     remarks.extend(never_near(&path, &numbered, &bodies.part));

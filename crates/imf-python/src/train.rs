@@ -23,8 +23,8 @@ use imf_fields::siren::SirenShape;
 use imf_train::dataset::{generate, load};
 use imf_train::distill::{Target, distil, optimiser_bytes};
 use imf_train::engine::CpuTrainer;
-use imf_train::training::TrainingEngine as _;
 use imf_train::training::run::{Outcome, Start, TrainError, train as train_on};
+use imf_train::training::{BYTES_BESIDE_ENGINE, TrainingEngine as _};
 use pyo3::prelude::*;
 
 use crate::errors::{ImfError, Raise, value_error};
@@ -41,9 +41,9 @@ fn report_every(weights: usize) -> u64 {
     (WEIGHTS_A_REPORT / weights).clamp(1, 20) as u64
 }
 
-/// Refuses a network that does not fit into memory: `engine` bytes, and for each weight two states and what they are saved as.
+/// Refuses a network that does not fit into memory, with the engine's bytes.
 fn require_for_network(engine: u64, weights: usize, (hidden, width): (usize, usize)) -> PyResult<()> {
-    memory::require(engine.saturating_add(4 * 11 * weights as u64), || {
+    memory::require(engine.saturating_add(BYTES_BESIDE_ENGINE * weights as u64), || {
         format!("{hidden} hidden layers of {width} neurons, {weights} weights; ask for fewer")
     })
 }
@@ -133,8 +133,11 @@ impl Training<'_> {
         for_distillation: bool,
     ) -> PyResult<HarmonicFile> {
         let domain = Domain::of_tool(self.scene.record.bare_tool());
-        let usual =
-            if for_distillation { FitSettings::for_distillation(domain) } else { FitSettings::for_domain(domain) };
+        let usual = if for_distillation {
+            FitSettings::for_distillation(domain)
+        } else {
+            FitSettings::for_domain(domain)
+        };
         let degree = self.degree.unwrap_or(usual.degree);
         let settings = FitSettings { quantity: self.quantity, degree, ..usual };
         settings.check().map_err(Raise::raise)?;

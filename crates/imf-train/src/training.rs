@@ -12,7 +12,12 @@ use imf_core::field::EngineError;
 use imf_fields::recipe::TrainingState;
 use imf_fields::siren::INPUTS;
 
-/// Where a training step runs: one of the project's four extension points.
+/// Bytes of this machine's memory for each parameter, beside the engine's: the state that was saved last (weights and two
+/// moments), the same as it is written to a checkpoint (twice: as tensors, and as a file), and the weights of the evaluator
+/// at held-out poses (as rows, and transposed).
+pub const BYTES_BESIDE_ENGINE: u64 = 4 * (3 + 2 * 3 + 2);
+
+/// Where a training step runs: one of the project's extension points.
 ///
 /// The same state, batches and rates give the same bits on the same engine and machine.
 pub trait TrainingEngine {

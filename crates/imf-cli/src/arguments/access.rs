@@ -17,7 +17,7 @@ use super::scene::SceneArguments;
 #[derive(Args)]
 #[command(after_help = super::orientations::after(
     "Examples:\n  imf access teapot --out access\n  imf access part.stl --unit mm --pitch 0.5 --tool \
-                  short.toml --tool long.toml --fixture vice.stl@translate:0,0,-20 --limits ac:-30:120:-360:360 \
+                  short.toml --tool long.toml --fixture vise.stl@translate:0,0,-20 --limits ac:-30:120:-360:360 \
                   --removable --stock box:2 --out access\n\n\
                   Writes surface.vtp and surface.ply (ParaView, MeshLab: what is reached of the surface, and why the rest is not), surface.png, imf.vti \
                   (ParaView) and the same fields as .npy, slices.png, orientations.csv and summary.json; with --removable removable.vti and .npy, with --certify any_direction.npy (0 solid, \

@@ -247,7 +247,8 @@ mod tests {
     #[test]
     fn a_box_of_stock_stands_around_the_part() {
         let part = (DVec3::ZERO, DVec3::new(1.0, 2.0, 3.0));
-        let read = |text: &str| Stock::read(&parse_stock(text).unwrap(), part, &DMat4::IDENTITY, LengthUnit::Mm);
+        let read =
+            |text: &str| Stock::read(&parse_stock(text).unwrap(), part, &DMat4::IDENTITY, LengthUnit::Mm);
         let stock = read("box:0.5").unwrap();
         assert!((stock.mesh.signed_volume() - 2.0 * 3.0 * 4.0).abs() < 1e-9);
         assert!(read("no such file.obj").is_err());

@@ -55,7 +55,7 @@ pub struct SceneArguments {
     #[arg(help_heading = HEADING, long)]
     pub allow_coarse: bool,
     /// A tool file (TOML), a tool of FreeCAD (.fctb) or of Fusion (LIBRARY.json#NAME or #NUMBER), or paper, the built-in
-    /// ball-end mill, which built-in parts have by default; imf access takes several
+    /// ball-end mill, which built-in parts have by default; imf access takes several, imf check several as NUMBER=TOOL
     #[arg(help_heading = HEADING, long, value_name = "TOOL")]
     pub tool: Vec<String>,
     /// What holds the part: an OBJ, STL, PLY or 3MF file in the part's unit (3MF: in its own), with its set-up after an @, which may
@@ -180,7 +180,8 @@ impl SceneArguments {
             let meshes = std::iter::once(part).chain(fixtures).collect();
             let scene = self.announce(session, spec, scene, &bodies)?;
             for tool in others {
-                warn_of(session, &spec.check_tool(tool, &scene.record.grid)?);
+                let clearance = self.clearance.at(scene.record.grid.pitch, tool);
+                warn_of(session, &spec.assembly(tool, &clearance, &scene.record.grid)?.1);
             }
             Ok((scene, bodies, meshes))
         })
@@ -217,7 +218,9 @@ impl SceneArguments {
         let tool = match inputs.tools.as_slice() {
             [tool] => tool,
             [] => &unused,
-            _ => bail!("one --tool at a time (imf access takes several)"),
+            _ => bail!(
+                "one --tool at a time: imf access takes several, and imf check several by their numbers"
+            ),
         };
         make(&self.spec(session, inputs, &inputs.fixtures(), tool), &inputs.report)
     }
@@ -237,9 +240,9 @@ impl SceneArguments {
         scene: Scene,
         bodies: &Bodies,
     ) -> Result<Scene> {
-        warn_of(session, &spec.check_tool(spec.tool, &scene.record.grid)?);
+        let clearance = self.clearance.at(scene.record.grid.pitch, spec.tool);
+        warn_of(session, &spec.assembly(spec.tool, &clearance, &scene.record.grid)?.1);
         warn_of(session, &spec.warnings(bodies)?);
-        let clearance = self.clearance.at(scene.record.grid.pitch, scene.record.bare_tool());
         let scene = scene.with_clearance(&clearance)?;
         let grid = scene.record.grid;
         let [x, y, z] = grid.dims;

@@ -259,8 +259,9 @@ impl RunArguments {
     fn settings<T: DeserializeOwned>(&self) -> Result<T> {
         for (key, value) in &self.set {
             let one = Map::from_iter([(key.clone(), value.clone())]);
+            let text = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
             serde_json::from_value::<T>(Value::Object(one))
-                .map_err(|error| WrongArgument(format!("--set {key}={value}: {error}")))?;
+                .map_err(|error| WrongArgument(format!("--set {key}={text}: {error}")))?;
         }
         Ok(serde_json::from_value(Value::Object(self.set.iter().cloned().collect()))?)
     }
@@ -350,7 +351,11 @@ impl<'a> Siren5Training<'a> {
         let schedule = run.rate.map_or(schedule, |rate| schedule_from(&schedule, rate));
         let adam = usual.adam;
         let plan = TrainingPlan {
-            length: samples.epochs.map(Length::Epochs).or(run.steps.map(Length::Steps)).unwrap_or(usual.length),
+            length: samples
+                .epochs
+                .map(Length::Epochs)
+                .or(run.steps.map(Length::Steps))
+                .unwrap_or(usual.length),
             batch: samples.batch,
             schedule: set.rate_rule.unwrap_or_default().apply(schedule, samples.batch),
             adam: AdamConfig { weight_decay: set.weight_decay.unwrap_or(adam.weight_decay), ..adam },

@@ -92,7 +92,8 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
         }
         false => Cow::Borrowed(&bodies),
     };
-    let read_stock = |stock: &StockArgument| StockInput::read(session, stock, record, &bare.part, &meshes[0].1);
+    let read_stock =
+        |stock: &StockArgument| StockInput::read(session, stock, record, &bare.part, &meshes[0].1);
     let stock = arguments.stock.as_ref().map(read_stock).transpose()?;
     let machine = match machine {
         Some(machine) => Some(MachineBodies::new(machine, record.grid.pitch, session.control(&|_| {}))?),

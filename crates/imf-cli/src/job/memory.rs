@@ -1,7 +1,7 @@
 //! What a training takes beside its samples. All that is said about it, and all that is refused, is computed here:
 //!
 //! - for every parameter, on the CPU: the engine ([`CpuTrainer::BYTES_PER_PARAMETER`]: weights, weights transposed, gradient,
-//!   two moments), and beside it [`HOST_BYTES_PER_PARAMETER`],
+//!   two moments), and beside it [`BYTES_BESIDE_ENGINE`],
 //!   and between ranks the exchanged slices ([`Rank::bytes_per_parameter`]);
 //! - for every sample of a window of 1024: activations and slopes of all layers ([`CpuTrainer::memory_bytes`]);
 //! - for every sample of a batch: its inputs and its target;
@@ -19,14 +19,11 @@ use imf_core::scene::SceneRecord;
 use imf_core::section::SectionPlan;
 use imf_fields::recipe::TrainingPlan;
 use imf_fields::siren::{INPUTS, SirenShape};
+use imf_train::training::BYTES_BESIDE_ENGINE;
 
 use crate::engine::Device;
 use crate::session::{Session, show_bytes};
 
-/// Bytes of this machine's memory for each parameter, beside the engine's: the state that was saved last (weights and two
-/// moments), the same as it is written to a checkpoint (twice: as tensors, and as a file), and the weights of the evaluator
-/// at held-out poses (as rows, and transposed).
-pub(crate) const HOST_BYTES_PER_PARAMETER: u64 = 4 * (3 + 2 * 3 + 2);
 /// Bytes of a pose held out while training goes on, and while it is drawn.
 const POSE_BYTES: u64 = 4 * (INPUTS as u64 + 2);
 const DRAWN_POSE_BYTES: u64 = POSE_BYTES + 16;
@@ -62,7 +59,7 @@ impl Footprint {
         held_out: usize,
     ) -> Result<Self> {
         let rank = session.rank();
-        let beside_engine = HOST_BYTES_PER_PARAMETER + rank.bytes_per_parameter();
+        let beside_engine = BYTES_BESIDE_ENGINE + rank.bytes_per_parameter();
         let sections = SectionPlan::memory_estimate(&scene.grid, &scene.tool, session.threads());
         Ok(Self {
             shape,

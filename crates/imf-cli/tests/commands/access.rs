@@ -169,7 +169,7 @@ fn by_default_it_looks_along_the_axes_and_what_the_part_suggests() {
     assert_eq!(summary["orientations"]["count"], 6 + 4 + 225);
     assert_eq!(summary["orientations"]["suggested_by_the_part"].as_array().unwrap().len(), 6);
     let dataset = "dataset part.obj --orientations axes+normals --out data";
-    folder.refuse(&format!("{dataset} {turned}"), &["'normals'", "no surface is known"]);
+    folder.refuse_input(&format!("{dataset} {turned}"), &["'normals'", "no surface is known"]);
 }
 
 #[test]

@@ -18,7 +18,9 @@ fn pages() -> Vec<PathBuf> {
             }
         }
     }
-    found.extend(["README.md", "ARCHITECTURE.md", "CHANGELOG.md"].map(|name| root().join(name)));
+    found.extend(
+        ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "CHANGELOG.md"].map(|name| root().join(name)),
+    );
     found.sort();
     found
 }

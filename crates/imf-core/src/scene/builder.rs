@@ -257,10 +257,7 @@ impl<'a> SceneBuilder<'a> {
             scene = scene.with_contact(&bodies, depth);
         }
         warnings.extend(spec.warnings(&bodies)?);
-        warnings.extend(spec.check_tool(&tool, &scene.record.grid)?);
-        if !self.conservative {
-            warnings.extend(SceneWarning::of_step(&scene.record.assembly()?, scene.record.grid.pitch));
-        }
+        warnings.extend(spec.assembly(&tool, &self.clearance, &scene.record.grid)?.1);
         let undecided = bodies.undecided;
         Ok(BuiltScene { scene, mesh, fixtures, bodies, warnings, undecided, chosen_pitch: chosen })
     }

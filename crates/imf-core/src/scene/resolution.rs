@@ -12,7 +12,7 @@ use crate::grid::Grid;
 use crate::mesh::Mesh;
 use crate::mesh::topology::boundary_chain;
 use crate::occupancy::Occupancy;
-use crate::tool::Tool;
+use crate::tool::{Assembly, Clearance, Tool};
 use crate::unit::{Length, LengthUnit, proportion_check};
 use crate::voxelize::{Voxelized, voxelize_with};
 
@@ -138,6 +138,25 @@ impl SceneSpec<'_> {
             warnings.push(SceneWarning::Coarse(coarse));
         }
         Ok(warnings)
+    }
+
+    /// A tool (in any unit) with its clearance, in the part's unit, and its warnings on a grid: those of [`SceneSpec::check_tool`], and of
+    /// a holder or shank that is wider than the cutter by less than a voxel.
+    ///
+    /// # Errors
+    /// As [`SceneSpec::check_tool`]; a clearance that the tool cannot have.
+    pub fn assembly(
+        &self,
+        tool: &Tool,
+        clearance: &Clearance,
+        grid: &Grid,
+    ) -> Result<(Assembly, Vec<SceneWarning>), SceneError> {
+        let mut warnings = self.check_tool(tool, grid)?;
+        let assembly = tool.in_unit(self.unit).offset(clearance)?;
+        if !self.conservative {
+            warnings.extend(SceneWarning::of_step(&assembly, grid.pitch));
+        }
+        Ok((assembly, warnings))
     }
 
     /// What is to be known of part and fixtures on their grid: what openings of the part's mesh leave open, a part of few voxels

@@ -75,6 +75,7 @@ impl OnlineSettings {
 
     /// What the pool holds at a step, oldest first.
     #[must_use]
+    #[doc(hidden)]
     pub fn pool_at(&self, step: u64) -> OrientationSet {
         let newest = self.newest(step);
         let numbers = newest + 1 - self.pool as u64..=newest;

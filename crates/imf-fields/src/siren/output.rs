@@ -49,6 +49,7 @@ impl Output {
 ///
 /// # Panics
 /// Without parameters.
+#[doc(hidden)]
 pub fn move_to_the_foot(parameters: &mut [f32]) {
     *parameters.last_mut().expect("a bias") = STRETCH.ln() as f32;
 }

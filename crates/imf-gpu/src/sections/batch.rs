@@ -1,7 +1,8 @@
 //! Jobs that are submitted together: their blocks, and the lists that they share.
 
 use imf_core::field::EngineError;
-use imf_core::section::{BoundaryOffsets, QueryBox, ToolDifferences, overlap_fraction};
+use imf_core::section::device::{BoundaryOffsets, ToolDifferences};
+use imf_core::section::{QueryBox, overlap_fraction};
 
 use super::bits::BitLayout;
 use crate::shader::{COUNT_DIGITS, COUNT_PLACES, LINEAR_GROUP};

@@ -8,7 +8,7 @@
 
 use imf_core::field::EngineError;
 use imf_core::occupancy::Occupancy;
-use imf_core::section::{BoundaryOffsets, DifferenceLimits};
+use imf_core::section::device::{BoundaryOffsets, DifferenceLimits};
 
 use crate::shader::COUNT_PLACES;
 

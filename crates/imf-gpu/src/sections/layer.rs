@@ -4,7 +4,8 @@ use imf_core::field::EngineError;
 use imf_core::grid::Grid;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::Orientation;
-use imf_core::section::{DifferenceLimits, Imf, QueryBox, SectionError, SectionLayer, direct_count};
+use imf_core::section::device::{DifferenceLimits, SectionLayer};
+use imf_core::section::{Imf, QueryBox, SectionError, direct_count};
 use imf_core::tool::{Tool, ToolError, ToolVoxels};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 

@@ -11,7 +11,7 @@ use imf_core::control::Cancelled;
 use imf_core::field_files::write_ply;
 use imf_core::machine::{AxisLimits, Machine};
 use imf_core::orientation::OrientationSet;
-use imf_core::scene::{Guarantee, SceneWarning};
+use imf_core::scene::Guarantee;
 use imf_core::set_cover::{CoverProblem, CoverSettings};
 use imf_core::surface::{
     ObstructedAreas, SurfaceSamples, SurfaceTool, Verdict, contact_reach, crib_access, surface_access,
@@ -88,12 +88,8 @@ impl Crib {
         // By the grid, what is too thin or out of all proportion; the rest by its own reach.
         let mut kept = Vec::new();
         for tool in &inputs.tools {
-            match spec.check_tool(tool, &query) {
-                Ok(mut warnings) => {
-                    let assembly = tool.in_unit(unit).offset(&clearance)?;
-                    if !spec.conservative {
-                        warnings.extend(SceneWarning::of_step(&assembly, query.pitch));
-                    }
+            match spec.assembly(tool, &clearance, &query) {
+                Ok((assembly, warnings)) => {
                     warn_of(session, &warnings);
                     kept.push(assembly);
                 }

@@ -11,7 +11,7 @@ use imf_core::mesh::{MachiningDirection, Mesh};
 use imf_core::obstacle::Obstacle;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::{Limits, OrientationSet};
-use imf_core::scene::{Guarantee, SceneSpec, SceneWarning};
+use imf_core::scene::{Guarantee, SceneSpec};
 use imf_core::section::{ElementPlans, SectionPlan};
 use imf_core::surface::{SurfaceError, contact_reach, with_ways_up};
 use imf_core::tool::{Assembly, Clearance, SharpPoints, Tool, ToolShape};
@@ -109,12 +109,8 @@ impl AccessRun {
         let spec = arguments.scene.spec(session, &inputs, &fixtures, tools[0].tool());
         let border = [i64::try_from(arguments.border)?; 3];
         let query = spec.grid()?.padded(border, border)?;
-        for (tool, assembly) in inputs.tools.iter().zip(&tools) {
-            let mut warnings = spec.check_tool(tool, &query)?;
-            if !spec.conservative {
-                warnings.extend(SceneWarning::of_step(assembly, query.pitch));
-            }
-            warn_of(session, &warnings);
+        for tool in &inputs.tools {
+            warn_of(session, &spec.assembly(tool, &clearance, &query)?.1);
         }
         let stock_mesh = (arguments.removable || arguments.stock.is_some())
             .then(|| {
@@ -172,7 +168,8 @@ impl AccessRun {
             .map(|tool| Guarantee::new(conservative, tool.tool(), &clearance, depth.is_some(), query.pitch))
             .min_by_key(Guarantee::strength)
             .unwrap_or(Guarantee::Centres);
-        let on_query = |occupancy: &Occupancy| occupancy.on(&query).context("the grids of part and stock do not meet");
+        let on_query =
+            |occupancy: &Occupancy| occupancy.on(&query).context("the grids of part and stock do not meet");
         let stock = match (stock_mesh, stock_grid) {
             (Some(stock), Some(grid)) => {
                 // A voxel that the part only touches may hold stock.
@@ -291,10 +288,7 @@ fn refuse_without_a_cutter(arguments: &AccessArguments) -> Result<()> {
         arguments.html.is_none(),
         "the page shows what is reached of the surface, and a tool here has no cutter: give it one"
     );
-    ensure!(
-        !arguments.stickout,
-        "a stick-out is for a surface to be reached, and a tool here has no cutter"
-    );
+    ensure!(!arguments.stickout, "a stick-out is for a surface to be reached, and a tool here has no cutter");
     Ok(())
 }
 

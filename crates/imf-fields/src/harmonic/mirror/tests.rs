@@ -110,8 +110,7 @@ fn memory_is_asked_for_one_side_and_then_for_the_whole_field_beside_it() {
 
 #[test]
 fn both_sides_hold_what_one_side_of_a_fit_of_the_whole_grid_does() {
-    let settings =
-        FitSettings { degree: 6, axes: usize::MAX, ..FitSettings::default() };
+    let settings = FitSettings { degree: 6, axes: usize::MAX, ..FitSettings::default() };
     // One pass rounds sections to multiples of 1/65535; directions and their images to 1e-16. Halves have 11 bits.
     for (one_pass, precision, tolerance) in
         [(true, Precision::F32, 5e-5), (false, Precision::F32, 5e-5), (true, Precision::F16, 1e-3)]
@@ -179,8 +178,7 @@ fn functions(field: &HarmonicField) -> Vec<f32> {
 fn fewer_axes_leave_out_over_both_sides_what_one_side_told() {
     let plan = plan(0);
     for one_pass in [true, false] {
-        let settings =
-            FitSettings { degree: 6, one_pass, precision: Precision::F32, ..four_sections() };
+        let settings = FitSettings { degree: 6, one_pass, precision: Precision::F32, ..four_sections() };
         let all = functions(&made(&plan, &FitSettings { axes: 49, ..settings }));
         for axes in [5, 20] {
             let field = made(&plan, &FitSettings { axes, ..settings });
