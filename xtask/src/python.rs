@@ -71,7 +71,7 @@ pub(crate) fn wheel() -> Result<()> {
     let wheels: Vec<PathBuf> = fs::read_dir(&folder)?.filter_map(|entry| Some(entry.ok()?.path())).collect();
     let [wheel] = wheels.as_slice() else { bail!("{} wheels were built, not one", wheels.len()) };
     let name = wheel.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    ensure!(name.contains("-cp310-abi3-"), "{name} is no wheel for every Python from 3.10 on");
+    ensure!(name.contains("-cp310-abi3-"), "{name} is not a wheel for every Python from 3.10 on");
     environment.pip(&["--force-reinstall", "--no-deps", &wheel.to_string_lossy()])?;
     environment.test()?;
     println!("{}: {:.1} MB", wheel.display(), fs::metadata(wheel)?.len() as f64 / 1e6);

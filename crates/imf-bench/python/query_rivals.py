@@ -118,7 +118,7 @@ def by_vamp(scene, near, far) -> list[dict]:
     from importlib.metadata import distribution
 
     if not scene["balls"]:
-        raise ImportError("the tool is no solid of revolution")
+        raise ImportError("the tool is not a solid of revolution")
     vamp = distribution("vamp-planner")
     folder = pathlib.Path(sys.argv[1]).resolve()
     # The one header that it leaves out; its sort serves only to make the tree.

@@ -1,4 +1,4 @@
-//! `imf-bench access`: what of a surface a tool reaches, points × directions a second.
+//! `imf-bench access`: how much of a surface a tool reaches; points × directions a second.
 //!
 //! The rival is what one would write oneself: at every contact pose of the ball every solid voxel's centre is put to the
 //! tool's solid of revolution. It has the ball's closed form for the pose, and stops at the first centre found.
@@ -78,11 +78,11 @@ struct Row {
 struct Report {
     machine: Machine,
     scene: String,
-    /// Share of points and directions that are free.
+    /// Fraction of points and directions that are free.
     free: f64,
     /// Seconds for what is made once for a part and a tool: running sums, distances, sphere trees.
     preparation_seconds: f64,
-    /// Of those where the two were compared, the share with the same verdict.
+    /// Of those where the two were compared, the fraction with the same verdict.
     agree: f64,
     rows: Vec<Row>,
 }

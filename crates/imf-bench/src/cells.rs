@@ -1,4 +1,4 @@
-//! Finished pieces of work, one JSON file each, so that an interrupted command repeats nothing that came to its end.
+//! Finished pieces of work, one JSON file each, so that an interrupted command repeats nothing that was finished.
 //!
 //! A cell is keyed by what made it: settings, scene, device, version. Its file's name carries a checksum of the key, and the
 //! key stands in the file; where it is another one, the cell is made again. The CPU's name stands in the cell alone: cells that several
@@ -20,7 +20,7 @@ use serde_json::{Value, json};
 use crate::measurement::Machine;
 use crate::recipe::GO_ON;
 
-/// Where cells are kept.
+/// Where cells are saved.
 pub(crate) struct Cells<'a> {
     session: &'a Session,
     out: PathBuf,
@@ -64,7 +64,7 @@ impl<'a> Cells<'a> {
     /// All that decides a cell, and its checksum.
     fn key(&self, key: &impl Serialize) -> Result<(Value, String)> {
         let mut made_by = json!({ "common": self.common, "cell": serde_json::to_value(key)? });
-        // Of the parts the bracket is a stored file, which may be made again under its name.
+        // Of the parts the bracket is a saved file, which may be made again under its name.
         if made_by["cell"].to_string().contains("\"bracket\"") {
             made_by["bracket"] = checksum(&ReferencePart::Bracket.mesh()).into();
         }
@@ -72,12 +72,12 @@ impl<'a> Cells<'a> {
         Ok((made_by, format!("{mark:08x}")))
     }
 
-    /// What tells the files of this key from those of others.
+    /// What distinguishes the files of this key from those of others.
     pub(crate) fn mark(&self, key: &impl Serialize) -> Result<String> {
         Ok(self.key(key)?.1)
     }
 
-    /// The cell of that name and key where it is kept.
+    /// The saved cell of that name and key, if there is one.
     pub(crate) fn find<T: DeserializeOwned>(
         &self,
         name: &str,
@@ -93,7 +93,7 @@ impl<'a> Cells<'a> {
         Ok(kept)
     }
 
-    /// The cell of that name and key, read where it is kept, else made by `make` and kept.
+    /// The cell of that name and key, read if it is saved, else computed by `make` and saved.
     pub(crate) fn get<T: Serialize + DeserializeOwned>(
         &self,
         name: &str,
@@ -108,7 +108,7 @@ impl<'a> Cells<'a> {
         self.keep(name, key, value)
     }
 
-    /// Keeps what was made here.
+    /// Saves what was computed here.
     pub(crate) fn keep<T: Serialize>(&self, name: &str, key: &impl Serialize, value: T) -> Result<Cell<T>> {
         let (made_by, mark) = self.key(key)?;
         let cell = Cell { made_by, made_on: self.machine.clone(), value };
@@ -166,7 +166,7 @@ mod tests {
         let mut other = Cells::new(&session, &Device::Cpu, folder.path()).unwrap();
         other.common["device"] = "networks on another".into();
         assert_eq!(other.get("one", &1, || Ok(9.0)).unwrap().value, 9.0);
-        // Another machine is no reason to make it again.
+        // Another machine is not a reason to make it again.
         let mut elsewhere = Cells::new(&session, &Device::Cpu, folder.path()).unwrap();
         let here = std::mem::replace(&mut elsewhere.machine, "elsewhere".into());
         let kept = elsewhere.get("one", &1, || Ok(9.0)).unwrap();

@@ -120,7 +120,7 @@ impl Document {
         write_text(&folder.join(format!("{name}.md")), &self.markdown())
     }
 
-    /// Prints it, or `value` where JSON is asked for.
+    /// Prints it, or `value` where JSON is requested.
     pub(crate) fn show(&self, session: &Session, value: &impl Serialize) -> Result<()> {
         if session.json { print_json(value) } else { print(&self.columns()) }
     }

@@ -1,9 +1,9 @@
 //! `imf-bench edits`: what a trained network of the paper's saves where its part is changed a little.
 //!
-//! A ball of the bracket's material is taken away, or added, so large that a stated share of its voxels changes. The network of
-//! the part before is trained on at the new part, in more and more steps, until it errs as little as a network that learns the new
-//! part from random weights. Two ways to draw its samples: everywhere as usual, or half of them where the exact section has
-//! changed, which is where the tool can reach the change.
+//! A ball of the bracket's material is taken away, or added, so large that a stated fraction of its voxels changes.
+//! The network of the part before is trained on at the new part, in more and more steps, until it errs as little as a
+//! network that learns the new part from random weights. Two ways to draw its samples: everywhere as usual, or half
+//! of them where the exact section has changed, which is where the tool can reach the change.
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -58,7 +58,7 @@ pub(crate) struct EditsArguments {
     steps: u64,
 }
 
-/// Shares of the part's voxels that change.
+/// Fractions of the part's voxels that change.
 const SHARES: [f64; 3] = [0.001, 0.01, 0.05];
 /// Steps in which the old network is tried, over those from random weights.
 const BUDGETS: [f64; 6] = [0.0125, 0.025, 0.05, 0.1, 0.2, 0.4];
@@ -159,7 +159,7 @@ impl Lab {
         for (index, (section, orientation)) in own.iter().zip(&self.directions.orientations).enumerate() {
             let mut voxels = draw(section, &usual, index as u64);
             if let Some(before) = before {
-                // A draw that takes what has changed for what is above 0, and keeps that alone.
+                // A draw that treats changed values as those above 0, and retains only them.
                 let changed: Vec<f32> =
                     section.iter().zip(&before[index]).map(|(a, b)| f32::from(u8::from(a != b))).collect();
                 let near = Sampling { positive_share: 1.0, ..usual };
@@ -173,7 +173,7 @@ impl Lab {
         samples
     }
 
-    /// A network's weights after so many steps, and what the training came to.
+    /// A network's weights after a number of steps, and the result of the training.
     fn trained(
         &self,
         scene: &Scene,
@@ -251,7 +251,8 @@ impl Lab {
     }
 }
 
-/// The part without a ball around the middle of its surface, or with one more: the ball is as large as the share asks.
+/// The part without a ball around the middle of its surface, or with one more: the ball is as large as the fraction
+/// requires.
 fn changed(part: &Occupancy, share: f64, taken: bool) -> Occupancy {
     let grid = part.grid;
     let wanted = (share * part.count() as f64).round().max(1.0) as usize;

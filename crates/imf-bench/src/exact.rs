@@ -96,7 +96,7 @@ pub(crate) fn run(session: &Session, arguments: &ExactArguments) -> Result<()> {
 
     // First what shows the memory that sections take: the rival's counts would hide it.
     let growth = growth::measure(session, arguments)?;
-    // Every so many of the set, so that all directions are there.
+    // Evenly spaced orientations of the set, so that all directions are represented.
     let step = if arguments.full { 1 } else { SECTIONS / RIVAL_SECTIONS };
     let compared: Vec<Orientation> = orientations.iter().copied().step_by(step).collect();
     let trial = Trial::new(&scene.obstacle, &tool, &plan, &compared)?;

@@ -148,7 +148,7 @@ type Work<'a> = &'a dyn Fn(&Gpu, &mut Part) -> Result<()>;
 pub(crate) fn run(session: &Session, arguments: &GpuArguments) -> Result<()> {
     let Device::Gpu(gpu) = Device::open(&arguments.device, session)? else {
         bail!(
-            "imf-bench gpu measures a GPU, and --device {} is none: `imf info` lists what there is",
+            "imf-bench gpu measures a GPU, and --device {} is not a GPU: `imf info` lists what there is",
             arguments.device
         );
     };

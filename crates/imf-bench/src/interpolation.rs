@@ -1,5 +1,5 @@
-//! Sections between sections: exact sections stored at a set of angles, and what lies between them by interpolation.
-//! The simplest answer to an orientation that was not counted, and what any learnt field has to beat.
+//! Sections between sections: exact sections saved at a set of angles, and what lies between them by interpolation.
+//! The simplest estimate at an orientation that was not counted, and what any learnt field has to beat.
 //!
 //! [`Periodic`] continues values at equal steps of one full turn, as weights of these values. [`AngleGrid`] does so
 //! over the `grid:N` of angle pairs: bilinear in θ and φ, periodic in θ; beyond the last φ, which lies one step before 180°,
@@ -22,7 +22,7 @@ pub(crate) enum Periodic {
     Linear,
     /// Cubic pieces with two continuous derivatives all around.
     CubicSpline,
-    /// The trigonometric polynomial of least degree; of an even number of values the highest one as a cosine.
+    /// The trigonometric polynomial of lowest degree; of an even number of values the highest one as a cosine.
     Trigonometric,
 }
 

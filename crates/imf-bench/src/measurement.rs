@@ -63,13 +63,13 @@ fn load() -> Option<f64> {
     System::load_average().ok().map(|load| load.one)
 }
 
-/// Starts a new measurement of the most memory that this process holds at once. Linux only.
+/// Resets the peak memory of this process. Linux only.
 pub(crate) fn reset_peak_memory() {
     // Where it is not allowed, the peak stays that of the whole run.
     let _ = std::fs::write("/proc/self/clear_refs", "5");
 }
 
-/// The most bytes that this process held since then; nothing where the system does not say.
+/// Peak memory in bytes of this process since then; `None` where the system does not report it.
 pub(crate) fn peak_memory() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
@@ -94,7 +94,7 @@ pub(crate) fn better_seconds<T>(mut work: impl FnMut() -> Result<T>) -> Result<(
     Ok((first.min(second), found))
 }
 
-/// The least seconds of each work, all by turns: a busy moment then slows none of them alone.
+/// The minimum seconds of each work, all by turns: a busy moment then slows none of them alone.
 pub(crate) fn least_seconds<const N: usize>(
     rounds: usize,
     mut works: [&mut dyn FnMut() -> Result<()>; N],

@@ -143,7 +143,7 @@ enum Training {
     Missing,
 }
 
-/// What a training came to, as it is kept.
+/// The result of a training, as it is saved.
 #[derive(Serialize, Deserialize)]
 pub(crate) enum Trained {
     Finished(Box<RunSummary>),

@@ -1,4 +1,4 @@
-//! One rotation in a plane: the field of a 2D part and a 2D tool, as the comparison of interpolations asks for.
+//! One rotation in a plane: the field of a 2D part and a 2D tool, as the comparison of interpolations requires.
 //!
 //! The part is one layer of voxels, a grid with a single voxel along z. The tool lies in the plane: at angle θ it is the cut
 //! through its axis at (θ, φ = 90°), as voxels, with its tip on a voxel's centre. `CMF(x, θ)` is the number of pixels shared,

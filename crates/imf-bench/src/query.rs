@@ -1,4 +1,4 @@
-//! `imf-bench query`: poses a second on one core, and what each answer is worth.
+//! `imf-bench query`: poses a second on one core, and the quality of each result.
 
 mod change;
 mod libraries;
@@ -67,7 +67,7 @@ const BATCH: usize = 1000;
 #[derive(Serialize)]
 struct Row {
     name: String,
-    /// What an answer is.
+    /// What a result is.
     answers: String,
     poses: usize,
     /// Poses in a call.
@@ -198,8 +198,8 @@ struct Trial<'a> {
 }
 
 impl Trial<'_> {
-    /// A row of `name` by the sum over batches of the best time of each, so that a busy machine disturbs few of them; says
-    /// what is answered, and how.
+    /// A row of `name` by the sum over batches of the best time of each, so that a busy machine disturbs few of them;
+    /// names what is evaluated, and how.
     fn row(
         &self,
         name: &str,
@@ -267,7 +267,7 @@ impl Trial<'_> {
         })
     }
 
-    /// Of the exact field, pose by pose; all poses have an answer.
+    /// Of the exact field, pose by pose; all poses have a result.
     fn single(&self, about: [&str; 2], answer: impl Fn(&Pose) -> bool) -> Result<Row> {
         self.row("ExactField", about, 1, |poses, _| {
             ensure!(poses.iter().filter(|pose| answer(pose)).count() == poses.len(), "an invalid pose");

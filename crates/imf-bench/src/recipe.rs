@@ -10,9 +10,10 @@
 //! OUT/recipe.md, recipe.json    stages and results of all variants; loss.png
 //! ```
 //!
-//! A folder is of one recipe: another one, or the same with changes, is refused. Whatever was interrupted, the same command
-//! goes on: datasets keep their shards, finished stages are known by their settings and by the weights that they started
-//! from, an unfinished one continues from its checkpoint. What can be known before the first training begins is checked there.
+//! A folder is of one recipe: another one, or the same with changes, is refused. Whatever was interrupted, the same
+//! command goes on: datasets retain their shards, finished stages are known by their settings and by the weights that
+//! they started from, an unfinished one continues from its checkpoint. What can be known before the first training
+//! begins is checked there.
 
 mod definition;
 mod questions;
@@ -228,7 +229,7 @@ impl Runner<'_> {
         Ok([get(1.0)?, get(stage.resolution)?])
     }
 
-    /// The stages of a variant, and what its results are worth.
+    /// The stages of a variant, and the errors of its results.
     fn run_variant(
         &self,
         variant: &str,

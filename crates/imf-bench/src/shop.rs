@@ -139,7 +139,7 @@ pub(crate) fn run(session: &Session, arguments: &ShopArguments) -> Result<()> {
     document.show(session, &report)
 }
 
-/// A reference part's surface, which stick-outs and a crib are asked for.
+/// A reference part's surface, for stick-outs and a crib.
 struct Surface {
     name: String,
     pool: ThreadPool,
@@ -195,7 +195,7 @@ pub(crate) enum End {
     Bull,
 }
 
-/// A plain mill in a plain holder, of which radius and length are given; its shank is what of it stands between flutes and holder.
+/// A plain mill in a plain holder of the given radius and length; the shank is the part between flutes and holder.
 pub(crate) fn mill(end: End, radius: f64, flutes: f64, stick_out: f64, [holder, long]: [f64; 2]) -> Tool {
     let corner = match end {
         End::Ball => radius,

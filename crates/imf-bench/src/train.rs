@@ -1,5 +1,5 @@
-//! `imf-bench train`: samples per second of the training engine, the device's peak in f32 and its share of it, and PyTorch, by
-//! turns.
+//! `imf-bench train`: samples per second of the training engine, the device's peak in f32 and the fraction reached,
+//! and PyTorch, by turns.
 
 mod torch;
 
@@ -66,7 +66,7 @@ pub(crate) struct Steps<'a> {
 /// Ways of PyTorch.
 const MODES: [&str; 2] = ["eager", "compiled"];
 
-/// Everything is measured by turns; the best of each counts.
+/// Everything is measured in alternation; the best of each counts.
 #[derive(Clone, Copy)]
 pub(crate) struct Rounds {
     pub(crate) count: usize,

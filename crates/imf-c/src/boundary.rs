@@ -14,15 +14,15 @@ pub enum ImfStatus {
     Ok = 0,
     /// A pointer that must not be NULL is.
     NullPointer = 1,
-    /// An argument that cannot be: a misaligned pointer, an absurd count, no orientation, a path that is no UTF-8.
+    /// An argument that cannot be: a misaligned pointer, an absurd count, no orientation, a path that is not UTF-8.
     Argument = 2,
     /// The file is missing, foreign, newer, damaged, or its tool cannot be used.
     File = 3,
-    /// This kind of field does not answer that.
+    /// This kind of field does not support the query.
     Unsupported = 4,
-    /// The question has no answer: an end of a motion that is an invalid pose, a tool that holds no voxel.
+    /// The query has no result: an end of a motion that is an invalid pose, a tool that holds no voxel.
     NoAnswer = 5,
-    /// A defect of the library, caught. The field may be asked on.
+    /// A defect of the library, caught. The field can still be used.
     Defect = 6,
 }
 
@@ -64,8 +64,8 @@ pub extern "C" fn imf_version() -> *const c_char {
 
 /// Runs what a call does; failures and panics become a status and this thread's message.
 pub(crate) fn call(work: impl FnOnce() -> Result<(), Refusal>) -> ImfStatus {
-    // What a panic leaves half done is results only, which its status disowns: fields keep no state but working memory, which is
-    // overwritten by each question.
+    // A panic leaves only results half done, which its status invalidates: fields have no state but working memory,
+    // which each query overwrites.
     let outcome = catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| {
         Err(Refusal::new(
             ImfStatus::Defect,
@@ -157,16 +157,16 @@ pub(crate) unsafe fn text<'a>(pointer: *const c_char, what: &str) -> Result<&'a 
     }
     // SAFETY: not null; the end is guaranteed by the caller.
     let text = unsafe { CStr::from_ptr(pointer) };
-    text.to_str().map_err(|_| Refusal::new(ImfStatus::Argument, format!("{what} is no text in UTF-8")))
+    text.to_str().map_err(|_| Refusal::new(ImfStatus::Argument, format!("{what} is not text in UTF-8")))
 }
 
-/// Closes what was opened or created; NULL is passed over.
+/// Closes what was opened or created; NULL is ignored.
 ///
 /// # Safety
 /// `opened` is NULL, or was made by `Box::into_raw` and is closed once.
 pub(crate) unsafe fn close<T>(opened: *mut T) {
     if !opened.is_null() {
-        // Memory is given back; there is nothing to tell.
+        // Memory is given back; there is nothing to report.
         let _ = call(|| {
             // SAFETY: guaranteed by the caller.
             drop(unsafe { Box::from_raw(opened) });

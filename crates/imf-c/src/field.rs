@@ -35,7 +35,7 @@ pub struct ImfInfo {
     pub unit_in_mm: f64,
     /// Clearance by which holder, shank and cutter of the tool are offset in the file's values.
     pub clearance: [f64; 3],
-    /// True where the file has thresholds for the model's own decisions: without, it answers undecided.
+    /// True where the file has thresholds for the model's own decisions: without, it returns undecided.
     pub calibrated: bool,
     /// What its values are. An exact field's are overlaps, whatever its file's are.
     pub quantity: ImfQuantity,
@@ -201,7 +201,7 @@ pub unsafe extern "C" fn imf_info(field: *const ImfField, info: *mut ImfInfo) ->
     })
 }
 
-/// Closes a field; NULL is passed over.
+/// Closes a field; NULL is ignored.
 ///
 /// # Safety
 /// field is NULL, or was opened, not closed yet, and no thread calls with it any more.

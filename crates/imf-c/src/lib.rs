@@ -1,4 +1,4 @@
-//! The C interface: fields that answer poses, for planners that are not written in Rust.
+//! The C interface: fields that evaluate poses, for planners that are not written in Rust.
 //!
 //! It owns the boundary between C and [`imf_core::field`], and computes nothing itself: values, gradients, decisions
 //! and proofs are those of the Rust calls, bit for bit. Fields come from files; toolpaths are checked in Rust ([`imf_core::check`](mod@imf_core::check)) or
@@ -7,7 +7,7 @@
 //!
 //! - every function that can fail returns an [`ImfStatus`]; [`imf_last_error`] has the message of this thread's last failure;
 //! - results go to memory of the caller; fields, worlds and checkers are what is opened or created, and closed;
-//! - no panic crosses: one that happens all the same is a status;
+//! - no panic crosses the interface: it becomes a status;
 //! - null and misaligned pointers, and counts that no memory could hold, are refused; what else a pointer guarantees cannot be
 //!   checked.
 //!

@@ -1,4 +1,4 @@
-//! Questions: poses in C's layout are turned into the planner's a block at a time, on the stack.
+//! Queries: poses in C's layout are converted into the planner's a block at a time, on the stack.
 
 use imf_core::field::{Best, Decision, FieldError, Gradient};
 use imf_core::glam::{DQuat, DVec3};
@@ -20,10 +20,10 @@ fn of_field(error: &FieldError) -> Refusal {
     Refusal::new(status, error.to_string())
 }
 
-/// Asks `ask` about every block of poses and writes its answers, `blank` before.
+/// Calls `ask` for every block of poses and writes its results, `blank` before.
 ///
 /// # Safety
-/// There are count poses, and room for as many answers.
+/// There are count poses, and room for count results.
 pub(crate) unsafe fn each<T: Copy, C: Copy + From<T>>(
     poses: *const ImfPose,
     count: usize,
@@ -88,8 +88,8 @@ pub unsafe extern "C" fn imf_gradients(
     })
 }
 
-/// Whether the tool collides at every pose. Exact and verified fields decide every pose; a model answers undecided where its
-/// calibration leaves it open, and everywhere outside its box.
+/// Whether the tool collides at every pose. Exact and verified fields decide every pose; a model returns undecided
+/// where its calibration leaves it open, and everywhere outside its box.
 ///
 /// # Safety
 /// field was opened and not closed; there are count poses, and room for as many decisions.
@@ -113,8 +113,8 @@ pub unsafe extern "C" fn imf_classify(
 /// quaternions x, y, z, w, four numbers each, at least one. Takes memory for a copy of both for the time of the call.
 ///
 /// # Safety
-/// field was opened and not closed; there are 3 * point_count numbers of points, 4 * rotation_count of rotations, and room for
-/// point_count answers.
+/// field was opened and not closed; there are 3 * point_count numbers of points, 4 * rotation_count of rotations, and
+/// room for point_count results.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn imf_best(
     field: *const ImfField,
@@ -145,7 +145,7 @@ pub unsafe extern "C" fn imf_best(
 }
 
 /// Whether the tool may move from a to b: the tip along the straight line, the axis along the great circle, both evenly.
-/// Exact and verified fields answer it.
+/// Exact and verified fields support it.
 ///
 /// # Safety
 /// field was opened and not closed; a and b are poses; motion has room for one.

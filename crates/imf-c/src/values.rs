@@ -1,4 +1,4 @@
-//! Poses and answers as C holds them.
+//! Poses and results as C holds them.
 
 use std::ffi::c_char;
 
@@ -26,7 +26,7 @@ pub struct ImfPose {
 pub enum ImfDecision {
     /// It does not.
     Free = 0,
-    /// It does; or the pose is none.
+    /// It does; or the pose is invalid.
     Colliding = 1,
     /// Too close to tell: an exact or verified field must decide.
     Undecided = 2,
@@ -61,7 +61,8 @@ pub struct ImfGradient {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImfBest {
-    /// The least collision measure, in 0 to 1, or the least depth (ImfInfo.quantity); NaN for a point that is not finite.
+    /// The minimum collision measure, in 0 to 1, or the minimum depth (ImfInfo.quantity); NaN for a point that is not
+    /// finite.
     pub value: f32,
     /// Its orientation, by its place in the list: the first of equals, one that is decided free before all others.
     pub orientation: u32,
@@ -79,14 +80,15 @@ pub enum ImfMotionKind {
     Colliding = 1,
 }
 
-/// What is known of a motion; times run from 0 at its beginning to 1 at its end.
+/// The result for a motion; times run from 0 at its beginning to 1 at its end.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImfMotion {
     /// Which of the two.
     pub kind: ImfMotionKind,
-    /// Before this time every pose is proven free. From then on, where the tool passes too closely for a proof, poses were tried between
-    /// which no point of the tool moves farther than a hundredth of a pitch, or than the resolution that was asked for.
+    /// Before this time every pose is proven free. From then on, where the tool passes too closely for a proof, poses
+    /// were sampled between which no point of the tool moves farther than a hundredth of a pitch, or than the given
+    /// resolution.
     pub proven_until: f64,
     /// Up to this time the motion is free; 1 where all of it is, 0 where it begins with a collision.
     pub free_until: f64,
@@ -142,7 +144,7 @@ pub struct ImfMesh {
 }
 
 /// A distance with its bounds, in the world's unit: above 0 between the tool, offset by its clearance, and the nearest solid voxel's centre;
-/// below 0 minus the least translation that frees the tool of the obstacle.
+/// below 0 minus the shortest translation that frees the tool from the obstacle.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImfDistance {
@@ -162,8 +164,9 @@ pub struct ImfDistance {
 
 const NO_POSE: ImfPose = ImfPose { position: [f64::NAN; 3], rotation: [f64::NAN; 4] };
 
-/// The pose of a tool whose tip is at (x, y, z) and whose axis, from tip to holder, points along (i, j, k), of any length
-/// but 0; without roll. An axis without direction gives an invalid pose (NaN), which every field answers with NaN and colliding.
+/// The pose of a tool whose tip is at (x, y, z) and whose axis, from tip to holder, points along (i, j, k), of any
+/// length but 0; without roll. An axis without direction gives an invalid pose (NaN), for which every field returns
+/// NaN and colliding.
 #[unsafe(no_mangle)]
 pub extern "C" fn imf_pose_along(x: f64, y: f64, z: f64, i: f64, j: f64, k: f64) -> ImfPose {
     let pose = std::panic::catch_unwind(|| Pose::along(DVec3::new(x, y, z), DVec3::new(i, j, k)).into());

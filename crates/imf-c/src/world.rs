@@ -73,7 +73,7 @@ pub unsafe extern "C" fn imf_world_create(unit: u32, pitch: f64, world: *mut *mu
         let unit = unit_of(unit).ok_or_else(|| {
             Refusal::new(
                 ImfStatus::Argument,
-                format!("unit {unit} is none: they run from 0 to 3, see ImfUnit"),
+                format!("unit {unit} is unknown: units run from 0 to 3, see ImfUnit"),
             )
         })?;
         let world = World::builder().unit(unit).pitch(pitch).build().map_err(|error| of_world(&error))?;
@@ -147,9 +147,9 @@ pub unsafe extern "C" fn imf_world_add_file(
     })
 }
 
-/// What is to be known of the meshes that were added, a text for each index from 0; NULL beyond the last, and of a world that is NULL. Walls that
-/// lie between the voxels' centres are told so, through which a tool would pass unseen, and meshes that are not closed. A text stays
-/// until the world is closed.
+/// Warnings about the meshes that were added, a text for each index from 0; NULL beyond the last, and for a world
+/// that is NULL. They report walls that lie between the voxels' centres, through which a tool would pass undetected,
+/// and meshes that are not closed. A text stays until the world is closed.
 ///
 /// # Safety
 /// world was created and not closed, and no other thread changes it.
@@ -186,7 +186,7 @@ pub unsafe extern "C" fn imf_world_remove(world: *mut ImfWorld, id: u64) -> ImfS
     })
 }
 
-/// Closes a world; NULL is passed over. Checkers of it stay.
+/// Closes a world; NULL is ignored. Checkers of it stay.
 ///
 /// # Safety
 /// world is NULL, or was created, not closed yet, and no thread calls with it any more.
@@ -226,7 +226,8 @@ pub unsafe extern "C" fn imf_checker_create(
     })
 }
 
-/// Takes over where the world's obstacles stand, which were added and which removed. What was made for those that are still there is kept.
+/// Updates the places of the world's obstacles, including added and removed ones. What was computed for those that
+/// remain is reused.
 ///
 /// # Safety
 /// checker was created and not closed, and no other thread calls with it; world was created and not closed.
@@ -241,9 +242,10 @@ pub unsafe extern "C" fn imf_checker_follow(checker: *mut ImfChecker, world: *co
     })
 }
 
-/// What is to be known of the checker's tool among its obstacles, a text for each index from 0; NULL beyond the last, and of a checker that is
-/// NULL: that the tool is not where its tip is, as one in another frame or unit, or that its tip is so slender that it passes between voxels'
-/// centres for a while. A text stays until the checker follows or is closed.
+/// Warnings about the checker's tool among its obstacles, a text for each index from 0; NULL beyond the last, and for
+/// a checker that is NULL. They report a tool that does not lie at its tip, as one in another frame or unit, and a
+/// tip so slender that it passes between voxels' centres for a while. A text stays until the checker follows or is
+/// closed.
 ///
 /// # Safety
 /// checker was created and not closed, and no other thread changes it.
@@ -317,7 +319,7 @@ pub unsafe extern "C" fn imf_checker_motion(
     })
 }
 
-/// Closes a checker; NULL is passed over.
+/// Closes a checker; NULL is ignored.
 ///
 /// # Safety
 /// checker is NULL, or was created, not closed yet, and no thread calls with it any more.

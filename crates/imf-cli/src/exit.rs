@@ -21,10 +21,10 @@ const FAILED: u8 = 1;
 const REFUSED: u8 = 2;
 /// `imf check` found a collision.
 const COLLISION: u8 = 3;
-/// Stopped by Ctrl-C; what was finished is kept.
+/// Stopped by Ctrl-C; what was finished is saved.
 pub(crate) const INTERRUPTED: u8 = 130;
 
-/// Does the work of a command, says on standard error why it did not come to its end, and gives its exit code. `joins_ranks`: it
+/// Runs a command, prints on standard error why it failed, and returns its exit code. `joins_ranks`: it
 /// trains together with other processes.
 pub fn code_of(joins_ranks: bool, work: impl FnOnce(Rank) -> anyhow::Result<()>) -> ExitCode {
     let membership = match Membership::join(joins_ranks) {
@@ -140,7 +140,7 @@ fn was_cancelled(error: &anyhow::Error) -> bool {
     interrupt::is_cancelled(error) && interrupt::requested()
 }
 
-/// `imf … | head` is no error.
+/// `imf … | head` is not an error.
 fn is_broken_pipe(error: &anyhow::Error) -> bool {
     error.chain().any(|cause| {
         cause.downcast_ref::<std::io::Error>().is_some_and(|e| e.kind() == std::io::ErrorKind::BrokenPipe)

@@ -1,5 +1,6 @@
-//! Ctrl-C ends the program at once. Work that keeps what is finished ([`keep`]) is asked to stop at the next safe place instead, and
-//! only the second Ctrl-C ends it. Other work of the command is never cancelled, and need not say what a cancellation leaves.
+//! Ctrl-C ends the program at once. Work that saves what is finished ([`keep`]) stops at the next safe place instead,
+//! and only the second Ctrl-C ends it. Other work of the command is never cancelled, and need not say what a
+//! cancellation leaves.
 
 use std::borrow::Cow;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
@@ -17,14 +18,14 @@ const DEBOUNCE: Duration = Duration::from_millis(500);
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
-/// How many are at work that look at [`INTERRUPTED`] themselves.
+/// Number of works in progress that poll [`INTERRUPTED`] themselves.
 static KEEPING: AtomicUsize = AtomicUsize::new(0);
 
-/// What is said where the program ends at once.
+/// The message where the program ends at once.
 static LAST_WORDS: Mutex<Cow<'static, str>> = Mutex::new(Cow::Borrowed(NOTHING_FINISHED));
 
-/// By this variable tests interrupt a training after so many of its reports, however fast the machine is. Release builds do not
-/// read it.
+/// By this variable tests interrupt a training after a number of its reports, however fast the machine is. Release
+/// builds do not read it.
 const AFTER_REPORTS: &str = "IMF_INTERRUPT_AFTER_REPORTS";
 
 /// Whether work was asked to stop, and did: every error of ours that says so has [`Cancelled`] for its cause.
@@ -70,11 +71,11 @@ pub(crate) fn listen(aloud: bool) -> Result<()> {
 /// The message where nothing is saved.
 pub(crate) const NOTHING_FINISHED: &str = "nothing was finished; run the same command again to start over";
 
-/// While this lives the work itself looks whether the user wants to stop, and keeps what is finished.
+/// While this lives the work itself polls for an interruption, and saves what is finished.
 #[must_use = "Ctrl-C ends the program at once as soon as this is dropped"]
 pub struct Keeping(());
 
-/// From here on the work itself looks whether the user wants to stop.
+/// From here on the work itself polls for an interruption.
 pub fn keep() -> Keeping {
     KEEPING.fetch_add(1, Ordering::Relaxed);
     Keeping(())
@@ -87,7 +88,7 @@ impl Drop for Keeping {
     }
 }
 
-/// What is said from here on where the program ends at once.
+/// Sets the message for when the program ends at once.
 pub(crate) fn leave(words: Cow<'static, str>) {
     *LAST_WORDS.lock().unwrap_or_else(PoisonError::into_inner) = words;
 }

@@ -50,7 +50,7 @@ use log::{LOG, Log, Row};
 
 /// File name of the trained field.
 pub const FIELD: &str = "field.safetensors";
-/// Steps between two reports of the loss, at which Ctrl-C is heard.
+/// Steps between two reports of the loss, at which Ctrl-C is polled.
 pub(crate) const REPORT_EVERY: u64 = 20;
 /// Points that a loss curve has at most, about.
 const CURVE_POINTS: u64 = 400;
@@ -295,7 +295,7 @@ impl<T: Checkpoint> Run<'_, T> {
         Ok(())
     }
 
-    /// What is said at Ctrl-C, once the checkpoint is written.
+    /// The message at Ctrl-C, once the checkpoint is written.
     fn interrupted(&self, total: u64) -> anyhow::Error {
         let path = self.files.last().map_or_else(String::new, |(path, _)| path.display().to_string());
         let (steps, go_on) = (self.progress.steps, self.settings.go_on);

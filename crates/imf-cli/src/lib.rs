@@ -9,7 +9,7 @@
 //! `imf-gpu`. A training with its checkpoints and its log is in [`job`], a field's evaluation with its pictures in [`report`].
 //!
 //! This library part is for the binary `imf` and for the laboratory `imf-bench` alone, whose measurements share the command's
-//! sessions, trainings, reports and pictures. It is no stable interface: programs use `imf-core`.
+//! sessions, trainings, reports and pictures. It is not a stable interface: programs use `imf-core`.
 
 pub mod arguments;
 pub mod commands;

@@ -1,6 +1,6 @@
-//! Where commands write: a folder that is found writable before the work starts, and standard output for answers.
+//! Where commands write: a folder that is found writable before the work starts, and standard output for results.
 //!
-//! Answers go through `write`, not `println`: a reader that closes the pipe early then ends the command quietly.
+//! Results go through `write`, not `println`: a reader that closes the pipe early then ends the command quietly.
 
 pub(crate) mod length;
 mod stale;
@@ -138,7 +138,7 @@ pub(crate) fn require_other(source: &Path, replaced: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Keeps what an earlier run made under a further name before it is replaced: `field.safetensors` as
+/// Renames what an earlier run made before it is replaced: `field.safetensors` as
 /// `field.former.safetensors`.
 pub(crate) fn keep_former(session: &Session, path: &Path) -> Result<()> {
     if !path.exists() {
@@ -221,7 +221,7 @@ pub(crate) fn standard_output_failed(error: Error) -> anyhow::Error {
     anyhow::Error::new(error).context(text)
 }
 
-/// Writes a line to standard error; a reader that has gone away is no error.
+/// Writes a line to standard error; a reader that has gone away is not an error.
 pub(crate) fn eprint_line(line: std::fmt::Arguments<'_>) {
     let _ = writeln!(std::io::stderr().lock(), "{line}");
 }
@@ -240,7 +240,7 @@ struct JsonResult<'a, T> {
     remarks: &'a Remarks,
 }
 
-/// A value as JSON; an object also has what was said beside it (`warnings`, `choices`).
+/// A value as JSON; an object also has the session's remarks (`warnings`, `choices`).
 fn json_text(value: &impl Serialize) -> Result<String> {
     let remarks = remarks();
     let is_object = !remarks.is_empty() && serde_json::to_value(value)?.is_object();
@@ -251,12 +251,12 @@ fn json_text(value: &impl Serialize) -> Result<String> {
     })
 }
 
-/// Writes a value as JSON to standard output, with what was said beside it.
+/// Writes a value as JSON to standard output, with the session's remarks.
 pub fn print_json(value: &impl Serialize) -> Result<()> {
     print(&json_text(value)?)
 }
 
-/// Writes a value as a JSON file, whole or not at all, with what was said beside it.
+/// Writes a value as a JSON file, whole or not at all, with the session's remarks.
 pub fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
     write_text(path, &(json_text(value)? + "\n"))
 }

@@ -26,7 +26,7 @@ pub struct Stage {
     start: Instant,
     bar: Option<ProgressBar>,
     last_line: Option<Mutex<Instant>>,
-    /// Nothing is said of it where it takes no longer than [`BRIEF`].
+    /// Not shown where it takes no longer than [`BRIEF`].
     brief: bool,
 }
 
@@ -67,7 +67,7 @@ impl Stage {
         self.advance_saying(units, "");
     }
 
-    /// More units are finished, and something is worth adding, such as the loss.
+    /// More units are finished; `remark` is shown beside them, such as the loss.
     pub(crate) fn advance_saying(&self, units: u64, remark: &str) {
         let done = self.done.fetch_add(units, Ordering::Relaxed) + units;
         if let Some(bar) = &self.bar {

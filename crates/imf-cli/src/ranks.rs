@@ -40,7 +40,7 @@ pub(crate) struct Membership {
 }
 
 impl Membership {
-    /// Joins the ranks that `mpirun` started, if this is wished.
+    /// Joins the ranks that `mpirun` started, if requested.
     ///
     /// # Errors
     /// A build without MPI, or MPI that does not start.
@@ -156,7 +156,7 @@ impl Rank {
         Ok(())
     }
 
-    /// The engine of this rank, for its share of every batch.
+    /// The engine of this rank, for its part of every batch.
     pub(crate) fn trainer(self, cpu: CpuTrainer) -> Box<dyn TrainingEngine> {
         #[cfg(feature = "mpi")]
         if self.of > 1 {

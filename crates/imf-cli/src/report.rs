@@ -35,7 +35,7 @@ pub const PAPER_THRESHOLD: f64 = 1e-3;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 enum ThresholdOf {
-    /// It was asked for.
+    /// It was requested.
     Question,
     /// The field's calibration calls values up to it free.
     Calibration,
@@ -46,7 +46,7 @@ enum ThresholdOf {
 }
 
 impl ThresholdOf {
-    /// The threshold of a field, where none was asked for.
+    /// The threshold of a field, where none was given.
     fn calibrated(known: Option<&Calibration>, [lowest, _]: [f64; 2]) -> (f64, Self) {
         let Some(known) = known else { return (0.0, Self::Nothing) };
         match known.free_up_to.map(f64::from) {
@@ -268,7 +268,7 @@ impl Comparison {
 /// Takes away what an earlier field's evaluation left in a folder, which would stand beside a new one.
 pub(crate) fn forget(folder: &Path) {
     for file in ["report.json", "report.md", "sections.png", "imf.png", "errors.png"] {
-        // What cannot be removed is written over, or said to be in the way then.
+        // What cannot be removed is overwritten later, or then reported.
         let _ = std::fs::remove_file(folder.join(file));
     }
 }

@@ -32,7 +32,7 @@ impl Remarks {
 
 static REMARKS: Mutex<Remarks> = Mutex::new(Remarks { warnings: Vec::new(), choices: Vec::new() });
 
-/// Warnings and choices so far.
+/// Warnings and choices up to now.
 pub(crate) fn remarks() -> MutexGuard<'static, Remarks> {
     REMARKS.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -42,7 +42,7 @@ pub struct Session {
     rank: Rank,
     threads: usize,
     memory_limit: u64,
-    /// Answers are JSON.
+    /// Results are JSON.
     pub json: bool,
     quiet: bool,
     verbose: bool,
@@ -166,7 +166,7 @@ impl Session {
         Ok(made)
     }
 
-    /// As [`Self::stage`], of work that is mostly over at once, and then nothing is said of it.
+    /// As [`Self::stage`], for work that is mostly over at once and then not shown.
     pub(crate) fn brief_stage(&self, name: &str, unit: &'static str, total: u64) -> Stage {
         Stage::brief(name, unit, total, self.quiet)
     }
@@ -219,11 +219,11 @@ pub(crate) fn parse_size(text: &str) -> Result<u64, String> {
         "mib" => 1_048_576.0,
         "g" | "gb" => 1e9,
         "gib" => 1_073_741_824.0,
-        _ => return Err(format!("'{suffix}' is no unit of memory: use MiB or GiB")),
+        _ => return Err(format!("'{suffix}' is not a unit of memory: use MiB or GiB")),
     };
     match number.parse::<f64>() {
         Ok(value) if value > 0.0 => Ok((value * factor) as u64),
-        _ => Err(format!("'{text}' is no size: write for example 2GiB")),
+        _ => Err(format!("'{text}' is not a size: write for example 2GiB")),
     }
 }
 

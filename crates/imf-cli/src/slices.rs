@@ -1,6 +1,6 @@
 //! Slices of fields over a grid as pictures: where they are cut, the part in them, and sheets of mid-planes.
 //!
-//! A slice at right angles to an axis keeps the other two in their order: the first runs right, the second up.
+//! A slice at right angles to an axis has the other two in their order: the first runs right, the second up.
 
 use std::path::Path;
 
@@ -103,7 +103,7 @@ pub fn layer_title(grid: &Grid, unit: LengthUnit, axis: usize, index: usize) -> 
     format!("{} = {height:.decimals$} {unit}", NAMES[axis])
 }
 
-/// The three mid-planes of one field, kept when the field itself is not.
+/// The three mid-planes of one field, retained when the field itself is not.
 #[derive(Clone, Debug)]
 pub(crate) struct MidPlanes {
     /// Written above the row of the sheet; may be empty.

@@ -1,4 +1,4 @@
-//! A surface coloured by what was found of it, once for all who look: a page in 3D ([`View::write_page`]) and pictures from six sides
+//! A surface coloured by results, for all outputs: a page in 3D ([`View::write_page`]) and pictures from six sides
 //! ([`View::draw_sides`]).
 
 mod page;
@@ -17,7 +17,7 @@ pub(crate) struct View<'a> {
     /// Of all lengths.
     pub(crate) unit: LengthUnit,
     pub(crate) mesh: &'a Mesh,
-    /// The box that is looked at, where it is not that of all of the mesh.
+    /// The box that is shown, where it is not that of the whole mesh.
     pub(crate) focus: Option<(DVec3, DVec3)>,
     /// The first is shown first; at least one.
     pub(crate) layers: Vec<Layer>,
@@ -42,13 +42,13 @@ pub(crate) struct Layer {
     pub(crate) values: Vec<f32>,
 }
 
-/// What a value looks like.
+/// How values are coloured.
 pub(crate) enum Colours {
     /// Values are the numbers of these.
     Classes(Vec<(String, [u8; 3])>),
     /// Values are the numbers of these bodies, each of which can be taken away; true where it is at first.
     Bodies(Vec<(String, [u8; 3], bool)>),
-    /// Viridis from the least to the largest value.
+    /// Viridis from the smallest to the largest value.
     Scale {
         label: String,
         /// What NaN stands for.
@@ -59,7 +59,7 @@ pub(crate) enum Colours {
 /// A marked place.
 pub(crate) struct Place {
     pub(crate) at: DVec3,
-    /// From where it is looked at.
+    /// The direction from which it is viewed.
     pub(crate) normal: DVec3,
 }
 
@@ -84,7 +84,7 @@ pub(crate) struct TableRow {
     pub(crate) cells: Vec<String>,
 }
 
-/// Colours that are told apart, again from the first after the last.
+/// Distinct colours, starting again after the last.
 pub(crate) fn distinct(class: usize) -> [u8; 3] {
     let colour = colorous::TABLEAU10[class % colorous::TABLEAU10.len()];
     [colour.r, colour.g, colour.b]
@@ -97,7 +97,7 @@ fn ramp(place: f64) -> [u8; 3] {
 }
 
 impl Layer {
-    /// Least and largest finite value; 0 and 1 without any.
+    /// Smallest and largest finite value; 0 and 1 without any.
     fn range(&self) -> [f32; 2] {
         let finite = || self.values.iter().copied().filter(|value| value.is_finite());
         let (low, high) =

@@ -1,10 +1,11 @@
-//! Which points a tool reaches from any direction whatever, and which from none: proven either way.
+//! Which points a tool reaches from some direction, and which from none: proven either way.
 //!
-//! With its tip on a point, a tool of revolution holds a solid centre for every direction within an angle of the way there: as far as
-//! the circle around the tip, from the tool's axis outwards, stays in the tool's outline. So each solid centre *blocks* a cap of directions, whose
-//! angle depends on its distance alone. A point is out of reach where caps cover the sphere, and one direction that no solid centre blocks is a
-//! witness that it is reached. The sphere is divided into cells, the faces of a cube first; a cell that no single cap holds, and whose middle is
-//! blocked, is divided in four, down to a fifth of a degree: there it stays open.
+//! With its tip on a point, a tool of revolution holds a given solid centre for every direction within an angle of
+//! the way to it: as far as the circle around the tip, from the tool's axis outwards, stays in the tool's outline. So
+//! each solid centre *blocks* a cap of directions, whose angle depends on its distance alone. A point is out of reach
+//! where caps cover the sphere; one direction that no solid centre blocks proves that it is reached. The sphere is
+//! divided into cells, the faces of a cube first; a cell that no single cap holds, and whose middle is blocked, is
+//! divided in four, down to a fifth of a degree: there it stays open.
 //!
 //! The tip stands on voxel centres and what is solid are voxel centres, as in a section ([`section`](crate::section)).
 
@@ -20,7 +21,7 @@ use crate::obstacle::Obstacle;
 use crate::parallel;
 use crate::tool::{Assembly, Element, SharpPoints, Tool, ToolShape, contains};
 
-/// What is known of a point over all directions.
+/// The verdict on a point over all directions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Reachability {
     /// The tool is free with its axis along this unit vector, from tip to holder.
@@ -37,7 +38,7 @@ pub enum Reachability {
 pub enum CertificateError {
     /// The tool is a mesh, or more of it than its tip is sharp.
     #[error(
-        "directions are proven for tools of revolution whose tip is their only sharp point, and '{0}' is none"
+        "directions are proven for tools of revolution whose tip is their only sharp point, and '{0}' is not one"
     )]
     Tool(String),
     /// Points between the obstacle's voxels.
@@ -52,10 +53,10 @@ pub enum CertificateError {
 const FINEST: u32 = 8;
 /// Cells that one point is given.
 const MOST_CELLS: usize = 40_000;
-/// Directions and blockers that a thread keeps from one point to the next.
+/// Directions and blockers that a thread retains from one point to the next.
 const WITNESSES: usize = 16;
 const BLOCKERS: usize = 96;
-/// Caps that a point keeps; those that have not served for long go first.
+/// Maximum number of caps per point; those not used for longest are dropped first.
 const MOST_CAPS: usize = 400;
 /// Points that a thread takes at once.
 const CHUNK: usize = 64;
@@ -63,11 +64,12 @@ const CHUNK: usize = 64;
 const MARGIN: f64 = 1e-6;
 const SHALLOW: f64 = 1e-3;
 
-/// What is known of some voxels of `grid`, by index, over all directions, on all threads of the current pool; the result does not depend on
-/// their number. One unit of progress is one point.
+/// The verdicts on some voxels of `grid`, by index, over all directions, on all threads of the current pool; the
+/// result does not depend on their number. One unit of progress is one point.
 ///
 /// # Errors
-/// A tool that is no body of revolution or has other sharp points than its tip, a grid between the obstacle's voxels, cancellation.
+/// A tool that is not a body of revolution or has other sharp points than its tip, a grid between the obstacle's
+/// voxels, cancellation.
 ///
 /// # Panics
 /// If the grid has no such voxel.
@@ -151,7 +153,8 @@ impl Cap {
     }
 }
 
-/// Elements that follow one another without a gap or an overlap as one, so that what lies between them is no surface.
+/// Elements that follow one another without a gap or an overlap as one, so that what lies between them is not a
+/// surface.
 fn joined(elements: &[Element]) -> Vec<Element> {
     let mut sorted: Vec<&Element> = elements.iter().filter(|e| !e.profile.is_empty()).collect();
     sorted.sort_by(|a, b| a.profile[0].range().0.total_cmp(&b.profile[0].range().0));
@@ -272,7 +275,7 @@ impl<'a> Search<'a> {
             }
             tried += 1;
             if let Some(place) = caps.iter().position(|(.., cap)| cap.holds(&cell)) {
-                // What served is tried sooner.
+                // Caps that served are tried earlier.
                 caps.swap(place, place / 2);
                 continue;
             }
@@ -343,7 +346,7 @@ impl<'a> Search<'a> {
     }
 }
 
-/// What of a cell is blocked.
+/// How much of a cell is blocked.
 enum Blocked {
     Whole,
     Middle,

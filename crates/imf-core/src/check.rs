@@ -12,8 +12,8 @@
 //!
 //! With stock ([`check_stock`]) the path is followed once more, the cutter taking away what it holds.
 //!
-//! With a machine the motions are its own, its head and table are bodies that move with its axes, and where an axis leaves its
-//! range is told.
+//! With a machine the motions are its own, its head and table are bodies that move with its axes, and an axis that
+//! leaves its range is reported.
 
 mod elements;
 mod error;
@@ -61,7 +61,7 @@ use motions::{motions, rigid};
 pub struct CheckSettings {
     /// Room around each kind of element.
     pub clearance: Clearance,
-    /// How deep the part may lie in the cutter; 0 accepts nothing, and keeps the cutter's clearance.
+    /// How deep the part may lie in the cutter; 0 accepts nothing and retains the cutter's clearance.
     pub contact: f64,
     /// How closely the path is followed: farthest that any point of the tool moves between two poses that are checked. What the cutter
     /// may cut is `contact`.
@@ -78,7 +78,8 @@ impl CheckSettings {
         Self { clearance: Clearance::default(), contact: CONTACT / unit.in_mm(), step: pitch / 4.0 }
     }
 
-    /// The same around conservative voxels, which reach out of the part by up to half their diagonal: the cutter may enter so much more.
+    /// The same around conservative voxels, which reach out of the part by up to half their diagonal: the cutter may
+    /// enter deeper by that.
     #[must_use]
     pub fn of_conservative(pitch: f64, unit: LengthUnit) -> Self {
         let usual = Self::of_pitch(pitch, unit);
@@ -136,7 +137,7 @@ impl CheckSettings {
 /// What must not be hit: voxels on grids of one pitch, in world coordinates.
 #[derive(Clone, Copy, Debug)]
 pub struct CheckBodies<'a> {
-    /// What is cut.
+    /// The part that is cut.
     pub part: &'a Occupancy,
     /// What holds it, by name.
     pub fixtures: &'a [(String, Occupancy)],

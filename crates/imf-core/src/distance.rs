@@ -2,7 +2,7 @@
 //!
 //! Separable, as Meijster, Roerdink and Hesselink (2000) and Felzenszwalb and Huttenlocher (2012) have it: the nearest
 //! solid voxel along x by two sweeps, then along y and z by lower envelopes of parabolas, in whole numbers. The nearest voxel
-//! itself is stored: callers need the witness point as well as the distance.
+//! itself is saved: callers need the witness point as well as the distance.
 //!
 //! Space outside the grid is empty: for a point out there the distance to the obstacle is bounded from below through
 //! the nearest point of the grid, and as seen from within the obstacle the outside is the nearest empty space.
@@ -25,9 +25,9 @@ pub struct DistanceField {
     in_plane: Vec<u32>,
 }
 
-/// What is known of a voxel, side by side, since who reads the one mostly reads the other: the nearest solid voxel, or [`NONE`], and the bits of
-/// how far away its centre is, in voxels, rounded down, so that it stays a lower bound. An array, since memory for zeros of arrays is not touched
-/// before it is written.
+/// Index of the nearest solid voxel or [`NONE`], and the bits of its distance in voxels, rounded down to remain a
+/// lower bound. The two are side by side because they are read together. An array, since zeroed memory of arrays is
+/// not touched before it is written.
 type Cell = [u32; 2];
 
 /// That of every voxel where none is solid.
@@ -52,9 +52,10 @@ impl DistanceField {
         self.dims
     }
 
-    /// A closer bound than [`DistanceField::probe`]'s, by the eight centres c around the point p. With the weights w of linear
-    /// interpolation, Σ w c = p, any solid centre s has |s − p|² = Σ w |s − c|² − Σ w |p − c|²: the squared distance at p is at least the interpolated
-    /// one less what the weights give |p − c|². Beside a flat wall d away that falls short by less than 1 / 4d.
+    /// A closer bound than [`DistanceField::probe`]'s, by the eight centres c around the point p. With the weights w
+    /// of linear interpolation, Σ w c = p, any solid centre s has |s − p|² = Σ w |s − c|² − Σ w |p − c|²: the squared
+    /// distance at p is at least the interpolated one less the weighted |p − c|². Beside a flat wall d away that
+    /// falls short by less than 1 / 4d.
     pub(crate) fn squared_around(&self, point: DVec3) -> f64 {
         let last = DVec3::from_array(self.dims.map(|d| (d - 1) as f64));
         let held = point.clamp(DVec3::ZERO, last);
@@ -110,7 +111,7 @@ impl DistanceField {
     pub fn probe(&self, point: DVec3) -> Probe {
         let last = DVec3::from_array(self.dims.map(|d| (d - 1) as f64));
         let nearest = point.clamp(DVec3::ZERO, last);
-        // A conversion to whole numbers, as numbers of at least 0 allow, is sooner done than `floor`.
+        // For numbers of at least 0 a conversion to whole numbers is faster than `floor`.
         let [x, y, z] = [0, 1, 2].map(|axis| ((nearest[axis] + 0.5) as u32).min(last[axis] as u32));
         let centre = DVec3::new(f64::from(x), f64::from(y), f64::from(z));
         let [x, y, z] = [x, y, z].map(|at| at as usize);
@@ -260,7 +261,7 @@ mod tests {
                 let point = DVec3::new(6.0, 6.0, 6.0) + DVec3::from_array(unit) * 5.0;
                 let truth = centres.iter().map(|c| c.distance(point)).fold(f64::INFINITY, f64::min);
                 let bound = field.squared_around(point).sqrt();
-                // A wall of centres is no plane: a second such term for its steps.
+                // A wall of centres is not a plane: a second such term for its steps.
                 assert!(bound <= truth && truth - bound < 2.0 * 0.25 / truth, "{point}: {bound} {truth}");
             }
         }

@@ -9,19 +9,19 @@
 //!   a field of signed penetration depth ([`Quantity`]) are lengths: how far the tool must be moved to be free, below 0 how
 //!   far it may be moved. Depths decide far more poses than overlaps do; both decrease towards free space.
 //! - [`Decision::Free`] and [`Decision::Colliding`] are decisions by a field's calibration; [`Decision::Undecided`] is for an
-//!   exact check to decide. A field without calibration answers `Undecided` everywhere. Exact fields and checkers
+//!   exact check to decide. A field without calibration returns `Undecided` everywhere. Exact fields and checkers
 //!   decide every pose.
-//! - Outside [`PoseField::bounds`] a model is not defined: values and gradients are those of the nearest
-//!   point inside (the slope across the face is 0), and the decision is `Undecided`. Exact answers hold everywhere, space
-//!   outside the grid being empty.
+//! - Outside [`PoseField::bounds`] a model is not defined: values and gradients are those of the nearest point inside
+//!   (the slope across the face is 0), and the decision is `Undecided`. Exact results hold everywhere, space outside
+//!   the grid being empty.
 //! - An invalid pose ([`Pose`]) has the value NaN, a gradient of NaN, and is `Colliding`.
 //! - `siren5` jumps at θ = 0°/360° and knows several values at the poles: gradients there are those of one side and finite
 //!   ([`Gradient`]). Harmonic and factored fields are smooth in every direction.
 //!
-//! Once a thread's working memory has grown, single poses, proofs and motions allocate nothing (but for tools that
-//! are meshes, which are voxelised). Batches of a model's values and gradients are matrix products, for which the library that
-//! multiplies takes some buffers of a few kilobytes a block of 256 or 64 poses, and gives them back; minima take as much for each
-//! call. So the last bits of an answer may be others in another batch.
+//! Once a thread's working memory has grown, single poses, proofs and motions allocate nothing, except for mesh
+//! tools, which are voxelised. Batches of a model's values and gradients are matrix products, for which the matrix
+//! library allocates a few kilobytes for each block of 256 or 64 poses; minima allocate as much for each call.
+//! Results may therefore differ in the last bits between batch sizes.
 //!
 //! # Example
 //! ```
@@ -159,7 +159,7 @@ pub enum FieldError {
     /// The tool does not fit the grid.
     #[error(transparent)]
     Tool(#[from] ToolError),
-    /// A clearance that is no length, or that the tool cannot have.
+    /// A clearance that is not a length, or that the tool cannot have.
     #[error(transparent)]
     Clearance(#[from] ClearanceError),
     /// An exact section failed.
@@ -287,7 +287,7 @@ pub fn collision_measures(
 /// Poses that a thread evaluates at a time.
 const CHUNK: usize = 256;
 
-/// The values of many poses on all threads of the current pool: for fields that answer on the thread that calls.
+/// The values of many poses on all threads of the current pool: for fields that evaluate on the calling thread.
 ///
 /// # Errors
 /// As [`PoseField::values`].

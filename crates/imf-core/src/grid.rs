@@ -44,7 +44,7 @@ pub enum GridError {
         /// Requested dimensions.
         dims: [usize; 3],
     },
-    /// A box where double precision does not tell a voxel's parts.
+    /// A box where double precision does not resolve parts of a voxel.
     #[error(
         "the box to be gridded, from {lower} to {upper}, lies too far from the origin for voxels of {pitch}: double precision does not \
          tell their parts; move it nearer"
@@ -159,7 +159,7 @@ impl Grid {
     }
 
     /// Where voxel (0, 0, 0) of `other` lies in this grid, in voxels; `None` where the voxels of the two do not
-    /// coincide (another pitch, or an offset that is no whole number of voxels to a millionth).
+    /// coincide (another pitch, or an offset that is not a whole number of voxels to a millionth).
     #[must_use]
     pub fn offset_of(&self, other: &Self) -> Option<[i64; 3]> {
         let offset = (other.origin - self.origin) / self.pitch;

@@ -31,7 +31,7 @@
 //! - `parallel`, on by default: all threads of the current rayon pool; without it the thread that calls.
 //! - `random`, on by default: random sets of orientations.
 //! - `formats`, on by default: STL, PLY and 3MF meshes, tool files and tool libraries, fields for other programs, and writing files at
-//!   all. Without the three the crate builds for `wasm32-unknown-unknown`.
+//!   all. Without `parallel` and `random` the crate builds for `wasm32-unknown-unknown`.
 //!
 //! # Conventions
 //! - Lengths are in the mesh's own unit, millimetres by default; angles are degrees, pairs always (θ, φ).

@@ -104,9 +104,9 @@ pub struct Joints {
 pub struct OutOfTravel {
     /// X, Y, Z or a rotary axis' letter.
     pub axis: char,
-    /// Where it would have to be.
+    /// Where it would have to be: the machine's unit for X, Y and Z, degrees for a rotary axis.
     pub value: f64,
-    /// Where it can be.
+    /// Where it can be, in the same unit.
     pub range: [f64; 2],
 }
 

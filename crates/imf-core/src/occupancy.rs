@@ -60,8 +60,8 @@ impl Occupancy {
         self.on(&Grid { origin, dims, ..self.grid }).unwrap_or_else(|| self.clone())
     }
 
-    /// Makes solid what is solid in another one, of a grid of the same voxels; what of it lies outside this grid is left out. Nothing
-    /// where the grids' voxels do not coincide.
+    /// Adds the solid voxels of another occupancy whose grid has the same voxels; those outside this grid are left
+    /// out. Does nothing where the grids' voxels do not coincide.
     pub(crate) fn add(&mut self, other: &Self) {
         let grid = self.grid;
         let Some(offset) = other.grid.offset_of(&grid) else { return };

@@ -26,7 +26,7 @@ pub(crate) fn map<T: Send>(count: usize, value: impl Fn(usize) -> T + Sync + Sen
     (0..count).map(value).collect()
 }
 
-/// The values of some items, in order, so many items at a time with a working memory of their own. One unit of progress is one item.
+/// Maps items in order, in chunks that share a working memory. One unit of progress is one item.
 pub(crate) fn map_in_chunks<T: Sync, M, V: Send>(
     items: &[T],
     chunk: usize,
@@ -45,7 +45,7 @@ pub(crate) fn map_in_chunks<T: Sync, M, V: Send>(
     Ok(values.into_iter().flatten().collect())
 }
 
-/// Each chunk of `data` with its number, and a working memory that a thread keeps from chunk to chunk.
+/// Each chunk of `data` with its number, and a working memory that a thread reuses from chunk to chunk.
 pub(crate) fn for_each_chunk<T: Send, M>(
     data: &mut [T],
     chunk: usize,
@@ -90,8 +90,9 @@ pub(crate) fn on_each_thread(most: usize, work: impl Fn() + Sync) {
     }
 }
 
-/// The value of a cell, made where there is none. A thread that makes it on all threads may meanwhile be given other work that asks
-/// for the same cell, and would wait for itself: so nothing is locked while it is made. Of what several threads make at once the first is kept.
+/// The value of a cell, computed where it is empty. A thread that computes it in parallel may meanwhile be given
+/// other work that needs the same cell, and would wait for itself: so nothing is locked during the computation. Where
+/// several threads compute it at once, the first result stays.
 pub(crate) fn make_once<T>(cell: &OnceLock<T>, make: impl FnOnce() -> T) -> &T {
     match cell.get() {
         Some(value) => value,

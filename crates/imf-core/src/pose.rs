@@ -21,7 +21,7 @@ pub struct Pose {
     pub rotation: DQuat,
 }
 
-/// Components of an axis below this are 0, so that axes along the grid keep to it.
+/// Components of an axis below this are 0, so that axes along the grid stay on it.
 const NEGLIGIBLE: f64 = 1e-12;
 
 /// A thousandth of a degree.
@@ -97,7 +97,7 @@ impl Pose {
 pub(crate) struct StraightMotion {
     from: Pose,
     to: Pose,
-    /// The axis turns about this, by so many radians.
+    /// The axis turns about this pivot, by `angle` radians.
     pivot: DVec3,
     angle: f64,
     /// About the tool's own axis, in radians, from −π to π.

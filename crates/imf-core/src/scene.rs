@@ -19,7 +19,7 @@ pub(crate) use lost_surface::LostSurface;
 pub use pitch::{ChosenPitch, PitchReason};
 pub use resolution::CoarseTool;
 pub(crate) use resolution::decided;
-// For the stock, which is no body of a scene.
+// For the stock, which is not a body of a scene.
 #[doc(hidden)]
 pub use resolution::solid_voxels;
 pub use warning::SceneWarning;
@@ -89,7 +89,7 @@ pub struct SceneRecord {
     pub transform: DMat4,
     /// The grid of the obstacle, which is also the query grid.
     pub grid: Grid,
-    /// Empty voxels kept on each side of the part.
+    /// Empty voxels on each side of the part.
     pub margin: usize,
     /// True where every voxel that the surface touches is solid.
     pub conservative: bool,
@@ -100,7 +100,7 @@ pub struct SceneRecord {
     /// By how much its elements are offset, in `unit`.
     #[serde(default, skip_serializing_if = "Clearance::is_zero")]
     pub clearance: Clearance,
-    /// The tool as it is, where it was offset; see [`SceneRecord::bare_tool`].
+    /// The tool without clearance, where it was offset; see [`SceneRecord::bare_tool`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ungrown: Option<Tool>,
     /// Names of the fixtures, whose voxels are part of the obstacle.
@@ -125,7 +125,7 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// A scene as files keep it: the union of part and fixtures.
+    /// A scene as files save it: the union of part and fixtures.
     #[doc(hidden)]
     #[must_use]
     pub fn from_union(record: SceneRecord, obstacle: Occupancy) -> Self {
@@ -145,7 +145,7 @@ impl Scene {
     /// The scene with its tool offset by a clearance in the scene's unit, instead of any that it had.
     ///
     /// # Errors
-    /// A clearance that is no length, or a mesh tool, which cannot be offset.
+    /// A clearance that is not a length, or a mesh tool, which cannot be offset.
     pub fn with_clearance(mut self, clearance: &Clearance) -> Result<Self, ClearanceError> {
         clearance.check()?;
         let bare = self.record.bare_tool().clone();
@@ -169,12 +169,12 @@ impl SceneRecord {
     /// The tool as it is counted: offset by the clearance.
     ///
     /// # Errors
-    /// A clearance that is no length.
+    /// A clearance that is not a length.
     pub fn assembly(&self) -> Result<Assembly, ClearanceError> {
         self.bare_tool().offset(&self.clearance)
     }
 
-    /// The tool as it is, without any clearance.
+    /// The tool without any clearance.
     #[must_use]
     pub fn bare_tool(&self) -> &Tool {
         self.ungrown.as_ref().unwrap_or(&self.tool)
@@ -189,7 +189,7 @@ pub struct Bodies {
     pub part: Occupancy,
     /// By name, none twice, the solid voxels of every fixture, in the order given, each on no more of the grid than it takes.
     pub fixtures: Vec<(String, Occupancy)>,
-    /// Share of the centres in or near the part at which its mesh does not say whether they are inside.
+    /// Fraction of the centres in or near the part that its mesh leaves undecided (inside or outside).
     pub undecided: f64,
 }
 
@@ -267,7 +267,7 @@ pub enum SceneError {
          for built-in parts"
     )]
     NoTool(String),
-    /// A tool that would pass between the voxels' centres unseen.
+    /// A tool that would pass between the voxels' centres undetected.
     #[error("{0}; or allow it, knowing that collisions are missed")]
     Coarse(CoarseTool),
     /// A mesh that does not say what is inside.
@@ -280,15 +280,15 @@ pub enum SceneError {
     Undecided {
         /// The part or fixture.
         name: String,
-        /// Share of the centres in or near it.
+        /// Fraction of the centres in or near it.
         share: f64,
-        /// The largest share that is accepted.
+        /// The largest accepted fraction.
         most: f64,
     },
-    /// A clearance that is no length, or around a tool that cannot be offset.
+    /// A clearance that is not a length, or around a tool that cannot be offset.
     #[error(transparent)]
     Clearance(#[from] ClearanceError),
-    /// A depth of contact that is no length.
+    /// A depth of contact that is not a length.
     #[error("the cutter cannot reach {0} deep into the part: give a finite length of at least 0")]
     Contact(f64),
     /// A tool that is to touch, and does not say with what.
@@ -296,7 +296,7 @@ pub enum SceneError {
         "contact lets a cutter touch the part, and the tool '{0}' names none: describe it by cutter, shank and holder"
     )]
     NoCutter(String),
-    /// A mesh that is none.
+    /// An invalid mesh.
     #[error("the mesh of '{0}' has a triangle whose vertex is not there, or a coordinate that is not finite")]
     Unsound(String),
     /// A transform that does not turn, scale and move points.

@@ -3,7 +3,7 @@
 //! `overlap(x) = Σ_o O[x + o]·RT[o] / count(RT)`: a correlation of two sets of voxels. `direct` is its definition;
 //! `overlap` computes the same whole numbers by real FFTs or by run-length difference counting, whichever is faster. The
 //! collision measure is the minimum overlap over the tool's sharp points, `CMF(x) = min_k overlap(x − R k)`, read by trilinear means of the whole-number sections
-//! where `R k` is no whole number of voxels.
+//! where `R k` is not a whole number of voxels.
 
 mod bit_obstacle;
 mod bit_sliced;
@@ -57,7 +57,7 @@ pub enum SectionError {
     /// The tool does not fit the grid.
     #[error(transparent)]
     Tool(#[from] ToolError),
-    /// A clearance that is no length.
+    /// A clearance that is not a length.
     #[error(transparent)]
     Clearance(#[from] ClearanceError),
     /// A direct sum disagreed with the convolution: a defect of this program or of the machine.
@@ -245,6 +245,7 @@ impl SectionPlan {
     pub fn grid(&self) -> &Grid {
         &self.grid
     }
+
     /// What the tool must stay out of.
     #[must_use]
     pub fn obstacle(&self) -> &Obstacle {

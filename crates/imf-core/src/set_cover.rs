@@ -58,7 +58,7 @@ impl Cover {
     }
 }
 
-/// Why a search ended without an answer.
+/// Why a search ended without a result.
 enum Stop {
     Cancelled,
     Steps,

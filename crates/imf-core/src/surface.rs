@@ -1,11 +1,11 @@
 //! How much of a part's surface a tool reaches, sample by sample and direction by direction, at contact poses.
 //!
 //! A sample is reached from a direction where some contact pose is good: shank and holder, offset by their clearance,
-//! hold no solid voxel centre, and the cutter none of the part deeper below its own surface than a tolerance in length, and none of a
-//! fixture at all. On a facet of a
-//! curved surface a cutter that would cut deeper may turn about the sample as far as the facet's neighbours do, its own
-//! surface within the tolerance of the sample: a hole of facets takes the cutter of its diameter. Voxel centres that the part does not hold are never solid, so that
-//! the answer converges with the pitch, from above.
+//! hold no solid voxel centre, and the cutter none of the part deeper below its own surface than a tolerance in
+//! length, and none of a fixture at all. On a facet of a curved surface a cutter that would cut deeper may turn about
+//! the sample as far as the facet's neighbours do, its own surface within the tolerance of the sample: a hole of
+//! facets takes the cutter of its diameter. Voxel centres that the part does not hold are never solid, so that the
+//! result converges with the pitch, from above.
 
 mod access;
 mod candidates;
@@ -77,10 +77,10 @@ pub enum SurfaceError {
          that knows holders"
     )]
     NoHolder(String),
-    /// A tolerance that is no length.
+    /// A tolerance that is not a length.
     #[error("the tolerance must be a finite length above 0, not {0}")]
     NoLength(f64),
-    /// The clearance cannot be kept.
+    /// The tool cannot have the clearance.
     #[error(transparent)]
     Clearance(#[from] ClearanceError),
     /// The caller asked to stop.
@@ -97,7 +97,7 @@ pub fn default_tolerance(pitch: f64, unit: LengthUnit) -> f64 {
 /// The verdict on one sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reach {
-    /// Reached from so many directions.
+    /// Reached from at least one direction.
     Reached {
         /// Their number.
         directions: u32,
@@ -152,14 +152,14 @@ pub struct SurfaceTool {
     tolerance: f64,
     /// The elements that [`Reach::Obstructed`] can name: as they are tried, and field against each body.
     elements: Arc<Vec<(Element, Vec<SolidField>)>>,
-    /// Most bodies of one element that 64 bits can tell apart.
+    /// Maximum number of bodies of one element that 64 bits can distinguish.
     bodies: usize,
     limit: Option<PoseLimit>,
 }
 
 enum Shape {
     Revolved(Box<Revolved>),
-    /// What of it may touch, in the tool's frame.
+    /// The points that may touch, in the tool's frame.
     Mesh {
         touching: Vec<DVec3>,
         inner: InnerBalls,
@@ -169,7 +169,7 @@ enum Shape {
 
 /// A tool of revolution.
 struct Revolved {
-    /// Its cutter as it is.
+    /// Its cutter without clearance.
     end: Element,
     outline: Outline,
     /// A sine of the surface's inward normal above which nothing of the cutter touches.
@@ -188,13 +188,13 @@ struct Revolved {
     touching: SolidField,
     /// Largest radius of the cutter.
     radius: f64,
-    /// Radius of the ball around a sample of which the solid centres are looked at once for all directions, in voxels; where
-    /// it holds too many a smaller one is tried, down to one that the cutter is as wide as.
+    /// Radius in voxels of the ball around a sample whose solid centres are collected once for all directions; where
+    /// it holds too many a smaller one is tried, down to the cutter's width.
     near: f64,
     near_across: f64,
 }
 
-/// Voxels that are looked at around a sample, but for a cutter that is thicker.
+/// Voxels that are searched around a sample, except for thicker cutters.
 const FARTHEST: f64 = 24.0;
 
 impl SurfaceTool {
@@ -337,7 +337,7 @@ impl SurfaceTool {
         cache: &mut ColliderCache,
     ) -> bool {
         let mut turns = turns.peekable();
-        // What lies around the sample is looked for once there is a direction.
+        // The surroundings of the sample are collected once there is a direction.
         turns.peek().is_some() && {
             let query = SampleQuery::new(self, sample, None);
             turns.any(|index| {

@@ -53,9 +53,9 @@ pub struct Location {
 /// How a machine stands at a location, and how it comes there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MachinePoint {
-    /// Its axes.
+    /// Positions of its axes.
     pub joints: Joints,
-    /// From the spindle's face to the tip.
+    /// From the spindle's face to the tip, in the path's unit.
     pub length: f64,
     /// The tip goes straight in the part's frame on the way here (the control keeps the tool's centre point); otherwise the linear
     /// axes move evenly.
@@ -75,8 +75,8 @@ pub struct PathReading<'a> {
     pub lengths: &'a [(Option<u32>, f64)],
 }
 
-/// A turn of an axis is a jump from so many degrees on, and from so many times the turn of the tool's axis: near the axis's own direction
-/// smooth paths turn it a few times as far.
+/// An axis jumps if it turns at least `JUMP` degrees and at least `TIMES` times as far as the tool's direction: near
+/// the axis's own direction smooth paths turn it a few times as far.
 const JUMP: f64 = 45.0;
 const TIMES: f64 = 4.0;
 
@@ -103,7 +103,7 @@ pub struct CutterStatement {
     pub tool: Option<u32>,
     /// Diameter.
     pub diameter: f64,
-    /// Radius of the corner between bottom and flank, where it is said.
+    /// Radius of the corner between bottom and flank, where it is stated.
     pub corner_radius: Option<f64>,
 }
 
@@ -116,7 +116,7 @@ pub struct Toolpath {
     pub cutters: Vec<CutterStatement>,
     /// Where the part's frame is in the world, from [`Toolpath::placed`].
     pub set_up: DMat4,
-    /// What was taken for granted, with its line, for people.
+    /// Remarks in words on what was assumed, with the line.
     pub remarks: Vec<String>,
 }
 
@@ -170,7 +170,7 @@ struct LineError {
 impl Toolpath {
     /// Reads a CSV file (a header of column names, then numbers), an APT/CL file (`GOTO/x,y,z,i,j,k`) or a program in G-code,
     /// distinguished by the words in it and the end of its name. Lengths become those of `reading`. With a machine every location
-    /// knows its joints; where a file says directions, these are the solutions that turn the machine least.
+    /// knows its joints; where a file says directions, these are the solutions with the smallest turns.
     ///
     /// # Errors
     /// Names the file and the line that is wrong or not understood.

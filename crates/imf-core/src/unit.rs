@@ -52,9 +52,9 @@ impl fmt::Display for LengthUnit {
     }
 }
 
-/// A name that is no unit of length.
+/// A name that is not a unit of length.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
-#[error("`{0}` is no unit of length; the units are mm, cm, m and inch")]
+#[error("`{0}` is not a unit of length; the units are mm, cm, m and inch")]
 pub struct UnknownUnit(pub String);
 
 impl FromStr for LengthUnit {
@@ -128,8 +128,8 @@ pub fn unit_check(extents: DVec3, unit: LengthUnit) -> Option<ImplausibleSize> {
     (!sane).then_some(ImplausibleSize { extents, unit })
 }
 
-/// A part shorter than the tool is thick, or longer than this many times that, is told: a cutter of a thousandth of the part would
-/// need a path of years.
+/// A warning is given for a part shorter than the tool is thick, or longer than this many times that: a cutter of a
+/// thousandth of the part would need a path of years.
 const MAX_PROPORTION: f64 = 1000.0;
 
 /// A part and a tool whose sizes make no sense together. Its text says what the part would measure in other units.

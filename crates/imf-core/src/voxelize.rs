@@ -38,8 +38,8 @@ const UNDECIDED: (f64, f64) = (0.2, 0.8);
 pub struct Voxelized {
     /// The solid voxels.
     pub solid: Occupancy,
-    /// Of the voxel centres with a winding number of at least 0.2 (those inside or nearly so), the share at which it is also below
-    /// 0.8: 0 for a closed mesh, and near 1 where triangles face at random.
+    /// Of the voxel centres with a winding number of at least 0.2 (those inside or nearly so), the fraction at which
+    /// it is also below 0.8: 0 for a closed mesh, and near 1 where triangles face at random.
     pub undecided: f64,
 }
 
@@ -53,7 +53,7 @@ pub fn voxelize(mesh: &Mesh, grid: &Grid, conservative: bool) -> Occupancy {
         .map_or_else(|Cancelled| Occupancy::empty(*grid), |voxelized| voxelized.solid)
 }
 
-/// As [`voxelize`], reporting rows of voxels along z as they are finished, with the share of what is undecided.
+/// As [`voxelize`], reporting rows of voxels along z as they are finished, with the fraction of undecided centres.
 ///
 /// # Errors
 /// The caller's [`Control`] asked to stop; it is polled between two blocks of voxels of an open mesh, between two planes of a closed one.

@@ -66,7 +66,7 @@ pub struct ObstacleId(pub u64);
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum WorldError {
-    /// A mesh that is no solid at this pitch.
+    /// A mesh that is not a solid at this pitch.
     #[error(transparent)]
     Mesh(#[from] SceneError),
     /// A mesh without a triangle.
@@ -83,7 +83,7 @@ pub enum WorldError {
         /// The factor.
         scale: f64,
     },
-    /// A depth that is no length.
+    /// A depth that is not a length.
     #[error(
         "the cutter cannot reach {depth} deep into the obstacle '{name}': give a finite length of at least 0"
     )]
@@ -104,7 +104,7 @@ pub enum WorldError {
         /// Edge of a voxel.
         pitch: f64,
     },
-    /// Voxels that are none.
+    /// Invalid voxels.
     #[error(
         "the obstacle '{0}' has not a byte of 0 or 1 for each voxel of its grid, or a layer for the cutter on another grid"
     )]
@@ -127,10 +127,10 @@ pub enum WorldError {
     /// An obstacle that was removed, or of another world.
     #[error("the world has no obstacle {}", .0.0)]
     Unknown(ObstacleId),
-    /// A tool that would pass between the voxels' centres unseen.
+    /// A tool that would pass between the voxels' centres undetected.
     #[error("{tool}, as those of the obstacle '{obstacle}'")]
     Coarse {
-        /// What is not seen of it.
+        /// What of it is not detected.
         tool: CoarseTool,
         /// The obstacle.
         obstacle: String,
@@ -138,7 +138,7 @@ pub enum WorldError {
     /// A tool without volume, or too long.
     #[error(transparent)]
     Tool(#[from] ToolError),
-    /// A clearance that is no length, or around a tool that cannot be offset.
+    /// A clearance that is not a length, or around a tool that cannot be offset.
     #[error(transparent)]
     Clearance(#[from] ClearanceError),
     /// A checker that was made in another unit.
@@ -252,7 +252,7 @@ impl World {
         self.unit
     }
 
-    /// What is to be known of the meshes that were added.
+    /// Warnings about the meshes that were added.
     #[must_use]
     pub fn warnings(&self) -> &[SceneWarning] {
         &self.warnings
@@ -267,7 +267,7 @@ impl World {
     ///
     /// # Errors
     /// A mesh without triangles, of an implausible size, that does not say what is inside, or between the voxels' centres; no
-    /// pitch, or one that is no length; a factor, a depth or a place that means nothing.
+    /// pitch, or one that is not a length; a factor, a depth or a place that means nothing.
     pub fn add(&mut self, mesh: ObstacleMesh) -> Result<ObstacleId, WorldError> {
         let (name, at) = (mesh.name.clone(), placed(&mesh.name, mesh.at)?);
         let pitch = mesh.pitch.or(self.pitch).ok_or_else(|| WorldError::NoPitch(name.clone()))?;
@@ -319,8 +319,8 @@ impl World {
     /// A tool in this world, offset by a clearance in the world's unit.
     ///
     /// # Errors
-    /// A tool without volume, or one that passes between the centres of an obstacle's voxels; a clearance that is no length, or one around
-    /// a mesh tool.
+    /// A tool without volume, or one that passes between the centres of an obstacle's voxels; a clearance that is not
+    /// a length, or one around a mesh tool.
     pub fn checker(&self, tool: &Tool, clearance: &Clearance) -> Result<Checker, WorldError> {
         tool.check()?;
         Checker::new(self, tool.in_unit(self.unit).offset(clearance)?)

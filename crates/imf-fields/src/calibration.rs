@@ -1,8 +1,9 @@
-//! What a field's decisions are worth: thresholds for "free" and "colliding", and the rates measured with them.
+//! Quality of a field's decisions: thresholds for "free" and "colliding", and the rates measured with them.
 //!
-//! A record that a field's file carries. The thresholds are chosen on some poses and judged on others, drawn apart; the
-//! rates here are the judges'. "Colliding" and "free" are about two tools: a *colliding* pose is one of the true tool's, a
-//! *clear* pose is one where the tool offset by the scene's clearance is free. What lies between may be answered either way.
+//! Saved in a field's file. The thresholds are chosen on some poses; the rates are measured on others, drawn
+//! separately. "Colliding" and "free" are about two tools: a *colliding* pose is one of the true tool's, a *clear*
+//! pose is one where the tool offset by the scene's clearance is free. Poses between the two may be decided either
+//! way.
 
 mod verdict;
 
@@ -11,8 +12,8 @@ pub use verdict::{Purpose, Verdict};
 use imf_core::field::Decision;
 use serde::{Deserialize, Serialize};
 
-/// Of the clear poses at least this share must be called free by a field that decides: one that leaves most to an exact check
-/// keeps any false-free rate.
+/// A field that decides must call at least this fraction of the clear poses free: one that leaves most to an exact
+/// check meets any false-free rate.
 const LEAST_FOUND: f64 = 0.5;
 
 /// Errors of one kind among poses of one kind.
@@ -34,27 +35,27 @@ impl Default for Rate {
 }
 
 impl Rate {
-    /// So many errors, with their bound.
+    /// `wrong` errors among `of` poses, with the upper bound of their rate.
     #[cfg(feature = "calibration")]
     #[must_use]
     pub fn new(wrong: u64, of: u64, confidence: f64) -> Self {
         Self { wrong, of, bound: upper_bound(wrong, of, confidence) }
     }
 
-    /// The share itself; 0 of none.
+    /// The rate, from 0 to 1; 0 of no poses.
     pub fn share(&self) -> f64 {
         self.wrong as f64 / self.of.max(1) as f64
     }
 }
 
-/// What is asked of the thresholds, beside that half of the clear poses are called free.
+/// Requirements of the thresholds, beside calling half of the clear poses free.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Goals {
-    /// Most of the colliding poses that may be called free.
+    /// Maximum fraction of the colliding poses that may be called free.
     pub false_free: f64,
-    /// Most of the clear poses that may be called colliding.
+    /// Maximum fraction of the clear poses that may be called colliding.
     pub false_colliding: f64,
-    /// How sure both should be.
+    /// Confidence of both bounds, from 0 to 1.
     pub confidence: f64,
 }
 
@@ -65,7 +66,7 @@ impl Default for Goals {
     }
 }
 
-/// Poses of one kind, judged.
+/// Rates measured on poses of one kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Judgement {
     /// Poses in all.
@@ -87,18 +88,18 @@ pub struct Judgement {
 }
 
 impl Judgement {
-    /// Share of the poses that are left to an exact check.
+    /// Fraction of the poses that are left to an exact check.
     pub fn undecided_share(&self) -> f64 {
         self.undecided as f64 / self.poses.max(1) as f64
     }
 
-    /// Share of the clear poses that are called free.
+    /// Fraction of the clear poses that are called free.
     pub fn found_share(&self) -> f64 {
         self.found_free as f64 / self.false_colliding.of.max(1) as f64
     }
 }
 
-/// Thresholds of a field, and what they are worth.
+/// Thresholds of a field, and the measured rates of decisions by them.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Calibration {
     /// Values up to this one, not clipped to [0, 1], are called free; `None` where no value is safe enough.
@@ -116,7 +117,7 @@ pub struct Calibration {
 }
 
 impl Calibration {
-    /// Thresholds that nothing is known of yet.
+    /// Thresholds whose rates have not been measured.
     #[doc(hidden)]
     #[must_use]
     pub fn unjudged(free_up_to: Option<f32>, colliding_from: Option<f32>) -> Self {
@@ -124,7 +125,8 @@ impl Calibration {
         Self { free_up_to, colliding_from, goals, seed: 0, uniform: judged, boundary: judged }
     }
 
-    /// True where the bounds of the uniform poses' rates keep the goals, and half of the clear poses or more are called free.
+    /// True where the bounds of the uniform poses' rates meet the goals, and half of the clear poses or more are
+    /// called free.
     pub fn keeps_its_goals(&self) -> bool {
         let Self { goals, uniform, .. } = self;
         uniform.false_free.bound <= goals.false_free
@@ -179,7 +181,7 @@ fn upper_bound(wrong: u64, of: u64, confidence: f64) -> f64 {
     high
 }
 
-/// The most errors among `of` poses whose bound still keeps `rate`; `None` where even none is too many.
+/// Maximum number of errors among `of` poses whose bound still meets `rate`; `None` where even 0 does not.
 #[cfg(feature = "calibration")]
 pub(crate) fn most_errors(of: u64, rate: f64, confidence: f64) -> Option<u64> {
     if upper_bound(0, of, confidence) > rate {

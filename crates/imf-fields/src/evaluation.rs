@@ -81,7 +81,7 @@ pub fn field_sections(
     })
 }
 
-/// Errors of the least of any field's sections over `orientations`, against the `exact` one of the same orientations.
+/// Errors of the minimum of any field's sections over `orientations`, against the `exact` one of the same orientations.
 /// One unit of progress is one section.
 ///
 /// # Errors

@@ -7,9 +7,9 @@
 //! Once g is known at a point every orientation costs one short dot product, by the harmonic field's own evaluation
 //! ([`FactoredEvaluator`]), and derivatives by position and direction are exact.
 //!
-//! The network sees positions scaled alike along x, y and z: the longest edge of the grid is [−1, 1]. Its outputs times
-//! one scale, the teacher's root mean square, are the coefficients. Outside the box of the voxel centres, where nothing
-//! was trained, there is no answer.
+//! The network sees positions scaled alike along x, y and z: the longest edge of the grid is [−1, 1]. Its outputs
+//! times one scale, the teacher's root mean square, are the coefficients. Outside the box of the voxel centres, where
+//! nothing was trained, there is no value.
 //!
 //! Behind its sines g is linear, and what follows is too: once trained, the last layer is folded into the functions
 //! ([`FactoredField::folded`]). The last sines are the coefficients then, along axes that training has found: the same
@@ -59,7 +59,7 @@ use targets::{ComponentBasis, Targets};
 #[doc(hidden)]
 pub const INPUTS: usize = 3;
 
-/// What g looks like; its weights are a flat array beside it.
+/// The shape of g; its weights are a flat array beside it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FactoredShape {
@@ -151,7 +151,7 @@ pub struct FactoredField {
     pub axes: Vec<f32>,
     /// μ: `[K]`.
     pub mean: Vec<f32>,
-    /// What g looks like.
+    /// The shape of g.
     pub shape: FactoredShape,
     /// g's weights, in the layout of [`FactoredShape::layers`].
     pub parameters: Vec<f32>,

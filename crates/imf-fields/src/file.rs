@@ -65,7 +65,7 @@ impl FieldFile {
         Ok(Self::Siren(Box::new(Model::from_bytes(bytes, name)?)))
     }
 
-    /// What its decisions are worth, where that was measured.
+    /// The calibration of its decisions, where measured.
     pub fn calibration(&self) -> Option<&Calibration> {
         match self {
             Self::Siren(model) => model.calibration.as_ref(),
@@ -74,7 +74,7 @@ impl FieldFile {
         }
     }
 
-    /// Keeps what was measured of its decisions.
+    /// Saves the measured rates of its decisions.
     pub fn set_calibration(&mut self, calibration: Calibration) {
         match self {
             Self::Siren(model) => model.calibration = Some(calibration),

@@ -2,14 +2,16 @@
 //!
 //! At each voxel the collision measure is a function of the orientation alone, and a smooth one: `CMF(x, R) = Σ_k c_k(x)
 //! b_k(R)` with a few hundred harmonics b (`basis`). The coefficients come from exact sections by least squares
-//! (`fit`); their definition by the tool's radial profile is `radial`. They are kept along their principal axes,
+//! (`fit`); their definition by the tool's radial profile is `radial`. They are saved along their principal components,
 //! `c = μ + U z`, so that a section is `⟨z(x), Uᵀ b(R)⟩ + μ·b(R)`: one product for any number of orientations
 //! (`evaluate`), with exact gradients in the direction.
 //!
 //! A field of the overlap at the tip serves every sharp point, read at x − R k: files hold this kind alone
-//! (`SectionPlan::of_scene`). It is the same at every roll where the tool is a body of revolution, wherever its sharp points
-//! are. A fit may also be of the least over the sharp points itself, for sections: that one bends more sharply, needs a
-//! higher degree, and depends on the roll where the sharp points do. Values are for voxel centres and trilinear between them; outside the box of the voxel centres there is no answer ([`HarmonicField::overlap_with_gradient`]).
+//! (`SectionPlan::of_scene(scene, ToolPoints::Tip)`). It is the same at every roll where the tool is a body of
+//! revolution, wherever its sharp points are. A fit may also be of the minimum over the sharp points itself, for
+//! sections: that one bends more sharply, needs a higher degree, and depends on the roll where the sharp points do.
+//! Values are for voxel centres and trilinear between them; outside the box of the voxel centres there is no value
+//! ([`HarmonicField::overlap_with_gradient`]).
 
 mod adjoint;
 pub mod basis;
@@ -68,13 +70,13 @@ pub enum HarmonicError {
     /// A setting out of range.
     #[error("harmonic field: {0}")]
     Settings(String),
-    /// Too few orientations for so many functions.
+    /// Too few orientations for the number of basis functions.
     #[error("the sections do not determine every coefficient: more sections a function, or a lower degree")]
     Singular,
     /// A section failed, or the work was interrupted.
     #[error(transparent)]
     Section(#[from] SectionError),
-    /// A set of so many orientations cannot be made.
+    /// The set of orientations cannot be made.
     #[error(transparent)]
     Orientations(#[from] OrientationSetError),
 }
@@ -94,12 +96,12 @@ pub struct HarmonicField {
     pub mean: Vec<f32>,
     /// z: `[voxel][axes]`.
     pub coefficients: Coefficients,
-    /// What is known of its errors.
+    /// Its measured errors.
     pub report: FitReport,
 }
 
 impl HarmonicField {
-    /// Axes kept.
+    /// Number of principal components.
     pub fn axis_count(&self) -> usize {
         self.axes.len() / self.basis.len()
     }

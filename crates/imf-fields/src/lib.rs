@@ -13,10 +13,10 @@
 //! | query a field from a file of any family: poses, whole grids | [`field::Field`] |
 //! | plan: a model to steer by, a checker that decides | [`field::Planner`] |
 //! | make a field in seconds | [`harmonic::fit()`] |
-//! | know what a field's decisions are worth | [`calibration`] |
+//! | know how reliable a field's decisions are | [`calibration`] |
 //! | know its errors | [`evaluation`] |
 //!
-//! What a field answers, in which units, is said once for all families at [`imf_core::field`].
+//! What a field returns, and in which units, is said once for all families at [`imf_core::field`].
 //!
 //! # Example
 //! ```no_run
@@ -38,7 +38,7 @@
 //! gradients, decisions, sections and minima, with at most 60 crates.
 //! - `parallel`: all threads of the current rayon pool; without it the thread that calls.
 //! - `fit`: making fields (harmonic fits, starting weights' teachers) and saving them.
-//! - `calibration`: measuring what a field's decisions are worth.
+//! - `calibration`: measuring how reliable a field's decisions are.
 //! - `export`: ONNX graphs.
 #![cfg_attr(not(feature = "fit"), allow(dead_code, reason = "fits and files alone use it"))]
 

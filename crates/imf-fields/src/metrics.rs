@@ -32,9 +32,9 @@ pub struct ErrorReport {
     pub variance: f64,
     /// Values above which a pose is called colliding by the field; exactly, colliding is CMF > 0.
     pub threshold: f64,
-    /// Share of colliding poses that the field calls free.
+    /// Fraction of the colliding poses that the field calls free.
     pub false_free: f64,
-    /// Share of free poses that the field calls colliding.
+    /// Fraction of the free poses that the field calls colliding.
     pub false_colliding: f64,
     /// Intersection over union of the configuration-space obstacle, exact and by the field.
     pub iou: f64,
@@ -49,8 +49,8 @@ impl Errors {
         self.add_beside(exact, exact, field, threshold);
     }
 
-    /// The same where `exact` is of a tool offset by a clearance, and `bare` has the overlaps of the tool as it is: a pose collides
-    /// where that one does, and is free where the offset one is; between the two it may be called either.
+    /// As [`Self::add`], for a field of an offset tool: `exact` is of the offset tool, `bare` of the true one. A pose
+    /// collides if the true tool does and is clear if the offset one is free; poses between count as neither.
     ///
     /// # Panics
     /// If the lengths differ.

@@ -60,7 +60,7 @@ pub struct TrainingRecord {
     pub plan: TrainingPlan,
     /// Where the plan stands.
     pub cursor: Cursor,
-    /// What the losses so far look like.
+    /// Watches the losses for divergence.
     #[serde(default, skip_serializing_if = "Watch::is_new")]
     pub watch: Watch,
     /// True once the plan is done.
@@ -133,7 +133,7 @@ pub struct Model {
     pub record: TrainingRecord,
     /// Weights; with moments where training can be resumed, else moments are empty.
     pub state: TrainingState,
-    /// What its decisions are worth, where that was measured of these weights.
+    /// The calibration of its decisions, where measured with these weights.
     pub calibration: Option<Calibration>,
 }
 

@@ -6,19 +6,19 @@
 //! position   f32 [poses, 3]   the tool's tip less `imf.origin`, in the scene's unit, along the world's axes
 //! direction  f32 [poses, 3]   the tool's axis from tip to holder, of any length but 0     harmonic and factored fields
 //! angles     f32 [poses, 2]   (θ, φ) in degrees, θ in [0, 360), φ in [0, 180]             the paper's network
-//! overlap    f32 [poses]      the share of the tool's volume in the obstacle, in [0, 1]; or, of fields of depth,
+//! overlap    f32 [poses]      the fraction of the tool's volume in the obstacle, in [0, 1]; or, of fields of depth,
 //! depth      f32 [poses]      how far the tool must be moved to be free, below 0 how far it may be moved
 //! ```
 //!
-//! Answers are those of [`crate::field::Field`] but for the rounding of single precision: outside the box of the voxel centres those
-//! of the nearest point inside, without guarantee; NaN in the row of an invalid pose, and in no other. What a field is of stands in
-//! the model's metadata: part, tool, unit, clearance, the thresholds of its decisions where it is calibrated, the corners of that box in
-//! the world, and the corner of the grid that positions are counted from: the difference, taken in double precision, keeps its digits
-//! however far from zero the part lies.
+//! Results are those of [`crate::field::Field`] but for the rounding of single precision: outside the box of the
+//! voxel centres those of the nearest point inside, without guarantee; NaN in the row of an invalid pose, and in no
+//! other. What a field is of stands in the model's metadata: part, tool, unit, clearance, the thresholds of its
+//! decisions where it is calibrated, the corners of that box in the world, and the corner of the grid that positions
+//! are counted from: the difference, taken in double precision, keeps its digits however far from zero the part lies.
 //! Graphs are of opset 17.
 //!
-//! The messages are written here, a dozen of them, since the crates that have all of ONNX's are no longer kept (`onnx-pb`,
-//! of 2020) or parse only (`onnx-ir`).
+//! The messages are written here, a dozen of them, since the crates that have all of ONNX's are no longer maintained
+//! (`onnx-pb`, of 2020) or parse only (`onnx-ir`).
 
 mod directions;
 mod graph;
@@ -48,7 +48,7 @@ use imf_core::section::Quantity;
 use messages::{GraphProto, ModelProto, OperatorSetIdProto, StringStringEntryProto};
 use place::Place;
 
-/// The set of operators that graphs keep to.
+/// The set of operators of the graphs.
 const OPSET: i64 = 17;
 /// The version of the file format that belongs to it.
 const IR_VERSION: i64 = 8;
@@ -175,7 +175,8 @@ fn own_frame(grid: &Grid) -> Grid {
     Grid { origin: DVec3::ZERO, ..*grid }
 }
 
-/// The graph whose answer is a value, clamped as its quantity is on a grid of this pitch, and NaN where something is invalid.
+/// The graph whose result is a value, clamped as its quantity is on a grid of this pitch, and NaN where something is
+/// invalid.
 fn answering(
     mut graph: Graph,
     family: &str,

@@ -35,9 +35,9 @@ pub enum Loss {
     L1,
     /// Mean squared error.
     L2,
-    /// Mean absolute error whose gradient counts a sample more the smaller its target is, up to `1 +` [`Loss::SMALL_MORE`] times: the
-    /// minimum over directions is made of small values. It is for the paper's network, where that is wide and trained long
-    /// (`docs/lab/paper-network.md`); the loss that is told is the plain mean.
+    /// Mean absolute error whose gradient weights a sample more the smaller its target is, up to `1 +`
+    /// [`Loss::SMALL_MORE`] times: the minimum over directions consists of small values. For the paper's network
+    /// where it is wide and trained long. The reported loss is the plain mean.
     L1Small,
 }
 
@@ -130,8 +130,8 @@ pub struct TrainingState {
     pub first_moment: Vec<f32>,
     /// Adam's second moments, same layout.
     pub second_moment: Vec<f32>,
-    /// What the optimiser keeps of matrices beside the moments: SOAP's means and axes, of each matrix
-    /// rows' mean and axes, then columns', `[size][size]` each. Empty by other optimisers, and before the first step.
+    /// State of the optimiser beside the moments: for each matrix SOAP's mean and axes of the rows, then of the
+    /// columns, `[size][size]` each. Empty with other optimisers, and before the first step.
     pub preconditioners: Vec<f32>,
     /// Steps done since the moments were zero.
     pub step: u64,
@@ -260,7 +260,7 @@ impl TrainingPlan {
         }
     }
 
-    /// Checks the values that no type keeps in range.
+    /// Checks the ranges that types do not ensure.
     ///
     /// # Errors
     /// [`RecipeError`], naming the value.

@@ -57,7 +57,7 @@ use stack::{Ending, Stack};
 #[doc(hidden)]
 pub const INPUTS: usize = 5;
 
-/// What a sine network looks like; its weights are a flat array beside it.
+/// The shape of a sine network; its weights are a flat array beside it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SirenShape {
     /// Neurons of every hidden layer.
@@ -126,15 +126,15 @@ pub enum ShapeError {
     /// ω is not a positive number.
     #[error("the frequency factor must be a positive finite number, not {0}")]
     Omega(f32),
-    /// The parameter array has another length than the description asks for.
+    /// The parameter array has another length than the description requires.
     #[error("the network has {expected} parameters, but {found} were given")]
     Parameters {
-        /// Parameters the description asks for.
+        /// Parameters that the description requires.
         expected: usize,
         /// Parameters found.
         found: usize,
     },
-    /// Numbers that an optimiser kept and that do not fit the network.
+    /// State of an optimiser that does not fit the network.
     #[error("{found} numbers of SOAP's means and axes after {step} steps; {expected} belong to the network")]
     Kept {
         /// Numbers given.
@@ -144,7 +144,7 @@ pub enum ShapeError {
         /// Numbers needed.
         expected: usize,
     },
-    /// Asked to learn, a network whose last sines are its outputs.
+    /// Training of a network whose last sines are its outputs.
     #[error("a network without a linear layer behind its sines is evaluated, not trained")]
     NoLastLayer,
     /// A symmetry-reduced network, and a field to distil that does not define the symmetry.

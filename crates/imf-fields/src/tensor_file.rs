@@ -40,7 +40,7 @@ pub enum FieldFileError {
         source: std::io::Error,
     },
     /// Another file, or a damaged one.
-    #[error("{path} is no intact {name}: {what}")]
+    #[error("{path} is not an intact {name}: {what}")]
     Damaged {
         /// What it should be.
         name: &'static str,
@@ -130,7 +130,7 @@ impl Format {
     /// Checks a file in memory, which errors call `path`, and opens it.
     pub(crate) fn open<'a>(self, bytes: &'a [u8], path: &'a Path) -> Result<Loaded<'a>, FieldFileError> {
         let damaged = |what: String| self.damaged(path, what);
-        let cut = |e| damaged(format!("{e}; it was cut short, or is no safetensors file"));
+        let cut = |e| damaged(format!("{e}; it was cut short, or is not a safetensors file"));
         let (_, metadata) = SafeTensors::read_metadata(bytes).map_err(cut)?;
         let tensors = SafeTensors::deserialize(bytes).map_err(cut)?;
         let json = metadata.metadata().as_ref().and_then(|m| m.get("imf"));
@@ -244,7 +244,7 @@ pub(crate) fn description_of_damaged<T: DeserializeOwned>(path: &Path) -> Option
     serde_json::from_str(metadata.metadata().as_ref()?.get("imf")?).ok()
 }
 
-/// Numbers as the file keeps them: where they lie, where the machine keeps them so.
+/// Numbers as the file holds them; without a copy where the machine is little-endian.
 pub(crate) fn little_endian(values: &[f32]) -> Cow<'_, [u8]> {
     if cfg!(target_endian = "little") {
         Cow::Borrowed(bytemuck::cast_slice(values))
@@ -253,7 +253,7 @@ pub(crate) fn little_endian(values: &[f32]) -> Cow<'_, [u8]> {
     }
 }
 
-/// Halves as the file keeps them, as [`little_endian`].
+/// Halves as the file holds them, as [`little_endian`].
 pub(crate) fn little_endian_halves(values: &[f16]) -> Cow<'_, [u8]> {
     if cfg!(target_endian = "little") {
         Cow::Borrowed(bytemuck::cast_slice(values.reinterpret_cast()))
@@ -317,7 +317,7 @@ mod tests {
         let say = |error: FieldFileError| error.to_string();
         let wrong = say(file.widened("values", &[3]).unwrap_err());
         assert!(wrong.contains("one.safetensors") && wrong.contains("not F16 [3]"), "{wrong}");
-        assert!(say(file.floats("none", &[3]).unwrap_err()).contains("no intact test file"));
+        assert!(say(file.floats("none", &[3]).unwrap_err()).contains("not an intact test file"));
         let other = Format { id: "imf-other", ..FORMAT };
         assert!(say(other.open(&bytes, &path).err().unwrap()).contains("'imf-test', not 'imf-other'"));
     }

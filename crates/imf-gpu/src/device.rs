@@ -1,7 +1,7 @@
 //! One open device: queue, limits, and what went wrong on it.
 //!
-//! wgpu reports most failures through callbacks, some time after the call that caused them. They are kept here, and
-//! the next call that can return an error returns them.
+//! wgpu reports most failures through callbacks, some time after the call that caused them. They are collected here,
+//! and the next call that can return an error returns them.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -12,7 +12,7 @@ use wgpu::DeviceType;
 use crate::adapter::{self, AdapterSummary, DeviceChoice};
 use crate::shader::MatrixKernel;
 
-/// Limits that buffers and dispatches keep to: the adapter's, or smaller ones.
+/// Limits of buffers and dispatches: the adapter's, or smaller ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GpuLimits {
     /// Largest storage binding, in bytes.
@@ -93,7 +93,7 @@ impl Gpu {
         let (uncaptured, lost, name) = (faults.clone(), faults.clone(), summary.name.clone());
         device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| uncaptured.report(explain(&error))));
         device.set_device_lost_callback(move |reason, message| {
-            // Our own closing of the device is no failure.
+            // Our own closing of the device is not a failure.
             if reason != wgpu::DeviceLostReason::Destroyed {
                 lost.report(explain_loss(&name, &message));
             }
@@ -149,7 +149,7 @@ impl Gpu {
         &self.adapter
     }
 
-    /// The limits that buffers and dispatches keep to.
+    /// The limits of buffers and dispatches.
     #[must_use]
     pub fn limits(&self) -> GpuLimits {
         self.limits
@@ -173,7 +173,7 @@ impl Gpu {
         &self.queue
     }
 
-    /// What went wrong on the device so far, if anything.
+    /// Returns an error of the device, if there was one.
     ///
     /// # Errors
     /// [`EngineError::Device`] naming cause and remedy; it stays for good.

@@ -4,7 +4,7 @@
 //! The twin on the CPU is [`Field`], whose conventions hold here: an invalid pose is NaN and colliding, outside the box
 //! of the voxel centres values are those of the nearest point inside. Poses pass through every field alike (`field/passes.rs`), by
 //! the kernels of its family (`field/siren.rs`, `field/factored.rs`, `field/harmonic.rs`); whole grids stand in `field/grid.rs`.
-//! Buffers for slices of the host are kept from call to call.
+//! Buffers for slices of the host are reused from call to call.
 
 mod apart;
 mod coefficients;
@@ -47,8 +47,8 @@ use poses::PoseKernels;
 
 /// A network of the paper's kind, or a harmonic or factored field, on one GPU. Threads take turns.
 ///
-/// What poses need is compiled and uploaded at the first call that asks for poses; what whole grids need, the coefficients of all
-/// voxels (4 bytes each) for harmonic and factored fields, at the first call that asks for a section or a minimum.
+/// What poses need is compiled and uploaded at the first call with poses; what whole grids need, the coefficients of
+/// all voxels (4 bytes each) for harmonic and factored fields, at the first call for a section or a minimum.
 ///
 /// # Example
 /// ```no_run
@@ -140,8 +140,8 @@ impl GpuField {
         self.with(|kernels| kernels.submit(Call { poses, values, gradients: Some(gradients) }, count))
     }
 
-    /// As [`Self::values_on_device`], with a decision each as well, a `u32` that [`decision_of`] reads. A value that is not finite is
-    /// blocked.
+    /// As [`Self::values_on_device`], with a decision each as well, a `u32` that [`decision_of`] reads. A value that
+    /// is not finite is colliding.
     ///
     /// # Errors
     /// As there.
@@ -159,7 +159,7 @@ impl GpuField {
         })
     }
 
-    /// The orientation that a minimum is to be taken over; `None` for what is no rotation.
+    /// The orientation that a minimum is to be taken over; `None` for what is not a rotation.
     fn orientation_of(&self, rotation: DQuat) -> Option<Orientation> {
         let pose = Pose::new(DVec3::ZERO, rotation);
         match self.rolls {
@@ -204,7 +204,7 @@ impl GpuField {
         apart(|| work(made))
     }
 
-    /// What says what orientations are worth; `None` for the paper's network.
+    /// The source of the orientations' weights; `None` for the paper's network.
     fn source(&self) -> Option<Source<'_>> {
         match &self.file {
             FieldFile::Siren(_) => None,
@@ -284,7 +284,7 @@ impl PoseField for GpuField {
             rotations.iter().map(|&rotation| self.orientation_of(rotation)).collect();
         let orientations = match orientations {
             Some(found) if self.minima_on_device && !found.is_empty() => found,
-            // Sharp points, what is no rotation, and what is refused.
+            // Sharp points, what is not a rotation, and what is refused.
             _ => return self.field.best(points, rotations, best),
         };
         check_lengths(points.len(), best.len())?;

@@ -17,17 +17,17 @@ pub(crate) struct Kernel {
 /// How many invocations a dispatch has, by the rows at hand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Extent {
-    /// Strides over so many elements of every row.
+    /// Strides over this number of elements of every row.
     Rows(usize),
     /// Strides over the rows, those of padding among them.
     PaddedRows,
-    /// Strides over so many elements.
+    /// Strides over this number of elements.
     Elements(usize),
-    /// A matrix product with so many columns for every row, those of padding among them.
+    /// A matrix product with this number of columns for every row, those of padding among them.
     Product(usize),
-    /// A matrix product of so many rows and columns in every slice.
+    /// A matrix product of this number of rows and columns in every slice.
     SlicedProduct(usize, usize),
-    /// One invocation for each of so many elements in every slice.
+    /// One invocation for each of this number of elements in every slice.
     Sliced(usize),
     /// One workgroup.
     Single,
@@ -60,7 +60,7 @@ impl Kernel {
         Self::of_source(gpu, name, source, shader.has_counting_loops())
     }
 
-    /// Compiles a text with the entry point `main`, whose loops all count up to a bound where that is said.
+    /// Compiles a text with the entry point `main`, whose loops all count up to a bound, if so declared.
     pub(crate) fn of_source(
         gpu: &Gpu,
         name: String,
@@ -140,8 +140,8 @@ fn with_loops_as_they_stand(
 ) -> wgpu::ShaderModule {
     let checks =
         wgpu::ShaderRuntimeChecks { force_loop_bounding: false, ..wgpu::ShaderRuntimeChecks::checked() };
-    // SAFETY: only shaders of this crate come here whose loops count up to a bound in constant steps (`shader/tests.rs` looks at
-    // all of them). Every other check, that of bounds above all, stays.
+    // SAFETY: only shaders of this crate come here whose loops count up to a bound in constant steps
+    // (`shader/tests.rs` checks all of them). Every other check, that of bounds above all, stays.
     unsafe { device.create_shader_module_trusted(module, checks) }
 }
 

@@ -2,8 +2,9 @@
 //! Direct3D 12).
 //!
 //! # Where to begin
-//! [`Gpu::open`] opens a device. On it [`GpuField`] answers poses and grids from a field's file as [`imf_fields::field::Field`] does on the
-//! CPU, [`GpuTrainer`] is the training engine, and [`GpuSections`] counts exact sections.
+//! [`Gpu::open`] opens a device. On it [`GpuField`] evaluates poses and grids from a field's file as
+//! [`imf_fields::field::Field`] does on the CPU, [`GpuTrainer`] is the training engine, and [`GpuSections`] counts
+//! exact sections.
 //!
 //! # Example
 //! One step of a small network, on any device that there is.

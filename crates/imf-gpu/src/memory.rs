@@ -13,7 +13,7 @@ pub(crate) struct Plan {
 }
 
 impl Plan {
-    /// Adds a storage buffer of so many 4-byte elements.
+    /// Adds a storage buffer of `elements` 4-byte elements.
     pub(crate) fn add(&mut self, name: &'static str, elements: usize) {
         self.items.push((name, 4 * elements.max(4) as u64));
     }
@@ -53,7 +53,7 @@ impl Plan {
     }
 }
 
-/// Allocates storage buffers of so many 4-byte elements each.
+/// Allocates storage buffers of the given numbers of 4-byte elements.
 pub(crate) fn allocate<const N: usize>(
     gpu: &Gpu,
     buffers: [(&'static str, usize); N],
@@ -85,7 +85,7 @@ impl Room {
         Self { name, buffer: None }
     }
 
-    /// The buffer, with room for so many elements. A new one has lost the contents of the old.
+    /// The buffer, with room for `elements` elements. A new one has lost the contents of the old.
     pub(crate) fn fit(&mut self, gpu: &Gpu, elements: usize) -> Result<wgpu::Buffer, EngineError> {
         let wanted = 4 * elements as u64;
         if let Some(buffer) = self.buffer.as_ref().filter(|buffer| buffer.size() >= wanted) {

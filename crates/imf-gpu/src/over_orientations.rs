@@ -1,6 +1,6 @@
-//! Coefficients of points that lie on the device, multiplied with orientations there, and the minimum of the values over these.
-//! Where coefficients come from, a network or a field that keeps them, is for others to say: they name the buffer that has those of
-//! some points.
+//! Coefficients of points that lie on the device, multiplied with orientations there, and the minimum of the values
+//! over these. The caller provides the coefficients, from a network or a field that holds them: it returns the buffer
+//! with those of some points.
 //!
 //! ```text
 //! coefficients [points][axes] × directions [axes][orientations of a chunk] → values → sections [orientation][point]
@@ -50,7 +50,7 @@ impl CoefficientRows {
     }
 }
 
-/// What is done with coefficients.
+/// Multiplies coefficients with orientations.
 #[derive(Debug)]
 pub(crate) struct OverOrientations {
     gpu: Gpu,
@@ -72,15 +72,15 @@ struct Chunk {
     /// What they are multiplied with, and how.
     uploaded: wgpu::Buffer,
     layer: wgpu::Buffer,
-    /// What is made of the values.
+    /// Reduces the values.
     then: Dispatch,
-    /// Which of those that were uploaded together.
+    /// Their range among those that were uploaded together.
     orientations: Range<usize>,
     /// As many, and padding.
     columns: usize,
 }
 
-/// What is made of values.
+/// What values are reduced to.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Output {
     Sections,
@@ -124,9 +124,10 @@ impl OverOrientations {
         })
     }
 
-    /// The minimum over the orientations at so many points, not clipped, with the first orientation that has it. `source` says
-    /// what orientations are worth. `fill` submits what puts the coefficients of a range of points into the buffer that it names, and may
-    /// end the work by an error; it is called for every batch of orientations, whose number it gets. Waits for the device.
+    /// The minimum over the orientations at `points` points, not clipped, with the first orientation that attains it.
+    /// `source` gives the values' orientation weights. `fill` submits the coefficients of a range of points into the
+    /// buffer that it returns, and may end the work by an error; it is called for every batch of orientations, with
+    /// the batch's number of orientations. Waits for the device.
     pub(crate) fn minimum<E: From<EngineError>>(
         &mut self,
         points: usize,
@@ -144,7 +145,7 @@ impl OverOrientations {
                 let (least, best) = (gpu.finish_read::<f32>(least)?, gpu.finish_read::<u32>(best)?);
                 let lowest = found.value[part.clone()].iter_mut().zip(&mut found.best[part]);
                 for ((lowest, chosen), (least, best)) in lowest.zip(least.into_iter().zip(best)) {
-                    // Of what is no number the first batch's stays, as within a batch.
+                    // Where values are NaN the first batch's stays, as within a batch.
                     if batch == 0 || least < *lowest {
                         (*lowest, *chosen) = (least, first + best);
                     }
@@ -165,8 +166,8 @@ impl OverOrientations {
         Ok(found)
     }
 
-    /// The values at so many points in every orientation, as their quantity holds them, `[orientation][point]` into `sections`. `source`
-    /// and `fill` are as of [`Self::minimum`].
+    /// Values of `points` points in every orientation, clamped as their quantity is, into
+    /// `sections[orientation][point]`. `source` and `fill` are as of [`Self::minimum`].
     pub(crate) fn sections<E: From<EngineError>>(
         &mut self,
         points: usize,
@@ -208,7 +209,7 @@ impl OverOrientations {
         Ok(())
     }
 
-    /// So many points, as many at a time as have room.
+    /// Ranges of `points` points that fit on the device one after the other.
     fn parts(&self, points: usize) -> impl Iterator<Item = Range<usize>> + use<> {
         let rows = self.rows.rows;
         (0..points).step_by(rows).map(move |first| first..(first + rows).min(points))
@@ -277,7 +278,8 @@ impl OverOrientations {
         places.into_iter().map(chunk).collect()
     }
 
-    /// Submits the product of so many rows of coefficients with a chunk of orientations, and what is made of its values.
+    /// Submits the product of `rows` rows of coefficients with a chunk of orientations, and what is computed from its
+    /// values.
     fn submit(&self, chunk: &Chunk, coefficients: &wgpu::Buffer, rows: usize) -> Result<(), EngineError> {
         let Self { gpu, product, rows: CoefficientRows { batch, .. }, values, .. } = self;
         let buffers = [batch, &chunk.layer, &chunk.uploaded, coefficients, values];
@@ -318,7 +320,7 @@ fn require(orientations: &[Orientation]) -> Result<(), EngineError> {
     Ok(())
 }
 
-/// What says what orientations are worth.
+/// The source of the orientations' weights.
 #[derive(Clone, Copy)]
 pub(crate) enum Source<'a> {
     Harmonic(&'a HarmonicField),

@@ -12,8 +12,8 @@ use crate::uniforms::{Batch, Turns};
 
 /// Invocations: several times what a large GPU holds at once.
 const INVOCATIONS: usize = 1 << 20;
-/// Turns of an invocation, at first (some milliseconds of a software device) and at most (some tens of a large GPU's, and
-/// no more than Mesa's software Vulkan ends loops at).
+/// First number of turns of an invocation (some milliseconds on a software device), and the maximum (some tens of
+/// milliseconds on a large GPU, and below the number at which Mesa's software Vulkan ends loops).
 const TURNS: [u32; 2] = [1 << 3, 1 << 14];
 /// Chains of an invocation, and multiply-adds of a turn.
 const CHAINS: u32 = 32;
@@ -43,8 +43,8 @@ impl Peak {
         Ok(Self { gpu: gpu.clone(), kernel, turns, sums })
     }
 
-    /// Operations a second, a multiply-add being two: the best of ever longer runs, for so many seconds together. Waits for the
-    /// device.
+    /// Operations a second, a multiply-add counting as two: the best of ever longer runs, for `seconds` seconds
+    /// together. Waits for the device.
     ///
     /// # Errors
     /// A device that failed, or that did not do its work.
@@ -61,7 +61,7 @@ impl Peak {
         Ok(best)
     }
 
-    /// Seconds of so many turns.
+    /// Seconds that `turns` take.
     fn run(&mut self, turns: &Turns) -> Result<f64, EngineError> {
         self.gpu.write(&self.turns, &[*turns]);
         let begun = Instant::now();
@@ -70,7 +70,7 @@ impl Peak {
         Ok(begun.elapsed().as_secs_f64())
     }
 
-    /// Refuses sums that are not those of so many turns.
+    /// Refuses sums that are not those of `turns` turns.
     fn require(&self, turns: u32) -> Result<(), EngineError> {
         // Whole numbers below 2²⁴, which f32 has.
         let starts = CHAINS * (CHAINS - 1) / 2;

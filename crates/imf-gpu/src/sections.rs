@@ -2,7 +2,7 @@
 //!
 //! The host voxelises the rotated tool and lists its run-length differences ([`imf_core::section::device::DifferenceLimits`]); the device never
 //! recomputes a voxel. It takes the differences of neighbouring overlaps from the obstacle's bits, sums them up along
-//! the tool's axis of steps, and hands the overlaps back or keeps the minimum over all orientations. Everything
+//! the tool's axis of steps, and returns the overlaps or retains the minimum over all orientations. Everything
 //! on the device is whole numbers. Values are made by the host: from counts that are read back, or beforehand for
 //! every possible count of a tool, as a table that the device looks up, so that ties between orientations fall as on the
 //! CPU.
@@ -181,7 +181,7 @@ impl<'a> GpuSections<'a> {
         Ok(idle.into_inner().unwrap_or_else(PoisonError::into_inner).into_iter().map(|(v, _)| v).collect())
     }
 
-    /// Whether [`GpuSections::imf`] keeps the minimum on the device. With sharp points off the tip, or a
+    /// Whether [`GpuSections::imf`] computes the minimum on the device. With sharp points off the tip, or a
     /// cutter that may touch the part, the sections are read back, and the minimum is taken on the host as on the CPU.
     #[must_use]
     pub fn keeps_minimum(&self) -> bool {

@@ -29,7 +29,7 @@ shared! {
     TILED_GROUP: u32 = 16;
     /// Values of k that the tiled kernel stages at a time.
     TILE_DEPTH: u32 = 32;
-    /// Invocations of a workgroup of every kernel that is no matrix product.
+    /// Invocations of a workgroup of every kernel that is not a matrix product.
     LINEAR_GROUP: u32 = 64;
     /// Inputs that come from the point.
     POINT_INPUTS: u32 = 3;

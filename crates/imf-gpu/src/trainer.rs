@@ -61,7 +61,7 @@ pub struct GpuTrainer {
     step: u64,
     /// Steps whose losses are on the device.
     slot: usize,
-    /// Sum and number of the losses read so far.
+    /// Sum and number of the losses that have been read.
     read_losses: (f64, u64),
 }
 

@@ -7,7 +7,7 @@ use imf_core::field::EngineError;
 
 use crate::device::Gpu;
 
-/// A buffer to read by is kept for the next reading up to this size: gradients of 2¹⁸ poses.
+/// A buffer for readback is reused by the next one up to this size: gradients of 2¹⁸ poses.
 const KEPT_BYTES: u64 = 8 << 20;
 
 /// A copy to the host that is under way.

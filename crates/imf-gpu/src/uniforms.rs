@@ -108,7 +108,7 @@ blocks! {
 }
 
 impl Batch {
-    /// So many rows, rounded up to the padding.
+    /// A batch of `rows` rows, rounded up to the padding.
     pub(crate) fn of_rows(rows: usize, padding: usize) -> Self {
         let padded_rows = rows.next_multiple_of(padding);
         Self { rows: rows as u32, padded_rows: padded_rows as u32, ..Self::default() }

@@ -1,4 +1,4 @@
-//! What answers are made of, as arrays.
+//! Results as arrays.
 
 use imf_core::glam::DVec3;
 use imf_core::mesh::Mesh;

@@ -1,4 +1,5 @@
-//! Exact answers for planners: poses and motions of a scene's tool, by [`ExactField`] and [`world::Checker`](imf_core::world::Checker).
+//! Exact results for planners: poses and motions of a scene's tool, by [`ExactField`] and
+//! [`world::Checker`](imf_core::world::Checker).
 
 use std::sync::Arc;
 
@@ -29,7 +30,7 @@ pub(crate) struct Checker {
 /// By motion: its code, until when it is free, when it collides.
 type Motions<'py> = (Bound<'py, PyArray1<u8>>, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>);
 
-/// By pose: the least the distance can be, the most, the element's name, the nearest points of tool and obstacle.
+/// By pose: lower and upper bound of the distance, the element's name, the nearest points of tool and obstacle.
 type Distances<'py> = (
     Bound<'py, PyArray1<f64>>,
     Bound<'py, PyArray1<f64>>,
@@ -38,7 +39,7 @@ type Distances<'py> = (
     Bound<'py, PyArray2<f64>>,
 );
 
-/// One of these; the default is that of what is no pose.
+/// One of these; the default is that of an invalid pose.
 #[derive(Clone, Copy)]
 struct Nearest {
     bounds: [f64; 2],

@@ -84,7 +84,7 @@ macro_rules! raise_as {
 
 raise_as!(PyValueError: CheckError, ClearanceError, HarmonicError, QueryError, RecipeError, RemovableError,
     SectionError, ShapeError, SurfaceError, ToolError, TooManySetups, UnknownPart, UnknownUnit, CalibrationError);
-// `Cancelled`: of work that stopped though nobody asked it to.
+// `Cancelled`: of work that stopped without a request.
 raise_as!(ImfError: Cancelled, DatasetError);
 
 impl Raise for FileError {

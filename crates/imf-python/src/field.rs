@@ -104,7 +104,7 @@ impl Field {
         self.field.bounds().map(|bounds| bounds.map(DVec3::into))
     }
 
-    /// What its decisions are worth, in a sentence; none where that was not measured.
+    /// The quality of its decisions, in a sentence; `None` where it was not measured.
     #[getter]
     fn verdict(&self) -> Option<String> {
         self.field.calibration().map(|calibration| calibration.verdict().to_string())
@@ -179,7 +179,7 @@ impl Field {
             axes.into_iter().map(|axis| Pose::along(DVec3::ZERO, axis).rotation).collect();
         let found = run(py, (&progress, "points", points.len() as u64), |control| {
             let mut best = vec![Best::NONE; points.len()];
-            // So many points at a time, on all threads.
+            // 4,096 points at a time, on all threads.
             let chunks = best.chunks_mut(4096).zip(points.chunks(4096));
             chunks.collect::<Vec<_>>().into_par_iter().try_for_each(|(best, points)| {
                 control.check()?;

@@ -7,7 +7,7 @@
 //! # Conventions
 //! - Poses are rows of `f64`: a tip and the tool's axis (6 numbers), or a tip and a quaternion x, y, z, w (7); see `poses`.
 //! - Arrays that come in are read where they lie; those that go out are the library's own memory.
-//! - Errors keep the library's words; which exception they become is said in `errors`.
+//! - Errors have the library's words; `errors` says which exception each becomes.
 #![allow(clippy::needless_pass_by_value, reason = "functions that Python calls take what it hands over")]
 
 mod arrays;

@@ -34,8 +34,8 @@ pub(crate) fn require(bytes: u64, what: impl FnOnce() -> String) -> PyResult<()>
     )))
 }
 
-/// Refuses a grid around boxes that needs more bytes than are free, so many for each voxel; one of a pitch that is chosen for the
-/// user is chosen by its voxels.
+/// Refuses a grid around boxes that needs more bytes than are free, at `each` for a voxel. With neither `dims` nor
+/// `pitch` the pitch is chosen by the number of voxels, so nothing is refused.
 ///
 /// # Errors
 /// `MemoryError`.

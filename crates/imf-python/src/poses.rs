@@ -12,7 +12,7 @@ use crate::errors::value_error;
 use crate::field::code;
 use crate::work::{Progress, run};
 
-/// Poses that a thread converts and answers at a time.
+/// Poses that a thread converts and evaluates at a time.
 const CHUNK: usize = 256;
 
 /// Rows of poses where they lie.
@@ -61,7 +61,8 @@ impl<'a> PoseRows<'a> {
         }
     }
 
-    /// Answers for all poses, `answer` for some at a time, on all threads of the current pool. One unit of progress is one pose.
+    /// Results for all poses, `answer` for some at a time, on all threads of the current pool. One unit of progress
+    /// is one pose.
     fn answers<T: Copy + Default + Send>(
         self,
         control: Control<'_>,

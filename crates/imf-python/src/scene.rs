@@ -306,7 +306,7 @@ impl Scene {
         self.warnings.clone()
     }
 
-    /// The tool as it is, in the scene's unit.
+    /// The tool without clearance, in the scene's unit.
     #[getter]
     fn tool(&self) -> Tool {
         Tool(self.scene.record.bare_tool().clone())
@@ -319,7 +319,7 @@ impl Scene {
         [holder, shank, cutter]
     }
 
-    /// What exact answers guarantee, in a sentence.
+    /// What exact results guarantee, in a sentence.
     #[getter]
     fn guarantee(&self) -> String {
         let record = &self.scene.record;

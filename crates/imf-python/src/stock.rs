@@ -1,4 +1,4 @@
-//! The stock around a scene's part: its voxels, what of it a cutter removes, and what a toolpath leaves of it.
+//! The stock around a scene's part: its voxels, what a cutter removes, and what a toolpath leaves.
 
 use glam::{DMat4, DVec3};
 use imf_core::access::{cutter_of, removable};
@@ -69,8 +69,8 @@ impl StockInput<'_> {
     }
 }
 
-/// What of a stock beside part and fixtures the scene's cutter removes at free poses: covered, possible and stock `[x, y, z]`, and the
-/// grid.
+/// Stock (beside part and fixtures) that the scene's cutter removes at free poses: covered, possible and stock `[x,
+/// y, z]`, and the grid.
 #[pyfunction]
 pub(crate) fn removable_stock<'py>(
     py: Python<'py>,

@@ -1,4 +1,4 @@
-//! What a scene's tool reaches of its part's surface: accessibility, the fewest set-ups, the least stick-outs.
+//! What a scene's tool reaches of its part's surface: accessibility, the fewest set-ups, the minimum stick-outs.
 
 use glam::DMat3;
 use imf_core::control::Cancelled;
@@ -36,11 +36,11 @@ pub(crate) struct Surface {
     samples: SurfaceSamples,
     tool: SurfaceTool,
     access: SurfaceAccess,
-    /// The share of the area that is reached at twice the pitch.
+    /// The fraction of the area that is reached at twice the pitch.
     coarse: f64,
 }
 
-/// What of a surface the scene's tool reaches, from which of the directions.
+/// Which samples of a surface the scene's tool reaches, and from which directions.
 #[pyfunction]
 pub(crate) fn access<'py>(
     py: Python<'py>,
@@ -128,7 +128,7 @@ impl Surface {
         Ok(found)
     }
 
-    /// What hits what, with the share of the area that this keeps from being reached; several may at once.
+    /// What hits what, with the fraction of the area that this obstructs; several may obstruct one place.
     fn obstructed_by(&self, py: Python<'_>) -> Vec<(String, String, f64)> {
         let scene = self.scene.bind(py).get();
         let fixtures = scene.fixture_names();
@@ -157,7 +157,7 @@ impl Surface {
         self.samples.hidden_area
     }
 
-    /// The share that is reached at twice the pitch.
+    /// The fraction that is reached at twice the pitch.
     #[getter]
     fn reached_at_twice_the_pitch(&self) -> f64 {
         self.coarse
@@ -204,8 +204,8 @@ impl Surface {
         self.plan_dict(py, &chosen, &reached, &candidates)
     }
 
-    /// By sample, the least stick-out (infinite where none is) and the direction that allows it, and the verdict; given, shortest and
-    /// longest of the tool.
+    /// By sample, the minimum stick-out (infinite where there is none) and the direction that allows it, and the
+    /// verdict; given, shortest and longest of the tool.
     fn stick_outs<'py>(&self, py: Python<'py>, progress: Progress<'py>) -> PyResult<StickOuts<'py>> {
         let (tool, found) = run(py, (&progress, "stick-out", self.set.len() as u64), |control| {
             let tool = StickOutTool::new(&self.environment, &self.assembly, self.tolerance)?;

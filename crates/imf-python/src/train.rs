@@ -33,10 +33,10 @@ use crate::memory;
 use crate::scene::Scene;
 use crate::work::{Progress, run};
 
-/// Weights that are trained between two reports, at which Ctrl-C is heard: half a second or so on two cores.
+/// Weights that are trained between two reports, at which Ctrl-C is polled: half a second or so on two cores.
 const WEIGHTS_A_REPORT: usize = 5_000_000;
 
-/// Steps between two reports of a network of so many weights.
+/// Steps between two reports of a network of `weights` weights.
 fn report_every(weights: usize) -> u64 {
     (WEIGHTS_A_REPORT / weights).clamp(1, 20) as u64
 }
@@ -247,7 +247,7 @@ impl Training<'_> {
     }
 }
 
-/// The field with what its decisions are worth; as it is, where that cannot be measured.
+/// The field with its calibration; unchanged where that cannot be measured.
 fn calibrated(py: Python<'_>, progress: &Progress<'_>, mut file: FieldFile) -> PyResult<FieldFile> {
     if matches!(file.scene().record.bare_tool().shape, ToolShape::Mesh(_)) {
         // A mesh tool is voxelised at every pose, which may take hours.

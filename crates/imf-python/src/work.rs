@@ -1,7 +1,8 @@
 //! Long calls: without the interpreter's lock, on all cores or a stated number, ended by Ctrl-C, with progress.
 //!
-//! The work is done by another thread. The one that called waits, and takes the interpreter's lock a few times a second to hear
-//! signals and to report progress; where either raises, the work is asked to stop and the exception goes on.
+//! The work is done by another thread. The one that called waits, and takes the interpreter's lock a few times a
+//! second to handle signals and to report progress; where either raises, the work is asked to stop and the exception
+//! goes on.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
@@ -23,7 +24,7 @@ pub(crate) type Progress<'py> = Option<Bound<'py, PyAny>>;
 /// First wait for the work, which is short for most calls, and the longest.
 const WAITS: [Duration; 2] = [Duration::from_millis(5), Duration::from_millis(100)];
 
-/// Computes on so many threads from now on; all cores with 0.
+/// Computes on `threads` threads from now on; all cores with 0.
 ///
 /// # Errors
 /// Threads that the system does not give.

@@ -10,8 +10,8 @@
 //! ```
 //!
 //! Every file is written whole or not at all, and the manifest names a shard only once it is complete: work that was
-//! interrupted goes on where it stopped. Each section's samples depend on the seed and the section alone, so shares
-//! of a dataset can be made on any machines ([`Layout::share`]) and joined ([`merge`]).
+//! interrupted goes on where it stopped. Each section's samples depend on the seed and the section alone, so parts of
+//! a dataset can be made on any machines ([`Layout::share`]) and joined ([`merge`]).
 
 mod fresh_model;
 mod manifest;
@@ -40,20 +40,20 @@ use imf_fields::recipe::Sampling;
 /// What [`generate`] did.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Generated {
-    /// Shards that were there already and were kept.
+    /// Shards that were there already and were reused.
     pub kept: usize,
     /// Shards made now.
     pub made: usize,
     /// Shards that belong to other shares.
     pub others: usize,
-    /// Samples in the shards kept and made.
+    /// Samples in the shards reused and made.
     pub samples: u64,
-    /// Sections in a shard, where the dataset that was there is cut up otherwise than was asked: it stays so.
+    /// Sections in a shard, where the existing dataset is cut up otherwise than requested: it stays so.
     pub otherwise_cut: Option<usize>,
 }
 
 /// Makes the dataset of a scene in `folder`, or goes on with one that was interrupted. One unit of progress is one
-/// section; sections of shards that are kept count at once.
+/// section; sections of reused shards count at once.
 ///
 /// # Errors
 /// A folder that holds another dataset or cannot be written, a failed section, or cancellation; finished shards stay.

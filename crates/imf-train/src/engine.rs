@@ -169,7 +169,7 @@ impl CpuTrainer {
     /// The same engine with the products between hidden layers in this precision.
     ///
     /// # Errors
-    /// A CPU without bfloat16 products, or a network whose end is none of [`SirenShape`]'s.
+    /// A CPU without bfloat16 products, or a network whose output is not one of [`SirenShape`]'s.
     pub fn with_precision(self, precision: Precision) -> Result<Self, EngineError> {
         Self::check_precision(precision)?;
         match (precision, Kernel::of_this_machine()) {

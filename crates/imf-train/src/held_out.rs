@@ -16,7 +16,7 @@ use imf_fields::recipe::HeldOutChoice;
 use imf_fields::siren::EvaluationEngine;
 use imf_fields::siren::{INPUTS, features};
 
-/// Keeps the orientations apart from those that `random:N:SEED` gives for small seeds.
+/// Separates the orientations from those that `random:N:SEED` gives for small seeds.
 const SEED_MARK: u64 = 0x4845_4c44_5f4f_5554;
 /// Directions closer than this cosine are one direction: a thousandth of a degree.
 const SAME_DIRECTION: f64 = 1.0 - 1.5e-10;
@@ -29,7 +29,7 @@ pub struct HeldOut {
     inputs: Vec<f32>,
     /// `[poses]`
     exact: Vec<f32>,
-    /// What the network answered last.
+    /// The network's last values.
     answers: Vec<f32>,
 }
 

@@ -36,7 +36,7 @@ impl Samples {
         Self::with_capacity(grid, 0, 0)
     }
 
-    /// No samples yet, and room for so many sections and samples.
+    /// No samples yet, and room for `sections` sections and `samples` samples.
     #[must_use]
     pub fn with_capacity(grid: Grid, sections: usize, samples: usize) -> Self {
         let mut starts = Vec::with_capacity(sections + 1);
@@ -51,7 +51,7 @@ impl Samples {
         }
     }
 
-    /// Bytes of so many sections with so many samples in all.
+    /// Bytes of `sections` sections with `samples` samples in all.
     #[must_use]
     pub fn memory_bytes(sections: u64, samples: u64) -> u64 {
         let samples = samples.saturating_mul(Self::BYTES_PER_SAMPLE);

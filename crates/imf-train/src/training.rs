@@ -34,9 +34,8 @@ pub trait TrainingEngine {
         1
     }
 
-    /// Announces the next step's batch of `batch` samples, and says which of its rows this engine wants as that step's
-    /// input. The others are those of other processes that train together with this one; unless there are any, it
-    /// wants all.
+    /// Announces the next step's batch of `batch` samples; returns the rows that this process must supply: all of
+    /// them, unless several processes train together.
     fn share(&mut self, batch: usize) -> Range<usize> {
         0..batch
     }

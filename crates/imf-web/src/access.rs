@@ -82,15 +82,15 @@ impl SurfaceAccess {
         areas
     }
 
-    /// What keeps area from being reached: elements of the tool by name with the area that they obstruct, the largest first. Several may
-    /// be in the way of one place.
+    /// Elements of the tool by name with the area that they obstruct, the largest first. Several may obstruct one
+    /// place.
     #[must_use]
     pub fn obstructed_by(&self) -> Vec<String> {
         let reach = self.reach.iter().zip(&self.samples.samples);
         let found = ObstructedAreas::new(reach.map(|(reach, sample)| (&self.tool, *reach, sample.area)));
         let mut hits = found.hits;
         hits.sort_by(|one, other| other.2.total_cmp(&one.2));
-        // Here is no fixture: all of them hit the part.
+        // There is no fixture here: all of them hit the part.
         hits.into_iter().map(|(kind, _, area)| format!("{kind}\t{area}")).collect()
     }
 }

@@ -141,7 +141,7 @@ impl FieldFile {
         let done = AtomicU64::new(0);
         let tell = |values| {
             let before = done.fetch_add(values, Ordering::Relaxed);
-            // What it throws is its own affair.
+            // What it throws is ignored.
             drop(progress.call1(&JsValue::NULL, &((before + values) as f64 / all).into()));
         };
         let control = Control { progress: &tell, ..Control::quiet() };

@@ -1,9 +1,10 @@
 //! The exact engine in a browser, compiled to WebAssembly: what a tool reaches of a part's surface, whether it collides at a pose,
 //! sections, and fields from files beside them.
 //!
-//! Nothing is computed here that `imf-core` and `imf-fields` do not compute; this crate reads bytes instead of files, and hands out
-//! arrays that JavaScript reads. There is one thread and no network. Long work is cut into pieces, so that whoever calls can show
-//! progress between them and stop. `cargo xtask web` builds the module, its TypeScript types, and the page in `page/`.
+//! Nothing is computed here that `imf-core` and `imf-fields` do not compute; this crate reads bytes instead of files,
+//! and hands out arrays that JavaScript reads. There is one thread and no network. Long work is cut into pieces, so
+//! that the caller can show progress between them and stop. `cargo xtask web` builds the module, its TypeScript
+//! types, and the page in `page/`.
 //!
 //! Lengths are in the part's unit, angles in degrees, vectors and points three numbers each, side by side. Directions point from the
 //! tool's tip to its holder. Errors are thrown as JavaScript's `Error`, with the text of the library's error.

@@ -24,7 +24,8 @@ pub struct FieldNetwork {
 
 enum Family {
     Siren(Box<Model>),
-    /// In the form that the network answers in: by function of a symmetry-reduced field, else with its linear layer.
+    /// In the form that the network is evaluated in: by function of a symmetry-reduced field, else with its linear
+    /// layer.
     Factored(Box<FactoredField>),
 }
 

@@ -1,5 +1,6 @@
-//! What a source file names of its own crate: every path that starts with `crate`, `super`, `self` or a module declared
-//! above in the file, in `use` lines and in the middle of code. Comments and strings are no tokens, and items under `#[cfg(test)]` are passed over.
+//! What a source file names of its own crate: every path that starts with `crate`, `super`, `self` or a module
+//! declared above in the file, in `use` lines and in the middle of code. Comments and strings are not tokens, and
+//! items under `#[cfg(test)]` are passed over.
 
 use proc_macro2::{Delimiter, LexError, TokenStream, TokenTree};
 

@@ -28,7 +28,7 @@ fn mesh(value: &Value) -> Result<TriMesh, Box<dyn Error>> {
     let vertices: Option<Vec<Vector>> = list("vertices")?.iter().map(vertex).collect();
     let triangle = |t: &Value| numbers::<3>(t).map(|corners| corners.map(|c| c as u32));
     let triangles: Option<Vec<[u32; 3]>> = list("triangles")?.iter().map(triangle).collect();
-    Ok(TriMesh::new(vertices.ok_or("a vertex is no point")?, triangles.ok_or("a triangle is none")?)?)
+    Ok(TriMesh::new(vertices.ok_or("not a vertex")?, triangles.ok_or("not a triangle")?)?)
 }
 
 fn pose(value: &Value) -> Option<Pose> {

@@ -38,7 +38,7 @@ struct Size {
     method: String,
 }
 
-/// An IMF over so many orientations.
+/// An IMF over a set of orientations.
 #[derive(Serialize)]
 struct Stream {
     orientations: usize,

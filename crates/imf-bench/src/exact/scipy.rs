@@ -29,7 +29,7 @@ pub(super) fn measure(
     trial: &Trial,
     ours: f64,
 ) -> Result<Result<Rival, String>> {
-    // Megabytes that nobody wants to keep, whatever becomes of the run.
+    // Megabytes to be deleted, whatever becomes of the run.
     let folder = tempfile::tempdir_in(&arguments.out).context("cannot make a temporary folder")?;
     let folder = folder.path();
     let array = |dims: [usize; 3], solid: &[u8], name: &str| -> Result<()> {

@@ -47,7 +47,7 @@ pub(super) struct Sizes {
 const THRESHOLD: f64 = 1e-3;
 /// What takes less memory.
 const SMALLER: &str = "take the other parts by --only";
-/// Differences above this, of overlaps or of the largest slope, are no roundings: some 1e-6 was seen.
+/// Differences above this, of overlaps or of the largest slope, are not roundings: some 1e-6 was seen.
 const TOLERANCE: f32 = 1e-4;
 /// Orientations whose sections are compared.
 const COMPARED: usize = 4;
@@ -174,7 +174,8 @@ struct Row {
     what: String,
     gpu_seconds: f64,
     cpu_seconds: f64,
-    /// Of the values of one field, or of slopes over the largest; nothing too where one is no number, which ends the part.
+    /// Of the values of one field, or of slopes over the largest; nothing too where one is not a number, which ends
+    /// the part.
     largest_difference: Option<f32>,
 }
 

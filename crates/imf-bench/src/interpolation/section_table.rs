@@ -1,4 +1,4 @@
-//! Tables of exact sections at an angle grid, with straight lines between them: what memory is worth without any idea.
+//! Tables of exact sections at an angle grid, with linear interpolation: the baseline that uses memory alone.
 
 use imf_core::control::Control;
 use imf_core::orientation::Orientation;
@@ -34,7 +34,7 @@ impl SectionTable {
         Ok(Self { angles, orientations, sections })
     }
 
-    /// Bytes that n × n sections of so many voxels take.
+    /// Bytes that n × n sections of `voxels` voxels take.
     pub(crate) fn memory(angles: AngleGrid, voxels: usize) -> u64 {
         4 * (angles.n * angles.n * voxels) as u64
     }

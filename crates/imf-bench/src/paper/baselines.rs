@@ -1,4 +1,4 @@
-//! What stands beside the paper's network: the nearest of the stored sections, linear interpolation between them, the
+//! What stands beside the paper's network: the nearest of the saved sections, linear interpolation between them, the
 //! harmonic field fitted to as many, and the factored field that is distilled from that one.
 
 use anyhow::Result;
@@ -16,7 +16,7 @@ use crate::interpolation::{AngleGrid, SectionTable};
 use crate::measurement::seconds;
 use crate::recipe::{Answer, Questions, Recipe};
 
-/// A field beside the paper's network, and what it came to.
+/// A field beside the paper's network, and its results.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Method {
     pub(super) name: String,
@@ -24,15 +24,15 @@ pub(super) struct Method {
     pub(super) made: f64,
     /// Seconds for the sections of the first IMF's set.
     pub(super) sections: f64,
-    /// Bytes of what is kept.
+    /// Bytes of what is saved.
     pub(super) bytes: u64,
     pub(super) answers: Vec<Answer>,
 }
 
-/// What answers one orientation.
+/// Computes the section of one orientation.
 type Section<'a> = &'a dyn Fn(&Orientation, &mut [f32]);
 
-/// Makes and asks all of them from the n × n sections of `grid:n`, or as many.
+/// Makes and evaluates all of them from the n × n sections of `grid:n`, or as many.
 pub(super) fn measure(bench: &Bench<'_>, recipe: &Recipe, n: usize) -> Result<Vec<Method>> {
     let (session, questions) = (bench.session, Questions::of(&recipe.evaluation)?);
     let (scene, distillation) = (bench.scene(&recipe.scene)?, bench.protocol.distillation());

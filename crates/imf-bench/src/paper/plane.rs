@@ -38,7 +38,7 @@ const FINER: usize = 4;
 /// The part's axis that the plane is at right angles to: the teapot's silhouette with handle and spout.
 const AXIS: usize = 1;
 
-/// What a method came to.
+/// Results of a method.
 #[derive(Clone, Serialize, Deserialize)]
 struct Method {
     name: String,

@@ -25,7 +25,7 @@ impl Kind {
             Self::Error if value == 0.0 => "0".into(),
             Self::Error if value.abs() < 1e-3 => format!("{value:.2e}"),
             Self::Error => format!("{value:.4}"),
-            // Fractions of a second tell apart what takes milliseconds.
+            // Fractions of a second distinguish what takes milliseconds.
             Self::Seconds if value < 1.0 => format!("{value:.3} s"),
             Self::Seconds => show_seconds(value),
             Self::Bytes => show_bytes(value as u64),
@@ -74,7 +74,7 @@ impl Row {
         Self { labels, values }
     }
 
-    /// In words whether it stands up to the paper, and what of it does not; empty where the paper has nothing.
+    /// In words whether it reaches the paper's values, and where not; empty where the paper has none.
     fn verdict(&self, values: &[(String, Kind)]) -> String {
         if self.values.iter().all(|value| value.paper.is_none()) {
             return String::new();
@@ -96,7 +96,7 @@ impl Row {
 pub(super) struct Made {
     /// As its rows begin.
     pub(super) labels: Vec<String>,
-    /// Bytes of what is kept.
+    /// Bytes of what is saved.
     pub(super) bytes: u64,
     pub(super) steps: Option<u64>,
     pub(super) seconds: f64,
@@ -105,7 +105,7 @@ pub(super) struct Made {
     pub(super) sections: Option<f64>,
     /// The machine.
     pub(super) on: String,
-    /// Largest standard error of an MSE, in shares of it, where voxels were drawn.
+    /// Largest standard error of an MSE, as a fraction of it, where voxels were drawn.
     pub(super) standard_error: Option<f64>,
 }
 
@@ -168,7 +168,7 @@ impl Table {
         }
     }
 
-    /// A row for each question to a result of a training, the first one's where no stage is named, and what it took.
+    /// A row for each evaluation of a training's result, the first one's where no stage is named, and what it took.
     pub(super) fn add_training(
         &mut self,
         begin: &[&str],
@@ -193,7 +193,7 @@ impl Table {
                 let of_stage = |o: &&Outcome| stage.is_none_or(|stage| o.stage == stage);
                 let outcome =
                     results.iter().find(of_stage).with_context(|| format!("{name} has no result"))?;
-                // Behind the questions stands the nearest section, which the baselines have too.
+                // After the evaluations comes the nearest section, which the baselines have too.
                 for (index, answer) in outcome.answers.iter().take(questions.names().len()).enumerate() {
                     self.rows.push(Row::errors(labels(&answer.name), paper(index), Some(&answer.errors)));
                 }

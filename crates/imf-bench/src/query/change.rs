@@ -23,11 +23,11 @@ pub(super) struct ChangeRow {
     pub(super) solid: usize,
     /// Voxels of a change, in the median.
     pub(super) changed: usize,
-    /// The first change of all, which keeps what later ones need.
+    /// The first change of all, which computes what later ones reuse.
     pub(super) first: f64,
     pub(super) median: f64,
     pub(super) longest: f64,
-    /// World and checker of the voxels made anew, the least of some.
+    /// World and checker of the voxels made anew, the minimum of several.
     pub(super) anew: f64,
 }
 

@@ -27,7 +27,7 @@ const BUILD: &str = "Build: cargo build --release --manifest-path crates/imf-ben
 
 /// Longest stretch of the axis in a ball, in radii of the tool there.
 const STRETCH: f64 = 0.8;
-/// Heights of a stretch that are looked at, and steps to the middle of its ball.
+/// Sampled heights of a stretch, and steps to the middle of its ball.
 const STEPS: u32 = 16;
 const THIRDS: u32 = 60;
 /// Sides of the tool as a mesh.
@@ -79,7 +79,7 @@ pub(super) fn measure(
     };
     let part = part.mesh().transformed(&scene.record.transform);
     let tool = scene.record.bare_tool();
-    // Megabytes that nobody wants to keep, whatever becomes of the run.
+    // Megabytes to be deleted, whatever becomes of the run.
     let folder = tempfile::tempdir_in(&arguments.out).context("cannot make a temporary folder")?;
     let folder = folder.path();
     let listed = |mesh: &Mesh| {
@@ -124,7 +124,7 @@ pub(super) fn measure(
     Ok((rows, missing))
 }
 
-/// What a library's answers come to; it may have answered the first of the poses alone.
+/// Summary of a library's results; it may have evaluated the first poses only.
 fn row(found: Found, truth: &[Decision]) -> Result<Row> {
     let count = found.colliding.len();
     ensure!((1..=truth.len()).contains(&count), "{} answered {count} poses", found.name);

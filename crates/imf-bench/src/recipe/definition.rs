@@ -2,7 +2,7 @@
 //! stage which sections at which resolution, how they are sampled, for how long and with which learning rate, and which
 //! stage's weights it starts from. A sweep is a recipe with variants: lists of changed values, run one after the other.
 //!
-//! Files carry a `version`; what is not known is refused, so a slip of the pen is no silent default.
+//! Files carry a `version`; what is not known is refused, so a slip of the pen is not a silent default.
 
 use std::collections::BTreeMap;
 
@@ -64,10 +64,10 @@ pub(crate) struct SceneSettings {
     pub(crate) conservative: bool,
     /// `paper` or a tool file.
     pub(crate) tool: String,
-    /// How deep the cutter may reach below the part's surface; it may not touch where nothing is said.
+    /// How deep the cutter may reach below the part's surface; it may not touch by default.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) contact: Option<f64>,
-    /// Room that the tool's elements must keep.
+    /// Clearance of the tool's elements.
     #[serde(skip_serializing_if = "Clearance::is_zero")]
     pub(crate) clearance: Clearance,
 }
@@ -136,8 +136,8 @@ pub(crate) struct EvaluationSettings {
     pub(crate) seed: u64,
     /// Orientation sets of the inaccessibility measure.
     pub(crate) imf: Vec<String>,
-    /// Share of the voxels, drawn at random, at which the measure and the random orientations are compared: whole grids of a
-    /// wide network take hours on a CPU.
+    /// Fraction of the voxels, drawn at random, at which the measure and the random orientations are compared: whole
+    /// grids of a wide network take hours on a CPU.
     #[serde(skip_serializing_if = "is_whole")]
     pub(crate) voxels: f64,
     /// CMF above which a pose is called colliding.
@@ -195,7 +195,7 @@ pub(crate) struct Stage {
     /// [`RANDOM_START`], or an earlier stage whose weights it starts from; the optimiser's moments start at zero.
     #[serde(default = "random_start")]
     pub(crate) start: String,
-    /// Resolution of the sections, as a share of the full grid's along each axis.
+    /// Resolution of the sections, as a fraction of the full grid's along each axis.
     #[serde(default = "one")]
     pub(crate) resolution: f64,
     /// The set of orientations.
@@ -285,7 +285,7 @@ pub(crate) struct Variant {
 }
 
 impl Recipe {
-    /// Checks the values that no type keeps in range.
+    /// Checks the ranges that types do not ensure.
     ///
     /// # Errors
     /// The value, with its stage.

@@ -31,7 +31,7 @@ pub(crate) struct Questions {
     pub(crate) imf: Vec<OrientationSet>,
     random: OrientationSet,
     threshold: f64,
-    /// Share of the voxels at which a network's minima and random sections are compared.
+    /// Fraction of the voxels at which a network's minima and random sections are compared.
     voxels: f64,
 }
 
@@ -88,7 +88,7 @@ impl Questions {
         Ok(imf.collect::<Result<_, _>>()?)
     }
 
-    /// The answers of a field. One unit of progress is one section.
+    /// The results of a field. One unit of progress is one section.
     pub(crate) fn ask(
         &self,
         plan: &SectionPlan,
@@ -108,8 +108,8 @@ impl Questions {
         Ok(self.named(errors))
     }
 
-    /// The answers of a network. At all voxels those of the nearest section that it learnt from stand behind them, and a report with
-    /// pictures is written.
+    /// The results of a network. At all voxels those of the nearest section that it learnt from follow, and a report
+    /// with pictures is written.
     pub(crate) fn report(
         &self,
         session: &Session,

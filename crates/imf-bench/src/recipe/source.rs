@@ -91,7 +91,8 @@ impl Source {
         variants.collect()
     }
 
-    /// Sets a value by a text such as `network.width=128` or `stage.*.start=random`. What is no TOML value is a text.
+    /// Sets a value by a text such as `network.width=128` or `stage.*.start=random`. What is not a TOML value is a
+    /// text.
     pub(crate) fn assign(&mut self, text: &str) -> Result<()> {
         let (path, value) =
             text.split_once('=').with_context(|| format!("'{text}' sets nothing: write KEY=VALUE"))?;

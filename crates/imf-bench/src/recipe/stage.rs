@@ -76,7 +76,7 @@ impl Runner<'_> {
                 Err(error) if matches!(error.downcast_ref(), Some(FieldFileError::Newer { .. })) => {
                     return Err(error);
                 }
-                // Damaged files are nothing to go on from, nor anything to keep.
+                // Damaged files are neither resumed nor retained.
                 Err(_) => continue,
             };
             let different = differences(&model, &fresh);
@@ -121,8 +121,8 @@ impl Runner<'_> {
         Ok(data)
     }
 
-    /// Refuses a stage that would not fit into memory. Samples in files may be read in groups, so room for them is asked
-    /// for when they are there.
+    /// Refuses a stage that would not fit into memory. Samples in files may be read in groups, so memory for them is
+    /// checked when they are there.
     pub(super) fn require_memory(
         &self,
         stage: &Stage,

@@ -1,4 +1,4 @@
-//! What a recipe came to: its stages and results as one table for all variants, and one picture of all loss curves.
+//! Summary of a recipe: stages and results as one table for all variants, and one picture of all loss curves.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -13,7 +13,7 @@ use super::definition::{RANDOM_START, Recipe, Stage};
 use super::questions::Answer;
 use crate::document::Document;
 
-/// What a recipe came to.
+/// Summary of a recipe.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Summary {
     program: String,
@@ -23,7 +23,7 @@ pub(crate) struct Summary {
     pub(crate) runs: Vec<RunSummary>,
 }
 
-/// What a variant came to.
+/// Summary of a variant.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(crate) struct RunSummary {
     /// Empty where there are no variants.
@@ -32,7 +32,7 @@ pub(crate) struct RunSummary {
     pub(crate) results: Vec<Outcome>,
 }
 
-/// What a stage came to.
+/// Summary of a stage.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct StageSummary {
     pub(crate) name: String,

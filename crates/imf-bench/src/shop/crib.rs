@@ -88,8 +88,8 @@ impl Row {
     }
 }
 
-/// So many tools, and the number of their cutters: ten diameters, three ends and two lengths of the flutes, each in holders
-/// of six diameters at several stick-outs.
+/// `count` tools, and the number of their cutters: ten diameters, three ends and two lengths of the flutes, each in
+/// holders of six diameters at several stick-outs.
 fn crib(count: usize) -> (usize, Vec<Tool>) {
     let diameters = [4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 14.0, 16.0, 18.0, 20.0];
     let ends = [End::Ball, End::Flat, End::Bull];

@@ -27,7 +27,7 @@ use crate::measurement::seconds;
 const PITCH: f64 = 1.0;
 /// How far above the part's box the path goes.
 const ABOVE: f64 = 3.0;
-/// Ways across the part, of so many lines each; a longer path goes over it again.
+/// Ways across the part, of `LINES` lines each; a longer path goes over it again.
 const ROWS: usize = 20;
 const LINES: usize = 100;
 

@@ -87,7 +87,7 @@ impl Asked {
         let grid = Grid::with_pitch(lower - shift, upper + shift, PITCH, 1)?;
         let solid = Arc::new(voxelize(mesh, &grid, false));
         let mut samples = SurfaceSamples::new(mesh, &solid, points).samples;
-        // As many as are asked for.
+        // As many as are requested.
         samples.shuffle(&mut ChaCha8Rng::seed_from_u64(0));
         samples.truncate(points);
         let surroundings = CollisionEnvironment::new(&solid.into(), &[]);

@@ -1,4 +1,4 @@
-//! The least stick-outs of a surface, held against exact counts.
+//! The minimum stick-outs of a surface, compared with exact counts.
 
 use anyhow::Result;
 use imf_cli::session::Session;
@@ -20,18 +20,19 @@ pub(super) struct Row {
     best_seconds: f64,
     /// One direction for every point, in the mean of a few.
     one_direction_seconds: f64,
-    /// Share of the points that are reached at some length, at the length that the tool is set to, and what they need at most.
+    /// Fraction of the points that are reached at some length, at the length that the tool is set to, and what they
+    /// need at most.
     reached: f64,
     reached_as_set: f64,
     largest: f64,
     checks: Checks,
 }
 
-/// Answers for one point and one direction, by exact counts.
+/// Results for one point and one direction, by exact counts.
 #[derive(Default, Serialize)]
 struct Checks {
     answers: usize,
-    /// Not free at the answer.
+    /// Not free at the result.
     optimistic: usize,
     /// Longer than the shortest by a voxel at least: what is one voxel shorter is a tool too.
     longer: usize,
@@ -105,7 +106,7 @@ impl Surface {
         let pitch = self.solid.grid.pitch;
         let mut all = Checks::default();
         for (index, &direction) in self.directions.iter().enumerate() {
-            // As many as have surely enough answers among them; the samples are in random order.
+            // Enough that sufficiently many have a result; the samples are in random order.
             let first = index * 8 * each % self.samples.len();
             let samples: Vec<SurfaceSample> =
                 self.samples[first..].iter().chain(&self.samples).take(8 * each).copied().collect();

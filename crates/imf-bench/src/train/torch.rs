@@ -1,4 +1,4 @@
-//! PyTorch in a process of its own, measured by turns with the training engine.
+//! PyTorch in a process of its own, measured in alternation with the training engine.
 
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
@@ -13,7 +13,7 @@ use crate::train::Steps;
 const SCRIPT: &str = include_str!("../../python/train_torch.py");
 const REQUIREMENTS: &str = "Install: python3 -m pip install -r crates/imf-bench/python/requirements-torch.txt, or name another by --python";
 
-/// PyTorch in a process of its own, asked by turns.
+/// PyTorch in a process of its own, run in alternation.
 pub(super) struct Torch {
     process: Child,
     requests: ChildStdin,

@@ -113,8 +113,8 @@ impl DecisionQuality {
     }
 }
 
-/// Measures the error rates of the decisions of a field that holds so many bytes, with more poses where too few collide to resolve
-/// the required rate; `kept` says what an interruption leaves.
+/// Measures the error rates of the decisions of a field that takes `held` bytes, with more poses where too few
+/// collide to resolve the required rate; `kept` says what an interruption leaves.
 pub(crate) fn measure_decisions(
     session: &Session,
     field: &Field,

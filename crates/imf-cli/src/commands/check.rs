@@ -31,7 +31,8 @@ use crate::output::{OutputFile, OutputFolder, print_result};
 use crate::session::Session;
 use stock::{StockInput, StockResult};
 
-/// The answer is "it collides", or "it leaves the travel": said on standard output already, left to the exit code.
+/// The result is "it collides" or "it leaves the travel": printed on standard output already, and left to the exit
+/// code.
 #[derive(Debug, Error)]
 #[error("the toolpath collides")]
 pub(crate) struct CollisionFound;
@@ -47,7 +48,7 @@ struct CheckRun<'a> {
     /// In the frame of the toolpath.
     report: CheckReport,
     stock: Option<StockResult>,
-    /// By tool, where they are looked for.
+    /// By tool, where requested.
     stick_outs: Vec<PathStickOut>,
 }
 
@@ -186,7 +187,7 @@ fn in_toolpath(error: CheckError, arguments: &CheckArguments) -> anyhow::Error {
     path.into_iter().fold(error, anyhow::Error::context)
 }
 
-/// The scene of one tool, the thinnest: voxels that it cannot pass unseen no other one can.
+/// The scene of one tool, the thinnest: voxels that detect it detect every other one.
 fn scene_arguments(arguments: &CheckArguments, tools: &[NumberedTool]) -> SceneArguments {
     let thinnest = tools.iter().min_by(|a, b| thickness(&a.tool).total_cmp(&thickness(&b.tool)));
     let tool = thinnest.map(|given| given.text.clone()).into_iter().collect();

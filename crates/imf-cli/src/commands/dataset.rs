@@ -116,7 +116,7 @@ pub(super) fn sample_sections(
     Ok(generated)
 }
 
-/// An interrupted dataset says what is kept; other errors stay as they are.
+/// An interruption says what is saved; other errors stay as they are.
 pub fn interruption(error: DatasetError, folder: &Path) -> anyhow::Error {
     match error {
         DatasetError::Section(SectionError::Cancelled(_)) => Interrupted(format!(

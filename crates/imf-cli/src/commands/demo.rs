@@ -63,8 +63,8 @@ fn teapot(session: &Session, dims: [usize; 3]) -> Result<Scene> {
     Ok(scene)
 }
 
-/// Calibrates the field that was just written and compares it with the exact one: at 64 random directions that nothing was made from,
-/// by the IMF over `imf`, and in a section that it was made from where there is one that it saw alone.
+/// Calibrates the field that was just written and compares it with the exact one: at 64 random directions that were
+/// not used for training, by the IMF over `imf`, and in a section of the training where there is exactly one.
 fn make_report(
     session: &Session,
     device: &Device,
@@ -78,7 +78,7 @@ fn make_report(
         out_of_sample: Some(Orientation::new(12.0, 6.0)),
         random: OrientationSet::parse(&format!("random:64:{}", seed.wrapping_add(1)))?,
         imf,
-        // Of shares of the tool, as the paper compares; the verdict beside the table goes by the calibrated one.
+        // For fractions of the tool, as the paper compares; the verdict beside the table goes by the calibrated one.
         threshold: Some(PAPER_THRESHOLD),
     };
     let path = out.join(FIELD);

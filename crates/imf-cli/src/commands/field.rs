@@ -108,8 +108,8 @@ fn of_saved(session: &Session, arguments: &FieldArguments, path: &Path, folder: 
         .run(arguments.imf)
 }
 
-/// Whether a part is none, but looks like a saved field. One without an ending begins as its format does: the length of its header in
-/// eight bytes, and a brace.
+/// True where a file is not a mesh but looks like a saved field. One without an ending begins as its format does: the
+/// length of its header in eight bytes, and a brace.
 pub(super) fn is_field(part: &Path) -> bool {
     let begins_so = || {
         let mut start = [0; 9];
@@ -146,7 +146,7 @@ enum Values<'a> {
 /// Exact sections.
 struct ExactSections<'a> {
     plan: &'a SectionPlan,
-    /// Where depths are asked for, not overlaps.
+    /// Where depths are requested, not overlaps.
     depth: Option<&'a DepthPlan>,
     elements: Option<&'a ElementPlans>,
     check: Check,

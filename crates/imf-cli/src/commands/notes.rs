@@ -1,4 +1,4 @@
-//! What is said of a field from a file before it answers.
+//! Remarks on a field from a file before it is evaluated.
 
 use std::path::Path;
 

@@ -1,7 +1,7 @@
 //! `imf query`: evaluates a field at poses from a CSV file, and counts exactly with --exact.
 //!
-//! Poses are read, answered and written in chunks: memory does not grow with their number. A file of poses is read twice, first to
-//! find what is wrong with it before anything is answered.
+//! Poses are read, evaluated and written in chunks: memory does not grow with their number. A file of poses is read
+//! twice, first to find what is wrong with it before anything is evaluated.
 
 mod poses;
 mod results;
@@ -26,11 +26,11 @@ use crate::interrupt::{self, Interrupted};
 use crate::output::{OutputFile, short, standard_output_failed};
 use crate::session::Session;
 
-/// Poses answered at a time: large enough for a GPU, less than seconds of work.
+/// Poses evaluated at a time: large enough for a GPU, less than seconds of work.
 const CHUNK: usize = 1 << 14;
 /// The same where the tool is voxelised for every pose.
 const EXACT_CHUNK: usize = 1 << 8;
-/// A pose that can be answered.
+/// A pose that can be evaluated.
 const ANY: Pose = Pose { position: DVec3::ZERO, rotation: DQuat::IDENTITY };
 
 pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
@@ -61,11 +61,11 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
         ));
     }
     session.note(&match quantity.is_overlap() {
-        true => format!("a field is no proof; --exact answers: {}", record.guarantee()),
+        true => format!("a field is not a proof; --exact answers: {}", record.guarantee()),
         false => {
             let [_, most] = quantity.bounds(record.grid.pitch);
             format!(
-                "a field is no proof; depths are clamped within {DEPTH_CAP} pitches, {} {}; --exact answers: {}",
+                "a field is not a proof; depths are clamped within {DEPTH_CAP} pitches, {} {}; --exact answers: {}",
                 short(most),
                 record.unit,
                 record.guarantee()
@@ -118,7 +118,7 @@ struct Work {
 }
 
 impl Work {
-    /// Answers all poses; `whole` where an interruption leaves nothing behind.
+    /// Evaluates all poses; `whole` where an interruption leaves nothing behind.
     fn answer(
         &self,
         session: &Session,
@@ -129,7 +129,7 @@ impl Work {
     ) -> Result<()> {
         let size = if self.exact.is_some() { EXACT_CHUNK } else { CHUNK };
         let mut answers = ResultChunk::default();
-        // Before the header: poses that cannot be read at all leave no half of an answer.
+        // Before the header: poses that cannot be read at all leave no partial result.
         poses.read(size, &mut answers.records, &mut answers.poses)?;
         let measure = match (self.quantity, &self.sharp_points) {
             (Quantity::Depth, Some(_)) => "depth_sharp",
@@ -148,7 +148,7 @@ impl Work {
                 let kept = if whole { "nothing was written" } else { "no further pose is answered" };
                 return Err(Interrupted(format!("{answered} poses were answered; {kept}")).into());
             }
-            // In the place of an invalid pose any other is answered, and the answer is not told.
+            // In place of an invalid pose any other is evaluated, and the result discarded.
             asked.clear();
             asked.extend(answers.poses.iter().map(|pose| pose.unwrap_or(ANY)));
             answers.values = self.measure(&asked, |poses, values| self.field.values(poses, values))?;

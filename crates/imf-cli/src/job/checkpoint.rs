@@ -293,7 +293,7 @@ impl<T: Checkpoint> Latest<T> {
     }
 }
 
-/// Writes the field of a finished training. The field of an earlier one is kept beside it.
+/// Writes the field of a finished training. The field of an earlier one is saved beside it.
 pub(super) fn write_result<T: Checkpoint>(session: &Session, out: &Path, result: &T) -> Result<()> {
     let path = out.join(FIELD);
     keep_former(session, &path)?;

@@ -1,7 +1,7 @@
 //! What a training learns from: a dataset, in memory where it fits, else read in groups while training runs.
 //!
-//! How many groups an epoch has decides the order of the samples. A fresh training takes as few as fit; their number is
-//! recorded, and whoever goes on keeps it, on whatever machine.
+//! How many groups an epoch has decides the order of the samples. A fresh training takes as few as fit; their number
+//! is recorded, and a continued training uses it on any machine.
 
 use std::path::Path;
 
@@ -32,7 +32,7 @@ pub struct Data {
 /// Where the samples of a training are.
 pub(super) enum Source {
     Memory(Samples),
-    /// In so many groups an epoch.
+    /// An epoch in this number of groups.
     Groups(usize),
 }
 

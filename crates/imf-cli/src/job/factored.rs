@@ -171,8 +171,8 @@ impl<'a> FactoredStart<'a> {
         Ok(())
     }
 
-    /// The settings with the optimiser given, if any. A resumed training keeps its own optimiser and rates where none are given,
-    /// and the interval at which its output layer is solved.
+    /// The settings with the optimiser given, if any. A resumed training retains its optimiser and rates where none
+    /// are given, and the interval at which its output layer is solved.
     pub(crate) fn resolve_settings(
         &self,
         rate: Option<f32>,
@@ -267,7 +267,7 @@ impl<'a> FactoredStart<'a> {
 pub struct Distillation<'a> {
     /// How it is trained.
     pub settings: DistillSettings,
-    /// The network relies on what symmetry the harmonic field has, whatever the settings say.
+    /// The network uses the harmonic field's symmetry regardless of the settings.
     pub find_symmetry: bool,
     /// How the finished weights are saved.
     pub precision: Precision,

@@ -15,9 +15,9 @@ use super::REPORT_EVERY;
 use crate::interrupt::Interrupted;
 use crate::session::Session;
 
-/// Evaluations of a run where nothing is said, at most; they then take about a hundredth of the time of training.
+/// Default maximum number of evaluations of a run; they then take about a hundredth of the time of training.
 const EVALUATIONS: u64 = 100;
-/// Steps between two evaluations where nothing is said, at least.
+/// Default minimum number of steps between two evaluations.
 const STEPS_BETWEEN: u64 = 500;
 
 /// What is held out of a fresh training of `total` steps. The steps between two evaluations are a multiple of those
@@ -37,7 +37,7 @@ pub(super) struct HeldOutWatch {
 }
 
 impl HeldOutWatch {
-    /// Draws the poses that the model's record asks for.
+    /// Draws the poses that the model's record specifies.
     pub(super) fn new(session: &Session, model: &Model) -> Result<Option<Self>> {
         let Some(record) = &model.record.held_out else { return Ok(None) };
         let trained = &model.record.orientations.orientations;

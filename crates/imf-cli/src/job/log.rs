@@ -72,7 +72,7 @@ impl Log {
         let rows = || text.lines().map(|line| (line, serde_json::from_str::<Row>(line)));
         // The rows of a training that goes on are its own, though the first may have been cut short.
         if steps == 0 && rows().next().is_some_and(|(_, row)| row.is_err()) {
-            bail!("{} is no log of a training: move it, or choose another folder", path.display());
+            bail!("{} is not a log of a training: move it, or choose another folder", path.display());
         }
         let kept: String = rows()
             .filter(|(_, row)| row.as_ref().is_ok_and(|row| row.step <= steps && steps > 0))
@@ -138,7 +138,7 @@ mod tests {
         assert_eq!([0, 70].map(|steps| seconds_until(folder.path(), steps)), [0.0, row(60).seconds]);
         lines.write(&row(80)).unwrap();
         assert_eq!(steps(&path), [20, 40, 60, 80]);
-        // A first line that was cut is no reason to refuse a training that goes on.
+        // A first line that was cut is not a reason to refuse a training that goes on.
         let text = std::fs::read_to_string(&path).unwrap();
         std::fs::write(&path, format!("{{\"st\n{text}")).unwrap();
         let mut lines = Log::open(&path, 80).unwrap();
@@ -158,7 +158,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("data.csv");
         std::fs::write(&path, "x,y\n1,2\n").unwrap();
-        assert!(Log::open(&path, 0).err().unwrap().to_string().contains("no log of a training"));
+        assert!(Log::open(&path, 0).err().unwrap().to_string().contains("not a log of a training"));
         assert_eq!(std::fs::read(&path).unwrap(), b"x,y\n1,2\n");
     }
 }

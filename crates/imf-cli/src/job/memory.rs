@@ -1,11 +1,12 @@
-//! What a training takes beside its samples. All that is said about it, and all that is refused, is computed here:
+//! What a training takes beside its samples. All messages and refusals about memory are computed here:
 //!
 //! - for every parameter, on the CPU: the engine ([`CpuTrainer::BYTES_PER_PARAMETER`]: weights, weights transposed, gradient,
 //!   two moments), and beside it [`BYTES_BESIDE_ENGINE`],
 //!   and between ranks the exchanged slices ([`Rank::bytes_per_parameter`]);
 //! - for every sample of a window of 1024: activations and slopes of all layers ([`CpuTrainer::memory_bytes`]);
 //! - for every sample of a batch: its inputs and its target;
-//! - for every pose held out: its inputs, its value and its answer, and while they are drawn the sections that they are of;
+//! - for every pose held out: its inputs, its exact value and the network's, and while they are drawn the sections
+//!   that they are of;
 //! - for every sample of the dataset in memory: [`Samples::BYTES_PER_SAMPLE`](imf_train::samples::Samples).
 //!
 //! [`CpuTrainer::BYTES_PER_PARAMETER`]: imf_train::engine::CpuTrainer::BYTES_PER_PARAMETER
@@ -48,7 +49,7 @@ pub struct Footprint {
 }
 
 impl Footprint {
-    /// Of training a network on a scene in batches of `batch`, with so many poses held out.
+    /// Of training a network on a scene in batches of `batch`, with `held_out` poses held out.
     pub fn new(
         session: &Session,
         device: &Device,
@@ -92,7 +93,7 @@ impl Footprint {
         }
     }
 
-    /// Refuses a training that would not fit, with so many bytes beside it.
+    /// Refuses a training that would not fit, with `beside` bytes beside it.
     ///
     /// # Errors
     /// Less memory than this.

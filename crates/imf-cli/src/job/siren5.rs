@@ -72,7 +72,7 @@ fn footprint(
     Footprint::new(session, device, model.shape, &record.plan, &model.scene.record, batch, held_out)
 }
 
-/// Trains with an epoch of so many samples, which `by` has; memory was reserved before.
+/// Trains with an epoch of `samples` samples, which `by` has; memory was reserved before.
 fn train_to_the_end(
     session: &Session,
     device: &Device,
@@ -242,7 +242,7 @@ pub(crate) fn resumed_model(
     if let Some(rate) = rate {
         let plan = &mut model.record.plan;
         let schedule = schedule_from(&plan.schedule, rate);
-        // The same rate given once more is no way out of a divergence.
+        // The same rate given once more is not a way out of a divergence.
         if schedule != plan.schedule {
             plan.schedule = schedule;
             plan.check()?;

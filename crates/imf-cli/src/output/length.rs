@@ -20,7 +20,7 @@ pub(crate) fn at_most(value: f64, unit: LengthUnit) -> String {
     nearest((value * scale + 1e-6).floor() / scale, unit)
 }
 
-/// With so many decimals more, as of a tolerance.
+/// With `more` decimals in addition, as for a tolerance.
 pub(crate) fn finer(value: f64, unit: LengthUnit, more: usize) -> String {
     format!("{value:.*}", decimals(unit) + more)
 }
@@ -43,7 +43,7 @@ pub(crate) fn stick_out(
     format!("stick-out of {tool} (set to {given} {unit}, shortest {shortest}{longest})")
 }
 
-/// That the surface lies nearer than the voxels that shank and holder were kept off, in words.
+/// States how much nearer the surface lies than the voxels that shank and holder avoided.
 pub(crate) fn surface_nearer(nearer: f64, conservative: bool, unit: LengthUnit) -> String {
     let more = at_least(nearer, unit);
     match conservative {

@@ -7,7 +7,7 @@ use std::path::{Component, Path, PathBuf};
 use anyhow::{Context as _, Result};
 use serde::Deserialize;
 
-/// The last file of every run that keeps its results in a folder; it names them all.
+/// The last file of every run that writes its results into a folder; it names them all.
 pub(crate) const SUMMARY: &str = "summary.json";
 
 /// What is read of a summary.
@@ -17,8 +17,8 @@ struct StaleSummary {
     files: Vec<String>,
 }
 
-/// The files that a summary of this program names, the summary last. What no summary names is none of them, nor is anything outside the
-/// folder.
+/// The files that a summary of this program names, the summary last. Files that no summary names are not listed, nor
+/// are files outside the folder.
 pub(super) fn stale_files(folder: &Path) -> Vec<PathBuf> {
     let summary = folder.join(SUMMARY);
     let Ok(text) = fs::read_to_string(&summary) else { return Vec::new() };
@@ -33,7 +33,7 @@ pub(super) fn stale_files(folder: &Path) -> Vec<PathBuf> {
     files.iter().filter(is_name).map(|file| folder.join(file)).chain([summary]).collect()
 }
 
-/// Removes [`stale_files`] and tells how many there were.
+/// Removes [`stale_files`] and returns how many there were.
 ///
 /// # Errors
 /// A file that cannot be removed.

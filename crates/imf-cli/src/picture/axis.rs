@@ -62,7 +62,7 @@ impl Axis {
         let ticks = |most| RangedCoordf64::from(low..high).key_points(BoldPoints(most));
         let mut axis = Self { scale, range, numbers: vec![], decimals: 0, names: vec![] };
         axis.numbers = match scale {
-            // A tick alone tells no scale.
+            // A single tick shows no scale.
             AxisScale::Linear => {
                 (most..most + 4).map(ticks).find(|ticks| ticks.len() > 1).unwrap_or_default()
             }
@@ -83,7 +83,7 @@ impl Axis {
         Self::new(AxisScale::Linear, [low, high], most)
     }
 
-    /// A linear axis along so many pixels, with at most seven numbers, as many as stand apart.
+    /// A linear axis along `pixels` pixels, with at most seven numbers, as many as stand apart.
     pub(super) fn along(low: f64, high: f64, pixels: u32) -> Self {
         let apart = |axis: &Self| match axis.numbers[..] {
             [first, second, ..] => {

@@ -22,7 +22,7 @@ const ROW_HEIGHT: u32 = 40;
 const BAR: f64 = 0.6;
 const PLAIN: RGBColor = RGBColor(158, 172, 186);
 const MARKED: RGBColor = RGBColor(0, 114, 178);
-/// Colours of Okabe and Ito, which colour-blind readers tell apart too.
+/// Colours of Okabe and Ito, which colour-blind readers distinguish too.
 const SERIES_COLOURS: [RGBColor; 6] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
@@ -56,7 +56,7 @@ pub struct Chart {
     pub value_name: String,
     /// Spread of the value axis.
     pub value_scale: AxisScale,
-    /// The curves; six are told apart by colour.
+    /// The curves; six have distinct colours.
     pub series: Vec<Series>,
 }
 

@@ -109,7 +109,7 @@ impl Panel<'_> {
         }
     }
 
-    /// The axes to the right and upwards, numbers about so many pixels apart.
+    /// The axes to the right and upwards, numbers about 48 and 36 pixels apart.
     fn axes(&self, side: u32) -> [Axis; 2] {
         [(0, 48), (1, 36)].map(|(axis, apart)| {
             let (start, voxels) = (self.axes.start[axis], self.values.shape()[axis]);

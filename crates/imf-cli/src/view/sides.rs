@@ -1,4 +1,4 @@
-//! A surface from six sides, shaded, as a PNG file: the same colours as on the page, for who has no browser at hand.
+//! A surface from six sides, shaded, as a PNG file: the same colours as on the page, for use without a browser.
 
 use std::path::Path;
 
@@ -54,7 +54,7 @@ impl View<'_> {
     }
 }
 
-/// What of a triangle is seen at a place.
+/// The visible point of a triangle at a pixel.
 #[derive(Clone, Copy)]
 struct Seen {
     depth: f64,

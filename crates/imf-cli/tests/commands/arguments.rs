@@ -170,7 +170,7 @@ fn divergence_stops_with_the_step_and_a_remedy() {
     ]);
     assert!(!work.path("model/field.safetensors").exists());
 
-    // A finished training in the same folder is no place to go on from.
+    // A finished training in the same folder is not a place to go on from.
     work.imf(&format!("{TRAIN} --steps 3 --out model")).done();
     let before = work.bytes("model/checkpoint.safetensors");
     let error = work.imf(&diverging).refused(&["the loss became"]);

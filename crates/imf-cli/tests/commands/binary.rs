@@ -104,7 +104,7 @@ impl Workdir {
 
     /// Fails unless the file is a PNG picture.
     pub(crate) fn picture(&self, name: &str) {
-        assert!(self.bytes(name).starts_with(b"\x89PNG\r\n\x1a\n"), "{name} is no PNG");
+        assert!(self.bytes(name).starts_with(b"\x89PNG\r\n\x1a\n"), "{name} is not a PNG");
     }
 
     /// The command with a line of arguments, split at spaces.

@@ -19,11 +19,11 @@ fn damaged_datasets_are_named() {
     let foreign = replaced(&whole, "imf-dataset", "someone-else");
     let newer = replaced(&whole, "\"version\": 1", "\"version\": 9");
     for (bytes, words) in [
-        (&whole[..whole.len() / 2], ["no intact dataset file", "EOF"]),
-        (b"", ["no intact dataset file", "EOF"]),
-        (b"{\"format\": 3}", ["no intact dataset file", "expected a string"]),
+        (&whole[..whole.len() / 2], ["not an intact dataset file", "EOF"]),
+        (b"", ["not an intact dataset file", "EOF"]),
+        (b"{\"format\": 3}", ["not an intact dataset file", "expected a string"]),
         (b"\xff\xfe not a text", ["cannot read", "UTF-8"]),
-        (&foreign, ["no intact dataset file", "someone-else"]),
+        (&foreign, ["not an intact dataset file", "someone-else"]),
         (&newer, ["version 9", "newer imf"]),
     ] {
         work.write(manifest, bytes);
@@ -43,7 +43,7 @@ fn damaged_datasets_are_named() {
             [&whole[..whole.len() - 7], &whole[..3], b"", b"solid something else entirely", &flipped[..]]
         {
             work.write(file, bytes);
-            work.imf(&train).refused(&[file, "no intact dataset file"]);
+            work.imf(&train).refused(&[file, "not an intact dataset file"]);
         }
         std::fs::remove_file(work.path(file)).unwrap();
         work.imf(&train).refused(&[file, "cannot read"]);
@@ -75,8 +75,8 @@ fn damaged_models_are_named() {
     let mut not_a_number = whole.clone();
     not_a_number[first_weight..first_weight + 4].copy_from_slice(&f32::NAN.to_le_bytes());
     for (bytes, words) in [
-        (&whole[..whole.len() - 1], "no intact model"),
-        (b"a letter to the editor", "no intact model"),
+        (&whole[..whole.len() - 1], "not an intact model"),
+        (b"a letter to the editor", "not an intact model"),
         (&foreign, "a-puzzle!"),
         (&not_a_number, "checksum"),
         (&newer, "version 9"),
@@ -99,8 +99,8 @@ fn a_damaged_checkpoint_is_named() {
     let checkpoint = "model/checkpoint.safetensors";
     let whole = work.bytes(checkpoint);
     work.write(checkpoint, &whole[..whole.len() / 2]);
-    work.imf(&format!("{train} --resume")).refused(&[checkpoint, "no intact model"]);
-    // The finished model is no checkpoint: it has no moments.
+    work.imf(&format!("{train} --resume")).refused(&[checkpoint, "not an intact model"]);
+    // The finished model is not a checkpoint: it has no moments.
     let mut model = work.model("model/field.safetensors");
     model.record.finished = false;
     model.write(&work.path(checkpoint)).unwrap();

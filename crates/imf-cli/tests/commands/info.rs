@@ -63,7 +63,7 @@ fn datasets_are_described_with_what_is_missing() {
     std::fs::remove_file(folder.path("data/shard-00000.safetensors")).unwrap();
     assert_eq!(folder.json("info data")["shards_missing"], 1);
     std::fs::create_dir(folder.path("empty")).unwrap();
-    folder.refuse("info empty", &["empty", "no dataset"]);
+    folder.refuse("info empty", &["empty", "not a dataset"]);
 }
 
 #[test]

@@ -164,7 +164,7 @@ fn options_that_differ_from_the_training_that_is_resumed_are_refused() {
         let line = format!("{} --no-calibrate {option} --resume", kept.join(" "));
         work.imf(&line).refused(&[&format!("{name} is not that of the training"), "--out"]);
     }
-    // The same again, and what is left to its default, are no others.
+    // The same again, and what is left to its default, are not others.
     work.imf(&format!("{train} --resume")).done();
     work.imf("train siren5 data --device cpu --no-calibrate --out model --resume").done();
     assert!(work.bytes("model/field.safetensors") == before);

@@ -163,11 +163,11 @@ fn orientation_sets_and_parts_that_are_none() {
     let folder = Workdir::new();
     folder.write("o.csv", "theta,phi\n0,0\n10,north\n");
     for (set, words) in [
-        ("ring:5", ["'ring:5' is no orientation set", "fibonacci:N"]),
-        ("grid:0", ["grid:0", "'0' is no number of orientations"]),
+        ("ring:5", ["'ring:5' is not an orientation set", "fibonacci:N"]),
+        ("grid:0", ["grid:0", "'0' is not a number of orientations"]),
         ("0,200", ["0,200", "φ must be from 0 to 180"]),
-        ("random:5", ["'random:5' is no orientation set", "random:N:SEED"]),
-        ("random:3:x", ["random:3:x", "'x' is no seed"]),
+        ("random:5", ["'random:5' is not an orientation set", "random:N:SEED"]),
+        ("random:3:x", ["random:3:x", "'x' is not a seed"]),
         ("o.csv", ["o.csv", "line 3"]),
     ] {
         folder.refuse_input(&format!("field bracket --orientations {set} --out out"), &words);

@@ -16,7 +16,7 @@ fn shares_join_to_the_dataset_made_at_once_and_what_is_missing_is_named() {
         let made = work.json(&format!("{DATASET} part-{share} --shard {share}/3"));
         assert_eq!((&made["shards_made"], &made["shards_of_others"]), (&json!(2), &json!(4)));
     }
-    // A share is no dataset yet.
+    // A share is not a dataset yet.
     for line in ["train siren5 part-1 --device cpu --out model", "info part-1"] {
         work.imf(line).refused(&["part-1 holds 1 share", "imf dataset merge"]);
     }

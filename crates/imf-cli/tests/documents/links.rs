@@ -35,7 +35,7 @@ fn fault(page: &Page, to: &str) -> Option<String> {
     let Ok(target) = target.canonicalize() else { return Some("no such file".into()) };
     let book = root().join("docs");
     if page.path.starts_with(&book) && !target.starts_with(&book) {
-        return Some("leads out of the book, where it is no page: name the file instead".into());
+        return Some("leads out of the book, where it is not a page: name the file instead".into());
     }
     let known = anchor.is_none_or(|anchor| Page::read(&target).anchors.iter().any(|name| name == anchor));
     (!known).then(|| "no such heading".into())

@@ -6,10 +6,11 @@
 //! plane x: line 0 (z voxels) line 1 … line y−1 | words that the longest shift reads
 //! ```
 //! A run of the body [a, b] on a row reaches z from any visited voxel in [z − b, z − a]. With `E` the set in which
-//! every bit is joined by the b − a bits behind it, that is one bit of `E`; for the run as a whole it is `E` shifted
-//! by so many bits as the run lies from the body's corner, the same for a whole plane. So a run costs a shift and an
-//! OR for each word of the target, and each length of runs one pass that widens `E`. Only positions from which the
-//! body meets the target are looked at: shifts then never reach another line.
+//! A run of the body [a, b] on a row reaches z from any visited voxel in [z − b, z − a]. Let `E` be the set in which
+//! every bit is joined by the b − a bits behind it. Then that is one bit of `E`, and for the whole run it is `E`
+//! shifted by the run's distance from the body's corner, the same for a whole plane. So a run costs a shift and an OR
+//! for each word of the target, and each length of runs one pass that widens `E`. Only positions from which the body
+//! meets the target are visited: shifts then never reach another line.
 
 use pulp::Arch;
 
@@ -55,7 +56,7 @@ pub(super) fn meeting_positions(body: &ToolVoxels, target: &Grid) -> Result<Grid
     target.padded(body.upper().map(i64::from), body.lower.map(|lower| -i64::from(lower)))
 }
 
-/// What was covered so far, and the working memory of one thread.
+/// Accumulated coverage, and the working memory of one thread.
 pub(super) struct Dilation {
     arch: Arch,
     target: Grid,
@@ -80,7 +81,7 @@ impl Dilation {
         }
     }
 
-    /// Bytes for a target and at most so many positions along the axes.
+    /// Bytes for a target and at most `positions` positions along the axes.
     pub(super) fn memory(target: [usize; 3], positions: [usize; 3]) -> u64 {
         let bits = |[x, y, z]: [usize; 3]| x as u64 * (y as u64 * (z as u64 + 64) + 192);
         (2 * bits(target) + 2 * bits(positions)) / 8

@@ -39,7 +39,8 @@ impl AccessMap {
         self
     }
 
-    /// The share of the map's directions, by their area on the sphere, whose measure is at most `tau`; 0 of none.
+    /// Fraction of the map's directions, by their area on the sphere, whose measure is at most `tau`; 0 without
+    /// directions.
     #[must_use]
     pub fn free_share(&self, tau: f64) -> f64 {
         let step = std::f64::consts::PI / self.cells[1] as f64;
@@ -55,8 +56,8 @@ impl AccessMap {
 }
 
 /// The collision measure at the world point `point` for every cell of directions, by direct counts: what a section of
-/// that direction reads there, the least over the sharp points `k` of the trilinear mean around `point − R k`. The tool's
-/// lengths are in the grid's unit. One unit of progress is one direction.
+/// that direction reads there, the minimum over the sharp points `k` of the trilinear mean around `point − R k`. The
+/// tool's lengths are in the grid's unit. One unit of progress is one direction.
 ///
 /// # Errors
 /// A tool that does not fit the grid; [`SectionError::Cancelled`] when the control asks to stop.

@@ -1,13 +1,13 @@
 //! The removable volume: stock that the cutter covers at some free pose.
 //!
-//! For every orientation one correlation finds the free positions of the whole tool (its overlap with the obstacle, tip
-//! on a voxel centre, is at most τ), and a second one, of those positions with the rotated cutter, the voxels that it
-//! sweeps there; here the second is a dilation of bits, 64 at a time. Both look only at the positions from which the cutter
-//! in that orientation meets the stock. The stock itself is no obstacle: the question is what can be removed at all, in
-//! whatever order.
+//! For every orientation one correlation finds the free positions of the whole tool (its overlap with the obstacle,
+//! tip on a voxel centre, is at most τ), and a second one, of those positions with the rotated cutter, the voxels
+//! that it sweeps there; here the second is a dilation of bits, 64 at a time. Both visit only the positions from
+//! which the cutter in that orientation meets the stock. The stock itself is not an obstacle: the result is what can
+//! be removed at all, in whatever order.
 //!
-//! Tips on voxel centres alone leave a rim that gets thinner with the pitch. So there is an upper bound beside it, of tips
-//! anywhere: what lies between both, this pitch does not decide.
+//! Tips on voxel centres alone leave a rim that gets thinner with the pitch. So there is also an upper bound, for
+//! tips anywhere: this pitch does not decide what lies between both.
 
 use thiserror::Error;
 
@@ -53,18 +53,18 @@ pub fn cutter_of(tool: &Tool) -> Option<Tool> {
 /// How far a tip may be from the nearest voxel's centre, in voxels: half the diagonal of one.
 const ROUNDING: f64 = 0.866_025_403_784_438_7;
 
-/// The stock that a cutter removes, between what it removes with its tip on voxel centres and what it removes at most with
-/// its tip anywhere. Both tend to what it removes as the pitch falls.
+/// Bounds of the stock that a cutter removes: with its tip on voxel centres, and at most with its tip anywhere. Both
+/// converge to the stock removed as the pitch falls.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Removable {
     /// 1 for every voxel of the stock that the cutter covers at a free pose whose tip lies on a voxel's centre.
     pub covered: Vec<u8>,
-    /// 1 for those, and for every voxel that it may cover at a free pose whose tip lies anywhere; every other voxel stays, whatever
-    /// the pitch.
+    /// 1 for those, and for every voxel that it may cover at a free pose whose tip lies anywhere; every other voxel
+    /// stays at any pitch.
     pub possible: Vec<u8>,
 }
 
-/// The grid of all positions of the tip from which the cutter can cover a voxel of `stock`; `tool` as it is, not offset.
+/// The grid of all positions of the tip from which the cutter can cover a voxel of `stock`; `tool` without clearance.
 ///
 /// # Errors
 /// A tool without a cutter, or a grid that is too large.
@@ -100,8 +100,8 @@ pub fn removable_memory_estimate(
 /// holds should be left out of it beforehand. Two units of progress are one orientation; the result does not depend on the
 /// number of threads.
 ///
-/// At most that is removed which the cutter covers, offset by half a voxel's diagonal, where the tool, eroded by as much, is free:
-/// a free pose is never farther from a voxel's centre.
+/// Upper bound: the stock covered by the cutter offset by half a voxel's diagonal, at poses where the tool eroded by
+/// the same length is free. Every free pose is within that length of a voxel's centre.
 ///
 /// # Errors
 /// A stock on other voxels than the obstacle, as [`SectionPlan::cmf`], or cancellation.
@@ -157,7 +157,7 @@ struct Sweep<'a> {
     stock: &'a Occupancy,
     orientations: &'a [Orientation],
     tau: f64,
-    /// Whose voxels `tau` is a share of, where they are not the tool's own.
+    /// The tool of whose voxels `tau` is a fraction, where it is not the tool itself.
     widest: Option<Assembly>,
 }
 
@@ -199,7 +199,7 @@ impl Sweep<'_> {
         Ok(covered)
     }
 
-    /// Shows what each thread has covered so far after every orientation.
+    /// Shows after every orientation what each thread has covered.
     fn each<V: Send>(
         &self,
         control: Control<'_>,

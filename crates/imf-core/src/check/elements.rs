@@ -19,8 +19,8 @@ use crate::tool::{Element, ElementKind, Tool, ToolShape};
 /// Taken off proven clearances, in pitches: more than rounding.
 pub(super) const MARGIN: f64 = 1e-3;
 
-/// How far a tool may move from a pose in the body's frame, asked no farther than `most`, before it collides; at or below 0 where that
-/// is not known, `None` of meshes.
+/// How far a tool may move from a pose in the body's frame before it collides, searched up to `most`; at or below 0
+/// where that is unknown, `None` for meshes.
 pub(super) fn room(field: &SolidField, pose: &Pose, most: f64) -> Option<f64> {
     let margin = MARGIN * field.voxels().occupancy().grid.pitch;
     Some(field.clearance_up_to(pose, most + 2.0 * margin)? - margin)
@@ -143,7 +143,7 @@ impl Elements {
         Ok(Self(groups))
     }
 
-    /// A tool whose elements cannot be told apart: it has no cutter that could be let touch.
+    /// A tool whose elements cannot be distinguished: it has no cutter that may touch.
     fn whole(part: &Arc<Body>, fixtures: &[Arc<Body>], tool: &Tool) -> Self {
         let shape = || match &tool.shape {
             ToolShape::Mesh(_) => Shape::Mesh(tool.clone()),
@@ -195,7 +195,7 @@ pub(super) struct Step {
 }
 
 impl Group {
-    /// Looks at a pose in the body's frame and gives the room there, asked no farther than `most`; `counts` is working memory.
+    /// Checks a pose in the body's frame and returns the room there, searched up to `most`; `counts` is working memory.
     pub(super) fn follow(
         &self,
         step: &Step,
@@ -254,8 +254,8 @@ impl Track {
         Some(Collision { poses: self.poses, ..self.worst? })
     }
 
-    /// Depths are known to half a pitch: within as much of a pose that was measured there is no need to look again, nor as long
-    /// as the tool cannot have come as deep as it was. Centres that are new in the tool add up to two pitches.
+    /// Depth is known to half a pitch, so a pose within half a pitch of the last measured one is skipped, and so is
+    /// one that cannot yet exceed the worst depth: newly entered centres add at most two pitches.
     fn may_be_deeper(&self, index: u64, step: f64, pitch: f64) -> bool {
         let Some(worst) = &self.worst else { return true };
         let moved = (index - self.last) as f64 * step;
@@ -272,7 +272,7 @@ impl Track {
         measures
     }
 
-    /// Keeps the deepest pose, the first of equals.
+    /// Retains the deepest pose, the first of equals.
     pub(super) fn take(&mut self, depth: f64, collision: impl FnOnce() -> Collision) {
         self.depth = depth;
         if self.worst.as_ref().is_none_or(|worst| worst.depth < depth) {
@@ -326,7 +326,7 @@ impl DeepestCentre {
         }
     }
 
-    /// What is said of it, but for the number of poses.
+    /// The collision that is reported, except for the number of poses.
     pub(super) fn collision(
         &self,
         element: &DepthElement,

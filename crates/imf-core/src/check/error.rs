@@ -130,7 +130,7 @@ pub enum CheckError {
     /// A solid's mesh that does not say what is inside.
     #[error(transparent)]
     Solid(#[from] SceneError),
-    /// Tools that cannot be told apart.
+    /// Tools that cannot be distinguished.
     #[error("the tools are {0}: give one tool without a number, or each its own")]
     Tools(String),
     /// The cutter is too thin for the contact.

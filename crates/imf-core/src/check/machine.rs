@@ -1,8 +1,9 @@
 //! A machine's head and table on the way along a toolpath, and its travel.
 //!
-//! What the head carries is tried against part, fixtures and the table's solids, the tool against the latter, and part and fixtures
-//! against those of the latter that do not turn with them. Each pair is looked at in the frame of the body that is hit, at poses of its
-//! own: so close that nothing of the one moves farther than the step as seen from the other.
+//! What the head carries is tested against part, fixtures and the table's solids, the tool against the latter, and
+//! part and fixtures against those of the latter that do not turn with them. Each pair is checked in the frame of the
+//! body that is hit, at poses of its own, so close that no point of the one moves farther than the step in the frame
+//! of the other.
 
 mod carried;
 mod on_table;
@@ -341,7 +342,7 @@ impl Pair {
         self.around.as_ref().is_none_or(|around| around.collides(&pose)) && self.group.field.collides(&pose)
     }
 
-    /// Looks at a pose in the body's frame, and gives the room there.
+    /// Checks a pose in the body's frame and returns the room there.
     fn look(&self, step: &Step, pose: &Pose, tracks: &mut [Track], counts: &mut Vec<u32>, most: f64) -> f64 {
         match self.around.as_ref().and_then(|around| room(around, pose, most)) {
             Some(room) if room > 0.0 => room,

@@ -194,7 +194,7 @@ fn a_hundred_thousand_shallow_contacts_are_all_found() {
     assert!(shallow_contacts(220_000) > 100_000);
 }
 
-/// Tries so many poses of each machine, and gives how many contacts were less than 1 mm deep.
+/// Tries `poses` poses of each machine; returns how many contacts were less than 1 mm deep.
 fn shallow_contacts(poses: usize) -> usize {
     let part = part();
     let mut shallow = 0;
@@ -238,7 +238,7 @@ fn shallow_contacts(poses: usize) -> usize {
                         "{}",
                         context()
                     );
-                    // The contact point, which is told as it lies against the part, is one of the centres in the element.
+                    // The contact point, which is reported in the part's frame, is one of the centres in the element.
                     let by_part = to_head(&machine, &joints, (pair.levels.0, machine.axes_of(Side::Table)));
                     let contact =
                         by_part.transform_point3(DVec3::from_array(hit.contact) + machine.part_zero());
@@ -292,7 +292,7 @@ fn nothing_is_passed_over_between_two_lines() {
                 let found = of_line(1) || of_line(2);
                 seen += usize::from(found);
                 crossed += usize::from(deepest > 0.5 * step);
-                // What is deeper than half a step at any time holds its centre at a pose that is looked at.
+                // What is deeper than half a step at any time holds its centre at a sampled pose.
                 assert!(found || deepest <= 0.5 * step + 1e-9, "{} {:?} {seed}", pair.element, pair.against);
             }
         }

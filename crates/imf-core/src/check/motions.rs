@@ -1,4 +1,4 @@
-//! The motions of a toolpath: which tool makes each, and at how many poses it is looked at.
+//! The motions of a toolpath: which tool makes each, and at how many poses it is sampled.
 
 use glam::{DMat4, DVec3};
 
@@ -46,7 +46,7 @@ impl Motion<'_> {
         }
     }
 
-    /// A collision of what moves with the head, told with the tool as it is then.
+    /// A collision of what moves with the head, reported with the current tool.
     pub(super) fn with_tool(&self, mut hit: Collision) -> Collision {
         let pose = self.at(hit.fraction);
         hit.position = pose.position.to_array();
@@ -55,7 +55,8 @@ impl Motion<'_> {
         hit
     }
 
-    /// A collision of what was looked at in `count` poses, which may be closer together or less close: as many of the motion's.
+    /// A collision found at some of `count` poses, which may be spaced otherwise than the motion's: rescaled to the
+    /// motion's poses.
     pub(super) fn with_poses(&self, hit: Collision, count: u64) -> Collision {
         let poses = (hit.poses as f64 * self.count as f64 / count as f64).round().max(1.0) as u64;
         Collision { poses, ..hit }
@@ -83,14 +84,15 @@ pub(super) fn rigid(motion: &DMat4) -> Pose {
     Pose::new(motion.transform_point3(DVec3::ZERO), rotation)
 }
 
-/// So many poses that nothing moves farther than the step from one to the next.
+/// Number of poses such that nothing moves farther than the step from one to the next.
 pub(super) fn poses_needed(farthest: f64, step: f64, line: usize) -> Result<u64, CheckError> {
     let poses = (farthest / step - 1e-9).ceil().max(1.0);
     if poses <= MAX_POSES { Ok(poses as u64) } else { Err(CheckError::TooLong { line, poses, step }) }
 }
 
-/// Looks at the poses of a motion in their order, numbered from 1, but at none that follows from one before: `look` tells how far
-/// everything may move from the pose that it looks at without that anything is found, 0 or less where nothing is known.
+/// Visits the poses of a motion in order, numbered from 1, and skips those that an earlier one decides: `look` checks
+/// a pose and returns how far everything may move from it before anything can be found, 0 or less where that is
+/// unknown.
 pub(super) fn look_at_poses(count: u64, farthest: f64, mut look: impl FnMut(u64, f64) -> f64) {
     let step = farthest / count as f64;
     let mut index = 1;
@@ -231,7 +233,7 @@ pub fn never_near(toolpath: &Toolpath, tools: &[(Option<u32>, &Tool)], part: &Oc
     })
 }
 
-/// The tool of every location, by its place among those that are given.
+/// For every location the index of its tool in `tools`.
 fn choose(toolpath: &Toolpath, tools: &[(Option<u32>, &Tool)]) -> Result<Vec<usize>, CheckError> {
     let numbers: Vec<Option<u32>> = tools.iter().map(|(number, _)| *number).collect();
     let wrong = match numbers.as_slice() {

@@ -120,7 +120,7 @@ fn elements_and_depths_are_those_of_trying_every_centre() {
 
 #[test]
 fn no_shorter_translation_parts_tool_and_part_where_the_part_is_one_piece() {
-    // A block with room around it; what is said is known to half a pitch.
+    // A block with room around it; depths are known to half a pitch.
     let grid = Grid { origin: DVec3::ZERO, pitch: 0.5, dims: [40; 3] };
     let solid =
         (0..grid.len()).map(|i| u8::from(grid.voxel(i).iter().all(|v| (10..30).contains(v)))).collect();
@@ -186,7 +186,7 @@ fn a_motion_over_the_pole_does_not_turn_a_head_about_its_own_axis() {
     let part = Occupancy::empty(Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [4; 3] });
     let settings = CheckSettings { step: 0.01, ..CheckSettings::of_pitch(1.0, LengthUnit::Mm) };
     let run = |text: &str| check_text(&part, &tool, text, &settings).unwrap().poses;
-    // θ jumps from 180° to 0°; the roll that goes with it keeps the head as it is.
+    // θ jumps from 180° to 0°; the roll that goes with it leaves the head as it is.
     let tilt = 0.04_f64 * tool.reach() / settings.step;
     let poses = run("x,y,z,i,j,k,roll\n0,0,9,-.02,0,1,180\n0,0,9,.02,0,1,0\n") as f64;
     assert!((poses - 1.0 - tilt).abs() < 0.02 * tilt + 1.0, "{poses} {tilt}");

@@ -44,9 +44,9 @@ pub struct Collision {
     pub element: String,
     /// What it hits.
     pub against: HitBody,
-    /// Room that the element, which is offset by it, was to keep.
+    /// The element's required clearance, by which it is offset.
     pub clearance: f64,
-    /// Largest depth of all poses looked at: no shorter translation parts the element, offset by its clearance, from the
+    /// Largest depth of all sampled poses: no shorter translation parts the element, offset by its clearance, from the
     /// centres of the body's voxels. It falls short of the depth in the body itself by up to a pitch or so, and exceeds it by up to
     /// half a pitch where a face lies between two centres. Of stock it is the depth in the element, and half a pitch.
     pub depth: f64,
@@ -121,7 +121,7 @@ pub struct TravelFault {
     pub fraction: f64,
 }
 
-/// The answer for a whole toolpath.
+/// The result for a whole toolpath.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CheckReport {
     /// What was accepted.
@@ -131,8 +131,8 @@ pub struct CheckReport {
     pub sure_depth: f64,
     /// Lines of the toolpath that lead somewhere.
     pub locations: usize,
-    /// Locations to which no way is checked, since the file has none: the first, the first of every other tool, and those behind
-    /// places that only a machine knows.
+    /// Locations whose approach is not in the file: the first one, the first after each tool change, and those after
+    /// moves in machine coordinates (G53, G28).
     pub starts: usize,
     /// Poses checked in all.
     pub poses: u64,
@@ -189,7 +189,7 @@ pub(super) fn gather(
 }
 
 impl LineCollisions {
-    /// Keeps the deepest of each element and body.
+    /// Retains the deepest collision of each element and body.
     fn add(&mut self, hit: Collision) {
         let same = |own: &&mut Collision| own.element == hit.element && own.against == hit.against;
         match self.collisions.iter_mut().find(same) {

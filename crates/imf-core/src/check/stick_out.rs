@@ -1,4 +1,4 @@
-//! The least stick-out with which a tool's shank and holder are free on a whole path.
+//! The minimum stick-out with which a tool's shank and holder are free on a whole path.
 //!
 //! The path is followed at poses as close together as for a check, and shank and holder are offset by half of what moves between
 //! two of them, beside their clearance: what holds no voxel centre then holds none at any time.
@@ -18,7 +18,7 @@ use crate::surface::{CollisionEnvironment, Raising, StickOutTool, default_tolera
 use crate::tool::{Clearance, Tool};
 use crate::toolpath::{Location, MoveKind, Toolpath};
 
-/// The least stick-out of one tool over its part of a path, in the grid's unit.
+/// The minimum stick-out of one tool over its part of a path, in the grid's unit.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PathStickOut {
     /// The tool's number, where the path knows it by one.
@@ -27,14 +27,15 @@ pub struct PathStickOut {
     pub name: String,
     /// What it is set to.
     pub given: f64,
-    /// The least that it can be set to.
+    /// The minimum that it can be set to.
     pub shortest: f64,
     /// Its overall length, where it is known.
     pub longest: Option<f64>,
-    /// The least with which shank and holder are free on all of the path; it may be more than the overall length. `None` where none
-    /// is.
+    /// The minimum with which shank and holder are free on all of the path; it may exceed the overall length. `None`
+    /// where no length is.
     pub least: Option<f64>,
-    /// Motions by the machine's own coordinates, G53 and G28, on which the tip moves with the tool's length: they were not looked at.
+    /// Motions by the machine's own coordinates, G53 and G28, on which the tip moves with the tool's length: they
+    /// were not checked.
     pub left_out: usize,
     /// Line of the toolpath's file that needs most, or on which no stick-out helps; `None` where the shortest serves.
     pub line: Option<usize>,
@@ -43,9 +44,9 @@ pub struct PathStickOut {
 /// By how much farther out than needed poses are taken so closely, so that seldom all must be taken again.
 const AHEAD: f64 = 1.25;
 
-/// For each tool that the path uses the least stick-out with which shank and holder, with their clearance, are free of `obstacle` on
-/// the whole path, also between the poses that are looked at. What the cutter meets is not looked at, nor are a machine's head,
-/// table and travel. One unit of progress is one location.
+/// For each tool that the path uses the minimum stick-out with which shank and holder, with their clearance, are free
+/// of `obstacle` on the whole path, also between the sampled poses. The cutter is not checked, nor are a machine's
+/// head, table and travel. One unit of progress is one location.
 ///
 /// # Errors
 /// As of [`check_toolpath`](super::check_toolpath); a tool without a holder; a path on which the tip moves with the tool's length.
@@ -58,7 +59,7 @@ pub fn least_stick_outs(
     control: Control<'_>,
 ) -> Result<Vec<PathStickOut>, CheckError> {
     settings.check()?;
-    // A control that keeps no centre point adds the length to Z, and a tilted tool's tip moves aside with it.
+    // A control without tool centre point control adds the length to Z, and a tilted tool's tip moves aside with it.
     let moves = |location: &&Location| {
         location.machine.zip(machine).is_some_and(|(point, machine)| {
             let head = machine.placements(Side::Head, &point.joints.rotary)[2].rotation;
@@ -121,14 +122,14 @@ pub fn least_stick_outs(
     Ok(found)
 }
 
-/// True of the way to a location that the spindle has whatever the tool's length, and of the way from one.
+/// True for the motions to and from a location where the spindle's height does not depend on the tool's length.
 fn moves_with_length(locations: &[Location], motion: usize) -> bool {
     let by_spindle = |at: usize| locations[at].machine.is_some_and(|point| point.by_spindle);
     let from = motion.checked_sub(1).filter(|_| locations[motion].kind != MoveKind::Start);
     by_spindle(motion) || from.is_some_and(by_spindle)
 }
 
-/// The least stick-out that is known to be needed, and the line that needs it.
+/// The minimum stick-out that is known to be needed, and the line that needs it.
 struct Search<'a> {
     tool: &'a StickOutTool,
     length: f64,
@@ -136,7 +137,7 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// The least that is free at every pose of some motions; `None` where there is none.
+    /// The minimum that is free at every pose of some motions; `None` where there is none.
     fn over(
         &mut self,
         motions: &[(usize, &Motion<'_>)],
@@ -144,7 +145,7 @@ impl Search<'_> {
     ) -> Result<Option<f64>, CheckError> {
         let mut raising = Raising::new(self.tool);
         loop {
-            // Farther out a pose may collide that was free: all are asked until none does.
+            // A pose that was free may collide farther out: all are checked until none does.
             let length = self.length;
             let blocked = parallel::try_map(motions.len(), |at| {
                 control.check()?;

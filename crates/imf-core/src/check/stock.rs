@@ -1,15 +1,16 @@
 //! The stock along a toolpath: what each line takes of it, and what touches it that must not.
 //!
-//! At every pose that a check looks at, in the order of the path, the cutter takes the voxels whose centres it holds; before that,
-//! shank and holder are tried on the stock that is there. A rapid, and a place where the path begins, to which the tool must have
-//! come somehow, must keep the cutter out as well: it is tried on the stock that was there before the first of such motions in a row.
-//! What of the stock is the part's is left to the check of the part.
+//! At each pose of a check, in the order of the path, shank and holder are tested against the stock that is left;
+//! then the cutter removes the voxels whose centres it holds. On a rapid, and where the path begins (the approach is
+//! not in the file), the cutter must keep out as well: it is tested against the stock from before the first of such
+//! motions in a row. Stock that belongs to the part is left to the check of the part.
 //!
-//! The holder, what a machine's head carries, and all that keeps a clearance, must hold no centre. A shank as wide as its cutter runs in what the cutter has
-//! just cut, and rubs there. So stock is let be that lies, as seen from the tool's axis, where the cutter's flank passed: no deeper below it
-//! than [`CheckSettings::accepted_in_stock`], and no farther outside than the accepted contact. A centre in the shank is in the
-//! stock as it is cut in truth, or the flank passed it between two poses, half a step away, or as far as one
-//! pass of a program misses another: by the contact. The voxels themselves add nothing: cutter and shank are tried on the same centres.
+//! The holder, what a machine's head carries, and everything with a clearance must hold no centre. A shank as wide as
+//! its cutter rubs in what the cutter has just cut. So stock is accepted where, as seen from the tool's axis, the
+//! cutter's flank passed: at most [`CheckSettings::accepted_in_stock`] below it, and at most the accepted contact
+//! outside it. A centre found in the shank may be stock that the real cutter would have removed between two sampled
+//! poses (up to half a step away), or that another pass left within the accepted contact. The voxels add no error of
+//! their own: cutter and shank are tested on the same centres.
 
 mod guard;
 mod head;
@@ -28,8 +29,8 @@ use tool::StockTool;
 use voxels::{BitLines, StockVoxels};
 
 impl CheckSettings {
-    /// How deep below the cutter's surface stock is let be in a shank as wide as the cutter, and in the cutter at rapid rate: the contact,
-    /// and half of what the tool moves between two poses.
+    /// How deep below the cutter's surface stock is accepted in a shank as wide as the cutter, and in the cutter at
+    /// rapid rate: the contact, and half of the tool's movement between two poses.
     #[must_use]
     pub fn accepted_in_stock(&self) -> f64 {
         self.contact + 0.5 * self.step
@@ -41,8 +42,9 @@ impl CheckSettings {
         self.accepted_in_stock() + 0.5 * 3f64.sqrt() * pitch
     }
 
-    /// Diameter of the smallest ball of stock in the holder, or in anything that keeps a clearance or is wider than the cutter, that
-    /// is certain to be detected. Where the cutter's flank passed it takes twice [`CheckSettings::accepted_in_stock`] more.
+    /// Diameter of the smallest ball of stock in the holder, or in anything that has a clearance or is wider than the
+    /// cutter, that is certain to be detected. Where the cutter's flank passed it takes twice
+    /// [`CheckSettings::accepted_in_stock`] more.
     #[must_use]
     pub fn sure_depth_in_stock(&self, pitch: f64) -> f64 {
         3f64.sqrt() * pitch + self.step
@@ -73,7 +75,7 @@ pub struct StockReport {
     pub removed: Vec<LineRemoval>,
     /// Voxels of the stock at first.
     pub voxels: u64,
-    /// What of the stock is left, the part in it included.
+    /// The stock that is left, the part in it included.
     pub remaining: Occupancy,
     /// For every voxel of that grid, the line of the file that took it; 0 of others.
     pub removed_by: Vec<u32>,
@@ -196,7 +198,7 @@ pub fn check_stock(
     Ok(following.report(settings))
 }
 
-/// The path as far as it is followed.
+/// State of the path that is being followed.
 struct Following<'a> {
     toolpath: &'a Toolpath,
     motions: &'a [Motion<'a>],
@@ -208,7 +210,7 @@ struct Following<'a> {
     removed_by: Vec<u32>,
     removed: Vec<LineRemoval>,
     found: Vec<report::Followed>,
-    /// Motions at rapid rate that were tried, and have taken nothing yet, each with what was found.
+    /// Motions at rapid rate that were checked and have removed nothing yet, each with its collision.
     waiting: Vec<(usize, Option<Collision>)>,
     control: Control<'a>,
 }

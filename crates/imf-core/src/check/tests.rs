@@ -293,7 +293,7 @@ fn the_mesh_itself_is_safe_between_poses_only_with_half_the_step_more() {
     assert!(guarantee(0.87).at_all_times != Guarantee::Mesh);
     let inside = 1.0 - (centre + out * near).distance(vertex);
     assert!((0.06..0.07).contains(&inside), "{inside}");
-    // With what is needed this is no free motion, and no motion that is free touches the vertex.
+    // With what is needed this is not a free motion, and no motion that is free touches the vertex.
     let needed = guarantee(0.0).needed;
     assert_eq!(guarantee(needed).at_all_times, Guarantee::Mesh);
     assert!(!passes(needed, centre + out * near, across * 1.5));

@@ -1,8 +1,9 @@
-//! The transform after a few voxels have changed, equal to one made anew.
+//! The transform after a few voxels have changed, equal to one computed from scratch.
 //!
-//! Each of the three passes is a function of single lines: a line along y is done again where the nearest voxel along x has changed on it,
-//! and a line along z where the result of that has, both as far as the change is felt. The result of the second pass is kept from the first
-//! change on; of the first one the lines that are asked for are found again.
+//! Each of the three passes is a function of single lines: a line along y is done again where the nearest voxel along
+//! x has changed on it, and a line along z where the result of that has, both as far as the change has an effect. The
+//! result of the second pass is stored from the first change on; of the first pass the required lines are computed
+//! again.
 
 use std::ops::Range;
 use std::sync::OnceLock;
@@ -99,18 +100,19 @@ impl DistanceField {
     }
 }
 
-/// Of a line of `length` places the parabolas among which the least one is, and the places at which it may now be another, where the heights of
-/// `changed` ones have changed. `old` gives the vertex of the least one before, and its height.
+/// On a line of `length` places where the heights of the `changed` parabolas have changed: the parabolas among which
+/// the lowest one is, and the places at which the lowest may now be another. `old` gives the vertex of the formerly
+/// lowest one, and its height.
 ///
-/// Vertices of least parabolas rise along the line. So those places are next to each other: where one of the changed was the least, and on both
-/// sides as far as one of them is now.
+/// Vertices of lowest parabolas rise along the line. So those places are contiguous: where one of the changed was
+/// lowest, and on both sides as far as one of them is now.
 fn felt(
     length: usize,
     changed: Range<usize>,
     old: impl Fn(usize) -> Option<(usize, u64)>,
     height: impl Fn(usize) -> Option<u64>,
 ) -> (Range<usize>, Range<usize>) {
-    // Each look at a place asks all that have changed: among many the whole line is sooner done.
+    // Each place tests all changed parabolas: if there are many, the whole line is faster.
     if changed.len() > length / 4 || old(0).is_none() {
         return (0..length, 0..length);
     }
@@ -180,7 +182,7 @@ fn nearest_in_planes(obstacle: &Occupancy) -> Vec<u32> {
 struct AlongX<'a> {
     obstacle: &'a Occupancy,
     planes: &'a [usize],
-    /// Lines by y, then by plane, each made when it is first asked for.
+    /// Lines by y, then by plane, each computed when it is first needed.
     lines: Vec<OnceLock<Vec<u32>>>,
 }
 

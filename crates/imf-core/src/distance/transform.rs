@@ -86,8 +86,8 @@ pub(super) struct Envelope {
 }
 
 impl Envelope {
-    /// Calls `visit(i, (j, (i − j)² + height(j)))` with the least of the `parabolas` for every i of `places`, if there is any; of equal ones with
-    /// the first.
+    /// Calls `visit(i, (j, (i − j)² + height(j)))` with the lowest of the `parabolas` for every i of `places`, if
+    /// there is any; of equal ones with the first.
     #[inline]
     pub(super) fn sweep(
         &mut self,

@@ -11,7 +11,7 @@ use crate::pose::Pose;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct DescentSettings {
-    /// Of the rotations that are given, descents begin from so many of the best.
+    /// Number of descents: they start from the best of the rotations that are given.
     pub starts: usize,
     /// Gradients of each descent.
     pub steps: usize,
@@ -30,7 +30,7 @@ impl Default for DescentSettings {
 pub struct BestPose {
     /// The tool's pose, its pivot at the point.
     pub pose: Pose,
-    /// The value there; NaN for a point that is not finite.
+    /// The field's value there (a fraction for overlaps, a length for depths); NaN for a point that is not finite.
     pub value: f32,
     /// The decision there.
     pub decision: Decision,
@@ -40,8 +40,9 @@ pub struct BestPose {
 const FIRST: f64 = 0.15;
 const LAST: f64 = 5e-4;
 
-/// The pose with the pivot at a point and the least value: of the rotations given, then, from the best of them, over all by descent. A pose that
-/// is decided free is better than any that is not. [`PoseField::best`] does it for many points over a set alone.
+/// The pose of minimum value with the pivot at a point: the best of the given rotations, then descents from those
+/// over all rotations. A pose that is decided free is better than any that is not. [`PoseField::best`] does it for
+/// many points over a set alone.
 ///
 /// # Errors
 /// No rotation; as the field's.

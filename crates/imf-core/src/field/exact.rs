@@ -32,8 +32,8 @@ impl PreparedObstacle {
         &self.obstacle
     }
 
-    /// Makes voxels forbidden, or empty; those that are so already are passed over. The indices are of the obstacle's grid. What no
-    /// other one shares is changed in place.
+    /// Makes voxels forbidden, or empty; those that are so already are skipped. The indices are of the obstacle's
+    /// grid. What no other obstacle shares is changed in place.
     pub(crate) fn change(&mut self, forbidden: &[usize], empty: &[usize]) {
         let Self { obstacle, forbidden: solid, cuttable } = self;
         let mut changed: Vec<usize> =
@@ -128,7 +128,7 @@ impl ExactField {
     /// Of a scene's true tool, offset by a clearance in the scene's unit: the scene's own, another, or none.
     ///
     /// # Errors
-    /// A clearance that is no length, or one around a mesh tool.
+    /// A clearance that is not a length, or one around a mesh tool.
     pub fn of_scene(scene: &Scene, clearance: &Clearance) -> Result<Self, ClearanceError> {
         Ok(Self::new(scene, scene.record.bare_tool().offset(clearance)?))
     }
@@ -175,7 +175,7 @@ impl ExactField {
         self.solids().any(|solid| solid.collides(pose))
     }
 
-    /// [`ExactField::collides`] of every pose; those for which `colliding` is true already are passed over.
+    /// [`ExactField::collides`] of every pose; those for which `colliding` is true already are skipped.
     pub(crate) fn collide_all(&self, poses: &[Pose], colliding: &mut [bool]) {
         self.solids().for_each(|solid| solid.collide_all(poses, colliding));
     }

@@ -24,7 +24,7 @@ static MOVES: LazyLock<Vec<(DVec3, f64)>> = LazyLock::new(|| {
     moves
 });
 
-/// Poses that a thread answers at a time.
+/// Poses that a thread evaluates at a time.
 const CHUNK: usize = 16;
 
 impl ExactField {

@@ -17,7 +17,7 @@ pub fn check_minimum(points: &[DVec3], rotations: &[DQuat], best: &[Best]) -> Re
     Ok(())
 }
 
-/// True where a pose is better than the best so far: free before all others, then by its value.
+/// True where a pose is better than the current best: free before all others, then by its value.
 pub fn is_better(value: f32, decision: Decision, best: &Best) -> bool {
     if value.is_nan() {
         return false;

@@ -228,7 +228,7 @@ impl SolidField {
     }
 
     /// [`SolidField::collides`] with the tip at a position and the axis along a unit vector, for poses that follow one
-    /// another: `last` is a voxel that was in the way before, and is tried first. No solid centre within `free_ball` may lie
+    /// another: `last` is a voxel that collided before, and is tried first. No solid centre within `free_ball` may lie
     /// in the tool.
     #[inline]
     pub(crate) fn meets(

@@ -5,7 +5,7 @@
 //! face:   uchar count (3), int vertex_indices
 //! ```
 //!
-//! Written here because the crates for these files keep every vertex as a map from names to values, which takes
+//! Written here because the crates for these files store every vertex as a map from names to values, which takes
 //! hundreds of bytes each, and leave the order of properties to chance.
 
 use std::io::{self, Write};

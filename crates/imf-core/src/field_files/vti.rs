@@ -4,7 +4,7 @@
 //! origin and the values are cell data. VTK counts with x fastest, so the values are transposed on the way. They
 //! follow the XML as appended raw little-endian binary, each block after its length in bytes (u64).
 //!
-//! Written here because the one crate for these files, `vtkio`, keeps origin and spacing in f32, which displaces the
+//! Written here because the one crate for these files, `vtkio`, stores origin and spacing in f32, which displaces the
 //! voxels of a part far from the origin, and wants a copy of all values in memory.
 
 use std::io::{self, Write};

@@ -107,7 +107,7 @@ impl Machine {
     pub fn read(path: &Path) -> Result<Self, FileError> {
         let bytes = std::fs::read(path).map_err(|error| Fault::of_system("machine file", &error).at(path))?;
         let text = String::from_utf8(bytes);
-        Self::parse(&text.map_err(|_| Fault::malformed("it is no text in UTF-8").at(path))?, path)
+        Self::parse(&text.map_err(|_| Fault::malformed("it is not text in UTF-8").at(path))?, path)
     }
 
     /// As [`Machine::read`], from the text of a machine file called `name`; meshes that it names lie beside that.
@@ -168,7 +168,7 @@ impl Reader<'_> {
         let offset = |(name, at): (&String, &Spanned<[f64; 3]>)| {
             let number = name.strip_prefix(['G', 'g']).and_then(|number| number.parse().ok());
             let number = number.filter(|number| (54..=59).contains(number));
-            let wrong = || self.at(at.span().start, format!("'{name}' is no work offset from G54 to G59"));
+            let wrong = || self.at(at.span().start, format!("'{name}' is not a work offset from G54 to G59"));
             Ok((number.ok_or_else(wrong)?, self.point(at.span().start, *at.get_ref())?))
         };
         text.iter().map(offset).collect()

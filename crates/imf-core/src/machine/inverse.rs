@@ -112,9 +112,9 @@ impl Machine {
         of(0).into_iter().flat_map(|a| second.iter().map(move |&b| [a, b])).collect()
     }
 
-    /// The joints of a pose in the part's frame: of all solutions the one that turns the axes least from where they are, the first
-    /// one where nothing is known of that; an angle that is free stays where it is. How the pose is rolled about the
-    /// tool's axis is the machine's affair.
+    /// The joints of a pose in the part's frame: of all solutions the one nearest to the current angles, the first
+    /// one where those are unknown; a free angle stays where it is. The pose's roll about the tool's axis is ignored:
+    /// the machine determines it.
     ///
     /// # Errors
     /// An invalid pose, a direction that the ranges do not allow.
@@ -171,7 +171,7 @@ fn between(p: DVec3, q: DVec3, d: DVec3, is_pole: bool) -> Vec<DVec3> {
     let (of_p, of_q) = (p.dot(d), q.z);
     let (x, y) = ((of_p - cosine * of_q) / squared, (of_q - cosine * of_p) / squared);
     let rest = 1.0 - (x * x + y * y + 2.0 * x * y * cosine);
-    // At the end of the reach the two branches meet; rounding is no reason to miss it.
+    // At the end of the reach the two branches meet; rounding is not a reason to miss it.
     if rest < -1e-12 {
         return Vec::new();
     }

@@ -81,8 +81,8 @@ impl<'a> MachineMotion<'a> {
         self.machine
     }
 
-    /// Upper bound of how far any point of a tool of revolution moves as seen from the part, whose points are at most `reach` away from
-    /// its tip. Evenly divided times divide it evenly.
+    /// Upper bound of the displacement of any point of a tool of revolution, in the part's frame; its points are at
+    /// most `reach` from its tip. The bound is proportional to the duration.
     pub(crate) fn tool_motion_bound(&self, reach: f64) -> f64 {
         let [head, table] = [Side::Head, Side::Table].map(|side| self.machine.axes_of(side));
         let ball = Ball { centre: DVec3::new(0.0, 0.0, -self.length), radius: reach, level: head };
@@ -94,8 +94,8 @@ impl<'a> MachineMotion<'a> {
         Placement::turned(self.machine, &joints.rotary).moved(joints.linear)
     }
 
-    /// Upper bound of how far any point of a ball on the head moves as seen from what stands on the first `level` rotary axes of the
-    /// table. Evenly divided times divide it evenly.
+    /// Upper bound of the displacement of any point of a ball on the head, in the frame of the first `level` rotary
+    /// axes of the table. The bound is proportional to the duration.
     pub(crate) fn motion_bound(&self, ball: &Ball, level: usize) -> f64 {
         let head = self.arms(Side::Head, ball.level, ball.centre, ball.radius);
         // About where the spindle's face would be with the head's axes at 0.
@@ -118,8 +118,9 @@ impl<'a> MachineMotion<'a> {
         }
     }
 
-    /// Upper bound of how far any point of a ball that the last axis of the table carries moves as seen from what stands on the first
-    /// `level` of them; where it is with all axes at 0. Evenly divided times divide it evenly.
+    /// Upper bound of the displacement of any point of a ball that the table's last axis carries, in the frame of the
+    /// table's first `level` axes. `centre` is where the ball is with all axes at 0. The bound is proportional to the
+    /// duration.
     pub(crate) fn carried_bound(&self, centre: DVec3, radius: f64, level: usize) -> f64 {
         let arms = self.arms(Side::Table, 2, centre, radius);
         self.swept(Side::Table, 2, arms) - self.swept(Side::Table, level, arms)

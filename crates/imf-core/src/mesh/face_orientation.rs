@@ -1,10 +1,10 @@
 //! Consistent face orientation (winding), as far as the mesh determines it.
 //!
-//! A *patch* is a set of triangles connected across edges that exactly two triangles share: the orientation of one determines all
-//! others. Which of a patch's two sides is outside is what most of its area says, and where that is no clear majority, its signed
-//! volume and how deep it lies in others: an outermost shell faces outwards, a shell within it bounds a cavity, and so on.
-//! Nested shells that face alike are solids within solids. A mesh that is consistent already and faces outwards stays as it is, to
-//! the bit.
+//! A *patch* is a set of triangles connected across edges that exactly two triangles share: the orientation of one
+//! determines all others. Which of a patch's two sides is outside is what most of its area says, and where that is
+//! not a clear majority, its signed volume and how deep it lies in others: an outermost shell faces outwards, a shell
+//! within it bounds a cavity, and so on. Nested shells that face alike are solids within solids. A mesh that is
+//! consistent already and faces outwards stays as it is, to the bit.
 //!
 //! Everything here follows vertex indices, as in [`super::topology`]. Where that leaves edges which one triangle uses, corners that
 //! all but coincide are joined first: programs that write each triangle by itself round its corners by themselves.
@@ -144,7 +144,7 @@ impl Mesh {
         (self, repair)
     }
 
-    /// Of triangles that are there several times, facing alike, so many as `keep` says of their number.
+    /// Of each group of equal triangles that face alike, retains `keep(number of them)`.
     fn without_repeated(&self, keep: impl Fn(usize) -> usize) -> Self {
         let turned = |&[a, b, c]: &[u32; 3]| [[a, b, c], [b, c, a], [c, a, b]].into_iter().min();
         let mut left: HashMap<Option<[u32; 3]>, usize> = HashMap::new();
@@ -238,8 +238,8 @@ fn close(edges: &[EdgeUse], of: &[u32], parity: &[bool], patches: &mut [Patch]) 
     }
 }
 
-/// Decides which way patches face that do not say so, and that outermost shells face outwards. `around` has for every closed patch
-/// those that it lies in.
+/// Decides which way undetermined patches face, and makes outermost shells face outwards. `around` lists for every
+/// closed patch those that it lies in.
 fn choose_sides(around: &[Vec<usize>], closed: &[usize], patches: &mut [Patch]) {
     // What is open has no inside: as seen from the mesh's centre it faces away.
     for patch in patches.iter_mut().filter(|patch| !patch.closed && !patch.is_clear()) {

@@ -12,12 +12,12 @@ use super::groups::Groups;
 
 /// Directions at less than this angle, in radians, are one: five hundredths of a millimetre at the end of 100 mm.
 pub(crate) const SAME: f64 = 5e-4;
-/// Faces and cylinders count from this share of the surface on.
+/// Minimum fraction of the surface for a face or cylinder to count.
 const SHARE: f64 = 0.005;
 /// Neighbours at less than this angle (its sine) lie in one plane, and at less than the other on one curved surface.
 const COPLANAR: f64 = 2e-3;
 const SMOOTH: f64 = 0.5;
-/// So many planes of about the same size on one curved surface are its facets.
+/// At least this number of planes of about the same size on one curved surface are its facets.
 const FACETS: usize = 8;
 /// A normal this near to square to an axis belongs to its cylinder.
 const SQUARE: f64 = 0.02;

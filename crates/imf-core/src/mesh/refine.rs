@@ -48,7 +48,7 @@ impl Mesh {
     }
 }
 
-/// The pieces of a triangle whose edges ab, bc, ca have these middles; they keep its sense of rotation.
+/// The pieces of a triangle whose edges ab, bc, ca have these middles, with its sense of rotation.
 fn split([a, b, c]: [u32; 3], middles: [Option<u32>; 3], pieces: &mut Vec<[u32; 3]>) {
     match middles {
         [None, None, None] => pieces.push([a, b, c]),

@@ -7,8 +7,8 @@ use glam::DVec3;
 use super::Mesh;
 
 impl Mesh {
-    /// An outline, heights and radii from below, turned about the z axis in so many flat sides, at least 3, and closed at both ends;
-    /// its triangles face outwards. Nothing without an outline.
+    /// An outline (heights and radii from below) revolved about the z axis with `sides` flat faces (at least 3),
+    /// closed at both ends; its triangles face outwards. Empty without an outline.
     #[must_use]
     pub fn revolved(outline: &[[f64; 2]], sides: usize) -> Self {
         let mut mesh = Self::default();

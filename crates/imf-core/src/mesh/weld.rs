@@ -8,7 +8,7 @@ use glam::{BVec3, DVec3};
 use super::Mesh;
 use crate::file_error::{Fault, FaultKind};
 
-/// The most triangles that a mesh may have.
+/// Maximum number of triangles of a mesh.
 const MAX_TRIANGLES: usize = 1 << 31;
 
 /// Collects triangles given by positions, sharing vertices that are exactly equal.

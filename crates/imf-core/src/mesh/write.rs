@@ -89,7 +89,7 @@ mod tests {
         let mesh = Mesh { vertices, triangles: [[0, 1, 2]].into_iter().chain(triangles).collect() }.welded();
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("part.obj");
-        write_obj(&mesh, &path, "a part\nv 1 2 3 is no vertex here").unwrap();
+        write_obj(&mesh, &path, "a part\nv 1 2 3 is not a vertex here").unwrap();
         assert_eq!(read_mesh_file(&path).unwrap().mesh, mesh);
     }
 

@@ -8,8 +8,8 @@ use super::Occupancy;
 use crate::mesh::Mesh;
 
 impl Occupancy {
-    /// Two triangles for every face between a solid and an empty voxel, outwards, which share their corners: a closed mesh of exactly
-    /// these voxels. Where solids touch along an edge alone, four faces meet in it.
+    /// Two triangles for every face between a solid and an empty voxel, facing outwards and sharing corners: the
+    /// closed surface of exactly these voxels. Where solids touch along an edge alone, four faces meet in it.
     #[must_use]
     pub fn faces(&self) -> Mesh {
         let [nx, ny, nz] = self.grid.dims;

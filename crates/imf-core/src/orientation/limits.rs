@@ -61,7 +61,7 @@ impl Limits {
         let fail = |what: String| OrientationSetError::Value { spec: text.to_owned(), what };
         let angle = |text: &str| match text.trim().parse::<f64>() {
             Ok(angle) if (-3600.0..=3600.0).contains(&angle) => Ok(angle),
-            _ => Err(fail(format!("'{text}' is no angle in degrees"))),
+            _ => Err(fail(format!("'{text}' is not an angle in degrees"))),
         };
         let range = |name: &str, low: &str, high: &str| {
             let (low, high) = (angle(low)?, angle(high)?);
@@ -117,7 +117,7 @@ impl Limits {
             Self::Cone { .. } => Vec::new(),
             Self::Rotary { tilt, turn, .. } => {
                 let [tilts, turns] = [tilt, turn].map(|[low, high]| high - low);
-                // So many that none is farther than half a step from one of them; a whole turn is enough.
+                // Enough that none is farther than half a step from one of them; a whole turn at most.
                 let steps =
                     |span: f64| if span <= SLACK { 1 } else { (span.min(360.0) / STEP).ceil() as usize + 1 };
                 if tilts.min(turns) <= SLACK {

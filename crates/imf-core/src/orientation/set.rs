@@ -17,8 +17,8 @@ use crate::mesh::SAME;
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum OrientationSetError {
-    /// The text is none of the known forms.
-    #[error("'{0}' is no orientation set. {forms}", forms = OrientationSet::FORMS)]
+    /// The text has none of the known forms.
+    #[error("'{0}' is not an orientation set. {forms}", forms = OrientationSet::FORMS)]
     Form(String),
     /// The text names the part's own directions, and no part is known.
     #[error(
@@ -34,9 +34,9 @@ pub enum OrientationSetError {
         /// What is wrong with it.
         what: String,
     },
-    /// The text of machine limits is none of the known forms.
+    /// The text of machine limits has none of the known forms.
     #[error(
-        "'{0}' are no machine limits: use ac:A_MIN:A_MAX:C_MIN:C_MAX, bc:B_MIN:B_MAX:C_MIN:C_MAX or \
+        "'{0}' are not machine limits: use ac:A_MIN:A_MAX:C_MIN:C_MAX, bc:B_MIN:B_MAX:C_MIN:C_MAX or \
              cone:X,Y,Z:HALF_ANGLE, in degrees"
     )]
     Limits(String),
@@ -132,7 +132,7 @@ impl OrientationSet {
         let fail = |what: &str| OrientationSetError::Value { spec: spec.to_owned(), what: what.to_owned() };
         let count = |text: &str| match text.parse::<usize>() {
             Ok(n) if (1..=MAX_ORIENTATIONS).contains(&n) => Ok(n),
-            _ => Err(fail(&format!("'{text}' is no number of orientations from 1 to {MAX_ORIENTATIONS}"))),
+            _ => Err(fail(&format!("'{text}' is not a number of orientations from 1 to {MAX_ORIENTATIONS}"))),
         };
         let parts: Vec<&str> = spec.split(':').collect();
         Ok(match parts.as_slice() {
@@ -151,7 +151,7 @@ impl OrientationSet {
             #[cfg(feature = "random")]
             ["random", n, seed] => {
                 let seed =
-                    seed.parse().map_err(|_| fail(&format!("'{seed}' is no seed (a whole number)")))?;
+                    seed.parse().map_err(|_| fail(&format!("'{seed}' is not a seed (a whole number)")))?;
                 random(count(n)?, seed)
             }
             ["cone", _, _, n] => Limits::parse(&parts[..3].join(":"))?.cone(count(n)?),
@@ -170,7 +170,7 @@ impl OrientationSet {
                 .split(';')
                 .map(|pair| match numbers(pair).as_deref() {
                     Some(&[theta, phi]) => angle_pair(theta, phi, 0.0).map_err(|what| fail(&what)),
-                    _ => Err(fail(&format!("'{pair}' is no pair θ,φ"))),
+                    _ => Err(fail(&format!("'{pair}' is not a pair θ,φ"))),
                 })
                 .collect::<Result<_, _>>()?,
             _ => return Err(OrientationSetError::Form(spec.to_owned())),
@@ -246,7 +246,7 @@ impl OrientationSet {
     }
 }
 
-/// The finite numbers of a comma-separated list; `None` where one is none.
+/// The finite numbers of a comma-separated list; `None` where one is not a finite number.
 pub(super) fn numbers(text: &str) -> Option<Vec<f64>> {
     text.split(',').map(|t| t.trim().parse::<f64>().ok().filter(|v| v.is_finite())).collect()
 }

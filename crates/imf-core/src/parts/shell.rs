@@ -21,7 +21,7 @@ pub enum Axis {
     Z,
 }
 
-/// The side of its plane that a flat face looks to.
+/// The side of its plane that a flat face faces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Facing {
     /// Towards smaller coordinates on the axis.

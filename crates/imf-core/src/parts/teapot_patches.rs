@@ -5,8 +5,8 @@
 //! (*The Origins of the Teapot*, IEEE CG&A 7(1), 1987). The frame is theirs: z up from the table, x from the
 //! handle to the spout, y across, and a height of 3.15.
 //!
-//! The body is symmetric about x = 0 and y = 0, handle and spout about y = 0. Only the generating patches are
-//! stored, and the others are their mirror images with exactly the same numbers.
+//! The body is symmetric about x = 0 and y = 0, handle and spout about y = 0. Only the generating patches are saved;
+//! the others are their mirror images with exactly the same numbers.
 
 use glam::DVec3;
 
@@ -29,7 +29,7 @@ pub(super) const ROUND: [[Ring; 4]; 6] = [
     // Body.
     [[1.5, 0.84, 2.4], [1.75, 0.98, 1.875], [2.0, 1.12, 1.35], [2.0, 1.12, 0.9]],
     [[2.0, 1.12, 0.9], [2.0, 1.12, 0.45], [1.5, 0.84, 0.225], [1.5, 0.84, 0.15]],
-    // Lid: the knob, then the shade. Newell's 0.45 in the knob is no slip of ours.
+    // Lid: the knob, then the shade. Newell's 0.45 in the knob is not a slip of ours.
     [[0.0, 0.0, 3.15], [0.8, 0.45, 3.15], [0.0, 0.0, 2.85], [0.2, 0.112, 2.7]],
     [[0.2, 0.112, 2.7], [0.4, 0.224, 2.55], [1.3, 0.728, 2.55], [1.3, 0.728, 2.4]],
     // Bottom.
@@ -71,7 +71,7 @@ pub(super) const TUBES: [[Rung; 4]; 4] = [
 pub(super) struct Patch {
     /// Control points: the row runs along the silhouette or the tube, the column around it.
     pub(super) points: [[DVec3; 4]; 4],
-    /// True if ∂/∂column × ∂/∂row looks outwards, false if it looks inwards.
+    /// True if ∂/∂column × ∂/∂row points outwards, false if it points inwards.
     pub(super) outward: bool,
 }
 

@@ -29,7 +29,7 @@ pub struct BuiltScene {
     pub bodies: Bodies,
     /// Warnings; the scene can be used all the same.
     pub warnings: Vec<SceneWarning>,
-    /// Of the voxel centres in or near the part, the share at which its mesh does not say whether they are inside
+    /// Fraction of the voxel centres in or near the part that its mesh leaves undecided (inside or outside)
     /// ([`Voxelized::undecided`](crate::voxelize::Voxelized)); 0 for a closed mesh.
     pub undecided: f64,
     /// The pitch that was chosen where neither pitch nor dims were given, and why.
@@ -161,7 +161,7 @@ impl<'a> SceneBuilder<'a> {
         SceneBuilder { control, ..self }
     }
 
-    /// Room that the tool keeps.
+    /// The tool's clearance.
     pub fn clearance(self, clearance: Clearance) -> Self {
         Self { clearance, ..self }
     }
@@ -186,9 +186,9 @@ impl<'a> SceneBuilder<'a> {
     ///
     /// # Errors
     /// No part, or one that cannot be read, is of an implausible size, or of which no voxel is left; a mesh whose triangles name no
-    /// vertices; a depth of contact that is no length, or of a tool without a cutter; no tool, or one that is too
+    /// vertices; a depth of contact that is not a length, or of a tool without a cutter; no tool, or one that is too
     /// thin for the grid; a mesh that does not say what is inside; a grid that cannot be made; a fixture that
-    /// sticks out of it; a clearance that is no length; [`SceneError::Cancelled`].
+    /// sticks out of it; a clearance that is not a length; [`SceneError::Cancelled`].
     pub fn build(self) -> Result<BuiltScene, SceneError> {
         let Part { name, mesh, unit, reference } = self.part?;
         let tool = self.tool.or_else(|| reference.map(|_| Tool::paper()));

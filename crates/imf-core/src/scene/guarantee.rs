@@ -35,8 +35,8 @@ impl Guarantee {
         Self::with_needed(conservative, tool, clearance, contact, HALF_DIAGONAL * pitch)
     }
 
-    /// By how much the surface may lie nearer to shank and holder than what they were kept off, on voxels of a pitch; `None` where it
-    /// does not.
+    /// How much nearer to shank and holder the surface may lie than the voxel centres that they avoided, for a pitch;
+    /// `None` where it does not.
     #[must_use]
     pub fn surface_nearer_by(&self, pitch: f64) -> Option<f64> {
         match *self {
@@ -73,8 +73,8 @@ impl Guarantee {
 
 /// Which guarantees hold on a path that is checked pose by pose.
 ///
-/// No point of the tool is ever farther than half a step from where it is at the nearest of these poses. An element that
-/// is offset by so much more therefore keeps off the mesh at every time.
+/// No point of the tool is ever farther than half a step from where it is at the nearest of these poses. An element
+/// offset by half a step more therefore keeps off the mesh at every time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PathGuarantee {
     /// At the poses that are checked.
@@ -83,7 +83,7 @@ pub struct PathGuarantee {
     pub at_all_times: Guarantee,
     /// The clearance that the mesh itself takes at every time, in the grid's unit.
     pub needed: f64,
-    /// By how much less a pose between two keeps off.
+    /// How much nearer the tool may come between two checked poses, in the grid's unit.
     pub between: f64,
 }
 
@@ -215,7 +215,7 @@ mod tests {
         assert_eq!(guarantee(false, 9.0, 9.0, false), Guarantee::Centres);
         assert_eq!(guarantee(true, 1.7, 9.0, false), Guarantee::Voxels { needed: HALF_DIAGONAL * 2.0 });
         assert_eq!(guarantee(true, 1.74, 1.7, false), Guarantee::HolderAndShank);
-        // The tool has no shank, whose clearance of none is no matter.
+        // The tool has no shank, so that a shank's clearance of 0 does not matter.
         assert_eq!(guarantee(true, 1.74, 1.74, false), Guarantee::Mesh);
         assert_eq!(guarantee(true, 1.74, 1.74, true), Guarantee::HolderAndShank);
     }

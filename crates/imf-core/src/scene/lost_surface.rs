@@ -12,7 +12,7 @@ use crate::parallel;
 pub(crate) struct LostSurface {
     /// Its area.
     pub(crate) area: f64,
-    /// Share of the whole surface.
+    /// Fraction of the whole surface.
     pub(crate) share: f64,
     /// A point of it.
     pub(crate) at: DVec3,
@@ -21,14 +21,14 @@ pub(crate) struct LostSurface {
 /// Squared distance in voxels within which every point of a thick body's surface has a solid centre: a ball of radius √3/2 holds a
 /// centre wherever it lies, also where it touches the surface from within.
 const NEAR: f64 = 3.0;
-/// Edges of the pieces that are looked at, in voxels at most.
+/// Maximum edge of the sampled pieces, in voxels.
 const PIECE: f64 = 1.5;
 /// Less than this, in faces of a voxel, is the tip of an edge and not a rib.
 const FEW: f64 = 9.0;
 
 impl LostSurface {
-    /// Of a body in its place, by its voxels, which need not fill the grid; `None` where it is too little to matter. What lies outside
-    /// the grid is not asked for.
+    /// Of a body in its place, by its voxels, which need not fill the grid; `None` where it is too little to matter.
+    /// What lies outside the grid is ignored.
     pub(crate) fn of(mesh: &Mesh, solid: &Occupancy, grid: &Grid) -> Option<Self> {
         let pitch = grid.pitch;
         let found = parallel::map(mesh.triangles.len(), |triangle| {
@@ -52,7 +52,7 @@ struct Found {
 }
 
 impl Found {
-    /// Halves the longest edge until the square of none is above `longest`, and asks for the middles of the pieces.
+    /// Halves the longest edge until no squared edge exceeds `longest`, and looks up the middles of the pieces.
     fn look(&mut self, [a, b, c]: [DVec3; 3], longest: f64, solid: &Occupancy, grid: &Grid) {
         let edges = [a.distance_squared(b), b.distance_squared(c), c.distance_squared(a)];
         let [p, q, r] = match edges {
@@ -86,7 +86,7 @@ fn is_in(point: DVec3, grid: &Grid) -> bool {
 fn has_solid_near(point: DVec3, solid: &Occupancy) -> bool {
     let at = solid.grid.continuous(point);
     let low = at.floor();
-    // Those around the point nearly always hold one; the others are asked for where they do not.
+    // Those around the point nearly always hold one; the others are checked where they do not.
     (0..8).any(|corner| is_solid(low + offset(corner, 2), solid))
         || (0..64).any(|index| {
             let centre = low + offset(index, 4) - DVec3::ONE;

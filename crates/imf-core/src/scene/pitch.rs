@@ -13,8 +13,8 @@ const ACROSS_TOOL: f64 = 6.0;
 /// Voxels along the part's longest side, and across its shortest, where the tool alone would leave fewer.
 const ALONG_PART: f64 = 48.0;
 const ACROSS_PART: f64 = 4.0;
-/// Voxels along the longest side, and in all, for a first answer within a minute or so: 225 directions around a part on 177,000 voxels
-/// with its surface took 9 s of one core, and time grows with the voxels.
+/// Voxels along the longest side, and in all, for a first result within a minute or so: 225 directions around a part
+/// on 177,000 voxels with its surface took 9 s of one core, and time grows with the voxels.
 const MAX_ALONG: f64 = 200.0;
 const MAX_VOXELS: f64 = 1e6;
 /// How many times as many may be taken rather than have the tool pass between the voxels.
@@ -45,7 +45,7 @@ pub enum PitchReason {
     Sheet(f64),
     /// The finest that time and memory allow.
     Bounded,
-    /// The coarsest at which the tool's thinnest element, of this diameter, is surely seen.
+    /// The coarsest at which the tool's thinnest element, of this diameter, is certain to hold a centre.
     Coarsest(f64),
 }
 
@@ -95,8 +95,9 @@ impl ChosenPitch {
     }
 }
 
-/// A pitch of two digits, up to a tenth smaller, that divides all sides of the part or two of them, so that its faces lie between the
-/// centres of voxels and not on them: a block of 40 mm in voxels of 0.83 is 0.8 mm too long, in 0.8 it is as long as it is.
+/// A pitch of two digits, up to a tenth smaller, that divides all sides of the part or two of them, so that its faces
+/// lie between the centres of voxels and not on them: a block of 40 mm in voxels of 0.83 is 0.8 mm too long, in
+/// voxels of 0.8 it has its true length.
 fn dividing(pitch: f64, extents: DVec3) -> f64 {
     let divides = |pitch: f64| {
         let whole = |side: &&f64| (**side / pitch - (**side / pitch).round()).abs() < 1e-4;

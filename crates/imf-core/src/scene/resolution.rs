@@ -22,13 +22,14 @@ pub(super) const VOXELS_THICK: f64 = SQRT_2;
 
 /// Voxels along a disc of the tool at which it is resolved: as thick, it holds a layer of centres however it stands.
 const DISC_THICK: f64 = 1.0;
-/// Voxels by which a disc stands out of its neighbours, at least: a cone's rim, which is thin, is missed by less.
+/// Minimum number of voxels by which a disc stands out of its neighbours: a cone's rim, which is thin, is missed by
+/// less.
 pub(super) const DISC_OUT: f64 = 2.0;
 
 /// A part that is nowhere thicker than this many voxels is thin.
 const THIN: usize = 3;
 
-/// The share of undecided centres ([`Voxelized::undecided`]) from which on a mesh is refused.
+/// Fraction of undecided centres ([`Voxelized::undecided`]) above which a mesh is refused.
 ///
 /// Measured at 20 voxels along the longest side: a cube without its lid has 0.3, a sphere that lacks a fifth of its triangles 0.4, a
 /// hemisphere without its disc 0.8, and all their solid voxels are right. Triangles that share no corners and of which a fifth
@@ -121,7 +122,7 @@ impl fmt::Display for CoarseTool {
 }
 
 impl SceneSpec<'_> {
-    /// What is to be known of a tool (in any unit, without clearance) on a grid.
+    /// Warnings about a tool (in any unit, without clearance) on a grid.
     ///
     /// # Errors
     /// [`SceneError::Coarse`] of a tool thinner than √2 voxels, its tip too, or with a disc thinner than one, unless the spec allows it.
@@ -159,8 +160,8 @@ impl SceneSpec<'_> {
         Ok((assembly, warnings))
     }
 
-    /// What is to be known of part and fixtures on their grid: what openings of the part's mesh leave open, a part of few voxels
-    /// across, walls that lie between the centres, fixtures that overlap the part.
+    /// Warnings about part and fixtures on their grid: voxels left undecided by openings of the part's mesh, a part
+    /// of few voxels across, walls that lie between the centres, fixtures that overlap the part.
     ///
     /// # Errors
     /// As [`SceneSpec::bodies`].
@@ -178,7 +179,7 @@ impl SceneSpec<'_> {
         {
             warnings.extend(lost(name, fixture.mesh, &fixture.transform, voxels));
             let (lower, upper) = (low.max(part.0), high.min(part.1));
-            // Faces that touch share no room.
+            // Faces that touch overlap in no volume.
             if (upper - lower).min_element() <= 1e-6 * grid.pitch {
                 continue;
             }
@@ -186,7 +187,7 @@ impl SceneSpec<'_> {
                 a.solid.iter().zip(&b.solid).filter(|(a, b)| **a & **b == 1).count()
             };
             let shared = if self.conservative {
-                // Faces that touch share voxels which they touch, and no centre.
+                // Faces that touch have common voxels, but no common centre.
                 let common = grid.covering(lower, upper, 0)?;
                 let solid = |mesh: &Mesh, transform: &DMat4| {
                     voxelize_with(&mesh.transformed(transform), &common, false, self.control)
@@ -226,7 +227,7 @@ impl SceneSpec<'_> {
 }
 
 impl SceneWarning {
-    /// Those of a body's voxels, `undecided` being the share of the centres at which its mesh does not say whether they are inside.
+    /// Warnings about a body's voxels; `undecided` is the fraction of centres that its mesh leaves undecided.
     pub(crate) fn of_body(part: &str, mesh: &Mesh, solid: &Occupancy, undecided: f64) -> Vec<Self> {
         let (part, pitch, voxels) = (part.to_owned(), solid.grid.pitch, thickness(solid));
         let thin = (voxels <= THIN).then(|| Self::Thin { part: part.clone(), voxels, pitch });

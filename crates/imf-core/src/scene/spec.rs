@@ -32,7 +32,7 @@ pub struct SceneSpec<'a> {
     pub margin: usize,
     /// Also make every voxel solid that the surface touches.
     pub conservative: bool,
-    /// A tool that passes between the voxels' centres is no error.
+    /// A tool that passes between the voxels' centres is not an error.
     pub allow_coarse: bool,
     /// The tool, in any unit.
     pub tool: &'a Tool,
@@ -45,7 +45,7 @@ pub struct SceneSpec<'a> {
 }
 
 impl<'a> SceneSpec<'a> {
-    /// A reference part on so many voxels, however few, alone and as it lies. `mesh` is the part's own.
+    /// A reference part on `dims` voxels, however few, alone and as it lies. `mesh` is the part's own.
     #[must_use]
     pub fn of_reference(part: ReferencePart, mesh: &'a Mesh, dims: [usize; 3], tool: &'a Tool) -> Self {
         Self {
@@ -64,9 +64,10 @@ impl<'a> SceneSpec<'a> {
         }
     }
 
-    /// The grid that the scene will have. With [`GridExtent::All`] and [`Resolution::Dims`] the pitch is the smallest at
-    /// which everything fits. With `conservative` it holds every voxel that the surface touches: a pitch's grid has a voxel more on
-    /// a side where a surface lies on its face, that of so many voxels a pitch larger by 10⁻⁴.
+    /// The grid that the scene will have. With [`GridExtent::All`] and [`Resolution::Dims`] the pitch is the smallest
+    /// at which everything fits. With `conservative` it holds every voxel that the surface touches: with a given
+    /// pitch it has a voxel more on a side where a surface lies on its face; with given dimensions its pitch is
+    /// larger by 10⁻⁴.
     ///
     /// # Errors
     /// A mesh without triangles, or a grid that cannot be made.
@@ -121,9 +122,9 @@ impl<'a> SceneSpec<'a> {
         }
     }
 
-    /// As [`SceneSpec::scene`], but fixtures may stick out of the scene's grid: also gives part and fixtures on a grid that
-    /// holds all that a tool can meet which reaches `reach` (in the part's unit) from the scene's voxels. The scene's own
-    /// obstacle is what of them lies on its grid.
+    /// As [`SceneSpec::scene`], but fixtures may stick out of the scene's grid: also gives part and fixtures on a
+    /// grid that holds all that a tool can meet which reaches `reach` (in the part's unit) from the scene's voxels.
+    /// The scene's own obstacle is their part on its grid.
     ///
     /// # Errors
     /// As [`SceneSpec::scene`], but for fixtures that stick out.
@@ -286,10 +287,10 @@ impl<'a> SceneSpec<'a> {
     }
 }
 
-/// Refuses what points are not multiplied by: the last row would be passed over.
+/// Refuses matrices that are not affine: their last row would be ignored.
 fn check_transform(name: &str, transform: &DMat4) -> Result<(), SceneError> {
     let row = transform.row(3);
-    // What inverting leaves of rounding is none.
+    // Rounding errors of the inverse count as 0.
     let is_last = |row: DVec4| transform.is_finite() && row.abs_diff_eq(DVec4::W, 1e-9);
     if is_last(row) {
         return Ok(());

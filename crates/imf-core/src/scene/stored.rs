@@ -1,6 +1,6 @@
-//! A scene's voxels as files keep them: packed bits by name, checked when they are read back.
+//! A scene's voxels as files save them: packed bits by name, checked when they are read back.
 //!
-//! Files keep the union of part and fixtures, and beside it the layer that the cutter may enter where there is contact.
+//! Files save the union of part and fixtures, and beside it the layer that the cutter may enter where there is contact.
 
 use thiserror::Error;
 
@@ -16,10 +16,10 @@ const LAYER: &str = "layer";
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum StoredVoxelsError {
-    /// A grid that is none.
+    /// An invalid grid.
     #[error("its grid: {0}")]
     Grid(#[from] GridError),
-    /// A tool that is none.
+    /// An invalid tool.
     #[error("its tool: {0}")]
     Tool(#[from] ToolError),
     /// A tensor that the scene needs.
@@ -46,7 +46,7 @@ impl SceneRecord {
     /// Checks what a file says of a scene, but for its voxels.
     ///
     /// # Errors
-    /// A grid or a tool that is none.
+    /// An invalid grid or tool.
     #[doc(hidden)]
     pub fn check(&self) -> Result<(), StoredVoxelsError> {
         self.grid.check()?;
@@ -59,7 +59,7 @@ impl SceneRecord {
 }
 
 impl Scene {
-    /// Names and packed bits ([`Occupancy::packed`]) of what a file has to keep beside the record.
+    /// Names and packed bits ([`Occupancy::packed`]) of what a file saves beside the record.
     #[doc(hidden)]
     #[must_use]
     pub fn packed_voxels(&self) -> Vec<(&'static str, Vec<u8>)> {
@@ -71,7 +71,7 @@ impl Scene {
     /// The scene of a record and of packed bits, looked up by name.
     ///
     /// # Errors
-    /// A grid or a tool that is none; bits that are missing, of another length, or not this scene's.
+    /// An invalid grid or tool; bits that are missing, of another length, or not this scene's.
     #[doc(hidden)]
     pub fn from_packed_voxels<'a>(
         record: SceneRecord,

@@ -8,7 +8,7 @@ use crate::mesh::FaceRepair;
 use crate::tool::{Assembly, Element, ElementKind, Tool, ToolShape};
 use crate::unit::{ImplausibleProportion, Length, LengthUnit};
 
-/// A warning about a scene; an error too, for who refuses what is warned of.
+/// A warning about a scene. Implements `Error` so that callers may treat it as fatal.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum SceneWarning {
@@ -73,7 +73,7 @@ pub enum SceneWarning {
         part: String,
         /// Edges of its boundary.
         boundary_edges: usize,
-        /// Share of the centres in or near it at which it does not say whether they are solid.
+        /// Fraction of the centres in or near it that it leaves undecided.
         share: f64,
     },
     /// A tool of which nothing holds the cutter.
@@ -127,7 +127,7 @@ pub enum SceneWarning {
     SlenderTip {
         /// The tool.
         tool: String,
-        /// How deep it must stand in a solid to be surely met.
+        /// How deep it must be in a solid to be certain to be detected.
         depth: f64,
         /// The grid's pitch.
         pitch: f64,
@@ -171,7 +171,7 @@ pub enum SceneWarning {
         part: String,
         /// Its area.
         area: f64,
-        /// Share of the whole surface.
+        /// Fraction of the whole surface.
         share: f64,
         /// A point of it.
         at: DVec3,
@@ -180,7 +180,7 @@ pub enum SceneWarning {
         /// Unit of them all.
         unit: LengthUnit,
     },
-    /// A fixture that shares room with the part.
+    /// A fixture that overlaps the part.
     #[error(
         "the fixture {fixture} overlaps the part by {} {unit}³: check where it stands, and its unit",
         Length(*.volume)
@@ -188,19 +188,19 @@ pub enum SceneWarning {
     Overlap {
         /// The fixture.
         fixture: String,
-        /// The volume that they share.
+        /// The common volume.
         volume: f64,
         /// Unit of the volume's edges.
         unit: LengthUnit,
     },
 }
 
-/// Pitches that a tip must be deep in a solid to be surely met, from which on it is called slender; 1.7 of a flat end, 2.6 of a point
-/// of 60 degrees.
+/// A tip is called slender if it must be at least this many pitches deep in a solid to be certain to be detected; 1.7
+/// for a flat end, 2.6 for a point of 60 degrees.
 const SLENDER: f64 = 5.0;
 
 impl SceneWarning {
-    /// What is to be known of where a tool is in its own frame, among voxels of a pitch.
+    /// Warnings about where a tool is in its own frame, among voxels of a pitch.
     #[must_use]
     pub fn of_frame(tool: &Tool, pitch: f64) -> Vec<Self> {
         let name = || tool.name.clone();
@@ -217,7 +217,7 @@ impl SceneWarning {
         off.into_iter().chain(slender).chain(turned.map(|_| Self::UpsideDown { tool: name() })).collect()
     }
 
-    /// Those of what was done to a mesh's triangles, of which there are so many.
+    /// Warnings about the repairs of a mesh of `triangles` triangles.
     #[must_use]
     pub fn of_repair(part: &str, repair: &FaceRepair, triangles: usize) -> Vec<Self> {
         let FaceRepair { joined, doubled, flipped, one_sided, nested } = *repair;
@@ -232,7 +232,7 @@ impl SceneWarning {
         all.into_iter().flatten().collect()
     }
 
-    /// Those of a tool.
+    /// Warnings about a tool.
     #[must_use]
     pub fn of_tool(tool: &Tool) -> Option<Self> {
         (!tool.has_holder()).then(|| Self::NoHolder { tool: tool.name.clone() })
@@ -254,7 +254,7 @@ impl SceneWarning {
     }
 }
 
-/// So many closed bodies that lie in others, in words.
+/// Describes `bodies` closed bodies that lie in others.
 fn nested(bodies: usize) -> String {
     match bodies {
         1 => "a closed body lies within another and faces outwards as that does".to_owned(),
@@ -262,7 +262,7 @@ fn nested(bodies: usize) -> String {
     }
 }
 
-/// A share in words.
+/// A fraction in words.
 fn percent(share: f64) -> String {
     if share < 0.01 { "less than 1 %".to_owned() } else { format!("{:.0} %", 100.0 * share) }
 }

@@ -3,8 +3,8 @@
 //! ```text
 //! lead | plane 0: line 0 (nz voxels, zeros) line 1 … line ny−1 | gap | plane 1: … | gap
 //! ```
-//! Lines are `line_bits` apart, planes `plane_bits`. Zeros behind a line and behind a plane are so many that reading at
-//! any offset that matters meets the line itself or nothing. The array is stored eight times, shifted by 0 to 7 bits:
+//! Lines are `line_bits` apart, planes `plane_bits`. Enough zeros follow each line and each plane that a read at any
+//! offset that matters meets the line itself or nothing. The array is held eight times, shifted by 0 to 7 bits:
 //! every bit is then the first of a byte in one of the copies, and a load needs no shifting.
 
 use super::bit_sliced::TILE_BITS;

@@ -1,6 +1,6 @@
 //! Bit-sliced counters: adding bits at thousands of places at once by carry-save adders.
 //!
-//! A count is stored as one register for each binary digit, a place in every lane of a bit. A full adder (five logical
+//! A count is held as one register for each binary digit, a place in every lane of a bit. A full adder (five logical
 //! operations, two instructions with AVX-512) takes three registers of one weight to one of that weight and one of
 //! the next. A tree of them takes 32 loads into the digits of weight 1 to 16 and one carry, which ripples on: about
 //! two instructions a load, whatever the number of lanes.

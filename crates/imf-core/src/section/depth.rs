@@ -59,9 +59,8 @@ impl Quantity {
     }
 }
 
-/// Depths are clamped to so many pitches: a tool that is deeper, or farther off, has a depth just below this, or just above
-/// its negative. Wider makes no better decisions (a harmonic fit of degree 14 errs as much near
-/// contact with 6 as without any), and a margin of as many voxels has to be counted around the grid.
+/// Depths are clamped to ±8 pitches. A wider range gives no better decisions (a harmonic fit of degree 14 errs as
+/// much near contact with 6), and needs as wide a margin around the grid.
 pub const DEPTH_CAP: usize = 8;
 /// Its square: distances beyond it are this.
 const LIMIT: u8 = (DEPTH_CAP * DEPTH_CAP) as u8;
@@ -164,8 +163,8 @@ impl DepthPlan {
     }
 }
 
-/// `out[a][i][b] = min over j of values[a][i + j][b] + (j − DEPTH_CAP)²`, j from 0 to twice `DEPTH_CAP`: the middle axis of `values` is
-/// so much longer than that of `out`, whose sizes are given.
+/// `out[a][i][b] = min over j of values[a][i + j][b] + (j − DEPTH_CAP)²`, j from 0 to twice `DEPTH_CAP`: the middle
+/// axis of `values` is longer by twice `DEPTH_CAP` than that of `out`, whose sizes are given.
 #[inline(always)]
 fn lower(values: &[u8], [outer, length, inner]: [usize; 3], out: &mut [u8]) {
     let wide = (length + 2 * DEPTH_CAP) * inner;

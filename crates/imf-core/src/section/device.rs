@@ -52,7 +52,7 @@ pub struct DifferenceLimits {
     /// Voxels from a line (along y) or the first voxel of a line (along z) to the next so that, with nothing in the
     /// places beyond the obstacle, reading at any offset meets the line itself or nothing. Not needed along x.
     pub spacing: [usize; 3],
-    /// At most so many differences are taken along each axis.
+    /// Maximum number of differences along each axis.
     pub most_steps: [usize; 3],
 }
 

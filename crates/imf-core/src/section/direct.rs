@@ -78,7 +78,7 @@ pub(crate) fn around(at: DVec3) -> impl Iterator<Item = ([i64; 3], f64)> {
 /// The collision measure at the centre of `voxel` (of the obstacle's grid), element by element, from the tip upwards:
 /// every solid voxel belongs to the element whose heights hold its centre in the tool frame, or, in the layer that the
 /// cutter may enter, to that of shank and holder alone; each element's voxels over the whole tool's count, at the first
-/// sharp point at which their sum (as an f32) is least. Empty for a mesh tool.
+/// sharp point at which their sum (as an f32) is smallest. Empty for a mesh tool.
 ///
 /// # Errors
 /// A tool that holds no voxel centre, or is too large.

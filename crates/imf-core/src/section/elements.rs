@@ -97,10 +97,10 @@ impl ElementPlans {
         each.sum::<u64>() + threads as u64 * reads
     }
 
-    /// Every element's fraction of the collision measure at every voxel of the grid, C-ordered into `measures[element]`:
-    /// whole-number counts read at the first sharp point `k` whose overlap of the whole tool is least, over the whole
-    /// tool's count. They sum to [`SectionPlan::cmf`] but for the rounding of each to f32 (at most half a unit in its
-    /// last place). Equal to [`super::direct_element_measures`].
+    /// Every element's fraction of the collision measure at every voxel of the grid, C-ordered into
+    /// `measures[element]`: whole-number counts read at the first sharp point `k` whose overlap of the whole tool is
+    /// smallest, over the whole tool's count. They sum to [`SectionPlan::cmf`] but for the rounding of each to f32
+    /// (at most half a unit in its last place). Equal to [`super::direct_element_measures`].
     ///
     /// # Errors
     /// As [`SectionPlan::cmf`].
@@ -153,7 +153,7 @@ impl ElementPlans {
             let mut last = None;
             for (z, voxel) in line.enumerate() {
                 if minimum[z] == 0.0 {
-                    // A sum of none of them.
+                    // The sum of no elements.
                     measures.iter_mut().for_each(|measures| measures[voxel] = 0.0);
                     continue;
                 }

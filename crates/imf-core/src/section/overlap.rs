@@ -75,7 +75,7 @@ const CACHE_BYTES: [f64; 2] = [2e6, 1.6e7];
 const VOXEL_SECONDS: f64 = 2.0e-9;
 /// Seconds for a point of a transform and a factor of two of their number.
 const POINT_SECONDS: f64 = 2.2e-10;
-/// Transforms in f64 take so many times as long; memory, not arithmetic, holds both up.
+/// Time of transforms in f64 over that in f32; memory, not arithmetic, limits both.
 const DOUBLE_FACTOR: f64 = 1.4;
 /// Bytes of shifted copies of the obstacle that addresses of 32 bits reach.
 const MAX_COPY_BYTES: u64 = 1 << 31;
@@ -294,9 +294,9 @@ impl OverlapCounter {
     }
 }
 
-/// The layer that the cutter may enter, and what of the tool may not: the overlap of a pose counts forbidden voxels in the
-/// whole tool, and those of the layer in shank and holder alone. Both counts are correlations of whole numbers, and so is
-/// their sum: contact costs one more section and nothing in exactness.
+/// The layer that the cutter may enter, and shank and holder, which may not: the overlap of a pose counts forbidden
+/// voxels in the whole tool, and those of the layer in shank and holder alone. Both counts are correlations of whole
+/// numbers, and so is their sum: contact costs one more section and nothing in exactness.
 #[derive(Clone, Copy)]
 pub(crate) struct Cuttable<'a> {
     pub(crate) voxels: &'a Arc<Occupancy>,
@@ -328,7 +328,7 @@ fn rotated_if_thick(
     }
 }
 
-/// Bytes that counting takes beside the counts: what all threads share, and what each has.
+/// Bytes that counting takes beside the counts: shared by all threads, and per thread.
 pub(super) fn memory(grid: &Grid, query: &QueryBox, tool: &Tool, threads: u64) -> u64 {
     let Some(rotated) = slanted(tool, grid.pitch) else { return 0 };
     let size = CircularSize::of(grid, *query, tool);

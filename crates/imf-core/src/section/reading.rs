@@ -1,5 +1,5 @@
-//! The minimum over many sharp points, read from counted overlaps: boxes of points that can lower no value of a line are
-//! passed over as a whole, and then point by point.
+//! The minimum over many sharp points, read from counted overlaps: boxes of points that can lower no value of a line
+//! are skipped as a whole, and then single points.
 
 use std::ops::Range;
 
@@ -11,8 +11,8 @@ use crate::orientation::Orientation;
 /// spans 8 voxels, a smaller one 4, a point's own 2.
 const BOX: [i64; 2] = [7, 3];
 
-/// By powers of two, the least count of a voxel and those after it along each axis: 2, 4 and 8 in all. A mean whose corners lie
-/// among them is no lower.
+/// By powers of two, the minimum count of a voxel and those after it along each axis: 2, 4 and 8 in all. A mean whose
+/// corners lie among them is no lower.
 #[derive(Default)]
 pub(super) struct LowestAround([Vec<u32>; 3]);
 
@@ -109,8 +109,8 @@ impl<'a> SharpPointReader<'a> {
         Self { plan, counts, normaliser, corners, around, boxes, smaller, points }
     }
 
-    /// Lowers the values of a line to the minimum over the sharp points. Where it is asked for, `first` tells by voxel which
-    /// point has it, the first of those that do, of all values that are lowered and not 0.
+    /// Lowers the values of a line to the minimum over the sharp points. Where it is given, `first` gets for each
+    /// lowered value other than 0 the first point that attains it.
     pub(super) fn lower(
         &self,
         at: [i64; 2],

@@ -99,7 +99,7 @@ impl CircularSize {
         size
     }
 
-    /// Bits from a line of the obstacle to the next where it is stored as bits.
+    /// Bits from a line of the obstacle to the next where it is held as bits.
     pub(super) fn line_bits(&self) -> i64 {
         self.needed[2] as i64
     }

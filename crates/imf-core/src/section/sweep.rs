@@ -18,7 +18,7 @@ pub(super) struct Sweep {
     ends: usize,
 }
 
-/// In which order a sweep may come to the planes along x.
+/// The order in which a sweep may visit the planes along x.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Order {
     Any,

@@ -119,7 +119,7 @@ pub(super) fn count(words: impl Iterator<Item = u64>) -> usize {
     words.map(|word| word.count_ones() as usize).sum()
 }
 
-/// So many ones from the first on.
+/// Bits of which the first `ones` are set.
 pub(super) fn first(ones: usize) -> Vec<u64> {
     (0..ones.div_ceil(64)).map(|word| u64::MAX >> (64 - (ones - word * 64).min(64))).collect()
 }

@@ -1,4 +1,4 @@
-//! Prices of rows that show that so many sets are too few.
+//! Prices of rows that prove that a number of sets is too few.
 //!
 //! With a price of each row, at most its weight where rows may stay uncovered, no cover of k sets exists unless the k sets of
 //! the highest prices are together worth all rows less the slack (Lagrange's bound, k sets of a linear program). Prices are
@@ -24,7 +24,7 @@ const ROUNDS: [usize; 2] = [300, 60];
 /// Steps this much shorter than at first lead nowhere any more.
 const SHORTEST: f64 = 1.0 / 256.0;
 
-/// The verdict of the best prices, which the problem keeps, and steps that it took.
+/// The verdict of the best prices, which stay in the problem, and the steps that it took.
 pub(super) fn by_prices(problem: &mut Reduced, count: usize) -> (Verdict, u64) {
     let (rows, sets) = (problem.rows(), problem.sets());
     let limited = problem.slack > 0;
@@ -70,7 +70,7 @@ pub(super) fn by_prices(problem: &mut Reduced, count: usize) -> (Verdict, u64) {
         if excess < -1e-9 {
             break;
         }
-        // Rows that none of the best sets holds become dear, those that several hold cheap.
+        // Rows that none of the best sets holds become expensive, those that several hold cheap.
         let mut slope = vec![-1.0; rows];
         top.iter().for_each(|&set| held[set].iter().for_each(|&row| slope[row as usize] += 1.0));
         let steepness: f64 = slope.iter().map(|s| s * s).sum();

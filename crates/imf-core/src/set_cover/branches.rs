@@ -7,10 +7,10 @@ use super::search::{Found, Search};
 use crate::control::Control;
 use crate::parallel;
 
-/// So many branches keep the threads busy; where there are fewer they are branched once more.
+/// This number of branches keeps the threads busy; where there are fewer they are branched once more.
 const BRANCHES: usize = 64;
-/// Branches that are searched before the steps are counted together, each within its share of those that are left: always as
-/// many, so that the result does not depend on the threads.
+/// Branches that are searched before the steps are counted together, each within its part of the remaining ones: a
+/// fixed number, so that the result does not depend on the threads.
 const AT_ONCE: usize = 16;
 
 /// Sets that are chosen, what is left, and how many sets may follow.

@@ -6,12 +6,13 @@ use crate::control::Control;
 
 /// Exchanges that are tried for one set less: 500 find one more of 7 among 1,000 caps of a ball, 3,000 none fewer.
 const EXCHANGES: usize = 1_000;
-/// Exchanges for which a set that went stays away, at least, and up to so many more; and for which one that came stays.
+/// Exchanges for which a set that went stays away: at least `AWAY`, plus up to `AWAY_MORE`; and for which one that
+/// came stays.
 const AWAY: usize = 2;
 const AWAY_MORE: usize = 8;
 const STAYS: usize = 2;
 
-/// The set that adds most, again and again; then without those that are not needed any more.
+/// Greedy cover: repeatedly adds the set with the largest gain, then drops sets that are no longer needed.
 pub(super) fn greedy(problem: &Reduced) -> Vec<usize> {
     let mut open = first(problem.rows());
     let mut chosen: Vec<usize> = Vec::new();
@@ -35,8 +36,8 @@ pub(super) fn greedy(problem: &Reduced) -> Vec<usize> {
     chosen
 }
 
-/// Smaller covers, as names of their sets, by exchanging sets while rows that stay uncovered become dear (after Cai, Su and
-/// Sattar's NuMVC); `None` where the control asks to stop.
+/// Smaller covers, as names of their sets, by exchanging sets while rows that stay uncovered become expensive (after
+/// Cai, Su and Sattar's NuMVC); `None` where the control asks to stop.
 pub(super) fn exchanged(
     problem: &Reduced,
     mut best: Vec<usize>,
@@ -44,7 +45,8 @@ pub(super) fn exchanged(
     control: Control<'_>,
 ) -> Option<Vec<u32>> {
     let mut numbers = Numbers(1);
-    // Where some rows may stay uncovered, it may be always the same ones: none becomes dear then, and no row asks for its sets.
+    // Where some rows may stay uncovered, it may be always the same ones: then none becomes expensive, and no row
+    // attracts its sets.
     let growths: &[f64] = if problem.slack > 0 { &[0.1, 0.0] } else { &[1.0] };
     while best.len() > 1 && *steps > 0 {
         let mut tries = growths.iter();
@@ -90,7 +92,7 @@ fn one_less(
         } else {
             &all
         };
-        // Of all exchanges by which one of them comes the one after which the least stays open.
+        // Of all exchanges by which one of them comes the one after which the fewest rows stay open.
         let comes = |set: &usize| away[*set] <= round && !chosen.contains(set);
         let coming: Vec<usize> = ones(candidates).filter(comes).collect();
         let mut exchange: Option<(f64, usize, usize)> = None;

@@ -117,7 +117,7 @@ impl Search<'_> {
     }
 }
 
-/// What of the open rows a set leaves.
+/// The open rows that a set does not cover.
 fn without(open: &[u64], held: &[u64], rest: &mut [u64]) {
     rest.iter_mut().zip(open).zip(held).for_each(|((rest, open), held)| *rest = open & !held);
 }

@@ -8,20 +8,20 @@ use super::local::left_open;
 use super::reduced::Reduced;
 use crate::control::Control;
 
-/// Steps between two looks at the control.
+/// Steps between two polls of the control.
 const CHECK_INTERVAL: u64 = 1 << 22;
 /// Rows from which groups are begun.
 const STARTS: usize = 8;
-/// Rows of which the one with the fewest sets left is looked for.
+/// Rows of which the one with the fewest sets left is chosen.
 pub(super) const ROWS: usize = 48;
 
-/// A cover, none, or no answer.
+/// A cover, none, or no result.
 pub(super) type Found = Result<Option<Vec<u32>>, Stop>;
 
-/// Looks for covers within a number of steps, operations on words of 64 bits.
+/// Searches for covers within a number of steps (operations on words of 64 bits).
 pub(super) struct Search<'a> {
     control: Control<'a>,
-    /// Steps left, and when the control is asked again.
+    /// Steps left, and when the control is polled again.
     pub(super) steps: u64,
     next_look: u64,
 }
@@ -56,7 +56,7 @@ impl<'a> Search<'a> {
         let sets = self.branches(&mut problem, left, &mut available)?;
         let groups = if left == 3 && !sets.is_empty() { Some(self.groups(&problem)?) } else { None };
         for set in sets {
-            // Covers with this set are all looked at now.
+            // All covers with this set have been searched.
             remove(&mut available, set);
             let found = match &groups {
                 Some(groups) => self.rest_by_two(&problem, groups, set, &available)?,

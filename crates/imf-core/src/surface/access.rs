@@ -25,7 +25,7 @@ impl ToolDirection {
     }
 }
 
-/// By direction, what was last in the way of the cutter, and of shank and holder: of samples side by side it is mostly the same.
+/// By direction, what last obstructed the cutter, and shank and holder: for neighbouring samples it is mostly the same.
 pub(crate) struct ColliderCache(pub(super) Vec<[Last; 2]>);
 
 impl ColliderCache {

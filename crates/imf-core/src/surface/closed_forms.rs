@@ -1,5 +1,5 @@
-//! Parts of which geometry tells what a tool reaches, at pitches that halve: every answer stays within a bound of the closed
-//! form, and the bound falls with the pitch.
+//! Parts where geometry determines what a tool reaches, at pitches that halve: every result stays within a bound of
+//! the closed form, and the bound falls with the pitch.
 
 mod bodies;
 mod cutter_clearance;
@@ -23,7 +23,7 @@ use crate::voxelize::voxelize;
 use solids::{ball, cylinder, dimpled, extruded, flat, of_mesh, slotted, tapered, tool};
 
 const PITCHES: [f64; 4] = [2.0, 1.0, 0.5, 0.25];
-/// Samples of a part, at least: some 0.8 to 1.5 mm apart.
+/// Minimum number of samples of a part: some 0.8 to 1.5 mm apart.
 const SAMPLES: usize = 1500;
 
 /// A part at a pitch, for several tools.
@@ -65,7 +65,7 @@ struct Found<'a> {
 }
 
 impl Found<'_> {
-    /// The share of the area of chosen samples for which a verdict holds.
+    /// Fraction of the area of chosen samples for which a verdict holds.
     fn share(&self, of: impl Fn(&SurfaceSample) -> bool, is: impl Fn(&Reach) -> bool) -> f64 {
         let (mut whole, mut part) = (0.0, 0.0);
         for (sample, reach) in self.samples.iter().zip(&self.reach).filter(|(sample, _)| of(sample)) {

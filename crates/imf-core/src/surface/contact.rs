@@ -166,8 +166,8 @@ impl Outline {
                 Piece::Flank { from, to, slope: own } => {
                     let length = (to[0] - from[0]).hypot(to[1] - from[1]);
                     if length * slope.beyond(own).abs() <= tolerance {
-                        // A tool that nowhere narrows upward is least in the way with the lower end of a cylinder at the point:
-                        // moved down along it, it fills all that it filled, and more.
+                        // A tool that nowhere narrows upward obstructs least with the lower end of a cylinder at the
+                        // point: moved down along it, it fills all that it filled, and more.
                         let most = if self.undercuts || from[1] != to[1] { HEIGHTS } else { 0 };
                         for step in 0..=most {
                             let at =
@@ -251,7 +251,8 @@ fn piece(segment: &Segment) -> Piece {
     }
 }
 
-/// How far from its tip a tool touches a surface, at most, in its own unit: by so much farther it reaches at contact poses.
+/// Maximum distance from its tip at which a tool touches a surface, in its own unit; at contact poses it reaches
+/// farther by this.
 #[must_use]
 pub fn contact_reach(tool: &Tool) -> f64 {
     match &tool.shape {

@@ -1,10 +1,10 @@
 //! What each tool of a crib reaches, all decided together.
 //!
-//! Tools with the same cutter share its contact poses: each is found once, and shank and holder of every such tool are tried
-//! there, the smaller ones first: what holds all of one that collides does too. Of a sample one direction that a tool reaches it from
-//! is enough, and the one that served before is tried first. Cutters take their turns at each sample, the thinner ones first: what
-//! one of them cuts into from a direction is tried first for the next, which mostly cuts into it as well. The verdicts are those
-//! of [`surface_access`](super::surface_access), tool by tool.
+//! Tools with the same cutter share its contact poses: each is found once, and shank and holder of every such tool
+//! are tested there, the smaller ones first: a tool that contains a colliding one collides too. One direction from
+//! which a tool reaches a sample is enough, and the last successful one is tried first. Cutters are tested at each
+//! sample from thin to thick: what one of them gouges from a direction is tested first for the next, which mostly
+//! gouges it as well. The verdicts are those of [`surface_access`](super::surface_access), tool by tool.
 
 use super::level_ring::RingPlaces;
 use super::sample_query::{Above, Last, SampleQuery};
@@ -17,7 +17,8 @@ use crate::tool::Tool;
 
 /// Samples that one thread takes at once.
 const CHUNK: usize = 32;
-/// Solid centres around a sample that all cutters share; where there are more each looks for itself.
+/// Maximum number of solid centres around a sample that all cutters share; where there are more each searches for
+/// itself.
 const MOST_AROUND: u32 = 256;
 
 /// By tool and sample, what becomes of it over all directions, on all threads of the current pool; the result does not depend on
@@ -117,7 +118,7 @@ impl Nested {
     }
 }
 
-/// All tools, and what samples side by side, and cutters at one sample, tell each other.
+/// All tools, and what neighbouring samples, and cutters at one sample, pass on to each other.
 struct Work<'a> {
     groups: &'a [Group<'a>],
     turns: &'a [ToolDirection],
@@ -127,17 +128,17 @@ struct Work<'a> {
     above: Vec<AboveCutter>,
     /// Directions that may face a sample.
     facing: Vec<usize>,
-    /// The largest ball around a sample that any cutter asks for, and a tool that does.
+    /// The largest ball around a sample that any cutter needs, and a tool that does.
     farthest: Option<(f64, &'a SurfaceTool)>,
     /// A sine of a surface's inward normal above which no tool touches.
     highest: f64,
 }
 
-/// What is kept of the tools of one cutter.
+/// State of the tools of one cutter.
 struct AboveCutter {
     /// By tool.
     at_rest: Vec<Last>,
-    /// Poses so far, and by tool the last one at which it collided.
+    /// Number of poses, and by tool the last one at which it collided.
     poses: u64,
     collided: Vec<u64>,
     /// The direction from which a sample was reached last.

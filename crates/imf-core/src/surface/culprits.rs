@@ -1,7 +1,7 @@
-//! Why a surface is not reached: for each sample the contact pose that overlaps least, and how much each solid voxel is to
-//! blame for.
+//! Why a surface is not reached: for each sample the contact pose of minimum overlap, and how much each solid voxel
+//! contributes.
 //!
-//! The overlap of a pose counts the solid voxel centres that are in the way of its cutter, shank and holder. Its least value over
+//! The overlap of a pose counts the solid voxel centres that obstruct its cutter, shank and holder. Its minimum over
 //! the contact poses at which the cutter fits among the part, or over all where it fits at none, is a sample's *obstruction*, in
 //! volume; over the surface it sums to `J = Σ area · obstruction`. With the
 //! poses fixed, `J` is linear in the material of each voxel, so that [`culprits`] is its exact derivative: what J loses when a
@@ -19,17 +19,17 @@ use crate::parallel;
 use crate::pose::Pose;
 use crate::tool::{Element, ElementKind, ToolShape};
 
-/// The contact pose of one sample that overlaps least, of those at which the cutter fits among the part where there are any.
+/// The contact pose of minimum overlap of one sample, among those at which the cutter fits where there are any.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LeastOverlap {
     /// The direction's number.
     pub direction: u32,
-    /// Where the tip is.
+    /// Position of the tip, in the grid's unit.
     pub tip: DVec3,
     rotation: DQuat,
-    /// Solid voxels in the way of cutter, shank and holder together.
+    /// Number of solid voxels that obstruct cutter, shank and holder together.
     pub voxels: u32,
-    /// Those of them in the way of the cutter.
+    /// Number of those that obstruct the cutter.
     pub of_cutter: u32,
 }
 
@@ -57,8 +57,8 @@ pub struct ElementCollision {
 }
 
 impl Revolved {
-    /// The elements of which a pose's overlap counts what they hold, each with the solid that it must stay out of; `named` are those of
-    /// the tool that hits name, of which the cutter at fixtures is the first.
+    /// The elements that a pose's overlap counts, each with the solid that it must avoid. `named` are the elements
+    /// that hits report; the first is the cutter against fixtures.
     fn elements<'a>(&'a self, named: &'a [(Element, Vec<SolidField>)]) -> Vec<(&'a Element, &'a SolidField)> {
         let mut elements = vec![(&self.eroded, &self.cutter)];
         elements.extend(self.held.as_ref().map(|held| (&named[0].0, held)));
@@ -195,9 +195,10 @@ pub fn least_overlaps(
     Ok(parallel::map_in_chunks(chosen, CHUNK, control, || (), least)?)
 }
 
-/// By voxel of the surroundings' grid: the area of the samples at whose pose it is in the way, once for each piece of the tool
-/// that it is in the way of (cutter, cutter at a fixture, shank and holder). Times the volume of a voxel it is the derivative of
-/// J by the voxel's material, the poses fixed. `poses` are those of samples with their areas. `None` of a mesh tool.
+/// For each voxel of the surroundings' grid: the summed area of the samples whose pose it obstructs, counted once per
+/// piece of the tool (cutter; cutter at fixtures; shank and holder), in the grid's unit squared. Multiplied by the
+/// voxel's volume it is ∂J/∂(material) at fixed poses. `poses` are pairs of a sample's area and its pose. `None` for
+/// mesh tools.
 ///
 /// # Errors
 /// [`SurfaceError::Cancelled`] when the control asks to stop; one unit of progress is one sample.

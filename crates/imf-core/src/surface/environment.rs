@@ -95,8 +95,8 @@ impl CollisionEnvironment {
         self.part.occupancy()
     }
 
-    /// Part and fixtures of a scene as tools meet them on the larger voxels of twice the pitch of `grid`: what is reached there tells how
-    /// far an answer has converged.
+    /// Part and fixtures of a scene as tools meet them on the larger voxels of twice the pitch of `grid`: what is
+    /// reached there shows how far a result has converged.
     ///
     /// # Errors
     /// As [`SceneSpec::bodies`].

@@ -10,12 +10,12 @@ use crate::mesh::topology::boundary_chain;
 use crate::pose::Pose;
 use crate::voxelize::voxelize;
 
-/// Balls that are kept, the largest first.
+/// Maximum number of balls, the largest first.
 const MOST: usize = 64;
-/// Places that are looked at for one, and distances to triangles that are taken for all.
+/// Sampled places for one ball, and computed distances to triangles for all.
 const PLACES: f64 = 8e3;
 const DISTANCES: f64 = 2e7;
-/// A ball this far inside another one, in shares of that one's radius, adds little.
+/// A ball this far inside another one, in fractions of that one's radius, adds little.
 const APART: f64 = 0.5;
 /// Taken off every radius, in voxels: more than centres are set aside where they lie on a mesh.
 const MARGIN: f64 = 1e-4;

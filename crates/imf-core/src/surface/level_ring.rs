@@ -17,8 +17,8 @@ const TRIES: usize = 3;
 const STEPS: usize = 16;
 const ROUNDS: usize = 32;
 
-/// By level ring that a cutter touches with from one direction, in order: what the cutter does at the places from which its search
-/// begins, as far as it is known. Tools of one cutter share it.
+/// For each level ring with which a cutter touches from one direction, in order: the known outcomes at the starting
+/// places of its search. Tools of one cutter share it.
 #[derive(Default)]
 pub(super) struct RingPlaces(Vec<Vec<RingPlace>>);
 
@@ -91,7 +91,7 @@ impl SampleQuery<'_> {
             let first = own.into_iter().chain(blocker(2..3, *offset)).max_by(Blocker::order);
             starts.extend(first.map(|first| (*offset, first)));
         }
-        // The places with the least in the way.
+        // The least obstructed places.
         starts.sort_by(|(_, a), (_, b)| a.order(b));
         // The nearest place on the ring that is clear of all that was met, by stepping off the deepest of it again and again.
         let clear_of = |met: &[Blocker], mut offset: DVec3| {
@@ -108,7 +108,7 @@ impl SampleQuery<'_> {
             }
             None
         };
-        // What is not nearest to the axis, and yet in the tool.
+        // A centre that is not nearest to the axis, and yet in the tool.
         let any_blocker = |offset: DVec3| {
             let tip = middle + offset;
             (0..3).find_map(|solid| {

@@ -1,15 +1,15 @@
-//! What keeps how much of a surface from being reached.
+//! Which elements and bodies obstruct how much of a surface.
 
 use super::{Reach, SurfaceTool};
 use crate::tool::ElementKind;
 
-/// What keeps area from being reached.
+/// Areas that are not reached, by what obstructs them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ObstructedAreas {
-    /// An element, the body that it hits (0 the part, then the fixtures in their order), and the area that this obstructs; elements
-    /// in their order along the tool. Several may be in the way of one place.
+    /// An element, the body that it hits (0 the part, then the fixtures in their order), and the area that this
+    /// obstructs, in the mesh's unit squared; elements in their order along the tool. Several may obstruct one place.
     pub hits: Vec<(ElementKind, usize, f64)>,
-    /// The area that a limit on poses alone obstructs ([`SurfaceTool::is_limited`]).
+    /// The area that a limit on poses alone obstructs ([`SurfaceTool::is_limited`]), in the mesh's unit squared.
     pub by_limit: f64,
 }
 

@@ -25,10 +25,11 @@ pub struct PartSetup {
 }
 
 impl PartSetup {
-    /// Every set-up with this direction up that matters: no turn about +z gives the tool more of `directions` within the
-    /// machine's limits than one of these. Several only where the turning axis has a range of less than 360°, or a cone leans;
-    /// quarter turns come first then, whatever they give. A direction of `directions` that is next to `up` stands for it. With `quarters`
-    /// all four are there in any case, as a machine needs it whose travel and bodies let it reach more of a part that lies the other way.
+    /// The set-ups with this direction up that matter: no turn about +z gives the tool more of `directions` within
+    /// the machine's limits than one of these. There are several only where the turning axis has a range of less than
+    /// 360° or a cone is tilted; the four quarter turns then come first. If a direction lies within `SAME` of `up`,
+    /// it replaces `up`. With `quarters` all four quarter turns are returned even if they reach the same directions:
+    /// the travel and the solids of a machine may treat them differently.
     #[must_use]
     pub fn all(
         part: &Mesh,

@@ -12,7 +12,7 @@ use crate::mesh::groups::Groups;
 pub struct SurfacePatch {
     /// Their numbers, ascending.
     pub samples: Vec<usize>,
-    /// Their area.
+    /// Their area, in the mesh's unit squared.
     pub area: f64,
     /// The point of the samples that is nearest to their mean.
     pub middle: DVec3,

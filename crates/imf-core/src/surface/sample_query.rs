@@ -44,7 +44,7 @@ const FEW: u32 = 16;
 /// wall that the cutter touches, and rounding must not decide.
 pub(super) const TOUCH: f64 = 0.01;
 
-/// A voxel that was in the way of a pose before, and is tried first.
+/// A voxel that obstructed an earlier pose, and is tried first.
 pub(super) type Last = Option<[f64; 3]>;
 
 /// Of a direction: what decides beside the cutter.
@@ -66,7 +66,7 @@ pub(super) struct SampleQuery<'a> {
 }
 
 impl SurfaceTool {
-    /// Radius in voxels of the largest ball around a sample whose solid centres it asks for; `None` where it asks for none.
+    /// Radius in voxels of the largest ball around a sample whose solid centres it needs; `None` where it needs none.
     pub(super) fn asks_around(&self) -> Option<f64> {
         let Shape::Revolved(tool) = &*self.shape else { return None };
         tool.outline.convex.then_some(tool.near)
@@ -202,7 +202,7 @@ impl<'a> SampleQuery<'a> {
             return Outcome::Gouged;
         }
         let sample = tool.cutter.voxel_of(self.sample.point);
-        // What was met before is tried first; not what others met: the way would depend on them.
+        // What this search met before is tried first, but not what others met: the path would depend on them.
         let mut met = [[0.0; 3]; GOUGE_STEPS];
         let mut count = 0;
         let mut now = tip;

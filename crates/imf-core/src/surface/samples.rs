@@ -11,14 +11,14 @@ use crate::parallel;
 /// A small piece of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfaceSample {
-    /// Its middle.
+    /// Centroid of its triangle, in the mesh's unit.
     pub point: DVec3,
     /// Outward unit normal.
     pub normal: DVec3,
-    /// Its area.
+    /// Area of its triangle, in the mesh's unit squared.
     pub area: f64,
-    /// Sine of half the angle by which the mesh turns at the smooth edges of the triangle that it lies on, at most: a facet
-    /// approximates a curved surface, whose true normal may differ by so much. 0 on a plane.
+    /// Maximum sine of half the angle by which the mesh turns at the smooth edges of the sample's triangle: a facet
+    /// approximates a curved surface, whose true normal may differ by this. 0 on a plane.
     pub bend: f64,
 }
 
@@ -29,7 +29,8 @@ pub struct SurfaceSamples {
     pub mesh: Mesh,
     /// In the order of the triangles.
     pub samples: Vec<SurfaceSample>,
-    /// Area that lies inside the part, where bodies of the mesh cross or touch each other. It has no samples.
+    /// Area that lies inside the part, in the mesh's unit squared, where bodies of the mesh cross or touch each
+    /// other. It has no samples.
     pub hidden_area: f64,
 }
 
@@ -41,7 +42,7 @@ const OUTSIDE: f64 = 0.75;
 const CLOSE: f64 = 1e-3;
 
 impl SurfaceSamples {
-    /// At least about `count` samples of a mesh; `solid` holds its voxels.
+    /// About `count` samples of a mesh, or more; `solid` holds its voxels.
     ///
     /// Of bodies that cross or touch each other the surface is what has the part on one side alone, and it faces the other,
     /// whichever way its triangles do. Where the mesh is open, what a triangle faces is solid if its voxel is too.

@@ -18,8 +18,8 @@ pub struct SetupTool<'a> {
     pub brought: Option<&'a (dyn Fn(&PartSetup) -> SurfaceTool + Sync)>,
 }
 
-/// The samples, weighing their areas, that any of the tools reaches in each set-up; `None` where the control asks to stop. One unit of
-/// progress is one set-up looked at. `directions` are those that the tools' access and the set-ups count.
+/// The samples, weighing their areas, that any of the tools reaches in each set-up; `None` where the control asks to
+/// stop. One unit of progress is one set-up. `directions` are those that the tools' access and the set-ups count.
 ///
 /// # Panics
 /// If the numbers of samples or directions differ.
@@ -82,9 +82,9 @@ pub fn removed_in_setups(removed: &[Vec<u32>], stock: &Occupancy, setups: &[Part
     problem
 }
 
-/// The fewest of these set-ups that cover the fraction of [`CoverSettings`] of what all of them cover, set by set those of `problem`;
-/// `None` where the control asks to stop. Where a part that stands by itself does too, it is chosen, and of set-ups that do as well
-/// those that come first. The sets of the cover are indices of set-ups.
+/// The fewest set-ups that cover [`CoverSettings::fraction`] of what all of them cover; `None` where the control asks
+/// to stop. `problem` has one set per set-up, in their order, and the sets of the cover are indices of set-ups. Ties
+/// go to set-ups in which the part rests by itself, then to the first.
 ///
 /// # Panics
 /// If the problem has another number of sets.

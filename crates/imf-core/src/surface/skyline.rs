@@ -1,10 +1,10 @@
 //! Where on its axis a body of revolution is free: how far above a tip its lower end must be, for all tips of one direction.
 //!
-//! A voxel centre at height z and distance r from the axis is in the body while its lower end stands at z − h for some height
-//! h of the body at which it is as wide as r. So a voxel that is in the way says how far up the body must go to let it out:
-//! as far as the lowest such h below the one that it is at, without a gap. The body goes there, and asks again; from
-//! where it stands first to where it comes to rest every place between is taken. Voxels are sorted into square cells across the
-//! direction, cells into a pyramid of their highest voxels, and what cannot be in the way is passed over.
+//! A voxel centre at height z and distance r from the axis is in the body while its lower end stands at z − h for
+//! some height h of the body at which it is as wide as r. So a voxel that obstructs says how far up the body must go
+//! to clear it: to the lowest such h below the current one, without a gap. The body goes there and queries again;
+//! every height between its start and its end is occupied. Voxels are sorted into square cells across the direction,
+//! cells into a pyramid of their highest voxels, and what cannot obstruct is skipped.
 
 use glam::{DVec2, DVec3};
 
@@ -141,7 +141,7 @@ struct Level {
     highest: Vec<f64>,
 }
 
-/// Cells that wait to be looked at: level, cell, and how far up they may send the body.
+/// Cells that wait to be visited: level, cell, and how far up they may send the body.
 pub(super) type Waiting = Vec<(u32, u32, f64)>;
 
 impl Skyline {
@@ -187,8 +187,8 @@ impl Skyline {
         Self { axis, u, v, lower, pitch, starts, points, levels }
     }
 
-    /// How far above `tip` the body, its axis through the tip, must stand at least so that it holds no point: from `least`
-    /// up, where every place below the answer is taken. `None` where the answer is not below `limit`.
+    /// Minimum height above `tip` at which the body, its axis through the tip, holds no point, searched from `least`
+    /// up: every lower height collides. `None` where it is not below `limit`.
     pub(super) fn clearing_height(
         &self,
         tip: DVec3,

@@ -1,10 +1,10 @@
-//! The least stick-out with which a tool reaches a surface, sample by sample.
+//! The minimum stick-out with which a tool reaches a surface, sample by sample.
 //!
-//! Cutter, and what of the shank is always out of the holder, decide at contact poses as they do for a tool as it is. Where they
-//! are free, the holder goes up its shank until it is free too (`Skyline`: at once, not by trial), and the shank that this
-//! bares must be free. Every answer is decided once more by exact counts: the tool set to that length holds no voxel centre that
-//! it may not. The holder ends where its outline ends: what stands above it is not in its way, so that with more than the least it
-//! may collide again, as with a groove of its own that happens to be where something sticks out.
+//! The cutter and the part of the shank that is always outside the holder are checked at contact poses as for a fixed
+//! tool. If they are free, the holder is raised along the shank until it is free (one skyline query, no search), and
+//! the bared shank is checked. Each result is verified by an exact count: the tool set to that length holds no voxel
+//! centre that it must avoid. What stands above the end of the holder's outline is ignored, so a longer stick-out
+//! than the minimum may collide again: a groove of the holder may be where something protrudes.
 
 use std::sync::Arc;
 
@@ -25,7 +25,7 @@ use crate::tool::{Assembly, Element, ElementKind, ToolShape};
 const DIRECTIONS: usize = 16;
 /// Samples that one thread takes at once.
 const CHUNK: usize = 64;
-/// The shortest piece of bared shank that is looked at, in pitches: stick-outs that bare less are rounded up to it.
+/// The shortest piece of bared shank that is checked, in pitches: stick-outs that bare less are rounded up to it.
 const PIECE: f64 = 0.125;
 /// By how much the holder goes on where the exact count finds what its skyline lacks, in pitches.
 const STEP: f64 = 0.25;
@@ -35,15 +35,15 @@ const STEP: f64 = 0.25;
 pub enum StickOut {
     /// With some stick-out the tool reaches it.
     Reached {
-        /// The least, in the grid's unit; it may be more than the tool has.
+        /// The minimum, in the grid's unit; it may exceed the tool's length.
         length: f64,
         /// The first direction that allows it.
         direction: u32,
         /// Where the tip then is.
         tip: DVec3,
     },
-    /// The cutter fits, but from every such direction its shank, or what it would take to get the holder out of the way, collides
-    /// whatever the stick-out.
+    /// The cutter fits, but from every such direction its shank, or the length needed to clear the holder, collides
+    /// at every stick-out.
     Obstructed,
     /// The cutter itself does not fit.
     Gouged,
@@ -52,7 +52,7 @@ pub enum StickOut {
 }
 
 impl StickOut {
-    /// The least stick-out where there is one, and infinity elsewhere.
+    /// The minimum stick-out where there is one, and infinity elsewhere.
     #[must_use]
     pub fn length(&self) -> f64 {
         match self {
@@ -118,7 +118,7 @@ impl StickOutTool {
         let outline = elements.iter().flat_map(|element| element.profile.iter().copied());
         let solid = environment.keep_out.occupancy();
         let pitch = solid.grid.pitch;
-        // No answer is beyond what is solid, seen from a tip that touches it.
+        // No result is beyond what is solid, seen from a tip that touches it.
         let farthest = solid.grid.size().length() + given.reach();
         let pieces = (farthest / (PIECE * pitch)).log2().ceil().max(0.0) as i32;
         let bared = (0..=pieces).map(|piece| {
@@ -146,7 +146,7 @@ impl StickOutTool {
         self.tool.name()
     }
 
-    /// The least that the holder can be set to, which grips neither flutes nor necks.
+    /// The minimum that the holder can be set to, which grips neither flutes nor necks.
     #[must_use]
     pub fn shortest(&self) -> f64 {
         self.shortest
@@ -175,7 +175,8 @@ impl StickOutTool {
         })
     }
 
-    /// The least stick-out, from one up and below `limit`, with which shank and holder are free where the shortest shank is.
+    /// The minimum stick-out, from one up and below `limit`, with which shank and holder are free where the shortest
+    /// shank is.
     fn least(
         &self,
         (tip, axis): (DVec3, DVec3),
@@ -230,7 +231,8 @@ impl<'a> Raising<'a> {
         Self { tool, skyline: None, waiting: Waiting::new() }
     }
 
-    /// The least stick-out from `length` up with which shank and holder are free at a pose; `None` where there is none.
+    /// The minimum stick-out from `length` up with which shank and holder are free at a pose; `None` where there is
+    /// none.
     pub(crate) fn from(&mut self, length: f64, pose: &Pose) -> Option<f64> {
         if self.tool.is_free_at(pose, length) {
             return Some(length);
@@ -248,8 +250,8 @@ impl<'a> Raising<'a> {
     }
 }
 
-/// The least stick-out of every sample over all directions, on all threads of the current pool; the result does not depend
-/// on their number. One unit of progress is one direction.
+/// The minimum stick-out of every sample over all directions, on all threads of the current pool; the result does not
+/// depend on their number. One unit of progress is one direction.
 ///
 /// # Errors
 /// [`SurfaceError::Cancelled`] when the control asks to stop.
@@ -302,7 +304,7 @@ pub fn least_stick_outs(
                         *best = outcome;
                     }
                     if best.length() > tool.given && query.has_ring(turn) {
-                        // Places to which the tool as it is would step aside.
+                        // Places to which the tool at its given length would step aside.
                         search(Some(&tool.as_set), tool.given, best);
                     }
                 }

@@ -2,15 +2,15 @@
 
 use super::{Clearance, ClearanceError, Element, Tool, ToolShape};
 
-/// A tool with a clearance around it. Shank and holder offset by a clearance are more than the offset tool without its cutter, so both are
-/// made together, from the tool as it is.
+/// A tool with a clearance around it. Shank and holder offset by a clearance are more than the offset tool without
+/// its cutter, so both are made together, from the bare tool.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Assembly {
     /// What stays out of what is forbidden.
     whole: Tool,
     /// What stays out of what the cutter may enter.
     noncutting: Option<Tool>,
-    /// The tool as it is, and by how much it is offset.
+    /// The tool without clearance, and the clearance.
     tool: Tool,
     clearance: Clearance,
 }
@@ -19,7 +19,7 @@ impl Tool {
     /// The tool offset by a clearance in its own unit: the Minkowski sum of each element with a ball.
     ///
     /// # Errors
-    /// A clearance that is no length, or one around a mesh tool, which cannot be offset.
+    /// A clearance that is not a length, or one around a mesh tool, which cannot be offset.
     pub fn offset(&self, clearance: &Clearance) -> Result<Assembly, ClearanceError> {
         Ok(Assembly {
             whole: self.with_clearance(clearance)?,
@@ -37,7 +37,7 @@ impl Assembly {
         &self.whole
     }
 
-    /// Shank and holder, offset; `None` where there are none. A mesh, which does not say what of it cuts, is all of it.
+    /// Shank and holder, offset; `None` where there are none. All of a mesh, which does not say what part of it cuts.
     #[must_use]
     pub fn noncutting(&self) -> Option<&Tool> {
         self.noncutting.as_ref()
@@ -55,7 +55,7 @@ impl Assembly {
         &self.clearance
     }
 
-    /// The same tool, every element offset by so much more.
+    /// The same tool, every element offset by `more` in addition.
     ///
     /// # Errors
     /// As [`Tool::offset`].

@@ -2,7 +2,7 @@
 
 use super::{ElementKind, Segment, Tool, ToolShape};
 
-/// Heights that are looked at along a segment.
+/// Sampled heights along a segment.
 const ALONG: u32 = 16;
 /// Halvings of the step between two of them.
 const HALVINGS: u32 = 40;
@@ -88,7 +88,7 @@ mod tests {
         use ElementKind::{Cutter, Holder, Shank};
         let saw = tool(&[(Cutter, [0.0, 1.0, 30.0, 30.0]), (Shank, [1.0, 60.0, 6.0, 6.0])]);
         assert_eq!(saw.thinnest_disc(2.0), Some(("cutter".into(), 1.0)));
-        // A disc that hardly stands out is none, nor is one whose neighbours are as wide.
+        // A disc that hardly stands out does not count, nor does one whose neighbours are as wide.
         let low = tool(&[(Cutter, [0.0, 1.0, 7.0, 7.0]), (Shank, [1.0, 60.0, 6.0, 6.0])]);
         assert_eq!(low.thinnest_disc(2.0).unwrap().1, 60.0);
         assert_eq!(low.thinnest_disc(0.5).unwrap().1, 1.0);

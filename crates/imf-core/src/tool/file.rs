@@ -173,7 +173,7 @@ fn bytes_of(path: &Path) -> Result<Vec<u8>, Fault> {
 }
 
 fn text_of(bytes: &[u8]) -> Result<&str, Fault> {
-    std::str::from_utf8(bytes).map_err(|_| Fault::malformed("it is no text in UTF-8"))
+    std::str::from_utf8(bytes).map_err(|_| Fault::malformed("it is not text in UTF-8"))
 }
 
 fn checked(tool: Tool) -> Result<Tool, Fault> {

@@ -29,7 +29,7 @@ struct Entry {
 
 /// The file is not what its ending says.
 fn damaged(what: impl std::fmt::Display) -> Fault {
-    Fault::malformed(format!("it is no intact tool library: {what}; export it again"))
+    Fault::malformed(format!("it is not an intact tool library: {what}; export it again"))
 }
 
 /// What is missing in a tool, wrong, or without a place among elements.

@@ -16,7 +16,7 @@ use thiserror::Error;
 use super::{Element, ElementKind, Segment, Tool, ToolShape};
 use envelope::{Curve, Side, envelope};
 
-/// How much room each kind of element must keep from the obstacle, in the tool's unit.
+/// Required clearance of each kind of element from the obstacle, in the tool's unit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Clearance {
@@ -89,7 +89,7 @@ impl Tool {
     /// Every element offset by its clearance: bodies that overlap, in the order of the tool's elements.
     ///
     /// # Errors
-    /// A mesh tool with any clearance, or a clearance that is no length. Without clearance a mesh tool has no
+    /// A mesh tool with any clearance, or a clearance that is not a length. Without clearance a mesh tool has no
     /// elements, and the list is empty.
     pub fn offset_elements(&self, clearance: &Clearance) -> Result<Vec<Element>, ClearanceError> {
         clearance.check()?;
@@ -103,7 +103,7 @@ impl Tool {
     }
 
     /// One tool that is the union of the offset elements; each piece of its outline belongs to the element that reaches
-    /// farthest out there. It may begin below the tip, which stays the origin. Sharp points keep their places; those
+    /// farthest out there. It may begin below the tip, which stays the origin. Sharp points stay where they are; those
     /// spread over the cutter become a list of points.
     ///
     /// # Errors

@@ -217,7 +217,7 @@ impl Element {
     }
 }
 
-/// Sine of the angle by which an outline turns at a sharp edge, at least: 20°.
+/// Sine of the minimum angle by which an outline turns at a sharp edge: 20°.
 const SHARP: f64 = 0.342;
 
 /// `count` points on a surface of revolution: the tip, and rings in the middle of even steps along the outline, or on its sharp edge

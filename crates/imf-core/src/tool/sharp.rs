@@ -8,7 +8,7 @@ use super::{SLACK, Tool, ToolError, ToolShape, contains};
 use crate::mesh::distance::distance_to_mesh;
 use crate::mesh::solid_angle::winding_number;
 
-/// The most voxels of a cutter's box that are looked at for sharp points.
+/// Maximum number of voxels of a cutter's box that are searched for sharp points.
 const MOST_LOOKED_AT: f64 = (1_u64 << 26) as f64;
 
 /// The points of a tool at which it cuts: the collision measure is the minimum over them.
@@ -46,7 +46,8 @@ impl Tool {
         }
     }
 
-    /// Checks that [`Tool::sharp_point_positions`] comes to an end at `pitch`: of a cutter's every voxel it looks at all of its box.
+    /// Checks that [`Tool::sharp_point_positions`] ends in reasonable time at `pitch`: it visits every voxel of the
+    /// cutter's box.
     pub(crate) fn check_sharp_points(&self, pitch: f64) -> Result<(), ToolError> {
         let elements = match (&self.sharp_points, &self.shape) {
             (SharpPoints::Boundary(Some(elements)), _) => elements,
@@ -189,7 +190,7 @@ mod tests {
             let points = cutter.sharp_point_positions(1.0);
             let at_corner = points.iter().filter(|p| p.z < 1e-9 && (p.x.hypot(p.y) - 2.0).abs() < 1e-9);
             assert!(at_corner.count() >= 4 && points.len() == count, "{points:?}");
-            assert!(points.iter().all(|p| p.z < 5.9), "the flutes' upper end is none: {points:?}");
+            assert!(points.iter().all(|p| p.z < 5.9), "the flutes' upper end is not sharp: {points:?}");
         }
     }
 

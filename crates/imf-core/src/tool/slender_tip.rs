@@ -8,7 +8,7 @@ const STEPS: usize = 4096;
 /// Halvings in which a radius is found.
 const HALVINGS: usize = 40;
 
-/// A tip that holds a ball within this many of its diameters is none that must be looked at.
+/// A tip that holds a ball within this many of its diameters is not slender.
 const DIAMETERS: f64 = 3.0;
 
 impl Tool {
@@ -39,8 +39,8 @@ impl Tool {
         self.tip_depth(0.5 * diameter).is_some_and(|depth| depth <= DIAMETERS * diameter)
     }
 
-    /// The diameter of the largest ball that a slender tip holds within three diameters from its end, which is the thickness that it is
-    /// met with; `None` of other tips, and of those that are as slender at every size, as sharp cones are.
+    /// The diameter of the largest ball that a slender tip holds within three diameters from its end, which is its
+    /// effective thickness; `None` for other tips, and for those as slender at every size, such as sharp cones.
     #[must_use]
     pub fn slender_tip(&self) -> Option<f64> {
         // The largest radius up to one that something holds of.

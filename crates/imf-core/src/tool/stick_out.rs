@@ -15,8 +15,8 @@ impl Tool {
         Some(holder.profile.first()?.range().0)
     }
 
-    /// The least stick-out that the tool can be set to: to the lower end of the plain cylinder that the holder is on. `None`
-    /// as of [`Tool::stick_out`].
+    /// The minimum stick-out that the tool can be set to: to the lower end of the plain cylinder that the holder is
+    /// on. `None` as of [`Tool::stick_out`].
     #[must_use]
     pub fn shortest_stick_out(&self) -> Option<f64> {
         let mut shortest = self.stick_out()?;

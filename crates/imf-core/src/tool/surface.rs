@@ -7,8 +7,8 @@ use crate::mesh::Mesh;
 const PIECES: usize = 12;
 
 impl Tool {
-    /// The closed surface in the tool's frame and unit, its triangles facing outwards: of a tool of revolution in so many flat sides around
-    /// its axis, at least 3; of a mesh the mesh itself.
+    /// The closed surface in the tool's frame and unit, triangles facing outwards. A tool of revolution gets `sides`
+    /// flat faces around its axis (at least 3); a mesh tool is returned as it is.
     #[must_use]
     pub fn surface(&self, sides: usize) -> Mesh {
         let elements = match &self.shape {

@@ -28,8 +28,8 @@ pub struct ToolVoxels {
 /// Centres this close to the surface count as inside, in pitch²: rounding must not decide at exact ties.
 pub(crate) const SLACK: f64 = 1e-9;
 
-/// Centres are looked at so far from their place in the tool's own frame, in pitches: those on a mesh's surface then fall to the
-/// same side at every rotation, whatever rounding does; on the face of the tip inside, as in a tool of revolution.
+/// Centres are sampled with this offset in the tool's own frame, in pitches: those on a mesh's surface then fall to
+/// the same side at every rotation despite rounding; on the face of the tip inside, as in a tool of revolution.
 const ASIDE: DVec3 = DVec3::new(3.1e-7, 4.7e-7, 1e-6);
 
 /// A mesh tool in an orientation, [`ASIDE`].

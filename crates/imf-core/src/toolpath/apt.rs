@@ -160,7 +160,7 @@ impl State {
                 })?);
                 self.loaded = true;
             }
-            // What the tool is, in the words of whoever wrote the file.
+            // Free text that describes the tool.
             "CUTTER" | "TLDATA" | "TOOLNO" => {
                 self.describe(line, &word, rest);
                 let cutter = match word.as_str() {
@@ -233,7 +233,7 @@ impl State {
                 .push(format!("line {line}: the file moves without UNITS/: its unit is taken to be {unit}"));
         }
         let pose = pose(line, position, Direction::Axis(self.axis), None)?;
-        // RAPID is of the next motion, and where the tool is said to be is none.
+        // RAPID applies to the next motion; a statement of where the tool is does not count as one.
         let kind = if is_start {
             MoveKind::Start
         } else if std::mem::take(&mut self.rapid) {

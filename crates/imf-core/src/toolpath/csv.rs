@@ -92,12 +92,12 @@ impl Header {
     fn read(text: &str, machine: Option<&Machine>) -> Result<Self, String> {
         let separator = [';', '\t', ','].into_iter().find(|&separator| text.contains(separator));
         let titles: Vec<String> = fields(text, separator).into_iter().map(str::to_ascii_lowercase).collect();
-        // Titles are told to people, and a terminal takes control characters as orders.
+        // Titles appear in messages, and a terminal obeys control characters.
         if text.contains(|letter: char| {
             letter.is_control() && letter != '\t' || letter == char::REPLACEMENT_CHARACTER
         }) {
             return Err(format!(
-                "this is no text: a table of numbers is wanted, below a line with their columns, {WANTED}"
+                "this is not text: a table of numbers is wanted, below a line with their columns, {WANTED}"
             ));
         }
         if titles.iter().any(|title| title.parse::<f64>().is_ok()) {
@@ -319,7 +319,7 @@ mod tests {
             ("\n0,30,98,0,.1,-.995\n", 2, WANTED),
             ("\n0,30,98,0,.1,-.995\n", 2, "numbers alone do not say what they are: name the columns"),
             ("0;30;98\n", 1, "name the columns"),
-            ("\u{1b}[2J,y,z\n1,2,3\n", 1, "no text"),
+            ("\u{1b}[2J,y,z\n1,2,3\n", 1, "not text"),
             ("x,y,z,i\n", 1, "not complete"),
             ("x,y,i,j,k\n", 1, "not complete"),
             ("x,y,z,A,C\n0,30,98,5,0\n", 1, "'a' is an angle of a rotary axis"),

@@ -1,15 +1,17 @@
 //! Programs in G-code, for three axes without a machine and for any axes with one.
 //!
-//! Read are G0 to G3 (arcs and helices by chords, G17 to G19, centres from the start or radii), G4, G20 and G21, G28 and G53, G43 with
-//! G49, G43.4 and G234 (the tool's centre point is kept), G54 to G59, G90 and G91, T with M6, words that move nothing, and words that
-//! smooth corners, which are told. Every other word is refused with its line, and so is what stands behind the end of the program.
+//! Read are G0 to G3 (arcs and helices by chords, G17 to G19, centres from the start or radii), G4, G20 and G21, G28
+//! and G53, G43 with G49, G43.4 and G234 (tool centre point control), G54 to G59, G90 and G91, T with M6, words that
+//! move nothing, and words that smooth corners, which get a remark. Every other word is refused with its line, and so
+//! is anything after the end of the program.
 //!
-//! Without a machine X, Y and Z are the tip's and the tool stands along +z; while no tool length is in force (after G49, M6 and D0, before
-//! the first G43 of a program) Z must not move, and where G28 and G53 lead is not known; of a program without any it is told that Z is
-//! taken for the tip's. With one, and with the centre point kept, they
-//! are the tip's in the frame that turns with the part, and the tip goes straight there; otherwise they move the linear axes: with a tool length (G43) they are where
-//! the tip would be with the head upright, in the work offset that does not turn. Angles are followed as they are written: from C350
-//! to C10 is 340° back, which is remarked.
+//! Without a machine X, Y and Z are the tip's and the tool stands along +z; while no tool length is in force (after
+//! G49, M6 and D0, before the first G43 of a program) Z must not move, and where G28 and G53 lead is not known; a
+//! program without any gets the remark that Z is taken for the tip's. With a machine, and under tool centre point
+//! control, they are the tip's in the frame that turns with the part, and the tip goes straight there; otherwise they
+//! move the linear axes: with a tool length (G43) they are where the tip would be with the head upright, in the work
+//! offset that does not turn. Angles are followed as they are written: from C350 to C10 is 340° back, and gets a
+//! remark.
 
 mod after_end;
 mod arc;
@@ -59,7 +61,7 @@ enum Motion {
     CounterClockwise,
 }
 
-/// What has been said so far. What is not known is NaN.
+/// The modal state. Unknown values are NaN.
 struct Program<'a> {
     reading: PathReading<'a>,
     machine: Option<&'a Machine>,
@@ -79,7 +81,7 @@ struct Program<'a> {
     z_without_length: Option<usize>,
     /// Z is the spindle's, whatever the tool's length: since G53 or G28, up to a coordinate of the program.
     z_by_spindle: bool,
-    /// Locations so far, where all of them are by G53 and G28 before any tool.
+    /// Number of locations while all of them are by G53 and G28 before any tool.
     homed: usize,
     /// D has named a tool's edge.
     has_used_edge: bool,
@@ -94,12 +96,13 @@ struct Program<'a> {
     ended_by: Option<&'static str>,
     /// The tool's centre point is kept.
     centre_point: bool,
-    /// While it is: the coordinates that the program has said, which the axes do not tell while one of them is unknown.
+    /// While it is: the coordinates that the program has said, which the axes do not determine while one of them is
+    /// unknown.
     kept: DVec3,
     tool: Option<u32>,
     /// The last T, with its line.
     called: Option<(usize, u32)>,
-    /// The path begins anew.
+    /// The next location starts a new stretch: its approach is unknown.
     broken: bool,
     joints: Joints,
     unchecked: Unchecked,
@@ -250,7 +253,7 @@ impl Program<'_> {
         self.z_by_spindle &= block.linear[2].is_none();
         let is_arc = matches!(motion, Motion::Clockwise | Motion::CounterClockwise);
         if !is_arc && (block.centre.is_some() || block.radius.is_some()) {
-            return Err("I, J, K and R belong to an arc (G2, G3), and this is none".into());
+            return Err("I, J, K and R belong to an arc (G2, G3), and this is not one".into());
         }
         let (to, rotary) = self.target(block)?;
         match motion {

@@ -21,7 +21,7 @@ const FAR: f64 = 1e-3;
 /// Voxels of a block that cost as much by themselves as the eight parts of the block.
 const FEW: usize = 12;
 
-/// What is known of some planes x of a grid, from one of them on.
+/// State of some planes x of a grid, from one of them on.
 pub(super) struct Planes<'a> {
     pub(super) grid: &'a Grid,
     pub(super) mesh: &'a Mesh,

@@ -7,7 +7,8 @@ use super::tests::sphere;
 use super::*;
 use crate::parts::ReferencePart;
 
-/// Every triangle on corners of its own, each moved by up to `jitter` along every axis, and the share of them turned that the dice say.
+/// Every triangle on corners of its own, each moved by up to `jitter` along every axis, and a random fraction of them
+/// turned.
 fn soup(mesh: &Mesh, jitter: f64, turned: f64) -> Mesh {
     let mut random = ChaCha8Rng::seed_from_u64(11);
     let mut soup = Mesh::default();
@@ -52,7 +53,7 @@ fn a_soup_has_the_voxels_of_the_joined_mesh() {
     }
 }
 
-/// What is too far apart to be joined is no consistent surface, and that is told.
+/// What is too far apart to be joined is not a consistent surface, and that is reported.
 #[test]
 fn a_soup_that_cannot_be_joined_is_in_doubt() {
     let mesh = sphere(DVec3::new(0.3, 0.2, 0.1), 20.0, 3);

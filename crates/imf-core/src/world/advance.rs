@@ -1,10 +1,11 @@
 //! Motions with a turning tool: proven free by conservative advancement.
 //!
-//! On the way from one pose to another no point of the tool moves farther in a time dt than dt times the way's length, which is that of the
-//! tip plus the turns' angles times the tool's reach. So where a clearance c is proven at one time, the motion is free as long
-//! as no point has moved by c, before and after. A clearance comes from the obstacles' distance transforms; where those prove none,
-//! from tools offset by fixed lengths, which collide or not exactly. What is left are stretches where the tool passes closer than the
-//! smallest of these lengths: there poses are tried so closely that no point moves farther than a stated resolution between two.
+//! On the way from one pose to another no point of the tool moves farther in a time dt than dt times the way's
+//! length, which is that of the tip plus the turns' angles times the tool's reach. So where a clearance c is proven
+//! at one time, the motion is free as long as no point has moved by c, before and after. A clearance comes from the
+//! obstacles' distance transforms; where those prove none, from tools offset by fixed lengths, which collide or not
+//! exactly. On the remaining stretches the tool passes closer than the smallest of these lengths: there poses are
+//! sampled so closely that no point moves farther than a given resolution between two.
 
 use serde::{Deserialize, Serialize};
 
@@ -23,7 +24,7 @@ pub struct MotionOptions {
     pub resolution: Option<f64>,
 }
 
-/// What is known of a motion. Times run from 0 at its beginning to 1 at its end.
+/// The result for a motion. Times run from 0 at its beginning to 1 at its end.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MotionResult {
     /// Time and pose up to which the motion is free: its end where all of it is, else the last one before the first that collides. `None`
@@ -53,7 +54,7 @@ impl MotionResult {
 /// A collision on the way.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MotionCollision {
-    /// When.
+    /// Fraction of the motion, from 0 to 1.
     pub time: f64,
     /// The tool's pose.
     pub pose: Pose,
@@ -104,8 +105,8 @@ impl Checker {
     /// ([`Pose::interpolate`]). The first call makes the tools that proofs need.
     ///
     /// # Errors
-    /// An end that is an invalid pose, axes that are opposite, a mesh tool, ends beyond double precision, a resolution that is no
-    /// length.
+    /// An end that is an invalid pose, axes that are opposite, a mesh tool, ends beyond double precision, a
+    /// resolution that is not a length.
     pub fn check_motion(
         &self,
         a: &Pose,
@@ -121,7 +122,7 @@ impl Checker {
 
     /// Whether the tool may move with a machine's joints: rotary axes evenly, and the tip straight or the linear axes evenly
     /// ([`MachineMotion`]). The world's frame is the part's, as [`Machine::forward`](crate::machine::Machine::forward) has it. Head and
-    /// table are no obstacles of it, and travel is not looked at: see [`check`](mod@crate::check) and
+    /// table are not obstacles of it, and travel is not checked: see [`check`](mod@crate::check) and
     /// [`Machine::out_of_travel`](crate::machine::Machine::out_of_travel).
     ///
     /// # Errors
@@ -210,7 +211,7 @@ fn advance(checker: &Checker, way: &Way<'_>, options: &MotionOptions) -> Result<
         let last_valid = (time > 0.0).then_some(ends[0]);
         return Ok(MotionResult { last_valid, ..collision(checker, time, &pose)? });
     }
-    // What is proven free: up to a time, but for what lies between two poses that prove too little; the first such gap.
+    // Proven free up to a time, except for gaps between two poses that prove too little; the first such gap.
     let (mut covered, mut gap) = (0.0_f64, None);
     let (mut time, mut before) = (0.0_f64, None);
     loop {

@@ -175,13 +175,14 @@ fn motions_to_the_end_of_numbers_are_answered_at_once() {
     let inside = Pose::along(grid.origin + 0.5 * grid.size(), DVec3::Z);
     let outside = Pose { position: inside.position + DVec3::new(0.0, 0.0, 400.0), ..inside };
     assert!(checker.is_free(&outside) && !checker.is_free(&inside));
-    // As far as a voxel is told from the next one a way through the part is found, and one away from it is free.
+    // As far as a voxel is distinguishable from the next one a way through the part is found, and one away from it is
+    // free.
     let far = |distance: f64| Pose { position: inside.position + DVec3::new(0.0, 0.0, distance), ..inside };
     assert!(check(&outside, &far(1e5)).unwrap().is_free());
     assert!(check(&far(1e5), &far(-1e5)).unwrap().first_colliding.is_some());
     assert!(check(&outside, &far(1e9)).unwrap().is_free());
     for distance in [1e15, 1e20, 1e300] {
-        // Nothing but the ends is looked at.
+        // Only the ends are checked.
         assert_eq!(check(&outside, &far(distance)), Err(QueryError::TooFar));
         let from_within = check(&inside, &far(distance)).unwrap();
         assert!(from_within.last_valid.is_none());
@@ -220,7 +221,7 @@ fn motions_of_a_machines_joints_agree_with_dense_ones() {
     let motion = MachineMotion::new(&inches, stand, stand, 2.0, true);
     let refused = checker.check_machine_motion(&motion, &MotionOptions::default());
     assert!(matches!(refused, Err(QueryError::Unit { .. })));
-    // Ends that are no numbers.
+    // Ends that are not numbers.
     let bad = Joints { linear: DVec3::NAN, ..stand };
     let motion = MachineMotion::new(&machine, stand, bad, 50.0, true);
     let refused = checker.check_machine_motion(&motion, &MotionOptions::default());

@@ -147,7 +147,7 @@ fn placed() -> Vec<Case> {
     (0..TOOLS).map(case).collect()
 }
 
-/// The reference parts with their tool, so many times coarser.
+/// The reference parts with their tool, coarser by the factor `coarser`.
 fn parts(coarser: usize) -> Vec<Case> {
     let case = |part: ReferencePart| {
         let (mesh, tool) = (part.mesh(), Tool::paper());
@@ -158,7 +158,7 @@ fn parts(coarser: usize) -> Vec<Case> {
     ReferencePart::ALL.map(case).into()
 }
 
-/// A disc wider than thousand voxels, and a tool of so many voxels.
+/// A disc wider than thousand voxels, and a tool `length` voxels long.
 fn extreme(length: f64) -> Vec<Case> {
     let disc = [(ElementKind::Cutter, [line(0.0, 1.5, 1500.0, 1500.0)])];
     let disc = tool(0.1, &disc.each_ref().map(|(kind, profile)| (*kind, profile.as_slice())));
@@ -178,7 +178,7 @@ fn extreme(length: f64) -> Vec<Case> {
     found
 }
 
-/// Everything, with parts so many times coarser.
+/// Everything, with parts coarser by the factor `coarser`.
 pub(super) fn cases(coarser: usize) -> Vec<Case> {
     [generated(), placed(), parts(coarser), extreme(2e4)].into_iter().flatten().collect()
 }

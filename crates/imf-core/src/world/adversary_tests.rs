@@ -11,7 +11,7 @@ use super::tests::number;
 use super::*;
 use crate::field::Decision;
 
-/// What was asked, and what was answered wrongly.
+/// Number of queries, and the wrong results.
 #[derive(Default)]
 struct Tally {
     contacts: usize,
@@ -164,7 +164,7 @@ impl Case {
         Pose::new(about + turn * (at.position - about), turn * at.rotation)
     }
 
-    /// One contact, found and followed along the surface: so many places, and at each of them so many poses.
+    /// One contact, found and followed along the surface: `places` places, and `poses` poses at each of them.
     fn attack(&self, random: &mut ChaCha8Rng, places: usize, poses: usize, tally: &mut Tally) {
         let Some([free, hit]) = (0..50).find_map(|_| self.coarse_contact(random)) else { return };
         let near = self.near(&hit, 4.0 * self.pitch);
@@ -308,7 +308,7 @@ impl Asked {
     }
 }
 
-/// So many contacts of every case, on all threads.
+/// `contacts` contacts of every case, on all threads.
 fn attack(cases: &[Case], contacts: usize, places: usize, poses: usize, seed: u64) -> Tally {
     let one = |index: usize| {
         let mut random = ChaCha8Rng::seed_from_u64(seed);

@@ -43,8 +43,8 @@ impl Solid {
     }
 }
 
-/// From a point outside a body of revolution, by its height and radius: the least over the heights of the distance from the disc there, which
-/// is convex, as outlines bulge.
+/// From a point outside a body of revolution, by its height and radius: the minimum over the heights of the distance
+/// from the disc there, which is convex, as outlines bulge.
 fn to_segment(segment: &Segment, height: f64, radius: f64) -> f64 {
     let to_disc = |at: f64| (height - at).hypot((radius - segment.radius(at)).max(0.0));
     let (mut low, mut high) = segment.range();
@@ -152,8 +152,8 @@ impl Case {
         found.lower <= found.upper && found.upper <= 0.0 && beside.all(far)
     }
 
-    /// True where a centre lies in the tool but for what the predicate's own rounding amounts to: there it may hold one centre, and not
-    /// the next one on the same line between others, and a free pose may be called colliding.
+    /// True where a centre lies in the tool to within the predicate's rounding: there the predicate may hold one
+    /// centre and not the next on the same line, and a free pose may be called colliding.
     pub(super) fn rounds(&self, pose: &Pose) -> bool {
         self.solids.iter().any(|solid| {
             let local = self.local(solid, pose);

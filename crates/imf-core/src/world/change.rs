@@ -13,12 +13,13 @@ impl World {
         standing.map(|standing| standing.prepared.obstacle()).ok_or(WorldError::Unknown(id))
     }
 
-    /// Makes voxels of an obstacle solid, and others empty, by their indices in its grid ([`Grid::index`](crate::grid::Grid::index)); those
-    /// that are so already are passed over. A solid one is forbidden to the whole tool. All answers are those of an obstacle of
-    /// these voxels made anew, in a small part of the time.
+    /// Makes voxels of an obstacle solid, and others empty, by their indices in its grid
+    /// ([`Grid::index`](crate::grid::Grid::index)); those that are so already are skipped. A solid one is
+    /// forbidden to the whole tool. All results are those of an obstacle made anew of these voxels, in a small part
+    /// of the time.
     ///
-    /// `checkers` are those of this world that are to see the change, as by [`Checker::follow`]. All others, and their clones, keep what they
-    /// saw; for their sake the voxels are copied first.
+    /// `checkers` are those of this world that are to see the change, as by [`Checker::follow`]. All others, and
+    /// their clones, keep the old voxels, which are then copied first.
     ///
     /// # Errors
     /// An obstacle that is not there, a voxel that its grid has not or that should be both; a checker that cannot follow this world.

@@ -14,7 +14,7 @@ use crate::scene::{CoarseTool, Scene, SceneWarning};
 use crate::tool::{Assembly, Clearance, ClearanceError, ElementKind, Segment, Tool, ToolShape};
 use crate::unit::LengthUnit;
 
-/// Why a query has no answer.
+/// Why a query has no result.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum QueryError {
@@ -34,12 +34,12 @@ pub enum QueryError {
     /// The tool cannot be offset.
     #[error("the tool cannot be offset by a small clearance")]
     Offset,
-    /// A motion to where double precision tells no voxel from the next one.
+    /// A motion to where double precision does not distinguish neighbouring voxels.
     #[error(
         "the motion leads so far away that double precision tells no voxel from the next: give poses nearer to the obstacles"
     )]
     TooFar,
-    /// A resolution that is no length, or so fine that a motion would never end.
+    /// A resolution that is not a length, or so fine that a motion would never end.
     #[error("motions cannot be followed in steps of {given}: give a finite length of at least {least}")]
     Resolution {
         /// The resolution.
@@ -66,7 +66,7 @@ pub struct Contact {
     pub element: Option<ElementKind>,
     /// The voxel's centre in the world; `None` of a mesh too large to be made of voxels.
     pub point: Option<DVec3>,
-    /// How deep it lies below the element's surface; 0 of a mesh.
+    /// How deep it lies below the element's surface, in the world's unit; 0 for a mesh.
     pub depth: f64,
 }
 
@@ -141,7 +141,7 @@ impl Checker {
     /// A scene's true tool, offset by a clearance in the scene's unit, around its part and fixtures.
     ///
     /// # Errors
-    /// A clearance that is no length, or one around a mesh tool.
+    /// A clearance that is not a length, or one around a mesh tool.
     pub fn of_scene(scene: &Scene, clearance: &Clearance) -> Result<Self, ClearanceError> {
         Ok(Self::of_field(&ExactField::of_scene(scene, clearance)?, scene.record.unit))
     }
@@ -158,8 +158,8 @@ impl Checker {
         Self { placed: placed.collect(), tool: Arc::new(tool) }
     }
 
-    /// Takes over where a world's obstacles stand, which were added and which removed. What has been made for those that are still there
-    /// is kept.
+    /// Updates the places of a world's obstacles, including added and removed ones. What was computed for those that
+    /// remain is reused.
     ///
     /// # Errors
     /// A tool that passes between the centres of a new obstacle's voxels; a world in another unit.
@@ -190,8 +190,8 @@ impl Checker {
         Ok(())
     }
 
-    /// What is to be known of the tool among these obstacles: that it is not where its tip is, or passes between the centres of their
-    /// largest voxels for a while.
+    /// Warnings about the tool among these obstacles: it does not lie at its tip, or passes between the centres of
+    /// their largest voxels for a while.
     #[must_use]
     pub fn warnings(&self) -> Vec<SceneWarning> {
         let (tool, unit) = (self.tool.assembly.tool(), self.tool.unit);
@@ -322,8 +322,8 @@ impl Checker {
         self.placed.iter().map(Placed::moved).fold(0.0, f64::max)
     }
 
-    /// The least over the obstacles of a bound of the tool's distance, given by `bound` for each that may come closer than the least so
-    /// far.
+    /// The minimum over the obstacles of a bound of the tool's distance; `bound` is called for each that may come
+    /// closer than the current minimum.
     pub(super) fn least(&self, pose: &Pose, bound: impl Fn(&Placed, &Pose) -> f64) -> f64 {
         let Some(middle) = self.tool_middle(pose) else { return 0.0 };
         let mut least = f64::INFINITY;

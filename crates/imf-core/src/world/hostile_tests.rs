@@ -21,7 +21,7 @@ fn mesh_tool() -> Tool {
     Tool { name: "body".into(), shape: ToolShape::Mesh(body), sharp_points: SharpPoints::Tip, ..tool() }
 }
 
-/// While a thread waits for a part of what is made on all threads it may be given work that asks for the same.
+/// While a thread waits for a part of what is made on all threads it may be given work that needs the same.
 #[cfg(feature = "parallel")]
 #[test]
 fn many_threads_ask_a_new_checker_at_once() {

@@ -38,7 +38,7 @@ impl ObstacleMesh {
         Self { name: name.into(), mesh, scale: 1.0, at: HERE, pitch: None, conservative: None, contact: 0.0 }
     }
 
-    /// Its voxels, in its own frame, and what is to be known of them.
+    /// Its voxels, in its own frame, and warnings about them.
     pub(super) fn voxels(
         self,
         unit: LengthUnit,

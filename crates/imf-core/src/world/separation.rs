@@ -15,7 +15,7 @@ use crate::pose::Pose;
 use crate::tool::ElementKind;
 
 /// A distance with its bounds, in the world's unit: above 0 between the tool, offset by its clearance, and the nearest solid voxel's centre;
-/// below 0 minus the least translation that frees the tool of the obstacle.
+/// below 0 minus the shortest translation that frees the tool from the obstacle.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Distance {
     /// The distance is at least this.

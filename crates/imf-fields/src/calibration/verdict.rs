@@ -6,9 +6,9 @@ use serde::{Deserialize, Serialize};
 
 use super::Calibration;
 
-/// Below this share the rates of what is called free say nothing.
+/// Below this fraction called free, the rates of those mean nothing.
 const LEAST_TOLD: f64 = 0.01;
-/// Of pairs of a colliding and a clear pose at most this share may stand in the wrong order where values steer.
+/// Where values steer, at most this fraction of the pairs of a colliding and a clear pose may be in the wrong order.
 const MOST_MISORDERED: f64 = 0.1;
 
 /// What a field may be used for.
@@ -19,7 +19,7 @@ pub enum Purpose {
     Decisions,
     /// Steering: its values rise towards collision, and an exact check decides.
     Steering,
-    /// Nothing: its values do not tell colliding poses from clear ones.
+    /// Nothing: its values do not separate colliding from clear poses.
     Nothing,
 }
 
@@ -28,23 +28,23 @@ pub enum Purpose {
 pub struct Verdict {
     /// For what.
     pub usable_for: Purpose,
-    /// Colliding poses called free: the rate measured.
+    /// Measured fraction of the colliding poses that are called free.
     pub false_free: f64,
     /// Its upper bound, at `confidence`.
     pub false_free_bound: f64,
-    /// How sure the bounds are.
+    /// Confidence of the bounds, from 0 to 1.
     pub confidence: f64,
-    /// Share of the clear poses that are called free.
+    /// Fraction of the clear poses that are called free.
     pub found_free: f64,
-    /// Pairs in the wrong order, at most, at `confidence`.
+    /// Upper bound of the fraction of pairs in the wrong order, at `confidence`.
     pub misordered_bound: f64,
     /// In words.
     pub text: String,
 }
 
 impl Calibration {
-    /// What a field with this calibration may be used for. Decisions: the goals are kept. Steering: at most a tenth of the pairs of a
-    /// colliding and a clear pose stand in the wrong order. Mean errors play no part.
+    /// What a field with this calibration may be used for. Decisions: the goals are met. Steering: at most a tenth of
+    /// the pairs of a colliding and a clear pose are in the wrong order. Mean errors play no part.
     pub fn verdict(&self) -> Verdict {
         let Self { goals, uniform, boundary, .. } = self;
         let found_free = uniform.found_share();
@@ -134,16 +134,16 @@ mod tests {
     fn the_verdict_follows_rates_and_bounds_at_their_edges() {
         assert_eq!(of(2, 99_000, 100, 50).usable_for, Purpose::Decisions);
         assert!(of(2, 99_000, 100, 50).text.starts_with("usable for decisions"));
-        // The rate itself, 8e-5, keeps the goal of 1e-4; its bound does not.
+        // The rate itself, 8e-5, meets the goal of 1e-4; its bound does not.
         assert_eq!(of(8, 99_000, 100, 50).usable_for, Purpose::Steering);
         // What calls hardly any pose free is never wrong, and decides nothing.
         assert_eq!(of(0, 49_000, 100, 50).usable_for, Purpose::Steering);
         assert_eq!(of(0, 51_000, 6_000, 50).usable_for, Purpose::Steering);
-        // The rate 9.7 % keeps a tenth with its bound, 9.9 % alone.
+        // The rate 9.7 % stays below a tenth with its bound, 9.9 % only alone.
         assert_eq!(of(0, 10, 100, 9_700).usable_for, Purpose::Steering);
         assert_eq!(of(0, 10, 100, 9_900).usable_for, Purpose::Nothing);
         assert!(of(50_000, 99_000, 1, 50_000).text.starts_with("not usable"));
-        // What is next to never called free is told as such, without rates of it.
+        // A field that hardly ever says free is reported as such, without rates.
         let text = of(0, 900, 0, 50).text;
         assert!(
             text.contains("cannot decide") && text.contains("0.9 %") && !text.contains("rate of at most 0"),

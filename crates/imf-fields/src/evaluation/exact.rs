@@ -1,4 +1,4 @@
-//! What a field is held against: exact sections of its quantity, and where the tool as it is collides.
+//! The exact reference of a field: exact sections of its quantity, and where the bare tool collides.
 
 use super::AT_ONCE;
 use crate::parallel::*;
@@ -6,8 +6,8 @@ use imf_core::control::Control;
 use imf_core::orientation::Orientation;
 use imf_core::section::{DepthPlan, DepthScratch, Imf, Quantity, SectionError, SectionPlan, imf, sections};
 
-/// The exact field that another is held against: overlaps or depths of the tool that it was made for, and where the tool as it
-/// is collides.
+/// The exact reference of a field: overlaps or depths of the tool that it was made for, and where the bare tool
+/// collides.
 pub struct Exact<'a> {
     pub(super) plan: &'a SectionPlan,
     depth: Option<DepthPlan>,
@@ -22,8 +22,8 @@ impl<'a> From<&'a SectionPlan> for Exact<'a> {
 }
 
 impl<'a> Exact<'a> {
-    /// Of a quantity of `plan`'s tool; where that is offset by a clearance, `bare` is of the tool as it is, which decisions are
-    /// about.
+    /// Exact values of `quantity` for `plan`'s tool. Where that tool is offset by a clearance, `bare` is the plan of
+    /// the true tool, by which decisions are counted.
     ///
     /// # Errors
     /// A tool that depths cannot be made of.
@@ -52,7 +52,7 @@ impl<'a> Exact<'a> {
         set.par_iter().map_init(DepthScratch::default, section).collect()
     }
 
-    /// Where the tool as it is collides: its overlaps, or nothing where the values themselves say it.
+    /// Where the bare tool collides: its overlaps, or `None` where the values themselves give it.
     pub(super) fn collisions(
         &self,
         set: &[Orientation],

@@ -96,7 +96,7 @@ impl<'a> FactoredEvaluator<'a> {
         }
     }
 
-    /// Takes over other weights of the same shape; all else stays as it is laid out.
+    /// Replaces the weights by others of the same shape; the layout stays.
     ///
     /// # Panics
     /// If there are not as many.
@@ -114,13 +114,13 @@ impl<'a> FactoredEvaluator<'a> {
 }
 
 impl FactoredEvaluator<'_> {
-    /// For a call of so many points.
+    /// For a call with the given number of points.
     pub(super) fn network(&self, asked: usize) -> Network<'_> {
         let network = Network::new(self.arch, &self.plan, &self.field.parameters, &self.panels);
         Network { split: where_many(self.split.as_ref(), asked), ..network }
     }
 
-    /// The coefficients at up to a block's points, of a call of so many, in the world's frame, into `z` as `[point][coefficient]`.
+    /// The coefficients at up to a block's points (world frame) of a larger call, into `z` as `[point][coefficient]`.
     pub(crate) fn block(&self, points: impl Iterator<Item = DVec3>, asked: usize, z: &mut [f32]) {
         let symmetry = &self.field.shape.symmetry;
         self.places.with(|places| {
@@ -219,7 +219,7 @@ impl FactoredEvaluator<'_> {
         sections_of(self, weights, sections);
     }
 
-    /// The least value over the orientations at every voxel with the first orientation that has it, as
+    /// The minimum over the orientations at every voxel with the first orientation that attains it, as
     /// [`HarmonicField::minimum`].
     pub fn minimum(&self, weights: &DirectionWeights) -> Imf {
         minimum_of(self, weights)

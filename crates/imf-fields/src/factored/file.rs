@@ -45,11 +45,11 @@ pub struct FactoredFile {
     pub report: FitReport,
     /// How the field was trained.
     pub settings: DistillSettings,
-    /// How the weights are kept.
+    /// How the weights are saved.
     pub precision: Precision,
     /// Where training goes on.
     pub state: Option<FactoredState>,
-    /// What its decisions are worth, where that was measured of these weights.
+    /// The calibration of its decisions, where measured with these weights.
     pub calibration: Option<Calibration>,
 }
 
@@ -100,13 +100,13 @@ impl FactoredFile {
         self.state.as_ref().is_some_and(|state| state.training.step < steps)
     }
 
-    /// The result of a training: the field of this checkpoint folded, its weights kept in `precision`, no state.
+    /// The result of a training: the field of this checkpoint folded, its weights saved in `precision`, no state.
     #[must_use]
     pub fn finished(self, precision: Precision) -> Self {
         Self { field: self.field.folded(), precision, state: None, calibration: None, ..self }
     }
 
-    /// The same as it is read once it is written: weights rounded as they are kept.
+    /// The same as it will be read back: weights rounded as they are saved.
     #[must_use]
     pub fn as_kept(mut self) -> Self {
         let FactoredField { parameters, axes, shape, .. } = &mut self.field;
@@ -257,7 +257,7 @@ fn training_state(
     Ok(TrainingState { parameters, first_moment, second_moment, preconditioners, step })
 }
 
-/// How the axes are kept: those of a folded network are most of its weights.
+/// How the axes are saved: those of a folded network are most of its weights.
 fn precision_of_axes(weights: Precision, folded: bool) -> Precision {
     if folded { weights } else { Precision::F32 }
 }

@@ -14,7 +14,7 @@ use crate::siren::tangent::PanelOfPoint;
 /// A point and its three tangents.
 const ROWS: usize = 4;
 
-/// Working memory of a thread that asks for single poses; nothing is allocated once it has its size.
+/// Working memory of a thread that evaluates single poses; nothing is allocated once it has its size.
 #[derive(Default)]
 pub struct PointScratch {
     /// `[rows][neuron]`, rows as long as the widest layer: activations, and their tangents.

@@ -42,7 +42,7 @@ const WARMUP: u64 = 10;
 const fn rates(shorter: f32) -> Schedule {
     Schedule::Length { initial: 1.5e-3, steps: 1000, power: 0.75, shorter, warmup: WARMUP }
 }
-/// Short trainings keep most of the sines that they begin with, and the output layer is solved for.
+/// Short trainings hardly change the sines that they begin with, and the output layer is solved for.
 const RATES: Schedule = rates(0.6);
 /// Where it is not, it is learnt.
 const RATES_BY_SECTIONS: Schedule = rates(0.0);
@@ -115,7 +115,7 @@ impl DistillSettings {
         self.symmetry.coefficients(teacher.axis_count(), teacher.basis.len())
     }
 
-    /// The network for so many axes.
+    /// The network for `axes` components.
     pub fn shape(&self, axes: usize) -> FactoredShape {
         let Self { width, hidden, omega, symmetry, .. } = *self;
         FactoredShape { width, hidden, omega, axes, folded: false, symmetry }
@@ -126,7 +126,7 @@ impl DistillSettings {
         FactoredState::new(&self.shape(axes), self.plan.seed)
     }
 
-    /// Checks the values that no type keeps in range.
+    /// Checks the ranges that types do not ensure.
     ///
     /// # Errors
     /// A plan or shape out of range, by name.

@@ -11,7 +11,7 @@ pub struct FactoredState {
     pub training: TrainingState,
     /// Where the plan stands.
     pub cursor: Cursor,
-    /// What the losses so far look like.
+    /// Watches the losses for divergence.
     pub watch: Watch,
 }
 

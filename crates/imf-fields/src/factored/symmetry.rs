@@ -120,8 +120,8 @@ impl Symmetry {
         if self.axis.is_some() { MOST_INPUTS } else { super::INPUTS }
     }
 
-    /// Coefficients of a point where a field has so many axes and functions: axes, or every function by itself where there is
-    /// symmetry.
+    /// Coefficients per point of a field with `axes` components and `functions` basis functions: the components, or
+    /// every function by itself where there is symmetry.
     pub(super) fn coefficients(&self, axes: usize, functions: usize) -> usize {
         if self.is_none() { axes } else { functions }
     }
@@ -133,7 +133,7 @@ impl Symmetry {
         }
         self.axis.and_then(|Axis { along, through }| {
             (along > 2 || !through.is_finite())
-                .then(|| format!("its axis is along {along} through {through}, which is no axis"))
+                .then(|| format!("its axis is along {along} through {through}, which is not an axis"))
         })
     }
 

@@ -204,7 +204,7 @@ impl<'a> ComponentBasis<'a> {
         Ok(self.of_weights(shape, parameters))
     }
 
-    /// As [`Self::field`], of weights known to fit, or of none yet.
+    /// As [`Self::field`], of weights known to fit, or without weights.
     pub fn of_weights(self, shape: FactoredShape, parameters: Vec<f32>) -> FactoredField {
         let Self { quantity, grid, basis, axes, mean, scale } = self;
         let (basis, axes, mean) = (basis.clone(), axes.into_owned(), mean.into_owned());

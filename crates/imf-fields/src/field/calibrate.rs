@@ -1,13 +1,13 @@
-//! Thresholds for decisions, chosen and judged against exact answers.
+//! Thresholds for decisions, chosen and measured against exact results.
 //!
 //! Two kinds of poses are drawn. *Uniform* ones: positions uniform in the box of the voxel centres, where the field is
 //! known, orientations uniform. *Boundary* ones: between a free and a colliding position of one orientation the true tool's
 //! contact is sought by halving, and left again by up to a pitch in any direction. Thresholds follow from uniform poses
-//! alone, so that their rates are rates of all poses; both kinds judge them, drawn anew.
+//! alone, so that their rates are rates of all poses; they are measured on both kinds, drawn anew.
 //!
-//! The threshold of "free" is the largest at which the bound of the false-free rate keeps half the goal, which leaves
-//! room for the judging poses to differ; that of "colliding" is the smallest at which the rate among clear poses
-//! keeps nine tenths of its goal. Where the second lies below the first every pose can be decided, and both are moved to the
+//! The threshold of "free" is the largest at which the bound of the false-free rate meets half the goal, which leaves
+//! room for other poses to differ; that of "colliding" is the smallest at which the rate among clear poses meets nine
+//! tenths of its goal. Where the second lies below the first every pose can be decided, and both are moved to the
 //! middle between: then either rate is far below its goal.
 
 mod draw;
@@ -26,11 +26,11 @@ use imf_core::tool::{ClearanceError, ToolError};
 /// How many poses are drawn, and what the thresholds must reach.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CalibrationSettings {
-    /// Uniform poses to choose by, and as many to judge by.
+    /// Number of uniform poses to choose by, and of those to measure by.
     pub uniform: usize,
-    /// Boundary poses to judge by.
+    /// Number of boundary poses to measure by.
     pub boundary: usize,
-    /// Of either kind, poses whose overlap is compared with the exact one; depths are judged at all.
+    /// Of either kind, number of poses whose overlap is compared with the exact one; depths are compared at all.
     pub errors: usize,
     /// Seed of all poses.
     pub seed: u64,
@@ -67,10 +67,10 @@ pub enum CalibrationError {
         /// The target rate.
         rate: f64,
     },
-    /// The field has a value that is no number.
+    /// The field has a value that is not a number.
     #[error("the field has values that are not finite: it decides nothing, make or train it anew")]
     NotFinite,
-    /// Poses cannot be answered.
+    /// Poses cannot be evaluated.
     #[error(transparent)]
     Planner(#[from] FieldError),
     /// The tool does not fit the grid.
@@ -84,7 +84,7 @@ pub enum CalibrationError {
     Cancelled(#[from] Cancelled),
 }
 
-/// Poses drawn and answered at a time; one unit of progress.
+/// Poses drawn and evaluated at a time; one unit of progress.
 #[doc(hidden)]
 pub const CHUNK: usize = 1024;
 /// Most random poses that are drawn to choose thresholds by.
@@ -96,8 +96,8 @@ impl CalibrationSettings {
         (2 * self.uniform.div_ceil(CHUNK) + self.boundary.div_ceil(CHUNK)) as u64
     }
 
-    /// Bytes of the poses of [`calibrate`]: those that thresholds are chosen by, with their sorted values, and beside them
-    /// those that judge, each kind twice while its chunks are joined.
+    /// Bytes of the poses of [`calibrate`]: those that thresholds are chosen by, with their sorted values, and those
+    /// that rates are measured on, each kind twice while its chunks are joined.
     pub fn memory_bytes(&self) -> u64 {
         let seen = size_of::<Seen>() as u64;
         // Values are sorted beside the list that they were gathered in, which may have grown to twice its length.

@@ -34,7 +34,7 @@ fn stated_rates_hold_on_fresh_poses() {
     assert_eq!((boundary.poses, boundary.false_colliding.of), (3000, 0));
     assert!((600..2400).contains(&boundary.false_free.of), "{boundary:?}");
 
-    // Other poses, judged by the definition of both tools.
+    // Other poses, decided by the definition of both tools.
     let field = field.with_calibration(Some(calibration));
     let asked = poses(&scene, 8000, 77);
     let mut decisions = vec![Decision::Undecided; asked.len()];
@@ -62,7 +62,7 @@ fn stated_rates_hold_on_fresh_poses() {
         "{false_colliding} of {clear}"
     );
 
-    // And by the judge itself, whose draw of the same seed would be the same.
+    // And by the measurement itself, whose draw of the same seed would be the same.
     let again = judge(&field, &calibration, &SETTINGS, Control::quiet()).unwrap();
     assert_eq!(again, [calibration.uniform, calibration.boundary]);
     let other = CalibrationSettings { seed: 6, ..SETTINGS };

@@ -24,7 +24,7 @@ use imf_core::section::Quantity;
 use imf_core::vectorised::vectorised;
 use network_pose::{siren_gradient, siren_input};
 
-/// Points whose coefficients are kept while all orientations pass by.
+/// Points whose coefficients are retained while all orientations are evaluated.
 const POINTS: usize = 16 * BLOCK;
 
 /// A field of any family, ready for queries.
@@ -194,8 +194,9 @@ impl Family {
         Some(within_box(&found, tip, held))
     }
 
-    /// The least value, not clipped, over orientations at every point inside the box, for a tool with its tip alone, by products of all
-    /// points with all orientations; `false` where the family has none. `decide` gives the decision of a value.
+    /// The minimum, not clipped, over orientations at every point inside the box, for a tool with its tip alone, by
+    /// products of all points with all orientations; `false` where the family has none. `decide` gives the decision
+    /// of a value.
     pub(super) fn least(
         &self,
         grid: &Grid,
@@ -224,7 +225,7 @@ fn facing(rotation: DQuat, direction: DVec3, basis: &Basis) -> Facing {
 /// Fewer poses are taken one by one: products of four take a quarter longer where the network is narrow.
 const FEW: usize = 8;
 
-/// A gradient as it is answered: across the faces beyond which the tip was held in the box nothing changes.
+/// A gradient as it is returned: across the faces at which the tip was clamped to the box nothing changes.
 fn within_box(found: &harmonic::Gradient, tip: DVec3, held: DVec3) -> Gradient {
     let inside = |axis: usize| if tip[axis] == held[axis] { found.position[axis] } else { 0.0 };
     Gradient {

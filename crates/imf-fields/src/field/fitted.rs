@@ -24,7 +24,7 @@ use imf_core::workspaces::Workspaces;
 /// A field of every direction at once: a network of the paper's kind, a harmonic field, or a factored one.
 ///
 /// Values are approximate. Decisions follow the field's calibration and are as good as that says
-/// ([`Field::calibration`]); for answers that are never wrong there is [`Planner`](super::Planner).
+/// ([`Field::calibration`]); for results that are never wrong there is [`Planner`](super::Planner).
 pub struct Field {
     family: Family,
     scene: Scene,
@@ -94,8 +94,8 @@ impl Field {
         &self.family
     }
 
-    /// The same field with what a factored field's network says of every voxel kept in memory, 4 bytes a coefficient and voxel: for
-    /// many calls over the whole grid. Other families stay what they are.
+    /// The same field with a factored field's coefficients of every voxel held in memory, 4 bytes a coefficient and
+    /// voxel: for many calls over the whole grid. Other families are unchanged.
     #[must_use]
     pub fn expanded(self) -> Self {
         let Family::Factored(evaluator) = &self.family else { return self };
@@ -105,7 +105,7 @@ impl Field {
         Self { family: Family::harmonic(Arc::new(file)), ..self }
     }
 
-    /// What its decisions are worth, where that was measured.
+    /// The calibration of its decisions, where measured.
     pub fn calibration(&self) -> Option<&Calibration> {
         self.calibration.as_ref()
     }
@@ -141,7 +141,7 @@ impl Field {
         Ok(())
     }
 
-    /// Values as they are answered.
+    /// Values as they are returned.
     pub(super) fn hold(&self, best: &mut [Best]) {
         let (quantity, pitch) = (self.quantity(), self.scene.record.grid.pitch);
         best.iter_mut().for_each(|best| best.value = quantity.clamp(best.value, pitch));

@@ -11,8 +11,7 @@ use super::families::Kind;
 use crate::harmonic::{minimum_over, sections_of};
 use crate::siren::over_grid;
 
-/// A factored field's network runs at every voxel for each call; whoever calls often expands it before
-/// ([`Field::expanded`]).
+/// A factored field's network runs at every voxel for each call; for many calls expand it first ([`Field::expanded`]).
 impl GridField for Field {
     fn grid(&self) -> &Grid {
         &self.scene().record.grid

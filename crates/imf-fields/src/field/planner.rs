@@ -21,7 +21,7 @@ use imf_core::world::Checker;
 pub struct Planner {
     /// What decides.
     pub checker: Checker,
-    /// What has values and gradients.
+    /// Gives values and gradients.
     pub model: Field,
 }
 
@@ -45,7 +45,7 @@ impl Planner {
     /// Checks the tool offset by a clearance in the scene's unit, such as the scene's own.
     ///
     /// # Errors
-    /// A clearance that is no length, or one around a mesh tool.
+    /// A clearance that is not a length, or one around a mesh tool.
     pub fn with_clearance(model: Field, clearance: Clearance) -> Result<Self, LoadError> {
         Ok(Self { checker: Checker::of_scene(model.scene(), &clearance)?, model })
     }

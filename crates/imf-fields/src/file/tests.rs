@@ -105,7 +105,7 @@ fn damage_is_named() {
         let whole = bytes_of(&file);
         for length in [0, 4, 7, 100, whole.len() / 2, whole.len() - 1] {
             let text = refused(&whole[..length]).to_string();
-            assert!(text.contains("no intact") && text.contains("cut short"), "{length}: {text}");
+            assert!(text.contains("not an intact") && text.contains("cut short"), "{length}: {text}");
         }
         // Any byte of the smallest file.
         let step = if matches!(file, FieldFile::Siren(_)) { 1 } else { 1009 };
@@ -130,7 +130,7 @@ fn damage_is_named() {
         unsigned[at..at + key.len()].fill(b' ');
         assert!(refused(&unsigned).to_string().contains("no checksum"));
     }
-    assert!(refused(b"solid model of something else entirely").to_string().contains("no intact model"));
+    assert!(refused(b"solid model of something else entirely").to_string().contains("not an intact model"));
     let foreign =
         safetensors::serialize([("a", TensorView::new(Dtype::U8, vec![1], &[1]).unwrap())], None).unwrap();
     assert!(refused(&foreign).to_string().contains("not one of imf's"));

@@ -1,4 +1,4 @@
-//! `U z` and `Uᵀ b` in one reading of U: what a direction asked at a point costs.
+//! `U z` and `Uᵀ b` in one reading of U: the cost of one direction at a point.
 
 use pulp::{Arch, Simd, WithSimd};
 

@@ -229,7 +229,7 @@ impl Basis {
     }
 
     fn sphere(&self) -> &SphereBasis {
-        let Self::Directions(sphere) = self else { panic!("a direction alone is no rotation") };
+        let Self::Directions(sphere) = self else { panic!("a direction alone is not a rotation") };
         sphere
     }
 
@@ -244,7 +244,7 @@ impl Basis {
         })
     }
 
-    /// The `count` orientations that a field of so many sections is fitted to: directions come in fours.
+    /// The `count` orientations to which a field of `count` sections is fitted: directions come in fours.
     ///
     /// # Errors
     /// A count that no set can have.

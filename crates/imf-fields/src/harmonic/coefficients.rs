@@ -1,4 +1,4 @@
-//! The coefficients of every voxel along the kept axes, in f32 or in half the memory.
+//! The coefficients of every voxel along the principal components, in f32 or f16.
 
 use std::ops::Range;
 
@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use imf_core::workspaces::Workspaces;
 
-/// How coefficients are kept.
+/// How coefficients are saved.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Precision {
@@ -55,7 +55,7 @@ pub enum Coefficients {
 }
 
 impl Coefficients {
-    /// Keeps values in a precision; f32 keeps the very array.
+    /// Converts values to a precision; f32 takes the array as it is.
     #[must_use]
     pub fn new(values: Vec<f32>, precision: Precision) -> Self {
         match precision {
@@ -77,8 +77,9 @@ impl Coefficients {
         }
     }
 
-    /// Makes those of `voxels`, with `axes` each, block by block: `make(scratch, index, values)` fills `[voxel][axes]` of up to
-    /// `block` voxels, the index-th so many, on the threads of the current pool; `scratch` holds what another block left.
+    /// Computes the coefficients of `voxels`, `axes` per voxel, in blocks of up to `block` voxels on the threads of
+    /// the current pool: `make(scratch, block_index, values)` fills the block's `[voxel][axes]` values; `scratch` is
+    /// reused from block to block.
     pub(super) fn fill_by_blocks(
         &mut self,
         voxels: Range<usize>,
@@ -109,7 +110,7 @@ impl Coefficients {
         }
     }
 
-    /// How they are kept.
+    /// How they are saved.
     pub fn precision(&self) -> Precision {
         match self {
             Self::F32(_) => Precision::F32,

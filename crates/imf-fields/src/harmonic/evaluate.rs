@@ -113,7 +113,7 @@ pub trait VoxelCoefficients: Sync {
     fn pitch(&self) -> f64;
     /// Coefficients of a voxel.
     fn axes(&self) -> usize;
-    /// Where they are their own mirror images, if that is worth asking for so many orientations.
+    /// The rows that are their own mirror images, if finding them pays for this number of orientations.
     fn mirrors(&self, orientations: usize) -> Option<Mirrors>;
     /// `[voxel][axes]` of a range: where they lie, or computed into `scratch`.
     fn read<'a>(&'a self, voxels: Range<usize>, scratch: &'a mut Vec<f32>) -> &'a [f32];
@@ -139,7 +139,8 @@ pub trait VoxelCoefficients: Sync {
 const CHUNK: usize = 512;
 /// Orientations whose [`DirectionWeights`] are held at a time whatever their number: 57 MB of a field of degree 16.
 pub const DIRECTIONS_AT_ONCE: usize = 1 << 14;
-/// Orientations for which a field is looked through for its mirror planes: a product with so many takes several times as long.
+/// Orientations from which a field is searched for its mirror planes: a product with this many takes several times as
+/// long.
 pub(super) const MANY: usize = 100;
 impl HarmonicField {
     /// Voxels of a block: its coefficients and a chunk's values stay in the inner caches.
@@ -158,9 +159,9 @@ impl HarmonicField {
         sections_of(self, weights, sections);
     }
 
-    /// The least value over the orientations at every voxel, an overlap in [0, 1], with the first orientation that has it before
-    /// clipping. Memory does not grow with the number of orientations but for [`DirectionWeights`], and a copy of these where the field is its
-    /// own mirror image.
+    /// The minimum over the orientations at every voxel, an overlap in [0, 1], with the first orientation that
+    /// attains it before clipping. Memory does not grow with the number of orientations but for [`DirectionWeights`],
+    /// and a copy of these where the field is its own mirror image.
     pub fn minimum(&self, weights: &DirectionWeights) -> Imf {
         minimum_of(self, weights)
     }
@@ -194,7 +195,7 @@ impl VoxelCoefficients for HarmonicField {
 
     fn at(&self, points: &mut dyn Iterator<Item = DVec3>, z: &mut [f32], scratch: &mut Vec<f32>) {
         for (point, z) in points.zip(z.chunks_exact_mut(self.axis_count())) {
-            // In the box there is an answer; rounding far from the origin must not leave that of another point.
+            // In the box there is a value; rounding far from the origin must not leave that of another point.
             if self.coefficients_at(point, z, scratch).is_none() {
                 z.fill(f32::NAN);
             }
@@ -326,7 +327,7 @@ pub(super) fn lower_to_whole(
     blocks.map_init(Scratch::default, done).all(|done| done)
 }
 
-/// The least of some values.
+/// The minimum of some values.
 #[inline(always)]
 pub(super) fn lowest(values: &[f32]) -> f32 {
     values.iter().fold(f32::INFINITY, |a, &b| if b < a { b } else { a })

@@ -31,7 +31,7 @@ pub struct HarmonicFile {
     pub scene: Scene,
     /// How it was made.
     pub settings: FitSettings,
-    /// What its decisions are worth, where that was measured.
+    /// The calibration of its decisions, where measured.
     pub calibration: Option<Calibration>,
 }
 
@@ -123,7 +123,7 @@ impl HarmonicFile {
     }
 }
 
-/// How numbers of a precision are kept in a file.
+/// How numbers of a precision are saved in a file.
 pub(crate) const fn kind(precision: Precision) -> Dtype {
     match precision {
         Precision::F32 => Dtype::F32,

@@ -4,17 +4,17 @@
 //! coefficients as the sum of squares' minimum: `c = G⁻¹ Bᵀ s`, B the N × K values of the functions, G = BᵀB, s the
 //! voxel's N exact values. One matrix serves all voxels, so the work is sections (which cost milliseconds) and one dense
 //! product. This is the series of `radial` with its tail averaged out rather than cut off, it is divided by the
-//! voxels counted as exact sections are, and it asks nothing of the tool.
+//! voxels counted as exact sections are, and it makes no assumption about the tool.
 //!
-//! Coefficients are kept along their principal axes: a sample of voxels tells the mean and the covariance, whose leading
-//! eigenvectors U turn the solution into `z = Uᵀ(G⁻¹ Bᵀ s − μ)`. Where memory holds all sections
-//! ([`FitSettings::one_pass`]), they are counted once; else a first pass looks at the sample alone, and a second makes the
-//! compressed coefficients as it goes.
+//! Coefficients are saved along their principal components: a sample of voxels gives the mean and the covariance,
+//! whose leading eigenvectors U turn the solution into `z = Uᵀ(G⁻¹ Bᵀ s − μ)`. Where memory holds all sections
+//! ([`FitSettings::one_pass`]), they are counted once; else a first pass computes the sample alone, and a second the
+//! compressed coefficients section by section.
 //!
-//! Directions are fitted in fours (`quadrature`), which cuts B and G into four classes. Where all axes are kept, one pass uses
-//! this: axes are then the functions themselves, class by class. Nothing then has to be known of all voxels
-//! before the first is solved for, and where sections are counted plane by plane, the fit goes through the grid with them
-//! (`sections`): what is held of the sections stays in the caches.
+//! Directions are fitted in fours (`quadrature`), which cuts B and G into four classes. Where all components are
+//! retained, one pass uses this: axes are then the functions themselves, class by class. Nothing then has to be known
+//! of all voxels before the first is solved for, and where sections are counted plane by plane, the fit goes through
+//! the grid with them (`sections`): what is held of the sections stays in the caches.
 //!
 //! Where obstacle and grid are their own mirror image, one side is fitted for both ([`super::mirror`]).
 
@@ -47,19 +47,20 @@ const BATCH_BYTES: usize = 256 << 20;
 const MOST_AT_ONCE: usize = 128;
 /// Voxels of a product's block.
 const BLOCK: usize = 1024;
-/// Orientations at which a sample of voxels tells the functions' means.
+/// Orientations at which a sample of voxels gives the functions' means.
 const ROUGH: usize = 16;
 /// Sections that a finished field is held against at a time.
 const VALIDATED_AT_ONCE: usize = 8;
-/// Keeps validation's orientations apart from those of the sample.
+/// Separates validation's orientations from those of the sample.
 const VALIDATION: u64 = 0x5641_4c49_4441_5445;
 
 fn batch_size(voxels: usize, sections: usize) -> usize {
     (BATCH_BYTES / (4 * voxels.max(1))).clamp(8, MOST_AT_ONCE).min(sections.max(1))
 }
 
-/// Makes a field of what `plan`'s sections are: the overlap at the tip where the tip alone is sharp, else the least over
-/// the sharp points; or of the depth of that. One unit of progress is one section; there are [`section_count`] of them.
+/// Makes a field of what `plan`'s sections are: the overlap at the tip where the tip alone is sharp, else the minimum
+/// over the sharp points; or of the depth of that. One unit of progress is one section; there are [`section_count`]
+/// of them.
 ///
 /// # Errors
 /// Settings out of range, a failed section, or cancellation.
@@ -69,7 +70,7 @@ pub fn fit(
     settings: &FitSettings,
     control: Control<'_>,
 ) -> Result<HarmonicField, HarmonicError> {
-    // The sample's own orientations tell means alone.
+    // The sample's own orientations give means alone.
     let rough = FitSettings { held_out: settings.held_out.min(ROUGH), ..*settings };
     let mut field = begin(plan, domain, &rough, control, |source, start| {
         let Fitted { axes, mean, coefficients, report } = match settings.one_pass {
@@ -93,8 +94,8 @@ pub fn fit(
     Ok(field)
 }
 
-/// Holds a finished field against exact sections over the whole grid at orientations drawn at random, a few at a time: what
-/// whoever asks it at directions of their own will find.
+/// Compares a finished field with exact sections over the whole grid at random orientations, a few at a time: the
+/// errors that queries at other directions will see.
 fn validation(
     field: &HarmonicField,
     plan: &SectionPlan,
@@ -119,7 +120,7 @@ fn validation(
     Ok(Validation::of(&errors))
 }
 
-/// What every way to fit begins with: of one side of what is its own mirror image.
+/// The common start of every fit: restricted to one side where the scene is its own mirror image.
 fn begin<T>(
     plan: &SectionPlan,
     domain: Domain,
@@ -136,12 +137,12 @@ fn begin<T>(
     go_on(&source, start)
 }
 
-/// The voxels that a fit solves for: the whole grid, or one side of what is its own mirror image.
+/// The voxels that a fit solves for: the whole grid, or one side where the scene is its own mirror image.
 fn fitted_grid(plan: &SectionPlan, domain: Domain, quantity: Quantity) -> Grid {
     Grid { dims: Planes::of_plan(plan, domain, quantity).side(), ..*plan.grid() }
 }
 
-/// The functions of a field without its coefficients: what a sample of voxels tells of them.
+/// The functions of a field without its coefficients, as determined by a sample of voxels.
 pub struct Outline {
     /// The functions of the orientation.
     pub basis: Basis,
@@ -151,12 +152,12 @@ pub struct Outline {
     pub mean: Vec<f32>,
     /// Root mean square of the coefficients along the axes; 1 where all are 0.
     pub scale: f32,
-    /// What is known of their errors.
+    /// Their measured errors.
     pub report: FitReport,
 }
 
-/// Decides on functions, mean and scale by a sample of voxels, and keeps no section. One unit of progress is one section,
-/// each but the held-out ones computed once.
+/// Determines functions, mean and scale from a sample of voxels, and retains no section. One unit of progress is one
+/// section, each but the held-out ones computed once.
 ///
 /// # Errors
 /// As [`fit`].

@@ -31,7 +31,7 @@ impl Gradient {
         Self { value: 0.0, position: DVec3::ZERO, direction: DVec3::ZERO, rotation: DVec3::ZERO };
 }
 
-/// Working memory of a thread that asks for single poses.
+/// Working memory of a thread that evaluates single poses.
 #[derive(Default)]
 pub struct PointScratch {
     /// The eight corners' mean coefficients, and their differences along x, y and z: `[4][axes]`.

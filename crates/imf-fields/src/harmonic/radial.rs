@@ -15,7 +15,7 @@ use imf_core::tool::{Tool, ToolShape};
 
 /// Intervals of u = cos α at one radius where the tool is, found by bisection to this width.
 const EDGE: f64 = 1e-12;
-/// Samples of u in which an edge of the tool is looked for; thinner features at a radius are missed.
+/// Samples of u among which an edge of the tool is searched; thinner features at a radius are missed.
 const SAMPLES: usize = 4096;
 
 /// The tool's angular profile at radius `r`: `t_l(r)` for l = 0 to `degree`, from the tool's geometry.

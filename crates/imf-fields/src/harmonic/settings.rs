@@ -8,7 +8,8 @@ use super::coefficients::Precision;
 use crate::metrics::Validation;
 use imf_core::section::Quantity;
 
-/// A count that may mean all: `usize::MAX` of a machine of 64 bits is more than one of 32 bits, such as a browser, counts.
+/// A count; `usize::MAX` means all. Files written on 64-bit machines may hold a larger number than 32-bit targets
+/// (wasm) can.
 fn at_most_all<'a, D: Deserializer<'a>>(deserializer: D) -> Result<usize, D::Error> {
     Ok(usize::try_from(u64::deserialize(deserializer)?).unwrap_or(usize::MAX))
 }
@@ -24,19 +25,19 @@ pub struct FitSettings {
     pub degree: usize,
     /// Sections for each function, at least 1.
     pub sections_per_function: f64,
-    /// Principal axes kept; all functions where there are fewer.
+    /// Number of principal components; all functions where there are fewer.
     #[serde(deserialize_with = "at_most_all")]
     pub axes: usize,
-    /// How coefficients are kept.
+    /// How coefficients are saved.
     pub precision: Precision,
     /// Voxels of the sample that decides on the axes.
     pub sample: usize,
-    /// Orientations drawn at random, none of the N, at which the finished field is held against exact sections.
+    /// Random orientations, other than those of the fit, at which the finished field is compared with exact sections.
     pub held_out: usize,
     /// Seed of these.
     pub seed: u64,
     /// One pass over the sections, which stay in memory; else two: less memory, twice the time, the same field to the
-    /// rounding of sections kept in 16 bits. Not kept in files.
+    /// rounding of sections held in 16 bits. Not saved in files.
     #[serde(skip)]
     pub one_pass: bool,
 }
@@ -52,8 +53,8 @@ impl Default for FitSettings {
             axes: 128,
             precision: Precision::default(),
             sample: 8192,
-            // The standard error of what they tell is 5 to 9 % of it, on the reference parts at degree 14; of 16 it was 10 to 20 %,
-            // and their common draw low.
+            // With 64 orientations the standard error of the reported errors is 5 to 9 % (reference parts, degree
+            // 14).
             held_out: 64,
             seed: 0,
             one_pass: true,
@@ -105,14 +106,14 @@ impl FitSettings {
         Sizes { functions, sections, axes: self.axes.clamp(1, functions) }
     }
 
-    /// True where functions are kept as they are and fall into classes, of values that begin at 0.
+    /// True where functions are retained as they are and fall into classes, of values that begin at 0.
     #[cfg(feature = "fit")]
     pub(super) fn in_classes(&self, domain: Domain) -> bool {
         let Sizes { functions, axes, .. } = self.sizes(domain);
         domain == Domain::Directions && axes == functions && self.quantity.is_overlap()
     }
 
-    /// Checks the values that no type keeps in range.
+    /// Checks the ranges that types do not ensure.
     ///
     /// # Errors
     /// [`HarmonicError::Settings`], naming the value.
@@ -144,7 +145,7 @@ pub struct Sizes {
     pub functions: usize,
     /// Exact sections, N.
     pub sections: usize,
-    /// Axes kept.
+    /// Number of principal components.
     pub axes: usize,
 }
 
@@ -155,7 +156,7 @@ pub struct FitReport {
     pub functions: usize,
     /// Exact sections, N.
     pub sections: usize,
-    /// Mean squared error that the dropped axes make, as a sample of voxels tells: a part of the whole error.
+    /// Mean squared error due to the dropped components, estimated from a sample of voxels: a part of the whole error.
     pub dropped: f64,
     /// The error at orientations that were not fitted: of a field as it is saved, over all voxels; of an
     /// outline, over the sample's.

@@ -12,7 +12,7 @@ use crate::tensor_file::{little_endian, little_endian_halves};
 #[derive(Clone, Debug)]
 pub(super) struct Value(String);
 
-/// Operations and constants so far.
+/// Operations and constants.
 #[derive(Default)]
 pub(super) struct Graph {
     proto: GraphProto,
@@ -120,7 +120,7 @@ impl Graph {
         self.op("Clip", &[of, &from, &to])
     }
 
-    /// The graph whose answer is `value`, `[poses, 1]`, as `[poses]`.
+    /// The graph whose result is `value`, `[poses, 1]`, as `[poses]`.
     pub(super) fn answering(mut self, name: &str, output: &str, value: &Value, meaning: &str) -> GraphProto {
         let flat = self.integers(&[1], &[-1]);
         let last = self.op("Reshape", &[value, &flat]);

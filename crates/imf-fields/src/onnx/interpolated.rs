@@ -28,7 +28,7 @@ pub(super) fn coefficients(
     let last = graph.numbers(&[3], &last);
     let inside = graph.op("Max", &[&place, &lowest]);
     let inside = graph.op("Min", &[&inside, &last]);
-    // What is no number is no row of the table either, and would fail the whole batch.
+    // What is not a number is no row of the table either, and would fail the whole batch.
     let unknown = graph.op("IsNaN", &[&inside]);
     let inside = graph.op("Where", &[&unknown, &lowest, &inside]);
     let cells = grid.dims.map(|n| (n as f32 - 2.0).max(0.0));

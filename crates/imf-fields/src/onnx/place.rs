@@ -58,7 +58,7 @@ impl Place {
     }
 }
 
-/// Positions folded to the far side of mirror planes, and the signs that tell which were.
+/// Positions folded to the far side of mirror planes, and the signs that show which were.
 fn folded(graph: &mut Graph, mirrors: [Option<f64>; 3], position: &Value) -> (Value, Value) {
     // Nothing is below the planes that there are not.
     let planes = graph.numbers(&[3], &mirrors.map(|plane| plane.map_or(f32::MIN, |plane| plane as f32)));

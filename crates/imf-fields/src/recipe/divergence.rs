@@ -1,11 +1,11 @@
 //! Noticing a training that has gone astray though its loss is still a finite number.
 //!
-//! Outputs lie in (0, 1), so a network that has diverged answers a constant and its loss stays bounded: what gives it
-//! away is a running mean far above the best it ever had, for long.
+//! Outputs lie in (0, 1), so a network that has diverged returns a constant and its loss stays bounded: it is
+//! recognised by a running mean far above its best for long.
 
 use serde::{Deserialize, Serialize};
 
-/// Steps that the running mean looks back, about.
+/// Approximate number of steps in the running mean.
 const WINDOW: f64 = 200.0;
 /// A running mean this many times the best is suspicious: a choice, which the demo and the trainings of the paper's
 /// tables that learnt anything stay below.
@@ -15,7 +15,7 @@ const FLOOR: f64 = 1e-3;
 /// Steps of suspicion after which training has diverged.
 const PATIENCE: u64 = 1000;
 
-/// What the losses so far look like.
+/// State of the losses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Verdict {
     /// As good as before, or nearly.
@@ -33,8 +33,8 @@ pub enum Verdict {
     },
 }
 
-/// Watches the losses of a run. It is kept with a run's state, so that one that is stopped and continued is watched as one
-/// that was not.
+/// Watches the losses of a run. It is saved with a run's state, so that a continued run is watched as an
+/// uninterrupted one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Watch {
     /// Running mean, and steps that it has seen.
@@ -49,7 +49,7 @@ pub struct Watch {
 }
 
 impl Watch {
-    /// Whether the loss is far above its best now: the state is better not kept in place of an older one.
+    /// Whether the loss is far above its best now: the state should not replace an older one.
     #[must_use]
     pub fn is_suspicious(&self) -> bool {
         self.above > 0 || self.rising

@@ -6,9 +6,9 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SoapConfig {
-    /// Share of moments and means that a step leaves.
+    /// Exponential decay of moments and Gram matrices (the paper's β).
     pub kept: f32,
-    /// Steps between two looks at the axes.
+    /// Steps between two updates of the eigenvectors (the paper's f).
     pub look_every: u64,
     /// Learning rate over that of the other weights.
     pub rate: f32,
@@ -32,8 +32,8 @@ pub enum Optimiser {
 }
 
 impl Optimiser {
-    /// Numbers that a state keeps of a matrix between hidden layers beside weights and moments, once there was a step: SOAP's
-    /// means and axes of both sides.
+    /// Numbers that a state holds for a matrix between hidden layers beside weights and moments, after the first
+    /// step: SOAP's means and axes of both sides.
     #[must_use]
     pub fn kept_count(self, rows: usize, columns: usize) -> usize {
         match self {

@@ -7,9 +7,9 @@ use thiserror::Error;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Sampling {
-    /// Share of a section's voxels that is sampled, in (0, 1].
+    /// Fraction of a section's voxels that is sampled, in (0, 1].
     pub density: f64,
-    /// Share of the samples that is drawn where CMF > 0, in [0, 1].
+    /// Fraction of the samples that is drawn where CMF > 0, in [0, 1].
     pub positive_share: f64,
     /// Seed; with the section's index it fixes the section's samples.
     pub seed: u64,
@@ -21,7 +21,7 @@ impl Default for Sampling {
     }
 }
 
-/// A share that is out of range.
+/// A fraction that is out of range.
 #[derive(Debug, Error, PartialEq)]
 #[error("the sampling {name} must be {range}, not {value}")]
 pub struct SamplingError {
@@ -34,10 +34,10 @@ pub struct SamplingError {
 }
 
 impl Sampling {
-    /// Checks the shares.
+    /// Checks the fractions.
     ///
     /// # Errors
-    /// The share that is out of range.
+    /// The fraction that is out of range.
     pub fn check(&self) -> Result<(), SamplingError> {
         if !(self.density > 0.0 && self.density <= 1.0) {
             return Err(SamplingError {

@@ -65,7 +65,8 @@ impl Network<'_> {
         by_inputs
     }
 
-    /// From derivatives by a layer's sums, so many rows so far apart, to those by the neurons before it, `[row][stride]` into `out`.
+    /// From derivatives by a layer's sums, given as rows with a stride, to those by the neurons before it,
+    /// `[row][stride]` into `out`.
     pub(crate) fn products_backwards(
         &self,
         layer: usize,

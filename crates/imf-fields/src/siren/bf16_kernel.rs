@@ -25,7 +25,7 @@ use half::bf16;
 /// Columns of a strip: two registers of sums.
 pub const STRIP: usize = 32;
 
-/// Pairs of a strip that the sums of a tile run over before they are stored: 32 KiB, so that a strip stays in the
+/// Pairs of a strip that the sums of a tile run over before they are written: 32 KiB, so that a strip stays in the
 /// level-1 cache for all rows.
 const CHUNK: usize = 256;
 

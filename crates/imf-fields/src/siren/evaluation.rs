@@ -18,7 +18,7 @@ pub trait EvaluationEngine {
         1 << 18
     }
 
-    /// For each point the least value over all directions and the index of the first direction that has it.
+    /// For each point the minimum over all directions and the index of the first direction that attains it.
     ///
     /// `points` is `[n][3]` in unit coordinates of the grid, `directions` is `[m][2]` in degrees (θ, φ); `least` and
     /// `best` are `[n]`. The minimum is taken where the network runs: memory does not grow with n·m.

@@ -22,15 +22,15 @@ const MINIMUM_SAMPLES: usize = 32 * BLOCK;
 /// A value and its derivatives by the five inputs.
 pub(crate) const ROWS: usize = 1 + INPUTS;
 
-/// Working memory of a thread that asks for derivatives: `[ROWS][neuron]` before and behind a layer, rows as long as the
-/// widest input.
+/// Working memory of a thread that computes derivatives: `[ROWS][neuron]` before and behind a layer, rows as long as
+/// the widest input.
 #[derive(Default)]
 pub(crate) struct TangentScratch {
     signal: Vec<f32>,
     next: Vec<f32>,
 }
 
-/// Working memory of a thread that asks for derivatives of many samples.
+/// Working memory of a thread that computes derivatives of many samples.
 #[derive(Default)]
 pub(crate) struct SlopesScratch {
     adjoint: AdjointScratch,
@@ -172,13 +172,13 @@ impl CpuEvaluator {
         }
     }
 
-    /// For a call of so many samples.
+    /// For a call with the given number of samples.
     fn network(&self, asked: usize) -> Network<'_> {
         let network = Network::new(self.arch, &self.plan, &self.parameters, &self.panels);
         Network { split: where_many(self.split.as_ref(), asked), ..network }
     }
 
-    /// Values of at most one block of a call of so many samples. `scratch` holds two layers of a block.
+    /// Values of at most one block of a larger call. `scratch` holds two layers of a block.
     fn block(&self, inputs: &[f32], outputs: &mut [f32], asked: usize, scratch: &mut [f32]) {
         let network = self.network(asked);
         let (first, second) = scratch.split_at_mut(BLOCK * self.plan.stride());

@@ -25,7 +25,7 @@ pub fn store<S: Simd>(simd: S, values: &mut [f32], at: usize, register: S::f32s)
     }
 }
 
-/// The sum of products, in sixteen sums that the compiler keeps in registers, the same on every instruction set.
+/// The sum of products, in sixteen sums that the compiler holds in registers, the same on every instruction set.
 #[inline(always)]
 pub fn dot(a: &[f32], b: &[f32]) -> f32 {
     let mut sums = [0.0f32; 16];

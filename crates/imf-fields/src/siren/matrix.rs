@@ -73,7 +73,7 @@ fn extent(rows: usize, columns: usize, stride: usize) -> usize {
     (rows - 1).checked_mul(stride).and_then(|start| start.checked_add(columns)).unwrap_or(usize::MAX)
 }
 
-/// Tells `gemm` to read the factor with contiguous columns where it lies instead of copying it into tiles first. The
+/// Makes `gemm` read the factor with contiguous columns where it lies instead of copying it into tiles first. The
 /// engines' factors are panels that already have a tile's layout or nearly so: 4 % (forward) to 12 % (gradient) faster
 /// on an AMD Zen 5 with AVX-512. The setting holds for the process, for speed alone.
 pub fn prefer_unpacked() {
@@ -116,7 +116,7 @@ pub fn combine(out: &mut [f32], stride: usize, kept: f32, a: Matrix<'_>, b: Matr
         unsafe_code,
         reason = "gemm's only entry takes pointers; every extent is checked above and on construction"
     )]
-    // SAFETY: `row_major` has checked that all elements of `a` and `b` lie inside their slices, `transposed` keeps the
+    // SAFETY: `row_major` has checked that all elements of `a` and `b` lie inside their slices, `transposed` has the
     // same elements, the assertion above does it for `out`, rows of `out` do not overlap, and the borrow rules keep
     // `out` apart from `a` and `b`. Strides fit in `isize` because the slices do.
     unsafe {

@@ -3,7 +3,7 @@
 //!
 //! - A batch is cut into *windows*, whose activations stay in the last-level cache, and a window into *blocks* of
 //!   [`BLOCK`] samples that pass through the whole network on one core.
-//! - A hidden layer's neurons are cut into *panels*. A panel's weights are kept twice: as rows of `W` in the flat
+//! - A hidden layer's neurons are cut into *panels*. A panel's weights are held twice: as rows of `W` in the flat
 //!   parameters, and transposed, `[inputs][neurons of the panel]`, for the forward product, which is a third slower on
 //!   a transposed view. The transposed panel has the same offset and length in its own array as the rows have in the
 //!   parameters.
@@ -43,7 +43,7 @@ pub const WINDOW: usize = 8 * BLOCK;
 pub struct Piece {
     /// The layer, hidden layers first.
     pub layer: usize,
-    /// What of it.
+    /// Which part of it.
     pub part: Part,
     /// Where it stands in the flat parameters.
     pub range: Range<usize>,
@@ -63,7 +63,7 @@ pub enum Part {
 /// A network cut into pieces.
 #[derive(Clone, Debug)]
 pub struct Plan {
-    /// What the network looks like.
+    /// The network's layers.
     pub stack: Stack,
     /// Its layers.
     pub layers: Vec<Layer>,

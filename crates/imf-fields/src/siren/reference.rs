@@ -14,7 +14,7 @@ pub fn forward(shape: &SirenShape, parameters: &[f64], input: &[f64; INPUTS]) ->
     output(&activations(&shape.stack(), parameters, input)).value()
 }
 
-/// What a forward pass keeps for the backward pass.
+/// What a forward pass retains for the backward pass.
 pub(crate) struct Activations {
     /// Input of every layer, the skip's input appended.
     inputs: Vec<Vec<f64>>,

@@ -53,7 +53,7 @@ pub struct Lines<T> {
 }
 
 impl<T: Copy + Default> Lines<T> {
-    /// So many zeros.
+    /// `length` zeros.
     #[must_use]
     pub fn new(length: usize) -> Self {
         let mut lines = Self::default();
@@ -68,7 +68,7 @@ impl<T: Copy + Default> Lines<T> {
         }
     }
 
-    /// Makes them so many; all are zeros where they were not.
+    /// Resizes to `length`; all are zeros where it changes.
     fn resize(&mut self, length: usize) {
         if self.range.len() != length {
             self.values = vec![T::default(); length + LINE];

@@ -19,7 +19,7 @@ use imf_core::workspaces::Workspaces;
 /// of one that is cut into several, as a field cuts at 256, may be multiplied so, and differ by the error of tiles.
 const FEWEST: usize = 12;
 
-/// What is asked of a whole grid, of which a block may be small.
+/// The number of points of a call over a whole grid, of which a block may be small.
 pub(crate) const GRID: usize = usize::MAX;
 
 /// Products by tiles, where a call has enough samples.

@@ -1,7 +1,7 @@
 //! A stack of sine layers, with one linear layer behind them or none: what every network of the house has in common.
 //!
 //! Parameters are one flat array; [`Stack::layers`] is the one place that knows its layout. The fast engines and the
-//! f64 definition work on stacks; what the inputs mean and what the outputs are for is their owners' affair.
+//! f64 definition work on stacks; their owners define what inputs and outputs mean.
 
 use std::ops::Range;
 

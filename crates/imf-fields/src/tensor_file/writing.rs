@@ -44,7 +44,7 @@ impl Format {
         tensors.extend(voxels.map(|(name, bits)| {
             (Cow::Borrowed(name), Dtype::U8, vec![bits.len()], Cow::Owned::<[u8]>(bits))
         }));
-        // In the order in which the library writes them, which is the one that it asks for.
+        // In the order that the library requires.
         tensors.sort_by(|a, b| b.1.cmp(&a.1).then(a.0.cmp(&b.0)));
         let description = Description {
             format: self.id,

@@ -8,9 +8,9 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 
 /// Does work that shares itself among threads, on threads that do nothing else, as many as there are here at the first call.
 ///
-/// A thread of the caller's pool that holds a lock and shares its work waits for the others; while it waits it may be given work that
-/// asks for the same lock, or the others may all wait for it. No lock is asked for on these threads, and the caller waits for them
-/// without being given anything.
+/// A thread of the caller's pool that holds a lock and shares its work waits for the others; while it waits it may be
+/// given work that needs the same lock, or the others may all wait for it. No lock is taken on these threads, and the
+/// caller waits for them without being given anything.
 pub(super) fn apart<T: Send, E: From<EngineError> + Send>(
     work: impl FnOnce() -> Result<T, E> + Send,
 ) -> Result<T, E> {

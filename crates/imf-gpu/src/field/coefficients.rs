@@ -24,7 +24,7 @@ pub(super) const ROWS_OF_A_THREAD: usize = 512;
 
 /// The network, which puts the coefficients of points in their place.
 pub(super) struct PointCoefficients {
-    /// In the form that the network answers in.
+    /// In the form that the network is evaluated in.
     pub(super) field: Arc<FactoredField>,
     pub(super) rows: CoefficientRows,
     gpu: Gpu,
@@ -34,7 +34,7 @@ pub(super) struct PointCoefficients {
     /// [`PlaceFrame`] of every row; idle without symmetry.
     frames: wgpu::Buffer,
     coefficients: wgpu::Buffer,
-    /// What goes up for the points of a pass, kept from one to the next.
+    /// What is uploaded for the points of a pass, reused from one to the next.
     inputs_up: Vec<f32>,
     frames_up: Vec<PlaceFrame>,
 }
@@ -89,7 +89,7 @@ impl PointCoefficients {
         })
     }
 
-    /// Submits the network at up to [`CoefficientRows::rows`] points, and says where their coefficients come to lie.
+    /// Submits the network at up to [`CoefficientRows::rows`] points, and returns the buffer of their coefficients.
     pub(super) fn of_points(&mut self, points: &[DVec3]) -> Result<wgpu::Buffer, EngineError> {
         let Self { gpu, field, inputs_up, frames_up, .. } = self;
         let inputs = field.shape.symmetry.inputs();

@@ -22,7 +22,7 @@ impl From<Pose> for DevicePose {
         // Of length 1 in double precision, so that no length is lost by rounding.
         let DQuat { x, y, z, w } = pose.rotation.normalize();
         let rotation = [x, y, z, w].map(|v| v as f32);
-        // What is beyond single precision lies beyond every grid on the same side; what is no number stays none.
+        // What is beyond single precision lies beyond every grid on the same side; NaN stays NaN.
         let held = match pose.position.is_finite() {
             true => pose.position.clamp(DVec3::splat(-FARTHEST), DVec3::splat(FARTHEST)),
             false => DVec3::NAN,

@@ -1,5 +1,5 @@
-//! Poses through a factored field: its network gives a point's coefficients, `field/turns.rs` what they are worth at a
-//! direction or a rotation.
+//! Poses through a factored field: its network gives a point's coefficients, `field/turns.rs` the value from them at
+//! a direction or a rotation.
 //!
 //! ```text
 //! poses → points → forward (keeps slopes) → coefficients → values, ∂/∂d → Δ → backward → ∂/∂x

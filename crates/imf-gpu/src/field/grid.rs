@@ -2,7 +2,7 @@
 //! over any orientations are products with them. Coefficients are a harmonic field's own, or what a factored field's network says of every voxel, once.
 //!
 //! Functions of orientations are computed by the host, so that fields over rotations, of tools that are not symmetric about their axis,
-//! are answered as well. The twins are [`HarmonicField::sections`] and [`HarmonicField::minimum`].
+//! are evaluated as well. The twins are [`HarmonicField::sections`] and [`HarmonicField::minimum`].
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -26,7 +26,7 @@ use crate::uniforms::Batch;
 pub(super) struct GridCoefficients {
     voxels: Voxels,
     over: OverOrientations,
-    /// A factored field in the form that its network answers in.
+    /// A factored field in the form that its network is evaluated in.
     evaluated: Option<Arc<FactoredField>>,
 }
 
@@ -39,7 +39,7 @@ struct Voxels {
 }
 
 impl GridCoefficients {
-    /// Uploads a harmonic field's, or runs a factored field's network at every voxel centre and keeps what it says.
+    /// Uploads a harmonic field's, or runs a factored field's network at every voxel centre and retains its outputs.
     pub(super) fn new(gpu: &Gpu, source: Source<'_>) -> Result<Self, EngineError> {
         let (voxels, evaluated) = match source {
             Source::Harmonic(field) => (Voxels::of_harmonic(gpu, field)?, None),
@@ -84,8 +84,8 @@ impl GridCoefficients {
     }
 }
 
-/// Writes the coefficients of some voxels into a buffer from an element on, in rows of `columns` with zeros behind them; `padded` is
-/// kept from call to call.
+/// Writes the coefficients of some voxels into a buffer from an element on, in rows of `columns` with zeros behind
+/// them; `padded` is reused from call to call.
 pub(super) fn upload(
     gpu: &Gpu,
     field: &HarmonicField,
@@ -135,7 +135,7 @@ impl Voxels {
         Ok(voxels)
     }
 
-    /// Memory for so many.
+    /// Memory for `count` points.
     fn new(gpu: &Gpu, count: usize, rows: CoefficientRows) -> Result<Self, EngineError> {
         let padding = gpu.matrix_kernel().padding();
         let mut plan = Plan::default();

@@ -1,4 +1,4 @@
-//! What calls from slices of the host work with: buffers that are kept from call to call, and grow.
+//! What calls from slices of the host work with: buffers that are reused from call to call, and grow.
 
 use imf_core::field::EngineError;
 use imf_core::pose::Pose;
@@ -11,7 +11,7 @@ use crate::memory::Room;
 /// Poses that go up in one piece, for which the graphics interface makes and drops memory of its own: 256 KiB.
 const PIECE: usize = 1 << 13;
 
-/// Buffers for the poses of one call and their answers.
+/// Buffers for the poses of one call and their results.
 pub(super) struct HostBuffers {
     staged: Vec<DevicePose>,
     poses: Room,

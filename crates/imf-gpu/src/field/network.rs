@@ -22,7 +22,7 @@ pub(super) struct TwoWay {
     pub(super) results: wgpu::Buffer,
     /// Every layer's Δ on the way back; the last one's is where it begins.
     pub(super) deltas: Vec<wgpu::Buffer>,
-    /// From samples to results; keeps what the way back needs.
+    /// From samples to results; retains what the backward pass needs.
     pub(super) forward: Vec<Dispatch>,
     /// From the last layer's Δ to the first one's.
     pub(super) backward: Vec<Dispatch>,

@@ -89,7 +89,7 @@ impl PoseKernels {
         self.passes.submit(&self.frame, call, count)
     }
 
-    /// Uploads poses and submits them; says where their values and gradients come to lie.
+    /// Uploads poses and submits them; returns the buffers of their values and gradients.
     pub(super) fn ask(&mut self, poses: &[Pose], with_gradients: bool) -> Result<PoseBuffers, EngineError> {
         let buffers = self.host.upload(&self.frame.gpu, poses, with_gradients)?;
         self.submit(buffers.call(), poses.len())?;

@@ -3,8 +3,8 @@
 //! ```text
 //! lead | plane 0: line 0 (nz voxels, zeros) line 1 … line ny−1, lines of zeros | plane 1: … | tail
 //! ```
-//! Lines are `line` bits apart, planes `plane`. Behind every line and every plane are so many zeros that reading at
-//! any offset of the tool meets the line itself or nothing; so nothing needs to be compared while counting.
+//! Lines are `line` bits apart, planes `plane`. Enough zeros follow every line and every plane that a read at any
+//! offset of the tool meets the line itself or nothing; so nothing needs to be compared while counting.
 
 use imf_core::field::EngineError;
 use imf_core::occupancy::Occupancy;

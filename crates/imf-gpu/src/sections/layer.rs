@@ -19,7 +19,8 @@ use crate::shader::Shader;
 use crate::transfer::Reading;
 use crate::uniforms;
 
-/// Differences, in elements, of one submission where the adapter binds so much: 128 MiB, 32 sections of the paper's scene.
+/// Differences, in elements, of one submission where the adapter can bind them: 128 MiB, 32 sections of the paper's
+/// scene.
 const DIFFERENCES: usize = 1 << 25;
 
 /// An obstacle on one GPU, and buffers for the overlaps of its tool.
@@ -128,7 +129,7 @@ impl<'a> Layer<'a> {
         &self.obstacle.grid
     }
 
-    /// Bytes on the host, about: the obstacle's bits and the tools and lists of a round of so many orientations.
+    /// Approximate bytes on the host: the obstacle's bits and the tools and lists of a round of `round` orientations.
     pub(super) fn host_bytes(&self, round: u64) -> u64 {
         let reach = 2.0 * self.tool.reach() / self.grid().pitch + 3.0;
         let tool = reach.powi(3).min(1e18) as u64;
@@ -287,7 +288,7 @@ impl<'a> Layer<'a> {
         Ok(())
     }
 
-    /// Submits a round of orientations whose minimum is kept on the device.
+    /// Submits a round of orientations whose minimum stays on the device.
     pub(super) fn lower_to(&mut self, turned: &[OrientedTool]) -> Result<(), EngineError> {
         for slab in 0..self.slabs.len() {
             let (voxels, mut left) = (self.slabs[slab].len(), turned);

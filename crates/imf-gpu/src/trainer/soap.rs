@@ -1,6 +1,6 @@
-//! SOAP's step on the device, beside Adam's: moments of the gradients of the matrices between hidden layers along axes of
-//! their own. The definition and its source are [`imf_train::engine::soap`]'s, and so is what is kept between steps, so that a
-//! training moves between CPU and GPU.
+//! SOAP's step on the device, beside Adam's: moments of the gradients of the matrices between hidden layers along
+//! axes of their own. The definition and its source are [`imf_train::engine::soap`]'s, and so is the state between
+//! steps, so that a training can move between CPU and GPU.
 //!
 //! ```text
 //! gradient → G → G' = Qₗᵀ·G·Qᵣ → moments, step along the axes → Qₗ·step·Qᵣᵀ → weights
@@ -43,7 +43,7 @@ pub(super) struct SoapStep {
     /// From the second step on.
     step: Vec<Dispatch>,
     sides: [SideStep; 2],
-    /// How moments come to the axes of the last look.
+    /// Turns the moments to the axes of the last update.
     follow: Vec<Dispatch>,
     /// What a step writes before it reads it.
     pub(super) scratch: Vec<wgpu::Buffer>,

@@ -1,4 +1,4 @@
-//! Training on the adapter against the f64 definition: gradient, update, ten steps; sizes that are no multiple of a
+//! Training on the adapter against the f64 definition: gradient, update, ten steps; sizes that are not a multiple of a
 //! tile; the same bits again.
 
 use imf_fields::recipe::{AdamConfig, Loss, TrainingState};

@@ -29,7 +29,7 @@ def mesh_input(mesh: Mesh, name: str | None = None) -> Native:
             surface = mesh.triangulate()
         return arrays(surface.points, padded(np.asarray(surface.faces)), name or "mesh")
     raise ValueError(
-        f"{type(mesh).__name__} is no mesh: give a path, vertices and faces, or an object with vertices and faces (as of trimesh) or "
+        f"{type(mesh).__name__} is not a mesh: give a path, vertices and faces, or an object with vertices and faces (as of trimesh) or "
         "points and faces (as of PyVista; of other grids extract_surface() first)"
     )
 

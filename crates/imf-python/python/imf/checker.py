@@ -63,7 +63,7 @@ class Checker:
         return self._native.classify(rows_of(poses)[0], listener(progress))
 
     def overlap(self, poses: ArrayLike, *, progress: Progress = None) -> NDArray[np.float32]:
-        """By pose the fraction of the tool inside the obstacle, ``(n,)`` in [0, 1]; NaN for what is no pose."""
+        """By pose the fraction of the tool inside the obstacle, ``(n,)`` in [0, 1]; NaN for an invalid pose."""
         return self._native.values(rows_of(poses)[0], listener(progress))
 
     def clearance(self, poses: ArrayLike, *, progress: Progress = None) -> NDArray[np.float64]:
@@ -77,7 +77,7 @@ class Checker:
     def distance(self, poses: ArrayLike, *, progress: Progress = None) -> Distances:
         """How far the tool is from the nearest solid voxel, or how deep it is in part or fixtures, by pose; exact where it is free.
 
-        Infinite where nothing is solid, NaN for what is no pose. Raises ``ValueError`` for a mesh tool.
+        Infinite where nothing is solid, NaN for an invalid pose. Raises ``ValueError`` for a mesh tool.
         """
         return Distances(*self._native.distance(rows_of(poses)[0], listener(progress)))
 
@@ -85,6 +85,6 @@ class Checker:
         """Whether the tool may move from each pose of ``start`` to that of ``end``, both ``(n, 6)`` or ``(n, 7)``: the tip along the
         line, the axis along the great circle.
 
-        Raises ``ValueError`` for ends that are no poses or have opposite axes, and for a mesh tool.
+        Raises ``ValueError`` for ends that are invalid poses or have opposite axes, and for a mesh tool.
         """
         return Motions(*self._native.check_motion(rows_of(start)[0], rows_of(end)[0], listener(progress)))

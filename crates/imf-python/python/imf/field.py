@@ -91,7 +91,7 @@ class Field:
         self._native.save(os.fspath(path))
 
     def __call__(self, poses: ArrayLike, *, progress: Progress = None) -> NDArray[np.float32] | np.float32:
-        """Values of poses ``(n, 6)`` or ``(n, 7)``: ``(n,)``; of one pose a number. NaN for what is no pose."""
+        """Values of poses ``(n, 6)`` or ``(n, 7)``: ``(n,)``; of one pose a number. NaN for an invalid pose."""
         rows, alone = rows_of(poses)
         values = self._native.values(rows, listener(progress))
         return values[0] if alone else values
@@ -130,7 +130,7 @@ class Field:
 
 
 def load(path: str | os.PathLike[str]) -> Field:
-    """Reads a field of any family. Raises ``FileNotFoundError``, ``OSError``, or ``ValueError`` for a file that is none."""
+    """Reads a field of any family. Raises ``FileNotFoundError``, ``OSError``, or ``ValueError`` for a file that is not a field."""
     return Field(_imf.Field.load(os.fspath(path)))
 
 

@@ -88,7 +88,7 @@ class Scene:
     conservative: every voxel that the surface touches is solid, not those alone whose centre is inside.
     allow_coarse: a tool that passes between the voxels' centres is a warning, not an error.
     around: what the grid is chosen around: "part" or "all", the fixtures too.
-    name: what messages call a part that is no file.
+    name: what messages call a part that is not a file.
 
     Raises ``ValueError`` for what cannot be a scene, with the remedy, and ``OSError`` for files.
     """

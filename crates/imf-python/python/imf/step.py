@@ -38,7 +38,7 @@ def read_step(
         raise FileNotFoundError(f"{path}: there is no such file")
     reader = of("STEPControl").STEPControl_Reader()
     if reader.ReadFile(str(path)) != of("IFSelect").IFSelect_ReturnStatus.IFSelect_RetDone:
-        raise ValueError(f"{path}: this is no STEP file that can be read")
+        raise ValueError(f"{path}: this is not a STEP file that can be read")
     # Open CASCADE gives millimetres, whatever the file's unit.
     roots, read = reader.NbRootsForTransfer(), reader.TransferRoots()
     if read < roots:

@@ -146,5 +146,5 @@ class Tool:
 def native(tool: Tool) -> _imf.Tool:
     """What the native module reads."""
     if not isinstance(tool, Tool):
-        raise ValueError(f"{tool!r} is no imf.Tool: describe it, or read it by Tool.read(path)")
+        raise ValueError(f"{tool!r} is not an imf.Tool: describe it, or read it by Tool.read(path)")
     return tool._native

@@ -8,7 +8,7 @@ use imf_fields::siren::SirenShape;
 use super::Manifest;
 
 impl Manifest {
-    /// A model of this dataset's `scene` and so many `samples`, of which no step is done.
+    /// An untrained model of this dataset's `scene` and `samples` samples.
     #[must_use]
     pub fn fresh_model(
         &self,

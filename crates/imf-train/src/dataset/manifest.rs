@@ -1,6 +1,6 @@
 //! The manifest of a dataset: what it is, and which of its shards are complete.
 //!
-//! Whoever makes a share of a dataset keeps a manifest of that share's name, so that several may work in one folder;
+//! Each share of a dataset has a manifest of its own name, so that several processes may work in one folder;
 //! joining them makes the one `manifest.json` that training reads.
 
 use std::collections::HashMap;
@@ -29,10 +29,10 @@ const SHARD_SAMPLES: u64 = 4_000_000;
 /// How a dataset is cut up, and which part of it is made here.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Layout {
-    /// Samples that a shard of a new dataset holds at most, unless one section has more; 4,000,000 where nothing is said. What is
-    /// there stays cut up as it is.
+    /// Maximum number of samples of a shard of a new dataset, unless one section has more; 4,000,000 by default. An
+    /// existing dataset stays cut up as it is.
     pub shard_samples: Option<u64>,
-    /// The share to make; all of it where nothing is said.
+    /// The share to make; `None` makes all of it.
     pub share: Option<Share>,
 }
 
@@ -60,7 +60,7 @@ pub enum DatasetError {
         source: std::io::Error,
     },
     /// No dataset, or a damaged one.
-    #[error("{path} is no intact dataset file: {what}")]
+    #[error("{path} is not an intact dataset file: {what}")]
     Damaged {
         /// The file.
         path: String,
@@ -161,7 +161,7 @@ pub struct Manifest {
     pub sections_per_shard: usize,
     /// Finished shards; `null` where one is still missing.
     pub shards: Vec<Option<ShardRecord>>,
-    /// Whose books these are: a share's, or the whole dataset's. The file's name says so, not its content.
+    /// What this is the manifest of: a share, or the whole dataset. Given by the file's name, not its content.
     #[serde(skip)]
     share: Option<Share>,
 }
@@ -174,8 +174,8 @@ struct Header {
 }
 
 impl Manifest {
-    /// The manifest of a new dataset or share, or the one in the folder if it describes the same; and whether that one is cut up
-    /// otherwise than was asked.
+    /// The manifest of a new dataset or share, or the one in the folder if it describes the same; and whether that
+    /// one is cut up otherwise than requested.
     pub(super) fn start(
         folder: &Path,
         scene: &Scene,
@@ -198,7 +198,7 @@ impl Manifest {
             shards: vec![None; set.len().div_ceil(sections_per_shard)],
             share: layout.share,
         };
-        // A share goes on from its own books, else from those of the whole.
+        // A share goes on from its own manifest, else from that of the whole.
         let names = [fresh.file_name(), MANIFEST.to_owned()];
         if let Some(name) = names.iter().find(|name| folder.join(name).exists()) {
             let found = Self { share: layout.share, ..Self::read_named(folder, name)? };

@@ -41,15 +41,15 @@ pub(super) fn write(folder: &Path, index: usize, samples: &Samples) -> Result<Sh
     Ok(ShardRecord { file, samples: samples.len() as u64, crc32: crc32fast::hash(&bytes) })
 }
 
-/// Bytes of the file of a shard with so many sections and samples, at most.
+/// Maximum size in bytes of the file of a shard with `sections` sections and `samples` samples.
 pub(super) fn file_bytes(sections: u64, samples: u64) -> u64 {
     let tables = samples.saturating_mul(8).saturating_add(sections.saturating_mul(8));
     tables.saturating_add(8 + HEADER_BYTES)
 }
 
-/// Opens a shard's file if it has the size that its samples take, which is looked at before it is read: no foreign
-/// file, and no manifest that guarantees too much, fills the memory. Returns what the manifest says, the file, and the
-/// most bytes to read of it.
+/// Opens a shard's file if it has the size that its samples take, which is checked before it is read: no foreign
+/// file, and no manifest with too large numbers, fills the memory. Returns what the manifest says, the file, and the
+/// maximum number of bytes to read of it.
 pub(super) fn open<'a>(
     folder: &Path,
     manifest: &'a Manifest,

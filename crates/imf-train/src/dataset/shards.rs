@@ -24,7 +24,7 @@ pub struct Shards {
 }
 
 impl Shards {
-    /// Reads and checks the manifest, and looks whether the shards have the size that it says; reads none yet.
+    /// Reads and checks the manifest and the sizes of the shards; reads no shard yet.
     ///
     /// # Errors
     /// A missing, foreign, newer, damaged or unfinished dataset; the message names the file.

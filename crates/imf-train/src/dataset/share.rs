@@ -14,7 +14,7 @@ pub struct Share {
 
 /// A text that names no share.
 #[derive(Debug, Error, PartialEq, Eq)]
-#[error("'{0}' is no share: write I/N with I from 1 to N, such as 3/8")]
+#[error("'{0}' is not a share: write I/N with I from 1 to N, such as 3/8")]
 pub struct ShareError(String);
 
 impl Share {
@@ -24,7 +24,7 @@ impl Share {
         shard % self.of == self.index - 1
     }
 
-    /// The share's own manifest; shares may be made in one folder at the same time, each keeping its own books.
+    /// The share's own manifest; shares may be made in one folder at the same time, each with its own manifest.
     pub(super) fn manifest_name(self) -> String {
         format!("manifest.{}-of-{}.json", self.index, self.of)
     }

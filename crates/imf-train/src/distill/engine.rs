@@ -7,8 +7,8 @@ use imf_fields::factored::{FactoredShape, FactoredState};
 use imf_fields::recipe::{Optimiser, TrainingPlan};
 use imf_fields::siren::Layer;
 
-/// Bytes that an optimiser takes beside weights and moments: working memory, and what it keeps in the engine, in the state of the
-/// last stop and in its file.
+/// Bytes that an optimiser takes beside weights and moments: working memory, and its state in the engine, in the last
+/// stop's copy and in its file.
 #[must_use]
 pub fn optimiser_bytes(optimiser: Optimiser, shape: FactoredShape) -> u64 {
     let of_matrix = |layer: Layer| {

@@ -1,9 +1,9 @@
 //! The best linear layer behind given hidden ones, in closed form.
 //!
 //! Behind its sines a network is linear, and its loss, summed over voxels, is a sum of squares: the last layer's best
-//! weights solve a linear system of the hidden layers' width (least squares). An optimiser follows them slowly: training
-//! that solves for them now and then needs a third of the steps (variable projection), and a network of another part
-//! begins where its hidden layers are worth most.
+//! weights solve a linear system of the hidden layers' width (least squares). An optimiser follows them slowly:
+//! training that solves for them now and then needs a third of the steps (variable projection), and a network of
+//! another part starts from the best use of its hidden layers.
 
 use std::ops::Range;
 
@@ -30,7 +30,8 @@ const GOLDEN: f64 = 0.618_033_988_749_895;
 /// 1e-6 of it, either way: with no more than that one solution in a training of 3,000 steps threw all away.
 const RIDGE: f64 = 1e-5;
 
-/// Bytes that a solution of the output layer takes for a moment, over so many voxels and axes: the parts' sums and the whole system's.
+/// Bytes that a solution of the output layer takes for a moment, over `voxels` voxels and `axes` components: the
+/// parts' sums and the whole system's.
 #[must_use]
 pub fn bytes_to_solve(settings: &DistillSettings, voxels: usize, axes: usize) -> u64 {
     if settings.solve_every == 0 {
@@ -41,9 +42,9 @@ pub fn bytes_to_solve(settings: &DistillSettings, voxels: usize, axes: usize) ->
     ((4 * parts + 3 * 8) * columns * (columns + axes)) as u64
 }
 
-/// Replaces the output layer's weights by those of least squared error from `targets`, over so many voxels for each
-/// weight of an output, evenly spread; `turn` in [0, 1) chooses which ones. What is solved for is the correction, with a
-/// slight pull to 0 (ridge regression), so a direction in which the voxels say nothing keeps its weights.
+/// Replaces the output layer's weights by those of least squared error from `targets`, over `voxels` evenly spread
+/// voxels for each weight of an output; `turn` in [0, 1) chooses which ones. The correction is what is solved for,
+/// with a slight pull to 0 (ridge regression), so a direction that the voxels do not determine retains its weights.
 pub(super) fn solve_output_layer(field: &mut FactoredField, targets: &Targets<'_>, voxels: usize, turn: f64) {
     let Some(last) = field.shape.layers().pop() else { return };
     let (axes, columns) = (last.outputs, last.inputs + 1);
@@ -111,8 +112,9 @@ fn normal_equations(
 /// a long one the large weights that fit a field by random sines lead the hidden layers astray (both measured, in the record).
 pub(super) const SOLVED_FIRST: u64 = 400;
 
-/// An engine whose output layer is solved for in closed form after every so many steps, and after the last; in a short training before the
-/// first too. Which ones those are depends on the plan alone, so that a training that was interrupted goes on to the same bits.
+/// An engine that solves the output layer in closed form after every fixed number of steps, and after the last; in a
+/// short training before the first too. Which ones those are depends on the plan alone, so that an interrupted
+/// training goes on to the same bits.
 pub(super) struct ClosedForm<'a> {
     engine: &'a mut dyn TrainingEngine,
     targets: &'a Targets<'a>,

@@ -1,4 +1,4 @@
-//! Training by exact sections themselves, where no harmonic field is to hand: none is held in memory, whatever the grid.
+//! Training by exact sections themselves, without a harmonic field: none is held in memory, whatever the grid.
 //!
 //! A pool holds the latest sections at random orientations without end ([`crate::training::online`]); a step takes P voxels
 //! at all Q orientations of the pool. Let H be the field's functions there, `[Q][axes]`, s a voxel's exact values less the
@@ -37,8 +37,8 @@ use imf_fields::recipe::TrainingState;
 use imf_fields::siren::ShapeError;
 use imf_fields::siren::matrix::{Matrix, multiply};
 
-/// λ over the mean of H Hᵀ's diagonal. Of a field that is nearly learnt the functions left out say as much as is still to be
-/// learnt along any one axis.
+/// Ridge parameter relative to the mean diagonal of H Hᵀ. Near convergence the truncated basis functions contribute
+/// about as much variance as remains to be learnt per component.
 const RIDGE: f64 = 0.03;
 /// Rows of a batch whose targets one thread makes at a time.
 const ROWS: usize = 64;
@@ -82,8 +82,8 @@ impl<'a> SectionSource<'a> {
         self.outline.basis.domain()
     }
 
-    /// Bytes of a training along so many axes of so many functions: of the pool and of what is being made, two a value; of what
-    /// the pool's orientations make of a batch; and of a batch.
+    /// Memory in bytes of a training with `axes` components of `functions` basis functions on `voxels` voxels: the
+    /// pool and the sections being computed (2 bytes a value), the gain matrices, and one batch.
     #[must_use]
     pub fn memory_bytes(functions: usize, axes: usize, voxels: usize, settings: &DistillSettings) -> u64 {
         let OnlineSettings { pool, lead, .. } = settings.online.unwrap_or_default();

@@ -97,7 +97,7 @@ impl Target<'_> {
     /// Trains `engine` from `start` to the plan's end, or until the observer breaks. The engine is made for the stack of
     /// [`Self::shape`] and batches of [`Self::batch`], with the settings' optimiser. A report's loss is a mean squared error where
     /// the plan's loss is L2: over the sphere, or at the sections of the pool before each step. While a pool of sections fills
-    /// before the first step, `stop` is asked between two of them.
+    /// before the first step, `stop` is polled between two of them.
     ///
     /// # Errors
     /// Settings or a start out of range, a section that failed or was given up, or a loss that is not finite or has risen for
@@ -118,7 +118,7 @@ impl Target<'_> {
     }
 }
 
-/// Steps of the plan over so many voxels before a cursor.
+/// Steps of the plan over `voxels` voxels before a cursor.
 pub(super) fn steps_before(settings: &DistillSettings, voxels: usize, cursor: Cursor) -> u64 {
     cursor.epoch.saturating_mul(settings.plan.steps_per_epoch(voxels)).saturating_add(cursor.step)
 }
@@ -157,9 +157,10 @@ fn train_to_coefficients(
     })
 }
 
-/// Trains the network of `state` on the CPU up to the plan's end, or until `control` asks to stop, which is looked at
-/// wherever the observer gets a report; `state` then is where training goes on, to the same bits. One unit of progress is
-/// one step; while a pool of sections fills, progress gets 0 between two of them, and `control` is looked at as well.
+/// Trains the network of `state` on the CPU up to the plan's end, or until `control` asks to stop, which is polled
+/// wherever the observer gets a report; `state` then is where training goes on, to the same bits. One unit of
+/// progress is one step; while a pool of sections fills, progress gets 0 between two of them, and `control` is polled
+/// as well.
 ///
 /// # Errors
 /// As [`Target::train`]; `state` is untouched then.

@@ -173,7 +173,7 @@ fn the_definitions_gradient_and_jacobian_are_central_differences() {
     }
 }
 
-/// A state of random weights whose field is no constant.
+/// A state of random weights whose field is not a constant.
 fn field(harmonic: &HarmonicField, width: usize) -> FactoredField {
     let shape = FactoredShape {
         width,

@@ -1,8 +1,8 @@
 //! Warm start for a changed part: a network distilled from one harmonic field as the start of another's.
 //!
-//! Nothing is lost in between: what the network answers at a world position stays what it was, but for what the other
-//! field's axes leave out. Positions are scaled by the grid, which the first layer takes back; coefficients are along the
-//! axes and in units of the scale, which the last layer turns to the other's.
+//! Nothing is lost in between: the network's value at a world position stays the same, except for what the other
+//! field's components leave out. Positions are scaled by the grid, which the first layer takes back; coefficients are
+//! along the axes and in units of the scale, which the last layer turns to the other's.
 
 use super::output_layer::{IN_TRAINING, solve_output_layer};
 use imf_core::grid::Grid;
@@ -38,8 +38,8 @@ pub fn start_from(
     Ok(FactoredState::from_parameters(field.parameters))
 }
 
-/// A network's weights, turned to the grid, axes, mean and scale of `harmonic`: the same field where that
-/// keeps all axes of at least this field's degree.
+/// A network's weights, turned to the grid, axes, mean and scale of `harmonic`: the same field where that has all
+/// components of at least this field's degree.
 ///
 /// # Errors
 /// Weights that do not fit the shape.

@@ -1,5 +1,5 @@
 //! The backward pass of a block of samples: from the loss's slope to every layer's `δ = ∂loss/∂(W·a + b)`, which
-//! replaces the slopes that the forward pass kept, and to the block's partial sums (see `plan.rs`).
+//! replaces the slopes that the forward pass left, and to the block's partial sums (see `plan.rs`).
 
 use std::ops::Range;
 

@@ -107,7 +107,7 @@ impl Pairs {
         }
     }
 
-    /// Bytes for a window of so many blocks, for the packed weights, and for every thread.
+    /// Bytes for a window of `blocks` blocks, for the packed weights, and for every thread.
     pub(super) fn memory_bytes(plan: &Plan, blocks: usize) -> u64 {
         let sizes = Sizes::new(plan);
         let scratch = rayon::current_num_threads() * sizes.scratch();

@@ -16,7 +16,7 @@ fn between(plan: &Plan) -> &[Layer] {
 }
 
 impl Matrices {
-    /// Goes on from what was kept after `step` steps.
+    /// Goes on from the state saved after `step` steps.
     pub(super) fn new(config: SoapConfig, plan: &Plan, step: u64, kept: &[f32]) -> Result<Self, EngineError> {
         let kept = kept_of(&plan.stack, step, kept).map_err(|error| EngineError::Shape(error.to_string()))?;
         let rules = between(plan).iter().zip(kept).map(|(layer, kept)| {
@@ -29,7 +29,7 @@ impl Matrices {
         Ok(Self(rules.collect()))
     }
 
-    /// What a state keeps beside the moments.
+    /// What a state holds beside the moments.
     pub(super) fn kept(&self) -> Vec<f32> {
         self.0.iter().flat_map(Soap::kept).flatten().copied().collect()
     }

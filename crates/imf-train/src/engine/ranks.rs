@@ -1,4 +1,4 @@
-//! One training on the CPUs of several processes, the *ranks*: each has a share of every batch and all of the network.
+//! One training on the CPUs of several processes, the *ranks*: each has a part of every batch and the whole network.
 //!
 //! Rank `r` of `n` takes the rows from `r·batch/n` to `(r + 1)·batch/n` of the very batch that one process would train on,
 //! and computes its part of the gradient. The parameters are cut into `n` slices. Every rank receives all parts of its own
@@ -6,7 +6,7 @@
 //! have the same bits, whoever is early or late, and a training of `n` ranks can be repeated. Between different `n`
 //! sums are grouped differently: the bits differ, the training is the same but for rounding.
 //!
-//! How ranks reach each other is [`Exchange`]'s affair: MPI in the command, threads in the tests.
+//! [`Exchange`] connects the ranks: by MPI in the command, by threads in the tests.
 
 use std::ops::Range;
 
@@ -15,8 +15,8 @@ use crate::training::TrainingEngine;
 use imf_core::field::EngineError;
 use imf_fields::recipe::TrainingState;
 
-/// What the ranks of a training tell each other. All ranks call the same functions in the same order; each waits for the
-/// others.
+/// Communication between the ranks of a training. All ranks call the same functions in the same order; each waits for
+/// the others.
 pub trait Exchange {
     /// This rank, from 0.
     fn rank(&self) -> usize;
@@ -99,7 +99,7 @@ impl<E: Exchange> RankTrainer<E> {
     }
 }
 
-/// Rows of a batch that one of so many ranks has at most.
+/// Maximum number of rows of a batch that one of `ranks` ranks has.
 #[must_use]
 pub fn most_rows(batch: usize, ranks: usize) -> usize {
     batch.div_ceil(ranks.max(1)).max(1)
@@ -139,7 +139,7 @@ impl<E: Exchange> TrainingEngine for RankTrainer<E> {
         Ok(())
     }
 
-    /// Also looks whether all ranks still have the same weights.
+    /// Also checks that all ranks still have the same weights.
     fn take_mean_loss(&mut self) -> Result<f64, EngineError> {
         let (sum, steps) = std::mem::take(&mut self.losses);
         let sums = self.exchange.all(sum.to_bits())?;

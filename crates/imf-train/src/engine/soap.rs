@@ -1,9 +1,10 @@
 //! SOAP: Adam along the axes of a matrix's gradients, for the matrices between hidden layers.
 //!
-//! For a matrix of weights with gradient G the decaying means of `G Gᵀ` and `Gᵀ G` are kept, and the axes of both: their
-//! eigenvectors, as far as a step of power iteration and a QR decomposition every few steps bring them. Adam's moments are
-//! of the gradient along these axes, `G' = Q_L G Q_Rᵀ` (axes are rows), and so is its step, which is turned back. Where axes move,
-//! the first moments are turned with them; the second stay with their axes, which are ordered by falling mean.
+//! For a matrix of weights with gradient G the decaying means of `G Gᵀ` and `Gᵀ G` are held, and the axes of both:
+//! their eigenvectors, as far as a step of power iteration and a QR decomposition every few steps bring them. Adam's
+//! moments are of the gradient along these axes, `G' = Q_L G Q_Rᵀ` (axes are rows), and so is its step, which is
+//! turned back. Where axes move, the first moments are turned with them; the second stay with their axes, which are
+//! ordered by falling mean.
 //!
 //! The first gradient begins the means and moves nothing.
 //!
@@ -18,10 +19,10 @@ use imf_fields::siren::stack::Stack;
 use imf_fields::siren::{Layer, ShapeError};
 use pulp::Arch;
 
-/// Added to the root of the second moment: no more than what keeps 0 from being divided by 0.
+/// Added to the root of the second moment, only so that 0 is not divided by 0.
 pub const EPSILON: f32 = 1e-12;
-/// Looks at the first gradient's axes, from those of the weights: after 1,000 steps fields err as they do where its
-/// eigenvectors are the first axes (1.83e-6 and 1.84e-6, in the record).
+/// Updates of the first gradient's eigenvectors, starting from those of the weights: after 1,000 steps fields err as
+/// they do with an exact eigendecomposition of the first gradient (`docs/lab/optimisers.md`).
 pub const FIRST_LOOKS: usize = 4;
 
 /// What `kept` holds of each matrix between hidden layers after `step` steps, in the order of the layers: means and axes of
@@ -44,7 +45,7 @@ pub fn kept_of<'a>(stack: &Stack, step: u64, mut kept: &'a [f32]) -> Result<Vec<
     Ok(each.collect())
 }
 
-/// What is kept of one matrix beside its moments, and working memory.
+/// State of one matrix beside its moments, and working memory.
 pub(crate) struct Soap {
     config: SoapConfig,
     arch: Arch,
@@ -56,12 +57,12 @@ pub(crate) struct Soap {
 }
 
 impl Soap {
-    /// Numbers that are kept of a matrix beside its moments: means and axes of both sides.
+    /// Numbers in the state of a matrix beside its moments: means and axes of both sides.
     pub(crate) fn kept_count(rows: usize, columns: usize) -> usize {
         Optimiser::Soap(SoapConfig::default()).kept_count(rows, columns)
     }
 
-    /// Bytes of what is kept and of working memory.
+    /// Bytes of state and working memory.
     pub(crate) fn bytes(rows: usize, columns: usize) -> u64 {
         let of_sides: u64 =
             [rows, columns].map(|size| (8 * size * size) as u64 + Orthonormal::bytes(size)).iter().sum();
@@ -75,13 +76,13 @@ impl Soap {
         Self { config, arch: Arch::new(), sides, along: matrix.clone(), half: matrix }
     }
 
-    /// Means and axes, in the order in which they are stored: `[kept_count]` together.
+    /// Means and axes, in the order in which they are saved: `[kept_count]` together.
     pub(crate) fn kept(&self) -> [&[f32]; 4] {
         let [rows, columns] = &self.sides;
         [&rows.mean, &rows.axes, &columns.mean, &columns.axes]
     }
 
-    /// Goes on from what was kept.
+    /// Goes on from a saved state.
     ///
     /// # Panics
     /// If there are not [`Self::kept_count`] numbers.
@@ -143,7 +144,7 @@ impl Soap {
         combine_by_rows(&mut self.along, 0.0, half, right.transposed(), 1.0);
     }
 
-    /// Brings the moments to the axes of the last look.
+    /// Turns the moments to the axes of the last update.
     fn follow(&mut self, first_moment: &mut [f32], second_moment: &mut [f32]) {
         let [left, right] = &self.sides;
         let [rows, columns] = [left.size, right.size];
@@ -160,8 +161,8 @@ impl Soap {
     }
 }
 
-/// Adam's moments of a gradient and, in its place, their step; `whole` is one over the share of the moments that steps
-/// have filled.
+/// Adam's moments of a gradient and, in its place, their step; `whole` is one over the fraction of the moments that
+/// steps have filled.
 #[inline(always)]
 fn adam(kept: f32, whole: f32, gradient: &mut [f32], first_moment: &mut [f32], second_moment: &mut [f32]) {
     for ((value, first), second) in gradient.iter_mut().zip(first_moment).zip(second_moment) {
@@ -176,9 +177,9 @@ struct Side {
     size: usize,
     /// Of the gradients' products.
     mean: Vec<f32>,
-    /// One a row, by falling mean at the last look.
+    /// One a row, by falling mean at the last update.
     axes: Vec<f32>,
-    /// The axes before the last look, and what is on the way to the new ones.
+    /// The axes before the last update, and intermediate results of the new ones.
     before: Vec<f32>,
     /// The new axes along those before.
     turn: Vec<f32>,

@@ -147,7 +147,7 @@ fn ten_steps_stay_with_the_definition() {
 
 #[test]
 fn threads_and_room_for_larger_batches_change_no_bit() {
-    // More samples than a window holds, a width that is no multiple of a panel, a ragged last block.
+    // More samples than a window holds, a width that is not a multiple of a panel, a ragged last block.
     let shape = shape(330, 3, Some(2));
     let count = WINDOW + 333;
     let (inputs, targets) = batch(count, 1);

@@ -1,5 +1,5 @@
 //! From activations and δ to the gradient, and from the gradient to Adam's step, one piece of the parameters after the other;
-//! which pieces there are is the plan's affair (`plan.rs`).
+//! the plan defines the pieces (`plan.rs`).
 
 use pulp::Arch;
 

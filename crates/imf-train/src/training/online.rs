@@ -14,8 +14,8 @@ use imf_fields::recipe::OnlineSettings;
 /// What a producer makes of a number.
 type Made<S> = Result<S, SectionError>;
 
-/// Makes something of the sections that a training from step `first` to step `last` meets, on a second thread, while
-/// `train` takes them. While the pool fills, `stop` is asked before each section.
+/// Computes, on a second thread, the sections that a training from step `first` to step `last` meets, while `train`
+/// takes them. While the pool fills, `stop` is polled before each section.
 pub(crate) fn with_arrivals<S: Send, T>(
     settings: OnlineSettings,
     [first, last]: [u64; 2],

@@ -1,8 +1,8 @@
-//! The order of an epoch's samples: a permutation that is computed, not stored.
+//! The order of an epoch's samples: a permutation that is computed, not held in memory.
 //!
 //! A Feistel network whose key is made of the seed and the epoch permutes the numbers of as many bits as the
 //! length needs; a result past the length goes through it again until it falls inside (cycle walking, fewer than two
-//! rounds on average). So an epoch's order needs no memory, any thread can ask for any place in it, and resuming needs
+//! rounds on average). So an epoch's order needs no memory, any thread can compute any place in it, and resuming needs
 //! only the epoch and the place.
 
 /// Feistel rounds; from four on it is a pseudo-random permutation where its round function is a random one, and the

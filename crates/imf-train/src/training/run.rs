@@ -25,7 +25,7 @@ use imf_fields::siren::INPUTS;
 pub struct Start {
     /// Where training stands.
     pub cursor: Cursor,
-    /// What its losses so far look like.
+    /// Watches its losses for divergence.
     pub watch: Watch,
 }
 
@@ -52,8 +52,7 @@ pub struct Report {
     pub learning_rate: f32,
     /// Samples a second since the last report, the observer's own time left out.
     pub samples_per_second: f64,
-    /// What the losses so far look like; where they are suspicious, a checkpoint of now is better not kept in place of an older
-    /// one.
+    /// State of the losses; where they are suspicious, a new checkpoint should not replace an older one.
     pub watch: Watch,
 }
 
@@ -152,9 +151,9 @@ impl TrainError {
 /// What happens at every report of a training; a break ends it.
 pub type Observer<'a> = dyn FnMut(&Report, &mut dyn TrainingEngine) -> ControlFlow<()> + 'a;
 
-/// Fills rows of a step's batch: its cursor, its number from the run's beginning, which rows (all, or the share of this
-/// process), their `inputs` and `targets` as [`TrainingEngine::step`] takes them. What a row holds must follow from cursor,
-/// step and row alone.
+/// Fills rows of a step's batch: its cursor, its number from the run's beginning, which rows (all, or those of this
+/// process), their `inputs` and `targets` as [`TrainingEngine::step`] takes them. What a row holds must follow from
+/// cursor, step and row alone.
 pub type Feed<'a> =
     dyn FnMut(Cursor, u64, Range<usize>, &mut [f32], &mut [f32]) -> Result<(), TrainError> + 'a;
 

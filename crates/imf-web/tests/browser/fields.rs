@@ -66,7 +66,7 @@ fn bytes(file: &FieldFile) -> Vec<u8> {
 
 fn siren(scene: &Scene) -> Vec<u8> {
     let FieldFile::Siren(mut model) = stored!("siren") else { panic!("another family") };
-    // A width that is no whole number of tiles, and the skip.
+    // A width that is not a whole number of tiles, and the skip.
     model.shape = SirenShape { width: 70, hidden: 4, skip_after: Some(2), omega: 10.0 };
     model.state = TrainingState::new(&model.shape, 4);
     model.scene = scene.clone();

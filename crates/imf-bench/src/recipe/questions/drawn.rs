@@ -1,4 +1,4 @@
-//! Voxels drawn at random, at which a wide network is asked where whole grids would take hours.
+//! Random voxels, at which a wide network is evaluated where whole grids would take hours.
 
 use imf_core::control::Control;
 use imf_core::field::FieldError;
@@ -32,7 +32,7 @@ impl Drawn {
         self.voxels.len()
     }
 
-    /// The least value of a network over some directions at each of them.
+    /// The minimum of a network over some directions at each of them.
     pub(super) fn minimum(
         &self,
         engine: &mut dyn EvaluationEngine,

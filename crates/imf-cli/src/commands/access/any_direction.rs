@@ -1,4 +1,4 @@
-//! Places that no asked direction reaches: whether any other does, proven.
+//! Places that no given direction reaches: proves whether any other does.
 
 use std::path::Path;
 
@@ -11,7 +11,8 @@ use super::run::AccessRun;
 use super::{Findings, Volume};
 use crate::session::Session;
 
-/// By voxel of the examined grid: 0 solid, 1 reached from an asked direction, 2 from another one, 3 from none whatever, 4 not known.
+/// By voxel of the examined grid: 0 solid, 1 reached from a given direction, 2 from another one, 3 from no direction,
+/// 4 unknown.
 pub(super) struct AnyDirection {
     classes: Vec<u8>,
 }
@@ -25,7 +26,7 @@ const OPEN: u8 = 4;
 /// In the summary.
 #[derive(Debug, Serialize)]
 pub(super) struct AnyDirectionRow {
-    /// Reached from a direction that was not asked.
+    /// Reached from a direction that was not given.
     pub(super) from_another: Volume,
     /// Proven: from no direction whatever.
     pub(super) from_none: Volume,
@@ -44,7 +45,7 @@ impl AnyDirection {
         };
         let values = findings.together.imf.value.iter();
         let mut classes: Vec<u8> = values.zip(&run.solid.solid).map(class).collect();
-        // What no tool before reaches is asked of the next one.
+        // Each tool is tried where none before it reaches.
         for assembly in &run.tools {
             let left: Vec<usize> =
                 (0..classes.len()).filter(|&voxel| matches!(classes[voxel], NONE | OPEN)).collect();

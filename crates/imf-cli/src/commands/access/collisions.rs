@@ -10,7 +10,7 @@ use serde::Serialize;
 use super::run::AccessRun;
 use super::{Findings, Volume};
 
-/// One element and the empty voxels that it keeps from being reached.
+/// One element and the empty voxels that it obstructs.
 #[derive(Debug, PartialEq, Serialize)]
 pub(super) struct CollisionRow {
     pub(super) element: String,
@@ -91,7 +91,7 @@ fn unreached<'a>(run: &'a AccessRun, imf: &'a [f32]) -> impl Iterator<Item = usi
     (0..imf.len()).filter(blocked)
 }
 
-/// What of one tool keeps it from the voxels that it does not reach; nothing for a mesh.
+/// Which elements of one tool obstruct the voxels that it does not reach; nothing for a mesh.
 pub(super) fn by_tool(run: &AccessRun, findings: &Findings, tool: usize) -> Vec<CollisionRow> {
     let mut tally = Tally::new(&[&findings.elements[tool]]);
     if let Some(hits) = hits(findings, tool) {
@@ -100,7 +100,7 @@ pub(super) fn by_tool(run: &AccessRun, findings: &Findings, tool: usize) -> Vec<
     tally.rows(run.query.voxel_volume(), findings.at_fixtures.iter().all(Option::is_some))
 }
 
-/// What of its best tool keeps all tools from every voxel that none reaches.
+/// For every voxel that no tool reaches, which elements of its best tool obstruct it.
 pub(super) fn together(run: &AccessRun, findings: &Findings) -> Vec<CollisionRow> {
     let mut tally = Tally::new(&findings.elements.iter().collect::<Vec<_>>());
     for voxel in unreached(run, &findings.together.imf.value) {

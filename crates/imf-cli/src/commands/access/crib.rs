@@ -46,11 +46,11 @@ struct Crib {
     /// By tool and sample.
     verdicts: Vec<Vec<Verdict>>,
     undecided: Vec<Undecided>,
-    /// Tools that cover together, those that add most first, and no fewer than so many do.
+    /// Tools that cover together, those that add most first, and the number that is proven to be needed.
     chosen: Vec<usize>,
     at_least: usize,
     fraction: f64,
-    /// What is in the way where the cutter of some tool fits and none reaches.
+    /// What obstructs places where the cutter of some tool fits and none reaches.
     obstructed: ObstructedAreas,
 }
 

@@ -13,10 +13,10 @@ use imf_core::tool::Assembly;
 
 use crate::session::Session;
 
-/// What there is to help where it alone keeps the tool away.
+/// Remedies where the machine alone obstructs the tool.
 pub(super) const REMEDY: &str = "another place on the table, a longer tool, or another direction";
 
-/// What keeps a tool away, in the tables of what is in the way.
+/// The machine's row in the tables of obstructions.
 pub(super) const IN_THE_WAY: [&str; 2] = ["machine", "its travel, head or table"];
 
 /// A machine in the part's unit.
@@ -74,7 +74,7 @@ impl OnMachine {
         Self::limited(tool, reach)
     }
 
-    /// Why a tool is kept from a pose at which it is free of all else.
+    /// Why the machine does not reach a pose at which the tool is free of all else.
     pub(super) fn fault(
         &self,
         index: usize,

@@ -4,8 +4,8 @@ use imf_core::unit::LengthUnit;
 
 use crate::output::short;
 
-/// That walls are known to within a voxel, whether or not shank and holder keep out of all that the surface touches: the cutter meets
-/// voxel centres in either case.
+/// States that walls are known to within a voxel, whether or not shank and holder avoid all voxels that the surface
+/// touches: the cutter meets voxel centres in either case.
 pub(super) fn resolved(pitch: f64, conservative: bool, unit: LengthUnit) -> String {
     let pitch = short(pitch);
     let rest = match conservative {

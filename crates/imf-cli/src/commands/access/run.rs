@@ -47,7 +47,7 @@ pub(super) struct AccessRun {
     /// What the part suggested, where the set names it.
     pub(super) suggested: Vec<MachiningDirection>,
     pub(super) tau: f64,
-    /// Places that no direction reaches are looked into.
+    /// Places that no direction reaches are examined.
     pub(super) certify: bool,
     /// `None` where no tool has a cutter.
     pub(super) surface: Option<SurfaceSettings>,
@@ -143,7 +143,7 @@ impl AccessRun {
 
         let grids = (&obstacle_grid, &query, stock_grid.as_ref());
         let needed = needed(grids, &tools, &orientations, &spec, session)?;
-        // A second section is added, of shank and holder, and the layer is kept apart.
+        // A second section is added, of shank and holder, and the layer is held separately.
         let needed = needed * if depth.is_some() { 2 } else { 1 };
         session.require_memory(needed, || {
             let [x, y, z] = query.dims;

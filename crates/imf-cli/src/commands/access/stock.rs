@@ -1,4 +1,4 @@
-//! What is cut: stock that neither part nor fixtures hold, and what is told where it does not hold the part.
+//! What is cut: stock that neither part nor fixtures hold, and the warning where it does not hold the part.
 
 use anyhow::{Context as _, Result, ensure};
 use imf_core::grid::Grid;
@@ -12,9 +12,10 @@ use crate::arguments::fixture;
 use crate::output::show_measure;
 use crate::session::Session;
 
-/// Share of the part outside the stock from which on it is told: a face on the stock's own may lose some voxels to rounding.
+/// Fraction of the part outside the stock above which a warning is given: a face on the stock's own may lose some
+/// voxels to rounding.
 const OUTSIDE: f64 = 0.01;
-/// Relative difference of volumes by voxels and by meshes from which on it is told.
+/// Relative difference of volumes by voxels and by meshes above which a warning is given.
 const DIFFERENCE: f64 = 0.02;
 
 /// What is cut.

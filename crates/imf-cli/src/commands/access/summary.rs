@@ -41,7 +41,7 @@ struct ToolRow {
     tool: String,
     /// Empty voxels that it reaches.
     accessible: Volume,
-    /// Share of the surface that it reaches.
+    /// Fraction of the surface that it reaches.
     #[serde(skip_serializing_if = "Option::is_none")]
     surface_reached: Option<f64>,
     /// What collides where it does not reach.
@@ -49,7 +49,7 @@ struct ToolRow {
     /// Stock that it removes.
     #[serde(skip_serializing_if = "Option::is_none")]
     removable: Option<Volume>,
-    /// Share of directions that are free at the map's point.
+    /// Fraction of the directions that are free at the map's point.
     #[serde(skip_serializing_if = "Option::is_none")]
     map_free_share: Option<f64>,
 }
@@ -96,7 +96,7 @@ pub(super) struct Summary {
     /// Of these, what any direction whatever reaches.
     #[serde(skip_serializing_if = "Option::is_none")]
     any_direction: Option<AnyDirectionRow>,
-    /// What of the best tool collides where none reaches.
+    /// Which elements of the best tool collide where none reaches.
     blocked_by: Vec<CollisionRow>,
     tools: Vec<ToolRow>,
     /// The point of the access maps, and their cells along longitude and latitude.

@@ -1,4 +1,4 @@
-//! The part's surface: how much of its area is reached, from where, and what keeps the rest from being reached.
+//! The part's surface: how much of its area is reached, from where, and what obstructs the rest.
 
 mod blame;
 mod cavities;
@@ -30,7 +30,7 @@ use super::run::AccessRun;
 use crate::arguments::access::AccessArguments;
 use crate::session::Session;
 
-/// At least so many samples; triangles that are halved until they are small enough make up to four times as many.
+/// Minimum number of samples; triangles that are halved until they are small enough make up to four times as many.
 pub(super) const SAMPLES: usize = 8_000;
 /// Directions that the summary lists.
 const LISTED: usize = 5;
@@ -43,9 +43,9 @@ pub(super) struct SurfaceSettings {
     pub(super) environment: CollisionEnvironment,
     /// The same at twice the pitch.
     pub(super) coarse: CollisionEnvironment,
-    /// The fewest set-ups are looked for.
+    /// The fewest set-ups are searched for.
     pub(super) setups: Option<SetupSettings>,
-    /// The least stick-outs are looked for.
+    /// The minimum stick-outs are searched for.
     pub(super) stick_out: bool,
 }
 
@@ -68,7 +68,7 @@ impl SurfaceSettings {
         })
     }
 
-    /// Bytes for so many directions and tools, beside the voxels.
+    /// Bytes for `directions` directions and `tools` tools, beside the voxels.
     pub(super) fn memory_estimate(directions: usize, tools: usize) -> u64 {
         surface_memory_estimate(8 * SAMPLES, directions) * tools as u64
     }
@@ -81,21 +81,21 @@ pub(super) struct Surface {
     tools: Vec<(SurfaceAccess, SurfaceTool)>,
     /// By sample: the best verdict of any tool, and whose it is.
     best: Vec<(Verdict, usize)>,
-    /// The share of the area that is reached at twice the pitch; the same samples.
+    /// Fraction of the area that is reached at twice the pitch; the same samples.
     coarse: f64,
     tolerance: f64,
     /// Area that each direction reaches with any tool.
     by_direction: Vec<f64>,
-    /// The fewest set-ups, where they are looked for.
+    /// The fewest set-ups, where requested.
     setups: Option<setups::Setups>,
     blame: blame::Blame,
-    /// By sample that shank or holder obstruct: the least stick-out that frees it.
+    /// For each sample that shank or holder obstruct: the minimum stick-out that frees it.
     freed: Vec<Option<f64>>,
-    /// By tool, where they are looked for.
+    /// By tool, where requested.
     stick_outs: Vec<stick_out::ToolStickOut>,
 }
 
-/// Green, orange, magenta, grey: told apart by brightness as well.
+/// Green, orange, magenta, grey: distinguishable by brightness as well.
 pub(super) fn rgb(verdict: Verdict) -> [u8; 3] {
     match verdict {
         Verdict::Reached => [120, 190, 110],
@@ -163,7 +163,7 @@ impl Surface {
         Ok(surface)
     }
 
-    /// The share of the area that any tool reaches among voxels twice as large.
+    /// Fraction of the area that any tool reaches among voxels twice as large.
     fn at_twice_the_pitch(&self, session: &Session, run: &AccessRun, asked: &SurfaceSettings) -> Result<f64> {
         let mut reached = vec![false; self.samples.samples.len()];
         for tool in 0..run.tools.len() {
@@ -183,7 +183,8 @@ impl Surface {
         (0..self.by_direction.len()).filter(free).max_by(|a, b| area(a).total_cmp(&area(b)).then(b.cmp(a)))
     }
 
-    /// Which element hits which body, with the share of the surface that this keeps from being reached; several may at once.
+    /// Which element hits which body, with the fraction of the surface that this obstructs; several may obstruct one
+    /// place.
     fn obstructed_by(&self, fixtures: &[String]) -> Vec<ObstructedRow> {
         let places = self.best.iter().zip(&self.samples.samples).enumerate();
         let found = ObstructedAreas::new(places.map(|(index, (&(_, tool), sample))| {
@@ -237,7 +238,7 @@ impl Surface {
             .collect()
     }
 
-    /// The share that one tool reaches by itself.
+    /// The fraction that one tool reaches by itself.
     pub(super) fn reached_by(&self, tool: usize) -> f64 {
         self.samples.fraction(|sample| matches!(self.tools[tool].0.reach[sample], Reach::Reached { .. }))
     }

@@ -1,4 +1,4 @@
-//! What a check leaves in a folder: a table of collisions, and the whole answer.
+//! What a check leaves in a folder: a table of collisions, and the whole result.
 
 use std::fmt::Write;
 
@@ -13,7 +13,7 @@ use crate::session::Session;
 const COLUMNS: &str = "line,tool,kind,element,against,depth,depth_in_tool,clearance,contact_x,contact_y,contact_z,x,y,z,i,j,k,roll,\
                        fraction,voxels,volume,poses,line_poses";
 
-/// Writes `collisions.csv` and, naming all files, `summary.json`; says so in the answer as well.
+/// Writes `collisions.csv` and, naming all files, `summary.json`; names them in the result as well.
 pub(super) fn write(
     checked: &CheckRun<'_>,
     json: &mut Value,

@@ -127,7 +127,7 @@ impl<'a> Moving<'a> {
         own.into_iter().any(|(solid, back)| solid.contains(back.transform_point3(point)))
     }
 
-    /// Half the least extent of the head's solid that hits.
+    /// Half the smallest extent of the head's solid that hits.
     fn thickness(&self, element: &str) -> Option<f64> {
         let (solid, _) =
             self.solids.iter().find(|(solid, _)| solid.side == Side::Head && solid.name == element)?;
@@ -162,7 +162,7 @@ fn cut(
     let mut origin = contact - 0.5 * side;
     origin[axis] = contact[axis] - 0.5 * pitch;
     let grid = Grid { origin, pitch, dims };
-    // The part or a fixture, which is no element of the tool.
+    // The part or a fixture, which is not an element of the tool.
     let hits_table = hit.element == HitBody::Part.to_string() || hit.element.starts_with("fixture ");
     let turned = match &tool.shape {
         ToolShape::Revolved(_) => None,

@@ -7,7 +7,7 @@ use imf_core::unit::LengthUnit;
 use super::CheckRun;
 use crate::output::{length, short};
 
-/// A line for each tool, and what holds for all; nothing where none was looked for.
+/// A line for each tool, and what holds for all; nothing where not requested.
 pub(super) fn lines(checked: &CheckRun<'_>) -> String {
     if checked.stick_outs.is_empty() {
         return String::new();

@@ -1,4 +1,4 @@
-//! The stock of a check: where it comes from, what the path leaves of it, and how that is told.
+//! The stock of a check: where it comes from, what the path leaves of it, and the report.
 
 use std::fmt::Write;
 
@@ -107,12 +107,12 @@ impl StockResult {
         Self { name: input.name, unit, report, left, settings, no_rapids, conservative }
     }
 
-    /// Places into the frame of the answer.
+    /// Transforms places into the result's frame.
     pub(super) fn place(&mut self, into: &DMat4) {
         self.left.place = into.transform_point3(DVec3::from_array(self.left.place)).to_array();
     }
 
-    /// Of so many voxels.
+    /// Volume of `voxels` voxels.
     fn volume(&self, voxels: u64) -> f64 {
         voxels as f64 * self.report.remaining.grid.voxel_volume()
     }

@@ -135,7 +135,7 @@ pub(super) fn place(line: &LineCollisions) -> String {
     format!("line {}{tool}{rapid}", line.line)
 }
 
-/// How much of its clearance an element keeps from what it does not touch; the depth below the offset surface tells.
+/// How much of its clearance is left where an element does not touch, from its depth below the offset surface.
 fn left_of_clearance(collision: &Collision) -> Option<f64> {
     let within = collision.clearance - collision.depth;
     (collision.clearance > 0.0 && within >= 0.0).then_some(within)

@@ -20,7 +20,7 @@ const STOCK: [u8; 3] = [214, 178, 110];
 const TABLE: [u8; 3] = [165, 190, 205];
 const HEAD: [u8; 3] = [120, 140, 190];
 
-/// What is shown as surfaces, all in the frame of the answer.
+/// What is shown as surfaces, all in the result's frame.
 pub(super) struct Shown {
     mesh: Mesh,
     /// Of every triangle, which of the names.
@@ -32,8 +32,9 @@ pub(super) struct Shown {
 }
 
 impl Shown {
-    /// `meshes` are in the world, the part first; `back` leads from there to the answer's frame, `set_up` from the path's frame to the
-    /// world. A machine's solids are where they are at the deepest collision; without one those alone are shown that go with the part.
+    /// `meshes` are in the world, the part first; `back` leads from there to the result's frame, `set_up` from the
+    /// path's frame to the world. A machine's solids are where they are at the deepest collision; without one those
+    /// alone are shown that go with the part.
     pub(super) fn new(
         checked: &CheckRun<'_>,
         meshes: &[(String, Mesh)],

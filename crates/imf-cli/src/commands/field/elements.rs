@@ -55,7 +55,7 @@ pub(super) fn at_best(work: &Work<'_>, imf: &Imf) -> Result<Vec<(ElementKind, Ve
     Ok(found.kinds.into_iter().zip(found.values).collect())
 }
 
-/// Writes `PREFIX-ELEMENT.npy` for each element, and keeps its mid-planes where they are to be drawn.
+/// Writes `PREFIX-ELEMENT.npy` for each element, and retains its mid-planes where they are to be drawn.
 pub(super) fn write(
     work: &Work<'_>,
     prefix: &str,

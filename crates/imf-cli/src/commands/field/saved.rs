@@ -133,7 +133,7 @@ impl SavedField {
         Ok(vec![own])
     }
 
-    /// The minimum over all orientations. Looks whether there is memory for what is made of it as well.
+    /// The minimum over all orientations. Also checks that there is memory for what is computed from it.
     pub(super) fn minimum(&self, work: &Work<'_>) -> Result<Imf> {
         let together = work.set.len().min(DIRECTIONS_AT_ONCE);
         self.require_memory(work, work.device.copied_bytes(&self.stored, Workload::One), WRITTEN, together)?;

@@ -17,14 +17,14 @@ use crate::slices::{MidPlaneSheet, MidPlanes};
 
 /// At most this many sections share one .vti file …
 const SHARED_SECTIONS: usize = 16;
-/// … and only where they take no more memory than this together: they are kept until all are there.
+/// … and only where they take no more memory than this together: they are retained until all are there.
 const SHARED_BYTES: usize = 128 << 20;
 /// Sections in the picture.
 const PICTURED: usize = 6;
 /// Sections in the table.
 const LISTED: usize = 20;
 
-/// What is kept of a section once it is written.
+/// What is retained of a section once it is written.
 struct WrittenSection {
     index: usize,
     outside: Option<Outside>,
@@ -35,7 +35,7 @@ struct WrittenSection {
     elements: Vec<ElementRow>,
 }
 
-/// What a thread keeps.
+/// State of a thread.
 #[derive(Default)]
 struct ThreadState {
     kept: Vec<WrittenSection>,
@@ -52,7 +52,7 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
     let keeping = interrupt::keep();
     let begin = || -> Result<()> {
         work.folder.begin(work.session)?;
-        // First, so that sections kept after Ctrl-C can be told apart, and are found by the next run.
+        // First, so that sections saved before Ctrl-C can be identified, and are found by the next run.
         work.write_orientations()?;
         let begun = work.summary("sections", json!({ "finished": false, "files": files }));
         write_json(&work.folder.file(SUMMARY), &begun)
@@ -96,7 +96,7 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
             (written.load(Ordering::Relaxed), set.len(), work.folder.path().display());
         Interrupted(format!("{written} of {all} sections are finished and kept in {folder}")).into()
     })?;
-    // All sections are written; what is still drawn of them is not kept for.
+    // All sections are written: from here on Ctrl-C ends the program at once.
     drop(keeping);
     let mut kept: Vec<WrittenSection> = parts.into_iter().flat_map(|own| own.kept).collect();
     kept.sort_by_key(|section| section.index);

@@ -15,7 +15,7 @@ const REMEDY: &str = "for a GPU install its driver; for software Vulkan on Debia
 
 pub(super) fn run(session: &Session) -> Result<()> {
     let found = adapters();
-    // Opened, not only looked at: a broken driver shows here.
+    // Opened, not only listed: a broken driver shows here.
     let chosen = if found.is_empty() {
         None
     } else {

@@ -24,7 +24,7 @@ use crate::output::short;
 use crate::session::show_bytes;
 
 pub(super) fn dataset(folder: &Path) -> Result<Description> {
-    ensure!(Manifest::is_in(folder), "{} is no dataset: a folder without manifest.json", folder.display());
+    ensure!(Manifest::is_in(folder), "{} is not a dataset: a folder without manifest.json", folder.display());
     let manifest = Manifest::read(folder)?;
     let size = |shard: &ShardRecord| std::fs::metadata(folder.join(&shard.file)).ok().map(|m| m.len());
     let finished: Vec<(&ShardRecord, u64)> =

@@ -1,5 +1,6 @@
-//! Poses as CSV: columns by name, in any order, with others among them. A line whose pose is invalid is told, and the others are
-//! read all the same; one with other columns than the first is refused with all. What is said names the line and the column.
+//! Poses as CSV: columns by name, in any order, with others among them. A line with an invalid pose is reported, and
+//! the others are read; a line with other columns than the first refuses the file. Messages name the line and the
+//! column.
 
 use std::fs::File;
 use std::io::{Error as IoError, ErrorKind as IoErrorKind, Read, Seek as _, stdin};
@@ -28,7 +29,7 @@ enum Direction {
 /// Poses from wherever they come.
 pub(super) type Poses = PoseReader<Box<dyn Read>>;
 
-/// The poses of a file, each of which was looked at, and their number; those of a pipe or of standard input as they come.
+/// The poses of a file, all of which were checked, and their number; those of a pipe or of standard input as they come.
 ///
 /// # Errors
 /// A file that cannot be read, the first line of it with other columns, and a file of invalid poses alone.
@@ -138,7 +139,7 @@ impl<R: Read> PoseReader<R> {
         self.roll.is_some()
     }
 
-    /// Invalid poses of what was read so far.
+    /// The invalid poses among those that were read.
     pub(super) fn invalid(&self) -> &Invalid {
         &self.invalid
     }
@@ -162,7 +163,7 @@ impl<R: Read> PoseReader<R> {
         Ok(())
     }
 
-    /// Looks at every pose.
+    /// Checks every pose.
     fn count(mut self) -> Result<u64> {
         let mut count = 0;
         while self.advance()? {
@@ -173,7 +174,7 @@ impl<R: Read> PoseReader<R> {
         Ok(count)
     }
 
-    /// The next line, which is kept until the one after it is read.
+    /// The next line, which stays until the one after it is read.
     fn advance(&mut self) -> Result<bool> {
         self.reader.read_record(&mut self.waiting).map_err(|error| explain(&self.name, &error))
     }
@@ -198,7 +199,7 @@ impl<R: Read> PoseReader<R> {
             let (text, title) = (&record[column], &self.header[column]);
             match text.parse::<f64>() {
                 Ok(value) if value.is_finite() => Ok(value),
-                _ => bail!("{}, line {line}, column {title}: '{text}' is no finite number", self.name),
+                _ => bail!("{}, line {line}, column {title}: '{text}' is not a finite number", self.name),
             }
         };
         let vector = |columns: [usize; 3]| -> Result<DVec3> {
@@ -228,7 +229,7 @@ impl<R: Read> PoseReader<R> {
 }
 
 impl Invalid {
-    /// Refuses poses of which none is one.
+    /// Refuses a file without a single valid pose.
     pub(super) fn check(&self, all: u64) -> Result<()> {
         ensure!(self.count == 0 || self.count < all, "no line is a pose: {}", self.first);
         Ok(())
@@ -242,7 +243,7 @@ fn explain(name: &str, error: &csv::Error) -> anyhow::Error {
         ErrorKind::UnequalLengths { expected_len, len, .. } => {
             anyhow::anyhow!("{name}, line {line}: it has {len} columns, and the first line {expected_len}")
         }
-        ErrorKind::Utf8 { .. } => anyhow::anyhow!("{name}, line {line}: it is no text in UTF-8"),
+        ErrorKind::Utf8 { .. } => anyhow::anyhow!("{name}, line {line}: it is not text in UTF-8"),
         ErrorKind::Io(source) => anyhow::anyhow!("cannot read {name}: {source}"),
         _ => anyhow::anyhow!("{name}, line {line}: {error}"),
     }
@@ -295,12 +296,12 @@ mod tests {
             ("x,y,z,i,j\n", "no column k"),
             ("x,y,z,x,i,j,k\n", "more than one column x"),
             ("x,y,z,i,j,k,phi\n", "both i,j,k and theta,phi"),
-            ("x,y,z,theta,phi\n1,2,3,4,5\n1,2,nan,4,5\n", "line 3, column z: 'nan' is no finite number"),
+            ("x,y,z,theta,phi\n1,2,3,4,5\n1,2,nan,4,5\n", "line 3, column z: 'nan' is not a finite number"),
             ("x,y,z,theta,phi\n1,2,inf,4,5\n", "line 2, column z"),
-            ("x,y,z,theta,phi\n1,,3,4,5\n", "line 2, column y: '' is no"),
+            ("x,y,z,theta,phi\n1,,3,4,5\n", "line 2, column y: '' is not a finite number"),
             ("x,y,z,theta,phi\n1,2,3,4,185\n", "line 2, column phi: φ must be"),
             ("x,y,z,theta,phi\n1,2,3\n", "line 2: it has 3 columns, and the first line 5"),
-            ("x,y,z,theta,phi,roll\n1,2,3,4,5,NaN\n", "line 2, column roll: 'NaN' is no finite number"),
+            ("x,y,z,theta,phi,roll\n1,2,3,4,5,NaN\n", "line 2, column roll: 'NaN' is not a finite number"),
             ("x,y,z,i,j,k,roll\n1,2,3,4,5,6,\n", "line 2, column roll: ''"),
             ("x,y,z,i,j,k,roll,ROLL\n", "more than one column roll"),
             ("x,y,z,i,j,k,roll,psi\n", "roll and psi are one angle"),
@@ -322,6 +323,6 @@ mod tests {
         let binary: &[u8] = b"x,y,z,i,j,k\n1,2,3,0,0,\xff\n";
         let mut reader = PoseReader::new(binary, "poses".into()).unwrap();
         let message = reader.read(9, &mut vec![], &mut vec![]).unwrap_err().to_string();
-        assert!(message.contains("line 2: it is no text"), "{message}");
+        assert!(message.contains("line 2: it is not text"), "{message}");
     }
 }

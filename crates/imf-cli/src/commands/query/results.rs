@@ -36,7 +36,7 @@ fn decision_text(decision: Decision) -> &'static str {
 }
 
 impl ResultChunk {
-    /// What the fields answered to a line; NaN where its pose is invalid.
+    /// The fields' values for a line; NaN where its pose is invalid.
     fn of(&self, index: usize) -> impl Iterator<Item = f32> {
         let values = [Some(self.values[index]), self.exact.get(index).copied()].into_iter().flatten();
         let valid = self.poses[index].is_some();
@@ -58,7 +58,7 @@ pub(super) struct ResultWriter {
 }
 
 impl ResultWriter {
-    /// Writes the header; answers are called `measure`.
+    /// Writes the header; the column of results is called `measure`.
     ///
     /// # Errors
     /// A column of that name that is there already, or an output that cannot be written.
@@ -119,7 +119,7 @@ impl ResultWriter {
         Ok(out.flush()?)
     }
 
-    /// One answer; what reads as a finite number is one, but digits that a number would change stay text.
+    /// One result; what reads as a finite number is one, but digits that a number would change stay text.
     fn object(&self, titles: &[String], answers: &ResultChunk, index: usize) -> Value {
         let mut object = Map::new();
         for (title, text) in titles.iter().zip(&answers.records[index]) {
@@ -135,7 +135,8 @@ impl ResultWriter {
     }
 }
 
-/// A whole number as one, other finite numbers, and what is none as text: `0` is not `0.0`, and `007` not `7`.
+/// Whole numbers without a fraction, other finite numbers, and everything else as text: `0` is not `0.0`, and `007`
+/// not `7`.
 fn as_written(text: &str) -> Value {
     if let Some(whole) = text.parse::<i64>().ok().filter(|whole| whole.to_string() == text) {
         return json!(whole);

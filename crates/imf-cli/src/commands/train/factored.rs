@@ -87,7 +87,7 @@ pub(super) fn run(session: &Session, arguments: &FactoredArguments) -> Result<()
     settings = begun.resolve_settings(run.rate, set.optimiser(), settings);
     let symmetry = match &from {
         Some((_, from)) => Some(from.settings.symmetry),
-        // Sections cannot tell of it.
+        // Sections do not show it.
         None => begun.symmetry(set.symmetry.unwrap_or(true) && online.is_none()),
     };
     settings.symmetry = symmetry.unwrap_or_default();
@@ -200,7 +200,7 @@ fn conclude(
         "quantity": quantity, "validation": validation, "verdict": quality.json(),
     });
     let source = if settings.online.is_some() { "exact sections" } else { "the harmonic field" };
-    // None where a finished training was asked to go on.
+    // None where a finished training was to go on.
     let loss =
         loss.map_or_else(String::new, |loss| format!("MSE from {source} in the last steps {loss:.1e}, "));
     let text = format!(

@@ -1,4 +1,4 @@
-//! `imf train harmonic`: a fit to exact sections, which answers for any orientations.
+//! `imf train harmonic`: a fit to exact sections, which gives values at any orientation.
 
 use anyhow::Result;
 use imf_core::scene::Scene;
@@ -84,7 +84,7 @@ pub(in crate::commands) fn validation_text(
     }
 }
 
-/// The field of a scene, in so many exact sections as the settings ask for; `smaller` says what takes less memory.
+/// The field of a scene from as many exact sections as the settings require; `smaller` says what takes less memory.
 pub fn fit_field(
     session: &Session,
     scene: &Scene,
@@ -105,7 +105,8 @@ pub fn fit_field(
     let advance = |sections| stage.advance(sections);
     let field = fit(plan, domain, &settings, session.control(&advance))?;
     stage.finish(&errors_text(&field, scene.record.unit));
-    // As its file would have them, which does not tell one pass from two: what is distilled from it is resumed by a fit in either.
+    // As its file would have them, which does not distinguish one pass from two: what is distilled from it is resumed
+    // by a fit in either.
     let settings = FitSettings { one_pass: true, ..settings };
     Ok(HarmonicFile { field, scene: scene.clone(), settings, calibration: None })
 }

@@ -1,4 +1,4 @@
-//! What a machine's head carries, as it is tried against all else.
+//! What a machine's head carries, as it is tested against everything else.
 
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ use crate::mesh::Mesh;
 use crate::pose::Pose;
 use crate::tool::{Element, ElementKind, Segment, SharpPoints, Tool, ToolShape};
 
-/// Something that the head carries, as it is tried.
+/// Something that the head carries, as it is tested.
 pub(in crate::check) struct HeadBody {
     pub(in crate::check) name: String,
     pub(in crate::check) ball: Ball,

@@ -33,7 +33,8 @@ pub(super) struct OnTable {
     blocks: Vec<Block>,
 }
 
-/// Voxels that lie close together: the first of them, a ball around the centres of those that are solid, and the places of the surface's.
+/// A block of voxels: its first voxel, a bounding sphere of its solid centres, and the range of its surface centres
+/// in `points`.
 struct Block {
     first: [usize; 3],
     middle: DVec3,
@@ -41,7 +42,7 @@ struct Block {
     points: Range<usize>,
 }
 
-/// It and a solid of the table.
+/// Such a body and a solid of the table.
 pub(super) struct TablePair {
     body: Arc<OnTable>,
     /// Axes of the table that carry the solid.
@@ -156,7 +157,8 @@ impl TablePair {
         (room.max(0.0), deepest)
     }
 
-    /// What is hit on a way, on which nothing moves farther than `farthest`; `at` leads from the world to the solid's frame.
+    /// The collision on a way on which nothing moves farther than `farthest`; `at` leads from the world to the
+    /// solid's frame.
     fn follow(
         &self,
         touches: bool,
@@ -183,7 +185,7 @@ impl TablePair {
         Some(self.collision(deepest, fraction, poses, &at(fraction)))
     }
 
-    /// What is said of it, but for the tool.
+    /// The collision that is reported, except for the tool.
     fn collision(&self, (depth, point): Deepest, fraction: f64, poses: u64, moved: &Pose) -> Collision {
         let [element, against] = self.bodies();
         let own = self.body.body.voxels();
@@ -271,7 +273,7 @@ impl TablePairs {
         Some(hit?.0.bodies())
     }
 
-    /// What is hit on a motion.
+    /// The collision on a motion.
     pub(super) fn follow(
         &self,
         motion: &Motion<'_>,
@@ -299,7 +301,7 @@ impl TablePairs {
         Ok(found)
     }
 
-    /// What a pair hits at some angles, looked at once.
+    /// What a pair hits at some angles, checked once.
     fn while_standing(&self, angles: Angles, look: impl FnOnce() -> Option<Collision>) -> Option<Collision> {
         let known = || self.standing.lock().unwrap_or_else(PoisonError::into_inner);
         let found = known().get(&angles).cloned();

@@ -49,10 +49,16 @@ impl fmt::Display for MachineFault {
 
 /// One tool on a machine, among what is set up on its table.
 ///
-/// A pose is the tool's in the part's frame, which is that of the work offset G54 until the part is [placed](Self::placed). Of all angles that give the tool its direction one must do: the axes
-/// within their ranges, what the head carries clear of part, fixtures and table, by its clearance (the holder's), and the tool clear of
-/// the table, part and fixtures clear of what does not turn with them. Where an angle is free, because it turns the tool about itself, each eighth of a turn is tried. How the tool comes there
-/// is not looked at.
+/// A pose is the tool's in the part's frame, which is that of the work offset G54 until the part is
+/// [placed](Self::placed). It is reached if, for at least one solution of the rotary axes:
+///
+/// - all axes are within their ranges;
+/// - what the head carries is clear of part, fixtures and table, by its clearance (the holder's), and the tool is
+///   clear of the table;
+/// - part and fixtures are clear of what does not turn with them.
+///
+/// An axis that only turns the tool about itself is free, and is tried at every 45°. The motion to the pose is not
+/// checked.
 pub struct MachineReach {
     pairs: MachinePairs,
     /// From the part's frame to that of G54.
@@ -66,7 +72,7 @@ pub struct MachineReach {
 struct Turned {
     rotary: [f64; 2],
     place: Placement,
-    /// Part or fixture, and the machine's solid that it swings into; looked at where the axes are within their travel.
+    /// Part or fixture, and the machine's solid that it swings into; checked where the axes are within their travel.
     on_table: OnceLock<Option<[HitBody; 2]>>,
 }
 
@@ -74,8 +80,8 @@ struct Turned {
 const FREE: usize = 8;
 
 impl MachineReach {
-    /// Of part and fixtures on grids of one pitch, where they stand in the frame of G54, in the machine's unit. Poses with one of
-    /// these directions are answered sooner.
+    /// Of part and fixtures on grids of one pitch, where they stand in the frame of G54, in the machine's unit. Poses
+    /// with one of these directions are evaluated faster.
     ///
     /// # Errors
     /// A tool that cannot be offset, solids that are thinner than the voxels show, a clearance around a solid that is a mesh.
@@ -103,7 +109,7 @@ impl MachineReach {
     }
 
     /// The same with part and fixtures elsewhere on the table: `place` leads from their frame, that of all poses, to that of G54.
-    /// Poses with one of these directions are answered sooner.
+    /// Poses with one of these directions are evaluated faster.
     #[must_use]
     pub fn placed(&self, place: &Pose, directions: &[Orientation]) -> Self {
         let pairs = self.pairs.at(&place.inverse());
@@ -126,8 +132,8 @@ impl MachineReach {
         self.angles(tip, axis).is_some()
     }
 
-    /// The rotary angles at which it does, in degrees and in the order of [`Machine::rotary`]: the first that do of those that the
-    /// machine would choose.
+    /// The rotary angles at which it does, in degrees and in the order of [`Machine::rotary`]: the first solution
+    /// that does, in the machine's order of preference.
     #[must_use]
     pub fn angles(&self, tip: DVec3, axis: DVec3) -> Option<[f64; 2]> {
         self.of_direction(axis, |turned| {

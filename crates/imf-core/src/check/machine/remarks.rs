@@ -1,4 +1,4 @@
-//! What is to be known of a machine and what is set up on it, before anything moves.
+//! Remarks on a machine and what is set up on it, before anything moves.
 
 use std::sync::Arc;
 

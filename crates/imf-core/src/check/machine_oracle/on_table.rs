@@ -1,4 +1,4 @@
-//! A part against what of the table does not turn with it, by matrices that try every centre.
+//! A part against those solids of the table that do not turn with it, by matrices that test every centre.
 
 use super::*;
 

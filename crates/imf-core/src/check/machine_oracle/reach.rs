@@ -15,7 +15,7 @@ fn a_pose_is_reached_where_some_angles_within_the_ranges_are_free_of_all_contact
         let bodies = MachineBodies::new(machine.clone(), 1.0, Control::quiet()).unwrap();
         let (insides, pairs) = pairs(&machine, &bodies, &part);
         let still = on_table::still(&machine);
-        // The tool and the part are left to whoever asks.
+        // The tool and the part are left to the caller.
         let others = |pair: &&Pair| {
             let is_tool = matches!(pair.element.as_str(), "cutter" | "holder 1");
             !(is_tool && pair.against == HitBody::Part)

@@ -1,4 +1,4 @@
-//! What of a machine cannot be checked.
+//! Machines that cannot be checked.
 
 use super::*;
 use crate::mesh::Mesh;

@@ -11,7 +11,7 @@ use crate::pose::Pose;
 use crate::tool::{Element, Tool, snapped};
 use crate::voxelize::winding_number;
 
-/// How far a body is away for sure where it is looked at by blocks, and by voxels, in pitches.
+/// Distance that a test by blocks, and one by voxels, proves between body and stock, in pitches.
 const ROOM: [f64; 2] = [4.0, 1.0];
 /// From a block's centre to the farthest centre in it, in pitches: three halves along each axis.
 const BLOCK_REACH: f64 = 0.5 * (BLOCK - 1) as f64 * 1.732_050_81;
@@ -29,7 +29,8 @@ pub(super) struct Approach {
     close_for: u32,
 }
 
-/// Trying costs as much as looking at the body itself: where it was close, it is worth it every so many poses.
+/// A test costs as much as the body's own check: where the last one found it close, the next follows after this many
+/// poses.
 const CLOSE_FOR: u32 = 7;
 
 impl Approach {
@@ -40,12 +41,12 @@ impl Approach {
         Self { offset, free_for: 0.0, close_for: 0 }
     }
 
-    /// Nothing is known of where the body was.
+    /// The body's previous place is unknown.
     pub(super) fn forget(&mut self) {
         self.free_for = 0.0;
     }
 
-    /// True where the body surely holds no stock at this pose, to which it has moved so far.
+    /// True where the body surely holds no stock at this pose; it has moved by `moved` since the last.
     pub(super) fn is_away(&mut self, stock: &StockVoxels, pose: &Pose, moved: f64) -> bool {
         self.free_for -= moved;
         if self.free_for > 0.0 {
@@ -88,7 +89,7 @@ pub(super) struct Guard {
     /// Of its points that must not hold stock; of a bar around a mesh.
     lines: BodyLines,
     approach: Approach,
-    /// Distances from the axis between which stock is let be: where the cutter's own flank has just passed.
+    /// Distances from the axis between which stock is accepted: where the cutter's own flank has just passed.
     rubs: Option<(f64, f64)>,
 }
 
@@ -146,17 +147,17 @@ impl Guard {
         Some(Self { measured, lines, approach, rubs: None })
     }
 
-    /// Nothing is known of where the body was.
+    /// The body's previous place is unknown.
     pub(super) fn forget(&mut self) {
         self.approach.forget();
     }
 
-    /// True where it surely holds no stock at this pose, to which it has moved so far.
+    /// True where it surely holds no stock at this pose; it has moved by `moved` since the last.
     pub(super) fn is_away(&mut self, stock: &StockVoxels, pose: &Pose, moved: f64) -> bool {
         self.approach.is_away(stock, pose, moved)
     }
 
-    /// Looks whether it holds stock beside the part at a pose that is not let be, and how deep.
+    /// Tests whether it holds stock (not the part's) at a pose that is not accepted, and how deep.
     pub(super) fn look(
         &mut self,
         stock: &StockVoxels,

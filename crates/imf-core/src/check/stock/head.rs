@@ -10,7 +10,7 @@ use crate::machine::{Machine, MachineMotion, Side};
 use crate::pose::Pose;
 use crate::tool::Element;
 
-/// The bodies of the head. Between two poses of the tool each is looked at as often as its own motion asks for.
+/// The bodies of the head. Between two poses of the tool each is sampled as often as its own motion requires.
 pub(super) struct Heads<'a> {
     machine: &'a Machine,
     bodies: Vec<(HeadBody, Vec<Guard>)>,
@@ -24,7 +24,7 @@ pub(super) struct HeadsOnTheWay<'h, 'a> {
     heads: &'h mut Heads<'a>,
     motion: &'h Motion<'h>,
     way: Option<&'h MachineMotion<'h>>,
-    /// Of each body: how often it is looked at for each pose of the tool, how far it moves between two, and what was found.
+    /// For each body: samples per pose of the tool, its movement between two samples, and what was found.
     bodies: Vec<(u64, f64, Vec<Track>)>,
 }
 
@@ -102,7 +102,7 @@ impl HeadsOnTheWay<'_, '_> {
         }
     }
 
-    /// What was found, with the tool as it is then.
+    /// The collisions found, with the current tool.
     pub(super) fn finish(self) -> Vec<Collision> {
         let tracks = self.bodies.into_iter().flat_map(|(.., tracks)| tracks);
         tracks.filter_map(Track::finish).map(|hit| self.motion.with_tool(hit)).collect()

@@ -183,7 +183,7 @@ fn what_goes_and_what_touches_is_that_of_trying_every_voxel_at_every_pose() {
                 let own = found.iter().find(|(line, own)| *line == hit.line && own.element == hit.element);
                 let (_, own) = own.unwrap_or_else(|| panic!("{case} {seed} {hit:?}"));
                 assert_eq!(own.poses, hit.poses, "{case} {seed} {hit:?}");
-                // Depths are looked for every half a pitch.
+                // Depths are sampled every half a pitch.
                 let short = hit.depth - own.depth;
                 assert!((-1e-9..=0.5 * grid.pitch + 1e-9).contains(&short), "{case} {seed} {hit:?} {own:?}");
                 elements.push(hit.element.clone());

@@ -1,4 +1,4 @@
-//! One tool among the stock: what its cutter takes, and what of it must not touch.
+//! One tool among the stock: what its cutter removes, and its bodies that must not touch.
 
 use super::super::elements::{Step, Track};
 use super::super::motions::Motion;
@@ -10,7 +10,7 @@ use crate::field::solid::BodyLines;
 use crate::pose::Pose;
 use crate::tool::{Element, ElementKind, Tool, ToolShape};
 
-/// Poses of a motion at most whose voxels are taken together: farther from each other they share few lines.
+/// Maximum number of poses of a motion whose voxels are removed together: poses farther apart share few lines.
 const TOGETHER: usize = 16;
 
 /// The cutter: what it holds goes.
@@ -78,7 +78,7 @@ impl<'a> StockTool<'a> {
         })
     }
 
-    /// The path begins anew: nothing is known of where the tool was.
+    /// The path begins anew: the tool's previous place is unknown.
     pub(super) fn begin(&mut self) {
         self.cutter.iter_mut().for_each(|cutter| cutter.approach.forget());
         self.guards.iter_mut().for_each(Guard::forget);
@@ -106,7 +106,7 @@ impl<'a> StockTool<'a> {
         track.finish()
     }
 
-    /// Looks at what must not touch at every pose of a motion, and takes away what the cutter holds there.
+    /// Checks at every pose of a motion what must not touch, and removes what the cutter holds there.
     pub(super) fn cut(
         &mut self,
         motion: &Motion<'_>,
@@ -120,7 +120,7 @@ impl<'a> StockTool<'a> {
             Some(Cutter { lines, approach, .. }) => (Some(&*lines), Some(approach)),
             None => (None, None),
         };
-        // Poses whose voxels are taken together, before anything is looked at.
+        // Poses whose voxels are removed together, before anything is checked.
         let mut waiting = Vec::with_capacity(TOGETHER);
         let mut take = |stock: &mut StockVoxels, waiting: &mut Vec<Pose>| {
             if let (Some(lines), false) = (lines, waiting.is_empty()) {
@@ -132,7 +132,7 @@ impl<'a> StockTool<'a> {
         for (index, (fraction, pose)) in (1..).zip(motion.poses()) {
             let step = Step { index, fraction, is_last: index == motion.count, length: motion.step };
             for (guard, track) in self.guards.iter_mut().zip(&mut tracks) {
-                // What is still to be taken may make it look nearer than it is.
+                // Stock that is still to be removed may make it seem nearer than it is.
                 if !guard.is_away(stock, &pose, step.length) {
                     take(stock, &mut waiting);
                     guard.look_closely(stock, part, &step, &pose, track);

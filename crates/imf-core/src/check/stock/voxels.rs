@@ -1,7 +1,7 @@
 //! Stock that only becomes less: a bit a voxel on lines along z, and how many voxels each block of 4 × 4 × 4 still holds.
 //!
-//! Taking voxels away changes the bits and the counts of these voxels alone; the result is what would be made anew of what is
-//! left, bit for bit.
+//! Removing voxels changes the bits and the counts of these voxels alone; the result equals one computed from the
+//! remaining stock, bit for bit.
 
 use std::ops::Range;
 
@@ -182,7 +182,7 @@ impl StockVoxels {
     }
 }
 
-/// Looks at the stock on lines where it may be.
+/// Visits the stock on lines where it may be.
 pub(super) struct Looking<'a, F> {
     pub(super) stock: &'a StockVoxels,
     pub(super) line: F,

@@ -15,9 +15,9 @@ use crate::vectorised::vectorised;
 
 /// Poses that are decided together.
 const LANES: usize = 16;
-/// Poses whose places are kept while both passes go over them.
+/// Poses whose places are retained while both passes visit them.
 const BLOCK: usize = 256;
-/// Farther from the grid's corner than this, in voxels, single precision does not tell enough.
+/// Farther from the grid's corner than this, in voxels, single precision is too coarse.
 const FARTHEST: f64 = 2000.0;
 /// More than all rounding in single precision up to there, in voxels, and than the slack of the tool's predicate.
 const SLACK: f32 = 4e-3;
@@ -32,12 +32,13 @@ pub(super) struct BatchSpheres {
     pieces: Vec<u32>,
     /// Inscribed ones.
     inside: Vec<Sphere>,
-    /// Bytes count so many parts of a voxel.
+    /// Bytes count distances in units of 1/`parts` voxel.
     parts: u32,
 }
 
-/// Bounding spheres are those of pieces of at most so much length² over radius; inscribed ones stand this part of their radius apart. Few do best:
-/// from 15 to 60, and from 1 to 2, uniform poses around the three parts take the same time within a tenth; at 100 they take a third longer, at 0.7 a fifth.
+/// Largest length² over radius of the pieces that get a bounding sphere, and the spacing of inscribed spheres as a
+/// fraction of their radius. Few spheres do best: from 15 to 60, and from 1 to 2, uniform poses around the three
+/// parts take the same time within a tenth; at 100 they take a third longer, at 0.7 a fifth.
 const SLENDER: f64 = 40.0;
 const APART: f64 = 1.4;
 
@@ -75,7 +76,7 @@ struct Places {
 }
 
 impl Places {
-    /// Keeps those at which a sphere is open.
+    /// Retains those at which a sphere is open.
     #[inline(always)]
     fn retain(&mut self) {
         let mut kept = 0;
@@ -193,7 +194,7 @@ impl Lookup<'_> {
 }
 
 impl SolidField {
-    /// [`SolidField::collides`] of every pose; those for which `colliding` is true already are passed over.
+    /// [`SolidField::collides`] of every pose; those for which `colliding` is true already are skipped.
     pub(crate) fn collide_all(&self, poses: &[Pose], colliding: &mut [bool]) {
         let bodies = self.bodies();
         let small = self.reach < 0.5 * FARTHEST * self.voxels.occupancy().grid.pitch;

@@ -48,7 +48,7 @@ fn slender_tools_and_slices_of_balls_are_decided_as_they_are_counted() {
     let tools = [
         // More bounding spheres than bits.
         vec![line(0.0, 300.0, 0.8, 0.8)],
-        // A slice of a ball, and a cap under a shank as wide that is no ball's flank.
+        // A slice of a ball, and a cap under a shank as wide that is not a ball's flank.
         vec![arc(4.0, 12.0, 8.0, 8.0)],
         vec![arc(0.0, 6.0, 10.0, 10.0), line(6.0, 30.0, 9.0, 9.0)],
         // A dome as flat as a lens on a cone.
@@ -93,7 +93,7 @@ fn batches_of_odd_poses_and_tools_decide_as_single_ones() {
         for tool in [&tool, &wide] {
             let field = SolidField { arch, ..SolidField::of_tool(Arc::new(scene.obstacle.clone()), tool) };
             agree(&field, &poses);
-            // What collides already stays so, and is not looked at.
+            // What collides already stays so, and is not checked.
             let mut colliding = vec![true; poses.len()];
             field.collide_all(&poses, &mut colliding);
             assert!(colliding.iter().all(|colliding| *colliding));

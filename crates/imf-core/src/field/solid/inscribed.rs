@@ -1,4 +1,5 @@
-//! How far a colliding tool must at least be moved: spheres inscribed in the tool against the distance transforms.
+//! Lower bound of how far a colliding tool must be moved: spheres inscribed in the tool against the distance
+//! transforms.
 //!
 //! A tool is free after a translation only if every ball inside it is. Let h(p) be the distance from a point to the
 //! nearest solid centre, a function that changes no faster than p moves, and B a ball of radius r inside the tool with
@@ -44,7 +45,8 @@ impl InscribedSpheres {
         Self { spheres }
     }
 
-    /// Some of them, heights and radii, the widest first: from any that is left out one that is kept is nearer than `part` of its radius.
+    /// A subset of the spheres, `(height, radius)`, widest first: each sphere left out is within `part` of the radius
+    /// of one that was chosen.
     pub(super) fn apart(&self, part: f64) -> Vec<(f64, f64)> {
         let mut all = self.spheres.clone();
         all.sort_by(|a, b| b.1.total_cmp(&a.1));

@@ -73,7 +73,7 @@ impl SolidField {
     }
 }
 
-/// The voxels on both sides of a coordinate, of so many.
+/// The voxels on both sides of a coordinate, of `count` in all.
 fn voxels_beside(at: f64, count: usize) -> [usize; 2] {
     if at < 0.0 {
         return [0; 2];

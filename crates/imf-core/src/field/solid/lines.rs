@@ -1,4 +1,5 @@
-//! The runs of voxel centres that one body holds, line by line along z: for voxels that change, which no sum is kept of.
+//! The runs of voxel centres that one body holds, line by line along z: for voxels that change, of which there are no
+//! running sums.
 
 use std::ops::Range;
 
@@ -11,9 +12,9 @@ use crate::grid::Grid;
 use crate::pose::Pose;
 use crate::tool::{Element, snapped};
 
-/// Who looks at the lines of a body.
+/// Visits the lines of a body.
 pub(crate) trait LineVisitor {
-    /// False where nothing is to be seen at any of the lines `y` of one x between two heights: they are passed over.
+    /// False where none of the lines `y` of one x between two heights matters: they are skipped.
     #[inline(always)]
     fn may_hold(&self, _x: usize, _y: Range<usize>, _z: Range<usize>) -> bool {
         true
@@ -190,7 +191,7 @@ impl Joined {
         !apart
     }
 
-    /// Shows the runs on the first so many lines; false where the visitor ends the visit.
+    /// Shows the runs on the first `lanes` lines; false where the visitor ends the visit.
     #[inline(always)]
     fn show(&self, x: usize, y: usize, lanes: usize, visitor: &mut impl LineVisitor) -> bool {
         (0..lanes).filter(|&lane| self.from[lane] < self.to[lane]).all(|lane| {

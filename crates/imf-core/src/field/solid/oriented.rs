@@ -8,7 +8,7 @@ use std::sync::{Arc, PoisonError, RwLock};
 use crate::orientation::Orientation;
 use crate::tool::{Tool, ToolError, ToolVoxels};
 
-/// Memory that they may take; beyond it they are made anew each time.
+/// Maximum memory; beyond it they are computed each time.
 const MAX_BYTES: usize = 128 << 20;
 
 /// A tool's voxels by the orientation's bits.

@@ -1,5 +1,5 @@
 //! Counting by runs: the tool's exact run on every line of voxels, summed or read from the obstacle's running sums along
-//! z, which tell in two reads how many voxels of a line are solid between two heights.
+//! z, which give in two reads how many voxels of a line are solid between two heights.
 
 use pulp::{Arch, Simd, WithSimd};
 

@@ -21,8 +21,8 @@ pub(super) const LANES: usize = 8;
 const FAR: f64 = 1e9;
 /// An end this close to a voxel centre is unsure. Rounding moves ends by less, see [`PlacedSegment::new`].
 const CLOSE: f64 = 1e-5;
-/// Tilt of the axis along z below which heights do not bound the line well: |d_z|; at least so much, and so much of a voxel of the tool's
-/// reach, whose rounding a height has.
+/// Tilt of the axis along z, |d_z|, below which heights do not bound the line well: the first number, or the second
+/// times the tool's reach in voxels, since heights carry the rounding of the reach.
 const LEVEL: [f64; 2] = [1e-6, 1e-10];
 /// Leading coefficient below which a quadratic is solved by other means.
 const FLAT: f64 = 1e-3;
@@ -105,7 +105,7 @@ pub(super) struct PlacedSegment<'a> {
     world: &'a Segment,
     /// The segment in voxels.
     segment: Segment,
-    /// Heights between which it is looked at.
+    /// Heights between which it counts.
     pub(super) from: f64,
     pub(super) to: f64,
     /// Largest radius, a little generous.

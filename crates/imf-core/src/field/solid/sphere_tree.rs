@@ -50,7 +50,7 @@ pub(super) struct Piece {
     pub(super) bound: Sphere,
     /// Position of the first half, the second follows it; 0 for a piece that is not halved.
     halves: u32,
-    /// Decisions do not ask for its halves: there are none, or it is bounded by its ball.
+    /// Decisions do not visit its halves: there are none, or it is bounded by its ball.
     last: bool,
     /// Which body, and which of its segments where it is not halved.
     pub(super) body: usize,
@@ -89,7 +89,7 @@ pub(super) enum Verdict {
     Free,
     /// At least one: this, in whole numbers.
     Colliding([f64; 3]),
-    /// So many pieces must be counted; the others are free.
+    /// This number of pieces must be counted; the others are free.
     Open(usize),
     /// More pieces than [`OPEN`] must be counted.
     Undecided,
@@ -231,8 +231,8 @@ impl SphereTree {
         }
     }
 
-    /// Finds the solid centre nearest to a tool that holds none: `measure` gives the distance of a centre from the tool, in voxels, and the
-    /// least of what it gave is the distance.
+    /// Finds the solid centre nearest to a tool that holds none: `measure` gives the distance of a centre from the
+    /// tool, in voxels, and the minimum of those is the result.
     pub(super) fn nearest(
         &self,
         placed: VoxelPose,
@@ -258,7 +258,8 @@ impl SphereTree {
             }
             true
         });
-        // The nearest centre may be no voxel's nearest: what a piece can reach is tried, the most promising pieces first.
+        // The nearest centre may not be the nearest of any voxel: what a piece can reach is tried, the most promising
+        // pieces first.
         leaves.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
         for (bound, middle, radius) in leaves {
             if bound < least {
@@ -282,7 +283,8 @@ impl SphereTree {
     ) {
         let distances = voxels.distances();
         let mut most = f64::NEG_INFINITY;
-        // The deepest centre may be no voxel's nearest: once those are tried, whatever could be deeper beside a piece is tried.
+        // The deepest centre may not be the nearest of any voxel: once those are tried, whatever could be deeper
+        // beside a piece is tried.
         for all in [false, true] {
             let mut last_witness = usize::MAX;
             self.walk(|piece| {

@@ -38,7 +38,7 @@ impl From<Arc<Occupancy>> for SolidVoxels {
     }
 }
 
-/// Distance to the nearest solid centre in so many parts of a voxel.
+/// Distance to the nearest solid centre in units of 1/`parts` voxel.
 fn byte(distances: &DistanceField, index: usize, parts: u32) -> u8 {
     (distances.to_solid(index) * parts as f32).min(255.0) as u8
 }
@@ -53,8 +53,9 @@ impl SolidVoxels {
         self.0.occupancy.clone()
     }
 
-    /// Makes some voxels solid or empty, each of `changed` once and in order, and everything that was made of them what it would
-    /// be if it were made anew. In place where nobody else shares it; otherwise it is copied first, and the others keep what they have.
+    /// Makes some voxels solid or empty, each of `changed` once and in order, and updates everything derived from
+    /// them as if it were computed anew. In place where nobody else shares it; otherwise it is copied first and the
+    /// others retain theirs.
     pub(crate) fn change(&mut self, changed: &[usize]) {
         if Arc::get_mut(&mut self.0).is_none() {
             self.0 = Arc::new(Prepared::clone(&self.0));
@@ -64,7 +65,7 @@ impl SolidVoxels {
         let occupancy = Arc::make_mut(occupancy);
         changed.iter().for_each(|&index| occupancy.solid[index] ^= 1);
         columns.change(occupancy, changed);
-        // Made again when they are asked for.
+        // Computed again when they are needed.
         *depths = OnceLock::new();
         if let Some(distances) = distances.get_mut() {
             let moved = distances.change(occupancy, changed);
@@ -86,8 +87,8 @@ impl SolidVoxels {
         make_once(&self.0.distances, || DistanceField::new(&self.0.occupancy))
     }
 
-    /// By voxel the distance to the nearest solid centre, in so many parts of a voxel (1, 2, 4 or 8), rounded down, 255 where it is larger. Made
-    /// at the first batch.
+    /// For each voxel the distance to the nearest solid centre in units of 1/`parts` voxel (`parts` is 1, 2, 4 or 8),
+    /// rounded down, 255 where it is larger. Computed at the first batch.
     pub(super) fn bytes(&self, parts: u32) -> &[u8] {
         let distances = self.distances();
         let made = || parallel::map(self.0.occupancy.grid.len(), |index| byte(distances, index, parts));
@@ -185,7 +186,7 @@ impl SolidVoxels {
     }
 }
 
-/// What is taken from the plane, and added to the ball, in voxels: more than any rounding.
+/// Subtracted from the plane and added to the ball, in voxels: more than any rounding.
 const MARGIN: f64 = 1e-6;
 
 /// The first whole number from there on, of those from 0 on.
@@ -194,7 +195,7 @@ fn whole_above(at: f64) -> usize {
     whole + usize::from((whole as f64) < at)
 }
 
-/// Whole numbers on both sides of a coordinate, of so many from 0 on: the first, and one past the last.
+/// Whole numbers within `half` of a coordinate, of those from 0 to `count`: the first, and one past the last.
 fn whole_within(at: f64, half: f64, count: usize) -> (usize, usize) {
     (whole_above(at - half).min(count), whole_below(at + half).min(count))
 }

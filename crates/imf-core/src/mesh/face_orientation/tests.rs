@@ -84,7 +84,7 @@ fn what_is_consistent_stays_as_it_is() {
     ] {
         assert!(mesh.clone().with_consistent_faces() == (mesh, FaceRepair::default()), "{name}");
     }
-    // A solid in a solid is told, and stays; a cavity in it is none, nor is a solid in the cavity.
+    // A solid in a solid is reported and stays; a cavity in it is not reported, nor is a solid in the cavity.
     let solids = [cube(0.0, 9.0, false), cube(0.0, 7.0, false), cube(0.0, 4.0, true), cube(0.0, 2.0, false)];
     for (count, nested) in [(2, 1), (3, 1), (4, 2)] {
         let mesh = joined(&solids[..count]);

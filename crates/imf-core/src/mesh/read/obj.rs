@@ -1,7 +1,7 @@
 //! Wavefront OBJ: its vertices `v x y z [w]` and faces `f a b c …`.
 //!
-//! Continued lines are joined. Comments, colours, normals, texture coordinates, groups and materials are passed over, also where
-//! they are broken, and so are faces of one corner or two.
+//! Continued lines are joined. Comments, colours, normals, texture coordinates, groups and materials are skipped,
+//! also where they are broken, and so are faces of one corner or two.
 
 use std::iter;
 
@@ -66,8 +66,9 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Mesh, Fault> {
     Ok(mesh)
 }
 
-/// Writers end the last line. Where it has no end, and is no harmless one, the file may have been cut in the middle of a number,
-/// which cannot be told from a shorter number: only a mesh without a boundary shows that nothing is missing.
+/// Writers end the last line. Where it has no end, and is not a harmless one, the file may have been cut in the
+/// middle of a number, which cannot be distinguished from a shorter number: only a mesh without a boundary shows that
+/// nothing is missing.
 fn refuse_cut(bytes: &[u8], mesh: &Mesh) -> Result<(), Fault> {
     let tail = bytes.rsplit(|&byte| byte == b'\n').next().unwrap_or_default();
     let is_vertex = tail.starts_with(b"v ");

@@ -1,7 +1,7 @@
 //! PLY, ASCII and binary, through `ply-rs-bw`.
 //!
 //! What is read is the element `vertex` with its `x`, `y`, `z` and the element `face` with its list of vertices; polygons
-//! become triangle fans, and everything else that a file may hold (normals, colours, qualities, edges) is passed over.
+//! become triangle fans, and everything else that a file may hold (normals, colours, qualities, edges) is skipped.
 
 use std::io::{Cursor, ErrorKind};
 
@@ -15,7 +15,7 @@ use super::{Fault, no_vertex, not_finite};
 use crate::mesh::Mesh;
 use crate::mesh::weld::Welder;
 
-/// A vertex or a face, whichever properties it has; unset coordinates are no numbers.
+/// A vertex or a face, whichever properties it has; unset coordinates are not numbers.
 struct Item {
     position: DVec3,
     corners: Vec<i64>,
@@ -107,8 +107,8 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Mesh, Fault> {
     Ok(welder.finish())
 }
 
-/// Refuses an element of which a file of `room` bytes cannot hold as many as its header says: the parser makes room for them, and
-/// would count forever those that take no bytes.
+/// Refuses an element count that a file of `room` bytes cannot hold: the parser allocates for it, and would count
+/// forever elements that take no bytes.
 fn check_count(element: &ElementDef, encoding: Encoding, room: usize) -> Result<(), Fault> {
     let ElementDef { name, count, properties } = element;
     let width = |scalar: &ScalarType| match scalar {

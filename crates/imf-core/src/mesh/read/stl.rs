@@ -22,7 +22,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Mesh, Fault> {
     let Some(count) = announced_triangles(bytes) else {
         return Err(Fault::malformed("this is neither a binary nor an ASCII STL file"));
     };
-    // So many triangles as four letters announce, no file has.
+    // Four letters, read as a count, announce more triangles than any file has.
     if bytes[..PREAMBLE].iter().all(|&byte| byte.is_ascii_graphic() || byte.is_ascii_whitespace()) {
         return Err(Fault::malformed("this is text, and no STL file: give it the ending of its own format"));
     }
@@ -63,7 +63,7 @@ fn is_ascii(bytes: &[u8]) -> bool {
 
 fn parse_ascii(bytes: &[u8]) -> Result<Mesh, Fault> {
     let mut welder = Welder::default();
-    // The line of the facet that is being read, and its corners so far.
+    // The line of the facet that is being read, and its corners up to here.
     let mut facet: Option<(usize, Vec<DVec3>)> = None;
     let mut ended = false;
     for (number, line) in bytes.split(|&byte| byte == b'\n').enumerate() {

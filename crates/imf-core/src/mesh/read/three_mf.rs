@@ -3,7 +3,7 @@
 //! Objects may be made of components, and those may lie in other models of the archive (the production extension). Objects
 //! of the types `support` and `solidsupport` are what a printer adds, not the part, and are left out; so are components of the
 //! type `other`, which slicers give to regions of other settings, and which the core specification allows in no item. Items that
-//! slicers mark `printable="0"` (an attribute of theirs, not of the specification) lie beside the part and are left out too.
+//! slicers mark `printable="0"` (not in the specification) are beside the part and are left out too.
 //! Files that require an extension which changes what is solid are refused: slices, beams, booleans, displacement,
 //! encryption.
 //!
@@ -25,10 +25,10 @@ use crate::mesh::Mesh;
 use crate::unit::LengthUnit;
 use model::{Body, Model, Role};
 
-/// The most bytes that an archive may unfold to, for each of its own: text of meshes is packed some ten times.
+/// Maximum number of unpacked bytes for each byte of an archive: meshes as text are packed some ten times.
 const MAX_UNFOLDING: u64 = 200;
-/// The most placed triangles and placements, for each byte of an archive and beside these: a few objects can name each other to any
-/// number. A thousand screws of 5,000 triangles each take 90 a byte.
+/// Maximum number of placed triangles for each byte of an archive, and of placements beside these: a few objects can
+/// name each other to any number. A thousand screws of 5,000 triangles each take 90 a byte.
 const MAX_TRIANGLES: usize = 100;
 const MAX_PLACEMENTS: usize = 1;
 const MAX_OF_ANY: usize = 1 << 17;
@@ -41,13 +41,13 @@ const ZIP: &[u8] = b"PK";
 type Archive<'a> = ZipArchive<Cursor<&'a [u8]>>;
 
 fn no_archive(error: &ZipError) -> Fault {
-    Fault::truncated(format!("it is no whole ZIP archive, as 3MF files are ({error})"))
+    Fault::truncated(format!("it is not a whole ZIP archive, as 3MF files are ({error})"))
 }
 
 /// The mesh and the unit it is in.
 pub(super) fn parse(bytes: &[u8]) -> Result<(Mesh, LengthUnit), Fault> {
     if !bytes.starts_with(ZIP) {
-        return Err(Fault::malformed("it is no 3MF file: it does not begin as a ZIP archive does"));
+        return Err(Fault::malformed("it is not a 3MF file: it does not begin as a ZIP archive does"));
     }
     let mut archive = Archive::new(Cursor::new(bytes)).map_err(|error| no_archive(&error))?;
     let mut budget = (bytes.len() as u64).saturating_mul(MAX_UNFOLDING);
@@ -119,7 +119,7 @@ fn unpack(archive: &mut Archive<'_>, name: &str, budget: &mut u64) -> Result<Str
         return Err(Fault::malformed(format!("{name} unfolds to more than {MAX_UNFOLDING} times the file")));
     }
     *budget -= length;
-    String::from_utf8(text).map_err(|_| Fault::malformed(format!("{name} is no text in UTF-8")))
+    String::from_utf8(text).map_err(|_| Fault::malformed(format!("{name} is not text in UTF-8")))
 }
 
 struct Placing<'a> {

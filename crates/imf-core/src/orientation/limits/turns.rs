@@ -54,8 +54,8 @@ impl Limits {
         }
     }
 
-    /// Angles of A or B and of C that turn the tool along the unit vector `direction`: the least tilt, then the C nearest to 0.
-    /// `None` where the machine has no rotary axes, or does not reach the direction to `slack` degrees.
+    /// Angles of A or B and of C that turn the tool along the unit vector `direction`: the smallest tilt, then the C
+    /// nearest to 0. `None` where the machine has no rotary axes, or does not reach the direction to `slack` degrees.
     #[must_use]
     pub fn angles(&self, direction: DVec3, slack: f64) -> Option<[f64; 2]> {
         let Self::Rotary { tilting, tilt, turn } = *self else { return None };

@@ -1,4 +1,4 @@
-//! Parts of several bodies: what lies between them is no surface, whichever way their triangles face.
+//! Parts of several bodies: what lies between them is not a surface, whichever way their triangles face.
 
 use super::*;
 

@@ -13,7 +13,7 @@ fn the_floor_of_a_hole_of_the_cutters_own_diameter_is_reached() {
         };
         let found = part.found(&flat(5.0), DOWN);
         assert!(found.reached(floor) > 0.99, "{pitch}: {}", found.reached(floor));
-        // By so much that the cutter holds a voxel centre wherever it stands.
+        // Wide enough that the cutter holds a voxel centre wherever it stands.
         let wide = 5.0 + 1.2 * pitch;
         assert_eq!(part.found(&flat(wide), DOWN).reached(floor), 0.0, "{pitch}");
     }

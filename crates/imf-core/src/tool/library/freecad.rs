@@ -121,7 +121,7 @@ impl Bit {
             "ft" | "'" => 12.0 * LengthUnit::Inch.in_mm(),
             "cm" => LengthUnit::Cm.in_mm(),
             "m" => LengthUnit::M.in_mm(),
-            _ => return Err(format!("{name} is {value}: '{unit}' is no unit of length that is known")),
+            _ => return Err(format!("{name} is {value}: '{unit}' is not a unit of length that is known")),
         };
         let length = number * factor;
         if length >= 0.0 { Ok(Some(length)) } else { Err(format!("{name} is {value}, which is negative")) }
@@ -134,7 +134,7 @@ impl Bit {
         match unit.as_str() {
             "" | "°" | "deg" => Ok(number),
             "rad" => Ok(number.to_degrees()),
-            _ => Err(format!("{name} is {value}: '{unit}' is no unit of angle that is known")),
+            _ => Err(format!("{name} is {value}: '{unit}' is not a unit of angle that is known")),
         }
     }
 }

@@ -62,7 +62,7 @@ struct Part {
     upper: f64,
 }
 
-/// The most bytes that an archive may unfold to, for each of its own.
+/// Maximum number of unpacked bytes for each byte of an archive.
 const MAX_UNFOLDING: u64 = 200;
 
 /// The tools of a `.json` or `.tools` file.

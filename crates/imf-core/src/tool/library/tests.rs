@@ -160,7 +160,7 @@ fn what_freecad_has_and_we_do_not_is_refused_by_name() {
     for (content, expected) in [
         (bit("Probe", json!({"Diameter": "6 mm", "Length": "20 mm"})), "'probe'"),
         (bit("Endmill", json!({"Diameter": "6 mm", "Length": "20 mm"})), "CuttingEdgeHeight is missing"),
-        (bit("Endmill", json!({"Diameter": "6 parsec", "Length": "20 mm"})), "'parsec' is no unit"),
+        (bit("Endmill", json!({"Diameter": "6 parsec", "Length": "20 mm"})), "'parsec' is not a unit"),
         (bit("Endmill", json!({"Diameter": "-6 mm", "Length": "20 mm"})), "negative"),
         (bit("Endmill", json!({"Diameter": "six", "Length": "20 mm"})), "no length"),
         (

@@ -1,4 +1,4 @@
-//! The envelope of lines and arcs over the height: which of them reaches farthest from the axis, or least far, where.
+//! The envelope of lines and arcs over the height: which of them is farthest from the axis, or nearest to it, where.
 
 use crate::tool::Segment;
 

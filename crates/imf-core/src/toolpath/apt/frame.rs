@@ -1,4 +1,4 @@
-//! Statements of coordinate systems: which of them change nothing, and what is said of Creo's.
+//! Statements of coordinate systems: which of them change nothing, and the remark on Creo's.
 
 use super::statement::numbers;
 
@@ -21,7 +21,7 @@ pub(super) fn changes_nothing(word: &str, rest: &str) -> bool {
     }
 }
 
-/// What is to be said of a comment `CSYS / …`, which moves no coordinate of the file; nothing of the part's own system.
+/// The remark on a comment `CSYS / …`, which moves no coordinate of the file; `None` for the part's own system.
 pub(super) fn remark_on(comment: &str) -> Option<String> {
     let (word, rest) = comment.split_once('/')?;
     if !word.trim().eq_ignore_ascii_case("CSYS") {

@@ -3,7 +3,7 @@
 /// Words that only text follows, whatever stands in it.
 const TEXT: &str = "INSERT PARTNO PPRINT REMARK TPRINT";
 
-/// Comments in which Creo writes what is no word of APT.
+/// Comments in which Creo writes what is not a word of APT.
 const STATING: &str = "$$->";
 
 /// A statement, and the line that it begins on.
@@ -86,7 +86,7 @@ mod tests {
             let text = format!("{word} COST IN US$\nGOTO/0,0,0\n");
             assert_eq!(of(&text), [line(1, &format!("{word} COST IN US$")), line(2, "GOTO/0,0,0")]);
         }
-        // Within a statement such a word is none.
+        // Within a statement such a word does not count.
         assert_eq!(of("SELECT/$\nINSERT,$\n3\n"), [line(1, "SELECT/INSERT,3")]);
     }
 

@@ -4,14 +4,14 @@
 const COMMANDS: &str = "GMTXYZABCUVW";
 
 /// True where a line has a word that a control would carry out, whether it is understood or not; numbers of blocks, names of programs
-/// and words that only accompany others are none.
+/// and words that only accompany others do not count.
 pub(super) fn is_command(line: &str) -> bool {
     let mut rest = separated(line.trim_start_matches('\u{feff}'));
     let mut is_first = true;
     while let Some(letter) = rest.chars().next().filter(char::is_ascii_alphabetic) {
         let number = rest[1..].trim_start();
         let length = number_length(number);
-        // A line that begins so is no name; after that only what is a number surely makes a word.
+        // A line that begins so is not a name; after that only a number is certain to make a word.
         let begins = number.starts_with(|c: char| c.is_ascii_digit() || "+-.#[".contains(c));
         if COMMANDS.contains(letter.to_ascii_uppercase()) && (length > 0 || is_first && begins) {
             return true;

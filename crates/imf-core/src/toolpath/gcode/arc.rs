@@ -23,7 +23,8 @@ const ROUND: f64 = 0.01;
 /// Chords of a whole turn of a radius of 100 m.
 const MOST: f64 = 25_000.0;
 
-/// The most chords of all arcs of a program of so many bytes: at twelve bytes an arc, whole turns of a radius of a third of a metre.
+/// Maximum number of chords of all arcs of a program of `bytes` bytes: at twelve bytes an arc, whole turns of a
+/// radius of a third of a metre.
 pub(super) fn most_chords(bytes: usize) -> usize {
     bytes.saturating_mul(100).saturating_add(100_000)
 }

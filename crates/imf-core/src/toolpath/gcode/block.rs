@@ -1,8 +1,8 @@
 //! One line of a program: its words, a letter and a number each, and what each of them means. A word that could move the machine and is
 //! not known is refused.
 //!
-//! Parsers at hand (the crate `gcode`) keep numbers of 24 bits, which is a hundredth of a millimetre at a metre in tenths of inches, and
-//! pass over what they do not know; here every character is read, or refused.
+//! Available parsers (the crate `gcode`) hold numbers in 24 bits, which is a hundredth of a millimetre at a metre in
+//! tenths of inches, and skip what they do not know; here every character is read, or refused.
 
 use glam::DVec3;
 
@@ -97,7 +97,7 @@ pub(super) struct Block {
     pub(super) smooths: bool,
     /// Of G5.1, G8 and G187 the word, and the letter that it needs.
     mode: Option<(&'static str, Option<char>)>,
-    /// The G words so far that exclude others, in tenths.
+    /// The G words of the block that exclude others, in tenths.
     excluding: Vec<u32>,
     /// P and Q.
     pub(super) lengths: [Option<f64>; 2],
@@ -151,7 +151,7 @@ impl Block {
             let is_number = value >= 0.0 && value.fract() == 0.0 && value < 1e6;
             is_number
                 .then_some(value as u32)
-                .ok_or_else(|| format!("{letter}{text} is no number of a {letter} word"))
+                .ok_or_else(|| format!("{letter}{text} is not a number of a {letter} word"))
         };
         if "XYZABCIJKR".contains(letter) {
             self.has_decimals_missing |= value != 0.0 && !text.contains('.');
@@ -307,7 +307,7 @@ impl Block {
             return Err("H is a tool length, and neither G43 nor G43.4 in this line takes it up".into());
         }
         if self.length_number == Some(0) {
-            return Err("H0 is no tool's length: write G49 to end one".into());
+            return Err("H0 is not a tool's length: write G49 to end one".into());
         }
         if (self.goes_home || self.in_machine_coordinates)
             && !self.linear.iter().chain(&self.rotary).any(Option::is_some)

@@ -207,7 +207,7 @@ impl Program<'_> {
                 "where {letter} stands is not known: write it before the first cut, such as G0 {letter}0."
             ));
         }
-        // Before the first tool the spindle goes where it is told, and nothing hangs from it.
+        // Before the first tool the spindle goes where the program says, and nothing hangs from it.
         if by == Coordinates::Machines && self.tool.is_none() && self.tool_length().is_err() {
             return self.check_known_axes();
         }

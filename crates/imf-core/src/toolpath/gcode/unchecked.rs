@@ -1,4 +1,4 @@
-//! Motions that are made while some axis has not been said: no location results, so they are told.
+//! Motions that are made while some axis has not been said: no location results, so they are reported.
 //!
 //! Of each axis the first way since the path began leads from a place that is not known; only from the second one on is it a motion of
 //! the program.
@@ -11,18 +11,18 @@ use super::block::Block;
 /// Axes closer than this, in the path's unit or degrees, stand where they stood: sums of offsets round.
 const SAME: f64 = 1e-6;
 
-/// What is known of five axes, X, Y and Z and then the rotary ones.
+/// Which of five axes are known: X, Y and Z, then the rotary ones.
 #[derive(Debug, Default)]
 pub(super) struct Unchecked {
-    /// Said since the path began anew.
+    /// Axes stated since the path began anew.
     pub(super) said: [bool; 5],
-    /// Said anywhere.
+    /// Axes stated anywhere.
     ever: [bool; 5],
     /// The first line that moves.
     first_motion: Option<usize>,
     /// Lines with motions that are not checked, and whether they only go home before the first tool.
     lines: Vec<(usize, bool)>,
-    /// What was not known in the first of them, for people.
+    /// The axes that were unknown in the first of them, in words.
     unknown: String,
 }
 

@@ -11,7 +11,7 @@ use crate::harmonic::HarmonicField;
 use imf_core::grid::Grid;
 use imf_core::occupancy::Occupancy;
 
-/// Voxels that are compared first: most planes are no mirrors, and these tell.
+/// Voxels that are compared first: most planes are not mirrors, and these show it.
 const FIRST: usize = 4096;
 /// Times the mean squared error that averaging may change at a voxel. Measured: 0.4 of parts that are their own images.
 const WORST: f64 = 4.0;
@@ -149,7 +149,7 @@ fn middle(grid: &Grid) -> DVec3 {
     grid.origin + 0.5 * grid.size()
 }
 
-/// The axis of the world about which the obstacle leaves least of itself behind as it turns, where that is little enough.
+/// The world axis about which the obstacle maps best onto itself as it turns, where the error is small enough.
 fn of_revolution(obstacle: &Occupancy) -> Option<Axis> {
     let Occupancy { grid, solid } = obstacle;
     let apart = (obstacle.count() / TURNED).max(1);
@@ -179,7 +179,7 @@ fn of_revolution(obstacle: &Occupancy) -> Option<Axis> {
     (least <= LEFT_BEHIND).then_some(axis)
 }
 
-/// The share of the solid points that some turns about an axis take to where nothing is solid.
+/// Fraction of the solid points that some turns about an axis take to where nothing is solid.
 fn left_behind(grid: &Grid, solid: &[u8], points: &[DVec3], Axis { along, through }: Axis) -> f64 {
     let [x, y, _] = Axis::order(along);
     let mut left = 0usize;

@@ -13,7 +13,7 @@ use imf_core::pose::Pose;
 use imf_core::section::Quantity;
 use imf_core::tool::{Clearance, ClearanceError, ToolShape};
 
-/// Keeps calibration's poses apart from those of training.
+/// Separates calibration's poses from those of training.
 const SEED_MARK: u64 = 0x4341_4c49_4252_4154;
 const TURN: f64 = std::f64::consts::TAU;
 /// Pairs of positions tried for one boundary pose.
@@ -39,7 +39,7 @@ pub(super) enum Draw {
     Boundary,
 }
 
-/// A pose with the field's answer.
+/// A pose with the field's value.
 pub(super) struct Seen {
     pub(super) value: f32,
     pub(super) kind: Kind,
@@ -51,7 +51,7 @@ pub(super) struct Truth<'a> {
     field: &'a Field,
     bare: ExactField,
     offset: ExactField,
-    /// Least clearance of any element.
+    /// Minimum clearance of any element.
     room: f64,
 }
 
@@ -70,7 +70,7 @@ impl<'a> Truth<'a> {
         Ok(Self { field, bare, offset, room: if room.is_finite() { room } else { 0.0 } })
     }
 
-    /// So many poses, the first `errors` of them compared with the exact value. `part` keeps draws of one seed apart.
+    /// `poses` poses, the first `errors` of them compared with the exact value. `part` separates draws of one seed.
     pub(super) fn seen(
         &self,
         draw: Draw,

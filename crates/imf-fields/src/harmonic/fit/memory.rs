@@ -8,8 +8,8 @@ use crate::harmonic::settings::{FitSettings, Sizes};
 use imf_core::section::SectionPlan;
 
 impl FitSettings {
-    /// Bytes at the peak of making a field over `voxels` voxels, and of the field itself; where all functions of directions
-    /// are kept it may be less ([`FitSettings::memory_with`]).
+    /// Bytes at the peak of making a field over `voxels` voxels, and of the field itself; where all functions of
+    /// directions are retained it may be less ([`FitSettings::memory_with`]).
     pub fn memory(&self, domain: Domain, voxels: usize) -> (u64, u64) {
         let Sizes { functions, sections, axes } = self.sizes(domain);
         let field = (voxels * axes) as u64 * self.precision.bytes();
@@ -42,7 +42,7 @@ impl FitSettings {
             return (peak.max(validated), own);
         }
         let field = own / voxels as u64 * plan.grid().len() as u64;
-        // What is judged on one side for the others as well.
+        // Held-out values of the mirror images, which are measured together with one side.
         let sides = plan.grid().len().div_ceil(voxels);
         let judged = (self.sample.min(voxels) * self.held_out * (sides - 1) * 4) as u64;
         ((peak + judged).max(own + field).max(validated), field)

@@ -39,7 +39,7 @@ pub(super) struct Dense {
     normal: NormalMatrix,
 }
 
-/// The field's numbers: its axes as columns, the mean, the coefficients and what is known of the errors.
+/// The field's numbers: its axes as columns, the mean, the coefficients and the measured errors.
 pub(super) struct Fitted {
     pub axes: DMatrix<f64>,
     pub mean: DVector<f64>,
@@ -69,7 +69,7 @@ impl Start {
         Ok(Dense { values, normal })
     }
 
-    /// What the sample's voxels alone tell, by a pass over the orientations.
+    /// Results for the sample's voxels alone, by a pass over the orientations.
     pub(super) fn sampled(
         &self,
         dense: &Dense,
@@ -82,7 +82,7 @@ impl Start {
         Ok((solved, axes, report))
     }
 
-    /// What the sample's values at the fitted orientations tell, `[orientation][voxel]`.
+    /// Results of the sample's values at the fitted orientations, `[orientation][voxel]`.
     fn solved(&self, own: &[f32], dense: &Dense, control: Control<'_>) -> Result<Solved, HarmonicError> {
         let solved = self.sample.moments(own, &dense.values).solve(&dense.normal, control)?;
         Ok(solved.of_both_sides(&self.parities))
@@ -100,7 +100,7 @@ impl Start {
         (axes, report)
     }
 
-    /// Axes and mean where all functions are kept as they are, which no section need be known for.
+    /// Axes and mean where all functions are retained as they are; they depend on no section.
     fn axes_of_classes(&self) -> Result<(DMatrix<f64>, DVector<f64>), HarmonicError> {
         let functions = self.basis.len();
         let mut axes = DMatrix::zeros(functions, functions);
@@ -188,8 +188,8 @@ impl Start {
         Ok(Fitted { axes, mean: solved.mean, coefficients, report })
     }
 
-    /// A first pass decides on the axes, a second makes the coefficients along them, some sections at a time. Where functions
-    /// are kept class by class, the axes are those of one pass.
+    /// A first pass decides on the axes, a second makes the coefficients along them, some sections at a time. Where
+    /// functions are held class by class, the axes are those of one pass.
     pub(super) fn in_two_passes(
         &self,
         source: &Source<'_>,

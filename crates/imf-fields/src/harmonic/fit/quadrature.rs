@@ -7,8 +7,8 @@
 //! quarter as many numbers. That is a quarter of the products, for a set that spreads nearly as evenly as any other:
 //! 300 such directions determine 225 functions with 2 % more squared error to expect than a Fibonacci spiral's 300.
 //!
-//! Where all functions are kept, `z = W t − μ`: t are a class's sums and differences, and W is `(G + R)⁻¹ Bᵀ` of that class's
-//! functions alone. The twin is the fit in two passes, which knows nothing of classes.
+//! Where all functions are retained, `z = W t − μ`: t are a class's sums and differences, and W is `(G + R)⁻¹ Bᵀ` of
+//! that class's functions alone. The twin is the fit in two passes, which knows nothing of classes.
 
 use glam::DVec3;
 use nalgebra::DMatrix;
@@ -43,7 +43,7 @@ fn classes(degree: usize) -> Vec<usize> {
 /// Steps of the relaxation. Of 75 directions the error that their images let expect is 9.1e-7 after 30, 8.61e-7
 /// after 100, 8.59e-7 after 200 or more.
 const STEPS: usize = 120;
-/// A step's length where forces are as of a lattice with the set's spacing, and the most it may be, in spacings.
+/// A step's length where forces are as of a lattice with the set's spacing, and its maximum, in spacings.
 const RATE: f64 = 0.25;
 const MOST: f64 = 0.2;
 
@@ -125,7 +125,7 @@ fn by_class(degree: usize) -> [Vec<usize>; IMAGES] {
     all
 }
 
-/// The same, one class after the other: the axes where all functions are kept.
+/// The same, one class after the other: the axes where all functions are retained.
 pub(super) fn class_order(degree: usize) -> Vec<usize> {
     by_class(degree).concat()
 }

@@ -133,7 +133,7 @@ impl Sample {
         let held = |value| self.quantity.clamp(value, self.pitch);
         let errors: Vec<_> = rows.map(|(p, e)| section_error(p.iter().map(|&p| held(p)), e)).collect();
         let sampled = Validation::of(&errors);
-        // Axes left out err beside, at right angles to what is kept.
+        // The errors of dropped components add, since they are orthogonal to the retained ones.
         let validation = Validation { mse: sampled.mse + dropped, ..sampled };
         FitReport { functions, sections, dropped, validation }
     }

@@ -1,10 +1,10 @@
-//! The exact values that a fit is made to, kept in memory as two bytes a value.
+//! The exact values that are fitted, held in memory as two bytes a value.
 //!
 //! ```text
 //! group 0 (sections 0 to 3): block 0: [section][voxel] block 1: [section][voxel] … | group 1: …
 //! ```
 //! Sections are written a group at a time and read a block at a time: this order keeps both in long stretches. Where sections
-//! can be counted plane by plane, the grid is gone through part by part ([`Parts`]).
+//! can be counted plane by plane, the grid is visited part by part ([`Parts`]).
 
 use std::ops::Range;
 
@@ -30,7 +30,7 @@ pub(super) type KeptWorkspaces = Workspaces<(SourceScratch, Vec<u16>)>;
 
 /// Exact values as whole numbers ([`Source::kept`]).
 pub(super) struct KeptSections {
-    /// The least value, and what one step is worth: 0 and `UNIT` of overlaps.
+    /// The minimum value, and the size of one step: 0 and `UNIT` for overlaps.
     low: f32,
     step: f32,
     /// Values of a section.
@@ -68,7 +68,8 @@ impl KeptSections {
         Ok(kept)
     }
 
-    /// Fills in sections of `voxels` values, at most as many as there is room for: what `make` makes of each of `tools`.
+    /// Fills in sections of `voxels` values, at most as many as there is room for: `make` computes each from one of
+    /// `tools`.
     pub(super) fn fill<T: Send>(
         &mut self,
         voxels: usize,
@@ -102,12 +103,12 @@ impl KeptSections {
         Self { low: 0.0, step: super::source::UNIT, voxels, values }
     }
 
-    /// Bytes that `sections` of so many voxels take while they are counted.
+    /// Bytes that `sections` sections of `voxels` voxels take while they are counted.
     pub(super) fn memory(sections: usize, voxels: usize) -> u64 {
         2 * ((sections + GROUP * threads()) * voxels) as u64
     }
 
-    /// Sections kept.
+    /// Number of sections held.
     pub(super) fn len(&self) -> usize {
         self.values.len() / self.voxels
     }
@@ -177,8 +178,8 @@ fn widen(kept: &[u16], low: f32, step: f32, values: &mut [f32]) {
     }
 }
 
-/// Bytes of a part's values: about what the outer caches hold. Smaller parts come to every tool's tables more often, larger ones
-/// are written and read in memory; 12 MB cost 6 % and 400 MB 14 % of a fit of 300 sections.
+/// Bytes of a part's values: about what the outer caches hold. Smaller parts read every tool's tables more often,
+/// larger ones spill to main memory; 12 MB cost 6 % and 400 MB 14 % of a fit of 300 sections.
 const PART_BYTES: usize = 48 << 20;
 
 /// Planes of a part.

@@ -18,10 +18,11 @@ pub(super) fn row_major(matrix: &DMatrix<f64>) -> Vec<f32> {
 
 /// G = BᵀB + R, factored.
 ///
-/// R is what is known before any section is counted: a coefficient's mean square falls with its degree l as l⁻⁷, so what
-/// the degrees left out add to a section is no larger than `Σ_(l > L) n_l l⁻⁷` beside `l⁻⁷` of a coefficient kept, whatever
-/// the scale. Their quotient on the diagonal makes the sum of squares' minimum the likeliest coefficients (ridge
-/// regression): with four sections a function it changes nothing, with one it replaces a singular matrix.
+/// R is what is known before any section is counted: a coefficient's mean square falls with its degree l as l⁻⁷, so
+/// what the degrees left out add to a section is no larger than `Σ_(l > L) n_l l⁻⁷` beside `l⁻⁷` of a retained
+/// coefficient, whatever the scale. Their quotient on the diagonal makes the sum of squares' minimum the likeliest
+/// coefficients (ridge regression): with four sections a function it changes nothing, with one it replaces a singular
+/// matrix.
 pub(super) struct NormalMatrix(Cholesky<f64, Dyn>);
 
 /// Columns that a thread solves for at a time, and rows of a block.
@@ -45,10 +46,12 @@ pub(super) fn ridge(basis: &Basis) -> Vec<f64> {
     degrees.map(|degree| if degree == 0 { 0.0 } else { left_out / power(degree) }).collect()
 }
 
-/// Shares of the mean of the diagonal that are added to it, one after the other, until rounding leaves the matrix positive.
+/// Fractions of the mean of the diagonal that are added to it, one after the other, until the matrix is
+/// positive definite.
 const LIFTS: [f64; 5] = [0.0, 1e-8, 1e-7, 1e-6, 1e-5];
 
-/// The factor of a normal matrix, which is made anew where rounding, of f32 or of high degrees, took one from it.
+/// The Cholesky factor of a normal matrix, which is made again with a lift where rounding (f32 or high degrees) made
+/// it indefinite.
 pub(super) fn factored(
     gram: impl Fn() -> DMatrix<f64>,
     ridge: &[f64],
@@ -149,7 +152,7 @@ pub(super) struct Moments {
     pub(super) second: DMatrix<f64>,
 }
 
-/// What a sample tells of the coefficients.
+/// Statistics of the coefficients from a sample.
 pub(super) struct Solved {
     pub mean: DVector<f64>,
     pub(super) covariance: DMatrix<f64>,
@@ -180,8 +183,9 @@ impl Moments {
 }
 
 impl Solved {
-    /// What a sample of one side says of both: the covariance has nothing between even and odd functions, and the mean nothing
-    /// of the odd ones (voxels on the plane, which are their own images, are taken for either side's).
+    /// Statistics of both sides from a sample of one: the covariance has nothing between even and odd functions, and
+    /// the mean nothing of the odd ones (voxels on the plane, which are their own images, are taken for either
+    /// side's).
     pub(super) fn of_both_sides(mut self, parities: &[Parity]) -> Self {
         if parities.iter().all(|&parity| parity == 0) {
             return self;

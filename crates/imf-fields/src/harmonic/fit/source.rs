@@ -13,7 +13,7 @@ use imf_core::vectorised::vectorised;
 
 /// What one of the whole numbers stands for where values are overlaps.
 pub(super) const UNIT: f32 = 1.0 / STEPS;
-/// Whole numbers up to this one are kept.
+/// Values are held as whole numbers up to this one.
 const STEPS: f32 = 65535.0;
 
 /// Where the values of an orientation come from.
@@ -60,7 +60,7 @@ impl<'a> Source<'a> {
         }
     }
 
-    /// The least value, and what one step of those that are kept is worth: 0 and `UNIT` of overlaps.
+    /// The minimum value, and the size of one step of the held numbers: 0 and `UNIT` for overlaps.
     pub fn steps(&self) -> (f32, f32) {
         let [low, high] = self.range();
         (low, (high - low) * UNIT)
@@ -106,7 +106,7 @@ impl<'a> Source<'a> {
 }
 
 impl SourceScratch {
-    /// Overlaps over the next planes of a walk, kept as by [`Source::kept`].
+    /// Overlaps over the next planes of a walk, held as by [`Source::kept`].
     pub(crate) fn advance(
         &mut self,
         plan: &SectionPlan,

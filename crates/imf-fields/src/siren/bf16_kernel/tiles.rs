@@ -88,7 +88,7 @@ impl Proof {
     }
 }
 
-/// Whether the system lets this process use tiles: Linux wants to be asked, and answers for all threads.
+/// Whether the system lets this process use tiles: Linux grants them on request, for all threads.
 fn allowed() -> bool {
     #[cfg(target_os = "linux")]
     {

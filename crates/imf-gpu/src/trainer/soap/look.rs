@@ -1,11 +1,11 @@
-//! A look at the axes of the rows, or of the columns, of all matrices: M·Q by falling mean, made orthonormal.
+//! An update of the axes of the rows, or of the columns, of all matrices: M·Q by falling mean, made orthonormal.
 //!
 //! ```text
 //! M·Q → means, order → panels of reflections, each then taken to the axes behind it → all of them back to the unit matrix → Q
 //! ```
 //!
-//! The work of a dispatch has bounds of its own. Mesa's software Vulkan ends every loop of an invocation once it has gone
-//! through 65,535 turns of all loops together, and says nothing; a workgroup of a GPU must not hold it for long either.
+//! The work of a dispatch has bounds of its own. Mesa's software Vulkan ends every loop of an invocation once it has
+//! made 65,535 turns of all loops together, without an error; a workgroup of a GPU must not hold it for long either.
 
 use std::ops::Range;
 
@@ -21,7 +21,7 @@ use crate::uniforms::Panel;
 /// Turns of the loops of an invocation that takes reflections to an axis, at most: two for each number of each.
 const MOST_TURNS: usize = 1 << 15;
 
-/// The kernels of looks.
+/// The kernels of updates.
 pub(super) struct LookKernels {
     means: Kernel,
     order: Kernel,
@@ -39,7 +39,7 @@ impl LookKernels {
         })
     }
 
-    /// A look of one side of all matrices, whose mean is M.
+    /// An update of one side of all matrices, whose mean is M.
     pub(super) fn look(
         &self,
         gpu: &Gpu,

@@ -18,7 +18,7 @@ pub(super) struct SideBuffers {
     pub(super) table: wgpu::Buffer,
     pub(super) mean: wgpu::Buffer,
     pub(super) axes: wgpu::Buffer,
-    /// M·Q, then the vectors of its reflections; after a look the new axes along those before.
+    /// M·Q, then the vectors of its reflections; after an update the new axes along those before.
     pub(super) turned: wgpu::Buffer,
     pub(super) before: wgpu::Buffer,
     pub(super) reflections: wgpu::Buffer,
@@ -27,7 +27,7 @@ pub(super) struct SideBuffers {
 }
 
 impl SideBuffers {
-    /// With means and axes, and an order in which padding keeps its place.
+    /// With means and axes, and an order in which padding stays in place.
     pub(super) fn new(gpu: &Gpu, numbers: &Numbers, count: usize) -> Result<Self, EngineError> {
         let stride = numbers.stride;
         let square = count * stride * stride;
@@ -70,8 +70,8 @@ pub(super) struct SideStep {
 }
 
 impl SideStep {
-    /// `squares` are the factors of the mean's products, which have `inner` terms; `kept` is the share of the mean that a step
-    /// leaves.
+    /// `squares` are the factors of the mean's products, which have `inner` terms; `kept` is the fraction of the mean
+    /// that a step leaves.
     pub(super) fn new(
         look: Vec<Dispatch>,
         products: &Products<'_>,
@@ -141,7 +141,7 @@ impl Numbers {
         Ok(numbers)
     }
 
-    /// What a state keeps, of rows and columns that were [read](SideStep::read).
+    /// State, from rows and columns that were [read](SideStep::read).
     pub(super) fn to_state(
         layout: &PaddedLayout,
         strides: [usize; 2],

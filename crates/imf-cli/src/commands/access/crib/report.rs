@@ -15,7 +15,7 @@ use crate::progress::show_seconds;
 
 /// Tools that the table lists beside the chosen ones; `crib.csv` has all.
 const LISTED: usize = 10;
-/// Tools of which nothing is said that the table lists.
+/// Maximum number of undecided tools that the table lists.
 const LISTED_UNDECIDED: usize = 5;
 
 /// One tool; shares are of the surface's area.
@@ -29,7 +29,7 @@ struct ToolRow {
     reached: f64,
     /// Of the fewest tools, by none but this one.
     alone: Option<f64>,
-    /// Where it is the most rigid that reaches.
+    /// Fraction of the surface where it is the most rigid tool that reaches.
     most_rigid: f64,
     obstructed: f64,
     gouged: f64,
@@ -64,7 +64,7 @@ pub(super) struct Report {
     reached_by_the_fewest: f64,
     reached: f64,
     obstructed: f64,
-    /// What of which tools is in the way where none reaches.
+    /// Which elements of which tools collide where none reaches.
     obstructed_by: Vec<ObstructedRow>,
     gouged: f64,
     not_faced: f64,

@@ -12,7 +12,7 @@ use crate::arguments::inputs::read_tool;
 /// Endings of the files that are tools, in a folder.
 const ENDINGS: [&str; 4] = ["toml", "fctb", "json", "tools"];
 
-/// A tool that nothing is said of, and why.
+/// A tool that is left undecided, and why.
 #[derive(Debug, Serialize)]
 pub(super) struct Undecided {
     pub(super) tool: String,

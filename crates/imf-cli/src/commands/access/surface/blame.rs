@@ -1,5 +1,4 @@
-//! What keeps the surface from being reached: the pose that comes nearest for each sample, and what each solid voxel is to blame
-//! for.
+//! What obstructs the surface: the pose of minimum overlap for each sample, and the contribution of each solid voxel.
 
 use anyhow::Result;
 use imf_core::grid::Grid;
@@ -10,15 +9,15 @@ use super::cavities::voxels_around;
 use super::{AccessRun, Surface, Verdict};
 use crate::session::Session;
 
-/// Samples that are looked into, at most; with more of them every second, third, … one stands for its neighbours.
+/// Maximum number of examined samples; beyond it every second, third, … one represents its neighbours.
 const MOST: usize = 2_000;
 
 /// What was found.
 #[derive(Default)]
 pub(super) struct Blame {
-    /// By sample: the pose of its best tool that overlaps least; `None` of those that are reached or were not looked into.
+    /// By sample: the pose of minimum overlap of its best tool; `None` for those that are reached or were not examined.
     pub(super) nearest: Vec<Option<LeastOverlap>>,
-    /// By voxel: the area that it keeps from being reached.
+    /// By voxel: the area that it obstructs.
     voxels: Option<(Grid, Vec<f32>)>,
 }
 
@@ -57,12 +56,12 @@ impl Blame {
         Ok(blame)
     }
 
-    /// The grid, and by voxel the area that it keeps from being reached.
+    /// The grid, and by voxel the area that it obstructs.
     pub(super) fn voxels(&self) -> Option<(&Grid, &[f32])> {
         self.voxels.as_ref().map(|(grid, area)| (grid, &area[..]))
     }
 
-    /// The area that the voxels at a sample keep from being reached, at most; NaN where none does.
+    /// The largest area that a voxel at a sample obstructs; NaN where none does.
     pub(super) fn at(&self, sample: &SurfaceSample) -> f32 {
         let Some((grid, area)) = &self.voxels else { return f32::NAN };
         let inside = sample.point - 0.5 * grid.pitch * sample.normal;
@@ -71,7 +70,7 @@ impl Blame {
     }
 }
 
-/// What would free a place, by what is in the way there; `quantified` is what was found to free it, in words.
+/// What would free a place, by what obstructs it; `quantified` are remedies that were found, in words.
 pub(super) fn remedy(verdict: Verdict, hits: &[ElementCollision], quantified: &[String]) -> String {
     let any = |is: &dyn Fn(&ElementCollision) -> bool| hits.iter().any(is);
     let other = match verdict {

@@ -5,7 +5,7 @@ use imf_core::access::{Components, components};
 use imf_core::grid::Grid;
 use imf_core::occupancy::Occupancy;
 
-/// How far outside the surface its empty voxel is looked for, in pitches.
+/// How far outside the surface its empty voxel is looked up, in pitches.
 const OUTSIDE: f64 = 0.75;
 
 /// The pieces of the empty voxels.

@@ -1,4 +1,4 @@
-//! What would free the places that shank or holder keep from being reached: a longer stick-out, a slimmer holder.
+//! What would free the places that shank or holder obstruct: a longer stick-out, a slimmer holder.
 
 use anyhow::Result;
 use imf_core::surface::{ElementCollision, StickOutTool, least_stick_outs};
@@ -9,8 +9,8 @@ use super::{AccessRun, Surface, SurfaceSettings, Verdict};
 use crate::output::length;
 use crate::session::Session;
 
-/// By sample the least stick-out with which its best tool reaches it, infinite where none helps; `None` of those that were not looked
-/// into, or whose tool has no holder.
+/// By sample the minimum stick-out with which its best tool reaches it, infinite where none helps; `None` for those
+/// that were not examined, or whose tool has no holder.
 pub(super) fn stick_outs(
     session: &Session,
     run: &AccessRun,
@@ -21,7 +21,7 @@ pub(super) fn stick_outs(
     let mut found = vec![None; samples.len()];
     for (index, assembly) in run.tools.iter().enumerate() {
         let is_obstructed = |&sample: &usize| {
-            // Where a machine alone is in the way, no length of the part's is known to help.
+            // Where the machine alone obstructs, no length is known to help.
             let in_the_way = surface.blame.nearest[sample].is_some_and(|at| at.voxels > 0);
             surface.best[sample] == (Verdict::Obstructed, index) && in_the_way
         };
@@ -40,8 +40,8 @@ pub(super) fn stick_outs(
     Ok(found)
 }
 
-/// A stick-out that frees a patch: the length, and the fraction of the places that were looked into which it frees; `None` where that is
-/// less than a hundredth, which is no remedy.
+/// A stick-out that frees a patch: the length, and the fraction of the examined places that it frees; `None` where
+/// that is less than a hundredth, which is not a remedy.
 pub(super) fn stick_out(lengths: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
     let all: Vec<f64> = lengths.collect();
     let freed: Vec<f64> = all.iter().copied().filter(|length| length.is_finite()).collect();

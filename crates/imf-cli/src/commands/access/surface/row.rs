@@ -10,14 +10,14 @@ use super::super::on_machine::IN_THE_WAY;
 use super::words;
 use crate::output::{length, show_measure};
 
-/// One direction, and the share of the surface that it reaches.
+/// One direction, and the fraction of the surface that it reaches.
 #[derive(Debug, Serialize)]
 pub(in crate::commands::access) struct DirectionRow {
     pub(super) direction: [f64; 3],
     pub(super) share: f64,
 }
 
-/// What of a tool hits what, and how much of the surface is not reached where it does.
+/// An element, a body that it hits, and the fraction of the surface that this obstructs.
 #[derive(Debug, Serialize)]
 pub(in crate::commands::access) struct ObstructedRow {
     element: String,
@@ -27,7 +27,7 @@ pub(in crate::commands::access) struct ObstructedRow {
 }
 
 impl ObstructedRow {
-    /// The rows of areas among these fixtures, of so much surface.
+    /// The rows of areas obstructed by these fixtures, as fractions of the surface.
     pub(in crate::commands::access) fn all(
         found: &ObstructedAreas,
         fixtures: &[String],

@@ -24,7 +24,7 @@ use super::super::on_machine::OnMachine;
 use super::{AccessRun, Surface};
 use crate::session::Session;
 
-/// What set-ups are looked for.
+/// Which set-ups are searched for.
 #[derive(Clone, Copy)]
 pub(in crate::commands::access) struct SetupSettings {
     /// What the machine reaches in one set-up, its z axis up.
@@ -38,7 +38,7 @@ pub(in crate::commands::access) struct SetupSettings {
 /// Voxels of the stock that set-ups are chosen by, at most.
 const STOCK: usize = 8_000;
 
-/// The answer.
+/// The result.
 pub(super) struct Setups {
     /// Of the candidates.
     chosen: Cover,
@@ -213,7 +213,7 @@ fn removed(
     candidates: &[PartSetup],
 ) -> Result<CoverProblem> {
     let mut held: Vec<usize> = (0..stock.solid.len()).filter(|&voxel| stock.solid[voxel] == 1).collect();
-    // In an order that keeps to no row of voxels.
+    // In an order that follows no row of voxels.
     held.sort_by_key(|&voxel| (voxel as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15));
     let mut drawn = Occupancy::empty(stock.grid);
     held.iter().take(STOCK).for_each(|&voxel| drawn.solid[voxel] = 1);

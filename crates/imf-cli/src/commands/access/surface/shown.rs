@@ -1,4 +1,4 @@
-//! The surface for those who look: its layers, and the places that are not reached with what keeps them so.
+//! The surface for display: its layers, and the places that are not reached with what obstructs them.
 
 use std::fmt::Write as _;
 
@@ -206,7 +206,7 @@ impl Surface {
                 _ => f32::NAN,
             }),
         });
-        // Of several tools the one that must stick out least.
+        // Of several tools the one with the shortest stick-out.
         if !self.stick_outs.is_empty() {
             let least = |sample: usize| {
                 let lengths = self.stick_outs.iter().map(|tool| tool.found[sample].length());

@@ -1,4 +1,4 @@
-//! The least stick-out with which a tool reaches the surface: what is found, and what it says to people.
+//! The minimum stick-out with which a tool reaches the surface: results and text.
 
 use std::fmt::Write as _;
 
@@ -42,7 +42,7 @@ impl ToolStickOut {
         Ok(Self { tool, found })
     }
 
-    /// Least stick-out of a sample for files: −1 where none helps.
+    /// Minimum stick-out of a sample for files: −1 where none helps.
     pub(super) fn value(&self, sample: usize) -> f32 {
         let length = self.found[sample].length();
         if length.is_finite() { length as f32 } else { -1.0 }
@@ -57,7 +57,7 @@ impl ToolStickOut {
         let share = |holds: &dyn Fn(&StickOut) -> bool| samples.fraction(|sample| holds(&self.found[sample]));
         let at_most = |most: f64| share(&|found| found.length() <= most);
         let (given, shortest, longest) = (self.tool.given(), self.tool.shortest(), self.tool.longest());
-        // What the tool has, the least first.
+        // The values for this tool, the smallest first.
         let mut needed: Vec<(f64, f64, usize)> = self
             .found
             .iter()
@@ -140,12 +140,12 @@ pub(in crate::commands::access) struct StickOutRow {
     shortest: f64,
     /// The overall length, where the tool states it.
     longest: Option<f64>,
-    /// By so much the surface may lie nearer than the voxels that the lengths are for.
+    /// How much nearer the surface may lie than the voxels that the lengths are for.
     surface_nearer_by: Option<f64>,
-    /// By so much a corner of the surface's triangles lies deeper than its middle, which the lengths are for.
+    /// How much deeper a corner of the surface's triangles lies than its middle, which the lengths are for.
     corners_deeper_by: f64,
     conservative: bool,
-    /// A length, and the share that needs no more.
+    /// A length, and the fraction that needs no more.
     needed_at_most: Vec<(f64, f64)>,
     /// A fraction of what the tool reaches at some length, and what that needs at most.
     needed_for: Vec<(f64, f64)>,

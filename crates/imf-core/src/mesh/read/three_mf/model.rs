@@ -38,7 +38,7 @@ fn unit(name: &str) -> Result<(f64, LengthUnit), Fault> {
         "meter" => Ok((1.0, LengthUnit::M)),
         "inch" => Ok((1.0, LengthUnit::Inch)),
         "foot" => Ok((12.0, LengthUnit::Inch)),
-        _ => Err(Fault::malformed(format!("'{name}' is no unit of the format"))),
+        _ => Err(Fault::malformed(format!("'{name}' is not a unit of the format"))),
     }
 }
 
@@ -183,13 +183,13 @@ fn placement(element: &BytesStart<'_>) -> Result<Placement, Fault> {
 fn transform(text: &str) -> Result<DMat4, Fault> {
     let numbers: Result<Vec<f64>, _> = text.split_ascii_whitespace().map(str::parse).collect();
     let numbers = numbers.ok().filter(|all| all.len() == 12 && all.iter().all(|n| n.is_finite()));
-    let wrong = || Fault::malformed(format!("'{text}' is no transform of twelve finite numbers"));
+    let wrong = || Fault::malformed(format!("'{text}' is not a transform of twelve finite numbers"));
     let numbers = numbers.ok_or_else(wrong)?;
     let column = |row: usize, w: f64| DVec3::from_slice(&numbers[3 * row..]).extend(w);
     Ok(DMat4::from_cols(column(0, 0.0), column(1, 0.0), column(2, 0.0), column(3, 1.0)))
 }
 
-/// What of a model was read so far.
+/// What has been read of a model.
 #[derive(Default)]
 struct Reading {
     model: Model,

@@ -132,7 +132,7 @@ fn what_is_not_to_be_printed_is_not_the_part() {
         let error = refusal(&read(&shifted(0, left_out)));
         assert!(error.contains("nothing of its build is to be printed"), "{error}");
     }
-    // A slicer's region within an object is no material; as an item of its own it is against the specification.
+    // A slicer's region within an object is not a material; as an item of its own it is against the specification.
     assert_eq!(bounds(&read(r#"<item objectid="3"/>"#)).1, DVec3::ONE);
     assert!(refusal(&read(r#"<item objectid="2"/>"#)).contains("'other'"));
 }

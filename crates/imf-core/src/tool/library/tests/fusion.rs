@@ -10,7 +10,7 @@ fn fusion(kind: &str, name: &str, number: u32, geometry: Value) -> Value {
         "CSP": false, "HAND": true, "DC": 6.0, "LB": 30.0, "LCF": 18.0, "NOF": 3, "OAL": 57.0, "SFDM": 8.0,
         "shoulder-length": 20.0, "shoulder-diameter": 5.8
     });
-    let Value::Object(geometry) = geometry else { panic!("{geometry} is no object") };
+    let Value::Object(geometry) = geometry else { panic!("{geometry} is not an object") };
     for (key, value) in geometry {
         all[key] = value;
     }
@@ -246,9 +246,9 @@ fn what_fusion_has_and_we_do_not_is_refused_by_name() {
         assert!(error.contains("TOML"), "{error}");
     }
     let path = folder.with("t.json", &json!({"tools": []}));
-    assert!(Tool::read(&path).unwrap_err().to_string().contains("no intact tool library"));
+    assert!(Tool::read(&path).unwrap_err().to_string().contains("not an intact tool library"));
     std::fs::write(&path, b"PK\x03\x04 cut short").unwrap();
-    assert!(Tool::read(&path).unwrap_err().to_string().contains("no intact tool library"));
+    assert!(Tool::read(&path).unwrap_err().to_string().contains("not an intact tool library"));
     let missing = folder.0.path().join("none.tools");
     assert!(Tool::read(&missing).unwrap_err().to_string().contains("there is no tool file"));
 }

@@ -68,7 +68,7 @@ fn another_edge_is_told() {
     let told: Vec<&String> = path.remarks.iter().filter(|remark| remark.contains("edge")).collect();
     assert_eq!(told.len(), 1, "{:?}", path.remarks);
     assert!(told[0].starts_with("line 7: the tool moves by its edge D2, and before by D1: "), "{}", told[0]);
-    // Another tool has edges of its own, and beside G43 D is no edge.
+    // Another tool has edges of its own, and beside G43 D is not an edge.
     for quiet in [
         program.replace("D2", "T2 M6\nD2\nG0 X0. Y0. Z50.").replace("D1 Z9.", "D2 Z9."),
         program.replace("G0 X-60.", "G43 H1 G0 X-60."),

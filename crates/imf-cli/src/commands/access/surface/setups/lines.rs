@@ -6,8 +6,8 @@ use serde::Serialize;
 
 use super::super::row::{left, proof};
 
-/// What a set-up needs of one of the machine's rotary axes, in degrees: the range of its angles when each point is machined with the
-/// least tilt.
+/// What a set-up needs of one of the machine's rotary axes, in degrees: the range of its angles when each point is
+/// machined with the smallest tilt.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub(super) struct AxisRow {
     pub(super) axis: char,
@@ -57,17 +57,17 @@ pub(super) struct SetupRow {
     pub(super) reached: f64,
     /// Reached in no other of the chosen set-ups.
     pub(super) alone: f64,
-    /// The share of the stock that is removed, where one is given.
+    /// The fraction of the stock that is removed, where one is given.
     pub(super) removed: Option<f64>,
 }
 
-/// What is removed of the stock, as shares of it.
+/// What is removed of the stock, as fractions of it.
 #[derive(Debug, Serialize)]
 pub(super) struct StockRow {
     pub(super) removed: f64,
     /// In any of the candidates.
     pub(super) removable: f64,
-    /// Of which the shares are.
+    /// The number of voxels that the fractions refer to.
     pub(super) voxels: usize,
 }
 
@@ -75,7 +75,7 @@ pub(super) struct StockRow {
 #[derive(Debug, Serialize)]
 pub(super) struct LeftRow {
     pub(super) reached_from_other_directions: f64,
-    /// Reached by direction in some candidate, but the machine's travel, head or table keeps the tool away.
+    /// Reached by direction in some candidate, but obstructed by the machine's travel, head or table.
     pub(super) kept_away_by_the_machine: f64,
     pub(super) obstructed: f64,
     pub(super) gouged: f64,

@@ -9,7 +9,7 @@ use imf_core::surface::{PartSetup, SetupTool, SurfaceSample, SurfaceTool};
 /// Degrees by which a direction may lie beyond the end of a range.
 const SLACK: f64 = 1e-5;
 
-/// Samples that are reached with the least tilt that does.
+/// Samples that are reached, each at the smallest tilt that does.
 pub(super) struct Tilts<'a> {
     pub(super) tools: &'a [SetupTool<'a>],
     pub(super) samples: &'a [SurfaceSample],
@@ -18,7 +18,7 @@ pub(super) struct Tilts<'a> {
 }
 
 impl Tilts<'_> {
-    /// A set-up's directions as indices, with their angles, the least tilt first.
+    /// A set-up's directions as indices, with their angles, the smallest tilt first.
     pub(super) fn of(&self, setup: &PartSetup) -> Vec<(usize, [f64; 2])> {
         let angles = |&direction: &usize| {
             let turned = setup.rotation() * self.orientations[direction].direction();
