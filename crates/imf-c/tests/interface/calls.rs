@@ -203,7 +203,7 @@ fn what_c_must_not_do_is_a_status() {
     let pose = imf_pose_along(0.0, 0.0, 0.0, 0.0, 0.0, 2.0);
     let mut value = 7.0;
     let mut best = ImfBest { value: 0.0, orientation: 0, decision: ImfDecision::Undecided };
-    // SAFETY: refused before anything is read through what is not text.
+    // SAFETY: refused before anything is read through a null pointer.
     unsafe {
         assert_eq!(imf_values(null(), &pose, 1, &mut value), ImfStatus::NullPointer);
         assert!(last_error().contains("field is NULL"));

@@ -111,7 +111,7 @@ fn a_world_of_meshes_is_answered_as_in_rust() {
                 let options = MotionOptions { resolution: Some(0.1) };
                 match expected.check_motion(&pair[0], &pair[1], &options) {
                     Ok(found) => {
-                        // NaN of what there is none of is not text.
+                        // As text, for NaN does not equal itself.
                         assert_eq!(format!("{motion:?}"), format!("{:?}", ImfMotion::from(found)));
                     }
                     Err(_) => assert_eq!(status, ImfStatus::NoAnswer),

@@ -240,7 +240,7 @@ fn the_part_is_no_stock_and_what_is_cut_of_it_is_told() {
     let left = report.left_beside(&part);
     assert_eq!(left.voxels, report.remaining.count() as u64 - (part.count() as u64 - cut.of_part));
     assert_eq!((left.farthest, left.place[2]), (Some(3.0), -0.5));
-    // What a fixture holds is not text.
+    // What a fixture holds is not stock.
     let held = Occupancy { grid: stock.grid, solid: stock.solid.clone() };
     let report = run(&[("vise".into(), held)], &stock).unwrap();
     assert_eq!((report.voxels, report.remaining.count()), (0, 0));
