@@ -94,7 +94,7 @@ pub(crate) enum Command {
          imf dataset merge teapot-225 share-1 share-2 share-3"
     ))]
     Dataset(dataset::DatasetArguments),
-    /// Train a field that answers every point and direction: by a network of a megabyte, or of the family that is named
+    /// Train a field of every point and direction: by a network of a megabyte, or of the family that is named
     Train(train::TrainArguments),
     Finetune(train::FinetuneArguments),
     Calibrate(saved::CalibrateArguments),
@@ -177,7 +177,7 @@ pub(crate) struct VoxelizeArguments {
 
 /// Seconds of at least 0.
 pub fn parse_seconds(text: &str) -> Result<f64, String> {
-    numbers::number(text, |&seconds| seconds >= 0.0, &format!("'{text}' is no number of seconds"))
+    numbers::number(text, |&seconds| seconds >= 0.0, &format!("'{text}' is not a number of seconds"))
 }
 
 /// Describe a mesh, a tool, a dataset or a field; or what this machine can compute with, and the built-in parts
@@ -192,4 +192,37 @@ pub(crate) struct InfoArguments {
     /// Unit of a mesh: mm (the default), cm, m or inch; 3MF files state theirs
     #[arg(long, value_name = "UNIT")]
     pub(crate) unit: Option<LengthUnit>,
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::{Command, CommandFactory as _};
+
+    use super::Cli;
+
+    /// Most options of a command, and most commands.
+    const MAX_OPTIONS: usize = 25;
+    const MAX_COMMANDS: usize = 15;
+
+    /// Options of a command beside those of a scene, which have a heading, and those of every command.
+    fn own_options(command: &Command) -> usize {
+        let own = |argument: &&clap::Arg| {
+            !argument.is_positional() && argument.get_help_heading().is_none() && !argument.is_global_set()
+        };
+        command.get_arguments().filter(own).count()
+    }
+
+    fn check(command: &Command) {
+        let count = own_options(command);
+        assert!(count <= MAX_OPTIONS, "{} has {count} options of its own", command.get_name());
+        command.get_subcommands().for_each(check);
+    }
+
+    #[test]
+    fn commands_are_few_and_so_are_their_options() {
+        let command = Cli::command();
+        command.clone().debug_assert();
+        assert!(command.get_subcommands().filter(|sub| !sub.is_hide_set()).count() <= MAX_COMMANDS);
+        check(&command);
+    }
 }

@@ -53,7 +53,7 @@ pub(crate) struct AccessArguments {
     #[arg(long, value_name = "PATH", num_args = 1.., group = "covering", conflicts_with_all =
         ["tool", "setups", "stickout", "removable", "stock", "map", "contact", "tau", "html"])]
     pub(crate) crib: Vec<String>,
-    /// The least stick-out with which each tool reaches the surface, its holder moved along its shank
+    /// The shortest stick-out with which each tool reaches the surface, its holder moved along its shank
     #[arg(long)]
     pub(crate) stickout: bool,
     /// Largest collision measure of a pose that counts as free; 0 is exact. For the space and the stock, not for the surface
@@ -107,7 +107,7 @@ impl AccessArguments {
         Ok(Some((machine, limits)))
     }
 
-    /// What a machine reaches in one set-up, where the fewest are looked for; `reached` is that of the machine.
+    /// What a machine reaches in one set-up, where the fewest are sought; `reached` is that of the machine.
     pub(crate) fn setup_range(&self, reached: Option<AxisLimits>) -> Option<AxisLimits> {
         let three_axes = Limits::Cone { axis: DVec3::Z, half_angle: 0.0 };
         let given = self.setups?;

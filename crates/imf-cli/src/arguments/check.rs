@@ -30,7 +30,7 @@ use super::scene::SceneArguments;
                         With --machine rotary axes are read as columns or words (A, B, C), the spindle head and the table are obstacles, \
                         and travel is checked; the machine's work offset G54 is the frame into which --transform sets the part up.\n\
                         Coordinates are in the part's frame, that of its file; with --frame world, and with a machine, in the frame into \
-                        which --transform sets the part up. So are those of the answer.\n\
+                        which --transform sets the part up. So are those of the result.\n\
                         Exit code 3 says that something collides or leaves the travel, 2 that the toolpath or a tool cannot be checked."
 )]
 pub(crate) struct CheckArguments {
@@ -55,7 +55,7 @@ pub(crate) struct CheckArguments {
     /// FILE@STEPS as for --fixture. --contact loosens it too. Nothing but the cutter may touch it, and no rapid may cut it
     #[arg(long, value_name = "STOCK", value_parser = parse_stock)]
     pub(crate) stock: Option<StockArgument>,
-    /// The least stick-out of each tool with which shank and holder are free on the whole path, its holder moved along its shank
+    /// The shortest stick-out of each tool with which shank and holder are free on the whole path, its holder moved along its shank
     #[arg(long)]
     pub(crate) stickout: bool,
     /// A page with part, fixtures and path in 3D, lines that collide in red: one file that a browser opens without network

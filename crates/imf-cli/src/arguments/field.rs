@@ -15,7 +15,7 @@ use super::scene::SceneArguments;
 #[derive(Args)]
 #[command(mut_arg("part", |part| part.value_name("PART or FIELD").help(
     "An OBJ, STL, PLY or 3MF file, or a built-in part (teapot, bracket, bracket-raw, screw-gear), whose voxels are counted; or a \
-     saved field (.safetensors), which answers without counting anything again: then none of the options of a part"
+     saved field (.safetensors), which is evaluated, and nothing is counted again: then none of the options of a part"
 )))]
 #[command(after_help = super::orientations::after(
     "Examples:\n  imf field teapot --orientations '0,0;12,6' --out sections\n  \

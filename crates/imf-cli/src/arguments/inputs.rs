@@ -16,7 +16,7 @@ use super::fixture::{FixtureMesh, Part};
 use super::scene::{SceneArguments, warn_of};
 use crate::session::Session;
 
-/// What a part's longest side is to the thickness of its thinnest tool, and to a fixture's longest side, where nothing need be asked.
+/// What a part's longest side is to the thickness of its thinnest tool, and to a fixture's longest side, that are plausible.
 /// A part in inches or metres that is taken for one in millimetres is mostly shorter than two cutters are thick; a cutter of a
 /// thousandth of the part would need a path of years; and a vise is some ten times as long as a small part.
 const MIN_TO_TOOL: f64 = 2.0;
@@ -158,7 +158,7 @@ fn chosen(session: &Session, spec: &SceneSpec<'_>, inputs: &SceneInputs) -> Chos
         let needed = |grid: Grid| {
             let sections =
                 tools.iter().map(|tool| SectionPlan::memory_estimate(&grid, tool, session.threads()));
-            // Contact takes twice that, elements and answers no more.
+            // Contact takes twice that, elements and results no more.
             4 * sections.max().unwrap_or_default() + 16 * grid.len() as u64
         };
         grid.is_ok_and(|grid| needed(grid) <= session.memory_limit())

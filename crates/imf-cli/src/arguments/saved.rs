@@ -96,12 +96,12 @@ pub(crate) struct EvalArguments {
     pub(crate) device: FieldDeviceArguments,
 }
 
-/// Answer poses from a CSV file: how much does the tool overlap the part when its tip is here, or how deep is it
+/// Evaluate the poses of a CSV file: how much does the tool overlap the part when its tip is here, or how deep is it
 #[derive(Args)]
-#[command(after_help = "Example:\n  imf query model/field.safetensors poses.csv --out answers.csv\n\n\
+#[command(after_help = "Example:\n  imf query model/field.safetensors poses.csv --out results.csv\n\n\
                         The first line names the columns: x,y,z,i,j,k (tool axis from tip to holder) or \
                         x,y,z,theta,phi (degrees); a column roll (degrees) turns the tool about its own axis. Other columns \
-                        are kept. Answers add the column depth of a field of depth: how far the tool must be moved to be free, below \
+                        are kept. Results add the column depth of a field of depth: how far the tool must be moved to be free, below \
                         0 how far it may be moved, in the scene's unit, clamped within 8 pitches; of a field of overlaps (imf info says which) the \
                         column overlap instead, from 0 to 1; with --exact also depth_exact or overlap_exact. With --sharp they are called \
                         depth_sharp or overlap_sharp. The column decision says free, colliding or undecided, by the field's calibration; \
@@ -112,7 +112,7 @@ pub(crate) struct QueryArguments {
     pub(crate) model: PathBuf,
     /// CSV file of poses in the world's frame, or - for standard input
     pub(crate) poses: PathBuf,
-    /// CSV file of answers; standard output by default
+    /// CSV file of results; standard output by default
     #[arg(long, value_name = "FILE")]
     pub(crate) out: Option<PathBuf>,
     /// Also count the exact overlap, or the exact depth

@@ -161,7 +161,7 @@ impl SceneArguments {
     }
 
     /// The scene as [`Self::scene_with`] makes it, with no room kept for sections and without contact, and part and fixtures apart on a
-    /// grid that holds them all, with their meshes in the world by name, the part's first. Other tools are looked at as the scene's is.
+    /// grid that holds them all, with their meshes in the world by name, the part's first. Other tools are checked as the scene's is.
     pub(crate) fn scene_and_bodies<'a>(
         &self,
         session: &Session,

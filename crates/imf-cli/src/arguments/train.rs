@@ -37,7 +37,7 @@ pub(crate) enum TrainFamily {
     Siren5(Box<Siren5Arguments>),
 }
 
-/// Train a network of about a megabyte that answers every point and direction (what imf train PART does)
+/// Train a network of about a megabyte for every point and direction (what imf train PART does)
 #[derive(Args)]
 #[command(
     mut_arg("part", |part| part.value_name("PART or FIELD").help(

@@ -69,8 +69,8 @@ fn vector(text: &str) -> Result<DVec3> {
 fn numbers(text: &str) -> Result<Vec<f64>> {
     text.split(',')
         .map(|t| {
-            let value: f64 = t.trim().parse().with_context(|| format!("'{t}' is no number"))?;
-            ensure!(value.is_finite(), "'{t}' is no finite number");
+            let value: f64 = t.trim().parse().with_context(|| format!("'{t}' is not a number"))?;
+            ensure!(value.is_finite(), "'{t}' is not a finite number");
             Ok(value)
         })
         .collect()
