@@ -82,13 +82,13 @@ class Factored(torch.nn.Module):
         self.depth = about["fit"].get("quantity", "overlap") == "depth"
         # Depths are clamped within eight pitches.
         self.bounds = (-8.0 * grid["pitch"], 8.0 * grid["pitch"]) if self.depth else (0.0, 1.0)
-        self.register_buffer("axes", tensors["axes"].float())
+        self.register_buffer("components", tensors["components"].float())
         self.register_buffer("mean", tensors["mean"])
         # Of a folded network the last sines are the coefficients.
         self.folded = about.get("folded", False)
         symmetry = settings.get("symmetry", {})
         self.mirrors, self.axis = symmetry.get("mirrors", [None] * 3), symmetry.get("axis")
-        sizes = [5 if self.axis else 3] + [settings["width"]] * settings["hidden"] + ([] if self.folded else [self.axes.shape[1]])
+        sizes = [5 if self.axis else 3] + [settings["width"]] * settings["hidden"] + ([] if self.folded else [self.components.shape[1]])
         flat, self.weights, self.biases = tensors["parameters"].float(), torch.nn.ParameterList(), torch.nn.ParameterList()
         for inputs, outputs in zip(sizes, sizes[1:]):
             weight, bias, flat = flat.split([inputs * outputs, outputs, len(flat) - (inputs + 1) * outputs])
@@ -122,15 +122,15 @@ class Factored(torch.nn.Module):
         held = position.double().clamp(self.lower, self.upper)
         position, angle, direction = self.place(held, direction.double())
         signal = (position - self.middle) * self.inverse_length
-        signal = torch.cat([signal] + [a[:, None] for a in angle], 1).to(self.axes.dtype)
+        signal = torch.cat([signal] + [a[:, None] for a in angle], 1).to(self.components.dtype)
         sines = len(self.weights) - (0 if self.folded else 1)
         for layer, (weight, bias) in enumerate(zip(self.weights, self.biases)):
             signal = linear(signal, weight, bias)
             if layer < sines:
                 signal = torch.sin(self.omega * signal)
         along = self.scale * signal
-        functions = harmonics(direction, math.isqrt(len(self.mean)) - 1).to(self.axes.dtype)
-        values = (along * (functions @ self.axes)).sum(dim=1) + functions @ self.mean
+        functions = harmonics(direction, math.isqrt(len(self.mean)) - 1).to(self.components.dtype)
+        values = (along * (functions @ self.components)).sum(dim=1) + functions @ self.mean
         return values.clamp(*self.bounds)
 
 

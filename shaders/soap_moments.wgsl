@@ -20,8 +20,8 @@ fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
         let at = own.weights / 4u + i;
         let here = ((group.y * between.rows + i / quads) * between.columns) / 4u + i % quads;
         let g = along[here];
-        let m = between.kept * first_moment[at] + between.one_minus_kept * g;
-        let v = between.kept * second_moment[at] + between.one_minus_kept * g * g;
+        let m = between.beta * first_moment[at] + between.one_minus_beta * g;
+        let v = between.beta * second_moment[at] + between.one_minus_beta * g * g;
         first_moment[at] = m;
         second_moment[at] = v;
         along[here] = m * step.matrix_correction / (sqrt(v * step.matrix_correction) + SOAP_EPSILON);

@@ -82,8 +82,8 @@ struct Between {
     /// Inputs of the layer that has most.
     columns: u32,
     /// Share of momentum and moments that a step leaves.
-    kept: f32,
-    one_minus_kept: f32,
+    beta: f32,
+    one_minus_beta: f32,
 }
 
 /// One of them among the parameters; an element of a storage buffer.

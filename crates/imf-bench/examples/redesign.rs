@@ -23,7 +23,7 @@ use imf_core::tool::Tool;
 use imf_fields::factored::{DistillSettings, FactoredField, FactoredState};
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::{FitSettings, HarmonicField, fit};
-use imf_fields::recipe::{Length, TrainingPlan};
+use imf_fields::recipe::{TrainingLength, TrainingPlan};
 use imf_train::distill::{distil, start_from};
 
 /// How large the study is.
@@ -32,7 +32,7 @@ struct Study {
     /// Changes from the design domain to the bracket.
     changes: usize,
     degree: usize,
-    axes: usize,
+    components: usize,
     width: usize,
     /// Steps of training: from random weights at the first part, then at each change.
     first: u64,
@@ -84,7 +84,7 @@ fn study(study: &Study) -> Result<Vec<Step>, Box<dyn Error>> {
         let settings = FitSettings {
             quantity: Quantity::Depth,
             degree: study.degree,
-            axes: study.axes,
+            components: study.components,
             sections_per_function: 2.0,
             ..FitSettings::default()
         };
@@ -94,9 +94,9 @@ fn study(study: &Study) -> Result<Vec<Step>, Box<dyn Error>> {
         let error = |field: &FactoredField| root_mean_square(field, &random, &exact);
         let not_adapted = field.as_ref().map(error);
         let begun = Instant::now();
-        let length = Length::Steps(if field.is_some() { study.each } else { study.first });
+        let length = TrainingLength::Steps(if field.is_some() { study.each } else { study.first });
         let from_random = of_size(DistillSettings::of_length(length));
-        let start = || from_random.start(teacher.axis_count());
+        let start = || from_random.start(teacher.component_count());
         let tuned = match &field {
             Some(old) => {
                 let tuning = of_size(DistillSettings::of_another(length));
@@ -123,7 +123,7 @@ fn distilled(
     mut state: FactoredState,
 ) -> Result<FactoredField, Box<dyn Error>> {
     distil(teacher, settings, &mut state, Control::quiet(), &mut |_| {})?;
-    Ok(FactoredField::new(teacher, settings.shape(teacher.axis_count()), state.training.parameters)?)
+    Ok(FactoredField::new(teacher, settings.shape(teacher.component_count()), state.training.parameters)?)
 }
 
 /// Exact depths, `[orientation][voxel]`.
@@ -176,7 +176,8 @@ fn draw(folder: &Path, steps: &[Step]) -> Result<(), Box<dyn Error>> {
 fn main() -> Result<(), Box<dyn Error>> {
     let folder = std::env::args().nth(1).unwrap_or_else(|| "redesign".into());
     let each = std::env::args().nth(2).map_or(Ok(60), |steps| steps.parse())?;
-    let whole = Study { dims: [25, 74, 44], changes: 30, degree: 8, axes: 60, width: 128, first: 1500, each };
+    let whole =
+        Study { dims: [25, 74, 44], changes: 30, degree: 8, components: 60, width: 128, first: 1500, each };
     let steps = study(&whole)?;
     let rows = steps.iter().map(|step| {
         let errors = step.errors.map(|error| error.map_or("–".into(), |error| format!("{error:.2} mm")));
@@ -192,7 +193,8 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 #[test]
 fn fine_tuning_keeps_up_with_the_part() {
-    let small = Study { dims: [9, 25, 15], changes: 6, degree: 5, axes: 24, width: 48, first: 400, each: 60 };
+    let small =
+        Study { dims: [9, 25, 15], changes: 6, degree: 5, components: 24, width: 48, first: 400, each: 60 };
     let steps = study(&small).unwrap();
     assert!(steps.windows(2).all(|pair| pair[1].solid < pair[0].solid));
     for (place, step) in steps.iter().enumerate().skip(1) {

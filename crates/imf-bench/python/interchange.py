@@ -157,14 +157,14 @@ def arrays(imf: str, name: str, field: pathlib.Path, depth: bool, direction: np.
     """A harmonic field by its arrays, at random voxel centres."""
     with safe_open(field, framework="np") as file:
         about = json.loads(file.metadata()["imf"])
-        saved = {name: file.get_tensor(name).astype(np.float64) for name in ("coefficients", "axes", "mean")}
+        saved = {name: file.get_tensor(name).astype(np.float64) for name in ("coefficients", "components", "mean")}
     settings, grid = about["settings"], about["scene"]["grid"]
     assert (settings.get("quantity") == "depth") == depth, "the file does not say what it is of"
     dims = grid["dims"]
     voxel = np.stack([np.random.default_rng(3).integers(0, n, POSES) for n in dims], axis=1)
     functions = imf_torch.harmonics(torch.tensor(direction), settings["degree"]).numpy()
     along = saved["coefficients"][tuple(voxel.T)]
-    found = np.sum(functions * (saved["mean"] + along @ saved["axes"].T), axis=1)
+    found = np.sum(functions * (saved["mean"] + along @ saved["components"].T), axis=1)
     found = found if depth else found.clip(0, 1)
     position = np.array(grid["origin"]) + (voxel + 0.5) * grid["pitch"]
     return report(name, "NumPy", "voxel centres", found, query(imf, field, position, direction))

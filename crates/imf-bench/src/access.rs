@@ -27,7 +27,7 @@ use serde::Serialize;
 
 use crate::candidates::reference_scene;
 use crate::document::Document;
-use crate::measurement::{Machine, ROUNDS, least_seconds, seconds};
+use crate::measurement::{Machine, ROUNDS, minimum_seconds, seconds};
 use crate::shop::{End, mill};
 
 /// Surface access: points and directions a second on one core and on two, beside the direct test
@@ -121,7 +121,7 @@ pub(crate) fn run(session: &Session, arguments: &AccessArguments) -> Result<()> 
         Ok(tool)
     })?;
     let found = ours(&two, &tool)?;
-    let [single, double] = least_seconds(
+    let [single, double] = minimum_seconds(
         2 * ROUNDS,
         [&mut || ours(&one, &tool).map(drop), &mut || ours(&two, &tool).map(drop)],
     )?;

@@ -11,7 +11,7 @@ use imf_fields::factored::file::FactoredFile;
 use imf_fields::factored::{DistillSettings, Symmetry};
 use imf_fields::harmonic::FitSettings;
 use imf_fields::harmonic::basis::{Basis, Domain};
-use imf_fields::harmonic::coefficients::Precision as SavedPrecision;
+use imf_fields::harmonic::coefficients::StoragePrecision;
 use imf_fields::harmonic::file::HarmonicFile;
 use imf_fields::recipe::Precision;
 use imf_gpu::{GpuTrainer, TrainerSettings};
@@ -19,7 +19,7 @@ use imf_train::distill::{Target, distil, distil_on};
 use imf_train::training::run::{Outcome, Report};
 
 /// Sections for each basis function at least: with fewer the fit has no firm minimum.
-const LEAST_SECTIONS: f64 = 1.3;
+const MINIMUM_SECTIONS: f64 = 1.3;
 
 /// A reference part with the paper's tool, at a fraction of its own resolution.
 pub(crate) fn reference_scene(part: ReferencePart, scale: f64) -> Result<Scene> {
@@ -29,16 +29,17 @@ pub(crate) fn reference_scene(part: ReferencePart, scale: f64) -> Result<Scene> 
 
 /// Settings of the harmonic field of the highest degree that `sections` sections determine.
 pub(crate) fn harmonic_settings(sections: usize) -> FitSettings {
-    let fits =
-        |degree: &usize| Basis::count(Domain::Directions, *degree) as f64 * LEAST_SECTIONS <= sections as f64;
+    let fits = |degree: &usize| {
+        Basis::count(Domain::Directions, *degree) as f64 * MINIMUM_SECTIONS <= sections as f64
+    };
     let degree = (0..40).take_while(fits).last().unwrap_or(0);
     let functions = Basis::count(Domain::Directions, degree);
     FitSettings {
         degree,
         // Rounded up by the fit to the number of sections exactly, and down to whole fours.
         sections_per_function: (sections as f64 - 0.5) / functions as f64,
-        axes: functions,
-        precision: SavedPrecision::F16,
+        components: functions,
+        precision: StoragePrecision::F16,
         ..FitSettings::default()
     }
 }
@@ -58,7 +59,7 @@ pub(crate) fn distilled(
     let field = &teacher.field;
     let target = Target::from(field);
     let shape = target.shape(&settings);
-    let mut state = settings.start(shape.axes);
+    let mut state = settings.start(shape.components);
     let stage = session.stage("factored", "steps", settings.plan.total_steps(field.grid.len()));
     let advance = |steps| stage.advance(steps);
     let control = session.control(&advance);
@@ -82,7 +83,7 @@ pub(crate) fn distilled(
         bail!(Cancelled);
     }
     stage.finish(&format!("loss {loss:.2e}"));
-    Ok(FactoredFile::distilled(teacher, settings, state)?.finished(SavedPrecision::F32))
+    Ok(FactoredFile::distilled(teacher, settings, state)?.finished(StoragePrecision::F32))
 }
 
 #[cfg(test)]
@@ -96,9 +97,9 @@ mod tests {
             let sizes = settings.sizes(Domain::Directions);
             // Directions are fitted in fours.
             assert_eq!(sizes.sections, n * n / 4 * 4);
-            assert!(sizes.sections as f64 >= LEAST_SECTIONS * sizes.functions as f64);
+            assert!(sizes.sections as f64 >= MINIMUM_SECTIONS * sizes.functions as f64);
             let next = Basis::count(Domain::Directions, settings.degree + 1);
-            assert!((n * n) as f64 / (next as f64) < LEAST_SECTIONS, "a higher degree would do");
+            assert!((n * n) as f64 / (next as f64) < MINIMUM_SECTIONS, "a higher degree would do");
         }
         assert_eq!(harmonic_settings(225).degree, 12);
     }

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Error, Result};
 use imf_cli::engine::Device;
-use imf_cli::interrupt::{Interrupted, is_cancelled};
+use imf_cli::interrupt::{Interruption, is_cancelled};
 use imf_cli::output::{prepare_folder, write_json};
 use imf_cli::session::Session;
 use imf_core::mesh::Mesh;
@@ -125,7 +125,7 @@ impl<'a> Cells<'a> {
 pub(crate) fn interruption(error: Error, out: &Path) -> Error {
     if is_cancelled(&error) {
         let kept = format!("what was finished is kept in {}; {GO_ON} to go on", out.display());
-        return Interrupted(kept).into();
+        return Interruption(kept).into();
     }
     error
 }

@@ -20,7 +20,9 @@ use imf_core::parts::ReferencePart;
 use imf_core::scene::Scene;
 use imf_core::section::{SectionPlan, ToolPoints, sections};
 use imf_fields::recipe::schedule::Schedule;
-use imf_fields::recipe::{Cursor, HeldOutChoice, Length, Precision, Sampling, TrainingPlan, TrainingState};
+use imf_fields::recipe::{
+    Cursor, HeldOutChoice, Precision, Sampling, TrainingLength, TrainingPlan, TrainingState,
+};
 use imf_fields::siren::SirenShape;
 use imf_train::dataset::draw;
 use imf_train::engine::{CpuEvaluator, CpuTrainer};
@@ -70,7 +72,7 @@ const HELD_OUT: HeldOutChoice = HeldOutChoice { poses: 1 << 16, orientations: 64
 /// How an old network's samples are drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "lowercase")]
-enum Drawn {
+enum SamplePlacement {
     Everywhere,
     /// Half of them where the exact section has changed.
     NearTheChange,
@@ -96,7 +98,7 @@ struct Edit {
     as_it_was: f64,
     /// From random weights.
     anew: Trial,
-    adapted: Vec<(Drawn, Vec<Trial>)>,
+    adapted: Vec<(SamplePlacement, Vec<Trial>)>,
 }
 
 /// A training, sampling included.
@@ -162,7 +164,7 @@ impl Lab {
                 // A draw that treats changed values as those above 0, and retains only them.
                 let changed: Vec<f32> =
                     section.iter().zip(&before[index]).map(|(a, b)| f32::from(u8::from(a != b))).collect();
-                let near = Sampling { positive_share: 1.0, ..usual };
+                let near = Sampling { positive_fraction: 1.0, ..usual };
                 let near =
                     draw(&changed, &near, index as u64).into_iter().filter(|&v| changed[v as usize] > 0.0);
                 voxels.extend(near);
@@ -188,7 +190,7 @@ impl Lab {
         };
         let share = if from.is_some() { self.rate } else { 1.0 };
         let plan = TrainingPlan {
-            length: Length::Steps(steps),
+            length: TrainingLength::Steps(steps),
             schedule: Schedule::Cosine {
                 initial: share * self.shape.rate(),
                 last: 0.0,
@@ -229,8 +231,8 @@ impl Lab {
         let (_, mut anew) = self.trained(&scene, &everywhere, None, self.steps)?;
         anew.seconds += made;
         let mut adapted = Vec::new();
-        for drawn in [Drawn::Everywhere, Drawn::NearTheChange] {
-            let near = (drawn == Drawn::NearTheChange).then_some(old_sections);
+        for drawn in [SamplePlacement::Everywhere, SamplePlacement::NearTheChange] {
+            let near = (drawn == SamplePlacement::NearTheChange).then_some(old_sections);
             let begun = Instant::now();
             let samples = self.samples(&scene, &own, near);
             let made = exact + begun.elapsed().as_secs_f64();
@@ -302,8 +304,8 @@ impl Report {
                     format!("{:.2e}", edit.anew.mse),
                     format!("{:.1}", edit.anew.seconds),
                     match drawn {
-                        Drawn::Everywhere => "everywhere".into(),
-                        Drawn::NearTheChange => "half near the change".into(),
+                        SamplePlacement::Everywhere => "everywhere".into(),
+                        SamplePlacement::NearTheChange => "half near the change".into(),
                     },
                     format!("{:.2e}", last.mse),
                     format!("{}{}", if met { "" } else { "more than " }, last.steps),

@@ -23,7 +23,7 @@ use serde::Serialize;
 
 use crate::candidates::reference_scene;
 use crate::document::Document;
-use crate::measurement::{Machine, ROUNDS, least_seconds};
+use crate::measurement::{Machine, ROUNDS, minimum_seconds};
 use growth::Growth;
 
 /// Exact sections against scipy, and how their cost grows
@@ -85,7 +85,7 @@ pub(crate) fn run(session: &Session, arguments: &ExactArguments) -> Result<()> {
     let orientations = OrientationSet::parse(&format!("fibonacci:{SECTIONS}"))?.orientations;
     session.note(&format!("sections: {}", plan.describe()));
     let control = session.control(&|_| {});
-    let [sections_seconds, imf_seconds] = least_seconds(
+    let [sections_seconds, imf_seconds] = minimum_seconds(
         ROUNDS,
         [
             &mut || Ok(stream_sections(&plan, &orientations, control, || (), |(), _, _| {}).map(drop)?),
@@ -184,7 +184,7 @@ fn sphere() -> Mesh {
 fn voxels_of_a_sphere() -> Result<f64> {
     let mesh = sphere();
     let grid = Grid { origin: DVec3::splat(-1.01), pitch: 2.02 / 128.0, dims: [128; 3] };
-    let [seconds] = least_seconds(
+    let [seconds] = minimum_seconds(
         2 * ROUNDS,
         [&mut || {
             ensure!(voxelize(&mesh, &grid, false).count() > 0, "a sphere has an inside");

@@ -12,7 +12,7 @@ use std::path::PathBuf;
 use anyhow::{Result, bail, ensure};
 use clap::{Args, ValueEnum};
 use imf_cli::engine::Device;
-use imf_cli::interrupt::{self, Interrupted};
+use imf_cli::interrupt::{self, Interruption};
 use imf_cli::output::{prepare_folder, print, print_json};
 use imf_cli::session::Session;
 use imf_core::orientation::{Orientation, OrientationSet};
@@ -27,7 +27,7 @@ use serde_json::{Value, json};
 use crate::candidates::reference_scene;
 use crate::document::Document;
 use crate::exact::SECTIONS;
-use crate::measurement::{Machine, ROUNDS, least_seconds};
+use crate::measurement::{Machine, ROUNDS, minimum_seconds};
 use crate::train::{self, Rounds, Steps};
 
 /// What a GPU does beside the CPU of the same machine, with values compared
@@ -205,7 +205,7 @@ pub(crate) fn run(session: &Session, arguments: &GpuArguments) -> Result<()> {
         parts.push(part);
         if interrupt::requested() {
             let kept = format!("what was measured is in {}", arguments.out.display());
-            return Err(Interrupted(kept).into());
+            return Err(Interruption(kept).into());
         }
     }
     let failed = parts.iter().filter_map(|part| Some(format!("{} ({})", part.name, part.failed.as_ref()?)));
@@ -245,7 +245,7 @@ fn exact_sections(session: &Session, gpu: &Gpu, sizes: &Sizes, part: &mut Part) 
     let plan = SectionPlan::of_scene(&scene, ToolPoints::Tip)?;
     let control = session.control(&|_| {});
     let orientations = OrientationSet::parse(&format!("fibonacci:{SECTIONS}"))?.orientations;
-    let [ours] = least_seconds(
+    let [ours] = minimum_seconds(
         ROUNDS,
         [&mut || Ok(stream_sections(&plan, &orientations, control, || (), |(), _, _| {}).map(drop)?)],
     )?;

@@ -75,7 +75,7 @@ fn main() -> ExitCode {
 
 fn run(cli: &Cli, rank: Rank) -> anyhow::Result<()> {
     let session = Session::new(&cli.global, rank)?;
-    let _keeping = imf_cli::interrupt::keep();
+    let _keeping = imf_cli::interrupt::stop_cleanly();
     match &cli.command {
         Command::Access(arguments) => access::run(&session, arguments),
         Command::Edits(arguments) => edits::run(&session, arguments),

@@ -95,7 +95,7 @@ pub(crate) fn better_seconds<T>(mut work: impl FnMut() -> Result<T>) -> Result<(
 }
 
 /// The minimum seconds of each work, all by turns: a busy moment then slows none of them alone.
-pub(crate) fn least_seconds<const N: usize>(
+pub(crate) fn minimum_seconds<const N: usize>(
     rounds: usize,
     mut works: [&mut dyn FnMut() -> Result<()>; N],
 ) -> Result<[f64; N]> {

@@ -145,7 +145,7 @@ enum Training {
 
 /// The result of a training, as it is saved.
 #[derive(Serialize, Deserialize)]
-pub(crate) enum Trained {
+pub(crate) enum TrainingResult {
     Finished(Box<RunSummary>),
     /// The loss rose for good: a finding (the paper has one too), not a failure of the report. In words, where.
     Diverged(String),
@@ -185,13 +185,13 @@ impl Bench<'_> {
         };
         let Some(cell) = self.cell(name, source, make)? else { return Ok(Training::Missing) };
         Ok(match cell.value {
-            Trained::Finished(summary) => {
+            TrainingResult::Finished(summary) => {
                 let precision = summary.stages.first().map(|stage| stage.precision).unwrap_or_default();
                 let made_on = format!("{}, {precision}", cell.made_on);
                 let folder = folder(&in_precision(source, precision)?)?;
                 Training::Finished(Run { summary: *summary, made_on, folder })
             }
-            Trained::Diverged(what) => Training::Diverged(format!("{what} (on {})", cell.made_on)),
+            TrainingResult::Diverged(what) => Training::Diverged(format!("{what} (on {})", cell.made_on)),
         })
     }
 
@@ -207,10 +207,10 @@ fn part_label(part: ReferencePart) -> String {
 }
 
 /// Runs a recipe without variants to its end, or to its divergence.
-pub(crate) fn trained(runner: &Runner<'_>, source: &Source, folder: &Path) -> Result<Trained> {
+pub(crate) fn trained(runner: &Runner<'_>, source: &Source, folder: &Path) -> Result<TrainingResult> {
     match runner.run(source, folder) {
-        Ok(mut summary) => Ok(Trained::Finished(Box::new(summary.runs.remove(0)))),
-        Err(error) => divergence(&error).map(Trained::Diverged).ok_or(error),
+        Ok(mut summary) => Ok(TrainingResult::Finished(Box::new(summary.runs.remove(0)))),
+        Err(error) => divergence(&error).map(TrainingResult::Diverged).ok_or(error),
     }
 }
 

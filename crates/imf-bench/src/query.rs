@@ -24,7 +24,7 @@ use serde::Serialize;
 
 use crate::candidates::reference_scene;
 use crate::document::Document;
-use crate::measurement::{Machine, ROUNDS, least_seconds};
+use crate::measurement::{Machine, ROUNDS, minimum_seconds};
 
 /// Answers a second at random poses, one core: exact, verified and learnt fields beside mesh collision libraries
 #[derive(Args)]
@@ -209,7 +209,7 @@ impl Trial<'_> {
     ) -> Result<Row> {
         let mut seconds = 0.0;
         for (index, poses) in self.poses.chunks(BATCH).enumerate() {
-            let [least] = least_seconds(ROUNDS, [&mut || ask(poses, index * BATCH)])?;
+            let [least] = minimum_seconds(ROUNDS, [&mut || ask(poses, index * BATCH)])?;
             seconds += least;
         }
         Ok(Row {

@@ -17,7 +17,7 @@ use serde::Serialize;
 use crate::cells::{Cells, device_name};
 use crate::document::Document;
 use crate::measurement::Machine;
-use crate::paper::{IN_HALVES, Trained, learns_in_halves, trained};
+use crate::paper::{IN_HALVES, TrainingResult, learns_in_halves, trained};
 use crate::recipe::{RANDOM, Runner, Source, built_in};
 
 /// The learning rate that the paper's network bears, over width and ω
@@ -90,11 +90,11 @@ pub(crate) fn run(session: &Session, arguments: &RatesArguments) -> Result<()> {
                 let folder = out.join("runs").join(format!("{name}-{}", cells.mark(&source)?));
                 let outcome = cells.get(&name, &source, || trained(&runner, &source, &folder))?;
                 mse.push(match outcome.value {
-                    Trained::Finished(run) => {
+                    TrainingResult::Finished(run) => {
                         let mut answers = run.results.iter().flat_map(|result| &result.answers);
                         answers.find(|answer| answer.name.ends_with(RANDOM)).map(|answer| answer.errors.mse)
                     }
-                    Trained::Diverged(_) => None,
+                    TrainingResult::Diverged(_) => None,
                 });
             }
             networks.push(Network { width, omega, rate: shape.rate(), mse });

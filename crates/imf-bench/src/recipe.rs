@@ -16,7 +16,7 @@
 //! begins is checked there.
 
 mod definition;
-mod questions;
+mod evaluation_sets;
 mod scenes;
 mod source;
 mod stage;
@@ -25,7 +25,7 @@ mod summary;
 mod tests;
 
 pub(crate) use definition::{Recipe, SceneSettings, Stage};
-pub(crate) use questions::{Answer, Questions, RANDOM};
+pub(crate) use evaluation_sets::{Answer, EvaluationSets, RANDOM};
 pub(crate) use scenes::Scenes;
 pub(crate) use source::{Source, built_in};
 pub(crate) use stage::Runner;
@@ -258,7 +258,7 @@ impl Runner<'_> {
             summary.add(stage, coarse.record.grid.dims, &trained);
             models.insert(&stage.name, trained);
         }
-        let questions = Questions::of(&recipe.evaluation)?;
+        let evaluation_sets = EvaluationSets::of(&recipe.evaluation)?;
         for stage in recipe.results() {
             let model = &models[stage.name.as_str()];
             if summary.results.is_empty() {
@@ -268,7 +268,7 @@ impl Runner<'_> {
             let key = (&recipe.evaluation, shape, &model.scene.record, checksum(&model.state.parameters));
             let name = summary::name(variant, &stage.name).replace(", ", "-");
             let answers = cells.get(&name, &key, || {
-                questions.report(self.session, self.device, model, &stage_folder(folder, stage))
+                evaluation_sets.report(self.session, self.device, model, &stage_folder(folder, stage))
             })?;
             let parameters = shape.parameter_count();
             summary.results.push(Outcome { stage: stage.name.clone(), parameters, answers: answers.value });

@@ -42,7 +42,7 @@ pub(crate) struct ShopArguments {
     out: PathBuf,
     /// These alone; several with commas
     #[arg(long, value_enum, value_delimiter = ',', value_name = "QUESTION")]
-    only: Vec<Question>,
+    only: Vec<ShopCase>,
     /// Random prismatic parts, beside the reference parts
     #[arg(long, default_value_t = 20, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=1_000))]
     parts: u32,
@@ -77,7 +77,7 @@ pub(crate) struct ShopArguments {
 
 /// What is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Question {
+enum ShopCase {
     Setups,
     StickOut,
     Crib,
@@ -86,7 +86,7 @@ enum Question {
 }
 
 impl ShopArguments {
-    fn asks(&self, question: Question) -> bool {
+    fn runs(&self, question: ShopCase) -> bool {
         self.only.is_empty() || self.only.contains(&question)
     }
 }
@@ -119,19 +119,19 @@ pub(crate) fn run(session: &Session, arguments: &ShopArguments) -> Result<()> {
     prepare_folder(&arguments.out)?;
     let mut machine = Machine::new(THREADS);
     let setups =
-        if arguments.asks(Question::Setups) { setups::rows(session, arguments)? } else { Vec::new() };
-    let surface = (arguments.asks(Question::StickOut) || arguments.asks(Question::Crib))
+        if arguments.runs(ShopCase::Setups) { setups::rows(session, arguments)? } else { Vec::new() };
+    let surface = (arguments.runs(ShopCase::StickOut) || arguments.runs(ShopCase::Crib))
         .then(|| Surface::new(arguments))
         .transpose()?;
-    let of_surface = |question| surface.as_ref().filter(|_| arguments.asks(question));
-    let stick_out = of_surface(Question::StickOut)
+    let of_surface = |question| surface.as_ref().filter(|_| arguments.runs(question));
+    let stick_out = of_surface(ShopCase::StickOut)
         .map(|surface| stick_out::Row::new(session, surface, arguments))
         .transpose()?;
     let crib =
-        of_surface(Question::Crib).map(|surface| crib::Row::new(session, surface, arguments)).transpose()?;
+        of_surface(ShopCase::Crib).map(|surface| crib::Row::new(session, surface, arguments)).transpose()?;
     let machine_poses =
-        arguments.asks(Question::Machine).then(|| machine::Row::new(session, arguments)).transpose()?;
-    let stock = if arguments.asks(Question::Stock) { stock::rows()? } else { Vec::new() };
+        arguments.runs(ShopCase::Machine).then(|| machine::Row::new(session, arguments)).transpose()?;
+    let stock = if arguments.runs(ShopCase::Stock) { stock::rows()? } else { Vec::new() };
     machine.finish();
     let report = Report { machine, setups, stick_out, crib, machine_poses, stock };
     let document = report.document();

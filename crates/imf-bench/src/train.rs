@@ -11,7 +11,7 @@ use clap::Args;
 use imf_cli::arguments::DeviceArguments;
 use imf_cli::arguments::numbers::{named, parse_count};
 use imf_cli::engine::Device;
-use imf_cli::interrupt::{self, Interrupted};
+use imf_cli::interrupt::{self, Interruption};
 use imf_cli::output::prepare_folder;
 use imf_cli::session::Session;
 use imf_fields::recipe::TrainingPlan;
@@ -132,7 +132,7 @@ pub(crate) fn run(session: &Session, arguments: &TrainArguments) -> Result<()> {
     }
     match &report.failed {
         None => document.show(session, &report),
-        Some(_) if interrupt::requested() => Err(Interrupted(kept).into()),
+        Some(_) if interrupt::requested() => Err(Interruption(kept).into()),
         Some(why) => bail!("{why}; {kept}"),
     }
 }

@@ -81,11 +81,11 @@ fn verified(field: Planner) -> ImfField {
 }
 
 fn exact(path: &Path) -> Result<ImfField, Refusal> {
-    let stored = FieldFile::read(path).map_err(of_file)?;
-    let scene = stored.scene();
+    let saved = FieldFile::read(path).map_err(of_file)?;
+    let scene = saved.scene();
     let field = ExactField::of_scene(scene, &scene.record.clearance).map_err(of_file)?;
     let checker = Checker::of_field(&field, scene.record.unit);
-    Ok(ImfField::new(field, Some(checker), scene, stored.calibration()))
+    Ok(ImfField::new(field, Some(checker), scene, saved.calibration()))
 }
 
 /// Opens a model whose decisions are proven, as imf_open_verified, from a file that is in memory; messages call it name. The bytes are not

@@ -238,7 +238,7 @@ impl From<MotionResult> for ImfMotion {
 }
 
 fn element(kind: ElementKind) -> i32 {
-    i32::try_from(kind.rank()).unwrap_or(i32::MAX)
+    i32::try_from(kind.order()).unwrap_or(i32::MAX)
 }
 
 impl From<Option<Distance>> for ImfDistance {

@@ -92,8 +92,8 @@ impl Device {
     }
 
     /// Opens what `--device` names for a field that is to be evaluated. `auto` is the CPU but for networks of the paper's kind.
-    pub(crate) fn for_field(name: &str, session: &Session, stored: &FieldFile) -> Result<Self> {
-        let asked = matches!(stored, FieldFile::Siren(_)) || !name.eq_ignore_ascii_case("auto");
+    pub(crate) fn for_field(name: &str, session: &Session, saved: &FieldFile) -> Result<Self> {
+        let asked = matches!(saved, FieldFile::Siren(_)) || !name.eq_ignore_ascii_case("auto");
         Self::open(if asked { name } else { "cpu" }, session)
     }
 
@@ -114,15 +114,15 @@ impl Device {
     }
 
     /// Bytes of this machine's memory that a field's coefficients take once more when it is evaluated over its grid.
-    pub(crate) fn copied_bytes(&self, stored: &FieldFile, calls: Workload) -> u64 {
-        let coefficients = stored.coefficient_count();
+    pub(crate) fn copied_bytes(&self, saved: &FieldFile, calls: Workload) -> u64 {
+        let coefficients = saved.coefficient_count();
         let coefficients = match self {
             // A harmonic field has them in memory, and one call does not need a factored field's.
-            Self::Cpu if matches!(stored, FieldFile::Harmonic(_)) || calls == Workload::One => 0,
+            Self::Cpu if matches!(saved, FieldFile::Harmonic(_)) || calls == Workload::One => 0,
             Self::Cpu => coefficients,
             Self::Gpu(gpu) => coefficients.next_multiple_of(gpu.matrix_kernel().padding()),
         };
-        if self.shares_memory() { 4 * (stored.scene().record.grid.len() * coefficients) as u64 } else { 0 }
+        if self.shares_memory() { 4 * (saved.scene().record.grid.len() * coefficients) as u64 } else { 0 }
     }
 
     /// A field on this device. For many calls over the whole grid a factored field's network runs once at every voxel, now on the

@@ -11,7 +11,7 @@ use imf_train::dataset::DatasetError;
 use thiserror::Error;
 
 use crate::commands::check::CollisionFound;
-use crate::interrupt::{self, Interrupted, NOTHING_FINISHED};
+use crate::interrupt::{self, Interruption, NOTHING_FINISHED};
 use crate::output::eprint_line;
 use crate::ranks::{Membership, Rank};
 
@@ -39,7 +39,7 @@ pub fn code_of(joins_ranks: bool, work: impl FnOnce(Rank) -> anyhow::Result<()>)
         Ok(()) => 0,
         Err(error) if is_broken_pipe(&error) => 0,
         Err(error) if error.is::<CollisionFound>() => COLLISION,
-        Err(error) if error.is::<Interrupted>() => {
+        Err(error) if error.is::<Interruption>() => {
             if rank.is_first() {
                 eprint_line(format_args!("imf: {error}"));
             }
@@ -124,7 +124,7 @@ fn remedy(cause: &(dyn std::error::Error + 'static)) -> Option<&'static str> {
         return Some("query it with imf query");
     }
     match cause.downcast_ref() {
-        Some(DatasetError::Shares { .. }) => Some("imf dataset merge"),
+        Some(DatasetError::Partitions { .. }) => Some("imf dataset merge"),
         Some(DatasetError::Unfinished { .. }) => Some("the same imf dataset command again"),
         _ => None,
     }

@@ -1,4 +1,4 @@
-//! Ctrl-C ends the program at once. Work that saves what is finished ([`keep`]) stops at the next safe place instead,
+//! Ctrl-C ends the program at once. Work that saves what is finished ([`stop_cleanly`]) stops at the next safe place instead,
 //! and only the second Ctrl-C ends it. Other work of the command is never cancelled, and need not say what a
 //! cancellation leaves.
 
@@ -19,7 +19,7 @@ const DEBOUNCE: Duration = Duration::from_millis(500);
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
 /// Number of works in progress that poll [`INTERRUPTED`] themselves.
-static KEEPING: AtomicUsize = AtomicUsize::new(0);
+static CLEAN_STOPS: AtomicUsize = AtomicUsize::new(0);
 
 /// The message where the program ends at once.
 static LAST_WORDS: Mutex<Cow<'static, str>> = Mutex::new(Cow::Borrowed(NOTHING_FINISHED));
@@ -37,13 +37,13 @@ pub fn is_cancelled(error: &anyhow::Error) -> bool {
 /// Work that the user cancelled; the text says what is saved.
 #[derive(Debug, Error)]
 #[error("interrupted: {0}")]
-pub struct Interrupted(pub String);
+pub struct Interruption(pub String);
 
 /// Starts listening for Ctrl-C and SIGTERM; `aloud` where this process prints a message.
 pub(crate) fn listen(aloud: bool) -> Result<()> {
     let mut first: Option<Instant> = None;
     ctrlc::set_handler(move || {
-        if KEEPING.load(Ordering::Relaxed) == 0 {
+        if CLEAN_STOPS.load(Ordering::Relaxed) == 0 {
             if aloud {
                 let words = LAST_WORDS.lock().unwrap_or_else(PoisonError::into_inner);
                 eprint_line(format_args!("\nimf: interrupted: {words}"));
@@ -73,17 +73,17 @@ pub(crate) const NOTHING_FINISHED: &str = "nothing was finished; run the same co
 
 /// While this lives the work itself polls for an interruption, and saves what is finished.
 #[must_use = "Ctrl-C ends the program at once as soon as this is dropped"]
-pub struct Keeping(());
+pub struct CleanStop(());
 
 /// From here on the work itself polls for an interruption.
-pub fn keep() -> Keeping {
-    KEEPING.fetch_add(1, Ordering::Relaxed);
-    Keeping(())
+pub fn stop_cleanly() -> CleanStop {
+    CLEAN_STOPS.fetch_add(1, Ordering::Relaxed);
+    CleanStop(())
 }
 
-impl Drop for Keeping {
+impl Drop for CleanStop {
     fn drop(&mut self) {
-        KEEPING.fetch_sub(1, Ordering::Relaxed);
+        CLEAN_STOPS.fetch_sub(1, Ordering::Relaxed);
         leave(Cow::Borrowed("what was finished is kept; run the same command again"));
     }
 }

@@ -15,7 +15,7 @@ mod log;
 mod memory;
 mod siren5;
 
-pub use checkpoint::{Checkpoint, Latest, Progress, latest};
+pub use checkpoint::{Checkpoint, LatestCheckpoint, Progress, latest};
 pub(crate) use checkpoint::{is_unfinished, to_resume};
 pub(crate) use curve::loss_chart;
 pub use data::Data;
@@ -32,14 +32,14 @@ use std::time::Instant;
 use anyhow::{Context as _, Result, bail};
 use imf_core::field::EngineError;
 use imf_core::section::SectionError;
-use imf_fields::harmonic::coefficients::Precision;
+use imf_fields::harmonic::coefficients::StoragePrecision;
 use imf_fields::model::{HeldOutPoint, LossPoint};
 use imf_fields::recipe::TrainingPlan;
 use imf_fields::recipe::schedule::Schedule;
 use imf_train::training::TrainingEngine;
 use imf_train::training::run::{Observer, Outcome, Report, Start, TrainError};
 
-use crate::interrupt::{self, Interrupted};
+use crate::interrupt::{self, Interruption};
 use crate::output::lock_folder;
 use crate::progress::Stage;
 use crate::session::Session;
@@ -86,7 +86,7 @@ struct Training<'a, T> {
     /// Whether it goes on from a checkpoint of `out`.
     resumed: bool,
     /// How the finished weights are saved.
-    precision: Precision,
+    precision: StoragePrecision,
     /// What is watched beside the loss.
     held_out: Option<HeldOutWatch>,
 }
@@ -299,7 +299,7 @@ impl<T: Checkpoint> Run<'_, T> {
     fn interrupted(&self, total: u64) -> anyhow::Error {
         let path = self.files.last().map_or_else(String::new, |(path, _)| path.display().to_string());
         let (steps, go_on) = (self.progress.steps, self.settings.go_on);
-        Interrupted(format!("step {steps} of {total} is saved in {path}; {go_on} to go on")).into()
+        Interruption(format!("step {steps} of {total} is saved in {path}; {go_on} to go on")).into()
     }
 
     /// Adds what is left to go on from.

@@ -128,7 +128,10 @@ impl Rank {
     fn all(self, number: u64) -> Result<Vec<u64>, EngineError> {
         #[cfg(feature = "mpi")]
         if self.of > 1 {
-            return imf_train::engine::ranks::Exchange::all(&mut world::MpiExchange::new(self), number);
+            return imf_train::engine::ranks::Collectives::all_gather_number(
+                &mut world::MpiCollectives::new(self),
+                number,
+            );
         }
         Ok(vec![number])
     }
@@ -143,7 +146,7 @@ impl Rank {
     }
 
     /// Allreduce (minimum) of a number. Collective: all ranks must call it.
-    pub(crate) fn least(self, number: u64) -> Result<u64> {
+    pub(crate) fn minimum(self, number: u64) -> Result<u64> {
         Ok(self.all(number)?.into_iter().min().unwrap_or(number))
     }
 
@@ -160,7 +163,7 @@ impl Rank {
     pub(crate) fn trainer(self, cpu: CpuTrainer) -> Box<dyn TrainingEngine> {
         #[cfg(feature = "mpi")]
         if self.of > 1 {
-            let reach = world::MpiExchange::new(self);
+            let reach = world::MpiCollectives::new(self);
             return Box::new(imf_train::engine::ranks::RankTrainer::new(cpu, reach));
         }
         Box::new(cpu)

@@ -15,7 +15,7 @@ use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::section::{Quantity, SectionPlan, ToolPoints};
 use imf_core::tool::Clearance;
 use imf_fields::calibration::Calibration;
-use imf_fields::evaluation::{Exact, ImfComparison, grid_imf, grid_sections, nearest_sections};
+use imf_fields::evaluation::{ExactReference, ImfComparison, grid_imf, grid_sections, nearest_sections};
 use imf_fields::metrics::{ErrorReport, Validation};
 use ndarray::Array2;
 use serde::Serialize;
@@ -169,7 +169,7 @@ pub(crate) fn evaluate(
         )?),
     };
     let quantity = field.quantity();
-    let exact = Exact::new(&plan, quantity, bare.as_ref())?;
+    let exact = ExactReference::new(&plan, quantity, bare.as_ref())?;
     session.detail(&format!("sections: {}", plan.describe()));
     let training = subject.seen.as_ref();
     let singles: Vec<Orientation> =
@@ -300,7 +300,7 @@ impl Evaluation {
         let (grid, axis) = (self.plan.grid(), 1);
         let shown = &self.random.orientations[..self.random.len().min(3)];
         let quantity = field.quantity();
-        let exact = Exact::new(&self.plan, quantity, None)?.sections(shown, Control::quiet())?;
+        let exact = ExactReference::new(&self.plan, quantity, None)?.sections(shown, Control::quiet())?;
         let mut planes = Vec::new();
         for (orientation, section) in shown.iter().zip(&exact) {
             let mut learnt = vec![0.0; grid.len()];

@@ -26,7 +26,7 @@ mod stock;
 pub use error::CheckError;
 pub use machine::{MachineBodies, MachineFault, MachineReach, machine_remarks};
 pub use report::{CheckReport, Collision, HitBody, LineCollisions, TravelFault};
-pub use stick_out::{PathStickOut, least_stick_outs};
+pub use stick_out::{PathStickOut, shortest_stick_outs};
 pub use stock::{LineRemoval, StockLeft, StockReport, check_stock};
 
 use std::sync::Arc;
@@ -41,7 +41,7 @@ use crate::tool::{Clearance, Tool, ToolShape};
 use crate::toolpath::Toolpath;
 use crate::unit::LengthUnit;
 use elements::{Body, Elements};
-use machine::{Beyond, MachinePairs};
+use machine::{MachinePairs, TravelExcess};
 pub use motions::{cutters_not_compared, never_near};
 use motions::{motions, rigid};
 
@@ -172,7 +172,7 @@ pub fn check_toolpath(
     let fixtures: Vec<Arc<Body>> = bodies.fixtures.iter().map(fixture).collect();
     bodies.machine.map_or(Ok(()), |machine| machine.check(bodies.part.grid.pitch))?;
     let world = rigid(&toolpath.set_up);
-    let mut lines: Vec<report::Followed> = Vec::with_capacity(motions.len());
+    let mut lines: Vec<report::MotionFindings> = Vec::with_capacity(motions.len());
     for (index, (_, tool)) in tools.iter().enumerate() {
         let own: Vec<usize> = (0..motions.len()).filter(|&m| motions[m].tool == index).collect();
         if own.is_empty() {
@@ -193,13 +193,15 @@ pub fn check_toolpath(
             if let Some(pairs) = &pairs {
                 let (more, out) = pairs.follow(motion, line)?;
                 collisions.extend(more);
-                beyond.extend(out.into_iter().map(|Beyond { first, fraction, farthest }| TravelFault {
-                    line,
-                    axis: first.axis,
-                    value: first.value,
-                    farthest,
-                    range: first.range.map(|end| end.is_finite().then_some(end)),
-                    fraction,
+                beyond.extend(out.into_iter().map(|TravelExcess { first, fraction, farthest }| {
+                    TravelFault {
+                        line,
+                        axis: first.axis,
+                        value: first.value,
+                        farthest,
+                        range: first.range.map(|end| end.is_finite().then_some(end)),
+                        fraction,
+                    }
                 }));
             }
             motion.with_joints(&mut collisions);

@@ -9,8 +9,8 @@ mod guarantee;
 mod lost_surface;
 mod pitch;
 mod resolution;
+mod saved;
 mod spec;
-mod stored;
 mod warning;
 
 pub use builder::{BuiltScene, SceneBuilder};
@@ -28,7 +28,7 @@ pub use warning::SceneWarning;
 pub use spec::SceneSpec;
 // For the files of fields and datasets.
 #[doc(hidden)]
-pub use stored::StoredVoxelsError;
+pub use saved::SavedVoxelsError;
 
 use glam::{DMat4, DVec4};
 use serde::{Deserialize, Serialize};
@@ -102,7 +102,7 @@ pub struct SceneRecord {
     pub clearance: Clearance,
     /// The tool without clearance, where it was offset; see [`SceneRecord::bare_tool`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub ungrown: Option<Tool>,
+    pub bare_tool: Option<Tool>,
     /// Names of the fixtures, whose voxels are part of the obstacle.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub fixtures: Vec<String>,
@@ -151,7 +151,7 @@ impl Scene {
         let bare = self.record.bare_tool().clone();
         self.record.tool = bare.with_clearance(clearance)?;
         self.record.clearance = *clearance;
-        self.record.ungrown = (!clearance.is_zero()).then_some(bare);
+        self.record.bare_tool = (!clearance.is_zero()).then_some(bare);
         Ok(self)
     }
 }
@@ -177,7 +177,7 @@ impl SceneRecord {
     /// The tool without any clearance.
     #[must_use]
     pub fn bare_tool(&self) -> &Tool {
-        self.ungrown.as_ref().unwrap_or(&self.tool)
+        self.bare_tool.as_ref().unwrap_or(&self.tool)
     }
 }
 
@@ -275,13 +275,13 @@ pub enum SceneError {
         "{name}: solid and empty cannot be told apart: its surface has holes, or faces in no consistent way, and at {:.0} % of the voxel \
          centres in it or near it (more than {:.0} %) its winding number lies between 0.2 and 0.8; if it is a sheet, give it its \
          thickness; else close its holes and make its normals consistent (in MeshLab or Blender), or export it again as one closed solid",
-        100.0 * share, 100.0 * most
+        100.0 * fraction, 100.0 * most
     )]
     Undecided {
         /// The part or fixture.
         name: String,
         /// Fraction of the centres in or near it.
-        share: f64,
+        fraction: f64,
         /// The largest accepted fraction.
         most: f64,
     },

@@ -15,7 +15,7 @@ mod search;
 
 use crate::control::Control;
 use bits::Bits;
-use reduced::Reduced;
+use reduced::ReducedProblem;
 
 /// Which elements each set holds, and what each element weighs.
 #[derive(Clone, Debug, Default)]
@@ -195,7 +195,7 @@ impl CoverProblem {
     }
 
     /// The problem in whole numbers and with nothing in it that does not matter; `None` where nothing is to be covered.
-    fn reduced(&self, fraction: f64) -> Option<Reduced> {
+    fn reduced(&self, fraction: f64) -> Option<ReducedProblem> {
         let total: f64 = self.weights.iter().sum();
         let scale = if total > 0.0 { WHOLE / total } else { 0.0 };
         let whole: Vec<u64> = self.weights.iter().map(|w| (w * scale).round() as u64).collect();
@@ -214,7 +214,7 @@ impl CoverProblem {
         if held.is_empty() {
             return None;
         }
-        Reduced::new(weights, Vec::new(), slack, (0..self.sets() as u32).collect(), rows_of)
+        ReducedProblem::new(weights, Vec::new(), slack, (0..self.sets() as u32).collect(), rows_of)
     }
 
     /// The weight that a set adds to covered elements.

@@ -29,15 +29,15 @@ pub use access::{SurfaceAccess, surface_access, surface_memory_estimate};
 pub use candidates::{TooManySetups, candidate_setups, ways_up, with_ways_up};
 pub use contact::contact_reach;
 pub use crib::crib_access;
-pub use culprits::{ElementCollision, LeastOverlap, culprits, least_overlaps};
+pub use culprits::{ElementCollision, MinimumOverlap, culprits, minimum_overlaps};
 pub use environment::{CollisionEnvironment, SolidBody};
 pub use obstructed::ObstructedAreas;
 pub use part_setup::PartSetup;
 pub use patches::SurfacePatch;
 pub use samples::{SurfaceSample, SurfaceSamples};
 pub use setups::{SetupTool, fewest_setups, reached_in_setups, removed_in_setups};
-pub(crate) use stick_out::Raising;
-pub use stick_out::{StickOut, StickOutTool, least_stick_outs};
+pub(crate) use stick_out::StickOutSearch;
+pub use stick_out::{StickOut, StickOutTool, shortest_stick_outs};
 
 use std::sync::Arc;
 
@@ -47,7 +47,7 @@ use thiserror::Error;
 use contact::{Outline, touching};
 use inside::InnerBalls;
 use level_ring::RingPlaces;
-use sample_query::{Above, Last, Outcome, SampleQuery, TOUCH};
+use sample_query::{DirectionQuery, Last, Outcome, SampleQuery, TOUCH};
 
 use crate::control::Cancelled;
 use crate::field::solid::{SolidField, SolidVoxels};
@@ -96,7 +96,7 @@ pub fn default_tolerance(pitch: f64, unit: LengthUnit) -> f64 {
 
 /// The verdict on one sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Reach {
+pub enum SampleReach {
     /// Reached from at least one direction.
     Reached {
         /// Their number.
@@ -115,7 +115,7 @@ pub enum Reach {
     NotFaced,
 }
 
-impl Reach {
+impl SampleReach {
     /// In a word.
     #[must_use]
     pub fn verdict(&self) -> Verdict {
@@ -150,7 +150,7 @@ pub struct SurfaceTool {
     name: String,
     shape: Arc<Shape>,
     tolerance: f64,
-    /// The elements that [`Reach::Obstructed`] can name: as they are tried, and field against each body.
+    /// The elements that [`SampleReach::Obstructed`] can name: as they are tried, and field against each body.
     elements: Arc<Vec<(Element, Vec<SolidField>)>>,
     /// Maximum number of bodies of one element that 64 bits can distinguish.
     bodies: usize,
@@ -283,7 +283,7 @@ impl SurfaceTool {
         &self.name
     }
 
-    /// The hits of [`Reach::Obstructed`]: which element, from the tip upwards, and which body: 0 the part, then the
+    /// The hits of [`SampleReach::Obstructed`]: which element, from the tip upwards, and which body: 0 the part, then the
     /// fixtures. The cutter is named for fixtures alone; nothing is where the tool is free, and cannot be brought there.
     pub fn hits(&self, hits: u64) -> impl Iterator<Item = (ElementKind, usize)> {
         let set = (0..64).filter(move |bit| hits >> bit & 1 == 1);
@@ -297,7 +297,7 @@ impl SurfaceTool {
         turns: &[ToolDirection],
         cache: &mut ColliderCache,
         mut free: impl FnMut(usize),
-    ) -> Reach {
+    ) -> SampleReach {
         let query = SampleQuery::new(self, sample, None);
         let (mut reached, mut faced) = (0, false);
         let mut obstructed: Option<(f64, usize, DVec3)> = None;
@@ -318,13 +318,13 @@ impl SurfaceTool {
             }
         }
         match obstructed {
-            _ if reached > 0 => Reach::Reached { directions: reached },
+            _ if reached > 0 => SampleReach::Reached { directions: reached },
             Some((_, direction, tip)) => {
                 let hits = self.colliding(tip, turns[direction].axis);
-                Reach::Obstructed { direction: direction as u32, hits }
+                SampleReach::Obstructed { direction: direction as u32, hits }
             }
-            None if faced => Reach::Gouged,
-            None => Reach::NotFaced,
+            None if faced => SampleReach::Gouged,
+            None => SampleReach::NotFaced,
         }
     }
 
@@ -356,7 +356,11 @@ impl SurfaceTool {
     ) -> Outcome {
         let is_free = |tip| self.is_rest_free(tip, turn.axis, at_rest) && self.is_brought(tip, turn.axis);
         let mut rings = RingPlaces::default();
-        query.best_pose(turn, at_cutter, &mut Above { rest: self.rest(), is_free, rings: &mut rings })
+        query.best_pose(
+            turn,
+            at_cutter,
+            &mut DirectionQuery { rest: self.rest(), is_free, rings: &mut rings },
+        )
     }
 
     /// Shank and holder; none of a mesh tool.

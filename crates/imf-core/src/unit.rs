@@ -90,11 +90,11 @@ impl fmt::Display for ImplausibleSize {
         if extents == DVec3::ZERO {
             return write!(f, "all corners of the part lie in one point; export it again");
         }
-        let [x, y, z] = extents.to_array().map(Length);
+        let [x, y, z] = extents.to_array().map(DisplayLength);
         write!(f, "the part measures {x} × {y} × {z} {unit}, which is outside the range of 0.1 mm to 20 m;")?;
         let others = LengthUnit::ALL.into_iter().filter(|&other| other != unit);
         for (i, other) in others.enumerate() {
-            let [x, y, z] = (extents * other.in_mm()).to_array().map(Length);
+            let [x, y, z] = (extents * other.in_mm()).to_array().map(DisplayLength);
             let lead = if i == 0 { " were the file in " } else { ", in " };
             write!(f, "{lead}{other} it would be {x} × {y} × {z} mm")?;
         }
@@ -104,9 +104,9 @@ impl fmt::Display for ImplausibleSize {
 
 /// A length, an area or a volume for people: to four significant digits, without needless zeros.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Length(pub f64);
+pub struct DisplayLength(pub f64);
 
-impl fmt::Display for Length {
+impl fmt::Display for DisplayLength {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let magnitude = self.0.abs();
         if magnitude != 0.0 && !(1e-4..1e7).contains(&magnitude) {
@@ -146,7 +146,7 @@ pub struct ImplausibleProportion {
 impl fmt::Display for ImplausibleProportion {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { longest, thickness, unit } = *self;
-        let (long, thick) = (Length(longest), Length(thickness));
+        let (long, thick) = (DisplayLength(longest), DisplayLength(thickness));
         write!(
             f,
             "the part's longest side is {long} {unit}, and the tool is at least {thick} {unit} thick;"
@@ -154,7 +154,7 @@ impl fmt::Display for ImplausibleProportion {
         let others = LengthUnit::ALL.into_iter().filter(|&other| other != unit);
         for (i, other) in others.enumerate() {
             let lead = if i == 0 { " were the part in " } else { ", in " };
-            let (long, in_unit) = (Length(longest * other.in_mm() / unit.in_mm()), unit);
+            let (long, in_unit) = (DisplayLength(longest * other.in_mm() / unit.in_mm()), unit);
             write!(f, "{lead}{other} its side would be {long} {in_unit}")?;
         }
         Ok(())
@@ -214,7 +214,7 @@ mod tests {
 
     #[test]
     fn lengths_are_short() {
-        let shown = [0.0, 100.0, 12345.6, 0.00123456, 1e-9, 99.996].map(|v| Length(v).to_string());
+        let shown = [0.0, 100.0, 12345.6, 0.00123456, 1e-9, 99.996].map(|v| DisplayLength(v).to_string());
         assert_eq!(shown, ["0", "100", "12346", "0.001235", "1.000e-9", "100"]);
     }
 }

@@ -6,14 +6,14 @@
 //! closure that can be called but once, whose body is always inlined.
 
 /// What a closure that can be called but once takes away.
-pub struct Once;
+pub struct OnceToken;
 
 /// `vectorised!(arch, expression)`: the expression's value. What it calls must be `#[inline(always)]`, or it stays as it is.
 #[macro_export]
 #[doc(hidden)]
 macro_rules! __vectorised {
     ($arch:expr, $body:expr) => {{
-        let once = $crate::vectorised::Once;
+        let once = $crate::vectorised::OnceToken;
         $arch.dispatch(
             #[inline(always)]
             || {

@@ -35,7 +35,7 @@ const UNDECIDED: (f64, f64) = (0.2, 0.8);
 
 /// Solid voxels, and how sure it is that they are.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Voxelized {
+pub struct VoxelizeResult {
     /// The solid voxels.
     pub solid: Occupancy,
     /// Of the voxel centres with a winding number of at least 0.2 (those inside or nearly so), the fraction at which
@@ -62,7 +62,7 @@ pub fn voxelize_with(
     grid: &Grid,
     conservative: bool,
     control: Control<'_>,
-) -> Result<Voxelized, Cancelled> {
+) -> Result<VoxelizeResult, Cancelled> {
     let cone = BoundaryCone::new(mesh, &boundary_chain(mesh));
     control.check()?;
     let mut triangles: Vec<WeightedTriangle> =
@@ -111,7 +111,7 @@ pub fn voxelize_with(
     );
     control.check()?;
     let undecided = undecided.into_inner() as f64 / claimed.into_inner().max(1) as f64;
-    Ok(Voxelized { solid: occupancy, undecided })
+    Ok(VoxelizeResult { solid: occupancy, undecided })
 }
 
 /// Generalised winding number of the mesh at a point: the definition.

@@ -153,7 +153,7 @@ pub enum WorldError {
 
 /// An obstacle, and where it stands.
 #[derive(Clone)]
-struct Standing {
+struct PlacedObstacle {
     id: ObstacleId,
     name: Arc<str>,
     /// From its own frame into the world; of length 1.
@@ -170,7 +170,7 @@ pub struct World {
     pitch: Option<f64>,
     conservative: bool,
     allow_coarse: bool,
-    obstacles: Vec<Standing>,
+    obstacles: Vec<PlacedObstacle>,
     warnings: Vec<SceneWarning>,
     next: u64,
 }
@@ -326,7 +326,7 @@ impl World {
         Checker::new(self, tool.in_unit(self.unit).offset(clearance)?)
     }
 
-    fn standing_mut(&mut self, id: ObstacleId) -> Result<&mut Standing, WorldError> {
+    fn standing_mut(&mut self, id: ObstacleId) -> Result<&mut PlacedObstacle, WorldError> {
         self.obstacles.iter_mut().find(|standing| standing.id == id).ok_or(WorldError::Unknown(id))
     }
 
@@ -344,7 +344,7 @@ impl World {
             let (low, high) = (grid.centre(low), grid.centre(high));
             (0.5 * (low + high), 0.5 * (high - low).length())
         });
-        self.obstacles.push(Standing { id, name: name.into(), at, prepared, ball });
+        self.obstacles.push(PlacedObstacle { id, name: name.into(), at, prepared, ball });
         id
     }
 }

@@ -41,9 +41,9 @@ const BOW: f64 = 45.0;
 
 /// A field of signed depth over the coarse bracket and as much space around it as its values reach.
 fn tool() -> Result<Planner, Box<dyn Error>> {
-    let (quantity, axes) = (Quantity::Depth, 60);
+    let (quantity, components) = (Quantity::Depth, 60);
     let settings =
-        FitSettings { quantity, degree: 8, sections_per_function: 2.0, axes, ..FitSettings::default() };
+        FitSettings { quantity, degree: 8, sections_per_function: 2.0, components, ..FitSettings::default() };
     Ok(Planner::new(bracket::field(0.0, 8, settings)?)?)
 }
 

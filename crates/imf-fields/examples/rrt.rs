@@ -32,7 +32,7 @@ fn pose(state: &[f64]) -> Pose {
 }
 
 /// A way found, and what finding it took.
-struct Found {
+struct PlannedPath {
     way: Vec<Pose>,
     asked: usize,
     seconds: f64,
@@ -40,7 +40,7 @@ struct Found {
     proven: usize,
 }
 
-fn plan(seed: u64) -> Result<Found, Box<dyn Error>> {
+fn plan(seed: u64) -> Result<PlannedPath, Box<dyn Error>> {
     let mesh = ReferencePart::Bracket.mesh();
     let (lower, upper) = mesh.bounds().ok_or("the bracket has no triangle")?;
     let world = World::builder().pitch(3.0).obstacle(ObstacleMesh::new("bracket", mesh)).build()?;
@@ -82,11 +82,11 @@ fn plan(seed: u64) -> Result<Found, Box<dyn Error>> {
     };
     let proven = way.windows(2).filter(free).count();
     let (asked, seconds) = seconds.into_inner();
-    Ok(Found { way, asked, seconds, proven })
+    Ok(PlannedPath { way, asked, seconds, proven })
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let Found { way, asked, seconds, proven } = plan(1)?;
+    let PlannedPath { way, asked, seconds, proven } = plan(1)?;
     println!(
         "a way of {} poses; {asked} poses asked one by one, {:.0} poses/s; {proven} of {} pieces proven free",
         way.len(),

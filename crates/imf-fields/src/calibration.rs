@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 
 /// A field that decides must call at least this fraction of the clear poses free: one that leaves most to an exact
 /// check meets any false-free rate.
-const LEAST_FOUND: f64 = 0.5;
+const MINIMUM_FOUND: f64 = 0.5;
 
 /// Errors of one kind among poses of one kind.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -43,7 +43,7 @@ impl Rate {
     }
 
     /// The rate, from 0 to 1; 0 of no poses.
-    pub fn share(&self) -> f64 {
+    pub fn fraction(&self) -> f64 {
         self.wrong as f64 / self.of.max(1) as f64
     }
 }
@@ -68,7 +68,7 @@ impl Default for Goals {
 
 /// Rates measured on poses of one kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Judgement {
+pub struct DecisionRates {
     /// Poses in all.
     pub poses: u64,
     /// Colliding poses called free.
@@ -87,14 +87,14 @@ pub struct Judgement {
     pub largest_error: f64,
 }
 
-impl Judgement {
+impl DecisionRates {
     /// Fraction of the poses that are left to an exact check.
-    pub fn undecided_share(&self) -> f64 {
+    pub fn undecided_fraction(&self) -> f64 {
         self.undecided as f64 / self.poses.max(1) as f64
     }
 
     /// Fraction of the clear poses that are called free.
-    pub fn found_share(&self) -> f64 {
+    pub fn found_fraction(&self) -> f64 {
         self.found_free as f64 / self.false_colliding.of.max(1) as f64
     }
 }
@@ -111,27 +111,27 @@ pub struct Calibration {
     /// Seed of the poses.
     pub seed: u64,
     /// Uniform positions in the query box, uniform orientations.
-    pub uniform: Judgement,
+    pub uniform: DecisionRates,
     /// Poses within one pitch of the true tool's contact.
-    pub boundary: Judgement,
+    pub boundary: DecisionRates,
 }
 
 impl Calibration {
     /// Thresholds whose rates have not been measured.
     #[doc(hidden)]
     #[must_use]
-    pub fn unjudged(free_up_to: Option<f32>, colliding_from: Option<f32>) -> Self {
-        let (goals, judged) = (Goals::default(), Judgement::default());
-        Self { free_up_to, colliding_from, goals, seed: 0, uniform: judged, boundary: judged }
+    pub fn unmeasured(free_up_to: Option<f32>, colliding_from: Option<f32>) -> Self {
+        let (goals, rates) = (Goals::default(), DecisionRates::default());
+        Self { free_up_to, colliding_from, goals, seed: 0, uniform: rates, boundary: rates }
     }
 
     /// True where the bounds of the uniform poses' rates meet the goals, and half of the clear poses or more are
     /// called free.
-    pub fn keeps_its_goals(&self) -> bool {
+    pub fn meets_its_goals(&self) -> bool {
         let Self { goals, uniform, .. } = self;
         uniform.false_free.bound <= goals.false_free
             && uniform.false_colliding.bound <= goals.false_colliding
-            && uniform.found_share() >= LEAST_FOUND
+            && uniform.found_fraction() >= MINIMUM_FOUND
     }
 
     /// The decision of a value, not clipped.

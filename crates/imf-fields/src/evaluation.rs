@@ -3,7 +3,7 @@
 
 mod exact;
 
-pub use exact::Exact;
+pub use exact::ExactReference;
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -34,14 +34,14 @@ pub enum EvaluationError {
 
 /// Errors over a set of sections.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct SectionErrors {
+pub struct SectionMetrics {
     /// All sections together.
     pub overall: ErrorReport,
     /// Each section's own.
     pub sections: Vec<ErrorReport>,
 }
 
-impl SectionErrors {
+impl SectionMetrics {
     /// The mean squared error with its standard error, where the orientations were drawn at random.
     pub fn validation(&self) -> Validation {
         Validation::of(&self.sections.iter().map(|section| (section.mse, section.mpe)).collect::<Vec<_>>())
@@ -53,12 +53,12 @@ impl SectionErrors {
 /// # Errors
 /// A failed section, a field that failed, or cancellation.
 pub fn grid_sections(
-    exact: &Exact<'_>,
+    exact: &ExactReference<'_>,
     orientations: &[Orientation],
     field: &dyn GridField,
     threshold: f64,
     control: Control<'_>,
-) -> Result<SectionErrors, EvaluationError> {
+) -> Result<SectionMetrics, EvaluationError> {
     compare(exact, orientations, threshold, control, |_, part, values| Ok(field.sections(part, values)?))
 }
 
@@ -74,7 +74,7 @@ pub fn field_sections(
     threshold: f64,
     control: Control<'_>,
     mut field: impl FnMut(&Orientation, &mut [f32]),
-) -> Result<SectionErrors, EvaluationError> {
+) -> Result<SectionMetrics, EvaluationError> {
     compare(&plan.into(), orientations, threshold, control, |_, part, values| {
         part.iter().zip(values.chunks_exact_mut(plan.grid().len())).for_each(|(o, values)| field(o, values));
         Ok(())
@@ -112,12 +112,12 @@ pub fn field_imf(
 /// # Errors
 /// A failed section, an empty `training`, or cancellation.
 pub fn nearest_sections(
-    exact: &Exact<'_>,
+    exact: &ExactReference<'_>,
     orientations: &[Orientation],
     training: &[Orientation],
     threshold: f64,
     control: Control<'_>,
-) -> Result<SectionErrors, EvaluationError> {
+) -> Result<SectionMetrics, EvaluationError> {
     let nearest: Vec<Orientation> = orientations
         .iter()
         .map(|o| {
@@ -159,7 +159,7 @@ pub struct ImfComparison {
 /// # Errors
 /// A failed section, a field that failed, or cancellation.
 pub fn grid_imf(
-    exact: &Exact<'_>,
+    exact: &ExactReference<'_>,
     orientations: &[Orientation],
     field: &dyn GridField,
     threshold: f64,
@@ -179,12 +179,12 @@ pub fn grid_imf(
 
 /// `field` writes the sections of a few orientations, the first of which has the index that it is given.
 fn compare(
-    exact: &Exact<'_>,
+    exact: &ExactReference<'_>,
     orientations: &[Orientation],
     threshold: f64,
     control: Control<'_>,
     mut field: impl FnMut(usize, &[Orientation], &mut [f32]) -> Result<(), EvaluationError>,
-) -> Result<SectionErrors, EvaluationError> {
+) -> Result<SectionMetrics, EvaluationError> {
     let mut overall = Errors::default();
     let mut each = Vec::with_capacity(orientations.len());
     let voxels = exact.plan.grid().len();
@@ -203,7 +203,7 @@ fn compare(
             (control.progress)(1);
         }
     }
-    Ok(SectionErrors { overall: overall.report(threshold), sections: each })
+    Ok(SectionMetrics { overall: overall.report(threshold), sections: each })
 }
 
 #[cfg(test)]

@@ -70,7 +70,7 @@ pub struct FactoredShape {
     /// Frequency factor ω inside every sine.
     pub omega: f32,
     /// Outputs: principal axes of the harmonic field, or as many as neurons in a folded network.
-    pub axes: usize,
+    pub components: usize,
     /// There is no layer behind the last sines, which are the outputs.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub folded: bool,
@@ -83,21 +83,21 @@ impl std::fmt::Display for FactoredShape {
     /// Inputs, hidden layers and, where there is a layer behind these, its outputs: `3→256×3→160`.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "{}→{}×{}", self.symmetry.inputs(), self.width, self.hidden)?;
-        if self.folded { Ok(()) } else { write!(f, "→{}", self.axes) }
+        if self.folded { Ok(()) } else { write!(f, "→{}", self.components) }
     }
 }
 
 impl FactoredShape {
     /// The network as a stack of layers.
     pub fn stack(&self) -> Stack {
-        let Self { width, hidden, omega, axes, folded, symmetry } = *self;
+        let Self { width, hidden, omega, components, folded, symmetry } = *self;
         Stack {
             inputs: symmetry.inputs(),
             width,
             hidden,
             skip_after: None,
             omega,
-            outputs: axes,
+            outputs: components,
             ending: if folded { Ending::Sines } else { Ending::Linear },
         }
     }
@@ -124,7 +124,7 @@ impl FactoredShape {
     /// The same network without its linear layer.
     #[must_use]
     pub fn folded(self) -> Self {
-        Self { axes: self.width, folded: true, ..self }
+        Self { components: self.width, folded: true, ..self }
     }
 
     /// Number of parameters, weights and biases together.
@@ -147,8 +147,8 @@ pub struct FactoredField {
     pub grid: Grid,
     /// The functions of the orientation, K of them.
     pub basis: Basis,
-    /// U: `[K][axes]`, orthonormal columns where the network is not folded.
-    pub axes: Vec<f32>,
+    /// U: `[K][components]`, orthonormal columns where the network is not folded.
+    pub components: Vec<f32>,
     /// μ: `[K]`.
     pub mean: Vec<f32>,
     /// The shape of g.
@@ -176,7 +176,7 @@ impl FactoredField {
     /// Prepares orientations for the coefficients of [`FactoredEvaluator`].
     pub fn direction_weights(&self, orientations: &[Orientation]) -> DirectionWeights {
         match self.local_harmonics() {
-            None => DirectionWeights::new(&self.basis, &self.axes, &self.mean, orientations),
+            None => DirectionWeights::new(&self.basis, &self.components, &self.mean, orientations),
             Some(local) => DirectionWeights::in_order(&self.basis, local.order(), orientations),
         }
     }
@@ -184,7 +184,7 @@ impl FactoredField {
     /// U and μ of coefficients that are out of the frames of their places: the field's own where those are the world's.
     fn functions_in_world(&self) -> (Cow<'_, [f32]>, Cow<'_, [f32]>) {
         match self.local_harmonics() {
-            None => (Cow::Borrowed(&self.axes), Cow::Borrowed(&self.mean)),
+            None => (Cow::Borrowed(&self.components), Cow::Borrowed(&self.mean)),
             Some(local) => (Cow::Owned(local.functions_in_order()), Cow::Owned(vec![0.0; local.len()])),
         }
     }
@@ -198,12 +198,12 @@ impl FactoredField {
     /// Coefficients of a point as [`FactoredEvaluator`] has them for [`Self::direction_weights`]: axes, or functions where the network is
     /// symmetry-reduced.
     pub fn coefficient_count(&self) -> usize {
-        self.shape.symmetry.coefficients(self.shape.axes, self.basis.len())
+        self.shape.symmetry.coefficients(self.shape.components, self.basis.len())
     }
 
     /// Numbers that the field consists of: weights, axes and mean.
     pub fn parameter_count(&self) -> usize {
-        self.parameters.len() + self.axes.len() + self.mean.len()
+        self.parameters.len() + self.components.len() + self.mean.len()
     }
 
     /// Bytes of these in f32.

@@ -111,7 +111,7 @@ impl FieldFile {
     pub fn coefficient_count(&self) -> usize {
         match self {
             Self::Siren(_) => 0,
-            Self::Harmonic(file) => file.field.axis_count(),
+            Self::Harmonic(file) => file.field.component_count(),
             Self::Factored(file) => file.field.coefficient_count(),
         }
     }

@@ -90,11 +90,11 @@ pub struct HarmonicField {
     pub grid: Grid,
     /// The functions of the orientation, K of them.
     pub basis: Basis,
-    /// U: `[K][axes]`, orthonormal columns.
-    pub axes: Vec<f32>,
+    /// U: `[K][components]`, orthonormal columns.
+    pub components: Vec<f32>,
     /// μ: `[K]`.
     pub mean: Vec<f32>,
-    /// z: `[voxel][axes]`.
+    /// z: `[voxel][components]`.
     pub coefficients: Coefficients,
     /// Its measured errors.
     pub report: FitReport,
@@ -102,14 +102,14 @@ pub struct HarmonicField {
 
 impl HarmonicField {
     /// Number of principal components.
-    pub fn axis_count(&self) -> usize {
-        self.axes.len() / self.basis.len()
+    pub fn component_count(&self) -> usize {
+        self.components.len() / self.basis.len()
     }
 
     /// Bytes of the coefficients and axes.
     pub fn bytes(&self) -> u64 {
         self.coefficients.len() as u64 * self.coefficients.precision().bytes()
-            + 4 * (self.axes.len() + self.mean.len()) as u64
+            + 4 * (self.components.len() + self.mean.len()) as u64
     }
 }
 

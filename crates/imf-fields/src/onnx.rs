@@ -84,8 +84,8 @@ pub enum OnnxError {
 }
 
 /// Bytes of a field's numbers in its graph; writing takes three times as many of memory.
-pub fn onnx_bytes(stored: &FieldFile) -> u64 {
-    match stored {
+pub fn onnx_bytes(saved: &FieldFile) -> u64 {
+    match saved {
         FieldFile::Siren(model) => 4 * model.state.parameters.len() as u64,
         FieldFile::Harmonic(file) => file.field.bytes(),
         FieldFile::Factored(file) => file.field.bytes(),
@@ -96,27 +96,27 @@ pub fn onnx_bytes(stored: &FieldFile) -> u64 {
 ///
 /// # Errors
 /// A field of rotations; one that is larger than the format holds; a file that cannot be written.
-pub fn write_onnx(stored: &FieldFile, path: &Path) -> Result<(), OnnxError> {
-    let bytes = model(stored)?.encode_to_vec();
+pub fn write_onnx(saved: &FieldFile, path: &Path) -> Result<(), OnnxError> {
+    let bytes = model(saved)?.encode_to_vec();
     Ok(write_atomically(path, |file| file.write_all(&bytes))?)
 }
 
-fn model(stored: &FieldFile) -> Result<ModelProto, OnnxError> {
-    let size = onnx_bytes(stored);
+fn model(saved: &FieldFile) -> Result<ModelProto, OnnxError> {
+    let size = onnx_bytes(saved);
     if size > MOST_BYTES {
         return Err(OnnxError::Size(size));
     }
-    let graph = match stored {
+    let graph = match saved {
         FieldFile::Siren(model) => siren(model),
         FieldFile::Harmonic(file) => harmonic(file)?,
         FieldFile::Factored(file) => factored(file)?,
     };
-    let record = &stored.scene().record;
+    let record = &saved.scene().record;
     Ok(ModelProto {
         ir_version: IR_VERSION,
         producer_name: "imf".into(),
         producer_version: env!("CARGO_PKG_VERSION").into(),
-        doc_string: match stored.quantity() {
+        doc_string: match saved.quantity() {
             Quantity::Overlap => {
                 format!("How much of {} lies in {}, at any pose", record.tool.name, record.part)
             }
@@ -124,7 +124,7 @@ fn model(stored: &FieldFile) -> Result<ModelProto, OnnxError> {
         },
         graph: Some(graph),
         opset_import: vec![OperatorSetIdProto { domain: String::new(), version: OPSET }],
-        metadata_props: metadata(record, stored.quantity(), stored.calibration()),
+        metadata_props: metadata(record, saved.quantity(), saved.calibration()),
     })
 }
 
@@ -148,7 +148,7 @@ fn harmonic(file: &HarmonicFile) -> Result<GraphProto, OnnxError> {
     let direction = graph.input("direction", 3, DIRECTION);
     let z = interpolated::coefficients(&mut graph, &field.coefficients, &own_frame(&field.grid), &position);
     let degree = field.basis.degree();
-    let value = directions::value(&mut graph, &direction, degree, &field.axes, &field.mean, &z);
+    let value = directions::value(&mut graph, &direction, degree, &field.components, &field.mean, &z);
     let invalid = [graph.nothing_of(&position), directions::nothing_of(&mut graph, &direction)];
     Ok(answering(graph, "harmonic", &value, &invalid, (field.quantity, field.grid.pitch)))
 }
@@ -166,7 +166,7 @@ fn factored(file: &FactoredFile) -> Result<GraphProto, OnnxError> {
     let invalid = [graph.nothing_of(&position), directions::nothing_of(&mut graph, &direction)];
     let direction = place.to_local(&mut graph, &direction);
     let degree = field.basis.degree();
-    let value = directions::value(&mut graph, &direction, degree, &field.axes, &field.mean, &z);
+    let value = directions::value(&mut graph, &direction, degree, &field.components, &field.mean, &z);
     Ok(answering(graph, "factored", &value, &invalid, (field.quantity, field.grid.pitch)))
 }
 

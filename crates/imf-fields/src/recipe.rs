@@ -169,7 +169,7 @@ impl TrainingState {
 /// How long to train.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Length {
+pub enum TrainingLength {
     /// Passes over all samples.
     Epochs(u64),
     /// Steps, whatever the number of samples; the last epoch may be cut short.
@@ -184,7 +184,7 @@ pub enum Length {
 #[serde(default, deny_unknown_fields)]
 pub struct TrainingPlan {
     /// How long to train.
-    pub length: Length,
+    pub length: TrainingLength,
     /// Samples of a step.
     pub batch: usize,
     /// Learning rate.
@@ -211,7 +211,7 @@ impl Default for TrainingPlan {
     /// The paper's: 50 epochs, a rate of 5e-4 that falls by 7 % an epoch.
     fn default() -> Self {
         Self {
-            length: Length::Epochs(50),
+            length: TrainingLength::Epochs(50),
             batch: 1024,
             schedule: Schedule::default(),
             adam: AdamConfig::default(),
@@ -228,7 +228,7 @@ impl TrainingPlan {
     #[must_use]
     pub fn siren5(shape: &SirenShape) -> Self {
         Self {
-            length: Length::Steps(12_000),
+            length: TrainingLength::Steps(12_000),
             schedule: Schedule::cosine_from(shape.rate()),
             ..Self::default()
         }
@@ -239,7 +239,7 @@ impl TrainingPlan {
     #[must_use]
     pub fn fine_tuning(shape: &SirenShape) -> Self {
         Self {
-            length: Length::Steps(1_200),
+            length: TrainingLength::Steps(1_200),
             schedule: Schedule::cosine_from(0.1 * shape.rate()),
             ..Self::default()
         }
@@ -255,8 +255,8 @@ impl TrainingPlan {
     #[must_use]
     pub fn total_steps(&self, samples: usize) -> u64 {
         match self.length {
-            Length::Epochs(epochs) => epochs.saturating_mul(self.steps_per_epoch(samples)),
-            Length::Steps(steps) => steps,
+            TrainingLength::Epochs(epochs) => epochs.saturating_mul(self.steps_per_epoch(samples)),
+            TrainingLength::Steps(steps) => steps,
         }
     }
 

@@ -136,7 +136,7 @@ pub enum ShapeError {
     },
     /// State of an optimiser that does not fit the network.
     #[error("{found} numbers of SOAP's means and axes after {step} steps; {expected} belong to the network")]
-    Kept {
+    OptimiserState {
         /// Numbers given.
         found: usize,
         /// Steps done.

@@ -182,7 +182,7 @@ impl Gpu {
     }
 
     /// Runs `work`, and returns what the device reports about it at once, out of memory above all.
-    pub(crate) fn guarded<T>(&self, work: impl FnOnce() -> T) -> Result<T, EngineError> {
+    pub(crate) fn in_error_scope<T>(&self, work: impl FnOnce() -> T) -> Result<T, EngineError> {
         let memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let internal = self.device.push_error_scope(wgpu::ErrorFilter::Internal);
         let validation = self.device.push_error_scope(wgpu::ErrorFilter::Validation);

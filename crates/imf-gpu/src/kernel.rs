@@ -67,7 +67,7 @@ impl Kernel {
         source: String,
         counting_loops: bool,
     ) -> Result<Self, EngineError> {
-        let pipeline = gpu.guarded(|| {
+        let pipeline = gpu.in_error_scope(|| {
             let module = wgpu::ShaderModuleDescriptor {
                 label: Some(&name),
                 source: wgpu::ShaderSource::Wgsl(source.into()),
@@ -151,7 +151,7 @@ pub(crate) fn uniform<T: bytemuck::Pod>(
     name: &str,
     value: &T,
 ) -> Result<wgpu::Buffer, EngineError> {
-    let buffer = gpu.guarded(|| {
+    let buffer = gpu.in_error_scope(|| {
         gpu.device().create_buffer(&wgpu::BufferDescriptor {
             label: Some(name),
             size: size_of::<T>() as u64,

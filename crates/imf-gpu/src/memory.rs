@@ -47,9 +47,10 @@ impl Plan {
     /// Allocates every buffer.
     pub(crate) fn allocate(&self, gpu: &Gpu) -> Result<Vec<wgpu::Buffer>, EngineError> {
         self.check(gpu.limits())?;
-        gpu.guarded(|| self.items.iter().map(|&(name, bytes)| storage(gpu, name, bytes)).collect()).map_err(
-            |error| EngineError::Device(format!("{error} ({} were requested)", mebibytes(self.bytes()))),
-        )
+        gpu.in_error_scope(|| self.items.iter().map(|&(name, bytes)| storage(gpu, name, bytes)).collect())
+            .map_err(|error| {
+                EngineError::Device(format!("{error} ({} were requested)", mebibytes(self.bytes())))
+            })
     }
 }
 
@@ -105,7 +106,7 @@ impl Room {
         let size = wanted.max(256).next_power_of_two().min(limit.max(wanted));
         // The old one is not needed beside the new one.
         self.buffer = None;
-        let buffer = gpu.guarded(|| storage(gpu, self.name, size))?;
+        let buffer = gpu.in_error_scope(|| storage(gpu, self.name, size))?;
         Ok(self.buffer.insert(buffer).clone())
     }
 

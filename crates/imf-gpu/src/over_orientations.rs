@@ -3,7 +3,7 @@
 //! with those of some points.
 //!
 //! ```text
-//! coefficients [points][axes] × directions [axes][orientations of a chunk] → values → sections [orientation][point]
+//! coefficients [points][components] × directions [components][orientations of a chunk] → values → sections [orientation][point]
 //!                                                                              → running minimum
 //! ```
 //!
@@ -215,7 +215,7 @@ impl OverOrientations {
         (0..points).step_by(rows).map(move |first| first..(first + rows).min(points))
     }
 
-    /// Uploads what orientations are multiplied with: `[column][axes]` and their means, a chunk behind the other.
+    /// Uploads what orientations are multiplied with: `[column][components]` and their means, a chunk behind the other.
     fn chunks(
         &mut self,
         source: Source<'_>,
@@ -223,7 +223,7 @@ impl OverOrientations {
         made: Output,
     ) -> Result<Vec<Chunk>, EngineError> {
         let (directions, scale) = source.direction_weights(orientations);
-        let (count, axes) = (directions.len(), directions.along().len() / directions.len());
+        let (count, components) = (directions.len(), directions.along().len() / directions.len());
         let sections = match made {
             Output::Sections => Some(self.sections.fit(&self.gpu, self.rows.rows * self.chunk.min(count))?),
             Output::Minimum => None,
@@ -238,7 +238,7 @@ impl OverOrientations {
             weights.resize(at + columns * (*inputs + 1), 0.0);
             let (rows, biases) = weights[at..].split_at_mut(columns * *inputs);
             for (orientation, row) in orientations.clone().zip(rows.chunks_exact_mut(*inputs)) {
-                for (axis, weight) in row[..axes].iter_mut().enumerate() {
+                for (axis, weight) in row[..components].iter_mut().enumerate() {
                     *weight = directions.along()[axis * count + orientation] * scale;
                 }
             }

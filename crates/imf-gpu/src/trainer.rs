@@ -144,11 +144,11 @@ impl GpuTrainer {
         let soap = match optimiser {
             Optimiser::Adam => None,
             Optimiser::Soap(config) => {
-                gpu.guarded(|| SoapStep::new(gpu, &network, &buffers, config, state))??
+                gpu.in_error_scope(|| SoapStep::new(gpu, &network, &buffers, config, state))??
             }
         };
         let half = precision == Precision::F16;
-        let gradient = gpu.guarded(|| kernels::gradient(gpu, &network, &buffers, half))??;
+        let gradient = gpu.in_error_scope(|| kernels::gradient(gpu, &network, &buffers, half))??;
         Ok(Self {
             gpu: gpu.clone(),
             settings: *settings,
@@ -296,7 +296,7 @@ impl GpuTrainer {
             matrix_correction: match optimiser {
                 // Before the first step is done there are no moments, and none are read.
                 Optimiser::Soap(config) => {
-                    (1.0 / (1.0 - f64::from(config.kept).powf(self.step as f64))) as f32
+                    (1.0 / (1.0 - f64::from(config.beta).powf(self.step as f64))) as f32
                 }
                 Optimiser::Adam => 1.0,
             },

@@ -61,7 +61,7 @@ impl Gpu {
         let kept = self.staging.lock().unwrap_or_else(PoisonError::into_inner).take();
         let staging = match kept.filter(|kept| kept.size() >= bytes) {
             Some(kept) => kept,
-            None => self.guarded(|| {
+            None => self.in_error_scope(|| {
                 self.device().create_buffer(&wgpu::BufferDescriptor {
                     label: Some("read-back"),
                     size: if bytes > KEPT_BYTES { bytes } else { bytes.max(256).next_power_of_two() },

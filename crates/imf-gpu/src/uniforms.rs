@@ -52,7 +52,7 @@ blocks! {
         first: u32, end: u32,
     }
     Between {
-        rows: u32, columns: u32, kept: f32, one_minus_kept: f32,
+        rows: u32, columns: u32, beta: f32, one_minus_beta: f32,
     }
     MatrixPlace {
         weights: u32, columns: u32, length: f32,

@@ -1,7 +1,7 @@
 //! Work that would not fit into the memory that is free is refused before it starts: a notebook that the system ends loses everything.
 
 use imf_core::glam::DVec3;
-use imf_core::unit::Length;
+use imf_core::unit::DisplayLength;
 use pyo3::exceptions::PyMemoryError;
 use pyo3::prelude::*;
 use sysinfo::{MemoryRefreshKind, RefreshKind, System};
@@ -25,7 +25,7 @@ pub(crate) fn require(bytes: u64, what: impl FnOnce() -> String) -> PyResult<()>
     if bytes <= free {
         return Ok(());
     }
-    let gigabytes = |bytes: u64| Length((bytes as f64 / 1e7).round() / 100.0).to_string();
+    let gigabytes = |bytes: u64| DisplayLength((bytes as f64 / 1e7).round() / 100.0).to_string();
     Err(PyMemoryError::new_err(format!(
         "this needs about {} GB of memory, and {} GB are free: {}",
         gigabytes(bytes),

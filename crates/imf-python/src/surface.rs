@@ -6,9 +6,9 @@ use imf_core::mesh::MachiningDirection;
 use imf_core::orientation::{Limits, Orientation, OrientationSet};
 use imf_core::set_cover::{Cover, CoverProblem, CoverSettings};
 use imf_core::surface::{
-    CollisionEnvironment, ObstructedAreas, PartSetup, Reach, SetupTool, StickOut, StickOutTool,
+    CollisionEnvironment, ObstructedAreas, PartSetup, SampleReach, SetupTool, StickOut, StickOutTool,
     SurfaceAccess, SurfaceError, SurfaceSamples, SurfaceTool, candidate_setups, default_tolerance,
-    fewest_setups, least_stick_outs, reached_in_setups, surface_access, surface_memory_estimate, ways_up,
+    fewest_setups, reached_in_setups, shortest_stick_outs, surface_access, surface_memory_estimate, ways_up,
     with_ways_up,
 };
 use imf_core::tool::Assembly;
@@ -93,7 +93,7 @@ pub(crate) fn access<'py>(
         let tool = SurfaceTool::new(&environment, &assembly, tolerance)?;
         let access = surface_access(&tool, &samples.samples, &set.orientations, control)?;
         let reached = access.reach.iter().zip(&samples.samples);
-        let reached = reached.filter(|(reach, _)| matches!(reach, Reach::Reached { .. }));
+        let reached = reached.filter(|(reach, _)| matches!(reach, SampleReach::Reached { .. }));
         Ok::<_, Failure>(reached.map(|(_, sample)| sample.area).sum::<f64>() / samples.area())
     })?;
     let scene = scene.clone().unbind();
@@ -209,7 +209,7 @@ impl Surface {
     fn stick_outs<'py>(&self, py: Python<'py>, progress: Progress<'py>) -> PyResult<StickOuts<'py>> {
         let (tool, found) = run(py, (&progress, "stick-out", self.set.len() as u64), |control| {
             let tool = StickOutTool::new(&self.environment, &self.assembly, self.tolerance)?;
-            let found = least_stick_outs(&tool, &self.samples.samples, &self.set.orientations, control)?;
+            let found = shortest_stick_outs(&tool, &self.samples.samples, &self.set.orientations, control)?;
             Ok::<_, Failure>((tool, found))
         })?;
         let direction = |found: &StickOut| match found {

@@ -5,7 +5,7 @@ use std::path::Path;
 use glam::DMat4;
 use imf_core::check::{
     CheckBodies, CheckSettings, MachineBodies, check_stock, check_toolpath, cutters_not_compared,
-    least_stick_outs, machine_remarks, never_near,
+    machine_remarks, never_near, shortest_stick_outs,
 };
 use imf_core::control::Control;
 use imf_core::machine::Machine;
@@ -127,7 +127,7 @@ pub(crate) fn check<'py>(
     if stick_out {
         stick_outs = run(py, (&progress, "stick-out", lines), |control| {
             let by = machine.as_ref().map(MachineBodies::machine);
-            least_stick_outs(&bodies.obstacle().into(), &numbered, &path, &settings, by, control)
+            shortest_stick_outs(&bodies.obstacle().into(), &numbered, &path, &settings, by, control)
         })?;
     }
     let weakest = settings.guarantee(tools.iter().map(|(_, tool)| tool), record);

@@ -14,11 +14,11 @@ use imf_fields::field;
 use imf_fields::field::calibrate::{CalibrationError, CalibrationSettings, calibrate};
 use imf_fields::file::FieldFile;
 use imf_fields::harmonic::basis::Domain;
-use imf_fields::harmonic::coefficients::Precision;
+use imf_fields::harmonic::coefficients::StoragePrecision;
 use imf_fields::harmonic::file::HarmonicFile;
 use imf_fields::harmonic::{FitSettings, fit, section_count};
 use imf_fields::model::{LossPoint, Model};
-use imf_fields::recipe::{Length, Sampling, TrainingPlan, TrainingState};
+use imf_fields::recipe::{Sampling, TrainingLength, TrainingPlan, TrainingState};
 use imf_fields::siren::SirenShape;
 use imf_train::dataset::{generate, load};
 use imf_train::distill::{Target, distil, optimiser_bytes};
@@ -158,7 +158,8 @@ impl Training<'_> {
     fn factored(&self, py: Python<'_>, progress: &Progress<'_>) -> PyResult<FactoredFile> {
         let teacher = self.harmonic(py, progress, true)?;
         let usual = DistillSettings::default();
-        let length = self.steps.map_or(Length::Epochs(DistillSettings::EPOCHS), Length::Steps);
+        let length =
+            self.steps.map_or(TrainingLength::Epochs(DistillSettings::EPOCHS), TrainingLength::Steps);
         let usual = DistillSettings { plan: TrainingPlan { length, ..usual.plan }, ..usual };
         let (hidden, width) = self.layers.unwrap_or((usual.hidden, usual.width));
         let settings = DistillSettings {
@@ -190,7 +191,7 @@ impl Training<'_> {
             }
             let file = FactoredFile::distilled(&teacher, settings, state)
                 .map_err(|error| EngineError::Shape(error.to_string()))?;
-            Ok::<_, TrainError>(file.finished(Precision::F32))
+            Ok::<_, TrainError>(file.finished(StoragePrecision::F32))
         })
     }
 
@@ -208,7 +209,7 @@ impl Training<'_> {
         shape.check().map_err(Raise::raise)?;
         let usual = TrainingPlan::siren5(&shape);
         let plan = TrainingPlan {
-            length: self.steps.map_or(usual.length, Length::Steps),
+            length: self.steps.map_or(usual.length, TrainingLength::Steps),
             seed: self.seed,
             report_every: report_every(shape.parameter_count()),
             ..usual

@@ -35,12 +35,12 @@ def test_a_path_takes_a_slot_of_the_stock_and_its_holder_is_told(block: imf.Scen
 def test_what_lies_below_the_block_stays(block: imf.Scene) -> None:
     found = block.removable(5, [[0, 0, 1]])
     assert found.stock.sum() * found.grid.pitch**3 == pytest.approx(30**3 - 20**3)
-    least, most = found.share
+    least, most = found.fraction
     below = 20 * 20 * 5 / (30**3 - 20**3)
     assert least == pytest.approx(1 - below, abs=0.02) and least <= most <= 1
     assert not (found.covered & ~found.possible).any()
     # From all six sides but the corners and edges, which are too thin for nothing here, all goes.
-    assert block.removable(5, "axes").share[0] == pytest.approx(1.0, abs=0.01)
+    assert block.removable(5, "axes").fraction[0] == pytest.approx(1.0, abs=0.01)
 
 
 @pytest.mark.parametrize("stock", [-1.0, float("nan")])

@@ -20,7 +20,7 @@ def test_a_slot_that_is_too_narrow_is_gouged(mill: imf.Tool) -> None:
     total = OUTSIDE - 2 * width * depth - 30 * width + slot
     np.testing.assert_allclose(found.areas.sum(), total, rtol=1e-9)
     # But for samples next to the slot's edges, whose triangles are cut in two.
-    assert abs(found.share(imf.Verdict.GOUGED) - slot / total) < 0.01
+    assert abs(found.fraction(imf.Verdict.GOUGED) - slot / total) < 0.01
     assert abs(found.reached - (1 - slot / total)) < 0.01
     assert abs(found.reached_at_twice_the_pitch - found.reached) < 0.05
     inside = (np.abs(found.points[:, 1]) < width / 2 - 1e-6) & (found.points[:, 2] > 20 - depth - 1e-6)
@@ -53,7 +53,7 @@ def test_the_floor_of_a_slot_takes_the_stick_out_of_its_depth() -> None:
     floor = (found.normals[:, 2] > 0.5) & (found.points[:, 2] < 5)
     assert (found.verdict[floor] == imf.Verdict.OBSTRUCTED).all()
     # Beside a wall that the cutter may cut by the tolerance its shank is in the way as well.
-    worst = max(found.obstructed_by, key=lambda obstruction: obstruction.share)
+    worst = max(found.obstructed_by, key=lambda obstruction: obstruction.fraction)
     assert (worst.element, worst.against) == ("holder 1", "part")
     stick_outs = found.stickout()
     assert (stick_outs.given, stick_outs.longest) == (12.0, 50.0)

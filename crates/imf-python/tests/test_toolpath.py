@@ -58,7 +58,7 @@ def test_the_least_stick_out_of_a_path() -> None:
     report = scene.check(imf.poses([[0, 0, 30], [0, 0, 4.2]], [0, 0, 1]), stick_out=True)
     assert report.collides
     (row,) = report.stick_outs
-    assert row["given"] == 12.0 and row["least"] == pytest.approx(15.8, abs=0.6)
+    assert row["given"] == 12.0 and row["minimum"] == pytest.approx(15.8, abs=0.6)
 
 
 def test_faults_of_a_path_name_its_line(block: imf.Scene, tmp_path: Path) -> None:

@@ -11,21 +11,21 @@
 //!
 //! Every file is written whole or not at all, and the manifest names a shard only once it is complete: work that was
 //! interrupted goes on where it stopped. Each section's samples depend on the seed and the section alone, so parts of
-//! a dataset can be made on any machines ([`Layout::share`]) and joined ([`merge`]).
+//! a dataset can be made on any machines ([`Layout::partition`]) and joined ([`merge`]).
 
 mod fresh_model;
 mod manifest;
 mod merge;
+mod partition;
 mod sampling;
 mod shard;
 mod shards;
-mod share;
 
 pub use manifest::{DatasetError, Layout, Manifest, ShardRecord};
-pub use merge::{Merged, merge};
+pub use merge::{MergeSummary, merge};
+pub use partition::{Partition, PartitionError};
 pub use sampling::draw;
 pub use shards::Shards;
-pub use share::{Share, ShareError};
 
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -39,7 +39,7 @@ use imf_fields::recipe::Sampling;
 
 /// What [`generate`] did.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Generated {
+pub struct GenerateSummary {
     /// Shards that were there already and were reused.
     pub kept: usize,
     /// Shards made now.
@@ -63,27 +63,27 @@ pub fn generate(
     set: &OrientationSet,
     sampling: &Sampling,
     control: Control<'_>,
-) -> Result<Generated, DatasetError> {
-    generate_share(folder, scene, set, sampling, &Layout::default(), control)
+) -> Result<GenerateSummary, DatasetError> {
+    generate_partition(folder, scene, set, sampling, &Layout::default(), control)
 }
 
 /// As [`generate`], cut up as `layout` says, and only the shards of its share. Other shards' sections count as done.
 ///
 /// # Errors
 /// As [`generate`].
-pub fn generate_share(
+pub fn generate_partition(
     folder: &Path,
     scene: &Scene,
     set: &OrientationSet,
     sampling: &Sampling,
     layout: &Layout,
     control: Control<'_>,
-) -> Result<Generated, DatasetError> {
+) -> Result<GenerateSummary, DatasetError> {
     sampling.check()?;
     let (mut manifest, otherwise) = Manifest::start(folder, scene, set, sampling, layout)?;
     // A learnt field is made for the tip, and serves every sharp point k when read at x − R k.
     let plan = SectionPlan::of_scene(scene, ToolPoints::Tip)?;
-    let mut done = Generated {
+    let mut done = GenerateSummary {
         kept: 0,
         made: 0,
         others: 0,
@@ -92,7 +92,7 @@ pub fn generate_share(
     };
     for index in 0..manifest.shard_count() {
         let sections = manifest.sections_of(index);
-        if layout.share.is_some_and(|share| !share.holds(index)) {
+        if layout.partition.is_some_and(|partition| !partition.holds(index)) {
             done.others += 1;
             (control.progress)(sections.len() as u64);
             continue;

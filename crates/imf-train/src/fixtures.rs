@@ -31,7 +31,7 @@ pub(crate) fn scene() -> Scene {
         closed: true,
         tool: Tool::paper(),
         clearance: Clearance::default(),
-        ungrown: None,
+        bare_tool: None,
         fixtures: Vec::new(),
         contact: None,
         obstacle_crc32: crc32fast::hash(&obstacle.packed()),

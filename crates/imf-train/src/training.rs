@@ -36,7 +36,7 @@ pub trait TrainingEngine {
 
     /// Announces the next step's batch of `batch` samples; returns the rows that this process must supply: all of
     /// them, unless several processes train together.
-    fn share(&mut self, batch: usize) -> Range<usize> {
+    fn rows_of_batch(&mut self, batch: usize) -> Range<usize> {
         0..batch
     }
 

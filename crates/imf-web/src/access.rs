@@ -3,8 +3,8 @@
 use imf_core::control::Control;
 use imf_core::orientation::Orientation;
 use imf_core::surface::{
-    CollisionEnvironment, ObstructedAreas, Reach, SurfaceSamples, SurfaceTool, Verdict, default_tolerance,
-    surface_access,
+    CollisionEnvironment, ObstructedAreas, SampleReach, SurfaceSamples, SurfaceTool, Verdict,
+    default_tolerance, surface_access,
 };
 use wasm_bindgen::JsError;
 use wasm_bindgen::prelude::wasm_bindgen;
@@ -17,7 +17,7 @@ pub struct SurfaceAccess {
     samples: SurfaceSamples,
     tool: SurfaceTool,
     directions: Vec<Orientation>,
-    reach: Vec<Reach>,
+    reach: Vec<SampleReach>,
 }
 
 #[wasm_bindgen]

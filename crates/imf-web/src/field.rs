@@ -6,7 +6,7 @@ use imf_core::control::Control;
 use imf_core::field::{GridField, PoseField, check_lengths};
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::section::{SectionPlan, ToolPoints};
-use imf_fields::evaluation::Exact;
+use imf_fields::evaluation::ExactReference;
 use imf_fields::field::Field;
 use imf_fields::metrics::Errors;
 use js_sys::Function;
@@ -162,7 +162,7 @@ impl FieldFile {
     /// A tool that does not fit the grid; values that are not one for each voxel.
     pub fn compare(&self, directions: &Directions, field: &[f32]) -> Result<Comparison, JsError> {
         check_lengths(self.plan.grid().len(), field.len())?;
-        let exact = Exact::new(&self.plan, self.field.quantity(), None)?;
+        let exact = ExactReference::new(&self.plan, self.field.quantity(), None)?;
         let exact = exact.minimum(&directions.0, Control::quiet())?.value;
         let mut errors = Errors::default();
         errors.add(&exact, field, 0.0);

@@ -7,7 +7,7 @@ use imf_core::orientation::Orientation;
 use imf_fields::evaluation::{field_sections, nearest_sections};
 use imf_fields::recipe::schedule::Schedule;
 use imf_fields::recipe::{AdamConfig, TrainingState};
-use imf_fields::recipe::{Cursor, Length, TrainingPlan};
+use imf_fields::recipe::{Cursor, TrainingLength, TrainingPlan};
 use imf_fields::siren::evaluator::CpuEvaluator;
 use imf_fields::siren::{SirenShape, over_grid};
 use imf_train::engine::CpuTrainer;
@@ -23,7 +23,7 @@ fn a_small_network_beats_the_nearest_section_and_a_tenth_of_the_variance() {
     let (seen, unseen) = (orientations("fibonacci:64"), orientations("random:64:5").orientations);
     let (_, samples) = samples(&scene, &seen, 0.7);
     let settings = TrainingPlan {
-        length: Length::Steps(3000),
+        length: TrainingLength::Steps(3000),
         batch: 512,
         schedule: Schedule::Cosine { initial: 1e-3, last: 1e-5, warmup: 200 },
         adam: AdamConfig { weight_decay: 0.0, ..AdamConfig::default() },

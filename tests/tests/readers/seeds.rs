@@ -16,7 +16,7 @@ use imf_fields::factored::file::FactoredFile;
 use imf_fields::factored::{DistillSettings, FactoredState};
 use imf_fields::file::FieldFile;
 use imf_fields::harmonic::basis::Domain;
-use imf_fields::harmonic::coefficients::{Coefficients, Precision};
+use imf_fields::harmonic::coefficients::{Coefficients, StoragePrecision};
 use imf_fields::harmonic::file::HarmonicFile;
 use imf_fields::harmonic::{FitSettings, fit};
 use imf_fields::model::{Model, TrainingRecord};
@@ -66,7 +66,7 @@ fn scene() -> Scene {
         closed: true,
         tool: Tool::paper(),
         clearance: Clearance::default(),
-        ungrown: None,
+        bare_tool: None,
         fixtures: Vec::new(),
         contact: None,
         obstacle_crc32,
@@ -78,10 +78,10 @@ fn fields(scene: &Scene) -> Vec<(&'static str, FieldFile)> {
     let settings = FitSettings {
         degree: 3,
         sections_per_function: 1.5,
-        axes: 6,
+        components: 6,
         sample: 30,
         held_out: 2,
-        precision: Precision::F32,
+        precision: StoragePrecision::F32,
         ..FitSettings::default()
     };
     let plan = SectionPlan::of_scene(scene, ToolPoints::Tip).unwrap();
@@ -89,16 +89,16 @@ fn fields(scene: &Scene) -> Vec<(&'static str, FieldFile)> {
     let harmonic = HarmonicFile { field, scene: scene.clone(), settings, calibration: None };
     let mut halves = harmonic.clone();
     if let Coefficients::F32(values) = halves.field.coefficients {
-        halves.field.coefficients = Coefficients::new(values, Precision::F16);
+        halves.field.coefficients = Coefficients::new(values, StoragePrecision::F16);
     }
-    halves.settings.precision = Precision::F16;
+    halves.settings.precision = StoragePrecision::F16;
 
     let settings = DistillSettings { width: 6, hidden: 2, omega: 6.0, ..DistillSettings::default() };
-    let shape = settings.shape(harmonic.field.axis_count());
+    let shape = settings.shape(harmonic.field.component_count());
     let state = FactoredState::new(&shape, 4);
     let checkpoint = FactoredFile::distilled(&harmonic, settings, state).unwrap();
     let factored = FactoredFile { state: None, ..checkpoint.clone() };
-    let finished = factored.clone().finished(Precision::F16);
+    let finished = factored.clone().finished(StoragePrecision::F16);
 
     let shape = SirenShape { width: 6, hidden: 3, omega: 3.0, ..SirenShape::default() };
     let orientations = OrientationSet::parse("fibonacci:3").unwrap();

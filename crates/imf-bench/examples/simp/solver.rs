@@ -15,7 +15,7 @@ const SWEEPS: usize = 2;
 /// Iterations after which a system counts as not solvable; well-posed ones take some tens.
 const MOST_ITERATIONS: usize = 1000;
 /// Pivots below this, as a fraction of their diagonal, are rounding: nothing holds the displacement.
-const LEAST_PIVOT: f64 = 1e-10;
+const MINIMUM_PIVOT: f64 = 1e-10;
 
 /// Why there are no displacements.
 #[derive(Debug, Error)]
@@ -114,7 +114,7 @@ impl Cholesky {
             }
             let (pivot, before) = row.split_last_mut()?;
             *pivot -= dot(before, before);
-            if *pivot <= LEAST_PIVOT * diagonal {
+            if *pivot <= MINIMUM_PIVOT * diagonal {
                 return None;
             }
             *pivot = pivot.sqrt();

@@ -17,7 +17,7 @@ use imf_fields::file::FieldFile;
 use imf_fields::harmonic::FitSettings;
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::metrics::{ErrorReport, Errors};
-use imf_fields::recipe::Length;
+use imf_fields::recipe::TrainingLength;
 use imf_gpu::{Gpu, GpuField};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -65,8 +65,10 @@ pub(super) fn measured(
     let domain = Domain::Directions;
     let fit = FitSettings { degree: sizes.degree, ..FitSettings::for_distillation(domain) };
     let (time, harmonic) = seconds(|| fit_field(session, scene, &plan, domain, fit, SMALLER))?;
-    let settings =
-        DistillSettings { width: sizes.width, ..DistillSettings::of_length(Length::Steps(sizes.steps)) };
+    let settings = DistillSettings {
+        width: sizes.width,
+        ..DistillSettings::of_length(TrainingLength::Steps(sizes.steps))
+    };
     let settings = symmetric(&harmonic, settings);
     let [x, y, z] = grid.dims;
     let about = format!(

@@ -7,7 +7,7 @@ use imf_core::section::{SectionPlan, imf, sections};
 use imf_gpu::{Gpu, GpuSections};
 
 use crate::exact::Rival;
-use crate::measurement::{ROUNDS, least_seconds};
+use crate::measurement::{ROUNDS, minimum_seconds};
 
 /// Sections that a software device is measured at.
 const MOST_ON_SOFTWARE: usize = 16;
@@ -44,7 +44,7 @@ pub(super) fn measure(
 
     let alone = device.measure(orientations, ROUNDS)?;
     let device = std::cell::RefCell::new(device);
-    let [minimum, read] = least_seconds(
+    let [minimum, read] = minimum_seconds(
         ROUNDS,
         [&mut || Ok(device.borrow_mut().imf(orientations, control).map(drop)?), &mut || {
             Ok(device.borrow_mut().stream(orientations, control, || (), |(), _, _| {}).map(drop)?)

@@ -7,14 +7,14 @@ use imf_cli::engine::Device;
 use imf_core::orientation::Orientation;
 use imf_core::section::{SectionPlan, ToolPoints};
 use imf_fields::harmonic::basis::Domain;
-use imf_fields::harmonic::coefficients::Precision;
+use imf_fields::harmonic::coefficients::StoragePrecision;
 use serde::{Deserialize, Serialize};
 
 use super::Bench;
 use crate::candidates::{distilled, harmonic_settings, symmetric};
 use crate::interpolation::{AngleGrid, SectionTable};
 use crate::measurement::seconds;
-use crate::recipe::{Answer, Questions, Recipe};
+use crate::recipe::{Answer, EvaluationSets, Recipe};
 
 /// A field beside the paper's network, and its results.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -34,7 +34,7 @@ type Section<'a> = &'a dyn Fn(&Orientation, &mut [f32]);
 
 /// Makes and evaluates all of them from the n × n sections of `grid:n`, or as many.
 pub(super) fn measure(bench: &Bench<'_>, recipe: &Recipe, n: usize) -> Result<Vec<Method>> {
-    let (session, questions) = (bench.session, Questions::of(&recipe.evaluation)?);
+    let (session, evaluation_sets) = (bench.session, EvaluationSets::of(&recipe.evaluation)?);
     let (scene, distillation) = (bench.scene(&recipe.scene)?, bench.protocol.distillation());
     let (angles, voxels) = (AngleGrid::new(n), scene.record.grid.len());
     let settings = harmonic_settings(n * n);
@@ -43,15 +43,15 @@ pub(super) fn measure(bench: &Bench<'_>, recipe: &Recipe, n: usize) -> Result<Ve
     let needed = stored_bytes
         + settings.memory(Domain::Directions, voxels).0
         // The factored field's coefficients at every voxel.
-        + 2 * (voxels * settings.axes) as u64
+        + 2 * (voxels * settings.components) as u64
         + SectionPlan::memory_estimate(&scene.record.grid, &tool, session.threads());
     session.require_memory(needed, || format!("{} stored sections and a harmonic field of them", n * n))?;
     let plan = SectionPlan::of_scene(&scene, ToolPoints::Tip)?;
 
-    let [exact_sections, asked] = questions.sections();
+    let [exact_sections, asked] = evaluation_sets.sections();
     let stage = session.stage("exact sections", "sections", (n * n + exact_sections) as u64);
     let advance = |sections| stage.advance(sections);
-    let exact = questions.exact(&plan, session.control(&advance))?;
+    let exact = evaluation_sets.exact(&plan, session.control(&advance))?;
     let (stored_in, stored) = seconds(|| Ok(SectionTable::new(&plan, angles, session.control(&advance))?))?;
     stage.finish("");
     let (domain, smaller) = (Domain::Directions, "take a smaller --scale");
@@ -63,7 +63,7 @@ pub(super) fn measure(bench: &Bench<'_>, recipe: &Recipe, n: usize) -> Result<Ve
     })?;
     // Its coefficients at every voxel, once for all sections.
     let (expanded_in, expanded) =
-        seconds(|| Ok(factored.evaluator().expanded(Precision::F16, harmonic.report)))?;
+        seconds(|| Ok(factored.evaluator().expanded(StoragePrecision::F16, harmonic.report)))?;
 
     let names = [
         "nearest section".into(),
@@ -79,12 +79,12 @@ pub(super) fn measure(bench: &Bench<'_>, recipe: &Recipe, n: usize) -> Result<Ve
         &|o, values| harmonic.sections(&harmonic.direction_weights(&[*o]), values),
         &|o, values| expanded.sections(&expanded.direction_weights(&[*o]), values),
     ];
-    let repeated = &questions.imf[0].orientations;
+    let repeated = &evaluation_sets.imf[0].orientations;
     let stage = session.stage("baselines", "sections", (4 * (asked + repeated.len())) as u64);
     let advance = |sections| stage.advance(sections);
     let mut methods = Vec::new();
     for (index, (name, field)) in names.into_iter().zip(sections).enumerate() {
-        let answers = questions.ask(&plan, &exact, session.control(&advance), field)?;
+        let answers = evaluation_sets.ask(&plan, &exact, session.control(&advance), field)?;
         let mut values = vec![0.0; voxels];
         let (mut sections, ()) = seconds(|| {
             repeated.iter().for_each(|orientation| field(orientation, &mut values));

@@ -17,7 +17,7 @@ use ndarray::{Array2, ArrayView3, Axis};
 
 use super::{Bench, Run};
 use crate::planar::silhouette;
-use crate::recipe::Questions;
+use crate::recipe::EvaluationSets;
 
 /// A picture in the report's folder and its caption.
 pub(super) type Figure = (String, String);
@@ -141,7 +141,7 @@ impl<'a> Slices<'a> {
 pub(super) fn fields(
     bench: &Bench<'_>,
     part: ReferencePart,
-    questions: &Questions,
+    evaluation_sets: &EvaluationSets,
     runs: &[(&str, Run)],
 ) -> Result<Option<Figure>> {
     let name = format!("fields-{part}");
@@ -160,11 +160,11 @@ pub(super) fn fields(
     let (axis, middle) = (1, slices::middle(&grid, 1));
     let cut = |values: &[f32]| slices::slice(values, &grid, axis, middle);
     let plan = SectionPlan::of_scene(scene, ToolPoints::Tip)?;
-    let set = &questions.imf[0];
+    let set = &evaluation_sets.imf[0];
     let stage = bench.session.stage("drawing", "sections", set.len() as u64 + 2);
     let advance = |n| stage.advance(n);
     let control: Control<'_> = bench.session.control(&advance);
-    let pairs = [questions.in_sample, questions.out_of_sample];
+    let pairs = [evaluation_sets.in_sample, evaluation_sets.out_of_sample];
     let mut exact: Vec<_> = sections(&plan, &pairs, control)?.iter().map(|values| cut(values)).collect();
     exact.push(cut(&imf(&plan, &set.orientations, control)?.value));
     stage.finish("");

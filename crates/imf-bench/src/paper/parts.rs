@@ -5,10 +5,10 @@ use imf_core::parts::ReferencePart;
 
 use super::baselines::{self, Method};
 use super::published::PAPER;
-use super::table::{Compared, Kind, Made, Row, Table};
+use super::table::{FieldCost, Kind, PaperComparison, Row, Table};
 use super::{Bench, Training, figures, part_label};
 use crate::cells::Cell;
-use crate::recipe::{Questions, Recipe};
+use crate::recipe::{EvaluationSets, Recipe};
 
 /// The recipes of the table.
 const RECIPES: [&str; 2] = ["single", "multi"];
@@ -49,20 +49,21 @@ pub(super) fn table(bench: &Bench<'_>) -> Result<Table> {
         let name = part_label(part);
         let mut runs = Vec::new();
         for recipe in RECIPES {
-            let questions = Questions::of(&bench.protocol.recipe(recipe, None)?.recipe()?.evaluation)?;
+            let evaluation_sets =
+                EvaluationSets::of(&bench.protocol.recipe(recipe, None)?.recipe()?.evaluation)?;
             let training = bench.trained(part, recipe)?;
             let papers = PAPER.parts[recipe].get(part.name());
             let paper = |index: usize| papers.and_then(|papers| papers.get(index).copied());
             // The paper's time is of `single`.
             let seconds = PAPER.seconds.get(part.name()).filter(|_| recipe == "single").map(|own| own[0]);
-            table.add_training(&[&name, recipe], (&training, None), &questions, paper, seconds)?;
+            table.add_training(&[&name, recipe], (&training, None), &evaluation_sets, paper, seconds)?;
             if let Training::Finished(run) = training {
                 runs.push((recipe, run));
             }
         }
-        let questions = Questions::of(&single.evaluation)?;
+        let evaluation_sets = EvaluationSets::of(&single.evaluation)?;
         if !runs.is_empty() {
-            match figures::fields(bench, part, &questions, &runs)? {
+            match figures::fields(bench, part, &evaluation_sets, &runs)? {
                 Some(figure) => pictures.push(figure),
                 None => {
                     table.notes.push(format!("{name}: not drawn yet, for which its networks must be here."));
@@ -94,13 +95,13 @@ pub(super) fn others(bench: &Bench<'_>) -> Result<Table> {
                 let labels = vec![name.clone(), method.name.clone(), answer.name.clone()];
                 table.rows.push(Row::errors(labels, None, Some(&answer.errors)));
             }
-            table.made.push(Made {
+            table.made.push(FieldCost {
                 labels: vec![name.clone(), method.name],
                 bytes: method.bytes,
                 seconds: method.made,
                 sections: Some(method.sections),
                 on: measured.made_on.clone(),
-                ..Made::default()
+                ..FieldCost::default()
             });
         }
     }
@@ -132,8 +133,8 @@ pub(super) fn families(table: &Table, others: &Table) -> Table {
         families.rows.push(Row {
             labels: [made.labels[0].clone(), name].into_iter().chain(met).collect(),
             values: vec![
-                Compared::new(own.then_some(PAPER.network_bytes), Some(made.bytes as f64)),
-                Compared::new(made.paper_seconds, Some(made.seconds)),
+                PaperComparison::new(own.then_some(PAPER.network_bytes), Some(made.bytes as f64)),
+                PaperComparison::new(made.paper_seconds, Some(made.seconds)),
             ],
         });
     }
@@ -167,7 +168,10 @@ mod tests {
         let mut table = Table::of_errors("3d", "t", &["part", "field", "compared"]);
         let row = |[part, field, asked]: [&str; 3], papers: Option<f64>, mse: f64| Row {
             labels: [part, field, asked].map(String::from).into(),
-            values: vec![Compared::new(papers, Some(mse)), Compared::new(papers.map(|_| 0.1), Some(0.05))],
+            values: vec![
+                PaperComparison::new(papers, Some(mse)),
+                PaperComparison::new(papers.map(|_| 0.1), Some(0.05)),
+            ],
         };
         table.rows = vec![
             row(["teapot", "single", "IMF"], Some(1e-6), 4e-6),
@@ -178,10 +182,10 @@ mod tests {
         let mut others = Table::of_errors("3d-others", "t", &["part", "field", "compared"]);
         others.rows =
             vec![row(["teapot", "linear", "IMF"], None, 2e-6), row(["gear", "linear", "IMF"], None, 0.0)];
-        let made = |part: &str, field: &str| Made {
+        let made = |part: &str, field: &str| FieldCost {
             labels: [part, field].map(String::from).into(),
             bytes: 100,
-            ..Made::default()
+            ..FieldCost::default()
         };
         table.made = vec![made("teapot", "single"), made("teapot", "multi"), made("gear", "single")];
         others.made = vec![made("teapot", "linear"), made("gear", "linear")];

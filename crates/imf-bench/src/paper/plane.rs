@@ -48,7 +48,7 @@ struct Method {
 }
 
 #[derive(Serialize, Deserialize)]
-struct Measured {
+struct PlaneResult {
     dims: [usize; 2],
     samples: usize,
     steps: u64,
@@ -143,7 +143,7 @@ impl Sections {
     }
 }
 
-fn measure(bench: &Bench<'_>, recipe: &Recipe, stage: &Stage) -> Result<Measured> {
+fn measure(bench: &Bench<'_>, recipe: &Recipe, stage: &Stage) -> Result<PlaneResult> {
     let scene = bench.scene(&recipe.scene)?;
     let grid = scene.record.grid;
     let sections =
@@ -204,7 +204,7 @@ fn measure(bench: &Bench<'_>, recipe: &Recipe, stage: &Stage) -> Result<Measured
     }
     draw(bench, &sections, &drawn)?;
     let [x, y, _] = sections.part.grid.dims;
-    Ok(Measured { dims: [x, y], samples: samples.len(), steps: total, precision: plan.precision, methods })
+    Ok(PlaneResult { dims: [x, y], samples: samples.len(), steps: total, precision: plan.precision, methods })
 }
 
 /// The inaccessibility measure, exact and by every method.

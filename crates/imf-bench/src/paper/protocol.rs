@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use anyhow::Result;
 use imf_fields::factored::DistillSettings;
-use imf_fields::recipe::{Length, Precision};
+use imf_fields::recipe::{Precision, TrainingLength};
 use serde::Deserialize;
 
 use super::{IN_HALVES, PaperScale};
@@ -71,7 +71,7 @@ impl Protocol {
 
     /// How the factored field is distilled: as `imf` does by itself, but for the length.
     pub(super) fn distillation(&self) -> DistillSettings {
-        DistillSettings::of_length(Length::Steps(self.distillation))
+        DistillSettings::of_length(TrainingLength::Steps(self.distillation))
     }
 
     /// What differs from the paper, for the report.

@@ -6,13 +6,13 @@ use imf_core::parts::ReferencePart;
 use super::Bench;
 use super::published::PAPER;
 use super::table::Table;
-use crate::recipe::{Questions, Recipe, Source};
+use crate::recipe::{EvaluationSets, Recipe, Source};
 
 /// From bracket-raw to bracket, and as many epochs from random weights.
 pub(super) fn transfer(bench: &Bench<'_>) -> Result<Table> {
     let mut table = Table::of_errors("transfer", "Transfer to a changed part", &["start", "compared"]);
     let source = bench.protocol.recipe("transfer", None)?;
-    let questions = Questions::of(&source.recipe()?.evaluation)?;
+    let evaluation_sets = EvaluationSets::of(&source.recipe()?.evaluation)?;
     let training = bench.run("transfer", &source)?;
     table.notes.push(
         "Our bracket and its design domain, in the style of the paper's: fine-tuned from the network of the design domain, \
@@ -24,7 +24,7 @@ pub(super) fn transfer(bench: &Bench<'_>) -> Result<Table> {
         // Two sections stand before the IMF over 225.
         let paper = |index| PAPER.transfer.get(stage).filter(|_| index == 2).copied();
         let seconds = PAPER.transfer_seconds.get(stage).copied();
-        table.add_training(&[label], (&training, Some(stage)), &questions, paper, seconds)?;
+        table.add_training(&[label], (&training, Some(stage)), &evaluation_sets, paper, seconds)?;
     }
     Ok(table)
 }
@@ -86,8 +86,8 @@ fn sweep(
         let papers = PAPER.sweep.get(&variant);
         // Two sections stand before the two IMFs.
         let paper = |index: usize| papers.and_then(|papers| papers.get(index.checked_sub(2)?).copied());
-        let questions = Questions::of(&recipe.evaluation)?;
-        table.add_training(&[&label(&variant, &recipe)], (&training, None), &questions, paper, None)?;
+        let evaluation_sets = EvaluationSets::of(&recipe.evaluation)?;
+        table.add_training(&[&label(&variant, &recipe)], (&training, None), &evaluation_sets, paper, None)?;
     }
     Ok(table)
 }

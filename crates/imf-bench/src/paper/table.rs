@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::published::Published;
 use super::{Run, Training};
-use crate::recipe::{Outcome, Questions};
+use crate::recipe::{EvaluationSets, Outcome};
 
 /// What a number is, for people.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -35,7 +35,7 @@ impl Kind {
 
 /// One number beside the paper's.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Compared {
+pub(super) struct PaperComparison {
     pub(super) paper: Option<f64>,
     /// Nothing where it was not measured.
     pub(super) ours: Option<f64>,
@@ -43,7 +43,7 @@ pub(super) struct Compared {
     pub(super) ratio: Option<f64>,
 }
 
-impl Compared {
+impl PaperComparison {
     pub(super) fn new(paper: Option<f64>, ours: Option<f64>) -> Self {
         let ratio = paper.zip(ours).filter(|(paper, _)| *paper > 0.0).map(|(paper, ours)| ours / paper);
         Self { paper, ours, ratio }
@@ -61,15 +61,15 @@ pub(super) struct Row {
     /// One for each of the table's labels.
     pub(super) labels: Vec<String>,
     /// One for each of the table's values.
-    pub(super) values: Vec<Compared>,
+    pub(super) values: Vec<PaperComparison>,
 }
 
 impl Row {
     /// MSE and MPE; of a training that diverged there are none.
     pub(super) fn errors(labels: Vec<String>, paper: Option<Published>, ours: Option<&ErrorReport>) -> Self {
         let values = vec![
-            Compared::new(paper.map(|p| p.0), ours.map(|e| e.mse)),
-            Compared::new(paper.map(|p| p.1), ours.map(|e| e.mpe)),
+            PaperComparison::new(paper.map(|p| p.0), ours.map(|e| e.mse)),
+            PaperComparison::new(paper.map(|p| p.1), ours.map(|e| e.mpe)),
         ];
         Self { labels, values }
     }
@@ -93,7 +93,7 @@ impl Row {
 
 /// A field that rows of a table are of: what it takes to make it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub(super) struct Made {
+pub(super) struct FieldCost {
     /// As its rows begin.
     pub(super) labels: Vec<String>,
     /// Bytes of what is saved.
@@ -109,7 +109,7 @@ pub(super) struct Made {
     pub(super) standard_error: Option<f64>,
 }
 
-impl Made {
+impl FieldCost {
     /// A network by its training, whose steps and time are those of a stage alone where one is named.
     fn trained(labels: &[&str], run: &Run, outcome: &Outcome, stage: Option<&str>) -> Self {
         let (on, run) = (run.made_on.clone(), &run.summary);
@@ -140,7 +140,7 @@ pub(super) struct Table {
     /// What must be known to read it.
     pub(super) notes: Vec<String>,
     /// What its rows are of.
-    pub(super) made: Vec<Made>,
+    pub(super) made: Vec<FieldCost>,
     pub(super) labels: Vec<String>,
     pub(super) values: Vec<(String, Kind)>,
     pub(super) rows: Vec<Row>,
@@ -173,7 +173,7 @@ impl Table {
         &mut self,
         begin: &[&str],
         (training, stage): (&Training, Option<&str>),
-        questions: &Questions,
+        evaluation_sets: &EvaluationSets,
         paper: impl Fn(usize) -> Option<Published>,
         paper_seconds: Option<f64>,
     ) -> Result<()> {
@@ -181,7 +181,7 @@ impl Table {
         let labels = |asked: &str| begin.iter().copied().chain([asked]).map(String::from).collect();
         match training {
             Training::Missing | Training::Diverged(_) => {
-                let rows = questions.names().into_iter().enumerate();
+                let rows = evaluation_sets.names().into_iter().enumerate();
                 self.rows.extend(rows.map(|(index, asked)| Row::errors(labels(&asked), paper(index), None)));
                 self.notes.push(match training {
                     Training::Diverged(what) => format!("{name}: no result. {what}"),
@@ -194,11 +194,12 @@ impl Table {
                 let outcome =
                     results.iter().find(of_stage).with_context(|| format!("{name} has no result"))?;
                 // After the evaluations comes the nearest section, which the baselines have too.
-                for (index, answer) in outcome.answers.iter().take(questions.names().len()).enumerate() {
+                for (index, answer) in outcome.answers.iter().take(evaluation_sets.names().len()).enumerate()
+                {
                     self.rows.push(Row::errors(labels(&answer.name), paper(index), Some(&answer.errors)));
                 }
-                let made = Made::trained(begin, run, outcome, stage);
-                self.made.push(Made { paper_seconds, ..made });
+                let made = FieldCost::trained(begin, run, outcome, stage);
+                self.made.push(FieldCost { paper_seconds, ..made });
             }
         }
         Ok(())
@@ -216,7 +217,7 @@ impl Table {
     /// Head and cells of what its rows took to make; columns that say nothing are left out.
     pub(super) fn cells_of_made(&self) -> (Vec<String>, Vec<Vec<String>>) {
         let seconds = |value: Option<f64>| value.map(|seconds| Kind::Seconds.show(seconds));
-        type Column<'a> = (&'a str, &'a dyn Fn(&Made) -> Option<String>);
+        type Column<'a> = (&'a str, &'a dyn Fn(&FieldCost) -> Option<String>);
         let columns: [Column<'_>; 7] = [
             ("file", &|made| Some(Kind::Bytes.show(made.bytes as f64))),
             ("steps", &|made| made.steps.map(|steps| steps.to_string())),
@@ -233,7 +234,7 @@ impl Table {
         let begin = self.made.first().map_or(0, |made| made.labels.len());
         let names = columns.iter().map(|(name, _)| (*name).to_owned());
         let head = self.labels.iter().take(begin).cloned().chain(names).collect();
-        let row = |made: &Made| {
+        let row = |made: &FieldCost| {
             let cells = columns.iter().map(|(_, cell)| cell(made).unwrap_or_else(|| "–".into()));
             made.labels.iter().cloned().chain(cells).collect()
         };
@@ -293,7 +294,7 @@ mod tests {
         let mut table = Table::of_errors("3d", "t", &["part"]);
         let row = |paper: Option<f64>, ours: f64| Row {
             labels: vec!["teapot".into()],
-            values: vec![Compared::new(paper, Some(ours)), Compared::new(None, Some(0.5))],
+            values: vec![PaperComparison::new(paper, Some(ours)), PaperComparison::new(None, Some(0.5))],
         };
         table.rows = vec![row(Some(1e-6), 2e-6), row(Some(1e-6), 1e-6), row(None, 7.0)];
         assert_eq!(table.standing(), (2, 1));
@@ -304,7 +305,7 @@ mod tests {
         assert_eq!(cells[2], ["teapot", "–", "7.0000", "–", "0.5000", ""]);
         let none = Row::errors(vec!["teapot".into()], Some((1e-6, 0.1)), None);
         assert_eq!(none.verdict(&table.values), "no result");
-        assert!(none.values.iter().all(Compared::falls_short), "it counts as one that is not met");
+        assert!(none.values.iter().all(PaperComparison::falls_short), "it counts as one that is not met");
         table.judged = false;
         assert_eq!((table.standing(), table.cells().0.len()), ((0, 0), 5));
     }
@@ -312,13 +313,13 @@ mod tests {
     #[test]
     fn what_a_field_took_is_shown_where_it_is_known() {
         let mut table = Table::of_errors("3d", "t", &["part", "field", "compared"]);
-        let made = |field: &str, steps| Made {
+        let made = |field: &str, steps| FieldCost {
             labels: ["teapot", field].map(String::from).into(),
             bytes: 2048,
             steps,
             seconds: 0.25,
             on: if steps.is_some() { "elsewhere".into() } else { String::new() },
-            ..Made::default()
+            ..FieldCost::default()
         };
         table.made = vec![made("network", Some(10)), made("table", None)];
         let (head, cells) = table.cells_of_made();

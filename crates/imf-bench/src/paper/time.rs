@@ -11,7 +11,7 @@ use imf_gpu::GpuSections;
 use serde::{Deserialize, Serialize};
 
 use super::published::PAPER;
-use super::table::{Compared, Kind, Row, Table};
+use super::table::{Kind, PaperComparison, Row, Table};
 use super::{Bench, Training, part_label};
 use crate::cells::Cell;
 use crate::measurement::seconds;
@@ -27,7 +27,7 @@ const SAMPLE_BYTES: u64 = 8;
 
 /// Seconds for all sections, and what they and the network take.
 #[derive(Serialize, Deserialize)]
-struct Measured {
+struct TimingResult {
     network: f64,
     exact_cpu: f64,
     /// On the GPU where networks run there.
@@ -36,7 +36,7 @@ struct Measured {
     sections_bytes: u64,
 }
 
-fn measure(bench: &Bench<'_>, model: &Model) -> Result<Measured> {
+fn measure(bench: &Bench<'_>, model: &Model) -> Result<TimingResult> {
     let session = bench.session;
     let grid = model.scene.record.grid;
     let set = OrientationSet::parse(SECTIONS)?.orientations;
@@ -72,7 +72,7 @@ fn measure(bench: &Bench<'_>, model: &Model) -> Result<Measured> {
         exact_gpu = Some(time);
     }
     stage.finish("");
-    Ok(Measured {
+    Ok(TimingResult {
         network,
         exact_cpu,
         exact_gpu,
@@ -132,8 +132,8 @@ pub(super) fn table(bench: &Bench<'_>) -> Result<Table> {
             table.rows.push(Row {
                 labels: vec![part_label(part), what.into()],
                 values: vec![
-                    Compared::new(papers[0], Some(seconds)),
-                    Compared::new(papers[1], Some(bytes as f64)),
+                    PaperComparison::new(papers[0], Some(seconds)),
+                    PaperComparison::new(papers[1], Some(bytes as f64)),
                 ],
             });
         };

@@ -35,14 +35,14 @@ const SIDES: usize = 48;
 
 #[derive(Deserialize)]
 struct Answer {
-    found: Vec<Found>,
+    found: Vec<LibraryResult>,
     missing: Vec<String>,
 }
 
 #[derive(Deserialize)]
-struct Found {
+struct LibraryResult {
     name: String,
-    question: Question,
+    question: QueryKind,
     seconds: f64,
     overhead: f64,
     colliding: Vec<bool>,
@@ -51,13 +51,13 @@ struct Found {
 
 #[derive(Clone, Copy, Deserialize)]
 #[serde(rename_all = "snake_case")]
-enum Question {
+enum QueryKind {
     Surfaces,
     Distance,
     Balls,
 }
 
-impl Question {
+impl QueryKind {
     fn answers(self) -> &'static str {
         match self {
             Self::Surfaces => "do the surfaces meet",
@@ -125,7 +125,7 @@ pub(super) fn measure(
 }
 
 /// Summary of a library's results; it may have evaluated the first poses only.
-fn row(found: Found, truth: &[Decision]) -> Result<Row> {
+fn row(found: LibraryResult, truth: &[Decision]) -> Result<Row> {
     let count = found.colliding.len();
     ensure!((1..=truth.len()).contains(&count), "{} answered {count} poses", found.name);
     let colliding = found.colliding.iter().filter(|&&c| c).count() as f64 / count as f64;

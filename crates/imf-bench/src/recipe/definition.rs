@@ -10,7 +10,7 @@ use anyhow::{Context as _, Result, bail, ensure};
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::tool::Clearance;
 use imf_fields::recipe::schedule::RateRule;
-use imf_fields::recipe::{Length, Sampling, TrainingPlan};
+use imf_fields::recipe::{Sampling, TrainingLength, TrainingPlan};
 use imf_fields::siren::SirenShape;
 use serde::{Deserialize, Serialize};
 
@@ -251,7 +251,7 @@ impl Stage {
         self.directions()?;
         self.sampling.check()?;
         ensure!(
-            !matches!(self.training.length, Length::Epochs(0) | Length::Steps(0)),
+            !matches!(self.training.length, TrainingLength::Epochs(0) | TrainingLength::Steps(0)),
             "its length must be at least 1"
         );
         Ok(self.plan().check()?)

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, Result, ensure};
 use imf_cli::commands::dataset::interruption;
 use imf_cli::engine::Device;
-use imf_cli::job::{self, Data, Footprint, Latest};
+use imf_cli::job::{self, Data, Footprint, LatestCheckpoint};
 use imf_cli::output::prepare_folder;
 use imf_cli::session::Session;
 use imf_core::scene::Scene;
@@ -69,7 +69,7 @@ impl Runner<'_> {
     fn found(&self, folder: &Path, fresh: Model) -> Result<Model> {
         let finished = Model::read(&folder.join(job::FIELD)).map_err(anyhow::Error::from);
         let finished = finished.map(|model| (model, None));
-        let checkpoint = job::latest(folder).map(|Latest { model, damage, .. }| (model, damage));
+        let checkpoint = job::latest(folder).map(|LatestCheckpoint { model, damage, .. }| (model, damage));
         for found in [finished, checkpoint] {
             let (model, damage) = match found {
                 Ok(found) => found,

@@ -10,7 +10,7 @@ use imf_fields::recipe::Precision;
 use serde::{Deserialize, Serialize};
 
 use super::definition::{RANDOM_START, Recipe, Stage};
-use super::questions::Answer;
+use super::evaluation_sets::Answer;
 use crate::document::Document;
 
 /// Summary of a recipe.

@@ -1,7 +1,7 @@
 use imf_core::orientation::OrientationSet;
 use imf_core::tool::Clearance;
 use imf_fields::recipe::schedule::{RateRule, Schedule};
-use imf_fields::recipe::{AdamConfig, Length, Loss, Precision, TrainingPlan};
+use imf_fields::recipe::{AdamConfig, Loss, Precision, TrainingLength, TrainingPlan};
 use imf_fields::siren::SirenShape;
 
 use super::definition::{EvaluationSettings, RANDOM_START};
@@ -15,7 +15,7 @@ fn recipe(name: &str) -> Recipe {
 /// What the paper trains with in every stage but for length and rate.
 fn is_the_papers(stage: &Stage, epochs: u64, rate: f32) {
     let expected = TrainingPlan {
-        length: Length::Epochs(epochs),
+        length: TrainingLength::Epochs(epochs),
         batch: 1024,
         schedule: Schedule::Exponential { initial: rate, factor: 0.93, warmup: 0 },
         adam: AdamConfig { beta1: 0.9, beta2: 0.999, epsilon: 1e-8, weight_decay: 1e-6 },
@@ -26,7 +26,7 @@ fn is_the_papers(stage: &Stage, epochs: u64, rate: f32) {
     };
     assert_eq!(stage.plan(), expected, "{}", stage.name);
     assert_eq!(stage.rate_rule, RateRule::Constant);
-    assert_eq!(stage.sampling.positive_share, 0.75);
+    assert_eq!(stage.sampling.positive_fraction, 0.75);
 }
 
 fn sections(stage: &Stage) -> usize {
@@ -122,8 +122,8 @@ fn values_are_set_by_path_and_checked_like_the_file() {
     let all = with("stage.*.training.batch=64").unwrap();
     assert!(all.stages.iter().all(|stage| stage.training.batch == 64));
     let one = with("stage.full.training.length.epochs=3").unwrap();
-    assert_eq!(one.stages[1].training.length, Length::Epochs(3));
-    assert_eq!(one.stages[0].training.length, Length::Epochs(20));
+    assert_eq!(one.stages[1].training.length, TrainingLength::Epochs(3));
+    assert_eq!(one.stages[0].training.length, TrainingLength::Epochs(20));
     for (text, word) in [
         ("network.width", "KEY=VALUE"),
         ("network.widht=3", "widht"),

@@ -57,7 +57,7 @@ pub(super) fn rows(session: &Session, arguments: &ShopArguments) -> Result<Vec<R
     let mut rows = Vec::new();
     for (name, mesh) in reference.chain(random) {
         session.note(&name);
-        let part = Asked::new(&pool, &mesh, arguments.points as usize, &directions)?;
+        let part = SetupCase::new(&pool, &mesh, arguments.points as usize, &directions)?;
         for &percent in &arguments.cover {
             let row = part.row(&pool, name.clone(), percent)?;
             session.note(&format!(
@@ -71,7 +71,7 @@ pub(super) fn rows(session: &Session, arguments: &ShopArguments) -> Result<Vec<R
 }
 
 /// A part with what each direction reaches of it.
-struct Asked {
+struct SetupCase {
     samples: Vec<SurfaceSample>,
     access: SurfaceAccess,
     directions: Vec<Orientation>,
@@ -79,7 +79,7 @@ struct Asked {
     seconds: f64,
 }
 
-impl Asked {
+impl SetupCase {
     fn new(pool: &ThreadPool, mesh: &Mesh, points: usize, directions: &[Orientation]) -> Result<Self> {
         let (lower, upper) = mesh.bounds().unwrap_or_default();
         // Off the part's own planes, as a user's part lies.

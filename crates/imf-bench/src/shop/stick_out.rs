@@ -4,7 +4,7 @@ use anyhow::Result;
 use imf_cli::session::Session;
 use imf_core::control::Control;
 use imf_core::orientation::Orientation;
-use imf_core::surface::{StickOut, StickOutTool, SurfaceSample, least_stick_outs};
+use imf_core::surface::{StickOut, StickOutTool, SurfaceSample, shortest_stick_outs};
 use imf_core::tool::Assembly;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -97,7 +97,7 @@ impl Surface {
         samples: &[SurfaceSample],
         directions: &[Orientation],
     ) -> Result<Vec<StickOut>> {
-        Ok(self.pool.install(|| least_stick_outs(tool, samples, directions, Control::quiet()))?)
+        Ok(self.pool.install(|| shortest_stick_outs(tool, samples, directions, Control::quiet()))?)
     }
 
     /// At random points, the same number in every direction.

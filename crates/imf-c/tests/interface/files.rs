@@ -11,7 +11,7 @@ use imf_core::scene::{Scene, SceneSpec};
 use imf_core::section::{Quantity, SectionPlan, ToolPoints};
 use imf_core::tool::{Clearance, Tool};
 use imf_fields::harmonic::basis::Domain;
-use imf_fields::harmonic::coefficients::Precision;
+use imf_fields::harmonic::coefficients::StoragePrecision;
 use imf_fields::harmonic::file::HarmonicFile;
 use imf_fields::harmonic::{FitSettings, fit};
 use imf_fields::model::{Model, TrainingRecord};
@@ -49,10 +49,10 @@ pub(crate) fn harmonic_of(quantity: Quantity, scene: &Scene, folder: &Path) -> P
         quantity,
         degree: if cfg!(miri) { 1 } else { 5 },
         sections_per_function: 1.5,
-        axes: if cfg!(miri) { 3 } else { 20 },
+        components: if cfg!(miri) { 3 } else { 20 },
         sample: some(500),
         held_out: 2,
-        precision: Precision::F32,
+        precision: StoragePrecision::F32,
         ..FitSettings::default()
     };
     let plan = SectionPlan::of_scene(scene, ToolPoints::Tip).unwrap();

@@ -6,7 +6,7 @@ use anyhow::{Result, ensure};
 use clap::{Args, Subcommand};
 use imf_core::orientation::OrientationSet;
 use imf_fields::recipe::Sampling;
-use imf_train::dataset::{Layout, Share};
+use imf_train::dataset::{Layout, Partition};
 
 use super::clearance;
 use super::either::Either;
@@ -42,7 +42,7 @@ pub(crate) struct DatasetFinishArguments {
     pub(crate) folder: PathBuf,
     /// Only share I of N
     #[arg(long, value_name = "I/N")]
-    pub(crate) shard: Option<Share>,
+    pub(crate) shard: Option<Partition>,
 }
 
 /// Which sections to sample, how, and which of them here.
@@ -67,7 +67,7 @@ pub(crate) struct DatasetMakeArguments {
     shard_samples: Option<u64>,
     /// Make only share I of N, on this machine or another; `imf dataset merge` joins them
     #[arg(long, value_name = "I/N")]
-    pub(crate) shard: Option<Share>,
+    pub(crate) shard: Option<Partition>,
     /// Folder of the dataset
     #[arg(long, value_name = "DIR")]
     pub(crate) out: PathBuf,
@@ -83,7 +83,7 @@ impl DatasetMakeArguments {
 
     /// How the samples are cut up, and which are made.
     pub(crate) fn layout(&self) -> Layout {
-        Layout { shard_samples: self.shard_samples, share: self.shard }
+        Layout { shard_samples: self.shard_samples, partition: self.shard }
     }
 }
 

@@ -15,7 +15,7 @@ use imf_core::occupancy::Occupancy;
 use imf_core::parts::ReferencePart;
 use imf_core::scene::{Fixture, SceneWarning, solid_voxels};
 use imf_core::unit::{LengthUnit, UnknownUnit};
-use imf_core::voxelize::Voxelized;
+use imf_core::voxelize::VoxelizeResult;
 
 use super::numbers::parse_room;
 use super::scene::warn_of;
@@ -226,7 +226,7 @@ impl Stock {
                 short(0.75_f64.sqrt() * pitch)
             ));
         }
-        let Voxelized { solid, undecided } = solid_voxels(&self.name, &self.mesh, grid, false, control)?;
+        let VoxelizeResult { solid, undecided } = solid_voxels(&self.name, &self.mesh, grid, false, control)?;
         if undecided > 0.0 {
             session.warn(&format!(
                 "the stock '{}' is open: of {:.0} % of the voxel centres in it or near it its surface hardly says whether they are inside",

@@ -48,7 +48,7 @@ impl HarmonicArguments {
         FitSettings {
             quantity,
             degree: self.degree.unwrap_or(usual.degree),
-            axes: self.components.unwrap_or(usual.axes),
+            components: self.components.unwrap_or(usual.components),
             ..usual
         }
     }

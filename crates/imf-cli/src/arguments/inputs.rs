@@ -10,7 +10,7 @@ use imf_core::mesh::topology::MeshReport;
 use imf_core::scene::{ChosenPitch, Fixture, Resolution, SceneError, SceneSpec, SceneWarning};
 use imf_core::section::SectionPlan;
 use imf_core::tool::Tool;
-use imf_core::unit::{ImplausibleProportion, Length, unit_check};
+use imf_core::unit::{DisplayLength, ImplausibleProportion, unit_check};
 
 use super::fixture::{FixtureMesh, Part};
 use super::scene::{SceneArguments, warn_of};
@@ -40,9 +40,9 @@ impl SceneInputs {
 }
 
 impl SceneArguments {
-    /// Reads part, fixtures and tools and checks them; remarks go to the session. With `asks` a tool is required where none is
+    /// Reads part, fixtures and tools and checks them; remarks go to the session. With `needs_tool` a tool is required where none is
     /// given and the part is not built in.
-    pub(crate) fn read(&self, session: &Session, asks: bool) -> Result<SceneInputs> {
+    pub(crate) fn read(&self, session: &Session, needs_tool: bool) -> Result<SceneInputs> {
         let part = Part::read(&self.part, self.unit, None)?.scaled(self.scale);
         if part.reference.is_some() && self.unit.is_some_and(|unit| unit != part.unit) {
             bail!(
@@ -71,7 +71,7 @@ impl SceneArguments {
         if let Some(implausible) = unit_check(report.extents, part.unit) {
             bail!("{}: {implausible}", part.name);
         }
-        if tools.is_empty() && asks {
+        if tools.is_empty() && needs_tool {
             return Err(SceneError::NoTool(part.name).into());
         }
         warn_of(session, &SceneWarning::of_repair(&part.name, &part.repair, report.triangles));
@@ -105,8 +105,8 @@ impl SceneArguments {
                     "the fixture {} does not say its unit, and was taken to be in {unit} as the part is: its longest side would be {} \
                      {unit} long, and that of the part {} {unit}; name its unit, as in --fixture {}@unit:inch",
                     fixture.name,
-                    Length(long),
-                    Length(part_long),
+                    DisplayLength(long),
+                    DisplayLength(part_long),
                     given.file
                 );
             }

@@ -197,14 +197,14 @@ impl SceneArguments {
         Ok(Self { pitch: Some(grid.pitch / scale), dims: None, margin, ..self.clone() })
     }
 
-    /// Makes something of what a scene of the one tool is made from; `asks` for a tool where none is given.
+    /// Makes something of what a scene of the one tool is made from; `needs_tool` for a tool where none is given.
     fn with_spec<T>(
         &self,
         session: &Session,
-        asks: bool,
+        needs_tool: bool,
         make: impl FnOnce(&SceneSpec<'_>, &MeshReport) -> Result<T>,
     ) -> Result<T> {
-        self.of_reading(session, &self.read(session, asks)?, make)
+        self.of_reading(session, &self.read(session, needs_tool)?, make)
     }
 
     /// As [`Self::with_spec`] of what was read.

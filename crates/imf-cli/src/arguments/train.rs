@@ -5,10 +5,11 @@ use std::path::PathBuf;
 use anyhow::Result;
 use clap::{Args, Subcommand};
 use imf_fields::factored::DistillSettings;
-use imf_fields::harmonic::coefficients::Precision as SavedPrecision;
+use imf_fields::harmonic::coefficients::StoragePrecision;
 use imf_fields::recipe::schedule::{RateRule, Schedule};
 use imf_fields::recipe::{
-    AdamConfig, HeldOutChoice, Length, Loss, OnlineSettings, Optimiser, Precision, SoapConfig, TrainingPlan,
+    AdamConfig, HeldOutChoice, Loss, OnlineSettings, Optimiser, Precision, SoapConfig, TrainingLength,
+    TrainingPlan,
 };
 use imf_fields::siren::SirenShape;
 use serde::Deserialize;
@@ -251,8 +252,8 @@ impl RunArguments {
         self.device.as_deref().unwrap_or(usual)
     }
 
-    fn length(&self, epochs: u64) -> Length {
-        self.steps.map_or(Length::Epochs(epochs), Length::Steps)
+    fn length(&self, epochs: u64) -> TrainingLength {
+        self.steps.map_or(TrainingLength::Epochs(epochs), TrainingLength::Steps)
     }
 
     /// What `--set` says.
@@ -295,8 +296,8 @@ impl FactoredArguments {
     }
 
     /// How the finished weights are saved.
-    pub(crate) fn precision(&self) -> SavedPrecision {
-        if self.half { SavedPrecision::F16 } else { SavedPrecision::F32 }
+    pub(crate) fn precision(&self) -> StoragePrecision {
+        if self.half { StoragePrecision::F16 } else { StoragePrecision::F32 }
     }
 }
 
@@ -353,8 +354,8 @@ impl<'a> Siren5Training<'a> {
         let plan = TrainingPlan {
             length: samples
                 .epochs
-                .map(Length::Epochs)
-                .or(run.steps.map(Length::Steps))
+                .map(TrainingLength::Epochs)
+                .or(run.steps.map(TrainingLength::Steps))
                 .unwrap_or(usual.length),
             batch: samples.batch,
             schedule: set.rate_rule.unwrap_or_default().apply(schedule, samples.batch),

@@ -16,7 +16,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result};
 use imf_core::access::{
-    AccessMap, CombinedAccess, Components, Removable, ToolAccess, access_map, components, cutter_of,
+    AccessMap, CombinedAccess, Components, RemovableStock, ToolAccess, access_map, components, cutter_of,
     removable, tool_access,
 };
 use imf_core::section::{ElementMeasures, ElementPlans, elements_at_best};
@@ -45,7 +45,7 @@ struct Findings {
     /// Those that none reaches.
     inaccessible: Components,
     /// By tool, on the stock's grid: what its cutter can remove.
-    removable: Vec<Removable>,
+    removable: Vec<RemovableStock>,
     /// By tool.
     maps: Vec<AccessMap>,
 }
@@ -73,7 +73,7 @@ pub(crate) fn run(session: &Session, arguments: &AccessArguments) -> Result<()> 
     let folder = OutputFolder::check(&arguments.out)?;
     let page = arguments.html.as_deref().map(OutputFile::check).transpose()?;
     let surface =
-        run.surface.as_ref().map(|asked| surface::Surface::find(session, &run, asked)).transpose()?;
+        run.surface.as_ref().map(|settings| surface::Surface::find(session, &run, settings)).transpose()?;
     let findings = find(session, &run)?;
     let any_direction = run.certify.then(|| AnyDirection::find(session, &run, &findings)).transpose()?;
     folder.begin(session)?;

@@ -7,14 +7,14 @@ use anyhow::{Result, bail};
 use imf_core::field::PoseField as _;
 use imf_core::section::Quantity;
 use imf_core::tool::ToolShape;
-use imf_fields::calibration::{Calibration, Judgement, Rate};
+use imf_fields::calibration::{Calibration, DecisionRates, Rate};
 use imf_fields::field::Field;
-use imf_fields::field::calibrate::{CHUNK, CalibrationError, CalibrationSettings, calibrate, judge};
+use imf_fields::field::calibrate::{CHUNK, CalibrationError, CalibrationSettings, calibrate, measure_rates};
 use imf_fields::file::FieldFile;
 use serde_json::{Value, json};
 
 use crate::arguments::saved::CalibrateArguments;
-use crate::interrupt::{self, Interrupted};
+use crate::interrupt::{self, Interruption};
 use crate::output::{OutputFile, print_result, short};
 use crate::session::{Session, show_bytes};
 
@@ -50,16 +50,12 @@ pub(crate) fn run(session: &Session, arguments: &CalibrateArguments) -> Result<(
     let advance = |n| stage.advance(n);
     let control = session.control(&advance);
     let calibration = match found {
-        Some(known) => judge(&field, &known, &settings, control).map(|[uniform, boundary]| Calibration {
-            uniform,
-            boundary,
-            goals: settings.goals,
-            seed: settings.seed,
-            ..known
+        Some(known) => measure_rates(&field, &known, &settings, control).map(|[uniform, boundary]| {
+            Calibration { uniform, boundary, goals: settings.goals, seed: settings.seed, ..known }
         }),
         None => calibrate(&field, &settings, control),
     }?;
-    stage.finish(if calibration.keeps_its_goals() { "goals kept" } else { "goals missed" });
+    stage.finish(if calibration.meets_its_goals() { "goals kept" } else { "goals missed" });
     // Two of a field need not be in memory at once.
     drop(field);
     if let Some(out) = out {
@@ -68,7 +64,7 @@ pub(crate) fn run(session: &Session, arguments: &CalibrateArguments) -> Result<(
         session.note(&format!("wrote {}", out.display()));
     }
     let json = json!({
-        "field": arguments.field, "verified": arguments.verify, "keeps_its_goals": calibration.keeps_its_goals(),
+        "field": arguments.field, "verified": arguments.verify, "meets_its_goals": calibration.meets_its_goals(),
         "calibration": calibration, "verdict": calibration.verdict(),
     });
     let shown = |value: f64| threshold_text(value, quantity, unit);
@@ -136,7 +132,7 @@ pub(crate) fn measure_decisions(
         let advance = |n| stage.advance(n);
         match calibrate(field, &settings, session.control(&advance)) {
             Err(CalibrationError::Cancelled(_)) => {
-                return Err(Interrupted(kept.to_owned()).into());
+                return Err(Interruption(kept.to_owned()).into());
             }
             Err(error) => {
                 if let CalibrationError::TooFew { colliding, .. } = error
@@ -150,7 +146,7 @@ pub(crate) fn measure_decisions(
                 return Ok(DecisionQuality::Unknown(error.to_string()));
             }
             Ok(calibration) => {
-                stage.finish(if calibration.keeps_its_goals() { "goals kept" } else { "goals missed" });
+                stage.finish(if calibration.meets_its_goals() { "goals kept" } else { "goals missed" });
                 return Ok(DecisionQuality::Known(Box::new(calibration)));
             }
         }
@@ -191,9 +187,9 @@ pub(super) fn calibrate_written(session: &Session, path: &Path, wanted: bool) ->
 
 /// Writes a field with error rates of its decisions.
 fn keep(field: &Path, calibration: Calibration, out: &Path) -> Result<()> {
-    let mut stored = FieldFile::read(field)?;
-    stored.set_calibration(calibration);
-    Ok(stored.write(out)?)
+    let mut saved = FieldFile::read(field)?;
+    saved.set_calibration(calibration);
+    Ok(saved.write(out)?)
 }
 
 /// A value of a field in words: a length in a scene's unit, or a fraction.
@@ -218,22 +214,22 @@ fn text(calibration: &Calibration, shown: &dyn Fn(f64) -> String) -> String {
     );
     for (name, judged) in [("uniform", &calibration.uniform), ("boundary", &calibration.boundary)] {
         // Writing to a string does not fail.
-        let _ = writeln!(text, "{name:<8}  {}", judgement(judged, shown));
+        let _ = writeln!(text, "{name:<8}  {}", decision_rates(judged, shown));
     }
     text
 }
 
 /// One kind of poses in a line.
-pub(crate) fn judgement(judged: &Judgement, shown: &dyn Fn(f64) -> String) -> String {
+pub(crate) fn decision_rates(judged: &DecisionRates, shown: &dyn Fn(f64) -> String) -> String {
     let rate = |rate: &Rate| {
-        format!("{} of {} ({:.1e}, at most {:.1e})", rate.wrong, rate.of, rate.share(), rate.bound)
+        format!("{} of {} ({:.1e}, at most {:.1e})", rate.wrong, rate.of, rate.fraction(), rate.bound)
     };
     format!(
         "{} poses: colliding called free {}; clear called colliding {}; undecided {:.2} %; largest error {}",
         judged.poses,
         rate(&judged.false_free),
         rate(&judged.false_colliding),
-        100.0 * judged.undecided_share(),
+        100.0 * judged.undecided_fraction(),
         shown(judged.largest_error)
     )
 }

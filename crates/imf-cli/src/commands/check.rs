@@ -14,7 +14,7 @@ use anyhow::Result;
 use glam::DMat4;
 use imf_core::check::{
     CheckBodies, CheckError, CheckReport, CheckSettings, MachineBodies, PathStickOut, check_stock,
-    check_toolpath, cutters_not_compared, least_stick_outs, machine_remarks, never_near,
+    check_toolpath, cutters_not_compared, machine_remarks, never_near, shortest_stick_outs,
 };
 use imf_core::machine::Machine;
 use imf_core::scene::SceneRecord;
@@ -117,7 +117,7 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
         let by = machine.as_ref().map(MachineBodies::machine);
         let found = session.staged("stick-out", "lines", lines, |control| {
             let obstacle = Arc::new(bodies.obstacle());
-            least_stick_outs(&obstacle, &numbered, &toolpath, &settings, by, control)
+            shortest_stick_outs(&obstacle, &numbered, &toolpath, &settings, by, control)
         });
         stick_outs = found.map_err(with_name)?;
     }
@@ -142,7 +142,7 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
             Frame::Part => "part's frame",
             Frame::World => "world",
         });
-        let drawn = picture::Drawn { set_up, name, unit: record.unit };
+        let drawn = picture::PictureFrame { set_up, name, unit: record.unit };
         if picture::draw(&report, &numbered, around, stock.as_ref(), &drawn, &folder.file("worst.png"))? {
             written.push("worst.png");
         }
@@ -158,7 +158,7 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
     let checked =
         CheckRun { arguments, frame, record, tools, machine: machine.as_ref(), report, stock, stick_outs };
     if let Some(page) = &page {
-        let shown = view::Shown::new(&checked, &meshes, &back, &set_up);
+        let shown = view::CheckScene::new(&checked, &meshes, &back, &set_up);
         let path = page.begin()?;
         view::view(&checked, &shown, &toolpath, &back).write_page(path)?;
         session.note(&format!("wrote {}: open it in a browser", path.display()));

@@ -9,14 +9,14 @@ use imf_core::orientation::OrientationSet;
 use imf_core::scene::Scene;
 use imf_core::section::SectionError;
 use imf_fields::recipe::Sampling;
-use imf_train::dataset::{DatasetError, Generated, Layout, Manifest, generate_share};
+use imf_train::dataset::{DatasetError, GenerateSummary, Layout, Manifest, generate_partition};
 use serde_json::json;
 
 use crate::arguments::dataset::{
     DatasetAction, DatasetArguments, DatasetFinishArguments, DatasetMakeArguments, directions,
 };
 use crate::arguments::either::Either;
-use crate::interrupt::{self, Interrupted};
+use crate::interrupt::{self, Interruption};
 use crate::output::{FolderLock, lock_folder, prepare_folder, print, print_json};
 use crate::session::Session;
 
@@ -44,14 +44,14 @@ fn finish(session: &Session, arguments: &DatasetFinishArguments) -> Result<()> {
     let manifest = Manifest::read(folder)?;
     let scene = manifest.scene(folder)?;
     prepare_folder(folder)?;
-    let layout = Layout { share: arguments.shard, ..Layout::default() };
+    let layout = Layout { partition: arguments.shard, ..Layout::default() };
     let _lock = lock_if_whole(folder, &layout)?;
     make(session, folder, &scene, &manifest.orientations, &manifest.sampling, &layout)
 }
 
 /// A folder that is made whole is this run's own; shares are made beside each other.
 fn lock_if_whole(folder: &Path, layout: &Layout) -> Result<Option<FolderLock>> {
-    layout.share.is_none().then(|| lock_folder(folder)).transpose()
+    layout.partition.is_none().then(|| lock_folder(folder)).transpose()
 }
 
 fn make(
@@ -69,9 +69,9 @@ fn make(
             "shards_made": generated.made, "shards_kept": generated.kept, "shards_of_others": generated.others,
         }));
     }
-    if let Some(share) = layout.share {
+    if let Some(partition) = layout.partition {
         return print(&format!(
-            "{}: share {share}, {} samples in {} of {} shards; join the shares by: imf dataset merge",
+            "{}: share {partition}, {} samples in {} of {} shards; join the shares by: imf dataset merge",
             folder.display(),
             generated.samples,
             generated.made + generated.kept,
@@ -95,11 +95,11 @@ pub(super) fn sample_sections(
     set: &OrientationSet,
     sampling: &Sampling,
     layout: &Layout,
-) -> Result<Generated> {
-    let _keeping = interrupt::keep();
+) -> Result<GenerateSummary> {
+    let _keeping = interrupt::stop_cleanly();
     let stage = session.stage("sampling", "sections", set.len() as u64);
     let advance = |n| stage.advance(n);
-    let generated = generate_share(folder, scene, set, sampling, layout, session.control(&advance));
+    let generated = generate_partition(folder, scene, set, sampling, layout, session.control(&advance));
     let generated = generated.map_err(|error| interruption(error, folder))?;
     let others = match generated.others {
         0 => String::new(),
@@ -119,7 +119,7 @@ pub(super) fn sample_sections(
 /// An interruption says what is saved; other errors stay as they are.
 pub fn interruption(error: DatasetError, folder: &Path) -> anyhow::Error {
     match error {
-        DatasetError::Section(SectionError::Cancelled(_)) => Interrupted(format!(
+        DatasetError::Section(SectionError::Cancelled(_)) => Interruption(format!(
             "finished shards are kept in {}; run the same command again to go on",
             folder.display()
         ))

@@ -27,10 +27,10 @@ pub(crate) fn run(session: &Session, arguments: &EvalArguments) -> Result<()> {
     if let Some(folder) = &arguments.out {
         prepare_folder(folder)?;
     }
-    let stored = FieldFile::read(&arguments.model)?;
-    let device = Device::for_field(&arguments.device.device, session, &stored)?;
-    let settings = eval_settings(arguments, &stored)?;
-    let report = make_report(session, &device, &stored, &settings, arguments.out.as_deref())?;
+    let saved = FieldFile::read(&arguments.model)?;
+    let device = Device::for_field(&arguments.device.device, session, &saved)?;
+    let settings = eval_settings(arguments, &saved)?;
+    let report = make_report(session, &device, &saved, &settings, arguments.out.as_deref())?;
     print_result(session, &report, &report.table())
 }
 
@@ -38,14 +38,14 @@ pub(crate) fn run(session: &Session, arguments: &EvalArguments) -> Result<()> {
 pub(super) fn make_report(
     session: &Session,
     device: &Device,
-    stored: &FieldFile,
+    saved: &FieldFile,
     settings: &EvaluationSettings,
     out: Option<&Path>,
 ) -> Result<Report> {
-    require_memory(session, device, stored)?;
-    let subject = Subject::of_stored(stored)?;
-    let quality = decision_quality(session, stored)?;
-    let DeviceField { field, by, .. } = device.field(session, stored, Workload::Many)?;
+    require_memory(session, device, saved)?;
+    let subject = Subject::of_saved_field(saved)?;
+    let quality = decision_quality(session, saved)?;
+    let DeviceField { field, by, .. } = device.field(session, saved, Workload::Many)?;
     session.note(&format!("evaluating on {by}"));
     let evaluation = evaluate(session, &subject, &*field, by, settings, &quality)?;
     if let Some(folder) = out {
@@ -56,15 +56,15 @@ pub(super) fn make_report(
 }
 
 /// Error rates of the field's decisions: from its file, else measured for the report.
-fn decision_quality(session: &Session, stored: &FieldFile) -> Result<DecisionQuality> {
-    match stored.calibration() {
+fn decision_quality(session: &Session, saved: &FieldFile) -> Result<DecisionQuality> {
+    match saved.calibration() {
         Some(known) => Ok(DecisionQuality::Known(Box::new(*known))),
         None => {
-            let field = Field::new(stored.clone())?;
+            let field = Field::new(saved.clone())?;
             measure_decisions(
                 session,
                 &field,
-                Device::Cpu.copied_bytes(stored, Workload::Many),
+                Device::Cpu.copied_bytes(saved, Workload::Many),
                 "no report was made",
             )
         }
@@ -72,25 +72,25 @@ fn decision_quality(session: &Session, stored: &FieldFile) -> Result<DecisionQua
 }
 
 /// Refuses what would not fit beside the exact field.
-fn require_memory(session: &Session, device: &Device, stored: &FieldFile) -> Result<()> {
-    let record = &stored.scene().record;
+fn require_memory(session: &Session, device: &Device, saved: &FieldFile) -> Result<()> {
+    let record = &saved.scene().record;
     let needed = SectionPlan::memory_estimate(&record.grid, &record.tool, session.threads())
         + 40 * record.grid.len() as u64 * session.threads() as u64
-        + device.copied_bytes(stored, Workload::Many);
+        + device.copied_bytes(saved, Workload::Many);
     session.require_memory(needed, || "the exact field beside the other one; use fewer --threads".into())
 }
 
 /// What is compared; of a field over rotations the random orientations roll too.
-fn eval_settings(arguments: &EvalArguments, stored: &FieldFile) -> Result<EvaluationSettings> {
+fn eval_settings(arguments: &EvalArguments, saved: &FieldFile) -> Result<EvaluationSettings> {
     let EvalArguments { in_sample, out_of_sample, random, seed, threshold, .. } = *arguments;
-    let [least, most] = stored.quantity().bounds(stored.scene().record.grid.pitch);
+    let [least, most] = saved.quantity().bounds(saved.scene().record.grid.pitch);
     ensure!(
         threshold.is_none_or(|threshold| (least..most).contains(&threshold)),
         "a threshold of this field is at least {} and below {}, as its values are",
         short(least),
         short(most)
     );
-    let (random, imf) = match stored {
+    let (random, imf) = match saved {
         FieldFile::Siren(model) => {
             let trained = &model.record.orientations;
             (unseen(random, seed, &trained.orientations)?, trained.clone())

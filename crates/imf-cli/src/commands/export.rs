@@ -21,12 +21,12 @@ pub(crate) fn run(session: &Session, arguments: &ExportArguments) -> Result<()> 
         out.display()
     );
     let file = OutputFile::check(out)?;
-    let stored = FieldFile::read(field)?;
-    let bytes = onnx_bytes(&stored);
+    let saved = FieldFile::read(field)?;
+    let bytes = onnx_bytes(&saved);
     session.require_memory(COPIES * bytes, || format!("a graph of {}", show_bytes(bytes)))?;
-    write_onnx(&stored, file.begin()?)?;
+    write_onnx(&saved, file.begin()?)?;
     let written = std::fs::metadata(out)?.len();
-    let family = stored.family();
+    let family = saved.family();
     if session.json {
         return print_json(&json!({ "file": out, "family": family, "bytes": written }));
     }

@@ -22,7 +22,7 @@ use self::results::{ResultChunk, ResultWriter};
 use super::notes;
 use crate::arguments::saved::QueryArguments;
 use crate::engine::{Device, DeviceField, Workload};
-use crate::interrupt::{self, Interrupted};
+use crate::interrupt::{self, Interruption};
 use crate::output::{OutputFile, short, standard_output_failed};
 use crate::session::Session;
 
@@ -139,26 +139,26 @@ impl Work {
         };
         let mut writer =
             ResultWriter::start(poses.header(), measure, self.exact.is_some(), session.json, out)?;
-        let _keeping = interrupt::keep();
+        let _keeping = interrupt::stop_cleanly();
         let stage = session.stage("answering", "poses", count.unwrap_or(0));
         let (mut answered, mut outside) = (0u64, 0u64);
-        let mut asked = Vec::new();
+        let mut queries = Vec::new();
         while !answers.poses.is_empty() {
             if interrupt::requested() {
                 let kept = if whole { "nothing was written" } else { "no further pose is answered" };
-                return Err(Interrupted(format!("{answered} poses were answered; {kept}")).into());
+                return Err(Interruption(format!("{answered} poses were answered; {kept}")).into());
             }
             // In place of an invalid pose any other is evaluated, and the result discarded.
-            asked.clear();
-            asked.extend(answers.poses.iter().map(|pose| pose.unwrap_or(ANY)));
-            answers.values = self.measure(&asked, |poses, values| self.field.values(poses, values))?;
+            queries.clear();
+            queries.extend(answers.poses.iter().map(|pose| pose.unwrap_or(ANY)));
+            answers.values = self.measure(&queries, |poses, values| self.field.values(poses, values))?;
             if let Some(exact) = &self.exact {
-                answers.exact = self.measure(&asked, |poses, values| match self.quantity {
+                answers.exact = self.measure(&queries, |poses, values| match self.quantity {
                     Quantity::Overlap => values_on_all_threads(exact, poses, values),
                     Quantity::Depth => exact.depths(poses, values),
                 })?;
             }
-            answers.decisions = self.decisions(&asked)?;
+            answers.decisions = self.decisions(&queries)?;
             answers.outside =
                 answers.poses.iter().map(|pose| pose.is_none_or(|pose| self.is_outside(&pose))).collect();
             writer.write(&answers, out)?;

@@ -44,7 +44,7 @@ pub(crate) fn run(session: &Session, arguments: &VoxelizeArguments) -> Result<()
         "volume": volume,
         "part_voxels": bodies.part.count(),
         "mesh": mesh,
-        "undecided_share": bodies.undecided,
+        "undecided_fraction": bodies.undecided,
         "files": [npy, vti, png],
     });
     let [x, y, z] = grid.dims;

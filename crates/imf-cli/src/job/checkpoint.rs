@@ -9,7 +9,7 @@ use anyhow::{Context as _, Error, Result, bail};
 use imf_fields::factored::FactoredState;
 use imf_fields::factored::file::FactoredFile;
 use imf_fields::file::FieldFileError;
-use imf_fields::harmonic::coefficients::Precision;
+use imf_fields::harmonic::coefficients::StoragePrecision;
 use imf_fields::model::{HeldOutRecord, LossPoint, Model, steps_said};
 use imf_fields::recipe::TrainingState;
 use imf_train::training::run::Start;
@@ -69,7 +69,7 @@ pub trait Checkpoint: Clone {
     /// True where no steps are left.
     fn is_finished(&self) -> bool;
     /// The field of a finished training.
-    fn result(&self, precision: Precision) -> Self;
+    fn result(&self, precision: StoragePrecision) -> Self;
     /// True for the same field, however calibrated.
     fn is_same(&self, other: &Self) -> bool;
     /// How training went, as a picture.
@@ -127,7 +127,7 @@ impl Checkpoint for Model {
         self.record.finished
     }
 
-    fn result(&self, _: Precision) -> Self {
+    fn result(&self, _: StoragePrecision) -> Self {
         self.clone().without_moments()
     }
 
@@ -178,12 +178,12 @@ impl Checkpoint for FactoredFile {
         !self.is_unfinished()
     }
 
-    fn result(&self, precision: Precision) -> Self {
+    fn result(&self, precision: StoragePrecision) -> Self {
         self.clone().finished(precision)
     }
 
     fn is_same(&self, other: &Self) -> bool {
-        let uncalibrated = |file: &Self| Self { calibration: None, ..file.clone() }.as_kept();
+        let uncalibrated = |file: &Self| Self { calibration: None, ..file.clone() }.as_saved();
         uncalibrated(self) == uncalibrated(other)
     }
 
@@ -193,7 +193,7 @@ impl Checkpoint for FactoredFile {
 }
 
 /// What an output folder holds to go on from.
-pub struct Latest<T = Model> {
+pub struct LatestCheckpoint<T = Model> {
     /// The field at its last step.
     pub model: T,
     pub(crate) path: PathBuf,
@@ -205,10 +205,10 @@ pub struct Latest<T = Model> {
 ///
 /// # Errors
 /// No checkpoint, none that is intact, or one of a newer program.
-pub fn latest<T: Checkpoint>(out: &Path) -> Result<Latest<T>> {
+pub fn latest<T: Checkpoint>(out: &Path) -> Result<LatestCheckpoint<T>> {
     let (current, previous) = (out.join(CURRENT), out.join(PREVIOUS));
     let error = match T::read(&current) {
-        Ok(model) => return Ok(Latest { model, path: current, damage: None }),
+        Ok(model) => return Ok(LatestCheckpoint { model, path: current, damage: None }),
         Err(error) if is_newer(&error) => return Err(error),
         Err(error) => error,
     };
@@ -225,7 +225,7 @@ pub fn latest<T: Checkpoint>(out: &Path) -> Result<Latest<T>> {
         _ => "all steps after it are repeated; how many is lost with the damaged file".to_owned(),
     };
     let damage = format!("{error}; going on from {} at step {steps}: {repeated}", previous.display());
-    Ok(Latest { model, path: previous, damage: Some(damage) })
+    Ok(LatestCheckpoint { model, path: previous, damage: Some(damage) })
 }
 
 fn is_newer(error: &Error) -> bool {
@@ -234,7 +234,7 @@ fn is_newer(error: &Error) -> bool {
 
 /// The checkpoint to resume from, where `resume` is set. Refuses to begin where a training is unfinished, and to
 /// go on where there is none, or one of the other family.
-pub(crate) fn to_resume<T: Checkpoint>(out: &Path, resume: bool) -> Result<Option<Latest<T>>> {
+pub(crate) fn to_resume<T: Checkpoint>(out: &Path, resume: bool) -> Result<Option<LatestCheckpoint<T>>> {
     let current = out.join(CURRENT);
     let [family, command] = T::FAMILY;
     if resume && ![CURRENT, PREVIOUS].iter().any(|name| out.join(name).exists()) {
@@ -266,10 +266,15 @@ pub(crate) fn is_unfinished<T: Checkpoint>(out: &Path) -> bool {
     latest::<T>(out).is_ok_and(|found| !found.model.is_finished() || !out.join(FIELD).exists())
 }
 
-impl<T: Checkpoint> Latest<T> {
+impl<T: Checkpoint> LatestCheckpoint<T> {
     /// The field of a finished training: as it lies in `out`, else written there from the checkpoint. Nothing where steps are
     /// left.
-    pub(crate) fn finished(&self, session: &Session, out: &Path, precision: Precision) -> Result<Option<T>> {
+    pub(crate) fn finished(
+        &self,
+        session: &Session,
+        out: &Path,
+        precision: StoragePrecision,
+    ) -> Result<Option<T>> {
         if !self.model.is_finished() {
             return Ok(None);
         }

@@ -13,7 +13,7 @@ use imf_train::dataset::{DatasetError, Manifest, Shards};
 use imf_train::samples::Samples;
 
 use super::memory::Footprint;
-use crate::interrupt::{self, Interrupted};
+use crate::interrupt::{self, Interruption};
 use crate::session::{Session, show_bytes};
 
 /// What a rank that has room for all samples says: one group has their order.
@@ -78,7 +78,7 @@ impl Data {
                 shards.groups_within(room).map_or(NEVER, |groups| groups as u64)
             };
             // One order for all ranks: that of the one with the least memory.
-            most = NEVER - session.rank().least(NEVER - fits)?;
+            most = NEVER - session.rank().minimum(NEVER - fits)?;
             // Where nothing fits, the refusal speaks of the most groups that there can be.
             let groups = usize::try_from(most).unwrap_or(usize::MAX);
             model.record.groups_per_epoch = (most != WHOLE).then_some(groups);
@@ -139,7 +139,7 @@ impl Data {
 fn interruption(error: DatasetError) -> anyhow::Error {
     match error {
         DatasetError::Section(SectionError::Cancelled(_)) => {
-            Interrupted("the training had not begun; run the same command again".into()).into()
+            Interruption("the training had not begun; run the same command again".into()).into()
         }
         other => other.into(),
     }

@@ -41,15 +41,15 @@ mod tests {
     use imf_fields::factored::DistillSettings;
     use imf_fields::harmonic::FitSettings;
     use imf_fields::recipe::OnlineSettings;
-    use imf_fields::recipe::{Length, TrainingPlan};
+    use imf_fields::recipe::{TrainingLength, TrainingPlan};
 
     use super::*;
 
     #[test]
     fn settings_that_differ_are_named_with_both_values() {
-        let there = DistillSettings { omega: 30.0, ..DistillSettings::of_length(Length::Epochs(40)) };
+        let there = DistillSettings { omega: 30.0, ..DistillSettings::of_length(TrainingLength::Epochs(40)) };
         assert!(differences(&there, &there).unwrap().is_empty());
-        let plan = TrainingPlan { seed: 3, length: Length::Steps(7), ..there.plan };
+        let plan = TrainingPlan { seed: 3, length: TrainingLength::Steps(7), ..there.plan };
         let here = DistillSettings { omega: 0.1, plan, online: Some(OnlineSettings::default()), ..there };
         let mut found = differences(&there, &here).unwrap();
         let online = found.pop().unwrap();
@@ -58,8 +58,8 @@ mod tests {
         let expected =
             [r#"length: {"epochs":40}, not {"steps":7}"#, "omega: 30.0, not 0.1", "seed: 0, not 3"];
         assert_eq!(found, expected);
-        let fit = FitSettings { axes: usize::MAX, ..FitSettings::default() };
-        let some = differences(&fit, &FitSettings { axes: 81, ..fit }).unwrap();
-        assert_eq!(some, ["axes: all, not 81"]);
+        let fit = FitSettings { components: usize::MAX, ..FitSettings::default() };
+        let some = differences(&fit, &FitSettings { components: 81, ..fit }).unwrap();
+        assert_eq!(some, ["components: all, not 81"]);
     }
 }

@@ -9,7 +9,7 @@ use imf_core::scene::Scene;
 use imf_fields::factored::file::FactoredFile;
 use imf_fields::factored::{DistillSettings, FactoredField, FactoredState, Symmetry};
 use imf_fields::harmonic::basis::Domain;
-use imf_fields::harmonic::coefficients::Precision;
+use imf_fields::harmonic::coefficients::StoragePrecision;
 use imf_fields::harmonic::file::HarmonicFile;
 use imf_fields::harmonic::{FitReport, FitSettings, Sizes};
 use imf_fields::recipe::{Optimiser, TrainingPlan};
@@ -17,7 +17,7 @@ use imf_gpu::{GpuTrainer, TrainerSettings};
 use imf_train::distill::{SectionSource, Target, bytes_to_solve, optimiser_bytes, start_from};
 use imf_train::training::TrainingEngine;
 
-use super::checkpoint::{Latest, to_resume};
+use super::checkpoint::{LatestCheckpoint, to_resume};
 use super::differences::differences;
 use super::{Settings, Training};
 use crate::engine::Device;
@@ -101,20 +101,20 @@ impl DistillationSize {
     /// Less memory than this.
     pub fn require(&self, session: &Session, settings: &DistillSettings, smaller: &str) -> Result<()> {
         let Self { by_sections, fit, domain, voxels } = *self;
-        let Sizes { functions, axes, .. } = fit.sizes(domain);
+        let Sizes { functions, components, .. } = fit.sizes(domain);
         // A symmetry-reduced network has every function for an output; whether there is any symmetry is seen later. Three
         // matrices of these are held while it is trained.
         let may_reduce = !by_sections && domain == Domain::Directions;
-        let outputs = if may_reduce { functions } else { axes };
+        let outputs = if may_reduce { functions } else { components };
         let frames = if may_reduce { 12 * (functions * functions) as u64 } else { 0 };
         let (choice, source, what) = if by_sections {
             (
                 fit.outline_memory(domain, voxels),
-                SectionSource::memory_bytes(functions, axes, voxels, settings),
+                SectionSource::memory_bytes(functions, components, voxels, settings),
                 "the sections and the network",
             )
         } else {
-            let field = fit.memory(domain, voxels).1 + 4 * (functions * (axes + 1)) as u64;
+            let field = fit.memory(domain, voxels).1 + 4 * (functions * (components + 1)) as u64;
             let bytes = field + frames + bytes_to_solve(settings, voxels, outputs);
             (0, bytes, "the harmonic field and the network")
         };
@@ -132,7 +132,7 @@ pub struct FactoredStart<'a> {
     /// Where checkpoint and field are written.
     pub(crate) out: &'a Path,
     /// What is gone on with; nothing for a training afresh.
-    found: Option<Latest<FactoredFile>>,
+    found: Option<LatestCheckpoint<FactoredFile>>,
 }
 
 impl<'a> FactoredStart<'a> {
@@ -142,7 +142,7 @@ impl<'a> FactoredStart<'a> {
     /// As said.
     pub fn at(out: &'a Path, resume: bool) -> Result<Self> {
         let found = to_resume::<FactoredFile>(out, resume)?;
-        if let Some(Latest { model, path, .. }) = &found {
+        if let Some(LatestCheckpoint { model, path, .. }) = &found {
             ensure!(model.state.is_some(), "{} has no optimiser's state to go on from", path.display());
         }
         Ok(Self { out, found })
@@ -236,12 +236,12 @@ impl<'a> FactoredStart<'a> {
             there.len() == here.len() && there.iter().zip(here).all(|(a, b)| (a - b).abs() < 1e-3 * scale)
         };
         ensure!(
-            near(&found.field.axes, &field.axes) && near(&found.field.mean, &field.mean),
+            near(&found.field.components, &field.components) && near(&found.field.mean, &field.mean),
             "{} was trained along other functions, which another limit of memory or another version chose by the same \
              settings: resume as it was begun (--memory), or choose another --out",
             checkpoint.display()
         );
-        if found.field.axes != field.axes || found.field.mean != field.mean {
+        if found.field.components != field.components || found.field.mean != field.mean {
             session.warn(
                 "the functions differ in their last digits from those that this was begun with (less or more memory, or another \
                  processor): the weights will not be those of an uninterrupted run to the bit",
@@ -251,7 +251,11 @@ impl<'a> FactoredStart<'a> {
     }
 
     /// The field of a training that is finished, its weights saved so; nothing where steps are left.
-    pub(crate) fn finished(&self, session: &Session, precision: Precision) -> Result<Option<FactoredFile>> {
+    pub(crate) fn finished(
+        &self,
+        session: &Session,
+        precision: StoragePrecision,
+    ) -> Result<Option<FactoredFile>> {
         self.found.as_ref().map_or(Ok(None), |found| found.finished(session, self.out, precision))
     }
 
@@ -270,7 +274,7 @@ pub struct Distillation<'a> {
     /// The network uses the harmonic field's symmetry regardless of the settings.
     pub find_symmetry: bool,
     /// How the finished weights are saved.
-    pub precision: Precision,
+    pub precision: StoragePrecision,
     /// What happens beside the steps.
     pub beside: Settings,
     /// What takes less memory.
@@ -319,7 +323,7 @@ impl Distillation<'_> {
             }
         };
         let parameters = shape.parameter_count();
-        let _keeping = interrupt::keep();
+        let _keeping = interrupt::stop_cleanly();
         session.note(&format!("training {shape} ({parameters} parameters) {of}, {total} steps of {batch}"));
         let mut engine: Box<dyn TrainingEngine> = match device {
             Device::Cpu => Box::new(target.engine(&settings, &state)?),
@@ -337,7 +341,7 @@ impl Distillation<'_> {
             fit,
             report,
             settings,
-            precision: Precision::F32,
+            precision: StoragePrecision::F32,
             state: Some(state),
             calibration: None,
         };

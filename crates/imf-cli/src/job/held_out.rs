@@ -12,7 +12,7 @@ use imf_fields::siren::evaluator::CpuEvaluator;
 use imf_train::held_out::HeldOut;
 
 use super::REPORT_EVERY;
-use crate::interrupt::Interrupted;
+use crate::interrupt::Interruption;
 use crate::session::Session;
 
 /// Default maximum number of evaluations of a run; they then take about a hundredth of the time of training.
@@ -45,7 +45,7 @@ impl HeldOutWatch {
             Err(SectionError::Cancelled(_)) => {
                 let text =
                     "the training had not begun; run the same command again: what was made for it is kept";
-                return Err(Interrupted(text.into()).into());
+                return Err(Interruption(text.into()).into());
             }
             other => other?,
         };

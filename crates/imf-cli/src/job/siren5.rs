@@ -7,7 +7,7 @@ use std::time::Duration;
 use anyhow::{Result, bail, ensure};
 use imf_core::orientation::OrientationSet;
 use imf_core::scene::SceneRecord;
-use imf_fields::harmonic::coefficients::Precision;
+use imf_fields::harmonic::coefficients::StoragePrecision;
 use imf_fields::model::Model;
 use imf_fields::recipe::schedule::Schedule;
 use imf_fields::recipe::{Sampling, TrainingPlan, TrainingState};
@@ -15,7 +15,7 @@ use imf_fields::siren::SirenShape;
 use imf_train::training::run::train;
 use imf_train::training::streamed::train_streamed;
 
-use super::checkpoint::{Checkpoint as _, Latest, latest};
+use super::checkpoint::{Checkpoint as _, LatestCheckpoint, latest};
 use super::data::{Data, Source};
 use super::held_out::{HeldOutWatch, record};
 use super::memory::Footprint;
@@ -94,7 +94,7 @@ fn train_to_the_end(
     let _lock = if rank.is_first() { Some(lock_folder(out)?) } else { None };
     let held_out = if rank.is_first() { HeldOutWatch::new(session, &model)? } else { None };
     let mut engine = device.trainer(rank, model.shape, &plan, batch, model.state.clone())?;
-    let _keeping = interrupt::keep();
+    let _keeping = interrupt::stop_cleanly();
     session.note(&format!(
         "training {}×{} ({} parameters, ω = {}) on {samples} samples, {total} steps of {batch}; {}",
         model.shape.hidden,
@@ -106,7 +106,7 @@ fn train_to_the_end(
     model.record.engine = engine.describe();
     model.record.program = env!("CARGO_PKG_VERSION").into();
     let resumed = model.record.steps > 0;
-    let precision = Precision::F32;
+    let precision = StoragePrecision::F32;
     let training =
         Training { session, out, settings, field: model, plan, samples, resumed, precision, held_out };
     Ok(training.run(engine.as_mut(), by)?.0)
@@ -153,7 +153,7 @@ pub fn fresh_model(
     data.manifest().fresh_model(data.scene.clone(), samples, shape, plan, state, fine_tuned_from)
 }
 
-impl Latest<Model> {
+impl LatestCheckpoint<Model> {
     /// Refuses a checkpoint that was not trained on these samples; nothing of them need be there.
     pub(crate) fn require_samples(
         &self,
@@ -224,12 +224,12 @@ impl Latest<Model> {
 /// anew, which is the way out of a divergence.
 pub(crate) fn resumed_model(
     session: &Session,
-    found: Latest,
+    found: LatestCheckpoint,
     data: &Data,
     rate: Option<f32>,
 ) -> Result<Model> {
     found.require_dataset(data)?;
-    let Latest { mut model, path, damage } = found;
+    let LatestCheckpoint { mut model, path, damage } = found;
     // Of the weights as they were.
     model.calibration = None;
     if !model.is_resumable() {
@@ -281,9 +281,9 @@ pub fn continued(session: &Session, out: &Path, data: &Data, fresh: Model) -> Re
             && found.record.dataset_crc32 == data.manifest().fingerprint()
     };
     match latest::<Model>(out) {
-        Ok(Latest { model, .. }) if model.is_finished() => Ok(fresh),
+        Ok(LatestCheckpoint { model, .. }) if model.is_finished() => Ok(fresh),
         Ok(found) if same(&found.model) => resumed_model(session, found, data, None),
-        Ok(Latest { model, .. }) => bail!(
+        Ok(LatestCheckpoint { model, .. }) => bail!(
             "{0} holds an unfinished training with other settings ({1} steps done), which would be lost: give the settings of that one, choose \
              another --out, or remove {0}",
             out.display(),

@@ -2,7 +2,7 @@
 
 use anyhow::{Context as _, Result, bail};
 use imf_core::field::EngineError;
-use imf_train::engine::ranks::Exchange;
+use imf_train::engine::ranks::Collectives;
 use mpi::Threading;
 use mpi::datatype::{Partition, PartitionMut};
 use mpi::environment::Universe;
@@ -51,7 +51,7 @@ pub(super) fn abort(code: u8) -> ! {
 }
 
 /// Communication with the other ranks; MPI aborts all of them on failure.
-pub(super) struct MpiExchange {
+pub(super) struct MpiCollectives {
     world: SimpleCommunicator,
     rank: Rank,
     /// Values dealt to, and received from, each rank, and where they begin.
@@ -59,7 +59,7 @@ pub(super) struct MpiExchange {
     taken: (Vec<i32>, Vec<i32>),
 }
 
-impl MpiExchange {
+impl MpiCollectives {
     pub(super) fn new(rank: Rank) -> Self {
         let none = (Vec::new(), Vec::new());
         Self { world: SimpleCommunicator::world(), rank, given: none.clone(), taken: none }
@@ -83,7 +83,7 @@ impl MpiExchange {
     }
 }
 
-impl Exchange for MpiExchange {
+impl Collectives for MpiCollectives {
     fn rank(&self) -> usize {
         self.rank.number
     }
@@ -92,7 +92,7 @@ impl Exchange for MpiExchange {
         self.rank.of
     }
 
-    fn deal(&mut self, values: &[f32], cuts: &[usize], parts: &mut [f32]) -> Result<(), EngineError> {
+    fn all_to_all(&mut self, values: &[f32], cuts: &[usize], parts: &mut [f32]) -> Result<(), EngineError> {
         self.plan(cuts)?;
         let given = Partition::new(values, &self.given.0[..], &self.given.1[..]);
         let mut taken = PartitionMut::new(parts, &self.taken.0[..], &self.taken.1[..]);
@@ -100,14 +100,14 @@ impl Exchange for MpiExchange {
         Ok(())
     }
 
-    fn collect(&mut self, slice: &[f32], cuts: &[usize], values: &mut [f32]) -> Result<(), EngineError> {
+    fn all_gather(&mut self, slice: &[f32], cuts: &[usize], values: &mut [f32]) -> Result<(), EngineError> {
         self.plan(cuts)?;
         let mut all = PartitionMut::new(values, &self.given.0[..], &self.given.1[..]);
         self.world.all_gather_varcount_into(slice, &mut all);
         Ok(())
     }
 
-    fn all(&mut self, number: u64) -> Result<Vec<u64>, EngineError> {
+    fn all_gather_number(&mut self, number: u64) -> Result<Vec<u64>, EngineError> {
         let mut all = vec![0; self.rank.of];
         self.world.all_gather_into(&number, &mut all[..]);
         Ok(all)

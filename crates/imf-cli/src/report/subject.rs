@@ -89,8 +89,8 @@ impl<'a> Subject<'a> {
     ///
     /// # Errors
     /// A number of sections that no set can have.
-    pub(crate) fn of_stored(stored: &'a FieldFile) -> Result<Self> {
-        let (basis, report, family, parameters, how) = match stored {
+    pub(crate) fn of_saved_field(saved: &'a FieldFile) -> Result<Self> {
+        let (basis, report, family, parameters, how) = match saved {
             FieldFile::Siren(model) => return Ok(Self::of_model(model)),
             FieldFile::Harmonic(file) => {
                 let field = &file.field;
@@ -102,7 +102,7 @@ impl<'a> Subject<'a> {
                     "harmonic field of degree {}, {} basis functions of the {of}, {} principal components, {:.0} MB",
                     field.basis.degree(),
                     field.basis.len(),
-                    field.axis_count(),
+                    field.component_count(),
                     field.bytes() as f64 / 1e6
                 );
                 (&field.basis, &field.report, "harmonic", field.coefficients.len(), how)
@@ -124,7 +124,7 @@ impl<'a> Subject<'a> {
         };
         let (shown_as, participle) = (family, "fitted");
         Ok(Self {
-            scene: stored.scene(),
+            scene: saved.scene(),
             seen: Cow::Owned(basis.fitted_set(report.sections)?),
             made: Provenance { family, parameters, training: None, how, shown_as, participle },
             training: None,

@@ -56,7 +56,7 @@ impl View<'_> {
 
 /// The visible point of a triangle at a pixel.
 #[derive(Clone, Copy)]
-struct Seen {
+struct Fragment {
     depth: f64,
     triangle: usize,
 }
@@ -71,7 +71,7 @@ fn drawn(mesh: &Mesh, layer: &Layer, towards: DVec3, right: DVec3) -> RgbImage {
         (corners[0].min(corners[1]), corners[0].max(corners[1]) - corners[0].min(corners[1]));
     let size = (bottom * scale).ceil().max(DVec2::ONE);
     let [width, height] = size.to_array().map(|side| (side as usize).next_multiple_of(FINE));
-    let mut seen: Vec<Option<Seen>> = vec![None; width * height];
+    let mut seen: Vec<Option<Fragment>> = vec![None; width * height];
     let mut normals = vec![DVec3::ZERO; mesh.triangles.len()];
     for (triangle, normal) in normals.iter_mut().enumerate() {
         let corners = mesh.corners(triangle);
@@ -102,7 +102,7 @@ fn drawn(mesh: &Mesh, layer: &Layer, towards: DVec3, right: DVec3) -> RgbImage {
                 let depth = to_a * a.z + to_b * b.z + to_c * c.z;
                 let place = &mut seen[row * width + column];
                 if place.is_none_or(|before| depth > before.depth) {
-                    *place = Some(Seen { depth, triangle });
+                    *place = Some(Fragment { depth, triangle });
                 }
             }
         }
@@ -112,7 +112,7 @@ fn drawn(mesh: &Mesh, layer: &Layer, towards: DVec3, right: DVec3) -> RgbImage {
 
 /// Light from above the viewer's shoulder, lines at edges and where one thing stands before another.
 fn shaded(
-    seen: &[Option<Seen>],
+    seen: &[Option<Fragment>],
     width: usize,
     normals: &[DVec3],
     layer: &Layer,

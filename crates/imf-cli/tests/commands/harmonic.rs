@@ -209,7 +209,7 @@ fn eval_says_of_both_families_what_plain_sums_say() {
     let expanded = factored
         .field
         .evaluator()
-        .expanded(imf_fields::harmonic::coefficients::Precision::F32, factored.report);
+        .expanded(imf_fields::harmonic::coefficients::StoragePrecision::F32, factored.report);
     for (file, family, field) in [
         ("field.safetensors", "harmonic", &harmonic.field),
         ("small/field.safetensors", "factored", &expanded),

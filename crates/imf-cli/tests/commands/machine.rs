@@ -267,7 +267,8 @@ fn access_counts_only_poses_to_which_the_machine_brings_the_tool() {
     let run = |more: &str| {
         let found = folder.json(&format!("{usual} {more}"));
         let rows = found["surface"]["obstructed_by"].as_array().unwrap().clone();
-        let of_machine = rows.iter().find(|row| row["element"] == "machine").map(|row| row["share"].clone());
+        let of_machine =
+            rows.iter().find(|row| row["element"] == "machine").map(|row| row["fraction"].clone());
         let help = found["unreached"].as_array().into_iter().flatten().map(|patch| patch["hits"].to_string());
         let share = |value: &Value| value.as_f64().unwrap();
         (share(&found["surface"]["reached"]), of_machine.map_or(0.0, |v| share(&v)), help.collect::<String>())

@@ -102,7 +102,7 @@ fn meshes_that_do_not_say_what_is_inside() {
     // By less than anyone would see they are joined.
     folder.write("near.obj", soup("000"));
     let answer = folder.json("voxelize near.obj --dims 10,10,10 --out near");
-    assert_eq!((&answer["solid_voxels"], &answer["undecided_share"]), (&1000.into(), &0.0.into()));
+    assert_eq!((&answer["solid_voxels"], &answer["undecided_fraction"]), (&1000.into(), &0.0.into()));
     assert!(answer["warnings"][0].as_str().unwrap().contains("28 corners lay within"), "{answer}");
     folder.write("soup.obj", soup(""));
     let soup = "soup.obj --pitch 10 --tool paper --allow-coarse";
@@ -119,7 +119,7 @@ fn meshes_that_do_not_say_what_is_inside() {
         .collect();
     folder.write("turned.obj", vertices.join("\n") + "\n" + &turned);
     let answer = folder.json("voxelize turned.obj --pitch 10 --out out");
-    assert_eq!((&answer["solid_voxels"], &answer["undecided_share"]), (&1000.into(), &0.0.into()));
+    assert_eq!((&answer["solid_voxels"], &answer["undecided_fraction"]), (&1000.into(), &0.0.into()));
     assert_eq!(answer["warnings"][0], "turned.obj: 6 of 12 triangles faced the wrong way and were flipped");
 }
 

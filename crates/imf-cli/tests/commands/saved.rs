@@ -51,10 +51,10 @@ fn sections_of_networks_are_the_librarys() {
         let summary = work.json(&format!("field {file} --orientations {SET} --out {family}-sections"));
         assert!(summary[family].is_object() && summary["harmonic"].is_null(), "{summary}");
         work.imf(&format!("field {file} --orientations {SET} --imf --out {family}-imf")).done();
-        let stored = FieldFile::read(&work.path(file)).unwrap();
-        let voxels = stored.scene().record.grid.len();
+        let saved = FieldFile::read(&work.path(file)).unwrap();
+        let voxels = saved.scene().record.grid.len();
         let mut expected = vec![0.0; voxels * orientations.len()];
-        match &stored {
+        match &saved {
             FieldFile::Factored(file) => {
                 file.field.evaluator().sections(&file.field.direction_weights(&orientations), &mut expected);
             }

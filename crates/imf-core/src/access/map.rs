@@ -42,7 +42,7 @@ impl AccessMap {
     /// Fraction of the map's directions, by their area on the sphere, whose measure is at most `tau`; 0 without
     /// directions.
     #[must_use]
-    pub fn free_share(&self, tau: f64) -> f64 {
+    pub fn free_fraction(&self, tau: f64) -> f64 {
         let step = std::f64::consts::PI / self.cells[1] as f64;
         let area = |j: usize| ((j as f64) * step).cos() - ((j + 1) as f64 * step).cos();
         let (mut free, mut all) = (0.0, 0.0);
@@ -108,7 +108,7 @@ mod tests {
             let expected = direct_cmf(&obstacle, &tool, &orientation, voxel).unwrap();
             assert!((f64::from(value) - expected).abs() < 1e-6, "{orientation:?}");
         }
-        assert!((map.free_share(1.0) - 1.0).abs() < 1e-12 && map.free_share(-1.0) == 0.0);
+        assert!((map.free_fraction(1.0) - 1.0).abs() < 1e-12 && map.free_fraction(-1.0) == 0.0);
         // Of the lower half, which a machine with a cone about +z does not reach, nothing is left.
         let limits = Limits::parse("cone:0,0,1:90").unwrap();
         let upper = map.clone().within(&limits);
@@ -116,8 +116,8 @@ mod tests {
             let reached = AccessMap::orientation(cells, cell / 5, cell % 5).direction().z >= -1e-12;
             assert!(if reached { value == whole } else { value.is_nan() }, "{cell}");
         }
-        assert!((upper.free_share(1.0) - 1.0).abs() < 1e-12);
-        assert_eq!(map.within(&Limits::parse("cone:0,0,1:0").unwrap()).free_share(1.0), 0.0);
+        assert!((upper.free_fraction(1.0) - 1.0).abs() < 1e-12);
+        assert_eq!(map.within(&Limits::parse("cone:0,0,1:0").unwrap()).free_fraction(1.0), 0.0);
         // The last cell along latitude looks nearly straight up.
         assert!(AccessMap::orientation(cells, 3, 4).direction().z > 0.9);
     }

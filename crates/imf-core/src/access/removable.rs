@@ -56,7 +56,7 @@ const ROUNDING: f64 = 0.866_025_403_784_438_7;
 /// Bounds of the stock that a cutter removes: with its tip on voxel centres, and at most with its tip anywhere. Both
 /// converge to the stock removed as the pitch falls.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Removable {
+pub struct RemovableStock {
     /// 1 for every voxel of the stock that the cutter covers at a free pose whose tip lies on a voxel's centre.
     pub covered: Vec<u8>,
     /// 1 for those, and for every voxel that it may cover at a free pose whose tip lies anywhere; every other voxel
@@ -113,7 +113,7 @@ pub fn removable(
     orientations: &[Orientation],
     tau: f64,
     control: Control<'_>,
-) -> Result<Removable, RemovableError> {
+) -> Result<RemovableStock, RemovableError> {
     let (obstacle, assembly) = (obstacle.into(), assembly.into());
     let slack = ROUNDING * stock.grid.pitch;
     // A cutter too thin for the grid is refused before the work begins.
@@ -129,7 +129,7 @@ pub fn removable(
     // Only around what is left.
     let Some((low, high)) = left.extent() else {
         (control.progress)(orientations.len() as u64);
-        return Ok(Removable { covered, possible });
+        return Ok(RemovableStock { covered, possible });
     };
     let before = low.map(|v| -(v as i64));
     let after = [0, 1, 2].map(|axis| high[axis] as i64 + 1 - stock.grid.dims[axis] as i64);
@@ -145,7 +145,7 @@ pub fn removable(
         let more = more.on(&stock.grid).ok_or(GridError::Dims(around.dims))?;
         possible.iter_mut().zip(&more.solid).for_each(|(all, &more)| *all |= more);
     }
-    Ok(Removable { covered, possible })
+    Ok(RemovableStock { covered, possible })
 }
 
 /// A cutter that visits every free position.

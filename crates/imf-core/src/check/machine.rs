@@ -117,23 +117,23 @@ struct Pair {
 }
 
 /// An axis that leaves its range: where it first does, how far on the way that is, and where it is farthest beyond.
-pub(super) struct Beyond {
+pub(super) struct TravelExcess {
     pub(super) first: OutOfTravel,
     pub(super) fraction: f64,
     pub(super) farthest: f64,
 }
 
 /// Pairs that move alike: at the same poses, in the frame of the same level.
-struct Alike {
+struct PairGroup {
     ball: Ball,
     level: usize,
     in_world: bool,
     /// Body by body that they must not hit.
-    pairs: Vec<Near>,
+    pairs: Vec<BodyPairs>,
 }
 
 /// What must not hit one body: where the ball around all of it is free, all of it is.
-struct Near {
+struct BodyPairs {
     voxels: SolidVoxels,
     pairs: Vec<Pair>,
 }
@@ -145,7 +145,7 @@ type TableSolid = (usize, Arc<Body>, SolidVoxels);
 #[derive(Clone)]
 pub(super) struct MachinePairs {
     machine: Arc<Machine>,
-    groups: Arc<Vec<Alike>>,
+    groups: Arc<Vec<PairGroup>>,
     on_table: TablePairs,
     /// From the world to where the machine's coordinates are with the table's axes at 0.
     to_machine: Pose,
@@ -193,19 +193,19 @@ impl MachinePairs {
         let head: Vec<HeadBody> =
             of_head.map(|solid| HeadBody::of_solid(solid, room.holder)).collect::<Result<_, _>>()?;
         let table_axes = machine.axes_of(Side::Table);
-        let mut groups: Vec<Alike> = Vec::new();
+        let mut groups: Vec<PairGroup> = Vec::new();
         let mut add = |own: &[HeadBody], (level, body, voxels): &TableSolid, in_world: bool| {
             // Of the head, those that one ball is around move alike: the tool's elements.
             for own in own.chunk_by(|a, b| a.ball == b.ball) {
                 let pairs = own.iter().map(|own| own.against(body, voxels)).collect::<Result<_, _>>()?;
-                let pairs = Near { voxels: voxels.clone(), pairs };
+                let pairs = BodyPairs { voxels: voxels.clone(), pairs };
                 let ball = own[0].ball;
-                let alike = |group: &&mut Alike| {
+                let alike = |group: &&mut PairGroup| {
                     group.ball == ball && (group.level, group.in_world) == (*level, in_world)
                 };
                 match groups.iter_mut().find(alike) {
                     Some(group) => group.pairs.push(pairs),
-                    None => groups.push(Alike { ball, level: *level, in_world, pairs: vec![pairs] }),
+                    None => groups.push(PairGroup { ball, level: *level, in_world, pairs: vec![pairs] }),
                 }
             }
             Ok::<(), CheckError>(())
@@ -243,7 +243,7 @@ impl MachinePairs {
         &self,
         motion: &Motion<'_>,
         line: usize,
-    ) -> Result<(Vec<Collision>, Vec<Beyond>), CheckError> {
+    ) -> Result<(Vec<Collision>, Vec<TravelExcess>), CheckError> {
         let Some(way) = motion.by_machine() else { return Ok((Vec::new(), Vec::new())) };
         let half = way.placement(0.5);
         let mut found = Vec::new();
@@ -267,11 +267,11 @@ impl MachinePairs {
     }
 
     /// The axes that leave their ranges on a motion.
-    fn beyond(&self, motion: &Motion<'_>, line: usize) -> Result<Vec<Beyond>, CheckError> {
+    fn beyond(&self, motion: &Motion<'_>, line: usize) -> Result<Vec<TravelExcess>, CheckError> {
         let Some(way) = motion.by_machine() else { return Ok(Vec::new()) };
         let farthest = way.linear_way();
         let count = poses_needed(farthest, self.step, line)?;
-        let mut found: Vec<Beyond> = Vec::new();
+        let mut found: Vec<TravelExcess> = Vec::new();
         let turns_within_range = way.turns_within_range();
         if turns_within_range && self.machine.room_in_travel(way.joints(0.5).linear) > 0.5 * farthest {
             return Ok(found);
@@ -281,7 +281,7 @@ impl MachinePairs {
             for out in self.machine.all_out_of_travel(&joints) {
                 match found.iter_mut().find(|known| known.first.axis == out.axis) {
                     Some(known) => known.farthest = farther(known.farthest, out.value, out.range),
-                    None => found.push(Beyond { first: out, fraction, farthest: out.value }),
+                    None => found.push(TravelExcess { first: out, fraction, farthest: out.value }),
                 }
             }
             if turns_within_range { self.machine.room_in_travel(joints.linear) } else { 0.0 }
@@ -290,13 +290,13 @@ impl MachinePairs {
     }
 
     /// From where the head is with all axes at 0 to the frame of what a group must not hit.
-    fn in_body(&self, group: &Alike, place: &Placement) -> Pose {
+    fn in_body(&self, group: &PairGroup, place: &Placement) -> Pose {
         let in_machine = place.table[group.level].inverse().of_pose(&place.head[group.ball.level]);
         if group.in_world { self.to_machine.inverse().of_pose(&in_machine) } else { in_machine }
     }
 
     /// The tool at that time, and the contact point as it lies against the part then.
-    fn in_the_world(&self, group: &Alike, motion: &Motion<'_>, mut hit: Collision) -> Collision {
+    fn in_the_world(&self, group: &PairGroup, motion: &Motion<'_>, mut hit: Collision) -> Collision {
         if let (Some(way), false) = (motion.by_machine(), group.in_world) {
             let place = way.placement(hit.fraction);
             let on_table = place.table[group.level].of_point(DVec3::from_array(hit.contact));
@@ -308,7 +308,7 @@ impl MachinePairs {
     }
 }
 
-impl Near {
+impl BodyPairs {
     /// How far the ball may move before it meets the body; at or below 0 where that is not known.
     fn ball_room(&self, ball: &Ball, moved: &Pose) -> f64 {
         let grid = &self.voxels.occupancy().grid;

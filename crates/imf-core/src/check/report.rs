@@ -143,18 +143,19 @@ pub struct CheckReport {
 }
 
 /// What was found on one motion: its place in the path, its collisions, and which axes leave the machine's travel.
-pub(super) type Followed = (usize, LineCollisions, Vec<TravelFault>);
+pub(super) type MotionFindings = (usize, LineCollisions, Vec<TravelFault>);
 
 /// One entry a line, also of lines of many motions (the chords of an arc).
 pub(super) fn gather(
-    found: &[Followed],
+    found: &[MotionFindings],
     toolpath: &Toolpath,
     settings: &CheckSettings,
     pitch: f64,
 ) -> CheckReport {
     let starts = toolpath.starts();
     let poses = found.iter().map(|(_, line, _)| line.poses).sum();
-    let is_next = |a: &Followed, b: &Followed| a.1.line == b.1.line && b.1.kind != MoveKind::Start;
+    let is_next =
+        |a: &MotionFindings, b: &MotionFindings| a.1.line == b.1.line && b.1.kind != MoveKind::Start;
     let (mut locations, mut colliding, mut out_of_travel) = (0, Vec::new(), Vec::new());
     for of_line in found.chunk_by(is_next) {
         locations += 1;

@@ -14,7 +14,7 @@ use crate::control::Control;
 use crate::machine::{Machine, Side};
 use crate::occupancy::Occupancy;
 use crate::parallel;
-use crate::surface::{CollisionEnvironment, Raising, StickOutTool, default_tolerance};
+use crate::surface::{CollisionEnvironment, StickOutSearch, StickOutTool, default_tolerance};
 use crate::tool::{Clearance, Tool};
 use crate::toolpath::{Location, MoveKind, Toolpath};
 
@@ -33,7 +33,7 @@ pub struct PathStickOut {
     pub longest: Option<f64>,
     /// The minimum with which shank and holder are free on all of the path; it may exceed the overall length. `None`
     /// where no length is.
-    pub least: Option<f64>,
+    pub minimum: Option<f64>,
     /// Motions by the machine's own coordinates, G53 and G28, on which the tip moves with the tool's length: they
     /// were not checked.
     pub left_out: usize,
@@ -50,7 +50,7 @@ const AHEAD: f64 = 1.25;
 ///
 /// # Errors
 /// As of [`check_toolpath`](super::check_toolpath); a tool without a holder; a path on which the tip moves with the tool's length.
-pub fn least_stick_outs(
+pub fn shortest_stick_outs(
     obstacle: &Arc<Occupancy>,
     tools: &[(Option<u32>, &Tool)],
     toolpath: &Toolpath,
@@ -90,7 +90,7 @@ pub fn least_stick_outs(
         let lines = |motion: usize| toolpath.locations[motion].line;
         // A tool that sticks out farther moves farther between two poses.
         let mut followed = prepared.given().max(prepared.shortest());
-        let least = loop {
+        let minimum = loop {
             let bare = Tool { overall_length: None, ..Tool::clone(tool) };
             let long = bare.with_stick_out(followed).unwrap_or(bare);
             let tools: Vec<(Option<u32>, &Tool)> = tools
@@ -101,10 +101,10 @@ pub fn least_stick_outs(
             let all = motions(toolpath, &tools, settings, machine)?;
             let own: Vec<(usize, &Motion<'_>)> =
                 own.iter().map(|&motion| (lines(motion), &all[motion])).collect();
-            let least = search.over(&own, control)?;
-            match least {
+            let minimum = search.over(&own, control)?;
+            match minimum {
                 Some(length) if length > followed => followed = AHEAD * length,
-                least => break least,
+                minimum => break minimum,
             }
         };
         (control.progress)(own.len() as u64);
@@ -115,7 +115,7 @@ pub fn least_stick_outs(
             shortest: prepared.shortest(),
             longest: tool.overall_length,
             left_out: left_out.len(),
-            least,
+            minimum,
             line: search.line,
         });
     }
@@ -143,7 +143,7 @@ impl Search<'_> {
         motions: &[(usize, &Motion<'_>)],
         control: Control<'_>,
     ) -> Result<Option<f64>, CheckError> {
-        let mut raising = Raising::new(self.tool);
+        let mut raising = StickOutSearch::new(self.tool);
         loop {
             // A pose that was free may collide farther out: all are checked until none does.
             let length = self.length;
@@ -204,7 +204,7 @@ mod tests {
     fn found(text: &str, overall: Option<f64>, settings: &CheckSettings) -> PathStickOut {
         let path = Toolpath::parse(text, LengthUnit::Mm, "path").unwrap();
         let (wall, tool) = (wall(), mill(overall));
-        let found = least_stick_outs(&wall, &[(None, &tool)], &path, settings, None, Control::quiet());
+        let found = shortest_stick_outs(&wall, &[(None, &tool)], &path, settings, None, Control::quiet());
         found.unwrap().remove(0)
     }
 
@@ -232,13 +232,13 @@ mod tests {
         for (text, line) in [(ALONG, 4), (TILTED, 3)] {
             for settings in [usual, CheckSettings { clearance, ..usual }] {
                 let found = found(text, None, &settings);
-                let least = found.least.unwrap();
+                let minimum = found.minimum.unwrap();
                 assert!(
-                    least > found.shortest + 3.0 && found.given == 25.0 && found.shortest == 10.0,
+                    minimum > found.shortest + 3.0 && found.given == 25.0 && found.shortest == 10.0,
                     "{found:?}"
                 );
-                assert!(is_free(text, least, &settings.clearance), "{found:?}");
-                assert!(!is_free(text, least - 1.0, &settings.clearance), "{found:?}");
+                assert!(is_free(text, minimum, &settings.clearance), "{found:?}");
+                assert!(!is_free(text, minimum - 1.0, &settings.clearance), "{found:?}");
                 assert_eq!(found.line, Some(line), "{found:?}");
             }
         }
@@ -248,16 +248,16 @@ mod tests {
     fn where_the_shortest_serves_no_line_decides_and_where_none_does_one_is_named() {
         let usual = CheckSettings::of_pitch(1.0, LengthUnit::Mm);
         let above = found("x,y,z\n-10,0,40\n10,0,40\n", None, &usual);
-        assert_eq!((above.least, above.line), (Some(10.0), None));
+        assert_eq!((above.minimum, above.line), (Some(10.0), None));
         // Through the wall.
         let through = found("x,y,z\n-10,0,40\n-10,0,8\n30,0,8\n", Some(60.0), &usual);
-        assert_eq!((through.least, through.line, through.longest), (None, Some(4), Some(60.0)));
+        assert_eq!((through.minimum, through.line, through.longest), (None, Some(4), Some(60.0)));
         // More than it has is told, not hidden.
         let more = found("x,y,z\n9,0,0.5\n", Some(28.0), &usual);
-        assert!(more.least.unwrap() > 28.0 && more.line == Some(2), "{more:?}");
+        assert!(more.minimum.unwrap() > 28.0 && more.line == Some(2), "{more:?}");
         let bare = revolved([(ElementKind::Cutter, vec![line(0.0, 10.0, 3.0, 3.0)])]);
         let path = Toolpath::parse("x,y,z\n-10,0,40\n", LengthUnit::Mm, "path").unwrap();
-        let refused = least_stick_outs(&wall(), &[(None, &bare)], &path, &usual, None, Control::quiet());
+        let refused = shortest_stick_outs(&wall(), &[(None, &bare)], &path, &usual, None, Control::quiet());
         assert!(refused.unwrap_err().to_string().contains("has no holder"));
     }
 }

@@ -12,8 +12,8 @@
 //! poses (up to half a step away), or that another pass left within the accepted contact. The voxels add no error of
 //! their own: cutter and shank are tested on the same centres.
 
-mod guard;
 mod head;
+mod non_cutting;
 mod tool;
 mod voxels;
 
@@ -180,7 +180,7 @@ pub fn check_stock(
         solid.solid.iter_mut().zip(&held.solid).for_each(|(stock, held)| *stock &= 1 - held);
     }
     let stock = StockVoxels::new(&solid);
-    let mut following = Following {
+    let mut following = PathFollower {
         toolpath,
         motions: &motions,
         tools: stock_tools,
@@ -199,7 +199,7 @@ pub fn check_stock(
 }
 
 /// State of the path that is being followed.
-struct Following<'a> {
+struct PathFollower<'a> {
     toolpath: &'a Toolpath,
     motions: &'a [Motion<'a>],
     /// In the order of the tools that are given; none of one that the path does not use.
@@ -209,13 +209,13 @@ struct Following<'a> {
     part: BitLines,
     removed_by: Vec<u32>,
     removed: Vec<LineRemoval>,
-    found: Vec<report::Followed>,
+    found: Vec<report::MotionFindings>,
     /// Motions at rapid rate that were checked and have removed nothing yet, each with its collision.
     waiting: Vec<(usize, Option<Collision>)>,
     control: Control<'a>,
 }
 
-impl Following<'_> {
+impl PathFollower<'_> {
     fn follow(&mut self) -> Result<(), CheckError> {
         for (index, motion) in self.motions.iter().enumerate() {
             let kind = self.toolpath.locations[index].kind;

@@ -9,7 +9,7 @@ use crate::mesh::Mesh;
 use crate::occupancy::Occupancy;
 use crate::parts::shell::{Axis, Facing, Shell, circle};
 use crate::pose::Pose;
-use crate::voxelize::{Voxelized, voxelize_with, winding_number};
+use crate::voxelize::{VoxelizeResult, voxelize_with, winding_number};
 
 /// A rigid body of the machine.
 #[derive(Clone, Debug, PartialEq)]
@@ -87,7 +87,7 @@ impl MachineSolid {
     ///
     /// # Errors
     /// The caller's [`Control`] asked to stop.
-    pub fn voxels(&self, pitch: f64, control: Control<'_>) -> Result<Voxelized, Cancelled> {
+    pub fn voxels(&self, pitch: f64, control: Control<'_>) -> Result<VoxelizeResult, Cancelled> {
         let (lower, upper) = self.bounds();
         let cells = ((upper - lower) / pitch + 2.0).to_array().into_iter().product::<f64>();
         let pitch = pitch * (cells / MAX_VOXELS).cbrt().max(1.0);
@@ -99,7 +99,7 @@ impl MachineSolid {
         }
         let inside = |index| u8::from(self.contains(grid.centre(grid.voxel(index))));
         let solid = Occupancy { grid, solid: (0..grid.len()).map(inside).collect() };
-        Ok(Voxelized { solid, undecided: 0.0 })
+        Ok(VoxelizeResult { solid, undecided: 0.0 })
     }
 
     /// True of a point that is in it where it is with all axes at 0.

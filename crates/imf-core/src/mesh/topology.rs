@@ -11,7 +11,7 @@ use serde::Serialize;
 use super::Mesh;
 use super::edges::{runs, sorted_edges};
 use super::groups::Groups;
-use crate::unit::{Length, LengthUnit};
+use crate::unit::{DisplayLength, LengthUnit};
 
 /// A triangle counts as degenerate if it is this thin: twice its area over its longest edge squared.
 const DEGENERATE_RATIO: f64 = 1e-12;
@@ -107,7 +107,7 @@ impl MeshReport {
 
     fn write(&self, f: &mut fmt::Formatter<'_>, unit: LengthUnit) -> fmt::Result {
         let count = |n: usize, noun: &str| format!("{n} {noun}{}", if n == 1 { "" } else { "s" });
-        let [x, y, z] = self.extents.to_array().map(Length);
+        let [x, y, z] = self.extents.to_array().map(DisplayLength);
         write!(f, "extents     {x} × {y} × {z} {unit}")?;
         let vertices =
             if self.vertices == 1 { "1 vertex".into() } else { format!("{} vertices", self.vertices) };
@@ -117,7 +117,7 @@ impl MeshReport {
             write!(f, ", {} without area", self.degenerate_triangles)?;
         }
         if self.closed {
-            let volume = Length(self.signed_volume.abs());
+            let volume = DisplayLength(self.signed_volume.abs());
             write!(f, "\nsurface     closed, volume {volume} {unit}³")?;
             if self.components > 1 {
                 write!(f, " (of all components, added up)")?;

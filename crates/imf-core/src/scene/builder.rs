@@ -30,7 +30,7 @@ pub struct BuiltScene {
     /// Warnings; the scene can be used all the same.
     pub warnings: Vec<SceneWarning>,
     /// Fraction of the voxel centres in or near the part that its mesh leaves undecided (inside or outside)
-    /// ([`Voxelized::undecided`](crate::voxelize::Voxelized)); 0 for a closed mesh.
+    /// ([`VoxelizeResult::undecided`](crate::voxelize::VoxelizeResult)); 0 for a closed mesh.
     pub undecided: f64,
     /// The pitch that was chosen where neither pitch nor dims were given, and why.
     pub chosen_pitch: Option<ChosenPitch>,

@@ -13,7 +13,7 @@ pub(crate) struct LostSurface {
     /// Its area.
     pub(crate) area: f64,
     /// Fraction of the whole surface.
-    pub(crate) share: f64,
+    pub(crate) fraction: f64,
     /// A point of it.
     pub(crate) at: DVec3,
 }
@@ -32,26 +32,26 @@ impl LostSurface {
     pub(crate) fn of(mesh: &Mesh, solid: &Occupancy, grid: &Grid) -> Option<Self> {
         let pitch = grid.pitch;
         let found = parallel::map(mesh.triangles.len(), |triangle| {
-            let mut found = Found::default();
+            let mut found = TriangleLoss::default();
             found.look(mesh.corners(triangle), (PIECE * pitch).powi(2), solid, grid);
             found
         });
         let area: f64 = found.iter().map(|found| found.lost).sum();
         let all: f64 = found.iter().map(|found| found.area).sum();
         let most = found.iter().max_by(|a, b| a.lost.total_cmp(&b.lost))?;
-        (area >= FEW * pitch * pitch).then(|| Self { area, share: area / all, at: most.at })
+        (area >= FEW * pitch * pitch).then(|| Self { area, fraction: area / all, at: most.at })
     }
 }
 
 /// What was found of one triangle.
 #[derive(Default)]
-struct Found {
+struct TriangleLoss {
     area: f64,
     lost: f64,
     at: DVec3,
 }
 
-impl Found {
+impl TriangleLoss {
     /// Halves the longest edge until no squared edge exceeds `longest`, and looks up the middles of the pieces.
     fn look(&mut self, [a, b, c]: [DVec3; 3], longest: f64, solid: &Occupancy, grid: &Grid) {
         let edges = [a.distance_squared(b), b.distance_squared(c), c.distance_squared(a)];

@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use super::resolution::{DISC_OUT, VOXELS_THICK};
 use crate::tool::Tool;
-use crate::unit::{Length, LengthUnit};
+use crate::unit::{DisplayLength, LengthUnit};
 
 /// Voxels across the thinnest element of the tool.
 const ACROSS_TOOL: f64 = 6.0;
@@ -124,21 +124,21 @@ fn rounded(pitch: f64, up: bool) -> f64 {
 impl fmt::Display for ChosenPitch {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { pitch, unit, reason } = self;
-        write!(f, "a pitch of {} {unit} was chosen, ", Length(*pitch))?;
+        write!(f, "a pitch of {} {unit} was chosen, ", DisplayLength(*pitch))?;
         match reason {
             PitchReason::Tool(across) => {
-                write!(f, "a sixth of the tool's thinnest element ({} {unit})", Length(*across))
+                write!(f, "a sixth of the tool's thinnest element ({} {unit})", DisplayLength(*across))
             }
             PitchReason::Tip(across) => write!(
                 f,
                 "a sixth of the largest ball that the tool's slender tip holds near its end ({} {unit})",
-                Length(*across)
+                DisplayLength(*across)
             ),
             PitchReason::Part(along) => {
-                write!(f, "a 48th of the part's longest side ({} {unit})", Length(*along))
+                write!(f, "a 48th of the part's longest side ({} {unit})", DisplayLength(*along))
             }
             PitchReason::Sheet(across) => {
-                write!(f, "a quarter of the part's shortest side ({} {unit})", Length(*across))
+                write!(f, "a quarter of the part's shortest side ({} {unit})", DisplayLength(*across))
             }
             PitchReason::Bounded => {
                 f.write_str("the finest that stays within a million voxels, 200 a side, and the memory")
@@ -146,7 +146,7 @@ impl fmt::Display for ChosenPitch {
             PitchReason::Coarsest(across) => write!(
                 f,
                 "the coarsest that is sure to see the tool's thinnest element ({} {unit}); it may take minutes",
-                Length(*across)
+                DisplayLength(*across)
             ),
         }
     }

@@ -13,8 +13,8 @@ use crate::mesh::Mesh;
 use crate::mesh::topology::boundary_chain;
 use crate::occupancy::Occupancy;
 use crate::tool::{Assembly, Clearance, Tool};
-use crate::unit::{Length, LengthUnit, proportion_check};
-use crate::voxelize::{Voxelized, voxelize_with};
+use crate::unit::{DisplayLength, LengthUnit, proportion_check};
+use crate::voxelize::{VoxelizeResult, voxelize_with};
 
 /// Voxels across a tool at which it is resolved: between the columns of centres there is room for a cylinder of the
 /// diagonal of a voxel's face.
@@ -29,7 +29,7 @@ pub(super) const DISC_OUT: f64 = 2.0;
 /// A part that is nowhere thicker than this many voxels is thin.
 const THIN: usize = 3;
 
-/// Fraction of undecided centres ([`Voxelized::undecided`]) above which a mesh is refused.
+/// Fraction of undecided centres ([`VoxelizeResult::undecided`]) above which a mesh is refused.
 ///
 /// Measured at 20 voxels along the longest side: a cube without its lid has 0.3, a sphere that lacks a fifth of its triangles 0.4, a
 /// hemisphere without its disc 0.8, and all their solid voxels are right. Triangles that share no corners and of which a fifth
@@ -48,15 +48,15 @@ pub fn solid_voxels(
     grid: &Grid,
     conservative: bool,
     control: Control<'_>,
-) -> Result<Voxelized, SceneError> {
+) -> Result<VoxelizeResult, SceneError> {
     decided(name, voxelize_with(mesh, grid, conservative, control)?)
 }
 
 /// Voxels of a mesh that says what is inside.
-pub(crate) fn decided(name: &str, voxels: Voxelized) -> Result<Voxelized, SceneError> {
+pub(crate) fn decided(name: &str, voxels: VoxelizeResult) -> Result<VoxelizeResult, SceneError> {
     if voxels.undecided > MAX_UNDECIDED {
-        let (name, share) = (name.to_owned(), voxels.undecided);
-        return Err(SceneError::Undecided { name, share, most: MAX_UNDECIDED });
+        let (name, fraction) = (name.to_owned(), voxels.undecided);
+        return Err(SceneError::Undecided { name, fraction, most: MAX_UNDECIDED });
     }
     Ok(voxels)
 }
@@ -114,9 +114,9 @@ impl fmt::Display for CoarseTool {
             f,
             "the {element} of the tool '{tool}' is {} {unit} thick at most and passes between the centres of \
              voxels of {} {unit} unseen: choose a pitch of at most {}, or check the tool's unit",
-            Length(*thickness),
-            Length(*pitch),
-            Length(most)
+            DisplayLength(*thickness),
+            DisplayLength(*pitch),
+            DisplayLength(most)
         )
     }
 }
@@ -234,7 +234,7 @@ impl SceneWarning {
         // Triangles that meet without sharing corners leave edges open, and nothing undecided.
         let open = (undecided > 0.0).then(|| Self::Open {
             boundary_edges: boundary_chain(mesh).len(),
-            share: undecided,
+            fraction: undecided,
             part,
         });
         thin.into_iter().chain(open).collect()
@@ -248,8 +248,8 @@ impl SceneWarning {
         grid: &Grid,
         unit: LengthUnit,
     ) -> Option<Self> {
-        let LostSurface { area, share, at } = LostSurface::of(mesh, solid, grid)?;
-        Some(Self::Lost { part: part.to_owned(), area, share, at, pitch: grid.pitch, unit })
+        let LostSurface { area, fraction, at } = LostSurface::of(mesh, solid, grid)?;
+        Some(Self::Lost { part: part.to_owned(), area, fraction, at, pitch: grid.pitch, unit })
     }
 }
 

@@ -3,7 +3,7 @@
 use glam::{DMat4, DVec3, DVec4};
 
 use super::resolution::solid_voxels;
-use super::stored::crc32;
+use super::saved::crc32;
 use super::{Bodies, Fixture, GridExtent, Resolution, Scene, SceneError, SceneRecord};
 use crate::control::Control;
 use crate::grid::Grid;
@@ -13,7 +13,7 @@ use crate::occupancy::Occupancy;
 use crate::parts::ReferencePart;
 use crate::tool::{Clearance, Tool};
 use crate::unit::LengthUnit;
-use crate::voxelize::{Voxelized, voxelize_with};
+use crate::voxelize::{VoxelizeResult, voxelize_with};
 
 /// Everything that a scene is made from.
 #[derive(Clone, Debug)]
@@ -165,7 +165,7 @@ impl<'a> SceneSpec<'a> {
             closed: MeshReport::new(self.mesh).closed,
             tool: self.tool.in_unit(self.unit),
             clearance: Clearance::default(),
-            ungrown: None,
+            bare_tool: None,
             fixtures: self.fixtures.iter().map(|fixture| fixture.name.to_owned()).collect(),
             contact: None,
             obstacle_crc32: crc32(&obstacle.packed()),
@@ -211,7 +211,7 @@ impl<'a> SceneSpec<'a> {
         self.fixture_boxes()?;
         let body = |name: &str, mesh: &Mesh, transform: &DMat4| {
             let mesh = mesh.transformed(transform);
-            let Voxelized { solid, undecided } =
+            let VoxelizeResult { solid, undecided } =
                 solid_voxels(name, &mesh, grid, self.conservative, self.control)?;
             Ok::<_, SceneError>((mesh, solid, undecided))
         };

@@ -128,7 +128,7 @@ fn records_of_older_files_have_no_fixtures() {
     let (cube, tool) = (unit_cube(), Tool::paper());
     let record = spec(&cube, &tool, &[]).scene().unwrap().record;
     let text = serde_json::to_string(&record).unwrap();
-    assert!(!text.contains("fixtures") && !text.contains("clearance") && !text.contains("ungrown"));
+    assert!(!text.contains("fixtures") && !text.contains("clearance") && !text.contains("bare_tool"));
     assert_eq!(serde_json::from_str::<SceneRecord>(&text).unwrap(), record);
 }
 
@@ -245,7 +245,7 @@ fn a_mesh_that_does_not_say_what_is_inside_is_refused_and_one_with_a_hole_is_not
         .for_each(|(_, corners)| corners.swap(1, 2));
     let refusal = spec(&cube, &tool, &[]).scene().unwrap_err();
     assert!(
-        matches!(&refusal, SceneError::Undecided { name, share, .. } if name == "cube" && *share > 0.9),
+        matches!(&refusal, SceneError::Undecided { name, fraction, .. } if name == "cube" && *fraction > 0.9),
         "{refusal}"
     );
     // Those that share corners do.

@@ -6,7 +6,7 @@ use thiserror::Error;
 use super::CoarseTool;
 use crate::mesh::FaceRepair;
 use crate::tool::{Assembly, Element, ElementKind, Tool, ToolShape};
-use crate::unit::{ImplausibleProportion, Length, LengthUnit};
+use crate::unit::{DisplayLength, ImplausibleProportion, LengthUnit};
 
 /// A warning about a scene. Implements `Error` so that callers may treat it as fatal.
 #[derive(Clone, Debug, PartialEq, Error)]
@@ -66,7 +66,7 @@ pub enum SceneWarning {
         "{part} is open ({boundary_edges} boundary edges): it was taken as solid, its openings closed as by a skin over \
          their rims, which leaves {} of the voxel centres in it or near it in doubt; if it is a sheet, or faces are missing, \
          make it one closed solid and export it again",
-        percent(*.share)
+        percent(*.fraction)
     )]
     Open {
         /// The part.
@@ -74,7 +74,7 @@ pub enum SceneWarning {
         /// Edges of its boundary.
         boundary_edges: usize,
         /// Fraction of the centres in or near it that it leaves undecided.
-        share: f64,
+        fraction: f64,
     },
     /// A tool of which nothing holds the cutter.
     #[error("the tool {tool} has no holder: what holds it is not seen")]
@@ -90,7 +90,7 @@ pub enum SceneWarning {
         "the {element} of the tool '{tool}', with its clearance, is {} {unit} a side wider than the cutter, which voxels of {} {unit} see \
          at some walls and not at others: what it hits, and keeps from being reached, may be far off; choose a pitch of at most {}, or \
          conservative voxels",
-        Length(*.step), Length(*.pitch), Length(*.step)
+        DisplayLength(*.step), DisplayLength(*.pitch), DisplayLength(*.step)
     )]
     Step {
         /// The tool.
@@ -108,7 +108,7 @@ pub enum SceneWarning {
     #[error(
         "the tip of the tool '{tool}', or another of its sharp points, is {} {unit} away from it: poses are those of the tip, and the \
          tool itself is elsewhere; check its frame (tip at the origin, holder towards +z) and its unit",
-        Length(*.distance)
+        DisplayLength(*.distance)
     )]
     TipOff {
         /// The tool.
@@ -122,7 +122,7 @@ pub enum SceneWarning {
     #[error(
         "the tip of the tool '{tool}' is so slender that it passes between the centres of voxels of {} {unit}: what it hits is certain \
          to be seen where it is {} {unit} deep or more; choose a smaller pitch",
-        Length(*.pitch), Length(*.depth)
+        DisplayLength(*.pitch), DisplayLength(*.depth)
     )]
     SlenderTip {
         /// The tool.
@@ -149,7 +149,7 @@ pub enum SceneWarning {
     #[error(
         "{part} is {voxels} {} thick at most, at pitch {}: what is said of walls as thin as these is coarse; choose a \
          smaller pitch",
-        if *.voxels == 1 { "voxel" } else { "voxels" }, Length(*.pitch)
+        if *.voxels == 1 { "voxel" } else { "voxels" }, DisplayLength(*.pitch)
     )]
     Thin {
         /// The part.
@@ -163,8 +163,8 @@ pub enum SceneWarning {
     #[error(
         "{part}: {} {unit}² of its surface ({}), as at ({}), is of walls, ribs or edges so thin that they lie between the centres of \
          voxels of {} {unit}: a tool passes through them unseen; choose a smaller pitch, or conservative voxels",
-        Length(*.area), percent(*.share),
-        .at.to_array().map(|v| Length(v).to_string()).join(", "), Length(*.pitch)
+        DisplayLength(*.area), percent(*.fraction),
+        .at.to_array().map(|v| DisplayLength(v).to_string()).join(", "), DisplayLength(*.pitch)
     )]
     Lost {
         /// The part or fixture.
@@ -172,7 +172,7 @@ pub enum SceneWarning {
         /// Its area.
         area: f64,
         /// Fraction of the whole surface.
-        share: f64,
+        fraction: f64,
         /// A point of it.
         at: DVec3,
         /// The grid's pitch.
@@ -183,7 +183,7 @@ pub enum SceneWarning {
     /// A fixture that overlaps the part.
     #[error(
         "the fixture {fixture} overlaps the part by {} {unit}³: check where it stands, and its unit",
-        Length(*.volume)
+        DisplayLength(*.volume)
     )]
     Overlap {
         /// The fixture.
@@ -263,6 +263,6 @@ fn nested(bodies: usize) -> String {
 }
 
 /// A fraction in words.
-fn percent(share: f64) -> String {
-    if share < 0.01 { "less than 1 %".to_owned() } else { format!("{:.0} %", 100.0 * share) }
+fn percent(fraction: f64) -> String {
+    if fraction < 0.01 { "less than 1 %".to_owned() } else { format!("{:.0} %", 100.0 * fraction) }
 }

@@ -138,7 +138,7 @@ pub(super) fn element_measures(
 /// Each element once, from the tip upwards.
 pub(super) fn kinds_of<'a>(elements: impl Iterator<Item = &'a Element>) -> Vec<ElementKind> {
     let mut kinds: Vec<ElementKind> = elements.map(|e| e.kind).collect();
-    kinds.sort_by_key(|kind| kind.rank());
+    kinds.sort_by_key(|kind| kind.order());
     kinds.dedup();
     kinds
 }

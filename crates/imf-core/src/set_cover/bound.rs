@@ -5,7 +5,7 @@
 //! improved by subgradients in floating point; what is concluded from them is computed in whole numbers.
 
 use super::bits::ones;
-use super::reduced::Reduced;
+use super::reduced::ReducedProblem;
 
 /// What prices say of the sets, for covers of a number of sets.
 pub(super) enum Verdict {
@@ -25,7 +25,7 @@ const ROUNDS: [usize; 2] = [300, 60];
 const SHORTEST: f64 = 1.0 / 256.0;
 
 /// The verdict of the best prices, which stay in the problem, and the steps that it took.
-pub(super) fn by_prices(problem: &mut Reduced, count: usize) -> (Verdict, u64) {
+pub(super) fn by_prices(problem: &mut ReducedProblem, count: usize) -> (Verdict, u64) {
     let (rows, sets) = (problem.rows(), problem.sets());
     let limited = problem.slack > 0;
     let unit: u64 = problem.weights.iter().sum();
@@ -94,7 +94,7 @@ pub(super) fn by_prices(problem: &mut Reduced, count: usize) -> (Verdict, u64) {
 }
 
 /// What follows from whole prices.
-fn conclude(problem: &Reduced, prices: &[u64], count: usize) -> Verdict {
+fn conclude(problem: &ReducedProblem, prices: &[u64], count: usize) -> Verdict {
     let needed = prices.iter().sum::<u64>().saturating_sub(problem.slack);
     let worth = |set: usize| ones(problem.rows_of.row(set)).map(|row| prices[row]).sum::<u64>();
     let mut order: Vec<(u64, usize)> = (0..problem.sets()).map(|set| (worth(set), set)).collect();

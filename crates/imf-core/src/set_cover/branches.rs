@@ -2,8 +2,8 @@
 
 use super::Stop;
 use super::bits::remove;
-use super::reduced::Reduced;
-use super::search::{Found, Search};
+use super::reduced::ReducedProblem;
+use super::search::{Search, SearchResult};
 use crate::control::Control;
 use crate::parallel;
 
@@ -16,12 +16,17 @@ const AT_ONCE: usize = 16;
 /// Sets that are chosen, what is left, and how many sets may follow.
 struct Branch {
     chosen: Vec<u32>,
-    rest: Reduced,
+    rest: ReducedProblem,
     left: usize,
 }
 
 /// The names of a cover's sets, at most `count`, or `None` where there is no such cover; with the same result on any number of threads.
-pub(super) fn cover_of(problem: &Reduced, count: usize, steps: &mut u64, control: Control<'_>) -> Found {
+pub(super) fn cover_of(
+    problem: &ReducedProblem,
+    count: usize,
+    steps: &mut u64,
+    control: Control<'_>,
+) -> SearchResult {
     let mut branches = vec![Branch { chosen: Vec::new(), rest: problem.clone(), left: count }];
     while branches.len() < BRANCHES && branches.iter().any(|branch| branch.left > 2) {
         let mut next = Vec::new();

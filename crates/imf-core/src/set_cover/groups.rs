@@ -2,7 +2,7 @@
 
 use super::bits::{Bits, common, count, has};
 use super::pairs::narrow;
-use super::reduced::Reduced;
+use super::reduced::ReducedProblem;
 
 /// Weight of a group in slacks: enough is left of it where others hold some of its rows.
 const WEIGHT: f64 = 2.5;
@@ -18,7 +18,7 @@ pub(super) struct Groups {
 
 impl Groups {
     /// Of rows that are held by nearly the same sets; none where all rows must be covered.
-    pub(super) fn new(problem: &Reduced) -> Self {
+    pub(super) fn new(problem: &ReducedProblem) -> Self {
         let mut made = Self { rows: Vec::new(), sets: Bits::with_columns(problem.sets()), steps: 0 };
         let enough = WEIGHT * problem.slack as f64;
         let mut left: Vec<usize> = if problem.slack > 0 { (0..problem.rows()).collect() } else { Vec::new() };
@@ -51,7 +51,7 @@ impl Groups {
     }
 
     /// Leaves of some sets those that may cover the open rows alone; returns steps that it took.
-    pub(super) fn narrow(&self, problem: &Reduced, open: &[u64], sets: &mut [u64]) -> u64 {
+    pub(super) fn narrow(&self, problem: &ReducedProblem, open: &[u64], sets: &mut [u64]) -> u64 {
         let mut steps = 0;
         for (group, rows) in self.rows.iter().enumerate() {
             let mut weight = 0;

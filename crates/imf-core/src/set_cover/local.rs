@@ -1,7 +1,7 @@
 //! Covers that need not be the smallest: greedy, then sets exchanged for others.
 
 use super::bits::{common, count, first, ones};
-use super::reduced::Reduced;
+use super::reduced::ReducedProblem;
 use crate::control::Control;
 
 /// Exchanges that are tried for one set less: 500 find one more of 7 among 1,000 caps of a ball, 3,000 none fewer.
@@ -13,7 +13,7 @@ const AWAY_MORE: usize = 8;
 const STAYS: usize = 2;
 
 /// Greedy cover: repeatedly adds the set with the largest gain, then drops sets that are no longer needed.
-pub(super) fn greedy(problem: &Reduced) -> Vec<usize> {
+pub(super) fn greedy(problem: &ReducedProblem) -> Vec<usize> {
     let mut open = first(problem.rows());
     let mut chosen: Vec<usize> = Vec::new();
     while weight(problem, &open) > problem.slack {
@@ -39,7 +39,7 @@ pub(super) fn greedy(problem: &Reduced) -> Vec<usize> {
 /// Smaller covers, as names of their sets, by exchanging sets while rows that stay uncovered become expensive (after
 /// Cai, Su and Sattar's NuMVC); `None` where the control asks to stop.
 pub(super) fn exchanged(
-    problem: &Reduced,
+    problem: &ReducedProblem,
     mut best: Vec<usize>,
     steps: &mut u64,
     control: Control<'_>,
@@ -61,7 +61,7 @@ pub(super) fn exchanged(
 }
 
 fn one_less(
-    problem: &Reduced,
+    problem: &ReducedProblem,
     cover: &[usize],
     growth: f64,
     numbers: &mut Numbers,
@@ -125,7 +125,7 @@ fn one_less(
 }
 
 /// The rows that some sets leave.
-pub(super) fn left_open(problem: &Reduced, chosen: &[usize]) -> Vec<u64> {
+pub(super) fn left_open(problem: &ReducedProblem, chosen: &[usize]) -> Vec<u64> {
     let mut open = first(problem.rows());
     for &set in chosen {
         open.iter_mut().zip(problem.rows_of.row(set)).for_each(|(open, held)| *open &= !held);
@@ -133,7 +133,7 @@ pub(super) fn left_open(problem: &Reduced, chosen: &[usize]) -> Vec<u64> {
     open
 }
 
-fn weight(problem: &Reduced, rows: &[u64]) -> u64 {
+fn weight(problem: &ReducedProblem, rows: &[u64]) -> u64 {
     ones(rows).map(|row| problem.weights[row]).sum()
 }
 

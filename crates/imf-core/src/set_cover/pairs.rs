@@ -3,7 +3,7 @@
 use super::Stop;
 use super::bits::{count, has, ones, remove};
 use super::groups::Groups;
-use super::reduced::Reduced;
+use super::reduced::ReducedProblem;
 use super::search::{ROWS, Search};
 
 /// Indices of sets, or none.
@@ -13,7 +13,7 @@ impl Search<'_> {
     /// At most `left`, one or two, of the available sets that cover enough of the open rows.
     pub(super) fn pair(
         &mut self,
-        problem: &Reduced,
+        problem: &ReducedProblem,
         groups: &Groups,
         open: &[u64],
         available: &[u64],
@@ -27,7 +27,7 @@ impl Search<'_> {
     }
 
     /// All open rows must be covered.
-    fn whole_pair(&mut self, problem: &Reduced, open: &[u64], available: &[u64], left: usize) -> Sets {
+    fn whole_pair(&mut self, problem: &ReducedProblem, open: &[u64], available: &[u64], left: usize) -> Sets {
         let mut common = available.to_vec();
         if open.iter().all(|&word| word == 0) {
             return Ok(Some(Vec::new()));
@@ -59,7 +59,7 @@ impl Search<'_> {
     }
 
     /// Leaves of `common` the sets that hold all open rows.
-    fn narrow(&mut self, problem: &Reduced, open: &[u64], common: &mut [u64]) -> Result<(), Stop> {
+    fn narrow(&mut self, problem: &ReducedProblem, open: &[u64], common: &mut [u64]) -> Result<(), Stop> {
         let mut steps = open.len();
         for row in ones(open) {
             steps += common.len();
@@ -73,7 +73,7 @@ impl Search<'_> {
     /// A weight may stay open.
     fn pair_of_weight(
         &mut self,
-        problem: &Reduced,
+        problem: &ReducedProblem,
         groups: &Groups,
         open: &[u64],
         available: &[u64],

@@ -4,7 +4,7 @@ use super::bits::{Bits, common, count, first, ones};
 
 /// A problem: rows, which are elements or several with the same sets, and sets.
 #[derive(Clone)]
-pub(super) struct Reduced {
+pub(super) struct ReducedProblem {
     /// By row, above 0; those with the fewest sets first.
     pub(super) weights: Vec<u64>,
     /// By row a price that the bound may begin with, at most its weight where some may stay uncovered; empty where none is known.
@@ -20,7 +20,7 @@ pub(super) struct Reduced {
     pub(super) steps: u64,
 }
 
-impl Reduced {
+impl ReducedProblem {
     /// `None` where the sets cannot cover enough. Of sets with the same rows the one that is first by name stays.
     pub(super) fn new(
         weights: Vec<u64>,

@@ -5,7 +5,7 @@ use super::bits::{count, first, has, ones, remove};
 use super::bound::{Verdict, by_prices};
 use super::groups::Groups;
 use super::local::left_open;
-use super::reduced::Reduced;
+use super::reduced::ReducedProblem;
 use crate::control::Control;
 
 /// Steps between two polls of the control.
@@ -16,7 +16,7 @@ const STARTS: usize = 8;
 pub(super) const ROWS: usize = 48;
 
 /// A cover, none, or no result.
-pub(super) type Found = Result<Option<Vec<u32>>, Stop>;
+pub(super) type SearchResult = Result<Option<Vec<u32>>, Stop>;
 
 /// Searches for covers within a number of steps (operations on words of 64 bits).
 pub(super) struct Search<'a> {
@@ -43,7 +43,7 @@ impl<'a> Search<'a> {
     }
 
     /// A cover by at most `left` sets, or `None` where there is none.
-    pub(super) fn cover(&mut self, mut problem: Reduced, left: usize) -> Found {
+    pub(super) fn cover(&mut self, mut problem: ReducedProblem, left: usize) -> SearchResult {
         if problem.needed() == 0 {
             return Ok(Some(Vec::new()));
         }
@@ -69,7 +69,13 @@ impl<'a> Search<'a> {
         Ok(None)
     }
 
-    fn below(&mut self, problem: &Reduced, set: usize, available: &[u64], left: usize) -> Found {
+    fn below(
+        &mut self,
+        problem: &ReducedProblem,
+        set: usize,
+        available: &[u64],
+        left: usize,
+    ) -> SearchResult {
         let Some(rest) = problem.after(set, available) else { return Ok(None) };
         self.spend(rest.steps)?;
         let found = self.cover(rest, left - 1)?;
@@ -82,7 +88,7 @@ impl<'a> Search<'a> {
     /// Sets of which one is in every cover; those that are in none are taken out of the available ones.
     pub(super) fn branches(
         &mut self,
-        problem: &mut Reduced,
+        problem: &mut ReducedProblem,
         left: usize,
         available: &mut [u64],
     ) -> Result<Vec<usize>, Stop> {
@@ -109,7 +115,7 @@ impl<'a> Search<'a> {
     /// of them is in every cover.
     pub(super) fn group(
         &mut self,
-        problem: &Reduced,
+        problem: &ReducedProblem,
         open: &[u64],
         available: &[u64],
         starts: usize,
@@ -166,14 +172,20 @@ impl<'a> Search<'a> {
         Ok(best.map_or_else(|| available.to_vec(), |(_, union)| union))
     }
 
-    fn groups(&mut self, problem: &Reduced) -> Result<Groups, Stop> {
+    fn groups(&mut self, problem: &ReducedProblem) -> Result<Groups, Stop> {
         let groups = Groups::new(problem);
         self.spend(groups.steps)?;
         Ok(groups)
     }
 
     /// A set is chosen, at most two others may follow.
-    fn rest_by_two(&mut self, problem: &Reduced, groups: &Groups, set: usize, available: &[u64]) -> Found {
+    fn rest_by_two(
+        &mut self,
+        problem: &ReducedProblem,
+        groups: &Groups,
+        set: usize,
+        available: &[u64],
+    ) -> SearchResult {
         let open = left_open(problem, &[set]);
         let found = self.pair(problem, groups, &open, available, 2)?;
         Ok(found.map(|sets| sets.into_iter().chain([set]).map(|set| problem.names[set]).collect()))

@@ -3,8 +3,8 @@
 use glam::{DQuat, DVec3};
 
 use super::level_ring::RingPlaces;
-use super::sample_query::{Above, Last, SampleQuery};
-use super::{Reach, SurfaceError, SurfaceSample, SurfaceTool};
+use super::sample_query::{DirectionQuery, Last, SampleQuery};
+use super::{SampleReach, SurfaceError, SurfaceSample, SurfaceTool};
 use crate::control::Control;
 use crate::orientation::Orientation;
 use crate::parallel;
@@ -45,7 +45,7 @@ impl SurfaceTool {
             found = is_free.then_some(tip);
             is_free
         };
-        let above = &mut Above { rest: self.rest(), is_free, rings: &mut RingPlaces::default() };
+        let above = &mut DirectionQuery { rest: self.rest(), is_free, rings: &mut RingPlaces::default() };
         SampleQuery::new(self, sample, None).best_pose(&turn, &mut None, above);
         found
     }
@@ -55,7 +55,7 @@ impl SurfaceTool {
 #[derive(Clone, Debug, PartialEq)]
 pub struct SurfaceAccess {
     /// By sample.
-    pub reach: Vec<Reach>,
+    pub reach: Vec<SampleReach>,
     /// 64 directions a word, the lowest first, words of one sample side by side: set where the sample is reached.
     free: Vec<u64>,
     directions: usize,
@@ -117,7 +117,7 @@ pub fn surface_access(
         let reach = tool.reach(sample, &turns, cache, |turn| free[turn / 64] |= 1 << (turn % 64));
         (reach, free)
     })?;
-    let (reach, free): (Vec<Reach>, Vec<Vec<u64>>) = found.into_iter().unzip();
+    let (reach, free): (Vec<SampleReach>, Vec<Vec<u64>>) = found.into_iter().unzip();
     Ok(SurfaceAccess { reach, free: free.concat(), directions: directions.len() })
 }
 

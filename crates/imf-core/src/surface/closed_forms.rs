@@ -48,25 +48,25 @@ impl Part {
         Self { samples, environment: CollisionEnvironment::new(&solid.into(), &[]), pitch }
     }
 
-    fn found(&self, tool: &Tool, directions: &str) -> Found<'_> {
+    fn found(&self, tool: &Tool, directions: &str) -> SampleVerdicts<'_> {
         let tolerance = default_tolerance(self.pitch, LengthUnit::Mm);
         let tool = SurfaceTool::new(&self.environment, &tool.into(), tolerance).unwrap();
         let directions = OrientationSet::parse(directions).unwrap().orientations;
         let reach = surface_access(&tool, &self.samples, &directions, Control::quiet()).unwrap().reach;
-        Found { samples: &self.samples, tool, reach }
+        SampleVerdicts { samples: &self.samples, tool, reach }
     }
 }
 
 /// A part's samples, with what becomes of each.
-struct Found<'a> {
+struct SampleVerdicts<'a> {
     samples: &'a [SurfaceSample],
     tool: SurfaceTool,
-    reach: Vec<Reach>,
+    reach: Vec<SampleReach>,
 }
 
-impl Found<'_> {
+impl SampleVerdicts<'_> {
     /// Fraction of the area of chosen samples for which a verdict holds.
-    fn share(&self, of: impl Fn(&SurfaceSample) -> bool, is: impl Fn(&Reach) -> bool) -> f64 {
+    fn share(&self, of: impl Fn(&SurfaceSample) -> bool, is: impl Fn(&SampleReach) -> bool) -> f64 {
         let (mut whole, mut part) = (0.0, 0.0);
         for (sample, reach) in self.samples.iter().zip(&self.reach).filter(|(sample, _)| of(sample)) {
             whole += sample.area;
@@ -77,7 +77,7 @@ impl Found<'_> {
     }
 
     fn reached(&self, of: impl Fn(&SurfaceSample) -> bool) -> f64 {
-        self.share(of, |reach| matches!(reach, Reach::Reached { .. }))
+        self.share(of, |reach| matches!(reach, SampleReach::Reached { .. }))
     }
 }
 
@@ -144,7 +144,8 @@ fn holes_below_at_and_above_the_cutters_diameter() {
         let fits = found.reached(inside);
         // The cutter dips into the mouth as far as no solid centre lies below it.
         assert!(fits < 0.1 * pitch || pitch > 1.0, "{pitch}: {fits}");
-        let gouged = found.share(|s| inside(s) && (s.normal.z > 0.5 || is_wall(s)), |r| *r == Reach::Gouged);
+        let gouged =
+            found.share(|s| inside(s) && (s.normal.z > 0.5 || is_wall(s)), |r| *r == SampleReach::Gouged);
         assert!(gouged > 0.99 - 0.1 * pitch || pitch > 1.0, "{pitch}: {gouged}");
     }
 }
@@ -162,9 +163,9 @@ fn a_hole_deeper_than_the_stick_out_is_reached_as_far_as_the_holder_lets() {
         let bound = 0.5 * pitch / 40.0 + 0.02;
         assert!((found.reached(wall) - expected).abs() < bound, "{pitch}: {}", found.reached(wall));
         let hits_part = |hits: u64| found.tool.hits(hits).any(|hit| hit == (ElementKind::Holder(0), 0));
-        let by_holder =
-            found.share(wall, |reach| matches!(*reach, Reach::Obstructed { hits, .. } if hits_part(hits)));
-        let gouged = found.share(wall, |r| *r == Reach::Gouged);
+        let by_holder = found
+            .share(wall, |reach| matches!(*reach, SampleReach::Obstructed { hits, .. } if hits_part(hits)));
+        let gouged = found.share(wall, |r| *r == SampleReach::Gouged);
         assert!(
             (by_holder - (1.0 - expected)).abs() < bound,
             "{pitch}: {by_holder}, reached {}, gouged {gouged}",
@@ -226,7 +227,7 @@ fn undercuts_are_reached_by_the_cutters_made_for_them() {
         let t_slot = Part::sampled(&slotted(8.0, [20.0, 20.0]), pitch, 3000);
         let plain = t_slot.found(&flat(3.0), DOWN);
         assert_eq!(plain.reached(ceiling), 0.0);
-        assert_eq!(plain.share(ceiling, |r| *r == Reach::NotFaced), 1.0);
+        assert_eq!(plain.share(ceiling, |r| *r == SampleReach::NotFaced), 1.0);
         assert!(plain.reached(head_walls) < 1e-9, "{pitch}: {}", plain.reached(head_walls));
         let under_throat = plain.reached(floor);
         // Half the floor is eight wide samples; a cutter passes a wall by a voxel at most.
@@ -236,7 +237,7 @@ fn undercuts_are_reached_by_the_cutters_made_for_them() {
             assert!(made_for_it.reached(area) > 0.99, "{pitch}: {}", made_for_it.reached(area));
         }
         // One that does not cut with its back.
-        assert_eq!(t_slot.found(&wide, DOWN).share(ceiling, |r| *r == Reach::NotFaced), 1.0);
+        assert_eq!(t_slot.found(&wide, DOWN).share(ceiling, |r| *r == SampleReach::NotFaced), 1.0);
         let tail = Part::new(&slotted(20.0 - 2.0 * taper, [20.0, 20.0 - 2.0 * taper]), pitch);
         assert_eq!(tail.found(&flat(3.0), DOWN).reached(head_walls), 0.0);
         let made_for_it = tail.found(&dovetail, DOWN);
@@ -303,7 +304,7 @@ fn a_cylinder_is_reached_by_the_flank_and_its_end_by_the_bottom() {
         let part = Part::new(&mesh, pitch);
         let found = part.found(&flat(3.0), DOWN);
         assert_eq!(found.reached(|s| s.normal.z > -0.5), 1.0, "{pitch}");
-        assert_eq!(found.share(|s| s.normal.z < -0.5, |r| *r == Reach::NotFaced), 1.0, "{pitch}");
+        assert_eq!(found.share(|s| s.normal.z < -0.5, |r| *r == SampleReach::NotFaced), 1.0, "{pitch}");
     }
 }
 
@@ -387,7 +388,7 @@ fn a_mesh_tool_that_says_what_cuts_touches_with_that_alone() {
         let (plate, narrow) = (Part::sampled(&post(60.0), pitch, 200), Part::sampled(&post(5.0), pitch, 200));
         assert_eq!(narrow.found(&told, DOWN).reached(top), 1.0, "{pitch}");
         let middle = |s: &SurfaceSample| top(s) && (20.0..40.0).contains(&s.point.x);
-        let obstructed = |reach: &Reach| matches!(reach, Reach::Obstructed { .. });
+        let obstructed = |reach: &SampleReach| matches!(reach, SampleReach::Obstructed { .. });
         assert_eq!(plate.found(&told, DOWN).share(middle, obstructed), 1.0, "{pitch}");
         assert_eq!(plate.found(&silent, DOWN).reached(middle), 1.0, "{pitch}: the housing touches");
     }

@@ -7,7 +7,7 @@
 //! gouges it as well. The verdicts are those of [`surface_access`](super::surface_access), tool by tool.
 
 use super::level_ring::RingPlaces;
-use super::sample_query::{Above, Last, SampleQuery};
+use super::sample_query::{DirectionQuery, Last, SampleQuery};
 use super::{Shape, SurfaceError, SurfaceSample, SurfaceTool, ToolDirection, Verdict};
 use crate::control::Control;
 use crate::field::solid::OutsidePlane;
@@ -70,13 +70,13 @@ struct Group<'a> {
     /// Their places among all.
     tools: Vec<usize>,
     members: Vec<&'a SurfaceTool>,
-    nested: Nested,
+    nested: ContainmentOrder,
 }
 
 impl<'a> Group<'a> {
     fn new(all: &'a [SurfaceTool], tools: Vec<usize>) -> Self {
         let members: Vec<&SurfaceTool> = tools.iter().map(|&tool| &all[tool]).collect();
-        let nested = Nested::new(&members);
+        let nested = ContainmentOrder::new(&members);
         Self { tools, members, nested }
     }
 
@@ -90,14 +90,14 @@ impl<'a> Group<'a> {
 }
 
 /// Which of some tools hold all of which others' shank and holder.
-struct Nested {
+struct ContainmentOrder {
     /// The smaller ones first.
     order: Vec<usize>,
     /// By tool: those that it holds.
     inner: Vec<Vec<usize>>,
 }
 
-impl Nested {
+impl ContainmentOrder {
     fn new(members: &[&SurfaceTool]) -> Self {
         let above = |tool: usize| match &*members[tool].shape {
             Shape::Revolved(revolved) => revolved.above.as_ref(),
@@ -210,7 +210,7 @@ impl<'a> Work<'a> {
                         members[tool].is_rest_free(tip, turn.axis, &mut at_rest[tool])
                             && members[tool].is_brought(tip, turn.axis)
                     };
-                    let mut above = Above { rest: members[tool].rest(), is_free, rings: &mut rings };
+                    let mut above = DirectionQuery { rest: members[tool].rest(), is_free, rings: &mut rings };
                     let outcome = query.best_pose(turn, at_cutter, &mut above);
                     verdicts[tool] = verdicts[tool].min(outcome.verdict());
                     verdicts[tool] != Verdict::Reached
@@ -233,8 +233,11 @@ impl<'a> Work<'a> {
                     });
                     open.is_empty()
                 };
-                let outcome =
-                    query.best_pose(turn, at_cutter, &mut Above { rest: None, is_free, rings: &mut rings });
+                let outcome = query.best_pose(
+                    turn,
+                    at_cutter,
+                    &mut DirectionQuery { rest: None, is_free, rings: &mut rings },
+                );
                 // What is still open went as the cutter did.
                 for &tool in &open {
                     verdicts[tool] = verdicts[tool].min(outcome.verdict());

@@ -21,7 +21,7 @@ use crate::tool::{Element, ElementKind, ToolShape};
 
 /// The contact pose of minimum overlap of one sample, among those at which the cutter fits where there are any.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LeastOverlap {
+pub struct MinimumOverlap {
     /// The direction's number.
     pub direction: u32,
     /// Position of the tip, in the grid's unit.
@@ -33,7 +33,7 @@ pub struct LeastOverlap {
     pub of_cutter: u32,
 }
 
-impl LeastOverlap {
+impl MinimumOverlap {
     /// Less is nearer to being reached.
     #[must_use]
     pub fn key(&self) -> (bool, u32) {
@@ -128,13 +128,13 @@ impl SurfaceTool {
         });
     }
 
-    fn least_overlap(&self, sample: &SurfaceSample, turns: &[ToolDirection]) -> Option<LeastOverlap> {
-        let mut least: Option<LeastOverlap> = None;
+    fn minimum_overlap(&self, sample: &SurfaceSample, turns: &[ToolDirection]) -> Option<MinimumOverlap> {
+        let mut least: Option<MinimumOverlap> = None;
         for (direction, turn) in turns.iter().enumerate() {
             self.contact_tips(sample, turn, |tip| {
                 let [voxels, of_cutter] = self.overlap(&Pose::new(tip, turn.rotation));
                 let (direction, rotation) = (direction as u32, turn.rotation);
-                let here = LeastOverlap { direction, tip, rotation, voxels, of_cutter };
+                let here = MinimumOverlap { direction, tip, rotation, voxels, of_cutter };
                 if least.is_none_or(|before| here.key() < before.key()) {
                     least = Some(here);
                 }
@@ -145,7 +145,7 @@ impl SurfaceTool {
 
     /// What collides at such a pose with what, the largest volume first.
     #[must_use]
-    pub fn collisions(&self, at: &LeastOverlap) -> Vec<ElementCollision> {
+    pub fn collisions(&self, at: &MinimumOverlap) -> Vec<ElementCollision> {
         let pose = Pose::new(at.tip, at.rotation);
         let mut found = Vec::new();
         let mut try_one = |element: &Element, body: usize, solid: &SolidField| {
@@ -175,7 +175,7 @@ impl SurfaceTool {
     }
 }
 
-/// For each of some samples the [`LeastOverlap`] of all directions; `None` where the cutter has no point that
+/// For each of some samples the [`MinimumOverlap`] of all directions; `None` where the cutter has no point that
 /// could touch. On all threads; one unit of progress is one sample.
 ///
 /// # Errors
@@ -183,15 +183,15 @@ impl SurfaceTool {
 ///
 /// # Panics
 /// If there is no such sample.
-pub fn least_overlaps(
+pub fn minimum_overlaps(
     tool: &SurfaceTool,
     samples: &[SurfaceSample],
     chosen: &[usize],
     directions: &[Orientation],
     control: Control<'_>,
-) -> Result<Vec<Option<LeastOverlap>>, SurfaceError> {
+) -> Result<Vec<Option<MinimumOverlap>>, SurfaceError> {
     let turns: Vec<ToolDirection> = directions.iter().map(ToolDirection::new).collect();
-    let least = |_: &mut (), &sample: &usize| tool.least_overlap(&samples[sample], &turns);
+    let least = |_: &mut (), &sample: &usize| tool.minimum_overlap(&samples[sample], &turns);
     Ok(parallel::map_in_chunks(chosen, CHUNK, control, || (), least)?)
 }
 
@@ -204,13 +204,13 @@ pub fn least_overlaps(
 /// [`SurfaceError::Cancelled`] when the control asks to stop; one unit of progress is one sample.
 pub fn culprits(
     tool: &SurfaceTool,
-    poses: &[(f64, LeastOverlap)],
+    poses: &[(f64, MinimumOverlap)],
     control: Control<'_>,
 ) -> Result<Option<(Grid, Vec<f32>)>, SurfaceError> {
     let Shape::Revolved(revolved) = &*tool.shape else { return Ok(None) };
     let grid = revolved.cutter.voxels().occupancy().grid;
     let elements = revolved.elements(&tool.elements);
-    let in_the_way = |_: &mut (), &(area, at): &(f64, LeastOverlap)| {
+    let in_the_way = |_: &mut (), &(area, at): &(f64, MinimumOverlap)| {
         let pose = Pose::new(at.tip, at.rotation);
         let mut blamed: Vec<(usize, f64)> = Vec::new();
         for (element, solid) in &elements {
@@ -228,7 +228,7 @@ pub fn culprits(
 mod tests {
     use std::sync::Arc;
 
-    use super::super::{CollisionEnvironment, Reach, SolidBody, SurfaceSamples, surface_access};
+    use super::super::{CollisionEnvironment, SampleReach, SolidBody, SurfaceSamples, surface_access};
     use super::*;
     use crate::occupancy::Occupancy;
     use crate::orientation::OrientationSet;
@@ -268,11 +268,11 @@ mod tests {
         let no = Control::quiet();
         let access = surface_access(&tool_here, &samples.samples, &directions, no).unwrap();
         let missed: Vec<usize> = (0..samples.samples.len())
-            .filter(|&s| matches!(access.reach[s], Reach::Obstructed { .. }))
+            .filter(|&s| matches!(access.reach[s], SampleReach::Obstructed { .. }))
             .collect();
         assert!(missed.len() > 20, "{}", missed.len());
-        let least = least_overlaps(&tool_here, &samples.samples, &missed, &directions, no).unwrap();
-        let poses: Vec<(f64, LeastOverlap)> =
+        let least = minimum_overlaps(&tool_here, &samples.samples, &missed, &directions, no).unwrap();
+        let poses: Vec<(f64, MinimumOverlap)> =
             missed.iter().zip(least).map(|(&s, least)| (samples.samples[s].area, least.unwrap())).collect();
         // Something is in the way at all of them, by the definition.
         let obstruction = |solid: &Occupancy| -> f64 {

@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::sample_query::{Above, Last, Outcome, SampleQuery, with_rest};
+use super::sample_query::{DirectionQuery, Last, Outcome, SampleQuery, with_rest};
 use super::{Revolved, ToolDirection};
 use crate::pose::Pose;
 
@@ -57,7 +57,7 @@ impl SampleQuery<'_> {
         turn: &ToolDirection,
         ([inner, outer], ring): ([f64; 2], usize),
         last: &mut Last,
-        above: &mut Above<'_, impl FnMut(DVec3) -> bool>,
+        above: &mut DirectionQuery<'_, impl FnMut(DVec3) -> bool>,
     ) -> Outcome {
         let u = turn.axis.any_orthonormal_vector();
         if above.rings.0.len() == ring {

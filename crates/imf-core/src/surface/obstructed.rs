@@ -1,6 +1,6 @@
 //! Which elements and bodies obstruct how much of a surface.
 
-use super::{Reach, SurfaceTool};
+use super::{SampleReach, SurfaceTool};
 use crate::tool::ElementKind;
 
 /// Areas that are not reached, by what obstructs them.
@@ -16,10 +16,10 @@ pub struct ObstructedAreas {
 impl ObstructedAreas {
     /// Of places: their tools, what these reach there, and their areas. Places that are not obstructed count for nothing.
     #[must_use]
-    pub fn new<'a>(places: impl IntoIterator<Item = (&'a SurfaceTool, Reach, f64)>) -> Self {
+    pub fn new<'a>(places: impl IntoIterator<Item = (&'a SurfaceTool, SampleReach, f64)>) -> Self {
         let mut found = Self::default();
         for (tool, reach, area) in places {
-            let Reach::Obstructed { hits, .. } = reach else { continue };
+            let SampleReach::Obstructed { hits, .. } = reach else { continue };
             if tool.is_limited() && hits == 0 {
                 found.by_limit += area;
             }
@@ -30,7 +30,7 @@ impl ObstructedAreas {
                 }
             }
         }
-        found.hits.sort_by_key(|(kind, body, _)| (kind.rank(), *body));
+        found.hits.sort_by_key(|(kind, body, _)| (kind.order(), *body));
         found
     }
 }

@@ -48,7 +48,7 @@ pub(super) const TOUCH: f64 = 0.01;
 pub(super) type Last = Option<[f64; 3]>;
 
 /// Of a direction: what decides beside the cutter.
-pub(super) struct Above<'a, G> {
+pub(super) struct DirectionQuery<'a, G> {
     /// Shank and holder, from which a cutter on a level ring steps away.
     pub(super) rest: Option<&'a SolidField>,
     /// True of a tip where they are free.
@@ -117,7 +117,7 @@ impl<'a> SampleQuery<'a> {
         &self,
         turn: &ToolDirection,
         last: &mut Last,
-        above: &mut Above<'_, G>,
+        above: &mut DirectionQuery<'_, G>,
     ) -> Outcome {
         let (tolerance, sample) = (self.tool.tolerance, self.sample);
         let tool = match &*self.tool.shape {
@@ -182,7 +182,7 @@ impl<'a> SampleQuery<'a> {
         tip: DVec3,
         turn: &ToolDirection,
         last: &mut Last,
-        above: &mut Above<'_, impl FnMut(DVec3) -> bool>,
+        above: &mut DirectionQuery<'_, impl FnMut(DVec3) -> bool>,
     ) -> Outcome {
         if self.sample.bend == 0.0 {
             return Outcome::Gouged;
@@ -250,7 +250,7 @@ impl<'a> SampleQuery<'a> {
         tip: DVec3,
         axis: DVec3,
         last: &mut Last,
-        above: &mut Above<'_, impl FnMut(DVec3) -> bool>,
+        above: &mut DirectionQuery<'_, impl FnMut(DVec3) -> bool>,
     ) -> Outcome {
         with_rest(self.cutter_at(tool, tip, axis, last), tip, above)
     }
@@ -283,7 +283,7 @@ fn of_cutter(
 pub(super) fn with_rest(
     of_cutter: Outcome,
     tip: DVec3,
-    above: &mut Above<'_, impl FnMut(DVec3) -> bool>,
+    above: &mut DirectionQuery<'_, impl FnMut(DVec3) -> bool>,
 ) -> Outcome {
     match of_cutter {
         Outcome::Good if !(above.is_free)(tip) => Outcome::Obstructed(tip),

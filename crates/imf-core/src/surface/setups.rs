@@ -132,7 +132,7 @@ mod tests {
     use crate::orientation::{AXES, Limits, OrientationSet};
     use crate::section::test_shapes::revolved;
     use crate::surface::closed_forms::Part;
-    use crate::surface::{Reach, SurfaceTool, default_tolerance, surface_access};
+    use crate::surface::{SampleReach, SurfaceTool, default_tolerance, surface_access};
     use crate::tool::{ElementKind, Segment, Tool};
     use crate::unit::LengthUnit;
 
@@ -239,7 +239,7 @@ mod tests {
             let own = setup.directions.iter().map(|&at| directions[at]).collect::<Vec<_>>();
             let expected = surface_access(&brought(setup), &samples, &own, Control::quiet()).unwrap();
             for (sample, reach) in expected.reach.iter().enumerate() {
-                let reached = matches!(reach, Reach::Reached { .. });
+                let reached = matches!(reach, SampleReach::Reached { .. });
                 assert_eq!(found.contains(index, sample), reached, "{setup:?} {sample}");
                 fewer += usize::from(!reached && access.is_free_from_any(sample, &setup.directions));
                 for (place, direction) in own.iter().enumerate() {

@@ -142,7 +142,7 @@ struct Level {
 }
 
 /// Cells that wait to be visited: level, cell, and how far up they may send the body.
-pub(super) type Waiting = Vec<(u32, u32, f64)>;
+pub(super) type CellQueue = Vec<(u32, u32, f64)>;
 
 impl Skyline {
     /// Of voxel centres, seen along the unit vector `axis` from tip to holder.
@@ -195,7 +195,7 @@ impl Skyline {
         body: &Body,
         least: f64,
         limit: f64,
-        waiting: &mut Waiting,
+        waiting: &mut CellQueue,
     ) -> Option<f64> {
         let at = DVec2::new(tip.dot(self.u), tip.dot(self.v));
         let floor = tip.dot(self.axis);
@@ -218,7 +218,7 @@ impl Skyline {
         body: &Body,
         stands: f64,
         limit: f64,
-        waiting: &mut Waiting,
+        waiting: &mut CellQueue,
     ) -> f64 {
         let margin = MARGIN * self.pitch;
         let mut best = stands;

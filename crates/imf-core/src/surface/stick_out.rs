@@ -11,8 +11,8 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use super::level_ring::RingPlaces;
-use super::sample_query::{Above, Last, Outcome, SampleQuery};
-use super::skyline::{Body, Skyline, Waiting, boundary};
+use super::sample_query::{DirectionQuery, Last, Outcome, SampleQuery};
+use super::skyline::{Body, CellQueue, Skyline, boundary};
 use super::{CollisionEnvironment, Shape, SurfaceError, SurfaceSample, SurfaceTool, ToolDirection, Verdict};
 use crate::control::Control;
 use crate::field::solid::SolidField;
@@ -183,7 +183,7 @@ impl StickOutTool {
         skyline: &Skyline,
         from: f64,
         limit: f64,
-        waiting: &mut Waiting,
+        waiting: &mut CellQueue,
     ) -> Option<f64> {
         let mut length = from;
         loop {
@@ -220,15 +220,15 @@ impl StickOutTool {
 }
 
 /// Raises a stick-out from pose to pose; what is made for an axis serves until another one comes.
-pub(crate) struct Raising<'a> {
+pub(crate) struct StickOutSearch<'a> {
     tool: &'a StickOutTool,
     skyline: Option<(DVec3, Skyline)>,
-    waiting: Waiting,
+    waiting: CellQueue,
 }
 
-impl<'a> Raising<'a> {
+impl<'a> StickOutSearch<'a> {
     pub(crate) fn new(tool: &'a StickOutTool) -> Self {
-        Self { tool, skyline: None, waiting: Waiting::new() }
+        Self { tool, skyline: None, waiting: CellQueue::new() }
     }
 
     /// The minimum stick-out from `length` up with which shank and holder are free at a pose; `None` where there is
@@ -255,7 +255,7 @@ impl<'a> Raising<'a> {
 ///
 /// # Errors
 /// [`SurfaceError::Cancelled`] when the control asks to stop.
-pub fn least_stick_outs(
+pub fn shortest_stick_outs(
     tool: &StickOutTool,
     samples: &[SurfaceSample],
     directions: &[Orientation],
@@ -269,7 +269,7 @@ pub fn least_stick_outs(
             parallel::map(turns.len(), |turn| Skyline::new(&tool.boundary, tool.pitch, turns[turn].axis));
         parallel::try_for_each_chunk(&mut found, CHUNK, |chunk, found| {
             let mut memory = [[Last::None; 2]; DIRECTIONS];
-            let mut waiting = Waiting::new();
+            let mut waiting = CellQueue::new();
             for (sample, best) in found.iter_mut().enumerate() {
                 control.check()?;
                 let query = &stances[chunk * CHUNK + sample];
@@ -293,7 +293,11 @@ pub fn least_stick_outs(
                             }
                             best.length() <= enough
                         };
-                        query.best_pose(turn, at_cutter, &mut Above { rest, is_free, rings: &mut rings })
+                        query.best_pose(
+                            turn,
+                            at_cutter,
+                            &mut DirectionQuery { rest, is_free, rings: &mut rings },
+                        )
                     };
                     let outcome = match search(tool.tool.rest(), tool.shortest, best) {
                         Outcome::Good | Outcome::Obstructed(_) => StickOut::Obstructed,

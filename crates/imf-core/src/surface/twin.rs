@@ -188,20 +188,20 @@ fn verdicts_are_those_of_every_voxel_against_every_element() {
             let nearest = obstructed.max_by(|&a, &b| frame(a).total_cmp(&frame(b)));
             let gouged = outcomes.iter().any(|(outcome, _)| *outcome == Outcome::Gouged);
             match (found.reach[index], nearest) {
-                (Reach::Reached { directions }, _) => {
+                (SampleReach::Reached { directions }, _) => {
                     assert_eq!(directions as usize, reached);
                     seen[0] += 1;
                 }
-                (Reach::Obstructed { direction, hits }, Some(nearest)) => {
+                (SampleReach::Obstructed { direction, hits }, Some(nearest)) => {
                     assert_eq!((reached, direction as usize), (0, nearest));
                     assert_eq!(fast.hits(hits).collect::<Vec<_>>(), outcomes[nearest].1);
                     seen[1] += 1;
                 }
-                (Reach::Gouged, None) => {
+                (SampleReach::Gouged, None) => {
                     assert!(reached == 0 && gouged);
                     seen[2] += 1;
                 }
-                (Reach::NotFaced, None) => {
+                (SampleReach::NotFaced, None) => {
                     assert!(reached == 0 && !gouged);
                     seen[3] += 1;
                 }

@@ -21,7 +21,7 @@ pub enum ElementKind {
 impl ElementKind {
     /// Place in the order from the tip upwards.
     #[must_use]
-    pub fn rank(self) -> usize {
+    pub fn order(self) -> usize {
         match self {
             Self::Cutter => 0,
             Self::Shank => 1,

@@ -9,7 +9,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::checker::{Checker, Contact, Placed, QueryError};
+use super::checker::{Checker, Contact, PlacedField, QueryError};
 use crate::field::ExactField;
 use crate::machine::MachineMotion;
 use crate::parallel::{self, make_once};
@@ -174,7 +174,7 @@ fn offset_further(field: &ExactField) -> Option<[ExactField; OFFSETS.len()]> {
 }
 
 /// A proven lower bound of the distance from a tool that does not collide to one obstacle; at most 0 where none is proven.
-fn room(one: &Placed, pose: &Pose) -> f64 {
+fn room(one: &PlacedField, pose: &Pose) -> f64 {
     let field = &one.around.field;
     let pitch = field.obstacle().grid().pitch;
     let coarse = field.clearance_bound(pose).unwrap_or(0.0).max(0.0);

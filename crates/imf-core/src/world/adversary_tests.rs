@@ -168,7 +168,7 @@ impl Case {
     fn attack(&self, random: &mut ChaCha8Rng, places: usize, poses: usize, tally: &mut Tally) {
         let Some([free, hit]) = (0..50).find_map(|_| self.coarse_contact(random)) else { return };
         let near = self.near(&hit, 4.0 * self.pitch);
-        let mut first = Asked::default();
+        let mut first = PoseCases::default();
         for pose in [free, hit] {
             let truth = self.held(&near, &pose);
             assert_eq!(self.visited(&pose), truth.is_some(), "{} {pose:?}", self.name);
@@ -182,7 +182,7 @@ impl Case {
         let mut pair = self.contact(&near, [free, hit]);
         for _ in 0..places {
             let Some(about) = self.held(&near, &pair[1]) else { return };
-            let mut asked = Asked::default();
+            let mut asked = PoseCases::default();
             asked.push(pair[0], false);
             asked.push(pair[1], true);
             for index in 0..poses {
@@ -233,7 +233,14 @@ impl Case {
     }
 
     /// How far one of several poses near `hit` is, or how deep.
-    fn distance_at(&self, near: &[Vec<DVec3>], hit: &Pose, asked: &Asked, index: usize, tally: &mut Tally) {
+    fn distance_at(
+        &self,
+        near: &[Vec<DVec3>],
+        hit: &Pose,
+        asked: &PoseCases,
+        index: usize,
+        tally: &mut Tally,
+    ) {
         let (pose, collides) = (asked.poses[index], asked.collides[index]);
         // What is counted by the definition has no distance.
         let Ok(Some(found)) = self.checker.distance(&pose) else { return };
@@ -280,12 +287,12 @@ impl Case {
 
 /// Poses, and the truth of each.
 #[derive(Default)]
-struct Asked {
+struct PoseCases {
     poses: Vec<Pose>,
     collides: Vec<bool>,
 }
 
-impl Asked {
+impl PoseCases {
     fn push(&mut self, pose: Pose, collides: bool) {
         self.poses.push(pose);
         self.collides.push(collides);

@@ -6,7 +6,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::{HERE, ObstacleId, Standing, World, WorldError};
+use super::{HERE, ObstacleId, PlacedObstacle, World, WorldError};
 use crate::field::{Decision, ExactField, FieldError, check_lengths};
 use crate::parallel;
 use crate::pose::Pose;
@@ -82,7 +82,7 @@ pub(super) struct CheckedTool {
 }
 
 /// The tool around one obstacle, in the obstacle's frame.
-pub(super) struct Around {
+pub(super) struct ObstacleField {
     pub(super) field: ExactField,
     /// With the tool offset further; made at the first motion.
     pub(super) offset: OnceLock<Option<[ExactField; super::advance::OFFSETS.len()]>>,
@@ -90,7 +90,7 @@ pub(super) struct Around {
 
 /// The same where the obstacle stands.
 #[derive(Clone)]
-pub(super) struct Placed {
+pub(super) struct PlacedField {
     pub(super) id: ObstacleId,
     pub(super) at: Pose,
     /// From the world into its frame; `None` where that is the world's.
@@ -98,10 +98,10 @@ pub(super) struct Placed {
     /// Middle, in the world, and radius of a ball around its solid centres.
     middle: DVec3,
     radius: f64,
-    pub(super) around: Arc<Around>,
+    pub(super) around: Arc<ObstacleField>,
 }
 
-impl Placed {
+impl PlacedField {
     /// A pose in the obstacle's frame.
     #[inline]
     pub(super) fn local(&self, pose: &Pose) -> Pose {
@@ -124,7 +124,7 @@ impl Placed {
 #[derive(Clone)]
 pub struct Checker {
     pub(super) tool: Arc<CheckedTool>,
-    pub(super) placed: Arc<[Placed]>,
+    pub(super) placed: Arc<[PlacedField]>,
 }
 
 impl Checker {
@@ -319,12 +319,12 @@ impl Checker {
 
     /// Farthest that a coordinate is moved by an obstacle's place.
     pub(super) fn moved(&self) -> f64 {
-        self.placed.iter().map(Placed::moved).fold(0.0, f64::max)
+        self.placed.iter().map(PlacedField::moved).fold(0.0, f64::max)
     }
 
     /// The minimum over the obstacles of a bound of the tool's distance; `bound` is called for each that may come
     /// closer than the current minimum.
-    pub(super) fn least(&self, pose: &Pose, bound: impl Fn(&Placed, &Pose) -> f64) -> f64 {
+    pub(super) fn least(&self, pose: &Pose, bound: impl Fn(&PlacedField, &Pose) -> f64) -> f64 {
         let Some(middle) = self.tool_middle(pose) else { return 0.0 };
         let mut least = f64::INFINITY;
         for one in self.placed.iter() {
@@ -341,7 +341,7 @@ impl Checker {
     }
 
     /// Lower bound of the distance between the tool, whose ball has its middle here, and an obstacle.
-    pub(super) fn gap(&self, one: &Placed, middle: DVec3) -> f64 {
+    pub(super) fn gap(&self, one: &PlacedField, middle: DVec3) -> f64 {
         middle.distance(one.middle) - one.radius - self.tool.radius
     }
 }
@@ -352,13 +352,17 @@ const BLOCK: usize = 256;
 const CHUNK: usize = 1024;
 
 /// An obstacle where it stands, by what was made for it before; `None` where nothing of it is solid.
-fn placed(standing: &Standing, known: Option<&Placed>, assembly: &Assembly) -> Option<Placed> {
+fn placed(
+    standing: &PlacedObstacle,
+    known: Option<&PlacedField>,
+    assembly: &Assembly,
+) -> Option<PlacedField> {
     let (middle, radius) = standing.ball?;
     let made = || {
         let field = ExactField::around(&standing.prepared, assembly);
-        Arc::new(Around { field, offset: OnceLock::new() })
+        Arc::new(ObstacleField { field, offset: OnceLock::new() })
     };
-    Some(Placed {
+    Some(PlacedField {
         id: standing.id,
         at: standing.at,
         back: (standing.at != HERE).then(|| standing.at.inverse()),

@@ -10,7 +10,7 @@ use crate::obstacle::Obstacle;
 use crate::pose::Pose;
 use crate::scene::{Bodies, SceneError, SceneWarning, solid_voxels};
 use crate::unit::{LengthUnit, unit_check};
-use crate::voxelize::Voxelized;
+use crate::voxelize::VoxelizeResult;
 
 /// A mesh that becomes an obstacle of a [`World`](super::World), and how.
 #[derive(Clone, Debug)]
@@ -65,7 +65,7 @@ impl ObstacleMesh {
         // A surface on a voxel's face touches both sides.
         let grid =
             Grid::with_pitch(lower, upper, pitch, usize::from(conservative)).map_err(SceneError::from)?;
-        let Voxelized { solid, undecided } =
+        let VoxelizeResult { solid, undecided } =
             solid_voxels(&name, &mesh, &grid, conservative, Control::quiet())?;
         if solid.count() == 0 {
             return Err(WorldError::NoSolid { name, pitch });

@@ -8,7 +8,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::ObstacleId;
-use super::checker::{Checker, Placed, QueryError};
+use super::checker::{Checker, PlacedField, QueryError};
 use crate::field::ExactField;
 use crate::field::solid::Separation;
 use crate::pose::Pose;
@@ -59,7 +59,7 @@ impl Checker {
 }
 
 /// From one obstacle, at a pose in its frame, but with points in the world.
-fn distance(one: &Placed, pose: &Pose) -> Option<Distance> {
+fn distance(one: &PlacedField, pose: &Pose) -> Option<Distance> {
     let field = &one.around.field;
     let Some(deepest) = deepest(field, pose) else {
         let both = field.solids_with_tools().filter_map(|(solid, tool)| solid.separation(tool, pose));
@@ -71,7 +71,7 @@ fn distance(one: &Placed, pose: &Pose) -> Option<Distance> {
     Some(of(one, &deepest, 0.0 - exit(field, pose, &deepest, least), 0.0 - least))
 }
 
-fn of(one: &Placed, pair: &Separation, lower: f64, upper: f64) -> Distance {
+fn of(one: &PlacedField, pair: &Separation, lower: f64, upper: f64) -> Distance {
     let [tool_point, obstacle_point] = [pair.foot, pair.centre].map(|point| one.at.of_point(point));
     Distance { lower, upper, obstacle: one.id, element: pair.element, tool_point, obstacle_point }
 }

@@ -17,7 +17,7 @@ fn distances_of_free_tools_are_those_of_trying_every_voxel() {
     let case = Case::new("three obstacles".into(), checker.clone());
     let all: Vec<_> = case.solids.iter().map(|solid| solid.centres.clone()).collect();
     // The checker, from which the case has them, left none out.
-    let solid = |standing: &Standing| standing.prepared.obstacle().forbidden.count();
+    let solid = |standing: &PlacedObstacle| standing.prepared.obstacle().forbidden.count();
     assert!(all.iter().map(Vec::len).eq(world.obstacles.iter().map(solid)));
     let ToolShape::Revolved(elements) = &tool.shape else { panic!() };
     let whole: Vec<_> = elements.iter().flat_map(|element| element.profile.clone()).collect();
@@ -28,7 +28,7 @@ fn distances_of_free_tools_are_those_of_trying_every_voxel() {
         assert!(case.is_distance(&all, &pose, &found, f64::INFINITY), "{pose:?}: {found:?}");
         let Distance { lower, obstacle, element, tool_point, obstacle_point, .. } = found;
         // Its point is a solid centre of the obstacle that it names, where that stands.
-        let Standing { at, prepared, .. } = &world.obstacles[obstacle.0 as usize];
+        let PlacedObstacle { at, prepared, .. } = &world.obstacles[obstacle.0 as usize];
         let solid = &prepared.obstacle().forbidden;
         let centre = solid.grid.continuous(at.rotation.inverse() * (obstacle_point - at.position));
         assert!(centre.distance(centre.round()) < 1e-6, "{pose:?}: {centre}");

@@ -71,7 +71,7 @@ pub(super) fn world() -> World {
 
 /// Solid centres in the tool, one obstacle after another, by the definition, in the obstacle's frame by matrices.
 fn counted(world: &World, tool: &Tool, pose: &Pose) -> Vec<u32> {
-    let count = |standing: &Standing| {
+    let count = |standing: &PlacedObstacle| {
         let back = DMat4::from_rotation_translation(standing.at.rotation, standing.at.position).inverse();
         let turned = DQuat::from_mat4(&back) * pose.rotation;
         let local = Pose::new(back.transform_point3(pose.position), turned);

@@ -29,5 +29,5 @@ pub(crate) fn field(clearance: f64, margin: usize, settings: FitSettings) -> Res
 /// Of a field of overlaps.
 #[allow(dead_code, reason = "not every example has one")]
 pub(crate) fn overlaps() -> FitSettings {
-    FitSettings { degree: 6, sections_per_function: 2.0, axes: 49, ..FitSettings::default() }
+    FitSettings { degree: 6, sections_per_function: 2.0, components: 49, ..FitSettings::default() }
 }

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::Calibration;
 
 /// Below this fraction called free, the rates of those mean nothing.
-const LEAST_TOLD: f64 = 0.01;
+const MINIMUM_REPORTED: f64 = 0.01;
 /// Where values steer, at most this fraction of the pairs of a colliding and a clear pose may be in the wrong order.
 const MOST_MISORDERED: f64 = 0.1;
 
@@ -47,8 +47,8 @@ impl Calibration {
     /// the pairs of a colliding and a clear pose are in the wrong order. Mean errors play no part.
     pub fn verdict(&self) -> Verdict {
         let Self { goals, uniform, boundary, .. } = self;
-        let found_free = uniform.found_share();
-        let usable_for = if self.keeps_its_goals() {
+        let found_free = uniform.found_fraction();
+        let usable_for = if self.meets_its_goals() {
             Purpose::Decisions
         } else if uniform.misordered.bound <= MOST_MISORDERED {
             Purpose::Steering
@@ -58,7 +58,7 @@ impl Calibration {
         let percent = |share: f64| format!("{:.1} %", 100.0 * share);
         let (rate, near) = (uniform.false_free, boundary.false_free);
         let calls = match self.free_up_to {
-            Some(_) if found_free < LEAST_TOLD => format!(
+            Some(_) if found_free < MINIMUM_REPORTED => format!(
                 "it cannot decide, its values being low enough to be called free at {} of the clear poses alone",
                 percent(found_free)
             ),
@@ -71,13 +71,13 @@ impl Calibration {
                 100.0 * goals.confidence,
                 near.bound,
                 percent(found_free),
-                percent(uniform.false_colliding.share()),
+                percent(uniform.false_colliding.fraction()),
             ),
             None => "it cannot decide, no value being low enough to be called free".to_owned(),
         };
         let order = format!(
             "{} of the pairs of a colliding and a clear pose are in the wrong order",
-            percent(uniform.misordered.share())
+            percent(uniform.misordered.fraction())
         );
         let text = match usable_for {
             Purpose::Decisions => format!(
@@ -95,7 +95,7 @@ impl Calibration {
         };
         Verdict {
             usable_for,
-            false_free: rate.share(),
+            false_free: rate.fraction(),
             false_free_bound: rate.bound,
             confidence: goals.confidence,
             found_free,
@@ -114,19 +114,19 @@ impl fmt::Display for Verdict {
 #[cfg(all(test, feature = "calibration"))]
 mod tests {
     use super::*;
-    use crate::calibration::{Judgement, Rate};
+    use crate::calibration::{DecisionRates, Rate};
 
     fn of(false_free: u64, found_free: u64, false_colliding: u64, misordered: u64) -> Verdict {
         let rate = |wrong| Rate::new(wrong, 100_000, 0.99);
-        let judged = Judgement {
+        let rates = DecisionRates {
             poses: 200_000,
             false_free: rate(false_free),
             false_colliding: rate(false_colliding),
             found_free,
             misordered: rate(misordered),
-            ..Judgement::default()
+            ..DecisionRates::default()
         };
-        Calibration { uniform: judged, boundary: judged, ..Calibration::unjudged(Some(0.1), Some(0.2)) }
+        Calibration { uniform: rates, boundary: rates, ..Calibration::unmeasured(Some(0.1), Some(0.2)) }
             .verdict()
     }
 

@@ -8,20 +8,20 @@ use imf_core::section::{DepthPlan, DepthScratch, Imf, Quantity, SectionError, Se
 
 /// The exact reference of a field: overlaps or depths of the tool that it was made for, and where the bare tool
 /// collides.
-pub struct Exact<'a> {
+pub struct ExactReference<'a> {
     pub(super) plan: &'a SectionPlan,
     depth: Option<DepthPlan>,
     pub(super) bare: Option<&'a SectionPlan>,
 }
 
-impl<'a> From<&'a SectionPlan> for Exact<'a> {
+impl<'a> From<&'a SectionPlan> for ExactReference<'a> {
     /// Overlaps of a tool, which decisions are about too.
     fn from(plan: &'a SectionPlan) -> Self {
         Self { plan, depth: None, bare: None }
     }
 }
 
-impl<'a> Exact<'a> {
+impl<'a> ExactReference<'a> {
     /// Exact values of `quantity` for `plan`'s tool. Where that tool is offset by a clearance, `bare` is the plan of
     /// the true tool, by which decisions are counted.
     ///
@@ -65,7 +65,7 @@ impl<'a> Exact<'a> {
     /// The minimum of the values over some orientations. One unit of progress is one orientation.
     ///
     /// # Errors
-    /// As [`Exact::sections`].
+    /// As [`ExactReference::sections`].
     pub fn minimum(&self, set: &[Orientation], control: Control<'_>) -> Result<Imf, SectionError> {
         if self.depth.is_none() {
             return imf(self.plan, set, control);

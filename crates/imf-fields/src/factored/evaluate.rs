@@ -10,7 +10,7 @@ use pulp::Arch;
 use super::FactoredField;
 use super::symmetry::{LocalHarmonics, MOST_INPUTS, Place};
 use crate::harmonic::basis::Basis;
-use crate::harmonic::coefficients::{Coefficients, Precision};
+use crate::harmonic::coefficients::{Coefficients, StoragePrecision};
 use crate::harmonic::{
     DirectionWeights, FitReport, HarmonicField, Mirrors, Planes, VoxelCoefficients, minimum_of, sections_of,
 };
@@ -44,7 +44,7 @@ pub struct FactoredEvaluator<'a> {
 /// What takes a block's outputs into the world's frame.
 pub(super) struct Local {
     harmonics: LocalHarmonics,
-    /// Uᵀ: `[axes][K]`.
+    /// Uᵀ: `[components][K]`.
     functions: Vec<f32>,
     /// The outputs of a block.
     outputs: ScratchPool,
@@ -77,11 +77,11 @@ impl<'a> FactoredEvaluator<'a> {
         let layers = ScratchPool::new(2 * BLOCK * plan.stride());
         let arch = Arch::new();
         let split = SplitWeights::new(&plan, &field.parameters);
-        let split_functions = SplitBoth::new(&field.axes, field.basis.len(), field.shape.axes);
+        let split_functions = SplitBoth::new(&field.components, field.basis.len(), field.shape.components);
         let local = field.local_harmonics().map(|harmonics| {
-            let (axes, mut functions) = (field.shape.axes, vec![0.0; field.axes.len()]);
-            transpose(&field.axes, harmonics.len(), axes, &mut functions);
-            Local { harmonics, functions, outputs: ScratchPool::new(BLOCK * axes) }
+            let (components, mut functions) = (field.shape.components, vec![0.0; field.components.len()]);
+            transpose(&field.components, harmonics.len(), components, &mut functions);
+            Local { harmonics, functions, outputs: ScratchPool::new(BLOCK * components) }
         });
         FactoredEvaluator {
             field,
@@ -136,16 +136,16 @@ impl FactoredEvaluator<'_> {
         let Some(Local { harmonics, functions, outputs }) = &self.local else {
             return self.outputs_at(places, asked, z);
         };
-        let (rows, axes, count) = (places.len(), field.shape.axes, harmonics.len());
+        let (rows, components, count) = (places.len(), field.shape.components, harmonics.len());
         outputs.with(|outputs| {
-            let outputs = &mut outputs[..rows * axes];
+            let outputs = &mut outputs[..rows * components];
             self.outputs_at(places, asked, outputs);
             z.chunks_exact_mut(count).for_each(|row| row.copy_from_slice(&field.mean));
             match where_many(self.split_functions.as_ref(), asked) {
-                Some(split) => split.multiply(|of| &of.transposed, (outputs, rows, axes), z, true),
+                Some(split) => split.multiply(|of| &of.transposed, (outputs, rows, components), z, true),
                 None => {
-                    let outputs = Matrix::row_major(outputs, rows, axes, axes);
-                    multiply(z, count, outputs, Matrix::row_major(functions, axes, count, count), true);
+                    let outputs = Matrix::row_major(outputs, rows, components, components);
+                    multiply(z, count, outputs, Matrix::row_major(functions, components, count, count), true);
                 }
             }
         });
@@ -154,7 +154,7 @@ impl FactoredEvaluator<'_> {
         }
     }
 
-    /// The network's outputs at up to a block's places, scaled, into `z` as `[place][axes]`.
+    /// The network's outputs at up to a block's places, scaled, into `z` as `[place][components]`.
     fn outputs_at(&self, places: &[Place], asked: usize, z: &mut [f32]) {
         let field = &*self.field;
         let mut inputs = [0.0; BLOCK * MOST_INPUTS];
@@ -171,14 +171,14 @@ impl FactoredEvaluator<'_> {
         z.iter_mut().for_each(|z| *z *= self.field.scale);
     }
 
-    /// The network's own outputs, not scaled, `[sample][axes]` into `out`, of `[sample][input]`.
+    /// The network's own outputs, not scaled, `[sample][components]` into `out`, of `[sample][input]`.
     pub fn outputs(&self, inputs: &[f32], out: &mut [f32]) {
-        let (stride, axes) = (self.plan.stride(), self.field.shape.axes);
+        let (stride, components) = (self.plan.stride(), self.field.shape.components);
         let network = self.network(GRID);
         self.layers.with(|layers| {
             let (first, second) = layers.split_at_mut(BLOCK * stride);
             for (inputs, out) in
-                inputs.chunks(BLOCK * self.plan.stack.inputs).zip(out.chunks_mut(BLOCK * axes))
+                inputs.chunks(BLOCK * self.plan.stack.inputs).zip(out.chunks_mut(BLOCK * components))
             {
                 network.outputs(network.hidden_layers(inputs, first, second), out);
             }
@@ -186,20 +186,21 @@ impl FactoredEvaluator<'_> {
     }
 
     /// The last hidden layer's activations with a 1 behind them, into `last` as `[point][width + 1]`, and the network's own
-    /// outputs, not scaled, into `outputs` as `[point][axes]`.
+    /// outputs, not scaled, into `outputs` as `[point][components]`.
     pub fn with_last_layer(
         &self,
         points: impl Iterator<Item = DVec3>,
         last: &mut [f32],
         outputs: &mut [f32],
     ) {
-        let (width, stride, axes) = (self.plan.stack.width, self.plan.stride(), self.field.shape.axes);
+        let (width, stride, components) =
+            (self.plan.stack.width, self.plan.stride(), self.field.shape.components);
         let mut inputs = Vec::with_capacity(points.size_hint().0 * self.field.shape.symmetry.inputs());
         points.for_each(|point| inputs.extend_from_slice(&self.field.input(point)));
         let network = self.network(GRID);
         self.layers.with(|layers| {
             let (first, second) = layers.split_at_mut(BLOCK * stride);
-            let blocks = last.chunks_mut(BLOCK * (width + 1)).zip(outputs.chunks_mut(BLOCK * axes));
+            let blocks = last.chunks_mut(BLOCK * (width + 1)).zip(outputs.chunks_mut(BLOCK * components));
             for (inputs, (last, outputs)) in inputs.chunks(BLOCK * self.plan.stack.inputs).zip(blocks) {
                 let hidden = network.hidden_layers(inputs, first, second);
                 network.outputs(hidden, outputs);
@@ -226,12 +227,12 @@ impl FactoredEvaluator<'_> {
     }
 
     /// The coefficients at every voxel, for many evaluations; `report` is the teacher's.
-    pub fn expanded(&self, precision: Precision, report: FitReport) -> HarmonicField {
-        let (field, axes) = (&self.field, self.field.coefficient_count());
-        let mut coefficients = vec![0.0; field.grid.len() * axes];
-        coefficients.par_chunks_mut(BLOCK * axes).enumerate().for_each(|(block, z)| {
+    pub fn expanded(&self, precision: StoragePrecision, report: FitReport) -> HarmonicField {
+        let (field, components) = (&self.field, self.field.coefficient_count());
+        let mut coefficients = vec![0.0; field.grid.len() * components];
+        coefficients.par_chunks_mut(BLOCK * components).enumerate().for_each(|(block, z)| {
             let from = block * BLOCK;
-            let voxels = from..from + z.len() / axes;
+            let voxels = from..from + z.len() / components;
             self.block(voxels.map(|voxel| field.grid.centre(field.grid.voxel(voxel))), GRID, z);
         });
         let (functions, mean) = field.functions_in_world();
@@ -239,7 +240,7 @@ impl FactoredEvaluator<'_> {
             quantity: field.quantity,
             grid: field.grid,
             basis: field.basis.clone(),
-            axes: functions.into_owned(),
+            components: functions.into_owned(),
             mean: mean.into_owned(),
             coefficients: Coefficients::new(coefficients, precision),
             report,
@@ -260,7 +261,7 @@ impl VoxelCoefficients for FactoredEvaluator<'_> {
         self.field.grid.dims
     }
 
-    fn axes(&self) -> usize {
+    fn components(&self) -> usize {
         self.field.coefficient_count()
     }
 
@@ -276,18 +277,18 @@ impl VoxelCoefficients for FactoredEvaluator<'_> {
     }
 
     fn read<'a>(&'a self, voxels: Range<usize>, scratch: &'a mut Vec<f32>) -> &'a [f32] {
-        scratch.resize(voxels.len() * self.axes(), 0.0);
+        scratch.resize(voxels.len() * self.components(), 0.0);
         let grid = &self.field.grid;
         self.block(voxels.map(|voxel| grid.centre(grid.voxel(voxel))), GRID, scratch);
         scratch
     }
 
     fn at(&self, points: &mut dyn Iterator<Item = DVec3>, z: &mut [f32], _: &mut Vec<f32>) {
-        self.block(points, z.len() / self.axes(), z);
+        self.block(points, z.len() / self.components(), z);
     }
 
     fn functions(&self) -> (&Basis, &[f32], &[f32]) {
-        (&self.field.basis, &self.field.axes, &self.field.mean)
+        (&self.field.basis, &self.field.components, &self.field.mean)
     }
 
     fn order(&self) -> Option<[usize; 3]> {

@@ -3,7 +3,7 @@
 //!
 //! ```text
 //! parameters  f16 or f32 [weights]       g, in the layout of FactoredShape::layers
-//! axes        f32 [functions, axes]      U: orthonormal columns; of a folded network V, of the weights' kind; with symmetry
+//! components  f32 [functions, components] U: orthonormal columns; of a folded network V, of the weights' kind; with symmetry
 //!                                        of the functions of the direction in the frame of the place
 //! mean        f32 [functions]            μ
 //! state       f32 [3, weights]           where distillation can go on: weights and both moments
@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 use super::{DistillSettings, FactoredField, FactoredState};
 use crate::calibration::Calibration;
 use crate::harmonic::basis::{Basis, Domain};
-use crate::harmonic::coefficients::Precision;
+use crate::harmonic::coefficients::StoragePrecision;
 use crate::harmonic::file::HarmonicFile;
 use crate::harmonic::{FitReport, FitSettings};
 use crate::recipe::divergence::Watch;
@@ -46,7 +46,7 @@ pub struct FactoredFile {
     /// How the field was trained.
     pub settings: DistillSettings,
     /// How the weights are saved.
-    pub precision: Precision,
+    pub precision: StoragePrecision,
     /// Where training goes on.
     pub state: Option<FactoredState>,
     /// The calibration of its decisions, where measured with these weights.
@@ -59,7 +59,7 @@ struct Description {
     fit: FitSettings,
     report: FitReport,
     settings: DistillSettings,
-    precision: Precision,
+    precision: StoragePrecision,
     scale: f32,
     /// There is no layer behind the last sines.
     folded: bool,
@@ -88,7 +88,7 @@ impl FactoredFile {
             fit: *fit,
             report: field.report,
             settings,
-            precision: Precision::F32,
+            precision: StoragePrecision::F32,
             state: Some(state),
             calibration: None,
         })
@@ -102,17 +102,17 @@ impl FactoredFile {
 
     /// The result of a training: the field of this checkpoint folded, its weights saved in `precision`, no state.
     #[must_use]
-    pub fn finished(self, precision: Precision) -> Self {
+    pub fn finished(self, precision: StoragePrecision) -> Self {
         Self { field: self.field.folded(), precision, state: None, calibration: None, ..self }
     }
 
     /// The same as it will be read back: weights rounded as they are saved.
     #[must_use]
-    pub fn as_kept(mut self) -> Self {
-        let FactoredField { parameters, axes, shape, .. } = &mut self.field;
-        let of_axes = precision_of_axes(self.precision, shape.folded);
-        for (values, precision) in [(parameters, self.precision), (axes, of_axes)] {
-            if precision == Precision::F16 {
+    pub fn as_saved(mut self) -> Self {
+        let FactoredField { parameters, components, shape, .. } = &mut self.field;
+        let of_components = precision_of_components(self.precision, shape.folded);
+        for (values, precision) in [(parameters, self.precision), (components, of_components)] {
+            if precision == StoragePrecision::F16 {
                 values.iter_mut().for_each(|value| *value = f16::from_f32(*value).to_f32());
             }
         }
@@ -136,11 +136,11 @@ impl FactoredFile {
             name: &'static str,
             shape: &[usize],
             values: &'a [f32],
-            precision: Precision,
+            precision: StoragePrecision,
         ) -> Tensor<'a> {
             let (kind, bytes) = match precision {
-                Precision::F32 => (Dtype::F32, little_endian(values)),
-                Precision::F16 => {
+                StoragePrecision::F32 => (Dtype::F32, little_endian(values)),
+                StoragePrecision::F16 => {
                     let halves: Vec<f16> = values.iter().map(|&value| f16::from_f32(value)).collect();
                     (Dtype::F16, little_endian_halves(&halves).into_owned().into())
                 }
@@ -149,21 +149,21 @@ impl FactoredFile {
         }
         let (field, state) = (&self.field, self.state.as_ref());
         let (functions, count) = (field.basis.len(), field.parameters.len());
-        let of_axes = precision_of_axes(self.precision, field.shape.folded);
+        let of_components = precision_of_components(self.precision, field.shape.folded);
         let mut tensors = vec![
-            numbers("axes", &[functions, field.shape.axes], &field.axes, of_axes),
-            numbers("mean", &[functions], &field.mean, Precision::F32),
+            numbers("components", &[functions, field.shape.components], &field.components, of_components),
+            numbers("mean", &[functions], &field.mean, StoragePrecision::F32),
             numbers("parameters", &[count], &field.parameters, self.precision),
         ];
         let arrays = state.map(|FactoredState { training, .. }| {
             [&training.parameters[..], &training.first_moment, &training.second_moment].concat()
         });
         if let Some(arrays) = &arrays {
-            tensors.push(numbers("state", &[STATE, count], arrays, Precision::F32));
+            tensors.push(numbers("state", &[STATE, count], arrays, StoragePrecision::F32));
         }
         let kept = state.map_or(&[][..], |state| &state.training.preconditioners);
         if !kept.is_empty() {
-            tensors.push(numbers("preconditioners", &[kept.len()], kept, Precision::F32));
+            tensors.push(numbers("preconditioners", &[kept.len()], kept, StoragePrecision::F32));
         }
         let description = Description {
             domain: field.basis.domain(),
@@ -212,18 +212,22 @@ impl FactoredFile {
             return Err(file.damaged("it has a state, and a folded network is not trained"));
         }
         let sizes = fit.sizes(domain);
-        let shape = settings.shape(symmetry.coefficients(sizes.axes, sizes.functions));
+        let shape = settings.shape(symmetry.coefficients(sizes.components, sizes.functions));
         let shape = if folded { shape.folded() } else { shape };
         let numbers = |name: &str, shape: &[usize], precision| match precision {
-            Precision::F32 => file.floats(name, shape),
-            Precision::F16 => file.widened(name, shape),
+            StoragePrecision::F32 => file.floats(name, shape),
+            StoragePrecision::F16 => file.widened(name, shape),
         };
         // The tables of the basis are made once the file is known to have weights for all of it.
-        let axes = numbers("axes", &[sizes.functions, shape.axes], precision_of_axes(precision, folded))?;
+        let components = numbers(
+            "components",
+            &[sizes.functions, shape.components],
+            precision_of_components(precision, folded),
+        )?;
         let field = FactoredField {
             quantity: fit.quantity,
             grid,
-            axes,
+            components,
             basis: Basis::new(domain, fit.degree),
             mean: file.floats("mean", &[sizes.functions])?,
             shape,
@@ -247,7 +251,7 @@ fn training_state(
 ) -> Result<TrainingState, FieldFileError> {
     let count = field.parameters.len();
     let arrays = file.floats("state", &[STATE, count])?;
-    let kept = field.shape.between().map(|layer| settings.optimiser.kept_count(layer.outputs, layer.inputs));
+    let kept = field.shape.between().map(|layer| settings.optimiser.state_count(layer.outputs, layer.inputs));
     let preconditioners = match kept.sum::<usize>() {
         count if count > 0 && step > 0 => file.floats("preconditioners", &[count])?,
         _ => Vec::new(),
@@ -258,6 +262,6 @@ fn training_state(
 }
 
 /// How the axes are saved: those of a folded network are most of its weights.
-fn precision_of_axes(weights: Precision, folded: bool) -> Precision {
-    if folded { weights } else { Precision::F32 }
+fn precision_of_components(weights: StoragePrecision, folded: bool) -> StoragePrecision {
+    if folded { weights } else { StoragePrecision::F32 }
 }

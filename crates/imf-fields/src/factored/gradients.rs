@@ -19,7 +19,7 @@ pub(crate) struct GradientScratch {
     /// `[row][input]`.
     inputs: Vec<f32>,
     adjoint: AdjointScratch,
-    /// `[row][axes]`: coefficients, and the derivatives by them.
+    /// `[row][components]`: coefficients, and the derivatives by them.
     z: Vec<f32>,
     along: Vec<f32>,
     /// `[row][K]`: functions, and the coefficients' weights of them.
@@ -43,7 +43,7 @@ impl FactoredEvaluator<'_> {
         assert!(poses.len() == found.len() && poses.len() <= ROWS, "a gradient for each of {ROWS} poses");
         let (field, rows) = (&*self.field, poses.len());
         let (stack, stride, network) = (self.plan.stack, self.plan.stride(), self.network(rows));
-        let (axes, count) = (stack.outputs, field.basis.len());
+        let (components, count) = (stack.outputs, field.basis.len());
         let GradientScratch {
             places,
             inputs,
@@ -67,23 +67,23 @@ impl FactoredEvaluator<'_> {
         directions.extend(places.iter().map(|(_, local)| *local));
         functions.resize(rows * count, 0.0);
         field.basis.values_of_directions(directions, functions, side_by_side);
-        z.resize(rows * axes, 0.0);
-        along.resize(rows * axes, 0.0);
+        z.resize(rows * components, 0.0);
+        along.resize(rows * components, 0.0);
         weights.clear();
         (0..rows).for_each(|_| weights.extend_from_slice(&field.mean));
 
         let by_inputs = network.by_inputs(inputs, adjoint, |last| {
             network.outputs(last, z);
             z.iter_mut().for_each(|z| *z *= field.scale);
-            let u = (&field.axes[..], self.split_functions.as_ref());
+            let u = (&field.components[..], self.split_functions.as_ref());
             add_both_products(u, rows, (z, weights), (functions, along));
             along.iter_mut().for_each(|along| *along *= field.scale);
             if stack.ending == Ending::Sines {
-                for (delta, along) in last.chunks_exact_mut(stride).zip(along.chunks_exact(axes)) {
-                    delta[..axes].copy_from_slice(along);
+                for (delta, along) in last.chunks_exact_mut(stride).zip(along.chunks_exact(components)) {
+                    delta[..components].copy_from_slice(along);
                 }
             } else {
-                network.products_backwards(stack.hidden, (along, rows, axes), last);
+                network.products_backwards(stack.hidden, (along, rows, components), last);
             }
         });
 

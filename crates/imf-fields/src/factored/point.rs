@@ -20,7 +20,7 @@ pub struct PointScratch {
     /// `[rows][neuron]`, rows as long as the widest layer: activations, and their tangents.
     signal: Vec<f32>,
     next: Vec<f32>,
-    /// `[rows][axes]`: coefficients, and their derivatives along x, y and z.
+    /// `[rows][components]`: coefficients, and their derivatives along x, y and z.
     z: Vec<f32>,
     turns: TurnScratch,
 }
@@ -86,10 +86,11 @@ impl FactoredEvaluator<'_> {
             }
             std::mem::swap(signal, next);
         }
-        let axes = stack.outputs;
-        z.resize(ROWS * axes, 0.0);
+        let components = stack.outputs;
+        z.resize(ROWS * components, 0.0);
         let slope = field.scale * field.inverse_length() as f32;
-        for (row, (z, signal)) in z.chunks_exact_mut(axes).zip(signal.chunks_exact(widest)).enumerate() {
+        for (row, (z, signal)) in z.chunks_exact_mut(components).zip(signal.chunks_exact(widest)).enumerate()
+        {
             let scale = if row == 0 { field.scale } else { slope };
             z.iter_mut().zip(signal).for_each(|(z, &value)| *z = value * scale);
         }
@@ -98,6 +99,6 @@ impl FactoredEvaluator<'_> {
 
     fn functions(&self) -> Functions<'_> {
         let field = &*self.field;
-        Functions { arch: self.arch, basis: &field.basis, axes: &field.axes, mean: &field.mean }
+        Functions { arch: self.arch, basis: &field.basis, components: &field.components, mean: &field.mean }
     }
 }

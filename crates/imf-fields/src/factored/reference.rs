@@ -17,7 +17,7 @@ pub fn forward(shape: &FactoredShape, parameters: &[f64], input: &[f64]) -> Vec<
 }
 
 /// Mean over a batch of the loss summed over outputs, and its gradient with respect to every parameter; `targets` is
-/// `[sample][axes]`.
+/// `[sample][components]`.
 ///
 /// # Panics
 /// If lengths do not fit.
@@ -29,11 +29,11 @@ pub fn loss_and_gradient(
     loss: Loss,
 ) -> (f64, Vec<f64>) {
     let stack = shape.stack();
-    assert_eq!(targets.len(), inputs.len() * shape.axes, "one row of targets for each input");
+    assert_eq!(targets.len(), inputs.len() * shape.components, "one row of targets for each input");
     let mut gradient = vec![0.0; parameters.len()];
     let mut total = 0.0;
     let count = inputs.len() as f64;
-    for (input, targets) in inputs.iter().zip(targets.chunks_exact(shape.axes)) {
+    for (input, targets) in inputs.iter().zip(targets.chunks_exact(shape.components)) {
         let kept = activations(&stack, parameters, input);
         let outputs = &kept.sums[shape.hidden];
         let pairs = outputs.iter().zip(targets);
@@ -44,7 +44,7 @@ pub fn loss_and_gradient(
     (total, gradient)
 }
 
-/// The derivatives of every output by the three inputs: `[axes][3]`.
+/// The derivatives of every output by the three inputs: `[components][3]`.
 ///
 /// # Panics
 /// If `parameters` does not fit `shape`, or the network is folded.
@@ -53,9 +53,9 @@ pub fn jacobian(shape: &FactoredShape, parameters: &[f64], input: &[f64; INPUTS]
     let stack = shape.stack();
     let kept = activations(&stack, parameters, input);
     let mut unused = vec![0.0; parameters.len()];
-    (0..shape.axes)
+    (0..shape.components)
         .map(|axis| {
-            let delta = (0..shape.axes).map(|output| f64::from(u8::from(output == axis))).collect();
+            let delta = (0..shape.components).map(|output| f64::from(u8::from(output == axis))).collect();
             let slopes = backward(&stack, parameters, &kept, delta, &mut unused);
             std::array::from_fn(|input| slopes[input])
         })

@@ -6,7 +6,7 @@ use super::{FactoredShape, FactoredState, Symmetry};
 use crate::harmonic::HarmonicField;
 use crate::recipe::schedule::Schedule;
 use crate::recipe::{
-    AdamConfig, Length, Loss, OnlineSettings, Optimiser, RecipeError, SoapConfig, TrainingPlan,
+    AdamConfig, Loss, OnlineSettings, Optimiser, RecipeError, SoapConfig, TrainingLength, TrainingPlan,
 };
 use crate::siren::ShapeError;
 
@@ -60,7 +60,7 @@ impl Default for DistillSettings {
             hidden: 3,
             omega: 20.0,
             plan: TrainingPlan {
-                length: Length::Epochs(Self::EPOCHS),
+                length: TrainingLength::Epochs(Self::EPOCHS),
                 batch: 1024,
                 schedule: RATES,
                 adam: AdamConfig { weight_decay: 0.0, ..AdamConfig::default() },
@@ -82,7 +82,7 @@ impl DistillSettings {
 
     /// The defaults for a length.
     #[must_use]
-    pub fn of_length(length: Length) -> Self {
+    pub fn of_length(length: TrainingLength) -> Self {
         let defaults = Self::default();
         Self { plan: TrainingPlan { length, ..defaults.plan }, ..defaults }
     }
@@ -90,7 +90,7 @@ impl DistillSettings {
     /// The defaults for a length of a warm start: a training from the network of another field, such as that of the part before
     /// it was changed.
     #[must_use]
-    pub fn of_another(length: Length) -> Self {
+    pub fn of_another(length: TrainingLength) -> Self {
         let usual = Self::of_length(length);
         let plan = TrainingPlan { schedule: Self::rates_from(RATE_OF_ANOTHER), ..usual.plan };
         Self { plan, solve_every: SOLVE_OF_ANOTHER, ..usual }
@@ -98,7 +98,7 @@ impl DistillSettings {
 
     /// The defaults for a length of a training by sections that come and go like this.
     #[must_use]
-    pub fn of_sections(length: Length, online: OnlineSettings) -> Self {
+    pub fn of_sections(length: TrainingLength, online: OnlineSettings) -> Self {
         let usual = Self::of_length(length);
         let plan = TrainingPlan { schedule: RATES_BY_SECTIONS, ..usual.plan };
         Self { plan, online: Some(online), ..usual }
@@ -112,18 +112,18 @@ impl DistillSettings {
     /// Outputs of the network that a field is distilled into: its components, or its functions where the network is
     /// symmetry-reduced.
     pub fn outputs(&self, teacher: &HarmonicField) -> usize {
-        self.symmetry.coefficients(teacher.axis_count(), teacher.basis.len())
+        self.symmetry.coefficients(teacher.component_count(), teacher.basis.len())
     }
 
-    /// The network for `axes` components.
-    pub fn shape(&self, axes: usize) -> FactoredShape {
+    /// The network for `components` components.
+    pub fn shape(&self, components: usize) -> FactoredShape {
         let Self { width, hidden, omega, symmetry, .. } = *self;
-        FactoredShape { width, hidden, omega, axes, folded: false, symmetry }
+        FactoredShape { width, hidden, omega, components, folded: false, symmetry }
     }
 
     /// The random start of a training.
-    pub fn start(&self, axes: usize) -> FactoredState {
-        FactoredState::new(&self.shape(axes), self.plan.seed)
+    pub fn start(&self, components: usize) -> FactoredState {
+        FactoredState::new(&self.shape(components), self.plan.seed)
     }
 
     /// Checks the ranges that types do not ensure.

@@ -120,10 +120,10 @@ impl Symmetry {
         if self.axis.is_some() { MOST_INPUTS } else { super::INPUTS }
     }
 
-    /// Coefficients per point of a field with `axes` components and `functions` basis functions: the components, or
+    /// Coefficients per point of a field with `components` components and `functions` basis functions: the components, or
     /// every function by itself where there is symmetry.
-    pub(super) fn coefficients(&self, axes: usize, functions: usize) -> usize {
-        if self.is_none() { axes } else { functions }
+    pub(super) fn coefficients(&self, components: usize, functions: usize) -> usize {
+        if self.is_none() { components } else { functions }
     }
 
     /// What is wrong with it, if anything.

@@ -33,14 +33,14 @@ impl<'a> ByFunction<'a> {
 
     /// The coefficients of a voxel by function, `μ + U z`, `[K]` into `out`; `scratch` is working memory.
     pub(super) fn read(&self, voxel: usize, scratch: &mut Vec<f32>, out: &mut [f32]) {
-        let HarmonicField { axes, mean, coefficients, .. } = self.teacher;
-        let count = self.teacher.axis_count();
+        let HarmonicField { components, mean, coefficients, .. } = self.teacher;
+        let count = self.teacher.component_count();
         out.copy_from_slice(mean);
         let z = coefficients.read(voxel * count, (voxel + 1) * count, scratch);
         match &self.order {
             Some(order) => order.iter().zip(z).for_each(|(&function, &z)| out[function] += z),
             None => vectorised!(self.arch, {
-                for (out, row) in out.iter_mut().zip(axes.chunks_exact(count)) {
+                for (out, row) in out.iter_mut().zip(components.chunks_exact(count)) {
                     *out += dot(row, z);
                 }
             }),
@@ -50,12 +50,12 @@ impl<'a> ByFunction<'a> {
 
 /// The function that each axis is, where there are as many of them and each is one.
 fn order(teacher: &HarmonicField) -> Option<Vec<usize>> {
-    let axes = teacher.axis_count();
-    if axes != teacher.basis.len() {
+    let components = teacher.component_count();
+    if components != teacher.basis.len() {
         return None;
     }
-    let mut order = vec![usize::MAX; axes];
-    for (function, row) in teacher.axes.chunks_exact(axes).enumerate() {
+    let mut order = vec![usize::MAX; components];
+    for (function, row) in teacher.components.chunks_exact(components).enumerate() {
         let mut kept = row.iter().enumerate().filter(|&(_, &value)| value != 0.0);
         match (kept.next(), kept.next()) {
             (Some((axis, &1.0)), None) => order[axis] = function,
@@ -100,7 +100,7 @@ impl<'a> Targets<'a> {
     }
 
     fn root_mean_square(&self) -> f32 {
-        let (axes, voxels) = (self.teacher.axis_count(), self.teacher.grid.len());
+        let (components, voxels) = (self.teacher.component_count(), self.teacher.grid.len());
         let outputs = self.outputs();
         let parts: Vec<f64> = (0..voxels.div_ceil(PART))
             .into_par_iter()
@@ -117,7 +117,8 @@ impl<'a> Targets<'a> {
                         })
                         .sum();
                 }
-                let z = self.teacher.coefficients.read(range.start * axes, range.end * axes, scratch);
+                let z =
+                    self.teacher.coefficients.read(range.start * components, range.end * components, scratch);
                 z.iter().map(|&z| square(z)).sum()
             })
             .collect();
@@ -125,13 +126,13 @@ impl<'a> Targets<'a> {
         if mean > 0.0 { mean.sqrt() as f32 } else { 1.0 }
     }
 
-    /// Those of a voxel, `[axes]` into `out`, in units of the scale.
+    /// Those of a voxel, `[components]` into `out`, in units of the scale.
     pub fn read(&self, voxel: usize, scratch: &mut TargetScratch, out: &mut [f32]) {
         let TargetScratch { halves, world } = scratch;
         match &self.local {
             None => {
-                let axes = out.len();
-                let z = self.teacher.coefficients.read(voxel * axes, (voxel + 1) * axes, halves);
+                let components = out.len();
+                let z = self.teacher.coefficients.read(voxel * components, (voxel + 1) * components, halves);
                 out.copy_from_slice(z);
             }
             Some((all, harmonics)) => {
@@ -150,13 +151,13 @@ impl<'a> Targets<'a> {
 
     /// Outputs of the network.
     pub fn outputs(&self) -> usize {
-        self.symmetry.coefficients(self.teacher.axis_count(), self.teacher.basis.len())
+        self.symmetry.coefficients(self.teacher.component_count(), self.teacher.basis.len())
     }
 
-    /// U `[K][axes]` and μ `[K]` of the network: the teacher's, or every function of a place's frame by itself.
+    /// U `[K][components]` and μ `[K]` of the network: the teacher's, or every function of a place's frame by itself.
     pub fn functions(&self) -> (Cow<'a, [f32]>, Cow<'a, [f32]>) {
         if self.local.is_none() {
-            return (Cow::Borrowed(&self.teacher.axes), Cow::Borrowed(&self.teacher.mean));
+            return (Cow::Borrowed(&self.teacher.components), Cow::Borrowed(&self.teacher.mean));
         }
         let count = self.teacher.basis.len();
         let mut identity = vec![0.0; count * count];
@@ -173,8 +174,8 @@ pub struct ComponentBasis<'a> {
     pub grid: &'a Grid,
     /// The functions of the orientation, K of them.
     pub basis: &'a Basis,
-    /// U: `[K][axes]`.
-    pub axes: Cow<'a, [f32]>,
+    /// U: `[K][components]`.
+    pub components: Cow<'a, [f32]>,
     /// μ: `[K]`.
     pub mean: Cow<'a, [f32]>,
     /// Root mean square of the coefficients.
@@ -185,8 +186,8 @@ impl<'a> ComponentBasis<'a> {
     /// Those of a harmonic field's targets.
     pub fn of(teacher: &'a HarmonicField, targets: &Targets<'a>) -> Self {
         let HarmonicField { quantity, grid, basis, .. } = teacher;
-        let (axes, mean) = targets.functions();
-        Self { quantity: *quantity, grid, basis, axes, mean, scale: targets.scale }
+        let (components, mean) = targets.functions();
+        Self { quantity: *quantity, grid, basis, components, mean, scale: targets.scale }
     }
 
     /// The field of a network along them.
@@ -196,8 +197,8 @@ impl<'a> ComponentBasis<'a> {
     pub fn field(self, shape: FactoredShape, parameters: Vec<f32>) -> Result<FactoredField, ShapeError> {
         shape.check()?;
         shape.stack().check_parameters(&parameters)?;
-        let axes = self.axes.len() / self.mean.len();
-        let expected = FactoredShape { axes, ..shape }.parameter_count();
+        let components = self.components.len() / self.mean.len();
+        let expected = FactoredShape { components, ..shape }.parameter_count();
         if expected != parameters.len() {
             return Err(ShapeError::Parameters { expected, found: parameters.len() });
         }
@@ -206,8 +207,8 @@ impl<'a> ComponentBasis<'a> {
 
     /// As [`Self::field`], of weights known to fit, or without weights.
     pub fn of_weights(self, shape: FactoredShape, parameters: Vec<f32>) -> FactoredField {
-        let Self { quantity, grid, basis, axes, mean, scale } = self;
-        let (basis, axes, mean) = (basis.clone(), axes.into_owned(), mean.into_owned());
-        FactoredField { quantity, grid: *grid, basis, axes, mean, shape, parameters, scale }
+        let Self { quantity, grid, basis, components, mean, scale } = self;
+        let (basis, components, mean) = (basis.clone(), components.into_owned(), mean.into_owned());
+        FactoredField { quantity, grid: *grid, basis, components, mean, shape, parameters, scale }
     }
 }

@@ -14,9 +14,9 @@ mod draw;
 
 use thiserror::Error;
 
-use draw::{Draw, Kind, Seen, Truth};
+use draw::{Draw, Kind, SampledPose, Truth};
 
-use crate::calibration::{Calibration, Goals, Judgement, Rate, most_errors};
+use crate::calibration::{Calibration, DecisionRates, Goals, Rate, most_errors};
 use crate::field::Field;
 use crate::metrics::larger;
 use imf_core::control::{Cancelled, Control};
@@ -99,7 +99,7 @@ impl CalibrationSettings {
     /// Bytes of the poses of [`calibrate`]: those that thresholds are chosen by, with their sorted values, and those
     /// that rates are measured on, each kind twice while its chunks are joined.
     pub fn memory_bytes(&self) -> u64 {
-        let seen = size_of::<Seen>() as u64;
+        let seen = size_of::<SampledPose>() as u64;
         // Values are sorted beside the list that they were gathered in, which may have grown to twice its length.
         let chosen = (seen + 8).saturating_mul(self.uniform as u64);
         let judged = (2 * seen).saturating_mul((self.uniform as u64).saturating_add(self.boundary as u64));
@@ -178,43 +178,43 @@ pub fn calibrate(
         apart => apart,
     };
     let seed = settings.seed;
-    let unjudged = Calibration { goals, seed, ..Calibration::unjudged(free_up_to, colliding_from) };
-    let [uniform, boundary] = unjudged.judge(&truth, settings, control)?;
-    Ok(Calibration { uniform, boundary, ..unjudged })
+    let unmeasured = Calibration { goals, seed, ..Calibration::unmeasured(free_up_to, colliding_from) };
+    let [uniform, boundary] = unmeasured.measure_rates(&truth, settings, control)?;
+    Ok(Calibration { uniform, boundary, ..unmeasured })
 }
 
 /// Judges a field's own calibration on fresh poses of another seed: uniform ones and boundary ones.
 ///
 /// # Errors
 /// As [`calibrate`].
-pub fn judge(
+pub fn measure_rates(
     field: &Field,
     calibration: &Calibration,
     settings: &CalibrationSettings,
     control: Control<'_>,
-) -> Result<[Judgement; 2], CalibrationError> {
+) -> Result<[DecisionRates; 2], CalibrationError> {
     settings.check()?;
     let by_goals = Calibration { goals: settings.goals, ..*calibration };
-    by_goals.judge(&Truth::new(field)?, settings, control)
+    by_goals.measure_rates(&Truth::new(field)?, settings, control)
 }
 
 impl Calibration {
     /// Judges the thresholds by these goals, on poses that are drawn anew.
-    fn judge(
+    fn measure_rates(
         &self,
         truth: &Truth<'_>,
         settings: &CalibrationSettings,
         control: Control<'_>,
-    ) -> Result<[Judgement; 2], CalibrationError> {
+    ) -> Result<[DecisionRates; 2], CalibrationError> {
         let CalibrationSettings { uniform, boundary, errors, seed, .. } = *settings;
         let uniform = truth.seen(Draw::Uniform, uniform, errors, seed, 1, control)?;
         let boundary = truth.seen(Draw::Boundary, boundary, errors, seed, 2, control)?;
-        Ok([self.judgement(&uniform), self.judgement(&boundary)])
+        Ok([self.decision_rates(&uniform), self.decision_rates(&boundary)])
     }
 
-    fn judgement(&self, seen: &[Seen]) -> Judgement {
+    fn decision_rates(&self, seen: &[SampledPose]) -> DecisionRates {
         let count = |kind: Option<Kind>, decision: Option<Decision>| {
-            let of = |s: &&Seen| {
+            let of = |s: &&SampledPose| {
                 kind.is_none_or(|k| k == s.kind) && decision.is_none_or(|d| d == self.decide(s.value))
             };
             seen.iter().filter(of).count() as u64
@@ -226,7 +226,7 @@ impl Calibration {
         let of = |kind| seen.iter().filter(move |s| s.kind == kind).map(|s| s.value);
         let pairs = || of(Kind::Colliding).zip(of(Kind::Clear));
         let misordered = pairs().filter(|(colliding, clear)| colliding <= clear).count() as u64;
-        Judgement {
+        DecisionRates {
             poses: seen.len() as u64,
             false_free: rate(Kind::Colliding, Decision::Free),
             false_colliding: rate(Kind::Clear, Decision::Colliding),

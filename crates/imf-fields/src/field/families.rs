@@ -53,11 +53,11 @@ pub(super) struct Scratch {
     side_by_side: Vec<f32>,
     /// `[orientation][K]`.
     rows: Vec<f32>,
-    /// `[orientation][axes]`.
+    /// `[orientation][components]`.
     weights: Vec<f32>,
     /// `[orientation]`.
     constants: Vec<f32>,
-    /// `[point][axes]`.
+    /// `[point][components]`.
     coefficients: Vec<f32>,
     corner: Vec<f32>,
     /// `[point][orientation]`.
@@ -75,7 +75,8 @@ pub(super) enum Kind<'a> {
 impl Family {
     /// Of a harmonic field.
     pub(super) fn harmonic(file: Arc<HarmonicFile>) -> Self {
-        let split = SplitBoth::new(&file.field.axes, file.field.basis.len(), file.field.axis_count());
+        let split =
+            SplitBoth::new(&file.field.components, file.field.basis.len(), file.field.component_count());
         Self::Harmonic(file, split)
     }
 
@@ -241,14 +242,14 @@ fn held(position: DVec3, low: DVec3, high: DVec3) -> DVec3 {
     if position.is_nan() { low } else { position.clamp(low, high) }
 }
 
-/// The weights of up to [`BLOCK`] rotations into the scratch: `[orientation][axes]` and constants.
+/// The weights of up to [`BLOCK`] rotations into the scratch: `[orientation][components]` and constants.
 fn direction_weights(
     (source, split): (&dyn VoxelCoefficients, Option<&SplitBoth>),
     rotations: impl ExactSizeIterator<Item = DQuat>,
     scratch: &mut Scratch,
 ) {
-    let (basis, axes, mean) = source.functions();
-    let (count, functions, width) = (rotations.len(), basis.len(), source.axes());
+    let (basis, components, mean) = source.functions();
+    let (count, functions, width) = (rotations.len(), basis.len(), source.components());
     let order = source.order();
     let Scratch { functions: row, directions, side_by_side, rows, weights, constants, .. } = scratch;
     row.resize(functions, 0.0);
@@ -283,7 +284,9 @@ fn direction_weights(
     });
     match where_many(split, count) {
         Some(split) => split.multiply(|both| &both.forward, (rows, count, functions), weights, false),
-        None => multiply(weights, width, Matrix::dense(rows, functions), Matrix::dense(axes, width), false),
+        None => {
+            multiply(weights, width, Matrix::dense(rows, functions), Matrix::dense(components, width), false)
+        }
     }
 }
 
@@ -295,12 +298,12 @@ fn values_of(
     scratch: &mut Scratch,
 ) {
     let [low, high] = grid.box_of_centres();
-    let axes = source.axes();
+    let components = source.components();
     direction_weights((source, split), poses.iter().map(|pose| pose.rotation), scratch);
     let Scratch { weights, constants, coefficients, corner, .. } = scratch;
-    coefficients.resize(poses.len() * axes, 0.0);
+    coefficients.resize(poses.len() * components, 0.0);
     source.at(&mut poses.iter().map(|pose| held(pose.position, low, high)), coefficients, corner);
-    let each = coefficients.chunks_exact(axes).zip(weights.chunks_exact(axes));
+    let each = coefficients.chunks_exact(components).zip(weights.chunks_exact(components));
     vectorised!(Arch::new(), {
         for ((value, (z, weight)), constant) in values.iter_mut().zip(each).zip(constants) {
             *value = *constant + dot(z, weight);
@@ -318,10 +321,10 @@ fn minimum_at(
     decide: &impl Fn(DVec3, f32) -> Decision,
 ) {
     let [low, high] = grid.box_of_centres();
-    let axes = source.axes();
+    let components = source.components();
     let place = |point: &DVec3| held(*point, low, high);
-    scratch.coefficients.resize(points.len() * axes, 0.0);
-    for (points, z) in points.chunks(BLOCK).zip(scratch.coefficients.chunks_mut(BLOCK * axes)) {
+    scratch.coefficients.resize(points.len() * components, 0.0);
+    for (points, z) in points.chunks(BLOCK).zip(scratch.coefficients.chunks_mut(BLOCK * components)) {
         source.at(&mut points.iter().map(place), z, &mut scratch.corner);
     }
     best.fill(Best::NONE);
@@ -331,14 +334,14 @@ fn minimum_at(
         let Scratch { weights, constants, coefficients, products, .. } = scratch;
         let columns = rotations.len();
         let blocks = points.chunks(BLOCK).zip(best.chunks_mut(BLOCK));
-        for ((points, best), z) in blocks.zip(coefficients.chunks(BLOCK * axes)) {
+        for ((points, best), z) in blocks.zip(coefficients.chunks(BLOCK * components)) {
             products.resize(points.len() * columns, 0.0);
             products.chunks_exact_mut(columns).for_each(|row| row.copy_from_slice(constants));
             multiply(
                 products,
                 columns,
-                Matrix::dense(z, axes),
-                Matrix::dense(weights, axes).transposed(),
+                Matrix::dense(z, components),
+                Matrix::dense(weights, components).transposed(),
                 true,
             );
             for ((best, &point), row) in best.iter_mut().zip(points).zip(products.chunks_exact(columns)) {

@@ -9,7 +9,7 @@ use crate::calibration::Calibration;
 use crate::field::LoadError;
 use crate::field::families::{Family, Scratch};
 use crate::file::FieldFile;
-use crate::harmonic::coefficients::Precision;
+use crate::harmonic::coefficients::StoragePrecision;
 use crate::harmonic::file::HarmonicFile;
 use crate::harmonic::{FitReport, FitSettings};
 use crate::siren::evaluator::CpuEvaluator;
@@ -99,7 +99,7 @@ impl Field {
     #[must_use]
     pub fn expanded(self) -> Self {
         let Family::Factored(evaluator) = &self.family else { return self };
-        let field = evaluator.expanded(Precision::F32, FitReport::default());
+        let field = evaluator.expanded(StoragePrecision::F32, FitReport::default());
         let (scene, settings) = (self.scene.clone(), FitSettings::default());
         let file = HarmonicFile { field, scene, settings, calibration: None };
         Self { family: Family::harmonic(Arc::new(file)), ..self }

@@ -7,13 +7,13 @@ use glam::DVec3;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng as _, SeedableRng as _};
 
-use crate::calibration::{Calibration, Judgement, Rate};
+use crate::calibration::{Calibration, DecisionRates, Rate};
 use crate::factored::file::FactoredFile;
 use crate::factored::{DistillSettings, FactoredField, FactoredShape, FactoredState, Symmetry};
 use crate::field::Field;
 use crate::file::FieldFile;
 use crate::harmonic::basis::Domain;
-use crate::harmonic::coefficients::{Coefficients, Precision};
+use crate::harmonic::coefficients::{Coefficients, StoragePrecision};
 use crate::harmonic::file::HarmonicFile;
 use crate::harmonic::{FitSettings, fit};
 use crate::model::{Model, TrainingRecord};
@@ -41,10 +41,10 @@ pub(crate) fn harmonic_file(scene: &Scene, degree: usize) -> HarmonicFile {
     let settings = FitSettings {
         degree,
         sections_per_function: 1.5,
-        axes: 40,
+        components: 40,
         sample: 1000,
         held_out: 4,
-        precision: Precision::F32,
+        precision: StoragePrecision::F32,
         ..FitSettings::default()
     };
     let domain = Domain::of_tool(&scene.record.tool);
@@ -58,8 +58,8 @@ pub(crate) fn harmonic_file(scene: &Scene, degree: usize) -> HarmonicFile {
 pub(crate) fn harmonic_in_halves(scene: &Scene, degree: usize) -> HarmonicFile {
     let mut file = harmonic_file(scene, degree);
     let Coefficients::F32(values) = file.field.coefficients else { panic!("made in f32") };
-    file.field.coefficients = Coefficients::new(values, Precision::F16);
-    file.settings.precision = Precision::F16;
+    file.field.coefficients = Coefficients::new(values, StoragePrecision::F16);
+    file.settings.precision = StoragePrecision::F16;
     file
 }
 
@@ -71,7 +71,7 @@ pub(crate) fn harmonic(scene: &Scene) -> Field {
 pub(crate) fn factored_file(scene: &Scene) -> FactoredFile {
     let teacher = harmonic_file(scene, 6);
     let settings = DistillSettings { width: 24, hidden: 2, omega: 6.0, ..DistillSettings::default() };
-    let shape = settings.shape(teacher.field.axis_count());
+    let shape = settings.shape(teacher.field.component_count());
     let state = FactoredState::new(&shape, 4);
     FactoredFile { state: None, ..FactoredFile::distilled(&teacher, settings, state).unwrap() }
 }
@@ -100,7 +100,7 @@ pub(crate) fn with_symmetry(scene: &Scene, symmetry: Symmetry) -> FactoredFile {
 /// A calibration of these thresholds.
 pub(crate) fn calibration(free: f32, colliding: f32) -> Calibration {
     let rate = Rate::new(0, 100, 0.99);
-    let judged = Judgement {
+    let rates = DecisionRates {
         poses: 200,
         false_free: rate,
         false_colliding: rate,
@@ -111,9 +111,9 @@ pub(crate) fn calibration(free: f32, colliding: f32) -> Calibration {
     };
     Calibration {
         seed: 1,
-        uniform: judged,
-        boundary: judged,
-        ..Calibration::unjudged(Some(free), Some(colliding))
+        uniform: rates,
+        boundary: rates,
+        ..Calibration::unmeasured(Some(free), Some(colliding))
     }
 }
 

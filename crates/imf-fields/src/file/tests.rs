@@ -9,7 +9,7 @@ use crate::field::Field;
 use crate::field::scenes::{
     calibration, factored_file, harmonic_file, harmonic_in_halves, scene, siren_model,
 };
-use crate::harmonic::coefficients::Precision;
+use crate::harmonic::coefficients::StoragePrecision;
 use crate::recipe::Cursor;
 use imf_core::tool::Tool;
 
@@ -38,23 +38,23 @@ fn all() -> Vec<FieldFile> {
     training.step = 1;
     let numbers = |count: usize, last: f32| (0..count).map(|i| last + i as f32).collect();
     training.second_moment = numbers(training.second_moment.len(), 0.5);
-    training.preconditioners = numbers(factored.settings.optimiser.kept_count(width, width), 0.25);
+    training.preconditioners = numbers(factored.settings.optimiser.state_count(width, width), 0.25);
     assert!(!training.preconditioners.is_empty());
     // In f16 weights are rounded, and the axes of a folded network, which are most of them.
     let round = |values: &mut [f32]| values.iter_mut().for_each(|w| *w = f16::from_f32(*w).to_f32());
-    let mut halves = FactoredFile { precision: Precision::F16, ..factored.clone() };
+    let mut halves = FactoredFile { precision: StoragePrecision::F16, ..factored.clone() };
     round(&mut halves.field.parameters);
-    let mut folded = factored.clone().finished(Precision::F16);
+    let mut folded = factored.clone().finished(StoragePrecision::F16);
     assert!(folded.field.shape.folded);
     round(&mut folded.field.parameters);
-    round(&mut folded.field.axes);
+    round(&mut folded.field.components);
     vec![
         FieldFile::Siren(Box::new(model.clone())),
         FieldFile::Siren(Box::new(model.without_moments())),
         FieldFile::Harmonic(Arc::new(harmonic_file(&scene, 4))),
         FieldFile::Harmonic(Arc::new(harmonic_in_halves(&scene, 4))),
         FieldFile::Factored(Box::new(factored.clone())),
-        FieldFile::Factored(Box::new(factored.clone().finished(Precision::F32))),
+        FieldFile::Factored(Box::new(factored.clone().finished(StoragePrecision::F32))),
         FieldFile::Factored(Box::new(checkpoint)),
         FieldFile::Factored(Box::new(stepped)),
         FieldFile::Factored(Box::new(halves)),

@@ -4,7 +4,7 @@ use pulp::{Arch, Simd, WithSimd};
 
 use crate::siren::lanes::{load, store};
 
-/// `weights = U z` and `along = Uᵀ b` of `u` `[functions][axes]`.
+/// `weights = U z` and `along = Uᵀ b` of `u` `[functions][components]`.
 ///
 /// # Panics
 /// If a length does not fit.
@@ -37,18 +37,18 @@ impl ProductAndAdjoint<'_> {
     /// ones are all within the columns: only loops without a way out for ends are unrolled, and take half the time.
     #[inline(always)]
     fn columns<S: Simd, const N: usize, const WHOLE: bool>(&mut self, simd: S, first: usize) {
-        let axes = self.z.len();
-        let taken = (N * S::F32_LANES).min(axes - first);
+        let components = self.z.len();
+        let taken = (N * S::F32_LANES).min(components - first);
         let z: [S::f32s; N] = registers::<S, N, WHOLE>(simd, &self.z[first..][..taken]);
         let mut along = [simd.splat_f32s(0.0); N];
-        let mut rows = self.u.chunks_exact(ROWS * axes);
+        let mut rows = self.u.chunks_exact(ROWS * components);
         let mut functions = self.functions.chunks_exact(ROWS);
         let mut weights = self.weights.chunks_exact_mut(ROWS);
         for ((rows, functions), weights) in rows.by_ref().zip(functions.by_ref()).zip(weights.by_ref()) {
             let mut sums = [simd.splat_f32s(0.0); ROWS];
             for row in 0..ROWS {
                 let factor = simd.splat_f32s(functions[row]);
-                let u = registers::<S, N, WHOLE>(simd, &rows[row * axes + first..][..taken]);
+                let u = registers::<S, N, WHOLE>(simd, &rows[row * components + first..][..taken]);
                 for place in 0..N {
                     sums[row] = simd.mul_add_e_f32s(u[place], z[place], sums[row]);
                     along[place] = simd.mul_add_e_f32s(u[place], factor, along[place]);
@@ -58,7 +58,7 @@ impl ProductAndAdjoint<'_> {
                 *weight += simd.reduce_sum_f32s(sum);
             }
         }
-        let rest = rows.remainder().chunks_exact(axes).zip(functions.remainder());
+        let rest = rows.remainder().chunks_exact(components).zip(functions.remainder());
         for ((row, &function), weight) in rest.zip(weights.into_remainder()) {
             let factor = simd.splat_f32s(function);
             let u = registers::<S, N, WHOLE>(simd, &row[first..][..taken]);
@@ -104,10 +104,10 @@ impl WithSimd for ProductAndAdjoint<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, simd: S) {
         self.weights.fill(0.0);
-        let axes = self.z.len();
+        let components = self.z.len();
         let mut first = 0;
-        while first < axes {
-            let left = (axes - first) / S::F32_LANES;
+        while first < components {
+            let left = (components - first) / S::F32_LANES;
             first += match left {
                 8.. => self.group::<S, 8>(simd, first),
                 4.. => self.group::<S, 4>(simd, first),
@@ -124,20 +124,20 @@ mod tests {
 
     #[test]
     fn both_products_are_their_definitions() {
-        for (functions, axes) in [(1, 1), (9, 7), (81, 30), (50, 64), (67, 225), (289, 160)] {
+        for (functions, components) in [(1, 1), (9, 7), (81, 30), (50, 64), (67, 225), (289, 160)] {
             let filled = |length: usize, seed: usize| -> Vec<f32> {
                 (0..length).map(|i| ((i * 37 + seed * 11) % 23) as f32 - 11.0).collect()
             };
-            let (u, z, b) = (filled(functions * axes, 1), filled(axes, 2), filled(functions, 3));
+            let (u, z, b) = (filled(functions * components, 1), filled(components, 2), filled(functions, 3));
             for arch in archs() {
-                let (mut weights, mut along) = (vec![f32::NAN; functions], vec![f32::NAN; axes]);
+                let (mut weights, mut along) = (vec![f32::NAN; functions], vec![f32::NAN; components]);
                 product_and_adjoint(arch, &u, &z, &b, &mut weights, &mut along);
                 // Small whole numbers: exact in any order.
-                for (weight, row) in weights.iter().zip(u.chunks_exact(axes)) {
+                for (weight, row) in weights.iter().zip(u.chunks_exact(components)) {
                     assert_eq!(*weight, row.iter().zip(&z).map(|(u, z)| u * z).sum::<f32>());
                 }
                 for (axis, along) in along.iter().enumerate() {
-                    let column = u[axis..].iter().step_by(axes);
+                    let column = u[axis..].iter().step_by(components);
                     assert_eq!(*along, column.zip(&b).map(|(u, b)| u * b).sum::<f32>());
                 }
             }

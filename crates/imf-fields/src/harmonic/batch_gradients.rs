@@ -13,10 +13,10 @@ use crate::siren::split::{SplitBoth, where_many};
 #[derive(Default)]
 pub(crate) struct BatchScratch {
     point: PointScratch,
-    /// `[row][axes]`: coefficients, and the derivatives by them.
+    /// `[row][components]`: coefficients, and the derivatives by them.
     z: Vec<f32>,
     along: Vec<f32>,
-    /// `[row][3][axes]`: differences of the coefficients along x, y and z.
+    /// `[row][3][components]`: differences of the coefficients along x, y and z.
     slopes: Vec<f32>,
     /// `[row][K]`: functions, and the coefficients' weights of them.
     functions: Vec<f32>,
@@ -39,36 +39,37 @@ impl HarmonicField {
         scratch: &mut BatchScratch,
     ) {
         assert_eq!(poses.len(), found.len(), "a gradient for each pose");
-        let (rows, axes, count) = (poses.len(), self.axis_count(), self.basis.len());
+        let (rows, components, count) = (poses.len(), self.component_count(), self.basis.len());
         let BatchScratch { point, z, along, slopes, functions, weights, directions, side_by_side } = scratch;
         z.clear();
         slopes.clear();
         for &(position, _) in poses {
             if self.mix(position, point).is_some() {
-                let (mean, differences) = point.mixed.split_at(axes);
+                let (mean, differences) = point.mixed.split_at(components);
                 z.extend_from_slice(mean);
                 slopes.extend_from_slice(differences);
             } else {
                 // Far from the origin rounding leads out of the box.
-                z.resize(z.len() + axes, f32::NAN);
-                slopes.resize(slopes.len() + 3 * axes, f32::NAN);
+                z.resize(z.len() + components, f32::NAN);
+                slopes.resize(slopes.len() + 3 * components, f32::NAN);
             }
         }
         directions.clear();
         directions.extend(poses.iter().map(|(_, direction)| *direction));
         functions.resize(rows * count, 0.0);
         self.basis.values_of_directions(directions, functions, side_by_side);
-        along.resize(rows * axes, 0.0);
+        along.resize(rows * components, 0.0);
         weights.clear();
         (0..rows).for_each(|_| weights.extend_from_slice(&self.mean));
-        add_both_products((&self.axes, split), rows, (z, weights), (functions, along));
+        add_both_products((&self.components, split), rows, (z, weights), (functions, along));
 
         let arch = Arch::new();
         self.basis.sums_with_gradients(directions, weights, side_by_side, |row, (value, turn)| {
-            let (along, slopes) = (&along[row * axes..][..axes], &slopes[3 * row * axes..][..3 * axes]);
+            let (along, slopes) =
+                (&along[row * components..][..components], &slopes[3 * row * components..][..3 * components]);
             let mut position = [0.0; 3];
             vectorised!(arch, {
-                for (position, slopes) in position.iter_mut().zip(slopes.chunks_exact(axes)) {
+                for (position, slopes) in position.iter_mut().zip(slopes.chunks_exact(components)) {
                     *position = f64::from(dot(slopes, along));
                 }
             });
@@ -82,23 +83,23 @@ impl HarmonicField {
     }
 }
 
-/// Of axes U `[K][axes]`, and of rows of coefficients z and of functions b: adds `U z` to the weights and makes `along` `Uᵀ b`.
+/// Of axes U `[K][components]`, and of rows of coefficients z and of functions b: adds `U z` to the weights and makes `along` `Uᵀ b`.
 pub(crate) fn add_both_products(
     (u, split): (&[f32], Option<&SplitBoth>),
     rows: usize,
     (z, weights): (&[f32], &mut [f32]),
     (functions, along): (&[f32], &mut [f32]),
 ) {
-    let (axes, count) = (z.len() / rows, functions.len() / rows);
+    let (components, count) = (z.len() / rows, functions.len() / rows);
     match where_many(split, rows) {
         Some(split) => {
-            split.multiply(|of| &of.transposed, (z, rows, axes), weights, true);
+            split.multiply(|of| &of.transposed, (z, rows, components), weights, true);
             split.multiply(|of| &of.forward, (functions, rows, count), along, false);
         }
         None => {
-            let u = Matrix::dense(u, axes);
-            multiply(weights, count, Matrix::dense(z, axes), u.transposed(), true);
-            multiply(along, axes, Matrix::dense(functions, count), u, false);
+            let u = Matrix::dense(u, components);
+            multiply(weights, count, Matrix::dense(z, components), u.transposed(), true);
+            multiply(along, components, Matrix::dense(functions, count), u, false);
         }
     }
 }

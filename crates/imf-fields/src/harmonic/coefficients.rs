@@ -13,7 +13,7 @@ use imf_core::workspaces::Workspaces;
 /// How coefficients are saved.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Precision {
+pub enum StoragePrecision {
     /// 4 bytes each.
     F32,
     /// 2 bytes each, 11 bits of mantissa: an error of 2.4e-4 of each coefficient.
@@ -21,7 +21,7 @@ pub enum Precision {
     F16,
 }
 
-impl Precision {
+impl StoragePrecision {
     /// Bytes of a coefficient.
     #[must_use]
     pub const fn bytes(self) -> u64 {
@@ -57,10 +57,10 @@ pub enum Coefficients {
 impl Coefficients {
     /// Converts values to a precision; f32 takes the array as it is.
     #[must_use]
-    pub fn new(values: Vec<f32>, precision: Precision) -> Self {
+    pub fn new(values: Vec<f32>, precision: StoragePrecision) -> Self {
         match precision {
-            Precision::F32 => Self::F32(values),
-            Precision::F16 => {
+            StoragePrecision::F32 => Self::F32(values),
+            StoragePrecision::F16 => {
                 let mut halves = zero_halves(values.len());
                 halves.convert_from_f32_slice(&values);
                 Self::F16(halves)
@@ -70,37 +70,37 @@ impl Coefficients {
 
     /// As many zeros.
     #[must_use]
-    pub(super) fn zeros(count: usize, precision: Precision) -> Self {
+    pub(super) fn zeros(count: usize, precision: StoragePrecision) -> Self {
         match precision {
-            Precision::F32 => Self::F32(vec![0.0; count]),
-            Precision::F16 => Self::F16(zero_halves(count)),
+            StoragePrecision::F32 => Self::F32(vec![0.0; count]),
+            StoragePrecision::F16 => Self::F16(zero_halves(count)),
         }
     }
 
-    /// Computes the coefficients of `voxels`, `axes` per voxel, in blocks of up to `block` voxels on the threads of
-    /// the current pool: `make(scratch, block_index, values)` fills the block's `[voxel][axes]` values; `scratch` is
+    /// Computes the coefficients of `voxels`, `components` per voxel, in blocks of up to `block` voxels on the threads of
+    /// the current pool: `make(scratch, block_index, values)` fills the block's `[voxel][components]` values; `scratch` is
     /// reused from block to block.
     pub(super) fn fill_by_blocks(
         &mut self,
         voxels: Range<usize>,
-        axes: usize,
+        components: usize,
         block: usize,
         workspaces: &Workspaces<BlockScratch>,
         make: impl Fn(&mut Vec<f32>, usize, &mut [f32]) + Sync,
     ) {
-        let own = voxels.start * axes..voxels.end * axes;
+        let own = voxels.start * components..voxels.end * components;
         match self {
             Self::F32(all) => {
-                let blocks = all[own].par_chunks_mut(block * axes).enumerate();
+                let blocks = all[own].par_chunks_mut(block * components).enumerate();
                 blocks.for_each(|(index, values)| {
                     workspaces.with(|scratch| make(&mut scratch.made_from, index, values));
                 });
             }
             Self::F16(all) => {
-                let blocks = all[own].par_chunks_mut(block * axes).enumerate();
+                let blocks = all[own].par_chunks_mut(block * components).enumerate();
                 blocks.for_each(|(index, halves)| {
                     workspaces.with(|BlockScratch { made_from, values }| {
-                        values.resize(block * axes, 0.0);
+                        values.resize(block * components, 0.0);
                         let values = &mut values[..halves.len()];
                         make(made_from, index, values);
                         halves.convert_from_f32_slice(values);
@@ -111,10 +111,10 @@ impl Coefficients {
     }
 
     /// How they are saved.
-    pub fn precision(&self) -> Precision {
+    pub fn precision(&self) -> StoragePrecision {
         match self {
-            Self::F32(_) => Precision::F32,
-            Self::F16(_) => Precision::F16,
+            Self::F32(_) => StoragePrecision::F32,
+            Self::F16(_) => StoragePrecision::F16,
         }
     }
 

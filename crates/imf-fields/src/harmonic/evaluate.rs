@@ -18,32 +18,34 @@ use imf_core::vectorised::vectorised;
 
 /// Orientations as the field reads them: `Uᵀ b(R)` and `μ·b(R)` for each.
 pub struct DirectionWeights {
-    /// `[axes][orientation]`.
+    /// `[components][orientation]`.
     along: Vec<f32>,
     /// `[orientation]`.
     constant: Vec<f32>,
 }
 
 impl DirectionWeights {
-    /// Orientations for the functions of a basis, their `axes` `[K][axes]` and `mean` `[K]`.
+    /// Orientations for the functions of a basis, their `components` `[K][components]` and `mean` `[K]`.
     ///
     /// # Panics
     /// If there is not one mean and one row of axes for each function.
     #[must_use]
-    pub fn new(basis: &Basis, axes: &[f32], mean: &[f32], orientations: &[Orientation]) -> Self {
+    pub fn new(basis: &Basis, components: &[f32], mean: &[f32], orientations: &[Orientation]) -> Self {
         let functions = basis.len();
         assert!(
-            mean.len() == functions && axes.len().is_multiple_of(functions),
+            mean.len() == functions && components.len().is_multiple_of(functions),
             "a mean and a row for each function"
         );
-        let width = axes.len() / functions;
+        let width = components.len() / functions;
         let values = basis.values_at(orientations);
         let constant = values
             .par_chunks(functions)
             .map(|row| row.iter().zip(mean).map(|(&b, &m)| f64::from(b) * f64::from(m)).sum::<f64>() as f32)
             .collect();
-        let along =
-            product(Matrix::dense(axes, width).transposed(), Matrix::dense(&values, functions).transposed());
+        let along = product(
+            Matrix::dense(components, width).transposed(),
+            Matrix::dense(&values, functions).transposed(),
+        );
         Self { along, constant }
     }
 
@@ -60,7 +62,7 @@ impl DirectionWeights {
         Self { along, constant: vec![0.0; count] }
     }
 
-    /// `Uᵀ b(R)` of every orientation: `[axes][orientation]`.
+    /// `Uᵀ b(R)` of every orientation: `[components][orientation]`.
     pub fn along(&self) -> &[f32] {
         &self.along
     }
@@ -76,16 +78,16 @@ impl DirectionWeights {
         (0..count).step_by(CHUNK).map(move |start| start..(start + CHUNK).min(count))
     }
 
-    /// Values of some voxels, whose coefficients `z` are `[voxel][axes]`, in the orientations of a chunk:
+    /// Values of some voxels, whose coefficients `z` are `[voxel][components]`, in the orientations of a chunk:
     /// `[voxel][orientation]`, not clipped.
-    pub(super) fn values(&self, z: &[f32], axes: usize, chunk: Range<usize>, values: &mut Vec<f32>) {
-        let (rows, columns) = (z.len() / axes, chunk.len());
+    pub(super) fn values(&self, z: &[f32], components: usize, chunk: Range<usize>, values: &mut Vec<f32>) {
+        let (rows, columns) = (z.len() / components, chunk.len());
         values.resize(rows * columns, 0.0);
         for row in values.chunks_exact_mut(columns) {
             row.copy_from_slice(&self.constant[chunk.clone()]);
         }
-        let along = Matrix::row_major(&self.along[chunk.start..], axes, columns, self.len());
-        multiply(values, columns, Matrix::dense(z, axes), along, true);
+        let along = Matrix::row_major(&self.along[chunk.start..], components, columns, self.len());
+        multiply(values, columns, Matrix::dense(z, components), along, true);
     }
 
     /// Number of orientations.
@@ -112,14 +114,14 @@ pub trait VoxelCoefficients: Sync {
     /// Of the grid.
     fn pitch(&self) -> f64;
     /// Coefficients of a voxel.
-    fn axes(&self) -> usize;
+    fn components(&self) -> usize;
     /// The rows that are their own mirror images, if finding them pays for this number of orientations.
     fn mirrors(&self, orientations: usize) -> Option<Mirrors>;
-    /// `[voxel][axes]` of a range: where they lie, or computed into `scratch`.
+    /// `[voxel][components]` of a range: where they lie, or computed into `scratch`.
     fn read<'a>(&'a self, voxels: Range<usize>, scratch: &'a mut Vec<f32>) -> &'a [f32];
-    /// `[point][axes]` of up to a block's points, which lie in the box of the voxel centres; `scratch` is working memory.
+    /// `[point][components]` of up to a block's points, which lie in the box of the voxel centres; `scratch` is working memory.
     fn at(&self, points: &mut dyn Iterator<Item = DVec3>, z: &mut [f32], scratch: &mut Vec<f32>);
-    /// Basis, U `[K][axes]`, μ `[K]`; where there is an order of directions only the basis is of the world.
+    /// Basis, U `[K][components]`, μ `[K]`; where there is an order of directions only the basis is of the world.
     fn functions(&self) -> (&Basis, &[f32], &[f32]);
     /// Where the coefficients are those of the functions themselves: the order that directions are to be brought in.
     fn order(&self) -> Option<[usize; 3]> {
@@ -127,9 +129,9 @@ pub trait VoxelCoefficients: Sync {
     }
     /// Prepares orientations.
     fn direction_weights(&self, orientations: &[Orientation]) -> DirectionWeights {
-        let (basis, axes, mean) = self.functions();
+        let (basis, components, mean) = self.functions();
         match self.order() {
-            None => DirectionWeights::new(basis, axes, mean, orientations),
+            None => DirectionWeights::new(basis, components, mean, orientations),
             Some(order) => DirectionWeights::in_order(basis, order, orientations),
         }
     }
@@ -148,7 +150,7 @@ impl HarmonicField {
 
     /// Prepares orientations.
     pub fn direction_weights(&self, orientations: &[Orientation]) -> DirectionWeights {
-        DirectionWeights::new(&self.basis, &self.axes, &self.mean, orientations)
+        DirectionWeights::new(&self.basis, &self.components, &self.mean, orientations)
     }
 
     /// The sections of some orientations, `[orientation][voxel]` into `sections`; overlaps in [0, 1].
@@ -180,8 +182,8 @@ impl VoxelCoefficients for HarmonicField {
         self.grid.dims
     }
 
-    fn axes(&self) -> usize {
-        self.axis_count()
+    fn components(&self) -> usize {
+        self.component_count()
     }
 
     fn mirrors(&self, orientations: usize) -> Option<Mirrors> {
@@ -189,12 +191,12 @@ impl VoxelCoefficients for HarmonicField {
     }
 
     fn read<'a>(&'a self, voxels: Range<usize>, scratch: &'a mut Vec<f32>) -> &'a [f32] {
-        let axes = self.axis_count();
-        self.coefficients.read(voxels.start * axes, voxels.end * axes, scratch)
+        let components = self.component_count();
+        self.coefficients.read(voxels.start * components, voxels.end * components, scratch)
     }
 
     fn at(&self, points: &mut dyn Iterator<Item = DVec3>, z: &mut [f32], scratch: &mut Vec<f32>) {
-        for (point, z) in points.zip(z.chunks_exact_mut(self.axis_count())) {
+        for (point, z) in points.zip(z.chunks_exact_mut(self.component_count())) {
             // In the box there is a value; rounding far from the origin must not leave that of another point.
             if self.coefficients_at(point, z, scratch).is_none() {
                 z.fill(f32::NAN);
@@ -203,7 +205,7 @@ impl VoxelCoefficients for HarmonicField {
     }
 
     fn functions(&self) -> (&Basis, &[f32], &[f32]) {
-        (&self.basis, &self.axes, &self.mean)
+        (&self.basis, &self.components, &self.mean)
     }
 }
 
@@ -267,7 +269,7 @@ pub(super) fn whole_sections(
     weights: &DirectionWeights,
     sections: &mut [f32],
 ) {
-    let (voxels, axes) = (source.voxels(), source.axes());
+    let (voxels, components) = (source.voxels(), source.components());
     let (quantity, pitch) = (source.quantity(), source.pitch());
     // The same array by blocks of voxels: one piece of each section.
     let blocks = voxels.div_ceil(HarmonicField::BLOCK);
@@ -282,7 +284,7 @@ pub(super) fn whole_sections(
         let from = block * HarmonicField::BLOCK;
         let z = source.read(from..(from + HarmonicField::BLOCK).min(voxels), coefficients);
         for chunk in weights.chunks() {
-            weights.values(z, axes, chunk.clone(), values);
+            weights.values(z, components, chunk.clone(), values);
             let columns = chunk.len();
             for (column, piece) in pieces[chunk].iter_mut().enumerate() {
                 let values = values[column..].iter().step_by(columns);
@@ -300,7 +302,7 @@ pub(super) fn lower_to_whole(
     least: &mut Imf,
     control: Control<'_>,
 ) -> bool {
-    let axes = source.axes();
+    let components = source.components();
     let values = least.value.par_chunks_mut(HarmonicField::BLOCK);
     let blocks = values.zip(least.best.par_chunks_mut(HarmonicField::BLOCK)).enumerate();
     let done = |scratch: &mut Scratch, (block, (least, best)): (usize, (&mut [f32], &mut [u32]))| {
@@ -311,7 +313,7 @@ pub(super) fn lower_to_whole(
         let from = block * HarmonicField::BLOCK;
         let z = source.read(from..from + least.len(), coefficients);
         for chunk in weights.chunks() {
-            weights.values(z, axes, chunk.clone(), values);
+            weights.values(z, components, chunk.clone(), values);
             let rows = values.chunks_exact(chunk.len());
             for ((least, best), row) in least.iter_mut().zip(best.iter_mut()).zip(rows) {
                 let lowest = vectorised!(arch, lowest(row));

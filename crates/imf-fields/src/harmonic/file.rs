@@ -1,9 +1,9 @@
 //! The harmonic field on disk (`tensor_file` has what all share), with these tensors:
 //!
 //! ```text
-//! coefficients  f16 or f32 [nx, ny, nz, axes]   z, C-ordered
-//! axes          f32 [functions, axes]           U: orthonormal columns
-//! mean          f32 [functions]                 μ
+//! coefficients  f16 or f32 [nx, ny, nz, components] z, C-ordered
+//! components    f32 [functions, components]         U: orthonormal columns
+//! mean          f32 [functions]                     μ
 //! ```
 //!
 //! The value at a voxel is `Σ_k (μ_k + Σ_j U_kj z_j) b_k(R)`, b as in [`super::basis`].
@@ -14,7 +14,7 @@ use safetensors::tensor::Dtype;
 use serde::{Deserialize, Serialize};
 
 use super::basis::{Basis, Domain};
-use super::coefficients::{Coefficients, Precision};
+use super::coefficients::{Coefficients, StoragePrecision};
 use super::{FitReport, FitSettings, HarmonicField};
 use crate::calibration::Calibration;
 use crate::tensor_file::{FieldFileError, Format, floats, halves};
@@ -56,7 +56,8 @@ impl HarmonicFile {
     pub fn write(&self, path: &Path) -> Result<(), FieldFileError> {
         use crate::tensor_file::{Contents, little_endian, little_endian_halves};
         let field = &self.field;
-        let ([nx, ny, nz], functions, axes) = (field.grid.dims, field.basis.len(), field.axis_count());
+        let ([nx, ny, nz], functions, components) =
+            (field.grid.dims, field.basis.len(), field.component_count());
         let coefficients = match &field.coefficients {
             Coefficients::F32(values) => little_endian(values),
             Coefficients::F16(values) => little_endian_halves(values),
@@ -67,11 +68,16 @@ impl HarmonicFile {
             calibration: self.calibration,
             description: Description { domain, settings, report },
             tensors: vec![
-                ("axes".into(), Dtype::F32, vec![functions, axes], little_endian(&field.axes)),
+                (
+                    "components".into(),
+                    Dtype::F32,
+                    vec![functions, components],
+                    little_endian(&field.components),
+                ),
                 (
                     "coefficients".into(),
                     kind(field.coefficients.precision()),
-                    vec![nx, ny, nz, axes],
+                    vec![nx, ny, nz, components],
                     coefficients,
                 ),
                 ("mean".into(), Dtype::F32, vec![functions], little_endian(&field.mean)),
@@ -98,18 +104,21 @@ impl HarmonicFile {
         settings.check().map_err(|e| file.damaged(&e))?;
         let (grid, sizes) = (file.scene.record.grid, settings.sizes(domain));
         let [nx, ny, nz] = grid.dims;
-        let coefficients = file.bytes("coefficients", kind(settings.precision), &[nx, ny, nz, sizes.axes])?;
+        let coefficients =
+            file.bytes("coefficients", kind(settings.precision), &[nx, ny, nz, sizes.components])?;
         // The tables of the basis are made once the file is known to have weights for all of it.
-        let axes = file.floats("axes", &[sizes.functions, sizes.axes])?;
+        let components = file.floats("components", &[sizes.functions, sizes.components])?;
         let field = HarmonicField {
             quantity: settings.quantity,
             grid,
-            axes,
+            components,
             mean: file.floats("mean", &[sizes.functions])?,
             basis: Basis::new(domain, settings.degree),
             coefficients: match settings.precision {
-                Precision::F32 => Coefficients::F32(file.finite("coefficients", floats(coefficients))?),
-                Precision::F16 => {
+                StoragePrecision::F32 => {
+                    Coefficients::F32(file.finite("coefficients", floats(coefficients))?)
+                }
+                StoragePrecision::F16 => {
                     let halves = halves(coefficients);
                     if !halves.iter().all(|half| half.is_finite()) {
                         return Err(file.damaged("coefficients holds a number that is not finite"));
@@ -124,9 +133,9 @@ impl HarmonicFile {
 }
 
 /// How numbers of a precision are saved in a file.
-pub(crate) const fn kind(precision: Precision) -> Dtype {
+pub(crate) const fn kind(precision: StoragePrecision) -> Dtype {
     match precision {
-        Precision::F32 => Dtype::F32,
-        Precision::F16 => Dtype::F16,
+        StoragePrecision::F32 => Dtype::F32,
+        StoragePrecision::F16 => Dtype::F16,
     }
 }

@@ -35,7 +35,7 @@ use crate::parallel::*;
 use imf_core::control::Control;
 use imf_core::grid::Grid;
 use imf_core::section::{Quantity, SectionPlan};
-use passes::{Fitted, Start, count_sections};
+use passes::{FitResult, Start, count_sections};
 use sample::section_error;
 use solve::row_major;
 
@@ -73,7 +73,7 @@ pub fn fit(
     // The sample's own orientations give means alone.
     let rough = FitSettings { held_out: settings.held_out.min(ROUGH), ..*settings };
     let mut field = begin(plan, domain, &rough, control, |source, start| {
-        let Fitted { axes, mean, coefficients, report } = match settings.one_pass {
+        let FitResult { components, mean, coefficients, report } = match settings.one_pass {
             true if settings.in_classes(domain) => {
                 start.class_by_class(source, settings.precision, control)?
             }
@@ -83,9 +83,9 @@ pub fn fit(
         Ok(HarmonicField {
             quantity: settings.quantity,
             grid: *plan.grid(),
-            coefficients: start.planes.unfolded(coefficients, &start.parities_of(&axes)),
+            coefficients: start.planes.unfolded(coefficients, &start.parities_of(&components)),
             basis: start.basis,
-            axes: row_major(&axes),
+            components: row_major(&components),
             mean: mean.iter().map(|&v| v as f32).collect(),
             report,
         })
@@ -146,8 +146,8 @@ fn fitted_grid(plan: &SectionPlan, domain: Domain, quantity: Quantity) -> Grid {
 pub struct Outline {
     /// The functions of the orientation.
     pub basis: Basis,
-    /// U: `[K][axes]`, orthonormal columns.
-    pub axes: Vec<f32>,
+    /// U: `[K][components]`, orthonormal columns.
+    pub components: Vec<f32>,
     /// μ: `[K]`.
     pub mean: Vec<f32>,
     /// Root mean square of the coefficients along the axes; 1 where all are 0.
@@ -168,11 +168,12 @@ pub fn outline(
     control: Control<'_>,
 ) -> Result<Outline, HarmonicError> {
     begin(plan, domain, settings, control, |source, start| {
-        let (solved, axes, report) = start.sampled(&start.dense()?, source, control)?;
-        let kept = (axes.transpose() * &solved.covariance * &axes).trace().max(0.0) / axes.ncols() as f64;
+        let (solved, components, report) = start.sampled(&start.dense()?, source, control)?;
+        let kept = (components.transpose() * &solved.covariance * &components).trace().max(0.0)
+            / components.ncols() as f64;
         Ok(Outline {
             basis: start.basis,
-            axes: row_major(&axes),
+            components: row_major(&components),
             mean: solved.mean.iter().map(|&v| v as f32).collect(),
             scale: if kept > 0.0 { kept.sqrt() as f32 } else { 1.0 },
             report,

@@ -129,15 +129,15 @@ impl Planes {
     /// The same of the bits of numbers, `sign` among them.
     fn unfold<B: Bits>(self, side: &[B], whole: &mut [B], parities: &[Parity], sign: B) {
         let [_, ny, nz] = self.dims;
-        let (axes, own) = (parities.len(), self.side());
+        let (components, own) = (parities.len(), self.side());
         // What every axis takes on where these planes lie between.
         let signs: [Vec<B>; PARITIES] = std::array::from_fn(|crossed| {
             let is_odd = |parity: &Parity| (parity & crossed as Parity).count_ones() % 2 == 1;
             parities.iter().map(|parity| if is_odd(parity) { sign } else { B::default() }).collect()
         });
-        whole.par_chunks_exact_mut(nz * axes).enumerate().for_each(|(line, values)| {
+        whole.par_chunks_exact_mut(nz * components).enumerate().for_each(|(line, values)| {
             let (x, y) = (line / ny, line % ny);
-            for (z, values) in values.chunks_exact_mut(axes).enumerate() {
+            for (z, values) in values.chunks_exact_mut(components).enumerate() {
                 let (mut voxel, mut crossed) = ([x, y, z], 0);
                 for axis in 0..3 {
                     if voxel[axis] >= own[axis] {
@@ -146,7 +146,7 @@ impl Planes {
                     }
                 }
                 let [x, y, z] = voxel;
-                let from = &side[((x * own[1] + y) * own[2] + z) * axes..][..axes];
+                let from = &side[((x * own[1] + y) * own[2] + z) * components..][..components];
                 for ((value, &from), &sign) in values.iter_mut().zip(from).zip(&signs[crossed]) {
                     *value = from ^ sign;
                 }
@@ -191,23 +191,24 @@ impl Mirrors {
         if field.basis.domain() != Domain::Directions {
             return None;
         }
-        let mut parities = vec![0; field.axis_count()];
+        let mut parities = vec![0; field.component_count()];
         let across = [0, 1, 2].map(|axis| {
             let plane = Planes::new(field.grid.dims, [0, 1, 2].map(|other| other == axis));
             let functions = plane.parities_of(&field.basis);
-            let of_axes = parities_of_axes(field, &functions).filter(|odd| are_images(field, axis, odd));
-            let own = of_axes.iter().flatten();
+            let of_components =
+                parities_of_components(field, &functions).filter(|odd| are_images(field, axis, odd));
+            let own = of_components.iter().flatten();
             parities.iter_mut().zip(own).for_each(|(parity, own)| *parity |= own);
-            of_axes.is_some()
+            of_components.is_some()
         });
         Self::new(Planes::new(field.grid.dims, across), parities)
     }
 }
 
 /// The parity of a field's axes across one plane, from that of its functions; `None` where an axis or the mean is of both.
-fn parities_of_axes(field: &HarmonicField, functions: &[Parity]) -> Option<Vec<Parity>> {
-    let mut found = vec![None; field.axis_count()];
-    for (row, &parity) in field.axes.chunks_exact(found.len()).zip(functions) {
+fn parities_of_components(field: &HarmonicField, functions: &[Parity]) -> Option<Vec<Parity>> {
+    let mut found = vec![None; field.component_count()];
+    for (row, &parity) in field.components.chunks_exact(found.len()).zip(functions) {
         for (found, _) in found.iter_mut().zip(row).filter(|&(_, &value)| value != 0.0) {
             if found.is_some_and(|found| found != parity) {
                 return None;

@@ -34,7 +34,7 @@ impl Gradient {
 /// Working memory of a thread that evaluates single poses.
 #[derive(Default)]
 pub struct PointScratch {
-    /// The eight corners' mean coefficients, and their differences along x, y and z: `[4][axes]`.
+    /// The eight corners' mean coefficients, and their differences along x, y and z: `[4][components]`.
     pub(super) mixed: Vec<f32>,
     corner: Vec<f32>,
     turns: TurnScratch,
@@ -48,7 +48,7 @@ pub(crate) struct TurnScratch {
     narrow: Vec<f32>,
     /// `U z`, `[K]`.
     weights: Vec<f32>,
-    /// `Uᵀ b`, `[axes]`.
+    /// `Uᵀ b`, `[components]`.
     along: Vec<f32>,
 }
 
@@ -57,14 +57,14 @@ pub(crate) struct TurnScratch {
 pub(crate) struct Functions<'a> {
     pub arch: Arch,
     pub basis: &'a Basis,
-    /// U: `[K][axes]`.
-    pub axes: &'a [f32],
+    /// U: `[K][components]`.
+    pub components: &'a [f32],
     /// μ: `[K]`.
     pub mean: &'a [f32],
 }
 
 impl Functions<'_> {
-    /// The overlap with its gradients, of coefficients `z` and their `slopes` along x, y and z, `[3][axes]`, and what
+    /// The overlap with its gradients, of coefficients `z` and their `slopes` along x, y and z, `[3][components]`, and what
     /// [`Basis::facing`] gave.
     pub(crate) fn gradient(
         self,
@@ -107,13 +107,13 @@ impl Functions<'_> {
         narrow.extend(functions.iter().map(|&value| value as f32));
         weights.resize(functions.len(), 0.0);
         along.resize(z.len(), 0.0);
-        product_and_adjoint(self.arch, self.axes, z, narrow, weights, along);
+        product_and_adjoint(self.arch, self.components, z, narrow, weights, along);
     }
 }
 
 impl HarmonicField {
     fn functions(&self) -> Functions<'_> {
-        Functions { arch: Arch::new(), basis: &self.basis, axes: &self.axes, mean: &self.mean }
+        Functions { arch: Arch::new(), basis: &self.basis, components: &self.components, mean: &self.mean }
     }
 
     /// The overlap with its gradients in position and in how the tool stands. One-sided where a position lies on a voxel
@@ -127,7 +127,7 @@ impl HarmonicField {
     ) -> Option<Gradient> {
         let facing = self.basis.facing(facing)?;
         self.mix(position, scratch)?;
-        let (z, slopes) = scratch.mixed.split_at(self.axis_count());
+        let (z, slopes) = scratch.mixed.split_at(self.component_count());
         let found = self.functions().gradient(facing, z, slopes, &mut scratch.turns);
         Some(Gradient { position: found.position / self.grid.pitch, ..found })
     }
@@ -137,12 +137,12 @@ impl HarmonicField {
         let cell = self.cell(position)?;
         let PointScratch { mixed, corner, .. } = scratch;
         mixed.clear();
-        mixed.resize(4 * self.axis_count(), 0.0);
+        mixed.resize(4 * self.component_count(), 0.0);
         self.add_corners(&cell, mixed, corner);
         Some(())
     }
 
-    /// The coefficients z at a position, `[axes]`; `corner` is working memory. `None` outside the box of the voxel
+    /// The coefficients z at a position, `[components]`; `corner` is working memory. `None` outside the box of the voxel
     /// centres.
     pub(crate) fn coefficients_at(
         &self,
@@ -159,12 +159,12 @@ impl HarmonicField {
     /// Adds the eight corners' coefficients by their weights, and by as many of the weights' derivatives as `mixed`
     /// has further rows.
     fn add_corners(&self, cell: &Cell, mixed: &mut [f32], corner: &mut Vec<f32>) {
-        let (axes, arch) = (self.axis_count(), Arch::new());
-        let rows = mixed.len() / axes;
+        let (components, arch) = (self.component_count(), Arch::new());
+        let rows = mixed.len() / components;
         // Corner by corner memory would be waited for several times.
         let touched = (0..8).fold(0, |sum, bits| {
-            let from = self.grid.index(cell.corner(bits).0) * axes;
-            sum ^ self.coefficients.touch(from, from + axes)
+            let from = self.grid.index(cell.corner(bits).0) * components;
+            sum ^ self.coefficients.touch(from, from + components)
         });
         black_box(touched);
         for bits in 0..8 {
@@ -172,10 +172,10 @@ impl HarmonicField {
             if weights[..rows].iter().all(|&w| w == 0.0) {
                 continue;
             }
-            let from = self.grid.index(voxel) * axes;
-            let z = self.coefficients.read(from, from + axes, corner);
+            let from = self.grid.index(voxel) * components;
+            let z = self.coefficients.read(from, from + components, corner);
             vectorised!(arch, {
-                for (mixed, weight) in mixed.chunks_exact_mut(axes).zip(weights) {
+                for (mixed, weight) in mixed.chunks_exact_mut(components).zip(weights) {
                     mixed.iter_mut().zip(z).for_each(|(m, &z)| *m += weight * z);
                 }
             });

@@ -4,7 +4,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 use super::HarmonicError;
 use super::basis::{Basis, Domain};
-use super::coefficients::Precision;
+use super::coefficients::StoragePrecision;
 use crate::metrics::Validation;
 use imf_core::section::Quantity;
 
@@ -27,9 +27,9 @@ pub struct FitSettings {
     pub sections_per_function: f64,
     /// Number of principal components; all functions where there are fewer.
     #[serde(deserialize_with = "at_most_all")]
-    pub axes: usize,
+    pub components: usize,
     /// How coefficients are saved.
-    pub precision: Precision,
+    pub precision: StoragePrecision,
     /// Voxels of the sample that decides on the axes.
     pub sample: usize,
     /// Random orientations, other than those of the fit, at which the finished field is compared with exact sections.
@@ -50,8 +50,8 @@ impl Default for FitSettings {
             degree: DEGREE,
             sections_per_function: SECTIONS_PER_FUNCTION,
             // They hold most of a field of degree 14.
-            axes: 128,
-            precision: Precision::default(),
+            components: 128,
+            precision: StoragePrecision::default(),
             sample: 8192,
             // With 64 orientations the standard error of the reported errors is 5 to 9 % (reference parts, degree
             // 14).
@@ -95,7 +95,7 @@ impl FitSettings {
             Domain::Directions => DISTILLATION_DEGREE,
             Domain::Rotations => DISTILLATION_DEGREE_OF_ROTATIONS,
         };
-        Self { degree, axes: usize::MAX, precision: Precision::F32, ..Self::for_domain(domain) }
+        Self { degree, components: usize::MAX, precision: StoragePrecision::F32, ..Self::for_domain(domain) }
     }
 
     /// Functions, sections and axes of a field over a domain.
@@ -103,14 +103,14 @@ impl FitSettings {
         let functions = Basis::count(domain, self.degree);
         let sections = (functions as f64 * self.sections_per_function).ceil() as usize;
         let sections = Basis::fitted_count(domain, sections, functions);
-        Sizes { functions, sections, axes: self.axes.clamp(1, functions) }
+        Sizes { functions, sections, components: self.components.clamp(1, functions) }
     }
 
     /// True where functions are retained as they are and fall into classes, of values that begin at 0.
     #[cfg(feature = "fit")]
     pub(super) fn in_classes(&self, domain: Domain) -> bool {
-        let Sizes { functions, axes, .. } = self.sizes(domain);
-        domain == Domain::Directions && axes == functions && self.quantity.is_overlap()
+        let Sizes { functions, components, .. } = self.sizes(domain);
+        domain == Domain::Directions && components == functions && self.quantity.is_overlap()
     }
 
     /// Checks the ranges that types do not ensure.
@@ -128,8 +128,8 @@ impl FitSettings {
                 self.sections_per_function
             ));
         }
-        if self.axes == 0 || self.sample == 0 || self.held_out == 0 {
-            return refuse("axes, sample and held_out must be at least 1".into());
+        if self.components == 0 || self.sample == 0 || self.held_out == 0 {
+            return refuse("components, sample and held_out must be at least 1".into());
         }
         Ok(())
     }
@@ -146,7 +146,7 @@ pub struct Sizes {
     /// Exact sections, N.
     pub sections: usize,
     /// Number of principal components.
-    pub axes: usize,
+    pub components: usize,
 }
 
 /// The errors of a fit.
@@ -175,6 +175,9 @@ mod tests {
         assert_eq!(functions(FitSettings::for_domain), [225, 969]);
         assert_eq!(functions(FitSettings::for_distillation), [289, 286]);
         let teacher = FitSettings::for_distillation(Domain::Rotations);
-        assert_eq!((teacher.sizes(Domain::Rotations).axes, teacher.precision), (286, Precision::F32));
+        assert_eq!(
+            (teacher.sizes(Domain::Rotations).components, teacher.precision),
+            (286, StoragePrecision::F32)
+        );
     }
 }

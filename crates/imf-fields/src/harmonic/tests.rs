@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::basis::{Basis, Domain};
-use super::coefficients::Precision;
+use super::coefficients::StoragePrecision;
 use super::radial::direct_coefficients;
 use super::{FitSettings, HarmonicField, PointScratch, fit, section_count};
 use crate::metrics::{Errors, Validation};
@@ -42,8 +42,8 @@ fn settings() -> FitSettings {
     FitSettings {
         degree: 8,
         sections_per_function: 4.0,
-        axes: usize::MAX,
-        precision: Precision::F32,
+        components: usize::MAX,
+        precision: StoragePrecision::F32,
         held_out: 24,
         ..FitSettings::default()
     }
@@ -81,7 +81,7 @@ fn the_stated_error_is_what_a_strangers_draw_finds_within_three_standard_errors(
     for settings in [
         quarter,
         FitSettings { one_pass: false, ..quarter },
-        FitSettings { axes: 12, precision: Precision::F16, ..quarter },
+        FitSettings { components: 12, precision: StoragePrecision::F16, ..quarter },
     ] {
         let field = made(&plan, &settings);
         let own: Vec<(f64, f64)> = exact
@@ -117,7 +117,7 @@ fn rounding_does_not_take_the_highest_degree_away() {
 #[test]
 fn one_pass_and_two_make_the_same_field() {
     let plan = plan();
-    let some = FitSettings { axes: 30, ..settings() };
+    let some = FitSettings { components: 30, ..settings() };
     let (one, two) = (made(&plan, &some), made(&plan, &FitSettings { one_pass: false, ..some }));
     let set = OrientationSet::parse("random:20:4").unwrap().orientations;
     let [a, b] = [&one, &two].map(|field| values(field, &set));
@@ -147,7 +147,7 @@ fn class_by_class_all_functions_get_what_they_get_together() {
         assert!((one.report.validation.mse / two.report.validation.mse - 1.0).abs() < 1e-3);
         assert_eq!((one.report.dropped, one.report.sections), (0.0, two.report.sections));
         // A network trained on these coefficients goes on with either's.
-        assert_eq!((&one.axes, &one.mean), (&two.axes, &two.mean));
+        assert_eq!((&one.components, &one.mean), (&two.components, &two.mean));
     }
 }
 
@@ -173,8 +173,8 @@ fn as_many_sections_as_functions_make_a_field_that_is_no_worse_than_a_lower_degr
 fn fewer_axes_and_half_precision_cost_what_is_stated() {
     let plan = plan();
     let whole = made(&plan, &settings());
-    let few = made(&plan, &FitSettings { axes: 30, sample: usize::MAX, ..settings() });
-    let halves = made(&plan, &FitSettings { precision: Precision::F16, ..settings() });
+    let few = made(&plan, &FitSettings { components: 30, sample: usize::MAX, ..settings() });
+    let halves = made(&plan, &FitSettings { precision: StoragePrecision::F16, ..settings() });
     let set = Basis::new(Domain::Directions, 8).even_set(2000).unwrap().orientations;
     let mean_square = |a: &[f32], b: &[f32]| {
         a.iter().zip(b).map(|(&a, &b)| f64::from(a - b).powi(2)).sum::<f64>() / a.len() as f64
@@ -202,15 +202,16 @@ fn coefficients_agree_with_the_definition() {
     for voxel in [[7, 9, 15], [2, 3, 28], [12, 10, 5]] {
         let position = grid.centre(voxel);
         let defined = direct_coefficients(&scene.obstacle, tool, position, 8).unwrap();
-        let index = grid.index(voxel) * field.axis_count();
-        let found = field.coefficients.read(index, index + field.axis_count(), &mut scratch);
+        let index = grid.index(voxel) * field.component_count();
+        let found = field.coefficients.read(index, index + field.component_count(), &mut scratch);
         let scale = (4.0 * std::f64::consts::PI).sqrt();
         // The definition has the analytic tool, divided by its volume; sections have voxels, divided by their count:
         // with a tool of 2,000 voxels the two differ by a few hundredths of the value.
         let norm = defined.iter().map(|c| c * c).sum::<f64>().sqrt() / scale;
-        for (place, (axes, defined)) in field.axes.chunks_exact(field.axis_count()).zip(&defined).enumerate()
+        for (place, (components, defined)) in
+            field.components.chunks_exact(field.component_count()).zip(&defined).enumerate()
         {
-            let along: f32 = axes.iter().zip(found).map(|(u, z)| u * z).sum();
+            let along: f32 = components.iter().zip(found).map(|(u, z)| u * z).sum();
             let found = along + field.mean[place];
             let difference = (f64::from(found) - defined / scale).abs();
             assert!(
@@ -225,7 +226,7 @@ fn coefficients_agree_with_the_definition() {
 #[test]
 fn the_minimum_is_the_least_section_and_ties_go_to_the_first() {
     let plan = plan();
-    let field = made(&plan, &FitSettings { axes: 30, ..settings() });
+    let field = made(&plan, &FitSettings { components: 30, ..settings() });
     // More than one chunk, and a direction twice.
     let mut set = OrientationSet::parse("fibonacci:700").unwrap().orientations;
     set.push(set[3]);
@@ -247,7 +248,7 @@ fn the_minimum_is_the_least_section_and_ties_go_to_the_first() {
 #[test]
 fn single_poses_equal_sections_and_gradients_central_differences() {
     let plan = plan();
-    let field = made(&plan, &FitSettings { axes: 30, ..settings() });
+    let field = made(&plan, &FitSettings { components: 30, ..settings() });
     let grid = *plan.grid();
     let set = OrientationSet::parse("random:3:9").unwrap().orientations;
     let values = values(&field, &set);
@@ -303,7 +304,7 @@ fn tools_that_are_not_of_revolution_have_fields_over_rotations() {
     let side = Mesh::cuboid(DVec3::new(0.0, -6.0, 0.0), DVec3::new(24.0, 6.0, 50.0));
     scene.record.tool = Tool { shape: imf_core::tool::ToolShape::Mesh(side), ..Tool::paper() };
     let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, ToolPoints::SharpPoints).unwrap();
-    let settings = FitSettings { degree: 4, axes: 60, sections_per_function: 3.0, ..settings() };
+    let settings = FitSettings { degree: 4, components: 60, sections_per_function: 3.0, ..settings() };
     let field = fit(&plan, Domain::Rotations, &settings, Control::quiet()).unwrap();
     assert_eq!(field.report.functions, 165);
     let unseen = field.basis.random_set(20, 3).unwrap().orientations;

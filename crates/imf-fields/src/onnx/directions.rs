@@ -75,21 +75,21 @@ fn functions(graph: &mut Graph, direction: &Value, degree: usize) -> Value {
     graph.op_with("Concat", &columns, &[("axis", 1)])
 }
 
-/// `μ·b(d) + ⟨z, Uᵀ b(d)⟩` of coefficients z `[poses, axes]`: `[poses, 1]`. `axes` is U `[functions][axes]`, `mean` μ.
+/// `μ·b(d) + ⟨z, Uᵀ b(d)⟩` of coefficients z `[poses, components]`: `[poses, 1]`. `components` is U `[functions][components]`, `mean` μ.
 pub(super) fn value(
     graph: &mut Graph,
     direction: &Value,
     degree: usize,
-    axes: &[f32],
+    components: &[f32],
     mean: &[f32],
     z: &Value,
 ) -> Value {
     let direction = unit(graph, direction);
     let values = functions(graph, &direction, degree);
-    let width = axes.len() / mean.len();
-    let axes = graph.weights("axes", &[mean.len(), width], axes);
+    let width = components.len() / mean.len();
+    let components = graph.weights("components", &[mean.len(), width], components);
     let mean = graph.weights("mean", &[mean.len(), 1], mean);
-    let along = graph.op("MatMul", &[&values, &axes]);
+    let along = graph.op("MatMul", &[&values, &components]);
     let constant = graph.op("MatMul", &[&values, &mean]);
     let product = graph.mul(z, &along);
     let sum = graph.sum_of_columns(&product);

@@ -5,7 +5,7 @@ use super::messages::{FLOAT, INT64};
 use crate::harmonic::coefficients::Coefficients;
 use imf_core::grid::Grid;
 
-/// The coefficients at every position: `[poses, axes]`. Positions outside the box of the voxels' centres are taken as the
+/// The coefficients at every position: `[poses, components]`. Positions outside the box of the voxels' centres are taken as the
 /// nearest inside.
 pub(super) fn coefficients(
     graph: &mut Graph,

@@ -207,7 +207,7 @@ fn graphs_of_every_family_answer_as_the_fields_do() {
     folded.field = folded.field.folded();
     assert!(folded.field.shape.folded);
     let asked = poses(&scene, 200, 21);
-    for stored in [
+    for saved in [
         FieldFile::Factored(Box::new(folded)),
         FieldFile::Harmonic(Arc::new(deep_harmonic)),
         FieldFile::Factored(Box::new(deep)),
@@ -219,13 +219,13 @@ fn graphs_of_every_family_answer_as_the_fields_do() {
             ..factored_file(&scene)
         })),
     ] {
-        let threshold = stored.calibration().and_then(|known| known.free_up_to);
+        let threshold = saved.calibration().and_then(|known| known.free_up_to);
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("field.onnx");
-        write_onnx(&stored, &path).unwrap();
+        write_onnx(&saved, &path).unwrap();
         let model = ModelProto::decode(std::fs::read(&path).unwrap().as_slice()).unwrap();
         assert_eq!((model.ir_version, model.opset_import[0].version), (8, 17));
-        let expected = agreed(&model, &Field::new(stored).unwrap(), &asked);
+        let expected = agreed(&model, &Field::new(saved).unwrap(), &asked);
         let name = &model.graph.as_ref().unwrap().name;
         assert!(expected.iter().any(|v| *v > 0.05), "{name} answers more than nothing");
         let output = &model.graph.as_ref().unwrap().output[0].name;
@@ -251,7 +251,7 @@ fn graphs_of_fields_with_symmetry_answer_as_the_fields_do() {
         Symmetry { mirrors: [Some(x), Some(y), Some(z)], axis: axis(1) },
         Symmetry { mirrors: [None, Some(y), None], axis: axis(2) },
     ] {
-        let stored = FieldFile::Factored(Box::new(with_symmetry(&scene, symmetry)));
+        let saved = FieldFile::Factored(Box::new(with_symmetry(&scene, symmetry)));
         let mut asked = poses(&scene, 200, 23);
         // On the axis and the planes, in directions at the poles of every axis.
         for (pose, axis) in
@@ -262,7 +262,7 @@ fn graphs_of_fields_with_symmetry_answer_as_the_fields_do() {
         for (index, pose) in asked[6..12].iter_mut().enumerate() {
             pose.position[index % 3] = middle[index % 3];
         }
-        let expected = agreed(&model(&stored).unwrap(), &Field::new(stored).unwrap(), &asked);
+        let expected = agreed(&model(&saved).unwrap(), &Field::new(saved).unwrap(), &asked);
         assert!(expected.iter().any(|v| *v > 0.05 && *v < 0.95), "{symmetry}: answers more than nothing");
     }
 }
@@ -285,18 +285,18 @@ fn positions_outside_are_answered_by_every_graph_as_at_the_nearest_inside() {
         let (axis, room) = (index % 3, [0.4 * grid.pitch, 1e4][index / 3 % 2]);
         pose.position[axis] = if index % 4 < 2 { low[axis] - room } else { high[axis] + room };
     }
-    for stored in [
+    for saved in [
         FieldFile::Siren(Box::new(siren_model(&scene))),
         FieldFile::Harmonic(Arc::new(harmonic_file(&scene, 4))),
         FieldFile::Factored(Box::new(factored_file(&scene))),
         FieldFile::Factored(Box::new(deep)),
         FieldFile::Factored(Box::new(reduced)),
     ] {
-        let graph = model(&stored).unwrap();
+        let graph = model(&saved).unwrap();
         let name = graph.graph.as_ref().unwrap().name.clone();
         let nearest: Vec<Pose> =
             asked.iter().map(|pose| Pose { position: pose.position.clamp(low, high), ..*pose }).collect();
-        let field = Field::new(stored).unwrap();
+        let field = Field::new(saved).unwrap();
         agreed(&graph, &field, &asked);
         let mut at_nearest = vec![0.0; asked.len()];
         field.values(&nearest, &mut at_nearest).unwrap();
@@ -310,12 +310,12 @@ fn positions_outside_are_answered_by_every_graph_as_at_the_nearest_inside() {
 #[test]
 fn an_invalid_position_is_nan_in_its_own_row_alone() {
     let scene = scene(&Tool::paper(), 0.0);
-    for stored in [
+    for saved in [
         FieldFile::Siren(Box::new(siren_model(&scene))),
         FieldFile::Harmonic(Arc::new(harmonic_file(&scene, 4))),
         FieldFile::Factored(Box::new(factored_file(&scene))),
     ] {
-        let graph = model(&stored).unwrap();
+        let graph = model(&saved).unwrap();
         let name = graph.graph.as_ref().unwrap().name.clone();
         let mut asked = poses(&scene, 9, 25);
         let expected = answers(&graph, &asked);
@@ -337,8 +337,8 @@ fn a_part_far_from_zero_loses_no_digits() {
     // Far enough for single precision to know whole millimetres alone.
     let away = DVec3::new(1.0e7, -2.0e7, 3.0e7);
     let middle = near.record.grid.origin + 0.45 * near.record.grid.size();
-    let moved = |mut stored: FieldFile| {
-        match &mut stored {
+    let moved = |mut saved: FieldFile| {
+        match &mut saved {
             FieldFile::Siren(model) => model.scene.record.grid.origin += away,
             FieldFile::Harmonic(file) => {
                 let file = Arc::make_mut(file);
@@ -351,20 +351,20 @@ fn a_part_far_from_zero_loses_no_digits() {
                 file.field.shape.symmetry = file.field.shape.symmetry.less(-away);
             }
         }
-        stored
+        saved
     };
     let symmetry =
         Symmetry { mirrors: [Some(middle.x), None, None], axis: Some(Axis { along: 2, through: middle }) };
     let asked = poses(&near, 60, 26);
     let there: Vec<Pose> =
         asked.iter().map(|pose| Pose { position: pose.position + away, ..*pose }).collect();
-    for stored in [
+    for saved in [
         FieldFile::Siren(Box::new(siren_model(&near))),
         FieldFile::Harmonic(Arc::new(harmonic_file(&near, 4))),
         FieldFile::Factored(Box::new(with_symmetry(&near, symmetry))),
     ] {
-        let expected = answers(&model(&stored).unwrap(), &asked);
-        let graph = model(&moved(stored)).unwrap();
+        let expected = answers(&model(&saved).unwrap(), &asked);
+        let graph = model(&moved(saved)).unwrap();
         let name = graph.graph.as_ref().unwrap().name.clone();
         for (found, expected) in answers(&graph, &there).iter().zip(&expected) {
             assert!((found - expected).abs() < ROUNDING, "{name}: {found} against {expected}");
@@ -376,8 +376,8 @@ fn a_part_far_from_zero_loses_no_digits() {
 fn functions_of_rotations_are_refused() {
     let cube = imf_core::mesh::Mesh::cuboid(DVec3::ZERO, DVec3::splat(9.0));
     let scene = scene(&Tool { shape: ToolShape::Mesh(cube), ..Tool::paper() }, 0.0);
-    let stored = FieldFile::Harmonic(Arc::new(harmonic_file(&scene, 1)));
-    let error = model(&stored).unwrap_err();
+    let saved = FieldFile::Harmonic(Arc::new(harmonic_file(&scene, 1)));
+    let error = model(&saved).unwrap_err();
     assert!(matches!(error, OnnxError::Rotations("harmonic")), "{error}");
     assert!(error.to_string().starts_with("a harmonic field"), "{error}");
 }

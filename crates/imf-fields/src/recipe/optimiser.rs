@@ -7,16 +7,16 @@ use serde::{Deserialize, Serialize};
 #[serde(default, deny_unknown_fields)]
 pub struct SoapConfig {
     /// Exponential decay of moments and Gram matrices (the paper's β).
-    pub kept: f32,
+    pub beta: f32,
     /// Steps between two updates of the eigenvectors (the paper's f).
-    pub look_every: u64,
+    pub precondition_every: u64,
     /// Learning rate over that of the other weights.
     pub rate: f32,
 }
 
 impl Default for SoapConfig {
     fn default() -> Self {
-        Self { kept: 0.95, look_every: 10, rate: 1.0 }
+        Self { beta: 0.95, precondition_every: 10, rate: 1.0 }
     }
 }
 
@@ -35,7 +35,7 @@ impl Optimiser {
     /// Numbers that a state holds for a matrix between hidden layers beside weights and moments, after the first
     /// step: SOAP's means and axes of both sides.
     #[must_use]
-    pub fn kept_count(self, rows: usize, columns: usize) -> usize {
+    pub fn state_count(self, rows: usize, columns: usize) -> usize {
         match self {
             Self::Adam => 0,
             Self::Soap(_) => 2 * (rows * rows + columns * columns),

@@ -10,14 +10,14 @@ pub struct Sampling {
     /// Fraction of a section's voxels that is sampled, in (0, 1].
     pub density: f64,
     /// Fraction of the samples that is drawn where CMF > 0, in [0, 1].
-    pub positive_share: f64,
+    pub positive_fraction: f64,
     /// Seed; with the section's index it fixes the section's samples.
     pub seed: u64,
 }
 
 impl Default for Sampling {
     fn default() -> Self {
-        Self { density: 0.35, positive_share: 0.75, seed: 0 }
+        Self { density: 0.35, positive_fraction: 0.75, seed: 0 }
     }
 }
 
@@ -46,11 +46,11 @@ impl Sampling {
                 value: self.density,
             });
         }
-        if !(0.0..=1.0).contains(&self.positive_share) {
+        if !(0.0..=1.0).contains(&self.positive_fraction) {
             return Err(SamplingError {
-                name: "positive share",
+                name: "positive fraction",
                 range: "from 0 to 1",
-                value: self.positive_share,
+                value: self.positive_fraction,
             });
         }
         Ok(())

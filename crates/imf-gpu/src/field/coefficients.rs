@@ -1,4 +1,4 @@
-//! A factored field's network at points: their coefficients on the device, `[point][axes]`, to be multiplied with orientations
+//! A factored field's network at points: their coefficients on the device, `[point][components]`, to be multiplied with orientations
 //! (`over_orientations.rs`).
 //!
 //! Of a symmetry-reduced field the coefficients are those of the functions one by one, turned out of
@@ -46,8 +46,8 @@ impl PointCoefficients {
         let field = if symmetric { field.by_function() } else { field.unfolded().into_owned() };
         let stack = field.shape.stack();
         let layout = layout_for(gpu, stack)?;
-        let axes = layout.layers.last().map_or(0, |layer| layer.outputs);
-        let rows = rows_per_pass(&layout, gpu.limits(), rows_within(gpu, axes, ROWS));
+        let components = layout.layers.last().map_or(0, |layer| layer.outputs);
+        let rows = rows_per_pass(&layout, gpu.limits(), rows_within(gpu, components, ROWS));
         let columns = layout.layers.iter().map(|layer| layer.inputs).max().unwrap_or(1);
         let [parameters, samples, even, odd, coefficients, frames] = allocate(
             gpu,
@@ -56,7 +56,7 @@ impl PointCoefficients {
                 ("points", rows * stack.inputs),
                 ("signal", rows * columns),
                 ("signal", rows * columns),
-                ("coefficients", rows * axes),
+                ("coefficients", rows * components),
                 ("frames", if symmetric { rows * size_of::<PlaceFrame>() / 4 } else { 0 }),
             ],
         )?;
@@ -69,14 +69,14 @@ impl PointCoefficients {
         let mut pass = network.forward(gpu, &layers, inputs, &in_turns, &coefficients, &[])?;
         if symmetric {
             let degree = field.basis.degree();
-            let harmonics = Harmonics { degree: degree as u32, stride: axes as u32 };
+            let harmonics = Harmonics { degree: degree as u32, stride: components as u32 };
             let harmonics = uniform(gpu, "harmonics", &harmonics)?;
             // For every pair ±m of functions of a row.
             let buffers = [&network.batch, &harmonics, &frames, &coefficients];
             pass.push(Kernel::new(gpu, Shader::LocalFrames)?.bind(Extent::Rows(degree + 1), &buffers));
         }
         Ok(Self {
-            rows: CoefficientRows { batch: network.batch.clone(), rows, columns: axes },
+            rows: CoefficientRows { batch: network.batch.clone(), rows, columns: components },
             gpu: gpu.clone(),
             field: Arc::new(field),
             network,

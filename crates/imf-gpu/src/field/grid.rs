@@ -94,13 +94,13 @@ pub(super) fn upload(
     (buffer, first): (&wgpu::Buffer, usize),
     padded: &mut Vec<f32>,
 ) -> Result<(), EngineError> {
-    let axes = field.axis_count();
+    let components = field.component_count();
     padded.clear();
     padded.resize(voxels.len() * columns, 0.0);
     let rows = padded.par_chunks_exact_mut(columns).zip(voxels).with_min_len(ROWS_OF_A_THREAD);
     rows.for_each_init(Vec::new, |scratch, (row, voxel)| {
-        let own = field.coefficients.read(voxel * axes, (voxel + 1) * axes, scratch);
-        row[..axes].copy_from_slice(own);
+        let own = field.coefficients.read(voxel * components, (voxel + 1) * components, scratch);
+        row[..components].copy_from_slice(own);
     });
     gpu.queue().write_buffer(buffer, 4 * first as u64, bytemuck::cast_slice(padded));
     // The interface's own copy goes before the next one is made.
@@ -112,7 +112,7 @@ impl Voxels {
     /// A field's own.
     fn of_harmonic(gpu: &Gpu, field: &HarmonicField) -> Result<Self, EngineError> {
         let padding = gpu.matrix_kernel().padding();
-        let columns = field.axis_count().next_multiple_of(padding);
+        let columns = field.component_count().next_multiple_of(padding);
         let rows = rows_within(gpu, columns, ROWS.min(field.grid.len().next_multiple_of(padding)));
         let batch = uniform(gpu, "batch", &Batch::default())?;
         let voxels = Self::new(gpu, field.grid.len(), CoefficientRows { batch, rows, columns })?;

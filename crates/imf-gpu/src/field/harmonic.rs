@@ -31,20 +31,20 @@ pub(super) fn passes(
     let Frame { gpu, world, sweep } = frame;
     let functions = Functions {
         basis: &field.basis,
-        axes: &field.axes,
+        components: &field.components,
         mean: &field.mean,
         scale: 1.0,
         symmetry: Symmetry::default(),
         blunt: 0.0,
     };
     let padding = gpu.matrix_kernel().padding();
-    let (kept, stride) = (field.axis_count(), field.axis_count().next_multiple_of(4));
-    let axes = kept.next_multiple_of(padding);
-    let rows = rows_within(gpu, axes.max(functions.columns(padding)), ROWS);
+    let (kept, stride) = (field.component_count(), field.component_count().next_multiple_of(4));
+    let components = kept.next_multiple_of(padding);
+    let rows = rows_within(gpu, components.max(functions.columns(padding)), ROWS);
     let sizes = [
         ("coefficients of all voxels", field.grid.len() * stride),
-        ("coefficients", rows * axes),
-        ("slopes", rows * axes),
+        ("coefficients", rows * components),
+        ("slopes", rows * components),
     ];
     let [voxels, coefficients, slopes] = allocate(gpu, sizes)?;
     let (count, piece) = (field.grid.len(), (PIECE / stride).max(1));
@@ -54,10 +54,10 @@ pub(super) fn passes(
         upload(gpu, field, part, stride, (&voxels, first * stride), &mut padded)?;
     }
     let [nx, ny, nz] = field.grid.dims.map(|n| n as u32);
-    let (stride, columns, pitch) = (stride as u32, axes as u32, field.grid.pitch as f32);
+    let (stride, columns, pitch) = (stride as u32, components as u32, field.grid.pitch as f32);
     let lattice = uniform(gpu, "lattice", &Lattice { nx, ny, nz, stride, columns, pitch })?;
     let batch = uniform(gpu, "batch", &Batch::default())?;
-    let at = Coefficients { batch: &batch, rows, axes, values: &coefficients, slopes: &slopes };
+    let at = Coefficients { batch: &batch, rows, components, values: &coefficients, slopes: &slopes };
     let turns = Turns::new(frame, functions, &at)?;
     let front = [own(&batch), own(world), own(sweep), own(&lattice), Poses, own(&voxels)];
     let mixed = [&front[..], &[own(&coefficients)]].concat();
@@ -66,12 +66,12 @@ pub(super) fn passes(
         batch: batch.clone(),
         rows,
         padding,
-        points: CallKernel::new(gpu, Shader::VoxelCoefficients, Extent::Rows(axes / 4), mixed)?,
+        points: CallKernel::new(gpu, Shader::VoxelCoefficients, Extent::Rows(components / 4), mixed)?,
         forward: vec![turns.weigh],
         values: turns.values,
         slopes: turns.slopes,
         backward: vec![turns.seed],
         gradients: CallKernel::new(gpu, Shader::VoxelDescent, Extent::Rows(1), descended)?,
     };
-    Ok((passes, CoefficientRows { batch, rows, columns: axes }, coefficients))
+    Ok((passes, CoefficientRows { batch, rows, columns: components }, coefficients))
 }

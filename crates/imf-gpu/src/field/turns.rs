@@ -23,8 +23,8 @@ use crate::uniforms::{self, Harmonics, Layer};
 #[derive(Clone, Copy)]
 pub(super) struct Functions<'a> {
     pub(super) basis: &'a Basis,
-    /// U: `[K][axes]`.
-    pub(super) axes: &'a [f32],
+    /// U: `[K][components]`.
+    pub(super) components: &'a [f32],
     /// μ: `[K]`.
     pub(super) mean: &'a [f32],
     pub(super) scale: f32,
@@ -41,11 +41,11 @@ impl Functions<'_> {
     }
 }
 
-/// Rows of coefficients on the device, and what their slopes are to be written to: both `[rows][axes]`, padding among them.
+/// Rows of coefficients on the device, and what their slopes are to be written to: both `[rows][components]`, padding among them.
 pub(super) struct Coefficients<'a> {
     pub(super) batch: &'a wgpu::Buffer,
     pub(super) rows: usize,
-    pub(super) axes: usize,
+    pub(super) components: usize,
     pub(super) values: &'a wgpu::Buffer,
     pub(super) slopes: &'a wgpu::Buffer,
 }
@@ -75,17 +75,17 @@ impl Turns {
             Basis::Directions(_) => (Shader::HarmonicValues, Shader::HarmonicSlopes),
             Basis::Rotations(_) => (Shader::RotationValues, Shader::RotationSlopes),
         };
-        let (mixing, [weigh, seed]) = mixing(functions, columns, at.axes);
+        let (mixing, [weigh, seed]) = mixing(functions, columns, at.components);
         let sizes = [
             // See `harmonics.wgsl` and `rotations.wgsl`.
             ("recurrence", 4 * table.len()),
-            ("axes", mixing.len()),
+            ("components", mixing.len()),
             ("weights of functions", at.rows * columns),
             ("functions", at.rows * columns),
         ];
-        let [steps, axes, weights, values] = allocate(gpu, sizes)?;
+        let [steps, components, weights, values] = allocate(gpu, sizes)?;
         gpu.write(&steps, &table);
-        gpu.write(&axes, &mixing);
+        gpu.write(&components, &mixing);
         let (weigh, seed) = (uniform(gpu, "weights", &weigh)?, uniform(gpu, "seed", &seed)?);
         let linear = Kernel::new(gpu, Shader::Linear)?;
         let harmonics = Harmonics { degree: functions.basis.degree() as u32, stride: columns as u32 };
@@ -96,10 +96,10 @@ impl Turns {
             [at.batch, world, sweep, &symmetry, &harmonics].map(own).into_iter().collect();
         slots.extend([Slot::Poses, own(&steps), own(&weights), Slot::Values]);
         let with_slopes = [&slots[..], &[Slot::Gradients, own(&values)]].concat();
-        let (forth, back) = (Extent::Product(columns), Extent::Product(at.axes));
+        let (forth, back) = (Extent::Product(columns), Extent::Product(at.components));
         Ok(Self {
-            weigh: linear.bind(forth, &[at.batch, &weigh, &axes, at.values, &weights]),
-            seed: linear.bind(back, &[at.batch, &seed, &axes, &values, at.slopes]),
+            weigh: linear.bind(forth, &[at.batch, &weigh, &components, at.values, &weights]),
+            seed: linear.bind(back, &[at.batch, &seed, &components, &values, at.slopes]),
             values: CallKernel::new(gpu, values_of, Extent::Rows(1), slots)?,
             slopes: CallKernel::new(gpu, slopes_of, Extent::Rows(1), with_slopes)?,
             symmetry,
@@ -134,22 +134,22 @@ fn of_directions(sphere: &SphereBasis) -> Vec<[f32; 4]> {
     table
 }
 
-/// The axes as the weights of two linear layers, and these: from `axes` coefficients to `columns` functions, and back.
+/// The axes as the weights of two linear layers, and these: from `components` coefficients to `columns` functions, and back.
 ///
 /// ```text
-/// | s·U [columns][axes] | μ [columns] | s·Uᵀ [axes][columns] | 0 [axes] |
+/// | s·U [columns][components] | μ [columns] | s·Uᵀ [components][columns] | 0 [components] |
 /// ```
-fn mixing(functions: Functions<'_>, columns: usize, axes: usize) -> (Vec<f32>, [Layer; 2]) {
-    let Functions { basis, axes: kept, mean, scale, .. } = functions;
-    let second = columns * (axes + 1);
-    let mut all = vec![0.0; second + axes * (columns + 1)];
+fn mixing(functions: Functions<'_>, columns: usize, components: usize) -> (Vec<f32>, [Layer; 2]) {
+    let Functions { basis, components: kept, mean, scale, .. } = functions;
+    let second = columns * (components + 1);
+    let mut all = vec![0.0; second + components * (columns + 1)];
     for (function, row) in kept.chunks_exact(kept.len() / basis.len()).enumerate() {
         for (axis, &value) in row.iter().enumerate() {
-            all[function * axes + axis] = value * scale;
+            all[function * components + axis] = value * scale;
             all[second + axis * columns + function] = value * scale;
         }
     }
-    all[columns * axes..][..mean.len()].copy_from_slice(mean);
+    all[columns * components..][..mean.len()].copy_from_slice(mean);
     let layer = |inputs: usize, outputs: usize, weights: usize| Layer {
         inputs: inputs as u32,
         outputs: outputs as u32,
@@ -157,5 +157,5 @@ fn mixing(functions: Functions<'_>, columns: usize, axes: usize) -> (Vec<f32>, [
         biases: (weights + inputs * outputs) as u32,
         ..Layer::default()
     };
-    (all, [layer(axes, columns, 0), layer(columns, axes, second)])
+    (all, [layer(components, columns, 0), layer(columns, components, second)])
 }

@@ -12,13 +12,13 @@
 //! axes stand in columns here, so that the invocations of a workgroup, one an axis, read side by side. Products are f32
 //! whatever the factors of the network's products are.
 
-mod look;
 mod side;
+mod update;
 
 use imf_core::field::EngineError;
 use imf_fields::recipe::SoapConfig;
 use imf_fields::recipe::TrainingState;
-use imf_train::engine::soap::FIRST_LOOKS;
+use imf_train::engine::soap::FIRST_UPDATES;
 
 use super::Buffers;
 use crate::device::Gpu;
@@ -28,8 +28,8 @@ use crate::layout::PaddedLayout;
 use crate::memory::allocate;
 use crate::shader::{LINEAR_GROUP, MATRIX_GROUPS, Shader};
 use crate::uniforms::{Batch, Between, MatrixPlace, Product};
-use look::LookKernels;
 use side::{Numbers, SideBuffers, SideStep};
+use update::UpdateKernels;
 
 /// Goes over the numbers of all matrices.
 const EACH: Extent = Extent::Sliced((MATRIX_GROUPS * LINEAR_GROUP) as usize);
@@ -38,7 +38,7 @@ const EACH: Extent = Extent::Sliced((MATRIX_GROUPS * LINEAR_GROUP) as usize);
 #[derive(Debug)]
 pub(super) struct SoapStep {
     count: usize,
-    look_every: u64,
+    precondition_every: u64,
     gather: Dispatch,
     /// From the second step on.
     step: Vec<Dispatch>,
@@ -121,8 +121,8 @@ impl SoapStep {
             length: config.rate,
         };
         gpu.write(&table, &between.iter().map(place).collect::<Vec<_>>());
-        let kept = config.kept;
-        let block = Between { rows: rows as u32, columns: columns as u32, kept, one_minus_kept: 1.0 - kept };
+        let beta = config.beta;
+        let block = Between { rows: rows as u32, columns: columns as u32, beta, one_minus_beta: 1.0 - beta };
         let block = uniform(gpu, "matrices", &block)?;
         let numbers = Numbers::of_state(layout, [rows, columns], state)?;
         let [left, right] = numbers.map(|numbers| SideBuffers::new(gpu, &numbers, count));
@@ -156,17 +156,17 @@ impl SoapStep {
         follow.push(each(&kernel(Shader::SoapFollow)?, &orders));
         follow.push(each(&scatter, &[&table, &half, second_moment]));
 
-        let looks = LookKernels::new(gpu)?;
+        let updates = UpdateKernels::new(gpu)?;
         let (plain, transposed) = (Factor::Plain(&gradient), Factor::Transposed(&gradient));
         let side = |buffers: &SideBuffers, squares, inner| {
-            let look = looks.look(gpu, &products, buffers)?;
-            SideStep::new(look, &products, buffers, squares, inner, kept)
+            let update = updates.update(gpu, &products, buffers)?;
+            SideStep::new(update, &products, buffers, squares, inner, beta)
         };
         let sides = [side(&left, [plain, transposed], columns)?, side(&right, [transposed, plain], rows)?];
         let scratch = [&left, &right].into_iter().flat_map(SideBuffers::scratch);
         Ok(Some(Self {
             count,
-            look_every: config.look_every,
+            precondition_every: config.precondition_every,
             gather: each(&gather, &[&table, &host.gradient, &gradient]),
             step: steps,
             sides,
@@ -185,15 +185,15 @@ impl SoapStep {
         if step == 1 {
             for side in &self.sides {
                 record(std::slice::from_ref(&side.first_mean));
-                (0..FIRST_LOOKS).for_each(|_| record(&side.look));
+                (0..FIRST_UPDATES).for_each(|_| record(&side.update));
             }
             return;
         }
         record(&self.step);
         self.sides.iter().for_each(|side| record(std::slice::from_ref(&side.next_mean)));
-        if (step - 1).is_multiple_of(self.look_every) {
+        if (step - 1).is_multiple_of(self.precondition_every) {
             for side in &self.sides {
-                record(&side.look);
+                record(&side.update);
                 record(std::slice::from_ref(&side.change));
             }
             record(&self.follow);

@@ -5,10 +5,10 @@ use imf_core::section::{Quantity, SectionPlan, ToolPoints};
 use imf_fields::factored::reference::loss_and_gradient;
 use imf_fields::factored::{DistillSettings, FactoredShape, FactoredState, INPUTS, Symmetry};
 use imf_fields::harmonic::basis::Domain;
-use imf_fields::harmonic::coefficients::Precision;
+use imf_fields::harmonic::coefficients::StoragePrecision;
 use imf_fields::harmonic::{FitSettings, HarmonicField, fit};
 use imf_fields::recipe::schedule::Schedule;
-use imf_fields::recipe::{Length, Loss, Optimiser, SoapConfig, TrainingPlan};
+use imf_fields::recipe::{Loss, Optimiser, SoapConfig, TrainingLength, TrainingPlan};
 use imf_gpu::{Gpu, GpuTrainer, TrainerSettings};
 use imf_train::distill::{Target, distil, distil_on};
 
@@ -24,8 +24,8 @@ fn teacher() -> HarmonicField {
         quantity: Quantity::Overlap,
         degree: 5,
         sections_per_function: 3.0,
-        axes: 21,
-        precision: Precision::F32,
+        components: 21,
+        precision: StoragePrecision::F32,
         sample: 4096,
         held_out: 16,
         seed: 0,
@@ -40,7 +40,7 @@ fn settings(steps: u64) -> DistillSettings {
         hidden: 2,
         omega: 10.0,
         plan: TrainingPlan {
-            length: Length::Steps(steps),
+            length: TrainingLength::Steps(steps),
             batch: 300,
             schedule: Schedule::Cosine { initial: 3e-3, last: 0.0, warmup: 10 },
             ..DistillSettings::default().plan
@@ -53,11 +53,11 @@ fn settings(steps: u64) -> DistillSettings {
 #[test]
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
 fn the_gradient_is_the_definitions() {
-    for (width, hidden, axes, count) in [(37, 3, 21, 77), (64, 2, 64, 128), (9, 1, 1, 5)] {
+    for (width, hidden, components, count) in [(37, 3, 21, 77), (64, 2, 64, 128), (9, 1, 1, 5)] {
         let symmetry = Symmetry::default();
-        let shape = FactoredShape { width, hidden, omega: 20.0, axes, folded: false, symmetry };
+        let shape = FactoredShape { width, hidden, omega: 20.0, components, folded: false, symmetry };
         let state = FactoredState::new(&shape, 5);
-        let (inputs, targets) = (numbers(count * INPUTS, 0.618_034), numbers(count * axes, 0.754_878));
+        let (inputs, targets) = (numbers(count * INPUTS, 0.618_034), numbers(count * components, 0.754_878));
         let rows = rows::<INPUTS>(&inputs);
         for loss in [Loss::L1, Loss::L2] {
             let parameters = wide(&state.training.parameters);
@@ -86,7 +86,7 @@ fn engine(
     teacher: &HarmonicField,
     state: &FactoredState,
 ) -> GpuTrainer {
-    let stack = settings.shape(teacher.axis_count()).stack();
+    let stack = settings.shape(teacher.component_count()).stack();
     let TrainingPlan { adam, loss, .. } = settings.plan;
     let learning =
         TrainerSettings { adam, loss, optimiser: settings.optimiser, ..TrainerSettings::default() };
@@ -99,11 +99,11 @@ fn engine(
 fn distillation_reaches_the_cpus_error_and_goes_on_to_the_same_bits() {
     let teacher = teacher();
     let gpu = open();
-    let axes = teacher.axis_count();
+    let components = teacher.component_count();
     for optimiser in [Optimiser::Adam, Optimiser::Soap(SoapConfig::default())] {
         let all = DistillSettings { optimiser, ..settings(300) };
         let run = |stop: bool| {
-            let mut state = all.start(axes);
+            let mut state = all.start(components);
             let mut of_gpu = 0.0;
             if stop {
                 // Asked to stop at every report: twice.
@@ -122,7 +122,7 @@ fn distillation_reaches_the_cpus_error_and_goes_on_to_the_same_bits() {
         };
         let (training, of_gpu) = run(false);
         assert!(run(true).0 == training, "{optimiser:?}: stopped on the way, it ended elsewhere");
-        let mut state = all.start(axes);
+        let mut state = all.start(components);
         let mut of_cpu = 0.0;
         distil(&teacher, &all, &mut state, Control::quiet(), &mut |report| of_cpu = report.mean_loss)
             .unwrap();

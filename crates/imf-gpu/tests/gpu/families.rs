@@ -8,7 +8,7 @@ use imf_core::pose::Pose;
 use imf_core::section::Quantity;
 use imf_fields::file::FieldFile;
 use imf_fields::harmonic::basis::Domain;
-use imf_fields::harmonic::coefficients::Precision;
+use imf_fields::harmonic::coefficients::StoragePrecision;
 use imf_gpu::{Gpu, GpuField};
 use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;
@@ -77,8 +77,8 @@ fn fields_with_symmetry_are_answered_as_on_the_cpu() {
 fn harmonic_fields_are_answered_as_on_the_cpu() {
     let directions = Domain::Directions;
     for file in [
-        Spec::new(directions, 7, 21, Quantity::Overlap).harmonic(Precision::F16),
-        Spec::new(directions, 9, 70, Quantity::Depth).harmonic(Precision::F32),
+        Spec::new(directions, 7, 21, Quantity::Overlap).harmonic(StoragePrecision::F16),
+        Spec::new(directions, 9, 70, Quantity::Depth).harmonic(StoragePrecision::F32),
     ] {
         for gpu in every_device() {
             let field = made(&gpu, FieldFile::Harmonic(file.clone()));
@@ -109,12 +109,12 @@ fn buffers_of_the_device_are_answered_in_place() {
 #[test]
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
 fn fields_over_rotations_are_answered_as_on_the_cpu() {
-    let spec = |degree, axes, quantity| Spec::new(Domain::Rotations, degree, axes, quantity);
+    let spec = |degree, components, quantity| Spec::new(Domain::Rotations, degree, components, quantity);
     // 10, 455, 84 and 165 functions.
     let factored = [spec(1, 5, Quantity::Overlap), spec(6, 70, Quantity::Depth)];
     let harmonic = [
-        spec(3, 21, Quantity::Overlap).harmonic(Precision::F16),
-        spec(4, 70, Quantity::Overlap).harmonic(Precision::F32),
+        spec(3, 21, Quantity::Overlap).harmonic(StoragePrecision::F16),
+        spec(4, 70, Quantity::Overlap).harmonic(StoragePrecision::F32),
     ];
     for gpu in every_device() {
         let factored = factored.iter().map(|spec| spec.factored_file(false));
@@ -133,7 +133,7 @@ fn fields_over_rotations_are_answered_as_on_the_cpu() {
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
 fn tasks_of_a_pool_ask_a_field_that_is_still_to_be_made() {
     let (gpu, pool) = (open(), ThreadPoolBuilder::new().num_threads(8).build().expect("threads"));
-    let file = Spec::new(Domain::Directions, 7, 21, Quantity::Overlap).harmonic(Precision::F16);
+    let file = Spec::new(Domain::Directions, 7, 21, Quantity::Overlap).harmonic(StoragePrecision::F16);
     let set = OrientationSet::parse("fibonacci:40").expect("a set").orientations;
     let rotations: Vec<_> = set.iter().map(Orientation::quaternion).collect();
     for _ in 0..4 {

@@ -14,7 +14,7 @@ use imf_fields::factored::{Axis, DistillSettings, FactoredField, FactoredShape, 
 use imf_fields::field::Field;
 use imf_fields::file::FieldFile;
 use imf_fields::harmonic::basis::{Basis, Domain};
-use imf_fields::harmonic::coefficients::{Coefficients, Precision};
+use imf_fields::harmonic::coefficients::{Coefficients, StoragePrecision};
 use imf_fields::harmonic::file::HarmonicFile;
 use imf_fields::harmonic::{FitReport, FitSettings, HarmonicField};
 use imf_fields::model::{Model, TrainingRecord};
@@ -32,7 +32,7 @@ pub(crate) fn scene() -> Scene {
 
 /// Thresholds of any worth.
 pub(crate) fn calibration(free_up_to: f32, colliding_from: f32) -> Calibration {
-    Calibration::unjudged(Some(free_up_to), Some(colliding_from))
+    Calibration::unmeasured(Some(free_up_to), Some(colliding_from))
 }
 
 /// What a field is made of.
@@ -40,7 +40,7 @@ pub(crate) fn calibration(free_up_to: f32, colliding_from: f32) -> Calibration {
 pub(crate) struct Spec {
     pub(crate) domain: Domain,
     pub(crate) degree: usize,
-    pub(crate) axes: usize,
+    pub(crate) components: usize,
     pub(crate) quantity: Quantity,
     pub(crate) symmetry: Symmetry,
     /// Of a factored field's coefficients: at 1 values lie on both sides of 0 and of 1, so that clipping is met.
@@ -48,23 +48,25 @@ pub(crate) struct Spec {
 }
 
 impl Spec {
-    pub(crate) fn new(domain: Domain, degree: usize, axes: usize, quantity: Quantity) -> Self {
-        Self { domain, degree, axes, quantity, symmetry: Symmetry::default(), scale: 0.3 }
+    pub(crate) fn new(domain: Domain, degree: usize, components: usize, quantity: Quantity) -> Self {
+        Self { domain, degree, components, quantity, symmetry: Symmetry::default(), scale: 0.3 }
     }
 
     /// A field of random weights, axes and mean, which nothing trained: its values spread around 1/2 with waves of the highest
     /// degree among them. Thresholds cut them in three.
     pub(crate) fn factored(self) -> FactoredFile {
-        let Self { domain, degree, axes, quantity, symmetry, scale } = self;
+        let Self { domain, degree, components, quantity, symmetry, scale } = self;
         let scene = scene();
-        let shape = FactoredShape { width: 44, hidden: 3, omega: 10.0, axes, folded: false, symmetry };
+        let shape = FactoredShape { width: 44, hidden: 3, omega: 10.0, components, folded: false, symmetry };
         let basis = Basis::new(domain, degree);
         let mean = (0..basis.len()).map(|k| if k == 0 { 0.5 } else { 0.1 * number(k, 0.618_034) / k as f32 });
         let size = 1.0 / (basis.len() as f32).sqrt();
         let field = FactoredField {
             quantity,
             grid: scene.record.grid,
-            axes: (0..basis.len() * axes).map(|place| size * number(place + 1, 0.754_878)).collect(),
+            components: (0..basis.len() * components)
+                .map(|place| size * number(place + 1, 0.754_878))
+                .collect(),
             mean: mean.collect(),
             basis,
             shape,
@@ -78,7 +80,7 @@ impl Spec {
             fit,
             report: FitReport { functions, ..FitReport::default() },
             settings: DistillSettings::default(),
-            precision: Precision::F32,
+            precision: StoragePrecision::F32,
             state: None,
             calibration: None,
         };
@@ -102,13 +104,13 @@ impl Spec {
     }
 
     fn fit(self) -> FitSettings {
-        let Self { degree, axes, quantity, .. } = self;
+        let Self { degree, components, quantity, .. } = self;
         FitSettings {
             quantity,
             degree,
             sections_per_function: 2.0,
-            axes,
-            precision: Precision::F32,
+            components,
+            precision: StoragePrecision::F32,
             sample: 0,
             held_out: 0,
             seed: 0,
@@ -117,17 +119,17 @@ impl Spec {
     }
 
     /// The same functions with random coefficients at every voxel.
-    pub(crate) fn harmonic(self, precision: Precision) -> Arc<HarmonicFile> {
-        let Self { axes, quantity, .. } = self;
+    pub(crate) fn harmonic(self, precision: StoragePrecision) -> Arc<HarmonicFile> {
+        let Self { components, quantity, .. } = self;
         let FactoredFile { field, scene, fit, report, calibration, .. } = self.factored();
         let number = |place: usize| ((place as f64 * 0.569_840).fract() * 0.6 - 0.3) as f32;
-        let values = (0..field.grid.len() * axes).map(number).collect();
+        let values = (0..field.grid.len() * components).map(number).collect();
         Arc::new(HarmonicFile {
             field: HarmonicField {
                 quantity,
                 grid: field.grid,
                 basis: field.basis,
-                axes: field.axes,
+                components: field.components,
                 mean: field.mean,
                 coefficients: Coefficients::new(values, precision),
                 report,

@@ -8,7 +8,7 @@ use imf_core::orientation::OrientationSet;
 use imf_core::section::Quantity;
 use imf_fields::file::FieldFile;
 use imf_fields::harmonic::basis::Domain;
-use imf_fields::harmonic::coefficients::Precision;
+use imf_fields::harmonic::coefficients::StoragePrecision;
 use imf_gpu::{Gpu, GpuField, GpuLimits};
 
 use crate::devices::{every_device, open};
@@ -61,9 +61,9 @@ fn devices() -> impl Iterator<Item = Gpu> {
 fn harmonic_fields_over_their_grid_are_the_cpus() {
     let (directions, rotations) = (Domain::Directions, Domain::Rotations);
     for (spec, precision, set) in [
-        (Spec::new(directions, 7, 21, Quantity::Overlap), Precision::F16, "fibonacci:700"),
-        (Spec::new(directions, 9, 70, Quantity::Depth), Precision::F32, "fibonacci:37"),
-        (Spec::new(rotations, 2, 12, Quantity::Overlap), Precision::F32, "so3:40"),
+        (Spec::new(directions, 7, 21, Quantity::Overlap), StoragePrecision::F16, "fibonacci:700"),
+        (Spec::new(directions, 9, 70, Quantity::Depth), StoragePrecision::F32, "fibonacci:37"),
+        (Spec::new(rotations, 2, 12, Quantity::Overlap), StoragePrecision::F32, "so3:40"),
     ] {
         let file = FieldFile::Harmonic(spec.harmonic(precision));
         devices().for_each(|gpu| compare_whole(&gpu, &file, set, FUNCTIONS.value));
@@ -113,7 +113,7 @@ fn overlaps_that_are_clipped_and_symmetry_through_voxel_centres_are_the_cpus() {
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
 fn orientations_that_one_buffer_does_not_hold_are_met_in_batches() {
     // Rows of 25 or 65 numbers in a buffer of 1 MiB: up to 10,240 or 3,584 of them together.
-    let file = Spec::new(Domain::Directions, 3, 16, Quantity::Overlap).harmonic(Precision::F32);
+    let file = Spec::new(Domain::Directions, 3, 16, Quantity::Overlap).harmonic(StoragePrecision::F32);
     let field = &file.field;
     for gpu in small_devices() {
         let found = GpuField::new(&gpu, FieldFile::Harmonic(file.clone())).expect("a field");
@@ -135,7 +135,7 @@ fn orientations_that_one_buffer_does_not_hold_are_met_in_batches() {
 #[test]
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
 fn minima_of_harmonic_fields_in_parts_are_the_twins() {
-    let file = Spec::new(Domain::Directions, 7, 21, Quantity::Overlap).harmonic(Precision::F16);
+    let file = Spec::new(Domain::Directions, 7, 21, Quantity::Overlap).harmonic(StoragePrecision::F16);
     for gpu in small_devices() {
         let field = GpuField::new(&gpu, FieldFile::Harmonic(file.clone())).expect("a field");
         // Some hundred points a part, 512 orientations a chunk.
@@ -146,7 +146,7 @@ fn minima_of_harmonic_fields_in_parts_are_the_twins() {
 #[test]
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
 fn a_minimum_reports_its_progress_and_stops_when_asked() {
-    let file = Spec::new(Domain::Directions, 3, 9, Quantity::Overlap).harmonic(Precision::F16);
+    let file = Spec::new(Domain::Directions, 3, 9, Quantity::Overlap).harmonic(StoragePrecision::F16);
     let voxels = file.field.grid.len() as u64;
     let found = GpuField::new(&open(), FieldFile::Harmonic(file)).expect("a field");
     let (done, stop) = (AtomicU64::new(0), AtomicBool::new(false));

@@ -4,14 +4,14 @@ use imf_fields::recipe::{Loss, Optimiser, SoapConfig, TrainingState};
 use imf_fields::siren::stack::{Ending, Stack};
 use imf_gpu::{Gpu, GpuTrainer, TrainerSettings};
 use imf_train::engine::CpuTrainer;
-use imf_train::engine::soap::kept_of;
+use imf_train::engine::soap::state_of;
 use imf_train::training::TrainingEngine;
 
 use crate::devices::{every_device, numbers};
 use crate::tolerances::SOAP as APART;
 
 /// With looks between the places where trainings stop, and behind them.
-const SOAP: SoapConfig = SoapConfig { kept: 0.9, look_every: 3, rate: 1.5 };
+const SOAP: SoapConfig = SoapConfig { beta: 0.9, precondition_every: 3, rate: 1.5 };
 const RATE: f32 = 1e-3;
 
 fn settings(optimiser: Optimiser) -> TrainerSettings {
@@ -206,7 +206,7 @@ struct Square {
 }
 
 fn squares(stack: &Stack, state: &TrainingState) -> Vec<Square> {
-    let kept = kept_of(stack, state.step, &state.preconditioners).expect("means and axes");
+    let kept = state_of(stack, state.step, &state.preconditioners).expect("means and axes");
     let mut squares = Vec::new();
     for (layer, mut kept) in stack.layers()[stack.between()].iter().zip(kept) {
         for size in [layer.outputs, layer.inputs] {

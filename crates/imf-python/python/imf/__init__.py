@@ -32,7 +32,7 @@ from .checker import Checker, Distances, Motions
 from .field import Best, Field, Gradient, load, train
 from .results import Decision, Grid, Inaccessibility, Section, Sections, Verdict
 from .scene import Scene, SceneWarning
-from .stock import Removable, StockLeft
+from .stock import RemovableStock, StockLeft
 from .surface import Access, Crib, FewestTools, PartSetup, SetupPlan, StickOuts
 from .tool import Tool
 from .toolpath import CheckReport, Collision, TravelFault
@@ -55,7 +55,7 @@ __all__ = [
     "Inaccessibility",
     "Motions",
     "PartSetup",
-    "Removable",
+    "RemovableStock",
     "Scene",
     "SceneWarning",
     "Section",

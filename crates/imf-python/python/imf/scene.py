@@ -15,7 +15,7 @@ from ._mesh import Mesh, mesh_input
 from ._numbers import whole
 from ._progress import Progress, listener
 from .results import Grid, Inaccessibility, Section, Sections
-from .stock import Removable, Stock, StockLeft, stock_input
+from .stock import RemovableStock, Stock, StockLeft, stock_input
 from .surface import Access, Crib, SetupPlan, StickOuts
 from .tool import Tool, native
 from .toolpath import CheckReport
@@ -287,10 +287,10 @@ class Scene:
 
     def removable(
         self, stock: Stock = 0.0, directions: Directions | None = None, *, progress: Progress = None
-    ) -> Removable:
+    ) -> RemovableStock:
         """What of a stock (:data:`Stock`) beside part and fixtures the cutter covers at free poses."""
         asked = None if directions is None else directions_input(directions)
-        return Removable.of(
+        return RemovableStock.of(
             _imf.removable_stock(self._native, stock_input(stock), asked, listener(progress)), self.unit
         )
 

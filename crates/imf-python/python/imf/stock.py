@@ -24,7 +24,7 @@ def stock_input(stock: Stock) -> float | Native:
 
 
 @dataclass(frozen=True)
-class Removable:
+class RemovableStock:
     """What a cutter removes of a stock, from any of the directions, in whatever order. Arrays are ``(nx, ny, nz)``."""
 
     stock: NDArray[np.bool_]
@@ -37,13 +37,13 @@ class Removable:
     unit: str
 
     @classmethod
-    def of(cls, found: dict[str, Any], unit: str) -> Removable:
+    def of(cls, found: dict[str, Any], unit: str) -> RemovableStock:
         """From the native module's arrays."""
         voxels = {name: found[name].view(np.bool_) for name in ("stock", "covered", "possible")}
         return cls(**voxels, grid=Grid.of(found["grid"]), unit=unit)
 
     @property
-    def share(self) -> tuple[float, float]:
+    def fraction(self) -> tuple[float, float]:
         """The least and the largest share of the stock that goes; both tend to what goes as the pitch falls."""
         whole = max(int(self.stock.sum()), 1)
         return float(self.covered.sum() / whole), float(self.possible.sum() / whole)

@@ -24,7 +24,7 @@ class Obstruction(NamedTuple):
     """Of the tool."""
     against: str
     """The part, or a fixture by its name."""
-    share: float
+    fraction: float
     """Of the area."""
 
 
@@ -56,14 +56,14 @@ class Access:
         for name, array in native.arrays().items():
             setattr(self, name, array)
 
-    def share(self, verdict: Verdict) -> float:
+    def fraction(self, verdict: Verdict) -> float:
         """The share of the area that has a verdict."""
         return float(self.areas[self.verdict == verdict].sum() / self.areas.sum())
 
     @property
     def reached(self) -> float:
         """The share of the area that is reached."""
-        return self.share(Verdict.REACHED)
+        return self.fraction(Verdict.REACHED)
 
     @property
     def reached_at_twice_the_pitch(self) -> float:
@@ -242,6 +242,6 @@ class StickOuts:
     longest: float
     """Its overall length; infinite where that is not known."""
 
-    def share(self, length: float) -> float:
+    def fraction(self, length: float) -> float:
         """The share of the area that needs no more than a length."""
         return float(self.areas[self.length <= length].sum() / self.areas.sum())

@@ -11,8 +11,8 @@ use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use super::partition::Partition;
 use super::shard;
-use super::share::Share;
 use imf_core::atomic_file::{AtomicFileError, write_atomically};
 use imf_core::orientation::OrientationSet;
 use imf_core::scene::{Scene, SceneRecord};
@@ -33,7 +33,7 @@ pub struct Layout {
     /// existing dataset stays cut up as it is.
     pub shard_samples: Option<u64>,
     /// The share to make; `None` makes all of it.
-    pub share: Option<Share>,
+    pub partition: Option<Partition>,
 }
 
 /// Why a dataset cannot be made or read. Every message names the file.
@@ -95,7 +95,7 @@ pub enum DatasetError {
     },
     /// The folder holds shares that nobody has joined.
     #[error("{path} holds {manifests} share(s) of a dataset and no manifest.json: they must be merged first")]
-    Shares {
+    Partitions {
         /// The folder.
         path: String,
         /// How many manifests of shares there are.
@@ -103,7 +103,7 @@ pub enum DatasetError {
     },
     /// Nothing to join.
     #[error("there is no dataset to join")]
-    NoShares,
+    NoPartitions,
     /// Two folders hold different datasets.
     #[error("{path} holds another dataset than {than} ({what} differs): they cannot be joined")]
     Unlike {
@@ -163,7 +163,7 @@ pub struct Manifest {
     pub shards: Vec<Option<ShardRecord>>,
     /// What this is the manifest of: a share, or the whole dataset. Given by the file's name, not its content.
     #[serde(skip)]
-    share: Option<Share>,
+    partition: Option<Partition>,
 }
 
 /// The part of a manifest that can be read whatever its version.
@@ -196,12 +196,12 @@ impl Manifest {
             sampling: *sampling,
             sections_per_shard,
             shards: vec![None; set.len().div_ceil(sections_per_shard)],
-            share: layout.share,
+            partition: layout.partition,
         };
         // A share goes on from its own manifest, else from that of the whole.
         let names = [fresh.file_name(), MANIFEST.to_owned()];
         if let Some(name) = names.iter().find(|name| folder.join(name).exists()) {
-            let found = Self { share: layout.share, ..Self::read_named(folder, name)? };
+            let found = Self { partition: layout.partition, ..Self::read_named(folder, name)? };
             // How an existing dataset is cut up stays.
             let sections_per_shard = found.sections_per_shard;
             let otherwise = layout.shard_samples.is_some() && sections_per_shard != fresh.sections_per_shard;
@@ -239,9 +239,9 @@ impl Manifest {
     /// # Errors
     /// A missing, foreign, newer or damaged manifest, or shares that are not joined.
     pub fn read(folder: &Path) -> Result<Self, DatasetError> {
-        let shares = share_manifests(folder).len();
+        let shares = partition_manifests(folder).len();
         if shares > 0 && !folder.join(MANIFEST).exists() {
-            return Err(DatasetError::Shares { path: folder.display().to_string(), manifests: shares });
+            return Err(DatasetError::Partitions { path: folder.display().to_string(), manifests: shares });
         }
         Self::read_named(folder, MANIFEST)
     }
@@ -249,18 +249,22 @@ impl Manifest {
     /// True where a folder holds a dataset, or shares of one, in whatever state.
     #[must_use]
     pub fn is_in(folder: &Path) -> bool {
-        folder.join(MANIFEST).exists() || !share_manifests(folder).is_empty()
+        folder.join(MANIFEST).exists() || !partition_manifests(folder).is_empty()
     }
 
     /// The manifests of a folder: that of a whole dataset, if there is one, and those of shares.
     pub(super) fn read_all(folder: &Path) -> Result<Vec<Self>, DatasetError> {
         let whole = folder.join(MANIFEST).exists().then(|| MANIFEST.to_owned());
-        whole.into_iter().chain(share_manifests(folder)).map(|name| Self::read_named(folder, &name)).collect()
+        whole
+            .into_iter()
+            .chain(partition_manifests(folder))
+            .map(|name| Self::read_named(folder, &name))
+            .collect()
     }
 
     /// Removes the manifests of shares, once the whole names all that they name.
-    pub(super) fn remove_shares(folder: &Path) {
-        for name in share_manifests(folder) {
+    pub(super) fn remove_partitions(folder: &Path) {
+        for name in partition_manifests(folder) {
             // One that stays does no harm.
             let _ = std::fs::remove_file(folder.join(name));
         }
@@ -299,12 +303,12 @@ impl Manifest {
     }
 
     fn file_name(&self) -> String {
-        self.share.map_or_else(|| MANIFEST.to_owned(), Share::manifest_name)
+        self.partition.map_or_else(|| MANIFEST.to_owned(), Partition::manifest_name)
     }
 
     /// The same dataset, nothing of it made.
     pub(super) fn emptied(&self) -> Self {
-        Self { shards: vec![None; self.shards.len()], share: None, ..self.clone() }
+        Self { shards: vec![None; self.shards.len()], partition: None, ..self.clone() }
     }
 
     pub(super) fn write(&self, folder: &Path) -> Result<(), DatasetError> {
@@ -382,10 +386,10 @@ pub(super) fn write_obstacle(folder: &Path, scene: &Scene) -> Result<(), Dataset
 }
 
 /// Names of the manifests of shares in a folder, sorted.
-fn share_manifests(folder: &Path) -> Vec<String> {
+fn partition_manifests(folder: &Path) -> Vec<String> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
-    let mut names: Vec<String> = names.filter(|name| Share::is_manifest_name(name)).collect();
+    let mut names: Vec<String> = names.filter(|name| Partition::is_manifest_name(name)).collect();
     names.sort();
     names
 }

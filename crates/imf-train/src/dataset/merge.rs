@@ -13,7 +13,7 @@ use imf_core::section::SectionError;
 
 /// What [`merge`] found.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Merged {
+pub struct MergeSummary {
     /// The manifest of the joined dataset, which names what is there.
     pub manifest: Manifest,
     /// Shards that were in the folder already.
@@ -38,7 +38,7 @@ struct Source {
 ///
 /// # Errors
 /// A folder without a dataset, datasets that differ, or a folder that cannot be written. Nothing is lost then.
-pub fn merge(out: &Path, folders: &[PathBuf], control: Control<'_>) -> Result<Merged, DatasetError> {
+pub fn merge(out: &Path, folders: &[PathBuf], control: Control<'_>) -> Result<MergeSummary, DatasetError> {
     let mut sources = Vec::new();
     for folder in folders {
         let manifests = Manifest::read_all(folder)?;
@@ -52,7 +52,7 @@ pub fn merge(out: &Path, folders: &[PathBuf], control: Control<'_>) -> Result<Me
     sources.extend(own.into_iter().map(|manifest| Source { folder: out.to_owned(), manifest }));
     let Some(first) = sources.first() else {
         Manifest::read(out)?;
-        return Err(DatasetError::NoShares);
+        return Err(DatasetError::NoPartitions);
     };
     for source in &sources[1..] {
         if let Some(what) = source.manifest.difference(&first.manifest) {
@@ -80,16 +80,16 @@ pub fn merge(out: &Path, folders: &[PathBuf], control: Control<'_>) -> Result<Me
     }
     manifest.write(out)?;
     if missing.is_empty() {
-        Manifest::remove_shares(out);
+        Manifest::remove_partitions(out);
     }
-    Ok(Merged { manifest, kept, copied, missing, damaged: damaged.into_iter().collect() })
+    Ok(MergeSummary { manifest, kept, copied, missing, damaged: damaged.into_iter().collect() })
 }
 
 /// An empty manifest in `out`, and the obstacle beside it.
 fn joined(sources: &[Source], out: &Path, damaged: &mut BTreeSet<String>) -> Result<Manifest, DatasetError> {
     std::fs::create_dir_all(out)
         .map_err(|source| DatasetError::Folder { path: out.display().to_string(), source })?;
-    let mut failure = DatasetError::NoShares;
+    let mut failure = DatasetError::NoPartitions;
     for source in sources {
         match source.manifest.scene(&source.folder) {
             Ok(scene) => {

@@ -4,14 +4,14 @@ use imf_fields::recipe::Sampling;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Draws voxels of section `index` without replacement, [`Sampling::count`] of them, `positive_share` of them where CMF > 0,
+/// Draws voxels of section `index` without replacement, [`Sampling::count`] of them, `positive_fraction` of them where CMF > 0,
 /// each kind uniformly. A kind that is too small is taken whole and topped up from the other. Sorted.
 #[must_use]
 pub fn draw(cmf: &[f32], sampling: &Sampling, index: u64) -> Vec<u32> {
     let positive = cmf.iter().filter(|&&value| value > 0.0).count();
     let zero = cmf.len() - positive;
     let total = sampling.count(cmf.len());
-    let wanted = ((total as f64 * sampling.positive_share).round() as usize).min(positive);
+    let wanted = ((total as f64 * sampling.positive_fraction).round() as usize).min(positive);
     let from_zero = (total - wanted).min(zero);
 
     let mut generator = ChaCha8Rng::seed_from_u64(sampling.seed);

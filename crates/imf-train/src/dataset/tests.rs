@@ -7,7 +7,7 @@ use super::*;
 use crate::fixtures::scene;
 use imf_core::section::sections;
 
-fn make(folder: &Path) -> Result<Generated, DatasetError> {
+fn make(folder: &Path) -> Result<GenerateSummary, DatasetError> {
     generate(
         folder,
         &scene(),
@@ -112,11 +112,11 @@ fn other_scenes_and_damage_are_noticed() {
 }
 
 /// Four shards of three sections each.
-fn make_share(folder: &Path, share: Option<&str>) -> Generated {
+fn make_partition(folder: &Path, partition: Option<&str>) -> GenerateSummary {
     let set = OrientationSet::parse("fibonacci:12").unwrap();
-    let share = share.map(|text| text.parse().unwrap());
-    let layout = Layout { shard_samples: Some(3 * 347), share };
-    generate_share(folder, &scene(), &set, &Sampling::default(), &layout, Control::quiet()).unwrap()
+    let partition = partition.map(|text| text.parse().unwrap());
+    let layout = Layout { shard_samples: Some(3 * 347), partition };
+    generate_partition(folder, &scene(), &set, &Sampling::default(), &layout, Control::quiet()).unwrap()
 }
 
 fn contents(folder: &Path) -> Vec<(String, Vec<u8>)> {
@@ -131,12 +131,12 @@ fn contents(folder: &Path) -> Vec<(String, Vec<u8>)> {
 fn shares_joined_are_the_dataset_made_at_once() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
-    make_share(&at("whole"), None);
+    make_partition(&at("whole"), None);
     assert_eq!(contents(&at("whole")).len(), 6, "manifest, obstacle, four shards");
-    for (share, name, made) in [("1/3", "a", 2), ("2/3", "b", 1), ("3/3", "c", 1)] {
-        let generated = make_share(&at(name), Some(share));
+    for (partition, name, made) in [("1/3", "a", 2), ("2/3", "b", 1), ("3/3", "c", 1)] {
+        let generated = make_partition(&at(name), Some(partition));
         assert_eq!((generated.made, generated.others), (made, 4 - made));
-        assert!(matches!(load(&at(name)), Err(DatasetError::Shares { manifests: 1, .. })));
+        assert!(matches!(load(&at(name)), Err(DatasetError::Partitions { manifests: 1, .. })));
     }
     // Something is missing first, then it comes.
     let merged = merge(&at("out"), &[at("a"), at("c")], Control::quiet()).unwrap();
@@ -148,8 +148,8 @@ fn shares_joined_are_the_dataset_made_at_once() {
     assert!(contents(&at("out")) == contents(&at("whole")));
 
     // All shares in one folder, joined where they are.
-    for share in ["2/3", "3/3", "1/3"] {
-        make_share(&at("together"), Some(share));
+    for partition in ["2/3", "3/3", "1/3"] {
+        make_partition(&at("together"), Some(partition));
     }
     let merged = merge(&at("together"), &[], Control::quiet()).unwrap();
     assert_eq!((merged.copied, merged.kept), (0, 4));
@@ -161,16 +161,16 @@ fn shares_joined_are_the_dataset_made_at_once() {
         std::fs::write(at("rest").join(name), bytes).unwrap();
     }
     std::fs::remove_file(at("rest/shard-00002.safetensors")).unwrap();
-    assert_eq!(make_share(&at("rest"), Some("3/4")).made, 1);
-    assert_eq!(make_share(&at("rest"), Some("1/4")).made, 0);
+    assert_eq!(make_partition(&at("rest"), Some("3/4")).made, 1);
+    assert_eq!(make_partition(&at("rest"), Some("1/4")).made, 0);
 }
 
 #[test]
 fn what_cannot_be_joined_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
-    make_share(&at("a"), Some("1/2"));
-    make_share(&at("b"), Some("2/2"));
+    make_partition(&at("a"), Some("1/2"));
+    make_partition(&at("b"), Some("2/2"));
     make(&at("other")).unwrap();
     let join = |names: &[&str]| {
         let folders: Vec<_> = names.iter().map(|name| at(name)).collect();

@@ -16,7 +16,7 @@ pub fn optimiser_bytes(optimiser: Optimiser, shape: FactoredShape) -> u64 {
             Optimiser::Adam => 0,
             Optimiser::Soap(_) => Soap::bytes(layer.outputs, layer.inputs),
         };
-        working + 2 * 4 * optimiser.kept_count(layer.outputs, layer.inputs) as u64
+        working + 2 * 4 * optimiser.state_count(layer.outputs, layer.inputs) as u64
     };
     shape.between().map(of_matrix).sum()
 }

@@ -30,16 +30,16 @@ const GOLDEN: f64 = 0.618_033_988_749_895;
 /// 1e-6 of it, either way: with no more than that one solution in a training of 3,000 steps threw all away.
 const RIDGE: f64 = 1e-5;
 
-/// Bytes that a solution of the output layer takes for a moment, over `voxels` voxels and `axes` components: the
+/// Bytes that a solution of the output layer takes for a moment, over `voxels` voxels and `components` components: the
 /// parts' sums and the whole system's.
 #[must_use]
-pub fn bytes_to_solve(settings: &DistillSettings, voxels: usize, axes: usize) -> u64 {
+pub fn bytes_to_solve(settings: &DistillSettings, voxels: usize, components: usize) -> u64 {
     if settings.solve_every == 0 {
         return 0;
     }
     let columns = settings.width + 1;
     let parts = voxels.min(AT_THE_END * columns).div_ceil(PART);
-    ((4 * parts + 3 * 8) * columns * (columns + axes)) as u64
+    ((4 * parts + 3 * 8) * columns * (columns + components)) as u64
 }
 
 /// Replaces the output layer's weights by those of least squared error from `targets`, over `voxels` evenly spread
@@ -47,14 +47,14 @@ pub fn bytes_to_solve(settings: &DistillSettings, voxels: usize, axes: usize) ->
 /// with a slight pull to 0 (ridge regression), so a direction that the voxels do not determine retains its weights.
 pub(super) fn solve_output_layer(field: &mut FactoredField, targets: &Targets<'_>, voxels: usize, turn: f64) {
     let Some(last) = field.shape.layers().pop() else { return };
-    let (axes, columns) = (last.outputs, last.inputs + 1);
+    let (components, columns) = (last.outputs, last.inputs + 1);
     let (gram, right) = normal_equations(field, targets, columns, voxels, turn);
     let mean = gram.trace() / columns as f64;
     let regular = gram + DMatrix::identity(columns, columns) * (RIDGE * mean);
     let Some(factored) = Cholesky::new(regular) else { return };
     let change = factored.solve(&right);
     let parameters = &mut field.parameters;
-    for axis in 0..axes {
+    for axis in 0..components {
         let row = &mut parameters[last.weights + axis * last.inputs..][..last.inputs];
         for (place, weight) in row.iter_mut().enumerate() {
             *weight = (f64::from(*weight) + change[(place, axis)]) as f32;
@@ -73,7 +73,7 @@ fn normal_equations(
     voxels_each: usize,
     turn: f64,
 ) -> (DMatrix<f64>, DMatrix<f64>) {
-    let (axes, grid) = (field.shape.axes, &field.grid);
+    let (components, grid) = (field.shape.components, &field.grid);
     let voxels = grid.len();
     let count = voxels.min(voxels_each.saturating_mul(columns));
     let apart = voxels as f64 / count as f64;
@@ -84,28 +84,29 @@ fn normal_equations(
         .map(|part| {
             let rows = part * PART..((part + 1) * PART).min(count);
             let places: Vec<usize> = rows.map(place).collect();
-            let (mut last, mut rest) = (vec![0.0; places.len() * columns], vec![0.0; places.len() * axes]);
+            let (mut last, mut rest) =
+                (vec![0.0; places.len() * columns], vec![0.0; places.len() * components]);
             let points = places.iter().map(|&voxel| grid.centre(grid.voxel(voxel)));
             evaluator.with_last_layer(points, &mut last, &mut rest);
-            let (mut scratch, mut target) = (TargetScratch::default(), vec![0.0; axes]);
-            for (rest, &voxel) in rest.chunks_exact_mut(axes).zip(&places) {
+            let (mut scratch, mut target) = (TargetScratch::default(), vec![0.0; components]);
+            for (rest, &voxel) in rest.chunks_exact_mut(components).zip(&places) {
                 targets.read(voxel, &mut scratch, &mut target);
                 rest.iter_mut().zip(&target).for_each(|(rest, &z)| *rest = z - *rest);
             }
             let left = Matrix::row_major(&last, places.len(), columns, columns);
-            let (mut gram, mut right) = (vec![0.0; columns * columns], vec![0.0; columns * axes]);
+            let (mut gram, mut right) = (vec![0.0; columns * columns], vec![0.0; columns * components]);
             multiply(&mut gram, columns, left.transposed(), left, false);
-            let rest = Matrix::row_major(&rest, places.len(), axes, axes);
-            multiply(&mut right, axes, left.transposed(), rest, false);
+            let rest = Matrix::row_major(&rest, places.len(), components, components);
+            multiply(&mut right, components, left.transposed(), rest, false);
             (gram, right)
         })
         .collect();
-    let (mut gram, mut right) = (vec![0.0f64; columns * columns], vec![0.0f64; columns * axes]);
+    let (mut gram, mut right) = (vec![0.0f64; columns * columns], vec![0.0f64; columns * components]);
     for (part_of_gram, part_of_right) in &parts {
         gram.iter_mut().zip(part_of_gram).for_each(|(sum, &part)| *sum += f64::from(part));
         right.iter_mut().zip(part_of_right).for_each(|(sum, &part)| *sum += f64::from(part));
     }
-    (DMatrix::from_row_slice(columns, columns, &gram), DMatrix::from_row_slice(columns, axes, &right))
+    (DMatrix::from_row_slice(columns, columns, &gram), DMatrix::from_row_slice(columns, components, &right))
 }
 
 /// Steps of the longest training that begins with a solution. A short one ends not far from the sines that it begins with; in
@@ -163,8 +164,8 @@ impl TrainingEngine for ClosedForm<'_> {
         self.engine.outputs()
     }
 
-    fn share(&mut self, batch: usize) -> Range<usize> {
-        self.engine.share(batch)
+    fn rows_of_batch(&mut self, batch: usize) -> Range<usize> {
+        self.engine.rows_of_batch(batch)
     }
 
     fn step(&mut self, inputs: &[f32], targets: &[f32], learning_rate: f32) -> Result<(), EngineError> {

@@ -1,7 +1,7 @@
 //! Training by exact sections themselves, without a harmonic field: none is held in memory, whatever the grid.
 //!
 //! A pool holds the latest sections at random orientations without end ([`crate::training::online`]); a step takes P voxels
-//! at all Q orientations of the pool. Let H be the field's functions there, `[Q][axes]`, s a voxel's exact values less the
+//! at all Q orientations of the pool. Let H be the field's functions there, `[Q][components]`, s a voxel's exact values less the
 //! mean's, z what the network says now. The coefficients to expect of both are
 //!
 //! ```text
@@ -66,8 +66,8 @@ impl<'a> SectionSource<'a> {
 
     /// Axes of the field: outputs of its network.
     #[must_use]
-    pub fn axis_count(&self) -> usize {
-        self.outline.axes.len() / self.outline.mean.len()
+    pub fn component_count(&self) -> usize {
+        self.outline.components.len() / self.outline.mean.len()
     }
 
     /// What the sample says of the functions' errors.
@@ -82,15 +82,20 @@ impl<'a> SectionSource<'a> {
         self.outline.basis.domain()
     }
 
-    /// Memory in bytes of a training with `axes` components of `functions` basis functions on `voxels` voxels: the
+    /// Memory in bytes of a training with `components` components of `functions` basis functions on `voxels` voxels: the
     /// pool and the sections being computed (2 bytes a value), the gain matrices, and one batch.
     #[must_use]
-    pub fn memory_bytes(functions: usize, axes: usize, voxels: usize, settings: &DistillSettings) -> u64 {
+    pub fn memory_bytes(
+        functions: usize,
+        components: usize,
+        voxels: usize,
+        settings: &DistillSettings,
+    ) -> u64 {
         let OnlineSettings { pool, lead, .. } = settings.online.unwrap_or_default();
         let sections = 2 * (pool + lead + 2) * voxels + 8 * voxels;
         // The Gram matrix and its factor, H and the solution in f64, both and the functions in f32.
-        let gain = pool * (16 * pool + 24 * axes + 4 * functions);
-        let batch = settings.plan.batch.min(voxels) * (8 * pool + 4 * axes);
+        let gain = pool * (16 * pool + 24 * components + 4 * functions);
+        let batch = settings.plan.batch.min(voxels) * (8 * pool + 4 * components);
         (sections + gain + batch) as u64
     }
 
@@ -99,10 +104,10 @@ impl<'a> SectionSource<'a> {
     /// # Errors
     /// Weights that do not fit, or a shape of other axes.
     pub fn field(&self, shape: FactoredShape, parameters: Vec<f32>) -> Result<FactoredField, ShapeError> {
-        let Outline { basis, axes, mean, scale, .. } = &self.outline;
+        let Outline { basis, components, mean, scale, .. } = &self.outline;
         let grid = self.plan.grid();
-        let (axes, mean) = (axes.into(), mean.into());
-        ComponentBasis { quantity: self.quantity, grid, basis, axes, mean, scale: *scale }
+        let (components, mean) = (components.into(), mean.into());
+        ComponentBasis { quantity: self.quantity, grid, basis, components, mean, scale: *scale }
             .field(shape, parameters)
     }
 
@@ -137,11 +142,11 @@ impl<'a> SectionSource<'a> {
         let first = steps_before(settings, grid.len(), start.cursor);
         let last = plan.total_steps(grid.len()).saturating_sub(1);
         let source = Source::new(self.plan, self.quantity)?;
-        let field = self.field(settings.shape(self.axis_count()), engine.weights()?);
+        let field = self.field(settings.shape(self.component_count()), engine.weights()?);
         let field = field.map_err(|error| EngineError::Shape(error.to_string()))?;
         // A loss in units of the field; what watches the training sees it over the scale.
         let squared = f64::from(field.scale).powi(2);
-        let mut corrected = Corrected::new(engine, self, online, field, first);
+        let mut corrected = SectionEngine::new(engine, self, online, field, first);
         let mut scratch = SourceScratch::default();
         let make = |number| {
             let mut kept = vec![0; grid.len()];
@@ -172,24 +177,24 @@ impl<'a> SectionSource<'a> {
 struct Gain {
     /// Number of the pool's newest section.
     newest: u64,
-    /// H: `[slot][axes]`.
+    /// H: `[slot][components]`.
     functions: Vec<f32>,
     /// The mean's values there, `[slot]`.
     mean: Vec<f32>,
-    /// `(H Hᵀ + λ I)⁻¹ H`, `[slot][axes]`.
+    /// `(H Hᵀ + λ I)⁻¹ H`, `[slot][components]`.
     weights: Vec<f32>,
 }
 
 impl Gain {
     fn new(source: &SectionSource<'_>, online: &OnlineSettings, step: u64) -> Result<Self, EngineError> {
-        let Outline { basis, axes, mean, .. } = &source.outline;
+        let Outline { basis, components, mean, .. } = &source.outline;
         let set: Vec<Orientation> =
             online.slots(step).map(|number| source.orientation(online, number)).collect();
-        let (count, width, pool) = (basis.len(), source.axis_count(), online.pool);
+        let (count, width, pool) = (basis.len(), source.component_count(), online.pool);
         let rows = basis.values_at(&set);
         let rows = Matrix::row_major(&rows, pool, count, count);
         let (mut functions, mut at_mean) = (vec![0.0; pool * width], vec![0.0; pool]);
-        multiply(&mut functions, width, rows, Matrix::row_major(axes, count, width, width), false);
+        multiply(&mut functions, width, rows, Matrix::row_major(components, count, width, width), false);
         multiply(&mut at_mean, 1, rows, Matrix::row_major(mean, count, 1, 1), false);
         let matrix = DMatrix::from_row_iterator(pool, width, functions.iter().map(|&v| f64::from(v)));
         let mut gram = &matrix * matrix.transpose();
@@ -205,7 +210,7 @@ impl Gain {
 }
 
 /// An engine whose targets are values at the pool's orientations: its own engine gets the coefficients that follow.
-pub(super) struct Corrected<'a> {
+pub(super) struct SectionEngine<'a> {
     engine: &'a mut dyn TrainingEngine,
     source: &'a SectionSource<'a>,
     online: OnlineSettings,
@@ -214,14 +219,14 @@ pub(super) struct Corrected<'a> {
     /// Steps of the plan done.
     done: u64,
     gain: Option<Gain>,
-    /// `[row][axes]` of a batch.
+    /// `[row][components]` of a batch.
     targets: Vec<f32>,
     /// Sum of the steps' mean squared errors, and how many.
     squares: f64,
     steps: u64,
 }
 
-impl<'a> Corrected<'a> {
+impl<'a> SectionEngine<'a> {
     /// Goes on after `done` steps.
     pub(super) fn new(
         engine: &'a mut dyn TrainingEngine,
@@ -236,7 +241,7 @@ impl<'a> Corrected<'a> {
     }
 }
 
-impl TrainingEngine for Corrected<'_> {
+impl TrainingEngine for SectionEngine<'_> {
     fn describe(&self) -> String {
         self.engine.describe()
     }
@@ -256,9 +261,9 @@ impl TrainingEngine for Corrected<'_> {
         };
         self.evaluator.set_parameters(self.engine.weights()?);
         let (evaluator, pool) = (&self.evaluator, self.online.pool);
-        let (axes, scale) = (evaluator.field().shape.axes, evaluator.field().scale);
-        self.targets.resize(inputs.len() / INPUTS * axes, 0.0);
-        let parts = self.targets.par_chunks_mut(ROWS * axes).zip(inputs.par_chunks(ROWS * INPUTS));
+        let (components, scale) = (evaluator.field().shape.components, evaluator.field().scale);
+        self.targets.resize(inputs.len() / INPUTS * components, 0.0);
+        let parts = self.targets.par_chunks_mut(ROWS * components).zip(inputs.par_chunks(ROWS * INPUTS));
         let squares: Vec<f64> = parts
             .zip(values.par_chunks(ROWS * pool))
             .map_init(Vec::new, |rest, ((targets, inputs), values)| {
@@ -271,11 +276,11 @@ impl TrainingEngine for Corrected<'_> {
                         .chunks_exact(pool)
                         .flat_map(|row| row.iter().zip(&gain.mean).map(|(v, m)| (m - v) / scale)),
                 );
-                let along = Matrix::row_major(&gain.functions, pool, axes, axes).transposed();
-                multiply(rest, pool, Matrix::row_major(targets, rows, axes, axes), along, true);
+                let along = Matrix::row_major(&gain.functions, pool, components, components).transposed();
+                multiply(rest, pool, Matrix::row_major(targets, rows, components, components), along, true);
                 rest.iter_mut().for_each(|v| *v = -*v);
-                let weights = Matrix::row_major(&gain.weights, pool, axes, axes);
-                multiply(targets, axes, Matrix::row_major(rest, rows, pool, pool), weights, true);
+                let weights = Matrix::row_major(&gain.weights, pool, components, components);
+                multiply(targets, components, Matrix::row_major(rest, rows, pool, pool), weights, true);
                 rest.iter().map(|&v| f64::from(v) * f64::from(v)).sum()
             })
             .collect();

@@ -56,7 +56,7 @@ impl Target<'_> {
     pub fn shape(&self, settings: &DistillSettings) -> FactoredShape {
         settings.shape(match self {
             Self::Coefficients(field) => settings.outputs(field),
-            Self::Sections(source) => source.axis_count(),
+            Self::Sections(source) => source.component_count(),
         })
     }
 

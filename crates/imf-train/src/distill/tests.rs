@@ -23,13 +23,13 @@ use imf_fields::factored::{
     Symmetry, reference,
 };
 use imf_fields::harmonic::basis::Domain;
-use imf_fields::harmonic::coefficients::Precision;
+use imf_fields::harmonic::coefficients::StoragePrecision;
 use imf_fields::harmonic::{FitSettings, HarmonicField, fit};
 use imf_fields::recipe::Loss;
 use imf_fields::recipe::Optimiser;
 use imf_fields::recipe::SoapConfig;
 use imf_fields::recipe::schedule::Schedule;
-use imf_fields::recipe::{Cursor, Length, TrainingPlan};
+use imf_fields::recipe::{Cursor, TrainingLength, TrainingPlan};
 use imf_fields::siren::lanes::archs;
 
 fn scene() -> Scene {
@@ -47,8 +47,8 @@ const FIT: FitSettings = FitSettings {
     quantity: Quantity::Overlap,
     degree: 5,
     sections_per_function: 3.0,
-    axes: 21,
-    precision: Precision::F32,
+    components: 21,
+    precision: StoragePrecision::F32,
     sample: 4096,
     held_out: 16,
     seed: 0,
@@ -62,7 +62,7 @@ fn harmonic(scene: &Scene) -> HarmonicField {
 
 /// Every one, SOAP with looks between the places where tests stop it.
 const OPTIMISERS: [Optimiser; 2] =
-    [Optimiser::Adam, Optimiser::Soap(SoapConfig { kept: 0.95, look_every: 4, rate: 1.0 })];
+    [Optimiser::Adam, Optimiser::Soap(SoapConfig { beta: 0.95, precondition_every: 4, rate: 1.0 })];
 
 fn settings(steps: u64) -> DistillSettings {
     DistillSettings {
@@ -70,7 +70,7 @@ fn settings(steps: u64) -> DistillSettings {
         hidden: 2,
         omega: 10.0,
         plan: TrainingPlan {
-            length: Length::Steps(steps),
+            length: TrainingLength::Steps(steps),
             batch: 300,
             schedule: Schedule::Cosine { initial: 3e-3, last: 0.0, warmup: 10 },
             report_every: 7,
@@ -87,7 +87,7 @@ fn numbers(count: usize, seed: u64) -> Vec<f32> {
         width: count,
         hidden: 1,
         omega: 1.0,
-        axes: 1,
+        components: 1,
         folded: false,
         symmetry: Symmetry::default(),
     };
@@ -107,15 +107,22 @@ const GRADIENT_TOLERANCE: f64 = 2e-5;
 
 #[test]
 fn the_gradient_is_the_definitions() {
-    for (width, hidden, axes, count) in [(37, 3, 21, 77), (70, 2, 130, 300), (9, 1, 1, 5), (300, 2, 64, 130)]
+    for (width, hidden, components, count) in
+        [(37, 3, 21, 77), (70, 2, 130, 300), (9, 1, 1, 5), (300, 2, 64, 130)]
     {
-        let shape =
-            FactoredShape { width, hidden, omega: 20.0, axes, folded: false, symmetry: Symmetry::default() };
+        let shape = FactoredShape {
+            width,
+            hidden,
+            omega: 20.0,
+            components,
+            folded: false,
+            symmetry: Symmetry::default(),
+        };
         for loss in [Loss::L1, Loss::L2] {
             let state = FactoredState::new(&shape, 5);
             let plan = TrainingPlan { loss, ..TrainingPlan::default() };
             let mut trainer = engine::cpu_engine(shape, &plan, Optimiser::Adam, count, &state).unwrap();
-            let (inputs, targets) = (numbers(count * INPUTS, 1), numbers(count * axes, 2));
+            let (inputs, targets) = (numbers(count * INPUTS, 1), numbers(count * components, 2));
             let weights = as_f64(&state.training.parameters);
             let (value, gradient) =
                 reference::loss_and_gradient(&shape, &weights, &rows(&inputs), &as_f64(&targets), loss);
@@ -141,7 +148,7 @@ fn the_definitions_gradient_and_jacobian_are_central_differences() {
         width: 6,
         hidden: 3,
         omega: 3.0,
-        axes: 4,
+        components: 4,
         folded: false,
         symmetry: Symmetry::default(),
     };
@@ -166,7 +173,7 @@ fn the_definitions_gradient_and_jacobian_are_central_differences() {
         let above = reference::forward(&shape, &weights, &probe);
         probe[axis] -= 2e-5;
         let below = reference::forward(&shape, &weights, &probe);
-        for output in 0..shape.axes {
+        for output in 0..shape.components {
             let slope = (above[output] - below[output]) / 2e-5;
             assert!((slope - jacobian[output][axis]).abs() < tolerance, "{output} by {axis}");
         }
@@ -179,7 +186,7 @@ fn field(harmonic: &HarmonicField, width: usize) -> FactoredField {
         width,
         hidden: 3,
         omega: 8.0,
-        axes: harmonic.axis_count(),
+        components: harmonic.component_count(),
         folded: false,
         symmetry: Symmetry::default(),
     };
@@ -189,7 +196,7 @@ fn field(harmonic: &HarmonicField, width: usize) -> FactoredField {
 /// What a field is by definition of its network's outputs and its functions' values, not clipped: `Σ b_k (μ_k + s Σ U_ka z_a)`.
 fn defined(field: &FactoredField, z: &[f64], functions: &[f64]) -> f64 {
     let of_function = |(k, b): (usize, &f64)| {
-        let row = &field.axes[k * z.len()..][..z.len()];
+        let row = &field.components[k * z.len()..][..z.len()];
         let sum: f64 = row.iter().zip(z).map(|(&u, z)| f64::from(u) * z).sum();
         b * (f64::from(field.mean[k]) + f64::from(field.scale) * sum)
     };
@@ -198,7 +205,7 @@ fn defined(field: &FactoredField, z: &[f64], functions: &[f64]) -> f64 {
 
 /// The mean squared error of the coefficients, which is that of the field over the sphere.
 fn error(field: &FactoredField, harmonic: &HarmonicField) -> f64 {
-    let expanded = field.evaluator().expanded(Precision::F32, harmonic.report);
+    let expanded = field.evaluator().expanded(StoragePrecision::F32, harmonic.report);
     let (mut a, mut b) = (Vec::new(), Vec::new());
     let (found, distilled) = (
         expanded.coefficients.read(0, expanded.coefficients.len(), &mut a),
@@ -212,12 +219,12 @@ fn error(field: &FactoredField, harmonic: &HarmonicField) -> f64 {
 fn distillation_brings_the_field_to_the_harmonic_one_with_every_optimiser() {
     let scene = scene();
     let harmonic = harmonic(&scene);
-    let axes = harmonic.axis_count();
+    let components = harmonic.component_count();
     let constant =
-        f64::from(Targets::new(&harmonic, Symmetry::default()).unwrap().scale).powi(2) * axes as f64;
+        f64::from(Targets::new(&harmonic, Symmetry::default()).unwrap().scale).powi(2) * components as f64;
     for optimiser in OPTIMISERS {
         let settings = DistillSettings { optimiser, ..settings(400) };
-        let mut state = settings.start(axes);
+        let mut state = settings.start(components);
         let mut reported = 0.0;
         let steps = AtomicU64::new(0);
         let count = |done| {
@@ -226,7 +233,8 @@ fn distillation_brings_the_field_to_the_harmonic_one_with_every_optimiser() {
         let control = Control { progress: &count, ..Control::quiet() };
         distil(&harmonic, &settings, &mut state, control, &mut |report| reported = report.mean_loss).unwrap();
         assert_eq!(steps.into_inner(), 400);
-        let field = FactoredField::new(&harmonic, settings.shape(axes), state.training.parameters).unwrap();
+        let field =
+            FactoredField::new(&harmonic, settings.shape(components), state.training.parameters).unwrap();
         let found = error(&field, &harmonic);
         assert!(found < 0.02 * constant, "{optimiser:?}: {found} of {constant}");
         // The loss of the last steps' batches is that of all voxels, nearly.
@@ -241,42 +249,43 @@ fn distillation_brings_the_field_to_the_harmonic_one_with_every_optimiser() {
 fn the_closed_form_output_layer_is_that_of_least_squares() {
     let scene = scene();
     let harmonic = harmonic(&scene);
-    let axes = harmonic.axis_count();
+    let components = harmonic.component_count();
     let mut field = field(&harmonic, 17);
     let shape = field.shape;
     // All voxels: what the definition sums over.
     let targets = Targets::new(&harmonic, Symmetry::default()).unwrap();
     solve_output_layer(&mut field, &targets, usize::MAX / 1000, 0.0);
     let (columns, voxels) = (shape.width + 1, harmonic.grid.len());
-    let (mut last, mut outputs) = (vec![0.0; voxels * columns], vec![0.0; voxels * axes]);
+    let (mut last, mut outputs) = (vec![0.0; voxels * columns], vec![0.0; voxels * components]);
     let centres = (0..voxels).map(|voxel| harmonic.grid.centre(harmonic.grid.voxel(voxel)));
     field.evaluator().with_last_layer(centres, &mut last, &mut outputs);
     let last = nalgebra::DMatrix::from_row_slice(voxels, columns, &as_f64(&last));
     let mut scratch = Vec::new();
     let z = harmonic.coefficients.read(0, harmonic.coefficients.len(), &mut scratch);
-    let targets = nalgebra::DMatrix::from_row_slice(voxels, axes, &as_f64(z)) / f64::from(field.scale);
+    let targets = nalgebra::DMatrix::from_row_slice(voxels, components, &as_f64(z)) / f64::from(field.scale);
     let expected = last.clone().svd(true, true).solve(&targets, 1e-9).unwrap();
     let layer = shape.layers()[shape.hidden];
     let mean = |difference: nalgebra::DMatrix<f64>| difference.norm_squared() / voxels as f64;
     let best = mean(&last * &expected - &targets);
-    let found = mean(nalgebra::DMatrix::from_row_slice(voxels, axes, &as_f64(&outputs)) - &targets);
+    let found = mean(nalgebra::DMatrix::from_row_slice(voxels, components, &as_f64(&outputs)) - &targets);
     // The pull to 0 is a millionth of the sines' mean square.
     assert!(found >= best * (1.0 - 1e-6) && found <= best * 1.001, "{found}, the least is {best}");
-    assert_eq!(layer.outputs, axes);
-    assert_eq!((outputs.len(), layer.biases + axes), (voxels * axes, field.parameters.len()));
+    assert_eq!(layer.outputs, components);
+    assert_eq!((outputs.len(), layer.biases + components), (voxels * components, field.parameters.len()));
 }
 
 #[test]
 fn solving_now_and_then_learns_more_in_as_many_steps() {
     let scene = scene();
     let harmonic = harmonic(&scene);
-    let axes = harmonic.axis_count();
+    let components = harmonic.component_count();
     let after = |solve_every: u64| {
         let optimiser = Optimiser::Soap(SoapConfig::default());
         let settings = DistillSettings { solve_every, optimiser, ..settings(100) };
-        let mut state = settings.start(axes);
+        let mut state = settings.start(components);
         distil(&harmonic, &settings, &mut state, Control::quiet(), &mut |_| {}).unwrap();
-        let field = FactoredField::new(&harmonic, settings.shape(axes), state.training.parameters).unwrap();
+        let field =
+            FactoredField::new(&harmonic, settings.shape(components), state.training.parameters).unwrap();
         error(&field, &harmonic)
     };
     let [never, now_and_then] = [0, 20].map(after);
@@ -287,7 +296,7 @@ fn solving_now_and_then_learns_more_in_as_many_steps() {
 fn short_trainings_begin_with_a_closed_form_output_layer() {
     let scene = scene();
     let harmonic = harmonic(&scene);
-    let axes = harmonic.axis_count();
+    let components = harmonic.component_count();
     let first_loss = |steps: u64, solve_every: u64| {
         let settings = settings(steps);
         let plan = TrainingPlan { report_every: 1, ..settings.plan };
@@ -295,7 +304,7 @@ fn short_trainings_begin_with_a_closed_form_output_layer() {
         let cancelled = AtomicBool::new(true);
         let control = Control { cancelled: &cancelled, ..Control::quiet() };
         let mut found = f64::NAN;
-        distil(&harmonic, &settings, &mut settings.start(axes), control, &mut |report| {
+        distil(&harmonic, &settings, &mut settings.start(components), control, &mut |report| {
             assert_eq!(report.step, 1);
             found = report.mean_loss;
         })
@@ -312,14 +321,14 @@ fn short_trainings_begin_with_a_closed_form_output_layer() {
 fn threads_and_interruptions_change_no_bit() {
     let scene = scene();
     let harmonic = harmonic(&scene);
-    let axes = harmonic.axis_count();
+    let components = harmonic.component_count();
     for optimiser in OPTIMISERS {
         // Across the end of an epoch of 30 steps, whose last batch is smaller.
         let settings = DistillSettings { optimiser, ..settings(50) };
         let run = |threads: usize, stop: bool| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| {
-                let mut state = settings.start(axes);
+                let mut state = settings.start(components);
                 if stop {
                     let cancelled = AtomicBool::new(true);
                     let control = Control { cancelled: &cancelled, ..Control::quiet() };
@@ -346,8 +355,8 @@ fn threads_and_interruptions_change_no_bit() {
 fn what_does_not_fit_is_refused_by_name() {
     let scene = scene();
     let harmonic = harmonic(&scene);
-    let axes = harmonic.axis_count();
-    let start = settings(5).start(axes);
+    let components = harmonic.component_count();
+    let start = settings(5).start(components);
     let refused = |settings: DistillSettings, words: &str| {
         let mut state = start.clone();
         let before = state.clone();
@@ -367,7 +376,7 @@ fn what_does_not_fit_is_refused_by_name() {
     }
     let mut plan = settings(2000).plan;
     plan.schedule = Schedule::Exponential { initial: 1e30, factor: 1.0, warmup: 0 };
-    let mut state = settings(5).start(axes);
+    let mut state = settings(5).start(components);
     let result = distil(
         &harmonic,
         &DistillSettings { plan, ..settings(5) },
@@ -376,7 +385,7 @@ fn what_does_not_fit_is_refused_by_name() {
         &mut |_| {},
     );
     assert!(result.as_ref().is_err_and(TrainError::is_divergence), "{result:?}");
-    let shape = settings(5).shape(axes + 1);
+    let shape = settings(5).shape(components + 1);
     assert!(FactoredField::new(&harmonic, shape, shape.initial_parameters(1)).is_err());
 }
 

@@ -30,7 +30,7 @@ pub fn start_from(
         return Err(ShapeError::OtherSymmetry(symmetry.to_string()));
     }
     let targets = Targets::new(harmonic, symmetry)?;
-    let shape = FactoredShape { axes: targets.outputs(), folded: false, ..from.shape };
+    let shape = FactoredShape { components: targets.outputs(), folded: false, ..from.shape };
     let parameters = parameters_for(from, harmonic, &targets)?;
     let mut field = ComponentBasis::of(harmonic, &targets).field(shape, parameters)?;
     // Other voxels than those of a solution before the first step.
@@ -56,8 +56,8 @@ pub(super) fn parameters_for(
     if field.shape.folded {
         return parameters_for(&field.unfolded(), harmonic, targets);
     }
-    let axes = targets.outputs();
-    let shape = FactoredShape { axes, ..field.shape };
+    let components = targets.outputs();
+    let shape = FactoredShape { components, ..field.shape };
     let mut parameters = vec![0.0; shape.parameter_count()];
     let (layers, new_layers) = (field.shape.layers(), shape.layers());
     let Some((last, hidden)) = layers.split_last() else { return Ok(parameters) };
@@ -86,11 +86,11 @@ pub(super) fn parameters_for(
 
 /// The linear layer: `g' = (U'ᵀ(μ + s U g − μ'))/s'`, its weights then its biases into `out`.
 fn turn_last(field: &FactoredField, last: &Layer, targets: &Targets<'_>, out: &mut [f32]) {
-    let (axes, mean) = targets.functions();
-    let (old, new) = (field.shape.axes, axes.len() / mean.len());
+    let (components, mean) = targets.functions();
+    let (old, new) = (field.shape.components, components.len() / mean.len());
     let shared = field.basis.len().min(mean.len());
     let scale = f64::from(targets.scale);
-    let along = |k: usize, axis: usize| f64::from(axes[k * new + axis]);
+    let along = |k: usize, axis: usize| f64::from(components[k * new + axis]);
     let (weights, biases) = out.split_at_mut(new * last.inputs);
     for (axis, (row, bias)) in weights.chunks_exact_mut(last.inputs).zip(biases).enumerate() {
         let mut shifted = 0.0;
@@ -101,7 +101,7 @@ fn turn_last(field: &FactoredField, last: &Layer, targets: &Targets<'_>, out: &m
         let mut sums = vec![0.0f64; last.inputs];
         for place in 0..old {
             let turn: f64 =
-                (0..shared).map(|k| along(k, axis) * f64::from(field.axes[k * old + place])).sum();
+                (0..shared).map(|k| along(k, axis) * f64::from(field.components[k * old + place])).sum();
             let turn = turn * f64::from(field.scale);
             let own = &field.parameters[last.weights + place * last.inputs..][..last.inputs];
             sums.iter_mut().zip(own).for_each(|(sum, &weight)| *sum += turn * f64::from(weight));

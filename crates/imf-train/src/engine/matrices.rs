@@ -1,6 +1,6 @@
 //! A step of SOAP's for all matrices between hidden layers: each by a thread of its own, as far as there are any.
 
-use crate::engine::soap::{Soap, kept_of};
+use crate::engine::soap::{Soap, state_of};
 use crate::engine::update::Arrays;
 use imf_core::field::EngineError;
 use imf_fields::recipe::SoapConfig;
@@ -18,7 +18,8 @@ fn between(plan: &Plan) -> &[Layer] {
 impl Matrices {
     /// Goes on from the state saved after `step` steps.
     pub(super) fn new(config: SoapConfig, plan: &Plan, step: u64, kept: &[f32]) -> Result<Self, EngineError> {
-        let kept = kept_of(&plan.stack, step, kept).map_err(|error| EngineError::Shape(error.to_string()))?;
+        let kept =
+            state_of(&plan.stack, step, kept).map_err(|error| EngineError::Shape(error.to_string()))?;
         let rules = between(plan).iter().zip(kept).map(|(layer, kept)| {
             let mut soap = Soap::new(config, layer.outputs, layer.inputs);
             if !kept.is_empty() {

@@ -6,7 +6,7 @@
 //! have the same bits, whoever is early or late, and a training of `n` ranks can be repeated. Between different `n`
 //! sums are grouped differently: the bits differ, the training is the same but for rounding.
 //!
-//! [`Exchange`] connects the ranks: by MPI in the command, by threads in the tests.
+//! [`Collectives`] connects the ranks: by MPI in the command, by threads in the tests.
 
 use std::ops::Range;
 
@@ -17,7 +17,7 @@ use imf_fields::recipe::TrainingState;
 
 /// Communication between the ranks of a training. All ranks call the same functions in the same order; each waits for
 /// the others.
-pub trait Exchange {
+pub trait Collectives {
     /// This rank, from 0.
     fn rank(&self) -> usize;
 
@@ -29,19 +29,19 @@ pub trait Exchange {
     ///
     /// # Errors
     /// Ranks that cannot be reached.
-    fn deal(&mut self, values: &[f32], cuts: &[usize], parts: &mut [f32]) -> Result<(), EngineError>;
+    fn all_to_all(&mut self, values: &[f32], cuts: &[usize], parts: &mut [f32]) -> Result<(), EngineError>;
 
     /// Puts together the slices of all ranks, of which this is `slice`, into `values`, cut as before.
     ///
     /// # Errors
     /// Ranks that cannot be reached.
-    fn collect(&mut self, slice: &[f32], cuts: &[usize], values: &mut [f32]) -> Result<(), EngineError>;
+    fn all_gather(&mut self, slice: &[f32], cuts: &[usize], values: &mut [f32]) -> Result<(), EngineError>;
 
     /// A number of every rank, rank 0's first.
     ///
     /// # Errors
     /// Ranks that cannot be reached.
-    fn all(&mut self, number: u64) -> Result<Vec<u64>, EngineError>;
+    fn all_gather_number(&mut self, number: u64) -> Result<Vec<u64>, EngineError>;
 }
 
 /// Bytes for each parameter that training in ranks takes beside the engine: the parts of the own slice, and its sum.
@@ -50,7 +50,7 @@ pub const BYTES_PER_PARAMETER: u64 = 2 * 4;
 /// Trains together with other ranks.
 pub struct RankTrainer<E> {
     cpu: CpuTrainer,
-    exchange: E,
+    collectives: E,
     /// Where the parameters are cut.
     cuts: Vec<usize>,
     /// `[ranks][length of the own slice]`
@@ -63,16 +63,16 @@ pub struct RankTrainer<E> {
     losses: (f64, u64),
 }
 
-impl<E: Exchange> RankTrainer<E> {
-    /// An engine that shares batches of up to the given size with the ranks of `exchange`. `cpu` must have been made
+impl<E: Collectives> RankTrainer<E> {
+    /// An engine that shares batches of up to the given size with the ranks of `collectives`. `cpu` must have been made
     /// for [`most_rows`] of them, and all ranks' for the same network and state.
-    pub fn new(cpu: CpuTrainer, exchange: E) -> Self {
-        let (rank, ranks, length) = (exchange.rank(), exchange.ranks(), cpu.parameters().len());
-        let cuts: Vec<usize> = (0..=ranks).map(|r| share(length, r, ranks).start).collect();
+    pub fn new(cpu: CpuTrainer, collectives: E) -> Self {
+        let (rank, ranks, length) = (collectives.rank(), collectives.ranks(), cpu.parameters().len());
+        let cuts: Vec<usize> = (0..=ranks).map(|r| part_of(length, r, ranks).start).collect();
         let own = cuts[rank + 1] - cuts[rank];
         Self {
             cpu,
-            exchange,
+            collectives,
             cuts,
             parts: vec![0.0; own * ranks],
             slice: vec![0.0; own],
@@ -83,9 +83,9 @@ impl<E: Exchange> RankTrainer<E> {
 
     /// The sum over all ranks of what each has in `values`, in the order of the ranks.
     fn sum(&mut self) -> Result<(), EngineError> {
-        let Self { cpu, exchange, cuts, parts, slice, .. } = self;
+        let Self { cpu, collectives, cuts, parts, slice, .. } = self;
         let gradient = &mut cpu.gradient;
-        exchange.deal(gradient, cuts, parts)?;
+        collectives.all_to_all(gradient, cuts, parts)?;
         if !slice.is_empty() {
             let (first, others) = parts.split_at(slice.len());
             slice.copy_from_slice(first);
@@ -95,7 +95,7 @@ impl<E: Exchange> RankTrainer<E> {
                 }
             }
         }
-        exchange.collect(slice, cuts, gradient)
+        collectives.all_gather(slice, cuts, gradient)
     }
 }
 
@@ -106,25 +106,25 @@ pub fn most_rows(batch: usize, ranks: usize) -> usize {
 }
 
 /// Share `index` of `of` equal ones of `0..length`, as nearly as can be. The last ends at the length.
-fn share(length: usize, index: usize, of: usize) -> Range<usize> {
+fn part_of(length: usize, index: usize, of: usize) -> Range<usize> {
     let cut = |index: usize| (length as u128 * index as u128 / of as u128) as usize;
     cut(index)..cut(index + 1)
 }
 
-impl<E: Exchange> TrainingEngine for RankTrainer<E> {
+impl<E: Collectives> TrainingEngine for RankTrainer<E> {
     fn describe(&self) -> String {
-        format!("{} ranks, each: {}", self.exchange.ranks(), self.cpu.describe())
+        format!("{} ranks, each: {}", self.collectives.ranks(), self.cpu.describe())
     }
 
-    fn share(&mut self, batch: usize) -> Range<usize> {
+    fn rows_of_batch(&mut self, batch: usize) -> Range<usize> {
         self.batch = batch;
-        share(batch, self.exchange.rank(), self.exchange.ranks())
+        part_of(batch, self.collectives.rank(), self.collectives.ranks())
     }
 
-    /// `inputs` and `targets` are the rows that [`Self::share`] named.
+    /// `inputs` and `targets` are the rows that [`Self::rows_of_batch`] named.
     fn step(&mut self, inputs: &[f32], targets: &[f32], learning_rate: f32) -> Result<(), EngineError> {
         let batch = self.batch;
-        let rows = self.share(batch).len();
+        let rows = self.rows_of_batch(batch).len();
         if rows != targets.len() || batch == 0 {
             return Err(EngineError::Shape(format!(
                 "{} samples of a batch of {batch}; this rank's share are {rows}",
@@ -142,11 +142,11 @@ impl<E: Exchange> TrainingEngine for RankTrainer<E> {
     /// Also checks that all ranks still have the same weights.
     fn take_mean_loss(&mut self) -> Result<f64, EngineError> {
         let (sum, steps) = std::mem::take(&mut self.losses);
-        let sums = self.exchange.all(sum.to_bits())?;
+        let sums = self.collectives.all_gather_number(sum.to_bits())?;
         let total: f64 = sums.into_iter().map(f64::from_bits).sum();
         let mut hasher = crc32fast::Hasher::new();
         hasher.update(bytemuck::cast_slice(self.cpu.parameters()));
-        let checksums = self.exchange.all(u64::from(hasher.finalize()))?;
+        let checksums = self.collectives.all_gather_number(u64::from(hasher.finalize()))?;
         if let Some(other) = checksums.iter().position(|checksum| *checksum != checksums[0]) {
             return Err(EngineError::Device(format!(
                 "ranks 0 and {other} no longer have the same weights: train on machines with the same vector \

@@ -23,19 +23,19 @@ use pulp::Arch;
 pub const EPSILON: f32 = 1e-12;
 /// Updates of the first gradient's eigenvectors, starting from those of the weights: after 1,000 steps fields err as
 /// they do with an exact eigendecomposition of the first gradient (`docs/lab/optimisers.md`).
-pub const FIRST_LOOKS: usize = 4;
+pub const FIRST_UPDATES: usize = 4;
 
 /// What `kept` holds of each matrix between hidden layers after `step` steps, in the order of the layers: means and axes of
 /// the rows, then of the columns, `[size][size]` each with an axis a row. Before the first step nothing of each.
 ///
 /// # Errors
 /// Another number of them than the network has.
-pub fn kept_of<'a>(stack: &Stack, step: u64, mut kept: &'a [f32]) -> Result<Vec<&'a [f32]>, ShapeError> {
+pub fn state_of<'a>(stack: &Stack, step: u64, mut kept: &'a [f32]) -> Result<Vec<&'a [f32]>, ShapeError> {
     let layers = &stack.layers()[stack.between()];
-    let count = |layer: &Layer| if step == 0 { 0 } else { Soap::kept_count(layer.outputs, layer.inputs) };
+    let count = |layer: &Layer| if step == 0 { 0 } else { Soap::state_count(layer.outputs, layer.inputs) };
     let expected: usize = layers.iter().map(count).sum();
     if kept.len() != expected {
-        return Err(ShapeError::Kept { found: kept.len(), step, expected });
+        return Err(ShapeError::OptimiserState { found: kept.len(), step, expected });
     }
     let each = layers.iter().map(|layer| {
         let (own, others) = kept.split_at(count(layer));
@@ -58,15 +58,15 @@ pub(crate) struct Soap {
 
 impl Soap {
     /// Numbers in the state of a matrix beside its moments: means and axes of both sides.
-    pub(crate) fn kept_count(rows: usize, columns: usize) -> usize {
-        Optimiser::Soap(SoapConfig::default()).kept_count(rows, columns)
+    pub(crate) fn state_count(rows: usize, columns: usize) -> usize {
+        Optimiser::Soap(SoapConfig::default()).state_count(rows, columns)
     }
 
     /// Bytes of state and working memory.
     pub(crate) fn bytes(rows: usize, columns: usize) -> u64 {
         let of_sides: u64 =
             [rows, columns].map(|size| (8 * size * size) as u64 + Orthonormal::bytes(size)).iter().sum();
-        (4 * (Self::kept_count(rows, columns) + 2 * rows * columns)) as u64 + of_sides
+        (4 * (Self::state_count(rows, columns) + 2 * rows * columns)) as u64 + of_sides
     }
 
     /// For a matrix of this size that has met no gradient.
@@ -76,7 +76,7 @@ impl Soap {
         Self { config, arch: Arch::new(), sides, along: matrix.clone(), half: matrix }
     }
 
-    /// Means and axes, in the order in which they are saved: `[kept_count]` together.
+    /// Means and axes, in the order in which they are saved: `[state_count]` together.
     pub(crate) fn kept(&self) -> [&[f32]; 4] {
         let [rows, columns] = &self.sides;
         [&rows.mean, &rows.axes, &columns.mean, &columns.axes]
@@ -85,7 +85,7 @@ impl Soap {
     /// Goes on from a saved state.
     ///
     /// # Panics
-    /// If there are not [`Self::kept_count`] numbers.
+    /// If there are not [`Self::state_count`] numbers.
     pub(crate) fn restore(&mut self, mut kept: &[f32]) {
         for array in self.sides.iter_mut().flat_map(|side| [&mut side.mean, &mut side.axes]) {
             let (own, others) = kept.split_at(array.len());
@@ -107,15 +107,15 @@ impl Soap {
     ) {
         let [rows, columns] = self.sides.each_ref().map(|side| side.size);
         let gradient = Matrix::row_major(gradient, rows, columns, columns);
-        let SoapConfig { kept, look_every, rate } = self.config;
-        let mean_kept = if step == 1 { 0.0 } else { kept };
-        let of_gradient = if step == 1 { 1.0 } else { 1.0 - kept };
+        let SoapConfig { beta, precondition_every, rate } = self.config;
+        let mean_beta = if step == 1 { 0.0 } else { beta };
+        let of_gradient = if step == 1 { 1.0 } else { 1.0 - beta };
         if step > 1 {
             self.turn(gradient);
             let done = step - 1;
-            let whole = 1.0 - f64::from(kept).powf(done as f64);
+            let whole = 1.0 - f64::from(beta).powf(done as f64);
             let along = &mut self.along;
-            vectorised!(self.arch, adam(kept, (1.0 / whole) as f32, along, first_moment, second_moment));
+            vectorised!(self.arch, adam(beta, (1.0 / whole) as f32, along, first_moment, second_moment));
             let [left, right] = self.sides.each_ref().map(Side::axes);
             let along = Matrix::row_major(&self.along, rows, columns, columns);
             combine_by_rows(&mut self.half, 0.0, left.transposed(), along, 1.0);
@@ -123,14 +123,14 @@ impl Soap {
             combine_by_rows(weights, 1.0, half, right, -learning_rate * rate);
         }
         let [left, right] = &mut self.sides;
-        combine_by_rows(&mut left.mean, mean_kept, gradient, gradient.transposed(), of_gradient);
-        combine_by_rows(&mut right.mean, mean_kept, gradient.transposed(), gradient, of_gradient);
+        combine_by_rows(&mut left.mean, mean_beta, gradient, gradient.transposed(), of_gradient);
+        combine_by_rows(&mut right.mean, mean_beta, gradient.transposed(), gradient, of_gradient);
         if step == 1 {
-            for _ in 0..FIRST_LOOKS {
-                rayon::join(|| left.look(), || right.look());
+            for _ in 0..FIRST_UPDATES {
+                rayon::join(|| left.update_axes(), || right.update_axes());
             }
-        } else if (step - 1).is_multiple_of(look_every) {
-            rayon::join(|| left.look(), || right.look());
+        } else if (step - 1).is_multiple_of(precondition_every) {
+            rayon::join(|| left.update_axes(), || right.update_axes());
             self.follow(first_moment, second_moment);
         }
     }
@@ -164,10 +164,10 @@ impl Soap {
 /// Adam's moments of a gradient and, in its place, their step; `whole` is one over the fraction of the moments that
 /// steps have filled.
 #[inline(always)]
-fn adam(kept: f32, whole: f32, gradient: &mut [f32], first_moment: &mut [f32], second_moment: &mut [f32]) {
+fn adam(beta: f32, whole: f32, gradient: &mut [f32], first_moment: &mut [f32], second_moment: &mut [f32]) {
     for ((value, first), second) in gradient.iter_mut().zip(first_moment).zip(second_moment) {
-        *first = kept * *first + (1.0 - kept) * *value;
-        *second = kept * *second + (1.0 - kept) * *value * *value;
+        *first = beta * *first + (1.0 - beta) * *value;
+        *second = beta * *second + (1.0 - beta) * *value * *value;
         *value = *first * whole / ((*second * whole).sqrt() + EPSILON);
     }
 }
@@ -211,7 +211,7 @@ impl Side {
     }
 
     /// A step of power iteration towards the mean's eigenvectors.
-    fn look(&mut self) {
+    fn update_axes(&mut self) {
         let Self { size, mean, axes, before, turn, along, order, orthonormal } = self;
         let size = *size;
         combine_by_rows(turn, 0.0, square(axes, size), square(mean, size), 1.0);

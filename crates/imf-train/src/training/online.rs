@@ -12,14 +12,14 @@ use imf_core::section::SectionError;
 use imf_fields::recipe::OnlineSettings;
 
 /// What a producer makes of a number.
-type Made<S> = Result<S, SectionError>;
+type SectionResult<S> = Result<S, SectionError>;
 
 /// Computes, on a second thread, the sections that a training from step `first` to step `last` meets, while `train`
 /// takes them. While the pool fills, `stop` is polled before each section.
 pub(crate) fn with_arrivals<S: Send, T>(
     settings: OnlineSettings,
     [first, last]: [u64; 2],
-    make: impl FnMut(u64) -> Made<S> + Send,
+    make: impl FnMut(u64) -> SectionResult<S> + Send,
     stop: &dyn Fn() -> bool,
     train: impl FnOnce(&mut Arrivals<'_, S>) -> T,
 ) -> T {
@@ -41,8 +41,8 @@ pub(crate) fn with_arrivals<S: Send, T>(
 /// Makes `numbers` one after the other until nobody wants them.
 fn produce<S>(
     numbers: RangeInclusive<u64>,
-    mut make: impl FnMut(u64) -> Made<S>,
-    sender: &SyncSender<Made<S>>,
+    mut make: impl FnMut(u64) -> SectionResult<S>,
+    sender: &SyncSender<SectionResult<S>>,
 ) {
     for number in numbers {
         let section = make(number);
@@ -55,7 +55,7 @@ fn produce<S>(
 
 /// The latest of what was made; number `n` stands in slot `n mod pool`.
 pub(crate) struct Arrivals<'a, S> {
-    receiver: &'a Receiver<Made<S>>,
+    receiver: &'a Receiver<SectionResult<S>>,
     settings: OnlineSettings,
     stop: &'a dyn Fn() -> bool,
     /// Step at which the pool is filled.

@@ -212,11 +212,11 @@ pub fn train_by(
     let most = plan.batch.min(samples);
     let (wide, learnt) = (engine.inputs(), engine.outputs());
     let (mut inputs, mut targets) = (vec![0.0; most * wide], vec![0.0; most * learnt]);
-    let mut since = Since { step, samples: 0, start: Instant::now() };
+    let mut since = ReportInterval { step, samples: 0, start: Instant::now() };
     while step < total_steps {
         let first = step_in_epoch as usize * plan.batch;
         let count = plan.batch.min(samples - first);
-        let rows = engine.share(count);
+        let rows = engine.rows_of_batch(count);
         let (inputs, targets) = (&mut inputs[..rows.len() * wide], &mut targets[..rows.len() * learnt]);
         feed(Cursor { epoch, step: step_in_epoch }, step, rows, inputs, targets)?;
         let learning_rate = plan.schedule.rate(epoch, step, total_steps);
@@ -254,13 +254,13 @@ pub fn train_by(
         if observer(&report, engine).is_break() && step < total_steps {
             return Ok(Outcome::Stopped(cursor));
         }
-        since = Since { step, samples: 0, start: Instant::now() };
+        since = ReportInterval { step, samples: 0, start: Instant::now() };
     }
     Ok(Outcome::Finished)
 }
 
 /// What has happened since the last report.
-struct Since {
+struct ReportInterval {
     step: u64,
     samples: usize,
     start: Instant,

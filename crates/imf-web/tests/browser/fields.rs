@@ -10,7 +10,7 @@ use imf_fields::factored::{Axis, DistillSettings, FactoredField, FactoredShape, 
 use imf_fields::file::FieldFile;
 use imf_fields::harmonic::HarmonicField;
 use imf_fields::harmonic::basis::{Basis, Domain};
-use imf_fields::harmonic::coefficients::{Coefficients, Precision};
+use imf_fields::harmonic::coefficients::{Coefficients, StoragePrecision};
 use imf_fields::recipe::TrainingState;
 use imf_fields::siren::SirenShape;
 
@@ -75,24 +75,24 @@ fn siren(scene: &Scene) -> Vec<u8> {
 
 const DEGREE: usize = 5;
 
-fn functions(axes: usize) -> (Basis, Vec<f32>, Vec<f32>) {
+fn functions(components: usize) -> (Basis, Vec<f32>, Vec<f32>) {
     let basis = Basis::new(Domain::Directions, DEGREE);
     let mean = (0..basis.len()).map(|k| if k == 0 { 0.5 } else { 0.1 * number(k) / k as f32 }).collect();
-    let axes = (0..basis.len() * axes).map(|place| number(place + 1) / 6.0).collect();
-    (basis, mean, axes)
+    let components = (0..basis.len() * components).map(|place| number(place + 1) / 6.0).collect();
+    (basis, mean, components)
 }
 
 fn factored(scene: &Scene, symmetry: Symmetry, folded: bool) -> Vec<u8> {
     let FieldFile::Factored(mut file) = stored!("factored") else { panic!("another family") };
-    let axes = Basis::count(Domain::Directions, DEGREE);
-    let shape = FactoredShape { width: 44, hidden: 3, omega: 10.0, axes, folded: false, symmetry };
-    let (basis, mean, axes) = functions(shape.axes);
+    let components = Basis::count(Domain::Directions, DEGREE);
+    let shape = FactoredShape { width: 44, hidden: 3, omega: 10.0, components, folded: false, symmetry };
+    let (basis, mean, components) = functions(shape.components);
     let (quantity, grid) = (Quantity::Overlap, scene.record.grid);
     let parameters = shape.initial_parameters(3);
-    let field = FactoredField { quantity, grid, basis, axes, mean, shape, parameters, scale: 0.7 };
+    let field = FactoredField { quantity, grid, basis, components, mean, shape, parameters, scale: 0.7 };
     file.field = if folded { field.fold() } else { field };
     // As `imf train` has it: more than a browser's 32 bits count.
-    (file.fit.axes, file.fit.degree) = (usize::MAX, DEGREE);
+    (file.fit.components, file.fit.degree) = (usize::MAX, DEGREE);
     file.settings = DistillSettings { width: 44, hidden: 3, omega: 10.0, symmetry, ..file.settings };
     file.state = None;
     file.scene = scene.clone();
@@ -102,12 +102,13 @@ fn factored(scene: &Scene, symmetry: Symmetry, folded: bool) -> Vec<u8> {
 fn harmonic(scene: &Scene) -> Vec<u8> {
     let FieldFile::Harmonic(file) = stored!("harmonic") else { panic!("another family") };
     let mut file = Arc::unwrap_or_clone(file);
-    let (basis, mean, axes) = functions(6);
+    let (basis, mean, components) = functions(6);
     let (quantity, grid) = (Quantity::Overlap, scene.record.grid);
     let values = (0..6 * grid.len()).map(|place| 0.3 * number(place)).collect();
-    let coefficients = Coefficients::new(values, Precision::F32);
-    (file.settings.axes, file.settings.degree, file.settings.precision) = (6, DEGREE, Precision::F32);
-    file.field = HarmonicField { quantity, grid, basis, axes, mean, coefficients, ..file.field };
+    let coefficients = Coefficients::new(values, StoragePrecision::F32);
+    (file.settings.components, file.settings.degree, file.settings.precision) =
+        (6, DEGREE, StoragePrecision::F32);
+    file.field = HarmonicField { quantity, grid, basis, components, mean, coefficients, ..file.field };
     file.scene = scene.clone();
     bytes(&FieldFile::Harmonic(file.into()))
 }

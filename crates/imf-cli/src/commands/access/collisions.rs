@@ -41,7 +41,7 @@ fn hits(findings: &Findings, tool: usize) -> Option<Hits<'_>> {
 impl Tally {
     fn new(elements: &[&ElementMeasures]) -> Self {
         let mut kinds: Vec<ElementKind> = elements.iter().flat_map(|e| e.kinds.iter().copied()).collect();
-        kinds.sort_by_key(|kind| kind.rank());
+        kinds.sort_by_key(|kind| kind.order());
         kinds.dedup();
         let none = vec![0; kinds.len()];
         Self { hits: none.clone(), alone: none, bodies: vec![[0; 2]; kinds.len()], kinds }

@@ -28,7 +28,7 @@ use crate::output::{OutputFolder, SUMMARY, print, print_json, write_json, write_
 use crate::session::Session;
 
 use report::Report;
-use tools::{CribTool, Undecided};
+use tools::{CribTool, UndecidedTool};
 
 /// The surface, and what every tool reaches of it.
 struct Crib {
@@ -45,7 +45,7 @@ struct Crib {
     tools: Vec<CribTool>,
     /// By tool and sample.
     verdicts: Vec<Vec<Verdict>>,
-    undecided: Vec<Undecided>,
+    undecided: Vec<UndecidedTool>,
     /// Tools that cover together, those that add most first, and the number that is proven to be needed.
     chosen: Vec<usize>,
     at_least: usize,
@@ -93,7 +93,7 @@ impl Crib {
                     warn_of(session, &warnings);
                     kept.push(assembly);
                 }
-                Err(error) => undecided.push(Undecided::new(&tool.name, &error)),
+                Err(error) => undecided.push(UndecidedTool::new(&tool.name, &error)),
             }
         }
         let reach =
@@ -126,7 +126,7 @@ impl Crib {
                         None => tool,
                     });
                 }
-                Err(error) => undecided.push(Undecided::new(&assembly.tool().name, &error)),
+                Err(error) => undecided.push(UndecidedTool::new(&assembly.tool().name, &error)),
             }
         }
         ensure!(

@@ -8,7 +8,7 @@ use imf_core::machine::Machine;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::pose::Pose;
 use imf_core::scene::Bodies;
-use imf_core::surface::{LeastOverlap, SurfaceTool};
+use imf_core::surface::{MinimumOverlap, SurfaceTool};
 use imf_core::tool::Assembly;
 
 use crate::session::Session;
@@ -78,7 +78,7 @@ impl OnMachine {
     pub(super) fn fault(
         &self,
         index: usize,
-        at: &LeastOverlap,
+        at: &MinimumOverlap,
         orientations: &OrientationSet,
     ) -> Option<MachineFault> {
         if at.voxels > 0 || self.of_setups {

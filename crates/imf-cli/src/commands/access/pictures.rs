@@ -155,7 +155,7 @@ fn draw_map(run: &AccessRun, findings: &Findings, index: usize, tool: &str, path
         rows: vec![PanelRow { title: String::new(), panels: vec![panel] }],
         notes: vec![format!(
             "{:.1} % of {} are free (τ = {}){}{}",
-            100.0 * map.free_share(run.tau),
+            100.0 * map.free_fraction(run.tau),
             directions(run),
             run.tau,
             if inside(run, point) {

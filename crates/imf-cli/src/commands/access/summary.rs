@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use imf_core::access::{Component, Components, Removable};
+use imf_core::access::{Component, Components, RemovableStock};
 use imf_core::mesh::MachiningDirection;
 use imf_core::tool::Clearance;
 use imf_core::unit::LengthUnit;
@@ -51,7 +51,7 @@ struct ToolRow {
     removable: Option<Volume>,
     /// Fraction of the directions that are free at the map's point.
     #[serde(skip_serializing_if = "Option::is_none")]
-    map_free_share: Option<f64>,
+    map_free_fraction: Option<f64>,
 }
 
 /// The stock and what becomes of it.
@@ -144,11 +144,11 @@ impl Summary {
             surface_reached: surface.map(|surface| surface.reached_by(index)),
             blocked_by: collisions::by_tool(run, findings, index),
             removable: findings.removable.get(index).map(|found| measure(marked(&found.covered))),
-            map_free_share: findings.maps.get(index).map(|map| map.free_share(run.tau)),
+            map_free_fraction: findings.maps.get(index).map(|map| map.free_fraction(run.tau)),
         });
         let stock = run.stock.as_ref().map(|stock| {
             let whole = stock.solid.count();
-            let count = |by: fn(&Removable) -> &[u8]| {
+            let count = |by: fn(&RemovableStock) -> &[u8]| {
                 let any = |v: &usize| findings.removable.iter().any(|found| by(found)[*v] != 0);
                 (0..stock.solid.solid.len()).filter(any).count()
             };
@@ -291,7 +291,7 @@ impl Summary {
             }
         }
         for tool in &self.tools {
-            if let Some(share) = tool.map_free_share {
+            if let Some(share) = tool.map_free_fraction {
                 let _ = writeln!(
                     text,
                     "\n{}: {:.1} % of {} are free at the point",

@@ -15,7 +15,7 @@ use imf_core::field_files::{NamedField, write_ply, write_vti, write_vtp};
 use imf_core::mesh::Mesh;
 use imf_core::scene::{Bodies, SceneSpec};
 use imf_core::surface::{
-    CollisionEnvironment, ObstructedAreas, Reach, SurfaceAccess, SurfaceSamples, SurfaceTool, Verdict,
+    CollisionEnvironment, ObstructedAreas, SampleReach, SurfaceAccess, SurfaceSamples, SurfaceTool, Verdict,
     default_tolerance, surface_access, surface_memory_estimate,
 };
 
@@ -106,13 +106,13 @@ pub(super) fn rgb(verdict: Verdict) -> [u8; 3] {
 }
 
 impl Surface {
-    pub(super) fn find(session: &Session, run: &AccessRun, asked: &SurfaceSettings) -> Result<Self> {
-        let samples = SurfaceSamples::new(&run.mesh, asked.environment.part(), SAMPLES);
+    pub(super) fn find(session: &Session, run: &AccessRun, settings: &SurfaceSettings) -> Result<Self> {
+        let samples = SurfaceSamples::new(&run.mesh, settings.environment.part(), SAMPLES);
         let orientations = &run.orientations;
         let mut tools = Vec::new();
         for tool in 0..run.tools.len() {
-            let among = (&asked.environment, asked.environment.pitch());
-            tools.push(one_tool(session, run, tool, among, asked.tolerance, &samples)?);
+            let among = (&settings.environment, settings.environment.pitch());
+            tools.push(one_tool(session, run, tool, among, settings.tolerance, &samples)?);
         }
         let best = (0..samples.samples.len()).map(|sample| {
             let verdicts =
@@ -134,21 +134,21 @@ impl Surface {
             tools,
             best,
             coarse: 0.0,
-            tolerance: asked.tolerance,
+            tolerance: settings.tolerance,
             by_direction,
             setups: None,
             blame: blame::Blame::default(),
             freed: Vec::new(),
             stick_outs: Vec::new(),
         };
-        surface.coarse = surface.at_twice_the_pitch(session, run, asked)?;
+        surface.coarse = surface.at_twice_the_pitch(session, run, settings)?;
         surface.blame = blame::Blame::find(session, run, &surface)?;
-        surface.freed = freed::stick_outs(session, run, asked, &surface)?;
-        if let Some(question) = &asked.setups {
+        surface.freed = freed::stick_outs(session, run, settings, &surface)?;
+        if let Some(question) = &settings.setups {
             surface.setups = Some(setups::Setups::find(session, run, question, &surface)?);
         }
-        for assembly in run.tools.iter().filter(|_| asked.stick_out) {
-            let (environment, tolerance) = (&asked.environment, asked.tolerance);
+        for assembly in run.tools.iter().filter(|_| settings.stick_out) {
+            let (environment, tolerance) = (&settings.environment, settings.tolerance);
             let samples = &surface.samples;
             let found = stick_out::ToolStickOut::find(
                 session,
@@ -164,12 +164,18 @@ impl Surface {
     }
 
     /// Fraction of the area that any tool reaches among voxels twice as large.
-    fn at_twice_the_pitch(&self, session: &Session, run: &AccessRun, asked: &SurfaceSettings) -> Result<f64> {
+    fn at_twice_the_pitch(
+        &self,
+        session: &Session,
+        run: &AccessRun,
+        settings: &SurfaceSettings,
+    ) -> Result<f64> {
         let mut reached = vec![false; self.samples.samples.len()];
         for tool in 0..run.tools.len() {
-            let coarse = (&asked.coarse, asked.coarse.pitch());
-            let (access, _) = one_tool(session, run, tool, coarse, asked.tolerance, &self.samples)?;
-            let any = |(all, one): (&mut bool, &Reach)| *all |= matches!(one, Reach::Reached { .. });
+            let coarse = (&settings.coarse, settings.coarse.pitch());
+            let (access, _) = one_tool(session, run, tool, coarse, settings.tolerance, &self.samples)?;
+            let any =
+                |(all, one): (&mut bool, &SampleReach)| *all |= matches!(one, SampleReach::Reached { .. });
             reached.iter_mut().zip(&access.reach).for_each(any);
         }
         Ok(self.samples.fraction(|sample| reached[sample]))
@@ -206,7 +212,7 @@ impl Surface {
         let of = |verdict: Verdict| self.samples.fraction(|sample| self.best[sample].0 == verdict);
         let listed = self.best_directions().map(|direction| DirectionRow {
             direction: orientations.orientations[direction].direction().to_array(),
-            share: self.by_direction[direction] / self.samples.area(),
+            fraction: self.by_direction[direction] / self.samples.area(),
         });
         let reached = of(Verdict::Reached);
         SurfaceRow {
@@ -240,7 +246,8 @@ impl Surface {
 
     /// The fraction that one tool reaches by itself.
     pub(super) fn reached_by(&self, tool: usize) -> f64 {
-        self.samples.fraction(|sample| matches!(self.tools[tool].0.reach[sample], Reach::Reached { .. }))
+        self.samples
+            .fraction(|sample| matches!(self.tools[tool].0.reach[sample], SampleReach::Reached { .. }))
     }
 
     /// Writes `surface.ply`, `surface.vtp` and what each voxel is to blame for, and gives back the files' names.
@@ -257,7 +264,7 @@ impl Surface {
         let verdict = each(&|sample| f32::from(self.best[sample].0 as u8));
         let tool = each(&|sample| self.best[sample].1 as f32);
         let number = each(&|sample| match self.tools[self.best[sample].1].0.reach[sample] {
-            Reach::Reached { directions } => directions as f32,
+            SampleReach::Reached { directions } => directions as f32,
             _ => 0.0,
         });
         let in_setup = |setups: &setups::Setups| each(&|sample| setups.by_sample[sample] as f32);

@@ -27,7 +27,7 @@ const SIDE: usize = 90;
 const CLASSES: [&str; 7] = ["empty", "part", "fixture", "tool", "overlap", "stock", "machine"];
 
 /// The frame that a picture is drawn in.
-pub(super) struct Drawn {
+pub(super) struct PictureFrame {
     /// From it into the world.
     pub(super) set_up: DMat4,
     /// Whose frame it is, where there are two.
@@ -35,7 +35,7 @@ pub(super) struct Drawn {
     pub(super) unit: LengthUnit,
 }
 
-impl Drawn {
+impl PictureFrame {
     /// Where a slice lies, its axes named by their frame where there are two.
     fn axes(&self, grid: &Grid, axis: usize) -> Axes {
         let axes = slices::axes(grid, self.unit, axis);
@@ -52,7 +52,7 @@ pub(super) fn draw(
     tools: &[(Option<u32>, &Tool)],
     bodies: CheckBodies<'_>,
     stock: Option<&StockResult>,
-    frame: &Drawn,
+    frame: &PictureFrame,
     path: &Path,
 ) -> Result<bool> {
     let unit = frame.unit;
@@ -71,7 +71,7 @@ pub(super) fn draw(
         .into_iter()
         .map(|(title, line, hit, tool)| {
             let in_stock = |point: DVec3| stock.is_some_and(|stock| stock.is_there(line, point));
-            let moving = Moving::new(hit, bodies.machine.map(MachineBodies::machine), &frame.set_up);
+            let moving = MachineSolids::new(hit, bodies.machine.map(MachineBodies::machine), &frame.set_up);
             let plane = |axis| cut(hit, tool, &moving, bodies, &in_stock, &frame.set_up, axis);
             let planes: Vec<_> = (0..3).map(plane).collect();
             (title, planes)
@@ -108,11 +108,11 @@ pub(super) fn draw(
 }
 
 /// The machine's solids at a collision, each with the way from the world to where it is with all axes at 0.
-struct Moving<'a> {
+struct MachineSolids<'a> {
     solids: Vec<(&'a MachineSolid, DMat4)>,
 }
 
-impl<'a> Moving<'a> {
+impl<'a> MachineSolids<'a> {
     fn new(hit: &Collision, machine: Option<&'a Machine>, set_up: &DMat4) -> Self {
         let Some((machine, joints)) = machine.zip(hit.joints) else { return Self { solids: Vec::new() } };
         let placed = |solid: &'a MachineSolid| {
@@ -140,7 +140,7 @@ impl<'a> Moving<'a> {
 fn cut(
     hit: &Collision,
     tool: &Tool,
-    moving: &Moving<'_>,
+    moving: &MachineSolids<'_>,
     bodies: CheckBodies<'_>,
     in_stock: &impl Fn(DVec3) -> bool,
     set_up: &DMat4,

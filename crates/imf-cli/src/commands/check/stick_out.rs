@@ -14,7 +14,7 @@ pub(super) fn lines(checked: &CheckRun<'_>) -> String {
     }
     let unit = checked.record.unit;
     let lines: String = checked.stick_outs.iter().map(|found| one(found, unit) + "\n").collect();
-    if checked.stick_outs.iter().all(|found| found.least.is_none()) {
+    if checked.stick_outs.iter().all(|found| found.minimum.is_none()) {
         return lines;
     }
     let machine = if checked.machine.is_some() {
@@ -49,17 +49,17 @@ fn one(found: &PathStickOut, unit: LengthUnit) -> String {
     let number = found.tool.map_or_else(String::new, |number| format!("tool {number}, "));
     let tool = length::stick_out(&(number + &found.name), [given, shortest], longest, unit);
     let line = found.line.map_or_else(String::new, |line| format!(", decided by line {line}"));
-    let Some(least) = found.least else {
+    let Some(minimum) = found.minimum else {
         let on = found.line.map_or_else(String::new, |line| format!(" on line {line}"));
         return format!(
             "{tool}: none is free on the whole path: the shank is in the way{on} however far it sticks out"
         );
     };
-    let takes = format!("the whole path takes {} {unit}{line}", length::at_least(least, unit));
-    if longest.is_some_and(|longest| least > longest) {
+    let takes = format!("the whole path takes {} {unit}{line}", length::at_least(minimum, unit));
+    if longest.is_some_and(|longest| minimum > longest) {
         return format!("{tool}: {takes}: more than the tool has");
     }
-    let margin = given - least;
+    let margin = given - minimum;
     let so = if margin >= 0.0 {
         format!("as it is set: {} {unit} to spare", length::at_most(margin, unit))
     } else {

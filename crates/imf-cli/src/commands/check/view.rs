@@ -21,7 +21,7 @@ const TABLE: [u8; 3] = [165, 190, 205];
 const HEAD: [u8; 3] = [120, 140, 190];
 
 /// What is shown as surfaces, all in the result's frame.
-pub(super) struct Shown {
+pub(super) struct CheckScene {
     mesh: Mesh,
     /// Of every triangle, which of the names.
     of: Vec<f32>,
@@ -31,7 +31,7 @@ pub(super) struct Shown {
     focus: Option<(DVec3, DVec3)>,
 }
 
-impl Shown {
+impl CheckScene {
     /// `meshes` are in the world, the part first; `back` leads from there to the result's frame, `set_up` from the
     /// path's frame to the world. A machine's solids are where they are at the deepest collision; without one those
     /// alone are shown that go with the part.
@@ -83,7 +83,12 @@ impl Shown {
 }
 
 /// What is shown; `path` is in the world.
-pub(super) fn view<'a>(checked: &CheckRun<'_>, shown: &'a Shown, path: &Toolpath, back: &DMat4) -> View<'a> {
+pub(super) fn view<'a>(
+    checked: &CheckRun<'_>,
+    shown: &'a CheckScene,
+    path: &Toolpath,
+    back: &DMat4,
+) -> View<'a> {
     let unit = checked.record.unit;
     let hit: Vec<usize> = checked.report.colliding.iter().map(|line| line.line).collect();
     let mut paths = [("feed", FEED), ("rapid", RAPID), ("lines that collide", COLLIDING)]

@@ -1,7 +1,7 @@
 //! `imf dataset merge`: shares made apart become one dataset, or what is missing is named.
 
 use anyhow::{Result, bail};
-use imf_train::dataset::{Manifest, Merged, merge};
+use imf_train::dataset::{Manifest, MergeSummary, merge};
 use serde_json::json;
 
 use super::interruption;
@@ -15,7 +15,7 @@ const LISTED: usize = 6;
 
 pub(super) fn run(session: &Session, arguments: &DatasetMergeArguments) -> Result<()> {
     let out = &arguments.out;
-    let _keeping = interrupt::keep();
+    let _keeping = interrupt::stop_cleanly();
     let stage = session.stage("joining", "shards", 0);
     let advance = |n| stage.advance(n);
     let merged = merge(out, &arguments.folders, session.control(&advance));
@@ -24,7 +24,7 @@ pub(super) fn run(session: &Session, arguments: &DatasetMergeArguments) -> Resul
     for damage in &merged.damaged {
         session.warn(&format!("left out: {damage}"));
     }
-    let Merged { manifest, kept, copied, missing, .. } = &merged;
+    let MergeSummary { manifest, kept, copied, missing, .. } = &merged;
     let samples: u64 = manifest.shards.iter().flatten().map(|shard| shard.samples).sum();
     if session.json {
         let absent = |&shard: &usize| {

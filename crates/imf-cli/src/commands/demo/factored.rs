@@ -6,8 +6,8 @@ use imf_core::scene::Scene;
 use imf_core::section::Quantity;
 use imf_fields::factored::DistillSettings;
 use imf_fields::factored::file::FactoredFile;
-use imf_fields::harmonic::coefficients::Precision;
-use imf_fields::recipe::{Length, TrainingPlan};
+use imf_fields::harmonic::coefficients::StoragePrecision;
+use imf_fields::recipe::{TrainingLength, TrainingPlan};
 
 use super::make_report;
 use crate::arguments::DemoArguments;
@@ -28,7 +28,7 @@ pub(super) fn run(session: &Session, arguments: &DemoArguments, scene: &Scene) -
     let device = Device::open(&arguments.device.device, session)?;
     let _lock = lock_folder(&arguments.out)?;
     let start = FactoredStart::at(&arguments.out, job::is_unfinished::<FactoredFile>(&arguments.out))?;
-    let defaults = DistillSettings::of_length(Length::Steps(arguments.steps.unwrap_or(STEPS)));
+    let defaults = DistillSettings::of_length(TrainingLength::Steps(arguments.steps.unwrap_or(STEPS)));
     let defaults = start.resolve_settings(None, None, defaults);
     let symmetry = start.symmetry(true);
     let settings = DistillSettings {
@@ -40,7 +40,7 @@ pub(super) fn run(session: &Session, arguments: &DemoArguments, scene: &Scene) -
     let distillation = Distillation {
         settings,
         find_symmetry: symmetry.is_none(),
-        precision: Precision::F32,
+        precision: StoragePrecision::F32,
         beside: beside(CHECKPOINT_EVERY, "run the same command again"),
         smaller: "raise --memory, or take the smaller demo: --family siren5",
         start: &start,

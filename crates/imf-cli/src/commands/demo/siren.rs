@@ -7,7 +7,7 @@ use imf_fields::recipe::HeldOutChoice;
 use imf_fields::recipe::Sampling;
 use imf_fields::recipe::schedule::Schedule;
 use imf_fields::recipe::{AdamConfig, TrainingState};
-use imf_fields::recipe::{Length, TrainingPlan};
+use imf_fields::recipe::{TrainingLength, TrainingPlan};
 use imf_fields::siren::SirenShape;
 use imf_train::dataset::Layout;
 
@@ -38,7 +38,7 @@ pub(super) fn run(session: &Session, arguments: &DemoArguments, scene: &Scene) -
 
     let data = Data::open(&folder)?;
     let plan = TrainingPlan {
-        length: Length::Steps(arguments.steps.unwrap_or(STEPS)),
+        length: TrainingLength::Steps(arguments.steps.unwrap_or(STEPS)),
         schedule: Schedule::Cosine { initial: 5e-4, last: 5e-6, warmup: 200 },
         adam: AdamConfig { weight_decay: 0.0, ..AdamConfig::default() },
         seed: arguments.seed,

@@ -23,7 +23,7 @@ const WRITTEN: usize = 7;
 
 /// A field of any family and how it is used.
 pub(super) struct SavedField {
-    stored: FieldFile,
+    saved: FieldFile,
     described: String,
     /// What else its values are, for the guarantee.
     besides: String,
@@ -31,24 +31,24 @@ pub(super) struct SavedField {
 
 impl SavedField {
     /// Of a field from a file, which is of the tool's tip.
-    pub(super) fn new(stored: FieldFile) -> Result<Self> {
-        let described = match &stored {
+    pub(super) fn new(saved: FieldFile) -> Result<Self> {
+        let described = match &saved {
             FieldFile::Harmonic(file) => describe(file),
-            FieldFile::Siren(_) | FieldFile::Factored(_) => Subject::of_stored(&stored)?.describe(),
+            FieldFile::Siren(_) | FieldFile::Factored(_) => Subject::of_saved_field(&saved)?.describe(),
         };
         let mut besides = String::new();
-        let record = &stored.scene().record;
+        let record = &saved.scene().record;
         if record.tool.sharp_point_positions(record.grid.pitch) != [DVec3::ZERO] {
             besides += "; values are of the tool with its tip at the voxel, and imf query --sharp evaluates its sharp points";
         }
-        if matches!(&stored, FieldFile::Siren(model) if !model.record.finished) {
+        if matches!(&saved, FieldFile::Siren(model) if !model.record.finished) {
             besides += "; the network is not trained to its end";
         }
-        Ok(Self { stored, described, besides })
+        Ok(Self { saved, described, besides })
     }
 
-    pub(super) fn stored(&self) -> &FieldFile {
-        &self.stored
+    pub(super) fn saved(&self) -> &FieldFile {
+        &self.saved
     }
 
     /// How values are computed, as text.
@@ -58,7 +58,7 @@ impl SavedField {
 
     /// In titles of pictures.
     pub(super) fn exactness(&self) -> &'static str {
-        match &self.stored {
+        match &self.saved {
             FieldFile::Siren(_) => "from a network trained on exact sections",
             FieldFile::Harmonic(_) => "from a harmonic fit to exact sections",
             FieldFile::Factored(file) if file.settings.online.is_some() => {
@@ -70,7 +70,7 @@ impl SavedField {
 
     /// Which guarantee holds for the values.
     pub(super) fn guarantee(&self) -> String {
-        let guarantee = match &self.stored {
+        let guarantee = match &self.saved {
             FieldFile::Harmonic(file) => {
                 format!(
                     "approximate ({}); decisions need exact counts",
@@ -86,7 +86,7 @@ impl SavedField {
 
     /// What it is, by the name of its family.
     pub(super) fn summary(&self) -> (&'static str, Value) {
-        let summary = match &self.stored {
+        let summary = match &self.saved {
             FieldFile::Harmonic(file) => {
                 json!({ "settings": file.settings, "report": file.field.report, "bytes": file.field.bytes() })
             }
@@ -97,7 +97,7 @@ impl SavedField {
             }),
             FieldFile::Siren(model) => json!({ "shape": model.shape, "steps": model.record.steps }),
         };
-        (self.stored.family(), summary)
+        (self.saved.family(), summary)
     }
 
     /// Shows the sections of all orientations in order, once it is `ready` to.
@@ -112,9 +112,9 @@ impl SavedField {
         let all = &work.set.orientations;
         let calls = if all.len() > AT_ONCE { Workload::Many } else { Workload::One };
         let together = AT_ONCE.min(all.len());
-        self.require_memory(work, work.device.copied_bytes(&self.stored, calls), together, together)?;
+        self.require_memory(work, work.device.copied_bytes(&self.saved, calls), together, together)?;
         let stage = work.session.stage("sections of the field", "sections", all.len() as u64);
-        let field = work.device.field(work.session, &self.stored, calls)?.field;
+        let field = work.device.field(work.session, &self.saved, calls)?.field;
         ready()?;
         let mut values = vec![0.0; voxels * together];
         let mut own = start();
@@ -136,10 +136,10 @@ impl SavedField {
     /// The minimum over all orientations. Also checks that there is memory for what is computed from it.
     pub(super) fn minimum(&self, work: &Work<'_>) -> Result<Imf> {
         let together = work.set.len().min(DIRECTIONS_AT_ONCE);
-        self.require_memory(work, work.device.copied_bytes(&self.stored, Workload::One), WRITTEN, together)?;
+        self.require_memory(work, work.device.copied_bytes(&self.saved, Workload::One), WRITTEN, together)?;
         let values = work.scene.record.grid.len() as u64 * work.set.len() as u64;
         work.session.staged("minimum of the field", "values", values, |control| {
-            let field = work.device.field(work.session, &self.stored, Workload::One)?.field;
+            let field = work.device.field(work.session, &self.saved, Workload::One)?.field;
             Ok(field.minimum(&work.set.orientations, control)?)
         })
     }
@@ -163,7 +163,7 @@ impl SavedField {
 
     /// Bytes of what orientations are multiplied with: their functions, and these along axes in two orders.
     fn direction_weights_bytes(&self, orientations: usize) -> u64 {
-        let functions = self.stored.basis().map_or(0, Basis::len);
-        4 * (orientations * (functions + 2 * self.stored.coefficient_count())) as u64
+        let functions = self.saved.basis().map_or(0, Basis::len);
+        4 * (orientations * (functions + 2 * self.saved.coefficient_count())) as u64
     }
 }

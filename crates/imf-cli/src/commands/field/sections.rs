@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 
 use super::elements::{self, ElementBuffers, ElementRow};
 use super::{Measure, ORIENTATIONS, Outside, SUMMARY, Values, Work, angles_text};
-use crate::interrupt::{self, Interrupted};
+use crate::interrupt::{self, Interruption};
 use crate::output::{print, print_json, same_digits, table, write_json};
 use crate::picture::MaskStyle;
 use crate::slices::{MidPlaneSheet, MidPlanes};
@@ -49,7 +49,7 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
     let files = files(work, shared);
     let measure = work.measure();
     let name = |index| name(&measure, index);
-    let keeping = interrupt::keep();
+    let keeping = interrupt::stop_cleanly();
     let begin = || -> Result<()> {
         work.folder.begin(work.session)?;
         // First, so that sections saved before Ctrl-C can be identified, and are found by the next run.
@@ -94,7 +94,7 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
         }
         let (written, all, folder) =
             (written.load(Ordering::Relaxed), set.len(), work.folder.path().display());
-        Interrupted(format!("{written} of {all} sections are finished and kept in {folder}")).into()
+        Interruption(format!("{written} of {all} sections are finished and kept in {folder}")).into()
     })?;
     // All sections are written: from here on Ctrl-C ends the program at once.
     drop(keeping);

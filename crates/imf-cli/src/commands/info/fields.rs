@@ -18,7 +18,7 @@ use serde_json::{Value, json};
 
 use super::{Description, Line};
 use crate::arguments::clearance::clearance_text;
-use crate::commands::calibrate::{judgement, threshold_text};
+use crate::commands::calibrate::{decision_rates, threshold_text};
 use crate::commands::train::harmonic::validation_text;
 use crate::output::short;
 use crate::session::show_bytes;
@@ -49,7 +49,7 @@ pub(super) fn dataset(folder: &Path) -> Result<Description> {
             format!(
                 "{:.1} % of the voxels of every section, up to {:.1} % of them where the tool collides, seed {}",
                 100.0 * sampling.density,
-                100.0 * sampling.positive_share,
+                100.0 * sampling.positive_fraction,
                 sampling.seed
             ),
         ),
@@ -155,9 +155,9 @@ fn siren(model: &Model, size: &str) -> Family {
 
 fn harmonic(file: &HarmonicFile, size: &str) -> Family {
     let HarmonicFile { field, settings, .. } = file;
-    let (report, axes) = (&field.report, field.axis_count());
+    let (report, components) = (&field.report, field.component_count());
     let family = format!(
-        "harmonic, {} basis functions of degree {}, {axes} principal components, file of {size}",
+        "harmonic, {} basis functions of degree {}, {components} principal components, file of {size}",
         report.functions, settings.degree
     );
     let errors = format!(
@@ -166,7 +166,8 @@ fn harmonic(file: &HarmonicFile, size: &str) -> Family {
         report.dropped
     );
     let made = vec![("fitted to", format!("{} exact sections", report.sections)), ("errors", errors)];
-    let json = json!({ "kind": "harmonic", "axes": axes, "settings": settings, "report": report });
+    let json =
+        json!({ "kind": "harmonic", "components": components, "settings": settings, "report": report });
     (vec![("family", family)], made, json)
 }
 
@@ -221,8 +222,8 @@ fn calibration_lines(calibration: Option<&Calibration>, quantity: Quantity, unit
                 known.goals.confidence * 100.0
             ),
         ),
-        ("  anywhere", judgement(&known.uniform, &shown)),
-        ("  at contact", judgement(&known.boundary, &shown)),
+        ("  anywhere", decision_rates(&known.uniform, &shown)),
+        ("  at contact", decision_rates(&known.boundary, &shown)),
         ("verdict", known.verdict().to_string()),
     ]
 }

@@ -171,7 +171,7 @@ fn describe_element(element: &Element, tool: &Tool) -> (Line, serde_json::Value)
         "kind": element.kind,
         "from": from,
         "to": to,
-        "least_radius": least,
+        "minimum_radius": least,
         "largest_radius": largest,
         "volume": volume,
     });

@@ -6,7 +6,7 @@ use std::path::Path;
 use anyhow::{Context as _, Result, bail};
 use imf_core::scene::Scene;
 use imf_core::section::{Quantity, SectionPlan, ToolPoints};
-use imf_fields::evaluation::{Exact, grid_sections};
+use imf_fields::evaluation::{ExactReference, grid_sections};
 use imf_fields::factored::DistillSettings;
 use imf_fields::factored::file::FactoredFile;
 use imf_fields::field::Field;
@@ -187,7 +187,7 @@ fn conclude(
     let (settings, source) = (file.settings, file.report);
     let validation = {
         let sections = SectionPlan::of_scene(&scene, ToolPoints::Tip)?;
-        let exact = Exact::new(&sections, quantity, None)?;
+        let exact = ExactReference::new(&sections, quantity, None)?;
         let field = Field::new(FieldFile::Factored(Box::new(file)))?;
         let sections = session.staged("validating", "sections", random.len() as u64, |control| {
             grid_sections(&exact, &random, &field, 0.0, control)

@@ -51,7 +51,7 @@ pub(in crate::commands) fn describe(file: &HarmonicFile) -> String {
         report.functions,
         file.settings.degree,
         report.sections,
-        file.field.axis_count(),
+        file.field.component_count(),
         errors_text(&file.field, file.scene.record.unit),
     )
 }
@@ -98,8 +98,8 @@ pub fn fit_field(
     settings.one_pass = one <= session.memory_limit().max(two);
     let needed = if settings.one_pass { one } else { two };
     session.require_memory(needed, || {
-        let axes = settings.sizes(domain).axes;
-        format!("a harmonic field of degree {} along {axes} components; {smaller}", settings.degree)
+        let components = settings.sizes(domain).components;
+        format!("a harmonic field of degree {} along {components} components; {smaller}", settings.degree)
     })?;
     let stage = session.stage("sections to fit", "sections", section_count(domain, &settings) as u64);
     let advance = |sections| stage.advance(sections);

@@ -9,7 +9,7 @@ use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
 use imf_core::section::Quantity;
 use imf_fields::factored::file::FactoredFile;
-use imf_fields::harmonic::coefficients::Precision;
+use imf_fields::harmonic::coefficients::StoragePrecision;
 use imf_fields::harmonic::file::HarmonicFile;
 use imf_fields::model::Model;
 use imf_fields::recipe::{Sampling, TrainingState};
@@ -23,7 +23,7 @@ use crate::arguments::train::{FinetuneArguments, Siren5Arguments, Siren5Training
 use crate::commands::calibrate::calibrate_written;
 use crate::commands::dataset::sample_sections;
 use crate::engine::Device;
-use crate::job::{self, Data, FIELD, Footprint, Latest, Settings};
+use crate::job::{self, Data, FIELD, Footprint, LatestCheckpoint, Settings};
 use crate::output::{OutputFolder, lock_folder, print_result, require_other};
 use crate::session::Session;
 
@@ -134,10 +134,12 @@ fn trained(
         }
         found.require_options(shape, training)?;
     }
-    let is_over = |same: &dyn Fn(&Latest) -> Result<()>| -> Result<bool> {
+    let is_over = |same: &dyn Fn(&LatestCheckpoint) -> Result<()>| -> Result<bool> {
         let Some(found) = &found else { return Ok(false) };
         same(found)?;
-        let Some(model) = found.finished(session, folder.path(), Precision::F32)? else { return Ok(false) };
+        let Some(model) = found.finished(session, folder.path(), StoragePrecision::F32)? else {
+            return Ok(false);
+        };
         conclude(session, folder.path(), &model, !run.no_calibrate)?;
         Ok(true)
     };

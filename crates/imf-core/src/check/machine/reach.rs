@@ -65,11 +65,11 @@ pub struct MachineReach {
     place: Pose,
     length: f64,
     /// By the bits of a direction that was announced, in the part's frame.
-    known: HashMap<[u64; 3], Vec<Turned>>,
+    known: HashMap<[u64; 3], Vec<RotarySolution>>,
 }
 
 /// The rotary axes at angles that give a direction.
-struct Turned {
+struct RotarySolution {
     rotary: [f64; 2],
     place: Placement,
     /// Part or fixture, and the machine's solid that it swings into; checked where the axes are within their travel.
@@ -122,7 +122,7 @@ impl MachineReach {
         self
     }
 
-    fn turned(&self, axis: DVec3) -> Vec<Turned> {
+    fn turned(&self, axis: DVec3) -> Vec<RotarySolution> {
         turned(&self.pairs.machine, self.place.rotation * axis)
     }
 
@@ -151,15 +151,15 @@ impl MachineReach {
         })
     }
 
-    fn of_direction<T>(&self, axis: DVec3, answer: impl FnOnce(&[Turned]) -> T) -> T {
+    fn of_direction<T>(&self, axis: DVec3, answer: impl FnOnce(&[RotarySolution]) -> T) -> T {
         match self.known.get(&bits(axis)) {
             Some(turned) => answer(turned),
             None => answer(&self.turned(axis)),
         }
     }
 
-    fn fault_at(&self, tip: DVec3, turned: &Turned) -> Option<MachineFault> {
-        let Turned { rotary, place, on_table } = turned;
+    fn fault_at(&self, tip: DVec3, turned: &RotarySolution) -> Option<MachineFault> {
+        let RotarySolution { rotary, place, on_table } = turned;
         let head = place.head[2].of_point(DVec3::new(0.0, 0.0, -self.length));
         let linear =
             place.table[2].of_point(self.place.of_point(tip) + self.pairs.machine.part_zero()) - head;
@@ -186,7 +186,7 @@ fn bits(axis: DVec3) -> [u64; 3] {
 }
 
 /// Whole turns of an axis change nothing of where anything is.
-fn turned(machine: &Machine, axis: DVec3) -> Vec<Turned> {
+fn turned(machine: &Machine, axis: DVec3) -> Vec<RotarySolution> {
     let found = machine.inverse(axis);
     let mut angles: Vec<[f64; 2]> = Vec::new();
     let mut add = |pair: [f64; 2]| {
@@ -214,7 +214,7 @@ fn turned(machine: &Machine, axis: DVec3) -> Vec<Turned> {
     }
     angles
         .into_iter()
-        .map(|rotary| Turned {
+        .map(|rotary| RotarySolution {
             rotary,
             place: Placement::turned(machine, &rotary),
             on_table: OnceLock::new(),

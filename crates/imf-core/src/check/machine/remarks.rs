@@ -12,7 +12,7 @@ use crate::check::{CheckBodies, HitBody};
 use crate::field::solid::SolidVoxels;
 use crate::machine::Side;
 use crate::tool::Tool;
-use crate::unit::Length;
+use crate::unit::DisplayLength;
 
 /// In words: part or fixtures that stand in what carries them, as where G54 is wrong, and tools without a holder, whose length up to the
 /// spindle's face is then that of what is left; nothing without a machine. `set_up` is the toolpath's.
@@ -44,7 +44,7 @@ pub fn machine_remarks(
         let [body, solid] = pair.bodies();
         Some(format!(
             "the {body} stands {} {unit} deep in the {solid}: check where G54 is, and how the part lies",
-            Length((depth * 100.0).round() / 100.0)
+            DisplayLength((depth * 100.0).round() / 100.0)
         ))
     });
     let bare = tools.iter().filter(|(_, tool)| !tool.has_holder()).map(|(_, tool)| {
@@ -52,7 +52,7 @@ pub fn machine_remarks(
             "the tool '{}' has no holder: it is taken to end at the spindle's face, {} {unit} above its tip, by which the head's place and \
              the travel follow",
             tool.name,
-            Length(tool.length())
+            DisplayLength(tool.length())
         )
     });
     standing.chain(bare).collect()

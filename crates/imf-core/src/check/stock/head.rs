@@ -4,7 +4,7 @@ use super::super::elements::{Step, Track};
 use super::super::machine::{HeadBody, HeadShape, MachineBodies, bar_around};
 use super::super::motions::Motion;
 use super::super::{CheckError, CheckSettings, Collision};
-use super::guard::Guard;
+use super::non_cutting::NonCuttingBody;
 use super::voxels::{BitLines, StockVoxels};
 use crate::machine::{Machine, MachineMotion, Side};
 use crate::pose::Pose;
@@ -13,7 +13,7 @@ use crate::tool::Element;
 /// The bodies of the head. Between two poses of the tool each is sampled as often as its own motion requires.
 pub(super) struct Heads<'a> {
     machine: &'a Machine,
-    bodies: Vec<(HeadBody, Vec<Guard>)>,
+    bodies: Vec<(HeadBody, Vec<NonCuttingBody>)>,
     /// From the world to where the machine's coordinates are with the table's axes at 0.
     to_machine: Pose,
     step: f64,
@@ -41,8 +41,9 @@ impl<'a> Heads<'a> {
         let of_head = machine.solids.iter().filter(|solid| solid.side == Side::Head);
         let body = |solid| {
             let body = HeadBody::of_solid(solid, settings.clearance.holder)?;
-            let guards = guards(&body, pitch).ok_or_else(|| CheckError::Outline(body.name.clone()))?;
-            Ok((body, guards))
+            let non_cutting =
+                non_cutting(&body, pitch).ok_or_else(|| CheckError::Outline(body.name.clone()))?;
+            Ok((body, non_cutting))
         };
         let bodies = of_head.map(body).collect::<Result<_, CheckError>>()?;
         let to_machine = HeadBody::to_machine(machine, world);
@@ -50,17 +51,17 @@ impl<'a> Heads<'a> {
     }
 
     pub(super) fn forget(&mut self) {
-        self.bodies.iter_mut().flat_map(|(_, guards)| guards).for_each(Guard::forget);
+        self.bodies.iter_mut().flat_map(|(_, non_cutting)| non_cutting).for_each(NonCuttingBody::forget);
     }
 
     pub(super) fn begin<'h>(&'h mut self, motion: &'h Motion<'h>) -> HeadsOnTheWay<'h, 'a> {
         let way = motion.by_machine();
         let table = self.machine.axes_of(Side::Table);
-        let of_body = |(body, guards): &(HeadBody, Vec<Guard>)| {
+        let of_body = |(body, non_cutting): &(HeadBody, Vec<NonCuttingBody>)| {
             let farthest = way.map_or(0.0, |way| way.motion_bound(&body.ball, table));
             let each = (farthest / self.step / motion.count as f64).ceil().max(1.0);
             let length = farthest / (each * motion.count as f64);
-            (each as u64, length, guards.iter().map(|_| Track::default()).collect())
+            (each as u64, length, non_cutting.iter().map(|_| Track::default()).collect())
         };
         let bodies = self.bodies.iter().map(of_body).collect();
         HeadsOnTheWay { heads: self, motion, way, bodies }
@@ -68,14 +69,14 @@ impl<'a> Heads<'a> {
 }
 
 /// `None` for an outline that runs cannot be made of.
-fn guards(body: &HeadBody, pitch: f64) -> Option<Vec<Guard>> {
+fn non_cutting(body: &HeadBody, pitch: f64) -> Option<Vec<NonCuttingBody>> {
     let HeadBody { name, shape, clearance, .. } = body;
     let of_element =
-        |own: &Element| Guard::new(name.clone(), *clearance, (own.clone(), true), own, None, pitch);
+        |own: &Element| NonCuttingBody::new(name.clone(), *clearance, (own.clone(), true), own, None, pitch);
     match shape {
         HeadShape::Round(elements) => elements.iter().map(of_element).collect(),
         HeadShape::Mesh(tool) => {
-            Some(vec![Guard::of_mesh(name.clone(), *clearance, tool, &bar_around(tool), pitch)?])
+            Some(vec![NonCuttingBody::of_mesh(name.clone(), *clearance, tool, &bar_around(tool), pitch)?])
         }
     }
 }
@@ -86,7 +87,7 @@ impl HeadsOnTheWay<'_, '_> {
         let (Some(way), count) = (self.way, self.motion.count) else { return };
         let Heads { machine, bodies, to_machine, .. } = &mut *self.heads;
         let table = machine.axes_of(Side::Table);
-        for ((body, guards), (each, length, tracks)) in bodies.iter_mut().zip(&mut self.bodies) {
+        for ((body, non_cutting), (each, length, tracks)) in bodies.iter_mut().zip(&mut self.bodies) {
             for part_way in 1..=*each {
                 let index = (pose - 1) * *each + part_way;
                 let fraction = index as f64 / (count * *each) as f64;
@@ -95,8 +96,8 @@ impl HeadsOnTheWay<'_, '_> {
                 let in_machine = place.table[table].inverse().of_pose(&head);
                 let at = to_machine.inverse().of_pose(&in_machine);
                 let step = Step { index, fraction, is_last: index == count * *each, length: *length };
-                for (guard, track) in guards.iter_mut().zip(tracks.iter_mut()) {
-                    guard.look(stock, part, &step, &at, track);
+                for (one, track) in non_cutting.iter_mut().zip(tracks.iter_mut()) {
+                    one.look(stock, part, &step, &at, track);
                 }
             }
         }

@@ -3,9 +3,9 @@
 use super::super::elements::{Step, Track};
 use super::super::motions::Motion;
 use super::super::{CheckError, CheckSettings, Collision};
-use super::guard::{Approach, Guard};
 use super::head::{Heads, HeadsOnTheWay};
-use super::voxels::{BitLines, StockVoxels, Taking};
+use super::non_cutting::{Approach, NonCuttingBody};
+use super::voxels::{BitLines, StockRemover, StockVoxels};
 use crate::field::solid::BodyLines;
 use crate::pose::Pose;
 use crate::tool::{Element, ElementKind, Tool, ToolShape};
@@ -18,13 +18,13 @@ struct Cutter {
     lines: BodyLines,
     approach: Approach,
     /// What a rapid must keep out of the stock: its points deeper than what is accepted.
-    rapid: Guard,
+    rapid: NonCuttingBody,
 }
 
 /// The bodies of one tool.
 pub(super) struct StockTool<'a> {
     cutter: Option<Cutter>,
-    guards: Vec<Guard>,
+    non_cutting: Vec<NonCuttingBody>,
     heads: Option<Heads<'a>>,
 }
 
@@ -51,7 +51,7 @@ impl<'a> StockTool<'a> {
             Ok::<_, CheckError>(Cutter {
                 lines: BodyLines::new(&element, pitch).ok_or_else(intricate)?,
                 approach: Approach::new(&element, pitch),
-                rapid: Guard::new(
+                rapid: NonCuttingBody::new(
                     ElementKind::Cutter.to_string(),
                     0.0,
                     (element, exposed),
@@ -64,16 +64,16 @@ impl<'a> StockTool<'a> {
         };
         let offset = tool.offset_elements(&settings.clearance)?;
         let stay_out = elements.iter().zip(offset).filter(|(own, _)| own.kind != ElementKind::Cutter);
-        let guard = |(own, element): (&Element, Element)| {
+        let one = |(own, element): (&Element, Element)| {
             let clearance = settings.clearance.of(own.kind);
             let rubs = widest.filter(|_| own.kind == ElementKind::Shank && clearance == 0.0);
             let rubs = rubs.map(|widest| (widest - accepted, widest + settings.contact));
             let (name, inner) = (own.kind.to_string(), element.clone());
-            Guard::new(name, clearance, (element, true), &inner, rubs, pitch).ok_or_else(intricate)
+            NonCuttingBody::new(name, clearance, (element, true), &inner, rubs, pitch).ok_or_else(intricate)
         };
         Ok(Self {
             cutter: whole.map(cutter).transpose()?,
-            guards: stay_out.map(guard).collect::<Result<_, _>>()?,
+            non_cutting: stay_out.map(one).collect::<Result<_, _>>()?,
             heads,
         })
     }
@@ -81,7 +81,7 @@ impl<'a> StockTool<'a> {
     /// The path begins anew: the tool's previous place is unknown.
     pub(super) fn begin(&mut self) {
         self.cutter.iter_mut().for_each(|cutter| cutter.approach.forget());
-        self.guards.iter_mut().for_each(Guard::forget);
+        self.non_cutting.iter_mut().for_each(NonCuttingBody::forget);
         self.heads.iter_mut().for_each(Heads::forget);
     }
 
@@ -114,7 +114,7 @@ impl<'a> StockTool<'a> {
         part: &BitLines,
         taken: &mut impl FnMut(usize, u64),
     ) -> Vec<Collision> {
-        let mut tracks: Vec<Track> = self.guards.iter().map(|_| Track::default()).collect();
+        let mut tracks: Vec<Track> = self.non_cutting.iter().map(|_| Track::default()).collect();
         let mut heads = self.heads.as_mut().map(|heads| heads.begin(motion));
         let (lines, mut approach) = match &mut self.cutter {
             Some(Cutter { lines, approach, .. }) => (Some(&*lines), Some(approach)),
@@ -125,17 +125,17 @@ impl<'a> StockTool<'a> {
         let mut take = |stock: &mut StockVoxels, waiting: &mut Vec<Pose>| {
             if let (Some(lines), false) = (lines, waiting.is_empty()) {
                 let grid = stock.fine().grid;
-                lines.visit_all(&grid, waiting, &mut Taking { stock, taken: &mut *taken });
+                lines.visit_all(&grid, waiting, &mut StockRemover { stock, taken: &mut *taken });
             }
             waiting.clear();
         };
         for (index, (fraction, pose)) in (1..).zip(motion.poses()) {
             let step = Step { index, fraction, is_last: index == motion.count, length: motion.step };
-            for (guard, track) in self.guards.iter_mut().zip(&mut tracks) {
+            for (one, track) in self.non_cutting.iter_mut().zip(&mut tracks) {
                 // Stock that is still to be removed may make it seem nearer than it is.
-                if !guard.is_away(stock, &pose, step.length) {
+                if !one.is_away(stock, &pose, step.length) {
                     take(stock, &mut waiting);
-                    guard.look_closely(stock, part, &step, &pose, track);
+                    one.look_closely(stock, part, &step, &pose, track);
                 }
             }
             if let Some(heads) = &mut heads {

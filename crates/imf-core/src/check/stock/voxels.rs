@@ -183,12 +183,12 @@ impl StockVoxels {
 }
 
 /// Visits the stock on lines where it may be.
-pub(super) struct Looking<'a, F> {
+pub(super) struct StockScanner<'a, F> {
     pub(super) stock: &'a StockVoxels,
     pub(super) line: F,
 }
 
-impl<F: FnMut(usize, usize, usize, usize) -> bool> LineVisitor for Looking<'_, F> {
+impl<F: FnMut(usize, usize, usize, usize) -> bool> LineVisitor for StockScanner<'_, F> {
     #[inline(always)]
     fn may_hold(&self, x: usize, y: Range<usize>, z: Range<usize>) -> bool {
         self.stock.may_hold(x, &y, &z)
@@ -201,12 +201,12 @@ impl<F: FnMut(usize, usize, usize, usize) -> bool> LineVisitor for Looking<'_, F
 }
 
 /// Takes away what lines hold.
-pub(super) struct Taking<'a, F> {
+pub(super) struct StockRemover<'a, F> {
     pub(super) stock: &'a mut StockVoxels,
     pub(super) taken: F,
 }
 
-impl<F: FnMut(usize, u64)> LineVisitor for Taking<'_, F> {
+impl<F: FnMut(usize, u64)> LineVisitor for StockRemover<'_, F> {
     #[inline(always)]
     fn may_hold(&self, x: usize, y: Range<usize>, z: Range<usize>) -> bool {
         self.stock.may_hold(x, &y, &z)

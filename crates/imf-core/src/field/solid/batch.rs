@@ -104,7 +104,7 @@ struct Lookup<'a> {
 }
 
 /// Sixteen spheres' middles: byte of the nearest voxel, squared distance from its centre, and that from the box of centres.
-struct Found {
+struct NearestVoxels {
     byte: [f32; LANES],
     from_centre: [f32; LANES],
     outside: [f32; LANES],
@@ -112,10 +112,11 @@ struct Found {
 
 impl Lookup<'_> {
     #[inline(always)]
-    fn at(&self, places: &Places, first: usize, height: f32) -> Found {
+    fn at(&self, places: &Places, first: usize, height: f32) -> NearestVoxels {
         /// Adding it rounds to whole numbers, which the lowest bits then hold.
         const ROUND: f32 = 12_582_912.0;
-        let mut found = Found { byte: [0.0; LANES], from_centre: [0.0; LANES], outside: [0.0; LANES] };
+        let mut found =
+            NearestVoxels { byte: [0.0; LANES], from_centre: [0.0; LANES], outside: [0.0; LANES] };
         let mut index = [0_i32; LANES];
         for axis in 0..3 {
             let tip = &places.tip[axis][first..first + LANES];

@@ -140,7 +140,7 @@ impl<V: LineVisitor> WithSimd for Pass<'_, V> {
                 if low >= high || !visitor.may_hold(x as usize, line..line + lanes, low..high) {
                     continue;
                 }
-                let mut joined = Joined::NOTHING;
+                let mut joined = RunUnion::NOTHING;
                 for Row { segment, across, .. } in rows.iter().filter(meets) {
                     let mut runs = segment.runs(simd, *across, first as f64 - segment.placed.tip.y, cut);
                     if runs.doubt {
@@ -150,7 +150,7 @@ impl<V: LineVisitor> WithSimd for Pass<'_, V> {
                         if !joined.show(x as usize, line, lanes, visitor) {
                             return false;
                         }
-                        joined = Joined::NOTHING;
+                        joined = RunUnion::NOTHING;
                         joined.add(&runs);
                     }
                 }
@@ -164,12 +164,12 @@ impl<V: LineVisitor> WithSimd for Pass<'_, V> {
 }
 
 /// One run on each of eight lines, as [`Runs`] has it; from infinity to minus infinity where there is none.
-struct Joined {
+struct RunUnion {
     from: [f64; LANES],
     to: [f64; LANES],
 }
 
-impl Joined {
+impl RunUnion {
     const NOTHING: Self = Self { from: [f64::INFINITY; LANES], to: [f64::NEG_INFINITY; LANES] };
 
     /// False, and nothing is added, where a gap lies between a line's runs.

@@ -13,10 +13,10 @@ use crate::parallel::{self, make_once};
 /// An obstacle's voxels with their running sums and, from the first decision on, their distance transform. Cloning it
 /// copies nothing.
 #[derive(Clone)]
-pub(crate) struct SolidVoxels(Arc<Prepared>);
+pub(crate) struct SolidVoxels(Arc<SolidTables>);
 
 #[derive(Clone)]
-struct Prepared {
+struct SolidTables {
     occupancy: Arc<Occupancy>,
     columns: Columns,
     distances: OnceLock<DistanceField>,
@@ -28,7 +28,7 @@ struct Prepared {
 impl From<Arc<Occupancy>> for SolidVoxels {
     fn from(occupancy: Arc<Occupancy>) -> Self {
         let columns = Columns::new(&occupancy);
-        Self(Arc::new(Prepared {
+        Self(Arc::new(SolidTables {
             occupancy,
             columns,
             distances: OnceLock::new(),
@@ -58,10 +58,10 @@ impl SolidVoxels {
     /// others retain theirs.
     pub(crate) fn change(&mut self, changed: &[usize]) {
         if Arc::get_mut(&mut self.0).is_none() {
-            self.0 = Arc::new(Prepared::clone(&self.0));
+            self.0 = Arc::new(SolidTables::clone(&self.0));
         }
         let Some(prepared) = Arc::get_mut(&mut self.0) else { return };
-        let Prepared { occupancy, columns, distances, depths, bytes } = prepared;
+        let SolidTables { occupancy, columns, distances, depths, bytes } = prepared;
         let occupancy = Arc::make_mut(occupancy);
         changed.iter().for_each(|&index| occupancy.solid[index] ^= 1);
         columns.change(occupancy, changed);

@@ -74,7 +74,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<(Mesh, LengthUnit), Fault> {
             count => format!("nothing of its build is to be printed: {count} items have printable=\"0\""),
         }));
     }
-    let mut placing = Placing { models: &models, mesh: Mesh::default(), placements: 0, bytes: bytes.len() };
+    let mut placing = Assembler { models: &models, mesh: Mesh::default(), placements: 0, bytes: bytes.len() };
     for item in items {
         let (model, object) = (item.path.as_ref().unwrap_or(&root), item.object);
         if models.get(model).and_then(|m| m.objects.get(&object)).is_some_and(|o| o.role == Role::Other) {
@@ -122,7 +122,7 @@ fn unpack(archive: &mut Archive<'_>, name: &str, budget: &mut u64) -> Result<Str
     String::from_utf8(text).map_err(|_| Fault::malformed(format!("{name} is not text in UTF-8")))
 }
 
-struct Placing<'a> {
+struct Assembler<'a> {
     models: &'a HashMap<String, Model>,
     mesh: Mesh,
     placements: usize,
@@ -130,7 +130,7 @@ struct Placing<'a> {
     bytes: usize,
 }
 
-impl Placing<'_> {
+impl Assembler<'_> {
     /// Appends an object and all that it is made of.
     fn place(&mut self, model: &str, object: u32, transform: &DMat4, depth: usize) -> Result<(), Fault> {
         self.placements += 1;

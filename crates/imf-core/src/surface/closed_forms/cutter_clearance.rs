@@ -36,7 +36,7 @@ fn top_among(fixtures: &[Mesh], tool: &Assembly, pitch: f64, conservative: bool,
     let tool = SurfaceTool::new(&environment, tool, tolerance).unwrap();
     let above = OrientationSet::parse(DOWN).unwrap().orientations;
     let reach = surface_access(&tool, &samples, &above, Control::quiet()).unwrap().reach;
-    Found { samples: &samples, tool, reach }.reached(|sample| sample.normal.z > 0.9)
+    SampleVerdicts { samples: &samples, tool, reach }.reached(|sample| sample.normal.z > 0.9)
 }
 
 #[test]

@@ -80,7 +80,7 @@ fn it_is_the_first_free_place_on_the_way_up() {
                 })
             };
             let expected = (0..30_000).map(|i| 1.0 + 1e-3 * f64::from(i)).find(|&s| free(s)).unwrap();
-            let mut waiting = Waiting::new();
+            let mut waiting = CellQueue::new();
             let found = skyline.clearing_height(tip, &body, 1.0, f64::INFINITY, &mut waiting).unwrap();
             assert!((found - expected).abs() < 2e-3, "{axis} {tip}: {found} {expected}");
             assert!(free(found));
@@ -98,7 +98,7 @@ fn it_is_the_first_free_place_on_the_way_up() {
 #[test]
 fn nothing_solid_leaves_the_least() {
     let skyline = Skyline::new(&[], 1.0, DVec3::Z);
-    let found = skyline.clearing_height(DVec3::ONE, &holder(), 7.0, 9.0, &mut Waiting::new());
+    let found = skyline.clearing_height(DVec3::ONE, &holder(), 7.0, 9.0, &mut CellQueue::new());
     assert_eq!(found, Some(7.0));
 }
 

@@ -29,7 +29,7 @@ impl Part {
 
     fn find(&self, tool: &StickOutTool, directions: &str) -> Vec<StickOut> {
         let directions = OrientationSet::parse(directions).unwrap().orientations;
-        least_stick_outs(tool, &self.samples, &directions, Control::quiet()).unwrap()
+        shortest_stick_outs(tool, &self.samples, &directions, Control::quiet()).unwrap()
     }
 }
 
@@ -124,7 +124,8 @@ fn every_answer_is_free_and_one_voxel_less_is_not() {
         let prepared = part.tool(tool, clearance);
         for direction in OrientationSet::parse("axes+fibonacci:9").unwrap().orientations {
             let axis = ToolDirection::new(&direction).axis;
-            let found = least_stick_outs(&prepared, &part.samples, &[direction], Control::quiet()).unwrap();
+            let found =
+                shortest_stick_outs(&prepared, &part.samples, &[direction], Control::quiet()).unwrap();
             for found in found.iter().step_by(9) {
                 let StickOut::Reached { length, tip, .. } = *found else { continue };
                 assert!(is_free(&part, tool, clearance, length, (tip, axis)), "{found:?}");
@@ -149,11 +150,11 @@ fn the_best_direction_is_the_best_of_each_alone_and_of_trial() {
     let clearance = Clearance::default();
     let prepared = part.tool(&tool, &clearance);
     let directions = OrientationSet::parse("axes+fibonacci:34").unwrap().orientations;
-    let together = least_stick_outs(&prepared, &part.samples, &directions, Control::quiet()).unwrap();
+    let together = shortest_stick_outs(&prepared, &part.samples, &directions, Control::quiet()).unwrap();
     let mut least = vec![(f64::INFINITY, 0); part.samples.len()];
     let mut blocked = 0;
     for (index, &direction) in directions.iter().enumerate() {
-        let alone = least_stick_outs(&prepared, &part.samples, &[direction], Control::quiet()).unwrap();
+        let alone = shortest_stick_outs(&prepared, &part.samples, &[direction], Control::quiet()).unwrap();
         let axis = ToolDirection::new(&direction).axis;
         for (sample, found) in alone.iter().enumerate() {
             if found.length() < least[sample].0 {
@@ -202,7 +203,8 @@ fn as_it_is_set_a_tool_reaches_no_more_than_its_stick_out_allows() {
         let as_set = SurfaceTool::new(&part.environment, &assembly, tolerance).unwrap();
         let (mut reached, mut longer) = (0, 0);
         for &direction in &directions {
-            let least = least_stick_outs(&prepared, &part.samples, &[direction], Control::quiet()).unwrap();
+            let least =
+                shortest_stick_outs(&prepared, &part.samples, &[direction], Control::quiet()).unwrap();
             let access = surface_access(&as_set, &part.samples, &[direction], Control::quiet()).unwrap();
             for (found, reach) in least.iter().zip(&access.reach) {
                 if reach.verdict() == Verdict::Reached {
@@ -230,7 +232,7 @@ fn a_path_takes_the_length_with_which_all_its_poses_are_free() {
     let poses =
         [down(15.0, 30.0), down(15.0, 6.2), down(10.0, 6.2), Pose::along(DVec3::new(12.0, 15.0, 7.0), lean)];
     let least = |poses: &[Pose]| {
-        let mut raising = Raising::new(&prepared);
+        let mut raising = StickOutSearch::new(&prepared);
         // Farther out a pose may collide that was free.
         poses.iter().chain(poses).try_fold(8.0, |length, pose| raising.from(length, pose))
     };

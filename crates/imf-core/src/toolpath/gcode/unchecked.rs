@@ -27,10 +27,10 @@ pub(super) struct Unchecked {
 }
 
 /// Where the axes stand in the program's coordinates.
-pub(super) type Standing = [f64; 5];
+pub(super) type AxisPositions = [f64; 5];
 
 impl Program<'_> {
-    pub(super) fn standing(&self) -> Standing {
+    pub(super) fn standing(&self) -> AxisPositions {
         let DVec3 { x, y, z } = self.position().unwrap_or(self.joints.linear);
         let [first, second] = self.joints.rotary;
         [x, y, z, first, second]
@@ -46,7 +46,7 @@ impl Program<'_> {
     }
 
     /// Notes a motion that has just been made from there.
-    pub(super) fn note_motion(&mut self, line: usize, before: &Standing, goes_home: bool) {
+    pub(super) fn note_motion(&mut self, line: usize, before: &AxisPositions, goes_home: bool) {
         let after = self.standing();
         let moves = |axis: usize| {
             before[axis].is_nan() != after[axis].is_nan() || (after[axis] - before[axis]).abs() > SAME

@@ -40,7 +40,7 @@ pub(super) enum Draw {
 }
 
 /// A pose with the field's value.
-pub(super) struct Seen {
+pub(super) struct SampledPose {
     pub(super) value: f32,
     pub(super) kind: Kind,
     /// Error of the value, where it was compared.
@@ -79,8 +79,8 @@ impl<'a> Truth<'a> {
         seed: u64,
         part: u64,
         control: Control<'_>,
-    ) -> Result<Vec<Seen>, CalibrationError> {
-        let chunks: Vec<Vec<Seen>> = (0..count.div_ceil(CHUNK))
+    ) -> Result<Vec<SampledPose>, CalibrationError> {
+        let chunks: Vec<Vec<SampledPose>> = (0..count.div_ceil(CHUNK))
             .into_par_iter()
             .map(|chunk| {
                 control.check()?;
@@ -104,7 +104,7 @@ impl<'a> Truth<'a> {
                         }
                         Quantity::Overlap => 0.0,
                     };
-                    Ok(Seen { value, kind, error })
+                    Ok(SampledPose { value, kind, error })
                 });
                 let seen = each.collect::<Result<Vec<_>, CalibrationError>>()?;
                 (control.progress)(1);

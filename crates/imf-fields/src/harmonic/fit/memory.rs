@@ -1,9 +1,9 @@
 //! What a fit takes of memory.
 
-use super::sections::{KeptSections, memory_by_parts};
+use super::sections::{CachedSections, memory_by_parts};
 use super::{VALIDATED_AT_ONCE, batch_size, fitted_grid};
 use crate::harmonic::basis::Domain;
-use crate::harmonic::coefficients::Precision;
+use crate::harmonic::coefficients::StoragePrecision;
 use crate::harmonic::settings::{FitSettings, Sizes};
 use imf_core::section::SectionPlan;
 
@@ -11,13 +11,14 @@ impl FitSettings {
     /// Bytes at the peak of making a field over `voxels` voxels, and of the field itself; where all functions of
     /// directions are retained it may be less ([`FitSettings::memory_with`]).
     pub fn memory(&self, domain: Domain, voxels: usize) -> (u64, u64) {
-        let Sizes { functions, sections, axes } = self.sizes(domain);
-        let field = (voxels * axes) as u64 * self.precision.bytes();
-        let made = (voxels * axes * 4) as u64 + if self.precision == Precision::F32 { 0 } else { field };
+        let Sizes { functions, sections, components } = self.sizes(domain);
+        let field = (voxels * components) as u64 * self.precision.bytes();
+        let made = (voxels * components * 4) as u64
+            + if self.precision == StoragePrecision::F32 { 0 } else { field };
         let batch = (batch_size(voxels, sections) * voxels * 4) as u64;
         let sampled = self.sample_bytes(domain, voxels);
         let peak = if self.one_pass {
-            KeptSections::memory(sections, voxels) + field.max(sampled)
+            CachedSections::memory(sections, voxels) + field.max(sampled)
         } else {
             made.max(sampled) + batch
         };

@@ -6,13 +6,13 @@ use pulp::Arch;
 
 use super::quadrature::{ClassWeights, class_order};
 use super::sample::Sample;
-use super::sections::{KEPT_BLOCK, KeptSections, Parts};
-use super::solve::{NormalMatrix, Solved, keep_even, principal_axes};
+use super::sections::{CACHE_BLOCK, CachedSections, Parts};
+use super::solve::{NormalMatrix, SampleSolution, keep_even, principal_components};
 use super::source::{Source, SourceScratch};
 use super::{BLOCK, batch_size};
 use crate::harmonic::HarmonicError;
 use crate::harmonic::basis::{Basis, Domain};
-use crate::harmonic::coefficients::{Coefficients, Precision};
+use crate::harmonic::coefficients::{Coefficients, StoragePrecision};
 use crate::harmonic::mirror::{Parity, Planes};
 use crate::harmonic::settings::{FitReport, FitSettings, Sizes};
 use crate::siren::matrix::{Matrix, multiply};
@@ -40,8 +40,8 @@ pub(super) struct Dense {
 }
 
 /// The field's numbers: its axes as columns, the mean, the coefficients and the measured errors.
-pub(super) struct Fitted {
-    pub axes: DMatrix<f64>,
+pub(super) struct FitResult {
+    pub components: DMatrix<f64>,
     pub mean: DVector<f64>,
     pub(super) coefficients: Coefficients,
     pub report: FitReport,
@@ -75,58 +75,64 @@ impl Start {
         dense: &Dense,
         source: &Source<'_>,
         control: Control<'_>,
-    ) -> Result<(Solved, DMatrix<f64>, FitReport), HarmonicError> {
+    ) -> Result<(SampleSolution, DMatrix<f64>, FitReport), HarmonicError> {
         let own = self.sample.gather(source, &self.set, control)?;
         let solved = self.solved(&own, dense, control)?;
-        let (axes, report) = self.axes_of(&solved);
-        Ok((solved, axes, report))
+        let (components, report) = self.components_of(&solved);
+        Ok((solved, components, report))
     }
 
     /// Results of the sample's values at the fitted orientations, `[orientation][voxel]`.
-    fn solved(&self, own: &[f32], dense: &Dense, control: Control<'_>) -> Result<Solved, HarmonicError> {
+    fn solved(
+        &self,
+        own: &[f32],
+        dense: &Dense,
+        control: Control<'_>,
+    ) -> Result<SampleSolution, HarmonicError> {
         let solved = self.sample.moments(own, &dense.values).solve(&dense.normal, control)?;
         Ok(solved.of_both_sides(&self.parities))
     }
 
     /// The parities of axes.
-    pub(super) fn parities_of(&self, axes: &DMatrix<f64>) -> Vec<Parity> {
-        axes.column_iter().map(|column| self.parities[column.iamax()]).collect()
+    pub(super) fn parities_of(&self, components: &DMatrix<f64>) -> Vec<Parity> {
+        components.column_iter().map(|column| self.parities[column.iamax()]).collect()
     }
 
-    fn axes_of(&self, solved: &Solved) -> (DMatrix<f64>, FitReport) {
-        let (axes, dropped) = principal_axes(&solved.covariance, &self.parities, self.sizes.axes);
+    fn components_of(&self, solved: &SampleSolution) -> (DMatrix<f64>, FitReport) {
+        let (components, dropped) =
+            principal_components(&solved.covariance, &self.parities, self.sizes.components);
         let sections = self.sizes.sections;
         let report = self.sample.report(&solved.coefficients, &self.basis, |place| place, sections, dropped);
-        (axes, report)
+        (components, report)
     }
 
     /// Axes and mean where all functions are retained as they are; they depend on no section.
-    fn axes_of_classes(&self) -> Result<(DMatrix<f64>, DVector<f64>), HarmonicError> {
+    fn components_of_classes(&self) -> Result<(DMatrix<f64>, DVector<f64>), HarmonicError> {
         let functions = self.basis.len();
-        let mut axes = DMatrix::zeros(functions, functions);
+        let mut components = DMatrix::zeros(functions, functions);
         for (axis, function) in class_order(self.basis.degree()).into_iter().enumerate() {
-            axes[(function, axis)] = 1.0;
+            components[(function, axis)] = 1.0;
         }
         let mean = DVector::from_vec(self.sample.rough_means(&self.basis)?);
-        Ok((axes, keep_even(&mean, &self.parities)))
+        Ok((components, keep_even(&mean, &self.parities)))
     }
 
     /// One pass, each class of functions by itself, part by part of the grid.
     pub(super) fn class_by_class(
         &self,
         source: &Source<'_>,
-        precision: Precision,
+        precision: StoragePrecision,
         control: Control<'_>,
-    ) -> Result<Fitted, HarmonicError> {
+    ) -> Result<FitResult, HarmonicError> {
         let weights = ClassWeights::new(&self.basis, &self.set)?;
         let (arch, functions, order) = (Arch::new(), self.basis.len(), &weights.order);
         let workspaces = Workspaces::default();
-        let (axes, mean) = self.axes_of_classes()?;
+        let (components, mean) = self.components_of_classes()?;
         let start: Vec<f32> = order.iter().map(|&function| -mean[function] as f32).collect();
-        let solve = |sections: &KeptSections, start: Option<&[f32]>, z: &mut Coefficients, first| {
+        let solve = |sections: &CachedSections, start: Option<&[f32]>, z: &mut Coefficients, first| {
             let voxels = first..first + sections.voxels;
             // A block's sums of the classes, a quarter of a megabyte, stay in the inner caches.
-            z.fill_by_blocks(voxels, functions, KEPT_BLOCK, &workspaces, |sums, block, z| {
+            z.fill_by_blocks(voxels, functions, CACHE_BLOCK, &workspaces, |sums, block, z| {
                 match start {
                     Some(start) => z.chunks_exact_mut(functions).for_each(|z| z.copy_from_slice(start)),
                     None => z.fill(0.0),
@@ -135,7 +141,8 @@ impl Start {
             });
         };
         let mut coefficients = Coefficients::zeros(source.grid().len() * functions, precision);
-        let mut at_sample = Coefficients::zeros(self.sample.places().len() * functions, Precision::F32);
+        let mut at_sample =
+            Coefficients::zeros(self.sample.places().len() * functions, StoragePrecision::F32);
         let mut sampled = 0;
         let mut parts = Parts::new(source, &self.set, control)?;
         while let Some((first, sections)) = parts.next(control)? {
@@ -155,7 +162,7 @@ impl Start {
             self.sizes.sections,
             0.0,
         );
-        Ok(Fitted { axes, mean, coefficients, report })
+        Ok(FitResult { components, mean, coefficients, report })
     }
 
     /// One pass, whose sections stay in memory: those of the sample decide on the axes, then every block of voxels becomes
@@ -163,29 +170,29 @@ impl Start {
     pub(super) fn in_one_pass(
         &self,
         source: &Source<'_>,
-        precision: Precision,
+        precision: StoragePrecision,
         control: Control<'_>,
-    ) -> Result<Fitted, HarmonicError> {
+    ) -> Result<FitResult, HarmonicError> {
         let dense = self.dense()?;
-        let sections = KeptSections::count(source, &self.set, control)?;
+        let sections = CachedSections::count(source, &self.set, control)?;
         let of_sample = sections.at(self.sample.places());
         let mut own = Vec::new();
-        of_sample.read(Arch::new(), 0..of_sample.voxels.div_ceil(KEPT_BLOCK), &mut own);
+        of_sample.read(Arch::new(), 0..of_sample.voxels.div_ceil(CACHE_BLOCK), &mut own);
         let solved = self.solved(&own, &dense, control)?;
-        let (axes, report) = self.axes_of(&solved);
-        let (weights, start) = dense.weights(&axes, &solved.mean, control)?;
-        let (count, width, arch) = (self.set.len(), axes.ncols(), Arch::new());
+        let (components, report) = self.components_of(&solved);
+        let (weights, start) = dense.weights(&components, &solved.mean, control)?;
+        let (count, width, arch) = (self.set.len(), components.ncols(), Arch::new());
         let weights = Matrix::row_major(&weights, count, width, width);
         let mut coefficients = Coefficients::zeros(sections.voxels * width, precision);
         let workspaces = Workspaces::default();
         coefficients.fill_by_blocks(0..sections.voxels, width, BLOCK, &workspaces, |own, block, z| {
             z.chunks_exact_mut(width).for_each(|z| z.copy_from_slice(&start));
-            let (voxels, first) = (z.len() / width, block * (BLOCK / KEPT_BLOCK));
-            sections.read(arch, first..first + voxels.div_ceil(KEPT_BLOCK), own);
+            let (voxels, first) = (z.len() / width, block * (BLOCK / CACHE_BLOCK));
+            sections.read(arch, first..first + voxels.div_ceil(CACHE_BLOCK), own);
             let own = Matrix::row_major(own, count, voxels, voxels).transposed();
             multiply(z, width, own, weights, true);
         });
-        Ok(Fitted { axes, mean: solved.mean, coefficients, report })
+        Ok(FitResult { components, mean: solved.mean, coefficients, report })
     }
 
     /// A first pass decides on the axes, a second makes the coefficients along them, some sections at a time. Where
@@ -193,18 +200,18 @@ impl Start {
     pub(super) fn in_two_passes(
         &self,
         source: &Source<'_>,
-        precision: Precision,
+        precision: StoragePrecision,
         in_classes: bool,
         control: Control<'_>,
-    ) -> Result<Fitted, HarmonicError> {
+    ) -> Result<FitResult, HarmonicError> {
         let dense = self.dense()?;
-        let (solved, mut axes, report) = self.sampled(&dense, source, control)?;
+        let (solved, mut components, report) = self.sampled(&dense, source, control)?;
         let mut mean = solved.mean;
         if in_classes {
-            (axes, mean) = self.axes_of_classes()?;
+            (components, mean) = self.components_of_classes()?;
         }
-        let (weights, start) = dense.weights(&axes, &mean, control)?;
-        let (voxels, width) = (source.grid().len(), axes.ncols());
+        let (weights, start) = dense.weights(&components, &mean, control)?;
+        let (voxels, width) = (source.grid().len(), components.ncols());
         let mut coefficients = vec![0.0; voxels * width];
         coefficients.par_chunks_mut(width).for_each(|z| z.copy_from_slice(&start));
         let at_once = batch_size(voxels, self.set.len());
@@ -219,7 +226,7 @@ impl Start {
             });
         }
         let coefficients = Coefficients::new(coefficients, precision);
-        Ok(Fitted { axes, mean, coefficients, report })
+        Ok(FitResult { components, mean, coefficients, report })
     }
 }
 
@@ -227,12 +234,12 @@ impl Dense {
     /// What turns sections to coefficients along some axes, `z = Uᵀ (G + R)⁻¹ Bᵀ s − Uᵀ μ`: an N × axes matrix, and a start.
     fn weights(
         &self,
-        axes: &DMatrix<f64>,
+        components: &DMatrix<f64>,
         mean: &DVector<f64>,
         control: Control<'_>,
     ) -> Result<(Vec<f32>, Vec<f32>), HarmonicError> {
-        let start = (axes.transpose() * mean).iter().map(|&v| -v as f32).collect();
-        Ok((self.normal.weights(&self.values, axes, control)?, start))
+        let start = (components.transpose() * mean).iter().map(|&v| -v as f32).collect();
+        Ok((self.normal.weights(&self.values, components, control)?, start))
     }
 }
 

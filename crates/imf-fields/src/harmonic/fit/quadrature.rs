@@ -14,7 +14,7 @@ use glam::DVec3;
 use nalgebra::DMatrix;
 use pulp::Arch;
 
-use super::sections::KeptSections;
+use super::sections::CachedSections;
 use super::solve::{factored, ridge};
 use super::source::UNIT;
 use crate::harmonic::HarmonicError;
@@ -168,7 +168,7 @@ impl ClassWeights {
     pub(super) fn add(
         &self,
         arch: Arch,
-        sections: &KeptSections,
+        sections: &CachedSections,
         block: usize,
         z: &mut [f32],
         sums: &mut Vec<f32>,
@@ -219,7 +219,7 @@ fn add_and_subtract([a, b, c, d]: [&[u16]; IMAGES], [s0, s1, s2, s3]: [&mut [f32
 mod tests {
     use super::*;
     use crate::harmonic::basis::Domain;
-    use crate::harmonic::fit::sections::KEPT_BLOCK;
+    use crate::harmonic::fit::sections::CACHE_BLOCK;
     use crate::harmonic::sphere::SphereBasis;
 
     #[test]
@@ -286,9 +286,9 @@ mod tests {
         order.sort_unstable();
         assert_eq!(order, (0..16).collect::<Vec<_>>());
         // The last block is short.
-        let (voxels, first) = (KEPT_BLOCK + 37, KEPT_BLOCK);
+        let (voxels, first) = (CACHE_BLOCK + 37, CACHE_BLOCK);
         let values: Vec<u16> = (0..set.len() * voxels).map(|i| (i * 7919 % 65536) as u16).collect();
-        let sections = KeptSections::of_overlaps(voxels, &values);
+        let sections = CachedSections::of_overlaps(voxels, &values);
         let mut z = vec![0.25; (voxels - first) * 16];
         weights.add(Arch::new(), &sections, 1, &mut z, &mut Vec::new());
         for (voxel, z) in z.chunks_exact(16).enumerate() {

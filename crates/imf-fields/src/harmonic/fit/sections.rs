@@ -21,15 +21,15 @@ use imf_core::vectorised::vectorised;
 use imf_core::workspaces::Workspaces;
 
 /// Voxels of a block.
-pub(super) const KEPT_BLOCK: usize = 256;
+pub(super) const CACHE_BLOCK: usize = 256;
 /// Sections of a group: a direction and its images.
 const GROUP: usize = IMAGES;
 
 /// Working memory of threads that fill sections in; the values are `[section of a group][voxel]`.
-pub(super) type KeptWorkspaces = Workspaces<(SourceScratch, Vec<u16>)>;
+pub(super) type CachedWorkspaces = Workspaces<(SourceScratch, Vec<u16>)>;
 
 /// Exact values as whole numbers ([`Source::kept`]).
-pub(super) struct KeptSections {
+pub(super) struct CachedSections {
     /// The minimum value, and the size of one step: 0 and `UNIT` for overlaps.
     low: f32,
     step: f32,
@@ -38,7 +38,7 @@ pub(super) struct KeptSections {
     values: Vec<u16>,
 }
 
-impl KeptSections {
+impl CachedSections {
     /// Room for `sections` of `voxels` values each.
     pub(super) fn new(source: &Source<'_>, sections: usize, voxels: usize) -> Self {
         let (low, step) = source.steps();
@@ -74,7 +74,7 @@ impl KeptSections {
         &mut self,
         voxels: usize,
         tools: &mut [T],
-        workspaces: &KeptWorkspaces,
+        workspaces: &CachedWorkspaces,
         control: Control<'_>,
         make: impl Fn(&mut T, &mut SourceScratch, &mut [u16]) -> Result<(), SectionError> + Sync,
     ) -> Result<(), SectionError> {
@@ -115,8 +115,8 @@ impl KeptSections {
 
     /// The values of a block, group by group: `[section of the group][voxel of the block]`.
     pub(super) fn block(&self, block: usize) -> impl Iterator<Item = &[u16]> {
-        let first = block * KEPT_BLOCK;
-        let voxels = KEPT_BLOCK.min(self.voxels - first);
+        let first = block * CACHE_BLOCK;
+        let voxels = CACHE_BLOCK.min(self.voxels - first);
         self.values.chunks(GROUP * self.voxels).map(move |group| {
             let sections = group.len() / self.voxels;
             &group[sections * first..][..sections * voxels]
@@ -130,12 +130,12 @@ impl KeptSections {
             values.par_chunks_mut(GROUP * places.len()).zip(self.values.par_chunks(GROUP * self.voxels));
         groups.for_each(|(kept, group)| {
             let sections = group.len() / self.voxels;
-            let blocks = kept.chunks_mut(KEPT_BLOCK * sections).zip(places.chunks(KEPT_BLOCK));
+            let blocks = kept.chunks_mut(CACHE_BLOCK * sections).zip(places.chunks(CACHE_BLOCK));
             for (kept, places) in blocks {
                 for (section, kept) in kept.chunks_exact_mut(places.len()).enumerate() {
                     for (kept, &place) in kept.iter_mut().zip(places) {
-                        let first = place / KEPT_BLOCK * KEPT_BLOCK;
-                        let voxels = KEPT_BLOCK.min(self.voxels - first);
+                        let first = place / CACHE_BLOCK * CACHE_BLOCK;
+                        let voxels = CACHE_BLOCK.min(self.voxels - first);
                         *kept = group[sections * first + section * voxels + place - first];
                     }
                 }
@@ -146,12 +146,12 @@ impl KeptSections {
 
     /// The values of some blocks, `[orientation][voxel]` into `values`.
     pub(super) fn read(&self, arch: Arch, blocks: Range<usize>, values: &mut Vec<f32>) {
-        let first = blocks.start * KEPT_BLOCK;
-        let count = (blocks.end * KEPT_BLOCK).min(self.voxels) - first;
+        let first = blocks.start * CACHE_BLOCK;
+        let count = (blocks.end * CACHE_BLOCK).min(self.voxels) - first;
         values.resize(self.len() * count, 0.0);
         for block in blocks {
-            let from = block * KEPT_BLOCK - first;
-            let voxels = KEPT_BLOCK.min(count - from);
+            let from = block * CACHE_BLOCK - first;
+            let voxels = CACHE_BLOCK.min(count - from);
             let sections = self.block(block).flat_map(|group| group.chunks_exact(voxels));
             for (values, section) in values.chunks_exact_mut(count).zip(sections) {
                 vectorised!(arch, widen(section, self.low, self.step, &mut values[from..from + voxels]));
@@ -163,10 +163,10 @@ impl KeptSections {
 /// From `[section][voxel]` to `[block][section][voxel of the block]`.
 fn into_blocks(sections: &[u16], voxels: usize, kept: &mut [u16]) {
     let count = sections.len() / voxels;
-    for (block, kept) in kept.chunks_mut(count * KEPT_BLOCK).enumerate() {
+    for (block, kept) in kept.chunks_mut(count * CACHE_BLOCK).enumerate() {
         let own = kept.len() / count;
         for (kept, section) in kept.chunks_exact_mut(own).zip(sections.chunks_exact(voxels)) {
-            kept.copy_from_slice(&section[block * KEPT_BLOCK..][..own]);
+            kept.copy_from_slice(&section[block * CACHE_BLOCK..][..own]);
         }
     }
 }
@@ -192,7 +192,7 @@ fn planes_at_once([nx, ny, nz]: [usize; 3], sections: usize) -> usize {
 pub(super) fn memory_by_parts(plan: &SectionPlan, dims: [usize; 3], sections: usize) -> Option<u64> {
     let [_, ny, nz] = dims;
     let part = planes_at_once(dims, sections) * ny * nz;
-    plan.has_cursor().then(|| sections as u64 * plan.cursor_bytes() + KeptSections::memory(sections, part))
+    plan.has_cursor().then(|| sections as u64 * plan.cursor_bytes() + CachedSections::memory(sections, part))
 }
 
 /// Where the fit stands.
@@ -204,8 +204,8 @@ pub(super) struct Parts<'a> {
     planes: usize,
     /// The first plane of the next part.
     next: usize,
-    kept: Option<KeptSections>,
-    workspaces: KeptWorkspaces,
+    kept: Option<CachedSections>,
+    workspaces: CachedWorkspaces,
 }
 
 impl<'a> Parts<'a> {
@@ -222,7 +222,7 @@ impl<'a> Parts<'a> {
             planes: source.grid().dims[0],
             next: 0,
             kept: None,
-            workspaces: KeptWorkspaces::default(),
+            workspaces: CachedWorkspaces::default(),
         };
         if let Source::Overlap(plan) = source
             && plan.has_cursor()
@@ -244,7 +244,7 @@ impl<'a> Parts<'a> {
     pub(super) fn next(
         &mut self,
         control: Control<'_>,
-    ) -> Result<Option<(usize, &KeptSections)>, HarmonicError> {
+    ) -> Result<Option<(usize, &CachedSections)>, HarmonicError> {
         let [nx, ny, nz] = self.source.grid().dims;
         let planes = self.next..(self.next + self.planes).min(nx);
         if planes.is_empty() {
@@ -252,11 +252,11 @@ impl<'a> Parts<'a> {
         }
         self.next = planes.end;
         let kept = match &mut self.by_planes {
-            None => self.kept.insert(KeptSections::count(self.source, self.set, control)?),
+            None => self.kept.insert(CachedSections::count(self.source, self.set, control)?),
             Some((plan, cursors)) => {
                 let room = self.planes * ny * nz;
                 let count = self.set.len();
-                let kept = self.kept.get_or_insert_with(|| KeptSections::new(self.source, count, room));
+                let kept = self.kept.get_or_insert_with(|| CachedSections::new(self.source, count, room));
                 let make = |cursor: &mut SectionCursor, scratch: &mut SourceScratch, values: &mut [u16]| {
                     scratch.advance(plan, cursor, planes.clone(), values)
                 };
@@ -282,13 +282,13 @@ mod tests {
         let value = |section: usize, voxel: usize| (section * 7919 + voxel * 104_729) as u16;
         let sections: Vec<u16> =
             (0..count).flat_map(|section| (0..voxels).map(move |voxel| value(section, voxel))).collect();
-        let kept = KeptSections::of_overlaps(voxels, &sections);
+        let kept = CachedSections::of_overlaps(voxels, &sections);
         assert_eq!(kept.len(), count);
         let mut values = Vec::new();
         kept.read(Arch::new(), 1..3, &mut values);
-        for (section, own) in values.chunks_exact(voxels - KEPT_BLOCK).enumerate() {
+        for (section, own) in values.chunks_exact(voxels - CACHE_BLOCK).enumerate() {
             for (place, &found) in own.iter().enumerate() {
-                assert_eq!(found, f32::from(value(section, KEPT_BLOCK + place)) * UNIT);
+                assert_eq!(found, f32::from(value(section, CACHE_BLOCK + place)) * UNIT);
             }
         }
         let places: Vec<usize> = (0..300).map(|i| i * 7 % voxels).collect();

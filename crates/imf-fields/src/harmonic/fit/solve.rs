@@ -110,18 +110,18 @@ impl NormalMatrix {
         }
     }
 
-    /// `B (G + R)⁻¹ U`: what a section's value adds to every coefficient along `axes`, `[orientation][axis]`.
+    /// `B (G + R)⁻¹ U`: what a section's value adds to every coefficient along `components`, `[orientation][axis]`.
     ///
     /// # Errors
     /// Cancellation.
     pub(super) fn weights(
         &self,
         values: &[f32],
-        axes: &DMatrix<f64>,
+        components: &DMatrix<f64>,
         control: Control<'_>,
     ) -> Result<Vec<f32>, HarmonicError> {
-        let (functions, count) = axes.shape();
-        let projected = row_major(&self.solve(axes.clone(), control)?);
+        let (functions, count) = components.shape();
+        let projected = row_major(&self.solve(components.clone(), control)?);
         Ok(product(Matrix::dense(values, functions), Matrix::dense(&projected, count)))
     }
 }
@@ -153,7 +153,7 @@ pub(super) struct Moments {
 }
 
 /// Statistics of the coefficients from a sample.
-pub(super) struct Solved {
+pub(super) struct SampleSolution {
     pub mean: DVector<f64>,
     pub(super) covariance: DMatrix<f64>,
     /// `[voxel][function]` of the sample.
@@ -163,7 +163,11 @@ pub(super) struct Solved {
 impl Moments {
     /// # Errors
     /// Cancellation.
-    pub(super) fn solve(self, normal: &NormalMatrix, control: Control<'_>) -> Result<Solved, HarmonicError> {
+    pub(super) fn solve(
+        self,
+        normal: &NormalMatrix,
+        control: Control<'_>,
+    ) -> Result<SampleSolution, HarmonicError> {
         let functions = self.mean.len();
         let mean = normal.0.solve(&self.mean);
         let half = normal.solve(self.second, control)?;
@@ -178,11 +182,11 @@ impl Moments {
             let right = Matrix::row_major(right, count, functions, functions);
             multiply(out, functions, right, Matrix::dense(&inverse, functions), false);
         });
-        Ok(Solved { mean, covariance, coefficients })
+        Ok(SampleSolution { mean, covariance, coefficients })
     }
 }
 
-impl Solved {
+impl SampleSolution {
     /// Statistics of both sides from a sample of one: the covariance has nothing between even and odd functions, and
     /// the mean nothing of the odd ones (voxels on the plane, which are their own images, are taken for either
     /// side's).
@@ -220,13 +224,13 @@ pub(super) fn column_means(values: &[f32], columns: usize) -> DVector<f64> {
 
 /// The leading eigenvectors as columns, functions × axes, and the sum of the other eigenvalues. Functions of different
 /// parities have no covariance, and no axis has both.
-pub(super) fn principal_axes(
+pub(super) fn principal_components(
     covariance: &DMatrix<f64>,
     parities: &[Parity],
-    axes: usize,
+    components: usize,
 ) -> (DMatrix<f64>, f64) {
     let functions = covariance.nrows();
-    if axes == functions {
+    if components == functions {
         return (DMatrix::identity(functions, functions), 0.0);
     }
     let mut all: Vec<(f64, DVector<f64>)> = Vec::with_capacity(functions);
@@ -247,8 +251,8 @@ pub(super) fn principal_axes(
         }
     }
     all.sort_by(|(a, _), (b, _)| b.total_cmp(a));
-    let dropped = all[axes..].iter().map(|(value, _)| value.max(0.0)).sum();
-    let columns: Vec<_> = all.into_iter().take(axes).map(|(_, axis)| axis).collect();
+    let dropped = all[components..].iter().map(|(value, _)| value.max(0.0)).sum();
+    let columns: Vec<_> = all.into_iter().take(components).map(|(_, axis)| axis).collect();
     (DMatrix::from_columns(&columns), dropped)
 }
 

@@ -202,8 +202,8 @@ impl<'a> OneSide<'a> {
         let first = x * self.slab();
         let z = self.source.read(first + voxels.start..first + voxels.end, read);
         ordered.resize(z.len(), 0.0);
-        let axes = self.order.len();
-        for (row, z) in ordered.chunks_exact_mut(axes).zip(z.chunks_exact(axes)) {
+        let components = self.order.len();
+        for (row, z) in ordered.chunks_exact_mut(components).zip(z.chunks_exact(components)) {
             row.iter_mut().zip(&self.order).for_each(|(value, &place)| *value = z[place]);
         }
     }
@@ -211,7 +211,7 @@ impl<'a> OneSide<'a> {
     /// The values of what was read, of every image.
     fn values(&self, voxels: &Range<usize>, chunk: &Range<usize>, scratch: &mut Scratch) {
         let Scratch { arch, ordered, values, .. } = scratch;
-        let (rows, columns, axes) = (voxels.len(), chunk.len(), self.order.len());
+        let (rows, columns, components) = (voxels.len(), chunk.len(), self.order.len());
         for class in self.planes.choices().map(usize::from) {
             let (own, values) = (self.classes[class].clone(), &mut values[class]);
             values.resize(rows * columns, 0.0);
@@ -227,7 +227,7 @@ impl<'a> OneSide<'a> {
             }
             let along = &self.along[own.start * self.weights.len() + chunk.start..];
             let along = Matrix::row_major(along, own.len(), columns, self.weights.len());
-            let z = Matrix::row_major(&ordered[own.start..], rows, own.len(), axes);
+            let z = Matrix::row_major(&ordered[own.start..], rows, own.len(), components);
             multiply(values, columns, z, along, class == 0);
         }
         // Sums and differences, plane by plane.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use super::*;
-use crate::harmonic::coefficients::Precision;
+use crate::harmonic::coefficients::StoragePrecision;
 use crate::harmonic::evaluate::{DIRECTIONS_AT_ONCE, MANY, lower_to_whole, whole_sections};
 use crate::harmonic::{FitSettings, fit, minimum_of, minimum_over, outline, sections_of};
 use imf_core::control::Control;
@@ -100,7 +100,7 @@ fn a_layer_that_the_cutter_may_enter_is_mirrored_as_well_or_nothing_is() {
 
 #[test]
 fn memory_is_asked_for_one_side_and_then_for_the_whole_field_beside_it() {
-    let settings = FitSettings { degree: 6, axes: 49, ..four_sections() };
+    let settings = FitSettings { degree: 6, components: 49, ..four_sections() };
     let (plan, voxels) = (plan(0), DIMS.iter().product::<usize>() as u64);
     let (peak, field) = settings.memory_with(&plan, Domain::Directions);
     // Two bytes for each of 49 functions; eight of fifteen planes, half of the lines.
@@ -110,11 +110,13 @@ fn memory_is_asked_for_one_side_and_then_for_the_whole_field_beside_it() {
 
 #[test]
 fn both_sides_hold_what_one_side_of_a_fit_of_the_whole_grid_does() {
-    let settings = FitSettings { degree: 6, axes: usize::MAX, ..FitSettings::default() };
+    let settings = FitSettings { degree: 6, components: usize::MAX, ..FitSettings::default() };
     // One pass rounds sections to multiples of 1/65535; directions and their images to 1e-16. Halves have 11 bits.
-    for (one_pass, precision, tolerance) in
-        [(true, Precision::F32, 5e-5), (false, Precision::F32, 5e-5), (true, Precision::F16, 1e-3)]
-    {
+    for (one_pass, precision, tolerance) in [
+        (true, StoragePrecision::F32, 5e-5),
+        (false, StoragePrecision::F32, 5e-5),
+        (true, StoragePrecision::F16, 1e-3),
+    ] {
         let settings = FitSettings { one_pass, precision, ..settings };
         let (mirrored, whole) = (made(&plan(0), &settings), made(&plan(1), &settings));
         let set = OrientationSet::parse("random:6:3").unwrap().orientations;
@@ -143,7 +145,7 @@ fn both_sides_hold_what_one_side_of_a_fit_of_the_whole_grid_does() {
 #[test]
 fn the_report_tells_of_both_sides() {
     let (plan, set) = (plan(0), OrientationSet::parse("random:16:0").unwrap().orientations);
-    let settings = FitSettings { degree: 6, axes: 49, held_out: 16, ..four_sections() };
+    let settings = FitSettings { degree: 6, components: 49, held_out: 16, ..four_sections() };
     let field = made(&plan, &settings);
     let exact = sections(&plan, &set, Control::quiet()).unwrap().concat();
     let squares: Vec<f64> =
@@ -165,11 +167,11 @@ fn the_report_tells_of_both_sides() {
 
 /// Coefficients of all functions at every voxel.
 fn functions(field: &HarmonicField) -> Vec<f32> {
-    let (count, axes) = (field.mean.len(), field.axes.len() / field.mean.len());
+    let (count, components) = (field.mean.len(), field.components.len() / field.mean.len());
     let Coefficients::F32(coefficients) = &field.coefficients else { panic!("made in f32") };
-    let rows = coefficients.chunks_exact(axes);
+    let rows = coefficients.chunks_exact(components);
     let of = |z: &[f32], k: usize| -> f32 {
-        field.mean[k] + z.iter().zip(&field.axes[k * axes..]).map(|(z, u)| z * u).sum::<f32>()
+        field.mean[k] + z.iter().zip(&field.components[k * components..]).map(|(z, u)| z * u).sum::<f32>()
     };
     rows.flat_map(|z| (0..count).map(move |k| of(z, k))).collect()
 }
@@ -178,23 +180,24 @@ fn functions(field: &HarmonicField) -> Vec<f32> {
 fn fewer_axes_leave_out_over_both_sides_what_one_side_told() {
     let plan = plan(0);
     for one_pass in [true, false] {
-        let settings = FitSettings { degree: 6, one_pass, precision: Precision::F32, ..four_sections() };
-        let all = functions(&made(&plan, &FitSettings { axes: 49, ..settings }));
-        for axes in [5, 20] {
-            let field = made(&plan, &FitSettings { axes, ..settings });
+        let settings =
+            FitSettings { degree: 6, one_pass, precision: StoragePrecision::F32, ..four_sections() };
+        let all = functions(&made(&plan, &FitSettings { components: 49, ..settings }));
+        for components in [5, 20] {
+            let field = made(&plan, &FitSettings { components, ..settings });
             let few = functions(&field);
             let sum: f64 = all.iter().zip(&few).map(|(a, b)| f64::from(a - b).powi(2)).sum();
             let ratio = sum / plan.grid().len() as f64 / field.report.dropped;
             // The plane across x is an eighth of one side, a fifteenth of both.
-            assert!((0.9..1.1).contains(&ratio), "{axes}: {ratio}");
+            assert!((0.9..1.1).contains(&ratio), "{components}: {ratio}");
         }
     }
 }
 
 #[test]
 fn planes_of_a_field_are_those_across_which_every_coefficient_has_its_image() {
-    for precision in [Precision::F32, Precision::F16] {
-        let settings = FitSettings { degree: 6, axes: 20, precision, ..four_sections() };
+    for precision in [StoragePrecision::F32, StoragePrecision::F16] {
+        let settings = FitSettings { degree: 6, components: 20, precision, ..four_sections() };
         assert_eq!(Mirrors::of(&made(&plan(1), &settings)), None);
         let field = made(&plan(0), &settings);
         // One coefficient of one voxel, off the plane across x or on it.
@@ -209,15 +212,15 @@ fn planes_of_a_field_are_those_across_which_every_coefficient_has_its_image() {
         }
         // An axis, or the mean, of even and odd functions.
         let (mut turned, mut shifted) = (field.clone(), field);
-        turned.axes.iter_mut().step_by(20).for_each(|value| *value = 0.1);
+        turned.components.iter_mut().step_by(20).for_each(|value| *value = 0.1);
         shifted.mean.fill(0.1);
         assert_eq!((Mirrors::of(&turned), Mirrors::of(&shifted)), (None, None));
     }
 }
 
 /// Mirrored across x, where a plane goes through voxels, and z, where one goes between.
-fn field(axes: usize, precision: Precision) -> HarmonicField {
-    made(&plan(0), &FitSettings { degree: 6, axes, precision, ..four_sections() })
+fn field(components: usize, precision: StoragePrecision) -> HarmonicField {
+    made(&plan(0), &FitSettings { degree: 6, components, precision, ..four_sections() })
 }
 
 /// One side's sums and every voxel's own.
@@ -242,8 +245,10 @@ fn assert_agree(field: &HarmonicField, set: &[Orientation]) {
 #[test]
 fn what_one_side_tells_of_all_is_what_every_voxel_tells_of_itself() {
     let set = OrientationSet::parse("random:600:3").unwrap().orientations;
-    for (axes, precision) in [(49, Precision::F32), (20, Precision::F32), (20, Precision::F16)] {
-        let field = field(axes, precision);
+    for (components, precision) in
+        [(49, StoragePrecision::F32), (20, StoragePrecision::F32), (20, StoragePrecision::F16)]
+    {
+        let field = field(components, precision);
         assert_eq!(Mirrors::of(&field).unwrap().planes.across, 0b101);
         // Products of chunks of orientations, whole and cut.
         for count in [MANY, 600] {
@@ -254,7 +259,7 @@ fn what_one_side_tells_of_all_is_what_every_voxel_tells_of_itself() {
 
 #[test]
 fn a_minimum_tells_how_far_it_is_and_stops_when_asked() {
-    let field = field(49, Precision::F32);
+    let field = field(49, StoragePrecision::F32);
     let set = OrientationSet::parse("random:120:3").unwrap().orientations;
     // Voxel by voxel, and on one side.
     for count in [MANY - 1, set.len()] {
@@ -275,7 +280,7 @@ fn a_minimum_tells_how_far_it_is_and_stops_when_asked() {
 
 #[test]
 fn more_orientations_than_are_held_at_a_time_have_the_least_of_all() {
-    let field = field(9, Precision::F32);
+    let field = field(9, StoragePrecision::F32);
     let set = OrientationSet::parse("random:16500:3").unwrap().orientations;
     let least = minimum_over(&field, &set, Control::quiet()).unwrap();
     let together = field.minimum(&field.direction_weights(&set));
@@ -301,7 +306,8 @@ fn three_planes_leave_an_eighth() {
         cross.solid[place] = u8::from(bar || inside(3, x, 8) && inside(2, y, 7) && inside(4, z, 10));
     }
     let plan = SectionPlan::new(&cross, small_tool(), ToolPoints::SharpPoints).unwrap();
-    let settings = FitSettings { degree: 5, axes: 36, precision: Precision::F32, ..four_sections() };
+    let settings =
+        FitSettings { degree: 5, components: 36, precision: StoragePrecision::F32, ..four_sections() };
     let field = made(&plan, &settings);
     let mirrors = Mirrors::of(&field).unwrap();
     assert_eq!(mirrors.planes.across, 0b111);

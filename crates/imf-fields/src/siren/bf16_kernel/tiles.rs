@@ -41,7 +41,7 @@ impl Proof {
     }
 
     pub(super) fn multiply(self, out: &mut [f32], result: Extent, product: Product<'_>, accumulate: bool) {
-        let tiles = Configured::new(self);
+        let tiles = TileConfiguration::new(self);
         // The rows of a square, where they are not there as a tile wants them.
         let mut turned = Aligned([0; SQUARE * (CHUNK + APART)]);
         // More than one segment are at most a CHUNK of pairs together.
@@ -135,7 +135,7 @@ fn turn(product: &Product<'_>, rows: usize, row: usize, out: &mut [u32]) {
 
 /// A square of the result; all slices begin at its first element, the left factor has all rows of a square.
 fn multiply_square(
-    tiles: &Configured,
+    tiles: &TileConfiguration,
     out: &mut [f32],
     result: Extent,
     product: Product<'_>,
@@ -157,9 +157,9 @@ fn multiply_square(
 }
 
 /// Tiles as they are used here, until it is dropped: a fifth of a product's time where every square does it.
-struct Configured;
+struct TileConfiguration;
 
-impl Configured {
+impl TileConfiguration {
     fn new(_: Proof) -> Self {
         let first = |length: usize, value: u8| -> [u8; 16] {
             std::array::from_fn(|at| if at < length { value } else { 0 })
@@ -176,7 +176,7 @@ impl Configured {
     }
 }
 
-impl Drop for Configured {
+impl Drop for TileConfiguration {
     fn drop(&mut self) {
         #[expect(unsafe_code, reason = "no stable intrinsic")]
         // SAFETY: it was made by a `Proof`.
@@ -201,7 +201,7 @@ struct Settings {
 const BYTES: usize = size_of::<u32>();
 
 /// Sums of a square, from `accumulate` its own or 0.
-fn run(_: &Configured, out: &mut [f32], stride: usize, product: Product<'_>, accumulate: bool) {
+fn run(_: &TileConfiguration, out: &mut [f32], stride: usize, product: Product<'_>, accumulate: bool) {
     let tiles = product.pairs / TILE;
     let left_end =
         (SQUARE - 1) * product.left_row + (product.segments - 1) * product.left_segment + product.pairs;

@@ -2,7 +2,7 @@
 
 use imf_core::field::EngineError;
 use imf_fields::recipe::TrainingState;
-use imf_train::engine::soap::kept_of;
+use imf_train::engine::soap::state_of;
 
 use super::{Factor, Products};
 use crate::device::Gpu;
@@ -64,21 +64,21 @@ pub(super) struct SideStep {
     /// The first gradient's products, and every other's.
     pub(super) first_mean: Dispatch,
     pub(super) next_mean: Dispatch,
-    pub(super) look: Vec<Dispatch>,
+    pub(super) update: Vec<Dispatch>,
     /// The new axes along those before.
     pub(super) change: Dispatch,
 }
 
 impl SideStep {
-    /// `squares` are the factors of the mean's products, which have `inner` terms; `kept` is the fraction of the mean
+    /// `squares` are the factors of the mean's products, which have `inner` terms; `beta` is the fraction of the mean
     /// that a step leaves.
     pub(super) fn new(
-        look: Vec<Dispatch>,
+        update: Vec<Dispatch>,
         products: &Products<'_>,
         buffers: &SideBuffers,
         squares: [Factor<'_>; 2],
         inner: usize,
-        kept: f32,
+        beta: f32,
     ) -> Result<Self, EngineError> {
         let SideBuffers { stride, mean, axes, turned, before, .. } = buffers;
         let stride = *stride;
@@ -88,8 +88,8 @@ impl SideStep {
             mean: mean.clone(),
             axes: axes.clone(),
             first_mean: products.of(size, squares, mean)?,
-            next_mean: products.added(size, squares, mean, [kept, 1.0 - kept])?,
-            look,
+            next_mean: products.added(size, squares, mean, [beta, 1.0 - beta])?,
+            update,
             change: products.of([stride; 3], [Factor::Transposed(axes), Factor::Plain(before)], turned)?,
         })
     }
@@ -116,7 +116,7 @@ impl Numbers {
         strides: [usize; 2],
         state: &TrainingState,
     ) -> Result<[Self; 2], EngineError> {
-        let matrices = kept_of(&layout.stack, state.step, &state.preconditioners)
+        let matrices = state_of(&layout.stack, state.step, &state.preconditioners)
             .map_err(|error| EngineError::Shape(error.to_string()))?;
         let mut numbers = strides.map(|stride| {
             let zeros = vec![0.0; matrices.len() * stride * stride];

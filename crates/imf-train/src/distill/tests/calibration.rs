@@ -7,7 +7,7 @@ use imf_core::field::PoseField as _;
 use imf_core::tool::Clearance;
 use imf_fields::calibration::{Calibration, Goals};
 use imf_fields::field::Field;
-use imf_fields::field::calibrate::{CalibrationSettings, calibrate, judge};
+use imf_fields::field::calibrate::{CalibrationSettings, calibrate, measure_rates};
 use imf_fields::file::FieldFile;
 use imf_fields::harmonic::file::HarmonicFile;
 
@@ -36,7 +36,7 @@ fn coarse(part: ReferencePart) -> [FieldFile; 2] {
     let fitting = FitSettings {
         quantity: Quantity::Depth,
         degree: 9,
-        axes: 60,
+        components: 60,
         sections_per_function: 2.0,
         sample: 1000,
         held_out: 4,
@@ -47,11 +47,15 @@ fn coarse(part: ReferencePart) -> [FieldFile; 2] {
     let settings = DistillSettings {
         width: 96,
         omega: 15.0,
-        plan: TrainingPlan { length: Length::Steps(300), batch: 512, ..DistillSettings::default().plan },
+        plan: TrainingPlan {
+            length: TrainingLength::Steps(300),
+            batch: 512,
+            ..DistillSettings::default().plan
+        },
         optimiser: Optimiser::Soap(SoapConfig::default()),
         ..DistillSettings::default()
     };
-    let mut state = settings.start(field.axis_count());
+    let mut state = settings.start(field.component_count());
     distil(&field, &settings, &mut state, Control::quiet(), &mut |_| {}).unwrap();
     let harmonic = HarmonicFile { field, scene, settings: fitting, calibration: None };
     let factored = FactoredFile::distilled(&harmonic, settings, state).unwrap();
@@ -64,19 +68,19 @@ fn depth_decides_nearly_all_poses_of_every_reference_part() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("field.safetensors");
     for part in ReferencePart::ALL {
-        for mut stored in coarse(part) {
-            let calibration = calibrated(&Field::new(stored.clone()).unwrap());
-            assert!(calibration.keeps_its_goals(), "{part:?}: {calibration:?}");
-            assert!(calibration.uniform.undecided_share() < 0.1, "{part:?}: {calibration:?}");
+        for mut saved in coarse(part) {
+            let calibration = calibrated(&Field::new(saved.clone()).unwrap());
+            assert!(calibration.meets_its_goals(), "{part:?}: {calibration:?}");
+            assert!(calibration.uniform.undecided_fraction() < 0.1, "{part:?}: {calibration:?}");
             // The file tells what it is of, and decides as it did; the rates hold on fresh poses, within four standard
             // deviations of their bound.
-            stored.set_calibration(calibration);
-            stored.write(&path).unwrap();
-            assert_eq!((FieldFile::read(&path).unwrap(), stored.quantity()), (stored, Quantity::Depth));
+            saved.set_calibration(calibration);
+            saved.write(&path).unwrap();
+            assert_eq!((FieldFile::read(&path).unwrap(), saved.quantity()), (saved, Quantity::Depth));
             let field = Field::load(&path).unwrap();
             assert_eq!(field.quantity(), Quantity::Depth);
             let fresh = CalibrationSettings { seed: 11, ..SETTINGS };
-            let [uniform, _] = judge(&field, &calibration, &fresh, Control::quiet()).unwrap();
+            let [uniform, _] = measure_rates(&field, &calibration, &fresh, Control::quiet()).unwrap();
             for (rate, stated) in [
                 (uniform.false_free, calibration.uniform.false_free),
                 (uniform.false_colliding, calibration.uniform.false_colliding),
@@ -84,7 +88,7 @@ fn depth_decides_nearly_all_poses_of_every_reference_part() {
                 let expected = rate.of as f64 * stated.bound;
                 assert!(rate.wrong as f64 <= expected + 4.0 * expected.sqrt(), "{part:?}: {uniform:?}");
             }
-            assert!(uniform.undecided_share() < 0.1, "{part:?}: {uniform:?}");
+            assert!(uniform.undecided_fraction() < 0.1, "{part:?}: {uniform:?}");
         }
     }
 }

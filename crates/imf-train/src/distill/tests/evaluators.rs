@@ -16,7 +16,7 @@ fn every_way_to_evaluate_is_the_definition() {
         let heads = field.direction_weights(&set);
         let mut sections = vec![f32::NAN; grid.len() * set.len()];
         evaluator.sections(&heads, &mut sections);
-        let expanded = evaluator.expanded(Precision::F32, harmonic.report);
+        let expanded = evaluator.expanded(StoragePrecision::F32, harmonic.report);
         let mut again = vec![f32::NAN; sections.len()];
         expanded.sections(&heads, &mut again);
         assert_eq!(sections, again);
@@ -106,7 +106,7 @@ fn gradients_of_single_poses_are_central_differences_on_every_instruction_set() 
 #[test]
 fn an_evaluator_that_takes_over_other_weights_is_one_of_these() {
     let harmonic = harmonic(&scene());
-    let shape = settings(1).shape(harmonic.axis_count());
+    let shape = settings(1).shape(harmonic.component_count());
     let field = |seed| FactoredField::new(&harmonic, shape, shape.initial_parameters(seed)).unwrap();
     let mut evaluator = field(3).into_evaluator();
     let inputs = numbers(200 * INPUTS, 4);
@@ -116,7 +116,7 @@ fn an_evaluator_that_takes_over_other_weights_is_one_of_these() {
         evaluator.set_parameters(field.parameters.clone());
         let fresh = field.evaluator();
         let answers = |evaluator: &FactoredEvaluator<'_>| {
-            let mut out = vec![f32::NAN; 200 * shape.axes];
+            let mut out = vec![f32::NAN; 200 * shape.components];
             evaluator.outputs(&inputs, &mut out);
             (out, evaluator.overlap_with_gradient(point, direction, &mut PointScratch::default()))
         };

@@ -54,9 +54,9 @@ fn weights_turned_to_another_teacher_answer_as_before() {
         SceneSpec { margin: 1, ..SceneSpec::of_reference(ReferencePart::Teapot, &mesh, [16, 22, 29], &tool) };
     let other = spec.scene().unwrap();
     let plan = SectionPlan::new(&other.obstacle, &other.record.tool, ToolPoints::SharpPoints).unwrap();
-    let richer = FitSettings { degree: 6, axes: usize::MAX, ..FIT };
+    let richer = FitSettings { degree: 6, components: usize::MAX, ..FIT };
     let richer = fit(&plan, Domain::Directions, &richer, Control::quiet()).unwrap();
-    let shape = FactoredShape { axes: richer.axis_count(), ..own.shape };
+    let shape = FactoredShape { components: richer.component_count(), ..own.shape };
     let turned =
         FactoredField::new(&richer, shape, parameters_for(&own, &richer, &targets(&richer)).unwrap())
             .unwrap();

@@ -2,7 +2,7 @@
 //! bit.
 
 use super::*;
-use crate::distill::sections::Corrected;
+use crate::distill::sections::SectionEngine;
 use crate::fixtures::Recorder;
 use crate::training::run::Report;
 use imf_fields::recipe::OnlineSettings;
@@ -20,20 +20,20 @@ fn targets_are_the_coefficients_to_expect() {
     let scene = scene();
     let plan = plan(&scene);
     let harmonic = SectionSource::new(&plan, Domain::Directions, &FIT, Control::quiet()).unwrap();
-    let shape = settings(1).shape(harmonic.axis_count());
+    let shape = settings(1).shape(harmonic.component_count());
     let field = harmonic.field(shape, shape.initial_parameters(5)).unwrap();
-    let other = FactoredShape { axes: shape.axes + 1, ..shape };
+    let other = FactoredShape { components: shape.components + 1, ..shape };
     let refused = harmonic.field(other, other.initial_parameters(5)).unwrap_err();
     assert!(
         matches!(refused, ShapeError::Parameters { expected, .. } if expected == shape.parameter_count())
     );
     let state = TrainingState::from_parameters(field.parameters.clone());
-    let mut recorder = Recorder { inputs: INPUTS, outputs: shape.axes, state, ..Recorder::default() };
+    let mut recorder = Recorder { inputs: INPUTS, outputs: shape.components, state, ..Recorder::default() };
     // A step at which slots are not in the order of their numbers.
     let step = 17;
     let (count, inputs) = (5, numbers(5 * INPUTS, 8));
     let values: Vec<f32> = numbers(count * ONLINE.pool, 9).iter().map(|v| 0.5 + 0.5 * v).collect();
-    let mut corrected = Corrected::new(&mut recorder, &harmonic, ONLINE, field.clone(), step);
+    let mut corrected = SectionEngine::new(&mut recorder, &harmonic, ONLINE, field.clone(), step);
     corrected.step(&inputs, &values, 1e-3).unwrap();
     let loss = corrected.take_mean_loss().unwrap();
 
@@ -55,7 +55,9 @@ fn targets_are_the_coefficients_to_expect() {
     let sum = |slot: usize, column: &dyn Fn(usize) -> f32| -> f64 {
         of_slots[slot].iter().enumerate().map(|(k, b)| b * f64::from(column(k))).sum()
     };
-    let h = matrix(ONLINE.pool, shape.axes, &|slot, axis| sum(slot, &|k| field.axes[k * shape.axes + axis]));
+    let h = matrix(ONLINE.pool, shape.components, &|slot, axis| {
+        sum(slot, &|k| field.components[k * shape.components + axis])
+    });
     let gram = &h * h.transpose();
     let ridge = 0.03 * gram.trace() / ONLINE.pool as f64;
     let inverse =
@@ -73,7 +75,7 @@ fn targets_are_the_coefficients_to_expect() {
         let expected = z + h.transpose() * &inverse * left;
         let largest = expected.abs().max();
         for (axis, &expected) in expected.iter().enumerate() {
-            let found = f64::from(recorder.batches[0].1[row * shape.axes + axis]);
+            let found = f64::from(recorder.batches[0].1[row * shape.components + axis]);
             // Sums of some hundred products in f32.
             assert!((found - expected).abs() < 1e-4 * largest, "{row}, {axis}: {found}, not {expected}");
         }
@@ -100,8 +102,8 @@ fn sections_alone_serve_as_a_harmonic_field_would() {
     for (domain, degree, left) in [(Domain::Directions, 5, 0.25), (Domain::Rotations, 2, 0.5)] {
         let fit = FitSettings { degree, ..FIT };
         let harmonic = SectionSource::new(&plan, domain, &fit, Control::quiet()).unwrap();
-        let mut state = settings.start(harmonic.axis_count());
-        let shape = settings.shape(harmonic.axis_count());
+        let mut state = settings.start(harmonic.component_count());
+        let shape = settings.shape(harmonic.component_count());
         let untrained = error_of(&harmonic.field(shape, state.training.parameters.clone()).unwrap(), &plan);
         let quiet = Control::quiet();
         let outcome = distil(&harmonic, &settings, &mut state, quiet, &mut |_| {}).unwrap();
@@ -120,7 +122,7 @@ fn a_stop_and_the_number_of_threads_change_no_bit() {
     let run = |threads: usize, stop: bool| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
-            let mut state = settings.start(harmonic.axis_count());
+            let mut state = settings.start(harmonic.component_count());
             if stop {
                 let cancelled = AtomicBool::new(false);
                 let control = Control { cancelled: &cancelled, ..Control::quiet() };
@@ -146,7 +148,7 @@ fn a_pool_that_fills_is_given_up_and_training_goes_on_to_the_same_bits() {
     let trained = |state: &mut FactoredState, control: Control<'_>| {
         distil(&harmonic, &settings, state, control, &mut |_| {}).unwrap()
     };
-    let begun = settings.start(harmonic.axis_count());
+    let begun = settings.start(harmonic.component_count());
     let mut whole = begun.clone();
     assert_eq!(trained(&mut whole, Control::quiet()), Outcome::Finished);
 

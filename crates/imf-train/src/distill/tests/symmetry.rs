@@ -106,7 +106,7 @@ fn coefficients_in_the_frame_of_a_place_are_of_the_same_values() {
 /// A harmonic of all functions, whose grid the symmetries' planes and lines cross.
 fn all_functions(scene: &Scene) -> HarmonicField {
     let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, ToolPoints::SharpPoints).unwrap();
-    let settings = FitSettings { axes: usize::MAX, ..FIT };
+    let settings = FitSettings { components: usize::MAX, ..FIT };
     fit(&plan, Domain::Directions, &settings, Control::quiet()).unwrap()
 }
 
@@ -130,7 +130,7 @@ fn fields_with_symmetry_are_their_network_in_the_frames_of_places() {
         [0.13, 0.0].map(|beside| within(&harmonic.grid, beside).into_iter().map(move |s| (s, beside)));
     for (symmetry, beside) in symmetries.into_iter().flatten() {
         let settings = DistillSettings { width: 40, hidden: 2, omega: 6.0, symmetry, ..settings(1) };
-        let shape = settings.shape(harmonic.axis_count());
+        let shape = settings.shape(harmonic.component_count());
         let plain = FactoredField::new(&harmonic, shape, shape.initial_parameters(3)).unwrap();
         for field in [plain.clone(), plain.fold()] {
             let (grid, evaluator) = (field.grid, field.evaluator());
@@ -141,7 +141,7 @@ fn fields_with_symmetry_are_their_network_in_the_frames_of_places() {
             evaluator.sections(&heads, &mut sections);
             let least = evaluator.minimum(&heads);
             let report = harmonic.report;
-            let expanded = evaluator.expanded(Precision::F32, report);
+            let expanded = evaluator.expanded(StoragePrecision::F32, report);
             let mut from_array = vec![0.0; sections.len()];
             expanded.sections(&expanded.direction_weights(&set), &mut from_array);
             let weights: Vec<f64> = field.parameters.iter().map(|&w| f64::from(w)).collect();
@@ -185,7 +185,7 @@ fn slopes_with_symmetry_are_those_of_differences() {
     let harmonic = all_functions(&scene);
     for symmetry in within(&harmonic.grid, 0.13) {
         let settings = DistillSettings { width: 40, hidden: 2, omega: 6.0, symmetry, ..settings(1) };
-        let shape = settings.shape(harmonic.axis_count());
+        let shape = settings.shape(harmonic.component_count());
         let mut field = FactoredField::new(&harmonic, shape, shape.initial_parameters(3)).unwrap();
         // Random weights are small.
         field.scale *= 8.0;
@@ -243,7 +243,7 @@ fn symmetry_is_found_where_it_is_and_nowhere_else() {
     let grid = Grid { origin: DVec3::new(3.0, -2.0, 1.0), pitch: 0.5, dims: [20, 23, 26] };
     let fitted = |occupancy: &Occupancy| {
         let plan = SectionPlan::new(occupancy, Tool::paper(), ToolPoints::SharpPoints).unwrap();
-        let settings = FitSettings { axes: usize::MAX, ..FIT };
+        let settings = FitSettings { components: usize::MAX, ..FIT };
         fit(&plan, Domain::Directions, &settings, Control::quiet()).unwrap()
     };
     let found = |occupancy: &Occupancy| Symmetry::of(&fitted(occupancy), occupancy);
@@ -282,7 +282,7 @@ fn symmetry_is_found_where_it_is_and_nowhere_else() {
     let solid = obstacle(grid, bar);
     let bar = fitted(&solid);
     let symmetry = Symmetry { mirrors: across([true, true, false]), axis: None };
-    let shape = DistillSettings { symmetry, ..settings(1) }.shape(bar.axis_count());
+    let shape = DistillSettings { symmetry, ..settings(1) }.shape(bar.component_count());
     let network = FactoredField::new(&bar, shape, shape.initial_parameters(3)).unwrap();
     assert!(start_from(&network, &bar, &solid).is_ok());
     let moved = Grid { origin: grid.origin + DVec3::X, ..grid };
@@ -311,10 +311,10 @@ fn a_symmetry_reduced_network_learns_more_and_stays_what_it_is() {
     let mut errors = Vec::new();
     for symmetry in [Symmetry::default(), symmetry] {
         let settings = DistillSettings { symmetry, ..settings(300) };
-        let mut state = settings.start(harmonic.axis_count());
+        let mut state = settings.start(harmonic.component_count());
         let outcome = distil(&harmonic, &settings, &mut state, Control::quiet(), &mut |_| {}).unwrap();
         assert_eq!(outcome, Outcome::Finished);
-        let shape = settings.shape(harmonic.axis_count());
+        let shape = settings.shape(harmonic.component_count());
         let field = FactoredField::new(&harmonic, shape, state.training.parameters.clone()).unwrap();
         let mut sections = vec![0.0; exact.len()];
         field.evaluator().sections(&field.direction_weights(&set), &mut sections);
@@ -324,18 +324,18 @@ fn a_symmetry_reduced_network_learns_more_and_stays_what_it_is() {
         let file = FactoredFile {
             field: field.clone(),
             scene: scene.clone(),
-            fit: FitSettings { axes: usize::MAX, ..FIT },
+            fit: FitSettings { components: usize::MAX, ..FIT },
             report: harmonic.report,
             settings,
-            precision: Precision::F32,
+            precision: StoragePrecision::F32,
             state: Some(state),
             calibration: None,
         };
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("field.safetensors");
-        for file in [file.clone(), file.finished(Precision::F16)] {
+        for file in [file.clone(), file.finished(StoragePrecision::F16)] {
             file.write(&path).unwrap();
-            assert_eq!(FactoredFile::read(&path).unwrap(), file.clone().as_kept());
+            assert_eq!(FactoredFile::read(&path).unwrap(), file.clone().as_saved());
             if let Some(plane) = symmetry.mirrors[1] {
                 let far = Symmetry { mirrors: [None, Some(plane + 1e30), None], ..symmetry };
                 let mut bent = file.clone();
@@ -356,7 +356,7 @@ fn a_symmetry_reduced_network_learns_more_and_stays_what_it_is() {
 
     // A harmonic that keeps fewer axes tells of it as well: of all functions, as far as its axes go.
     let few = super::harmonic(&scene);
-    assert!(few.axis_count() < few.basis.len());
+    assert!(few.component_count() < few.basis.len());
     assert_eq!(Symmetry::of(&few, &scene.obstacle).axis.map(|axis| axis.along), Some(0));
     let settings = DistillSettings { symmetry, ..settings(300) };
     let mut state = settings.start(settings.outputs(&few));

@@ -6,7 +6,7 @@ use std::sync::{Arc, Barrier, Mutex};
 use crate::engine::ranks::*;
 use crate::fixtures::samples;
 use crate::training::run::{Outcome, train};
-use imf_fields::recipe::{Cursor, Length, TrainingPlan};
+use imf_fields::recipe::{Cursor, TrainingLength, TrainingPlan};
 use imf_fields::siren::SirenShape;
 
 const SHAPE: SirenShape = SirenShape { width: 37, hidden: 3, skip_after: Some(2), omega: 10.0 };
@@ -39,14 +39,14 @@ impl Thread {
     }
 }
 
-impl Exchange for Thread {
+impl Collectives for Thread {
     fn rank(&self) -> usize {
         self.rank
     }
     fn ranks(&self) -> usize {
         self.ranks
     }
-    fn deal(&mut self, values: &[f32], cuts: &[usize], parts: &mut [f32]) -> Result<(), EngineError> {
+    fn all_to_all(&mut self, values: &[f32], cuts: &[usize], parts: &mut [f32]) -> Result<(), EngineError> {
         let own = cuts[self.rank]..cuts[self.rank + 1];
         self.meet(values, |all| {
             let dealt: Vec<f32> = all.iter().flat_map(|values| &values[own.clone()]).copied().collect();
@@ -54,12 +54,12 @@ impl Exchange for Thread {
         });
         Ok(())
     }
-    fn collect(&mut self, slice: &[f32], cuts: &[usize], values: &mut [f32]) -> Result<(), EngineError> {
+    fn all_gather(&mut self, slice: &[f32], cuts: &[usize], values: &mut [f32]) -> Result<(), EngineError> {
         assert_eq!(slice.len(), cuts[self.rank + 1] - cuts[self.rank]);
         self.meet(slice, |all| values.copy_from_slice(&all.concat()));
         Ok(())
     }
-    fn all(&mut self, number: u64) -> Result<Vec<u64>, EngineError> {
+    fn all_gather_number(&mut self, number: u64) -> Result<Vec<u64>, EngineError> {
         self.board.numbers.lock().unwrap()[self.rank] = number;
         self.board.barrier.wait();
         let all = self.board.numbers.lock().unwrap().clone();
@@ -86,7 +86,13 @@ fn on_ranks<T: Send>(ranks: usize, work: impl Fn(Thread) -> T + Sync) -> Vec<T> 
 }
 
 fn plan(batch: usize) -> TrainingPlan {
-    TrainingPlan { length: Length::Steps(40), batch, report_every: 5, seed: 3, ..TrainingPlan::default() }
+    TrainingPlan {
+        length: TrainingLength::Steps(40),
+        batch,
+        report_every: 5,
+        seed: 3,
+        ..TrainingPlan::default()
+    }
 }
 
 fn cpu(plan: &TrainingPlan, batch: usize, state: TrainingState) -> CpuTrainer {
@@ -130,7 +136,7 @@ fn trained_by_ranks(
 #[test]
 fn shares_tile_the_batch() {
     for (length, of) in [(0, 3), (1, 2), (7, 3), (1024, 5), (3, 8)] {
-        let shares: Vec<_> = (0..of).map(|index| share(length, index, of)).collect();
+        let shares: Vec<_> = (0..of).map(|index| part_of(length, index, of)).collect();
         assert!(shares.iter().cloned().flatten().eq(0..length), "{shares:?}");
         let most = most_rows(length, of);
         assert!(shares.iter().all(|share| share.len() <= most), "{shares:?}");
@@ -152,7 +158,7 @@ fn the_sum_of_the_ranks_gradients_is_that_of_one_process() {
         let all = on_ranks(ranks, |thread| {
             let most = most_rows(batch, ranks);
             let mut engine = RankTrainer::new(cpu(&plan, most, TrainingState::new(&SHAPE, 1)), thread);
-            let rows = engine.share(batch);
+            let rows = engine.rows_of_batch(batch);
             engine.cpu.gradient.fill(f32::NAN);
             engine.step(&inputs[rows.start * 5..rows.end * 5], &targets[rows], 1e-3).unwrap();
             (engine.cpu.gradient.clone(), engine.take_mean_loss().unwrap(), engine.state().unwrap())
@@ -219,7 +225,7 @@ fn ranks_that_drift_apart_and_rows_of_others_are_noticed() {
     assert!(errors.iter().all(|error| error.contains("ranks 0 and 1")), "{errors:?}");
     let refused = on_ranks(2, |thread| {
         let mut engine = RankTrainer::new(cpu(&plan, 64, TrainingState::new(&SHAPE, 1)), thread);
-        engine.share(64);
+        engine.rows_of_batch(64);
         engine.step(&[0.0; 64 * 5], &[0.0; 64], 1e-3).unwrap_err().to_string()
     });
     assert!(refused.iter().all(|error| error.contains("share are 32")), "{refused:?}");

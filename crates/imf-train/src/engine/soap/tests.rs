@@ -4,7 +4,7 @@ use super::*;
 use crate::engine::orthonormal::tests::numbers;
 use nalgebra::DMatrix;
 
-const KEPT: f64 = 0.95;
+const BETA: f64 = 0.95;
 
 fn matrix(values: &[f32], rows: usize) -> DMatrix<f64> {
     DMatrix::from_row_iterator(rows, values.len() / rows, values.iter().map(|&v| f64::from(v)))
@@ -30,8 +30,8 @@ impl Definition {
         let squares = [gradient * gradient.transpose(), gradient.transpose() * gradient];
         if self.done == 0 {
             self.means = squares;
-            for _ in 0..FIRST_LOOKS {
-                self.look();
+            for _ in 0..FIRST_UPDATES {
+                self.update_axes();
             }
             self.done = 1;
             return;
@@ -39,21 +39,21 @@ impl Definition {
         let [left, right] = &self.axes;
         let along = |m: &DMatrix<f64>| left.transpose() * m * right;
         let [first, second] = &mut self.moments;
-        *first = &*first * KEPT + gradient * (1.0 - KEPT);
-        *second = &*second * KEPT + along(gradient).map(|g| g * g) * (1.0 - KEPT);
-        let whole = 1.0 - KEPT.powf(self.done as f64);
+        *first = &*first * BETA + gradient * (1.0 - BETA);
+        *second = &*second * BETA + along(gradient).map(|g| g * g) * (1.0 - BETA);
+        let whole = 1.0 - BETA.powf(self.done as f64);
         let step = along(first).zip_map(second, |m, v| m / whole / ((v / whole).sqrt() + f64::from(EPSILON)));
         *weights -= left * step * right.transpose() * (rate * f64::from(config.rate));
         for (mean, square) in self.means.iter_mut().zip(squares) {
-            *mean = &*mean * KEPT + square * (1.0 - KEPT);
+            *mean = &*mean * BETA + square * (1.0 - BETA);
         }
-        if self.done.is_multiple_of(config.look_every) {
-            self.look();
+        if self.done.is_multiple_of(config.precondition_every) {
+            self.update_axes();
         }
         self.done += 1;
     }
 
-    fn look(&mut self) {
+    fn update_axes(&mut self) {
         for side in 0..2 {
             let turned = &self.means[side] * &self.axes[side];
             let along: Vec<f64> =
@@ -81,7 +81,7 @@ fn gradient(rows: usize, columns: usize, seed: u64) -> Vec<f32> {
 fn steps_are_the_definitions() {
     // A first gradient of unequal sides has axes that nothing but rounding decides: there the steps begin later.
     for (rows, columns, first_step) in [(6, 6, 1), (1, 1, 1), (5, 9, 2), (9, 4, 2)] {
-        let config = SoapConfig { look_every: 4, rate: 2.0, ..SoapConfig::default() };
+        let config = SoapConfig { precondition_every: 4, rate: 2.0, ..SoapConfig::default() };
         let mut soap = Soap::new(config, rows, columns);
         let mut definition = Definition::new(rows, columns);
         if first_step > 1 {
@@ -121,7 +121,7 @@ fn steps_are_the_definitions() {
 #[test]
 fn axes_become_the_means_eigenvectors() {
     let (rows, columns) = (40, 30);
-    let mut soap = Soap::new(SoapConfig { look_every: 1, ..SoapConfig::default() }, rows, columns);
+    let mut soap = Soap::new(SoapConfig { precondition_every: 1, ..SoapConfig::default() }, rows, columns);
     let [mut weights, mut first, mut second] = [0; 3].map(|_| vec![0.0; rows * columns]);
     let same = gradient(rows, columns, 3);
     for step in 1..=30 {
@@ -139,13 +139,13 @@ fn axes_become_the_means_eigenvectors() {
 #[test]
 fn what_was_kept_goes_on_to_the_same_bits_and_zeros_move_nothing() {
     let (rows, columns) = (33, 40);
-    let config = SoapConfig { look_every: 3, ..SoapConfig::default() };
+    let config = SoapConfig { precondition_every: 3, ..SoapConfig::default() };
     let mut soap = Soap::new(config, rows, columns);
     let [mut weights, mut first, mut second] = [0; 3].map(|_| vec![0.0; rows * columns]);
     for step in 1..=20 {
         if step % 5 == 0 {
             let kept = soap.kept().concat();
-            assert_eq!(kept.len(), Soap::kept_count(rows, columns));
+            assert_eq!(kept.len(), Soap::state_count(rows, columns));
             let mut other = Soap::new(config, rows, columns);
             other.restore(&kept);
             let mut own = [weights.clone(), first.clone(), second.clone()];

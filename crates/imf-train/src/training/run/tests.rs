@@ -2,14 +2,14 @@ use super::*;
 use crate::engine::CpuTrainer;
 use crate::fixtures::{Recorder, go_on, samples};
 use imf_fields::recipe::schedule::Schedule;
-use imf_fields::recipe::{Length, TrainingState};
+use imf_fields::recipe::{TrainingLength, TrainingState};
 use imf_fields::siren::SirenShape;
 
 const SHAPE: SirenShape = SirenShape { width: 24, hidden: 3, skip_after: Some(2), omega: 10.0 };
 
 fn plan() -> TrainingPlan {
     TrainingPlan {
-        length: Length::Epochs(2),
+        length: TrainingLength::Epochs(2),
         batch: 150,
         report_every: 4,
         seed: 9,
@@ -27,7 +27,7 @@ fn a_run_in_pieces_has_the_bits_of_one_in_one_go() {
     for plan in [
         plan(),
         TrainingPlan {
-            length: Length::Steps(40),
+            length: TrainingLength::Steps(40),
             schedule: Schedule::Cosine { initial: 1e-3, last: 1e-5, warmup: 5 },
             ..plan()
         },
@@ -87,7 +87,7 @@ fn reports_come_when_guaranteed_and_count_right() {
 #[test]
 fn an_epoch_shows_every_sample_once() {
     let samples = samples();
-    let plan = TrainingPlan { length: Length::Epochs(1), ..plan() };
+    let plan = TrainingPlan { length: TrainingLength::Epochs(1), ..plan() };
     let mut recorder = Recorder::default();
     train(&plan, &samples, &mut recorder, Cursor::default(), &mut go_on).unwrap();
     let row = |index: usize| {
@@ -109,7 +109,7 @@ fn an_epoch_shows_every_sample_once() {
 fn training_lowers_the_loss() {
     let samples = samples();
     let plan = TrainingPlan {
-        length: Length::Steps(600),
+        length: TrainingLength::Steps(600),
         schedule: Schedule::Cosine { initial: 2e-3, last: 0.0, warmup: 0 },
         ..plan()
     };
@@ -153,7 +153,7 @@ fn a_loss_that_rises_for_good_stops_the_run() {
     // Learns for a while, then answers a constant.
     let collapse = || Recorder { loss: |steps| if steps <= 600 { 0.01 } else { 0.2 }, ..Recorder::default() };
     let samples = samples();
-    let plan = TrainingPlan { length: Length::Steps(4000), ..plan() };
+    let plan = TrainingPlan { length: TrainingLength::Steps(4000), ..plan() };
     let mut suspicious = Vec::new();
     let mut note = |report: &Report, _: &mut dyn TrainingEngine| {
         suspicious.push((report.step, report.watch.is_suspicious()));
@@ -187,7 +187,10 @@ fn a_loss_that_rises_for_good_stops_the_run() {
 #[test]
 fn plans_are_read_with_the_papers_values_for_what_is_left_out() {
     let plan: TrainingPlan = serde_json::from_str(r#"{"batch": 512, "length": {"steps": 10}}"#).unwrap();
-    assert_eq!(plan, TrainingPlan { batch: 512, length: Length::Steps(10), ..TrainingPlan::default() });
+    assert_eq!(
+        plan,
+        TrainingPlan { batch: 512, length: TrainingLength::Steps(10), ..TrainingPlan::default() }
+    );
     let text = serde_json::to_string(&plan).unwrap();
     assert_eq!(serde_json::from_str::<TrainingPlan>(&text).unwrap(), plan);
     assert!(serde_json::from_str::<TrainingPlan>(r#"{"bach": 512}"#).is_err());

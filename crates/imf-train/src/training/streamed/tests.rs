@@ -2,15 +2,15 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::*;
-use crate::dataset::{Layout, generate_share, load};
+use crate::dataset::{Layout, generate_partition, load};
 use crate::engine::CpuTrainer;
 use crate::fixtures::{Recorder, go_on, scene};
 use crate::training::run::Report;
 use crate::training::run::train;
 use imf_core::control::Control;
 use imf_core::orientation::OrientationSet;
-use imf_fields::recipe::Length;
 use imf_fields::recipe::Sampling;
+use imf_fields::recipe::TrainingLength;
 use imf_fields::recipe::TrainingState;
 use imf_fields::siren::SirenShape;
 use std::ops::ControlFlow;
@@ -20,8 +20,8 @@ const SHAPE: SirenShape = SirenShape { width: 16, hidden: 2, skip_after: None, o
 /// Seven shards, the last one smaller: 13 sections of 347 samples, two a shard.
 fn dataset(folder: &Path) -> Shards {
     let set = OrientationSet::parse("fibonacci:13").unwrap();
-    let layout = Layout { shard_samples: Some(2 * 347), share: None };
-    generate_share(folder, &scene(), &set, &Sampling::default(), &layout, Control::quiet()).unwrap();
+    let layout = Layout { shard_samples: Some(2 * 347), partition: None };
+    generate_partition(folder, &scene(), &set, &Sampling::default(), &layout, Control::quiet()).unwrap();
     let shards = Shards::open(folder).unwrap();
     assert_eq!((shards.count(), shards.samples()), (7, 13 * 347));
     shards
@@ -30,7 +30,7 @@ fn dataset(folder: &Path) -> Shards {
 fn plan() -> TrainingPlan {
     // No multiple of a group's samples: batches straddle groups.
     TrainingPlan {
-        length: Length::Epochs(3),
+        length: TrainingLength::Epochs(3),
         batch: 150,
         report_every: 4,
         seed: 9,
@@ -81,7 +81,7 @@ fn an_epoch_in_groups_has_every_sample_once_and_two_epochs_differ() {
     let section_of = |row: &[u32; INPUTS + 1]| [row[3], row[4]];
     for groups in [1, 2, 3, 5, 8, 100] {
         for (epochs, batch) in [(2, 150), (2, 4000), (1, 1)] {
-            let plan = TrainingPlan { length: Length::Epochs(epochs), batch, ..plan() };
+            let plan = TrainingPlan { length: TrainingLength::Epochs(epochs), batch, ..plan() };
             let batches = fed(&shards, groups, &plan, Cursor::default());
             let per_epoch = plan.steps_per_epoch(samples.len()) as usize;
             assert_eq!(batches.len(), per_epoch * epochs as usize, "{groups} groups, batch {batch}");
@@ -111,7 +111,7 @@ fn an_epoch_in_groups_has_every_sample_once_and_two_epochs_differ() {
 fn going_on_from_any_step_reads_the_same_batches() {
     let folder = tempfile::tempdir().unwrap();
     let shards = dataset(folder.path());
-    for length in [Length::Epochs(2), Length::Steps(41)] {
+    for length in [TrainingLength::Epochs(2), TrainingLength::Steps(41)] {
         let plan = TrainingPlan { length, ..plan() };
         let whole = fed(&shards, 2, &plan, Cursor::default());
         let per_epoch = plan.steps_per_epoch(shards.samples());

@@ -9,7 +9,7 @@ use serde::Serialize;
 use super::super::resolved::resolved;
 use super::super::surface::{ObstructedRow, proof};
 use super::Crib;
-use super::tools::Undecided;
+use super::tools::UndecidedTool;
 use crate::output::{length, show_measure};
 use crate::progress::show_seconds;
 
@@ -56,7 +56,7 @@ pub(super) struct Report {
     samples: usize,
     hidden_area: f64,
     /// The fraction to cover, of what all tools reach.
-    asked: f64,
+    requested: f64,
     /// Names of the fewest, those that add most first.
     fewest: Vec<String>,
     proven: bool,
@@ -70,7 +70,7 @@ pub(super) struct Report {
     not_faced: f64,
     /// In the order of the crib.
     tools: Vec<ToolRow>,
-    undecided: Vec<Undecided>,
+    undecided: Vec<UndecidedTool>,
     seconds: f64,
 }
 
@@ -100,7 +100,7 @@ impl Report {
         });
         let best: Vec<Verdict> = (0..samples.len()).map(|sample| crib.best(sample).0).collect();
         let of = |verdict: Verdict| share(&|sample| best[sample] == verdict);
-        let undecided = crib.undecided.iter().map(|u| Undecided::new(&u.tool, &u.why));
+        let undecided = crib.undecided.iter().map(|u| UndecidedTool::new(&u.tool, &u.why));
         Self {
             program: format!("imf {}", env!("CARGO_PKG_VERSION")),
             files: ["crib.csv", "surface.ply"].map(str::to_owned).to_vec(),
@@ -115,7 +115,7 @@ impl Report {
             area: total,
             samples: samples.len(),
             hidden_area: crib.samples.hidden_area,
-            asked: crib.fraction,
+            requested: crib.fraction,
             fewest: crib.chosen.iter().map(|&tool| crib.tools[tool].name.clone()).collect(),
             proven: crib.at_least == crib.chosen.len(),
             at_least: crib.at_least,
@@ -222,7 +222,7 @@ impl Report {
         }
         if !self.undecided.is_empty() {
             let _ = writeln!(text, "\nnot decided: {}", self.undecided.len());
-            for Undecided { tool, why } in self.undecided.iter().take(LISTED_UNDECIDED) {
+            for UndecidedTool { tool, why } in self.undecided.iter().take(LISTED_UNDECIDED) {
                 let _ = writeln!(text, "  {tool}: {why}");
             }
             if self.undecided.len() > LISTED_UNDECIDED {

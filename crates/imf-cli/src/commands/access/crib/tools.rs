@@ -14,12 +14,12 @@ const ENDINGS: [&str; 4] = ["toml", "fctb", "json", "tools"];
 
 /// A tool that is left undecided, and why.
 #[derive(Debug, Serialize)]
-pub(super) struct Undecided {
+pub(super) struct UndecidedTool {
     pub(super) tool: String,
     pub(super) why: String,
 }
 
-impl Undecided {
+impl UndecidedTool {
     pub(super) fn new(tool: &str, why: &dyn std::fmt::Display) -> Self {
         Self { tool: tool.to_owned(), why: why.to_string() }
     }
@@ -56,7 +56,7 @@ impl CribTool {
 }
 
 /// All tools that the paths name, names made their own, and those that a library has and we cannot describe.
-pub(super) fn read(paths: &[String]) -> Result<(Vec<Tool>, Vec<Undecided>)> {
+pub(super) fn read(paths: &[String]) -> Result<(Vec<Tool>, Vec<UndecidedTool>)> {
     let (mut tools, mut undecided) = (Vec::new(), Vec::new());
     for text in paths {
         let path = Path::new(text);
@@ -70,7 +70,7 @@ pub(super) fn read(paths: &[String]) -> Result<(Vec<Tool>, Vec<Undecided>)> {
             for tool in found.with_context(|| format!("the tools of {} cannot be used", file.display()))? {
                 match tool {
                     Ok(tool) => tools.push(tool),
-                    Err(error) => undecided.push(Undecided::new(&file.display().to_string(), &error)),
+                    Err(error) => undecided.push(UndecidedTool::new(&file.display().to_string(), &error)),
                 }
             }
         }

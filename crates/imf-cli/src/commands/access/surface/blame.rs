@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 use imf_core::grid::Grid;
-use imf_core::surface::{ElementCollision, LeastOverlap, SurfaceSample, culprits, least_overlaps};
+use imf_core::surface::{ElementCollision, MinimumOverlap, SurfaceSample, culprits, minimum_overlaps};
 use imf_core::tool::ElementKind;
 
 use super::cavities::voxels_around;
@@ -16,7 +16,7 @@ const MOST: usize = 2_000;
 #[derive(Default)]
 pub(super) struct Blame {
     /// By sample: the pose of minimum overlap of its best tool; `None` for those that are reached or were not examined.
-    pub(super) nearest: Vec<Option<LeastOverlap>>,
+    pub(super) nearest: Vec<Option<MinimumOverlap>>,
     /// By voxel: the area that it obstructs.
     voxels: Option<(Grid, Vec<f32>)>,
 }
@@ -38,12 +38,12 @@ impl Blame {
             let own: Vec<usize> =
                 looked_into.iter().copied().filter(|&s| surface.best[s].1 == index).collect();
             let directions = &run.orientations.orientations;
-            let found = least_overlaps(tool, samples, &own, directions, session.control(&advance))?;
+            let found = minimum_overlaps(tool, samples, &own, directions, session.control(&advance))?;
             let poses = own
                 .iter()
                 .zip(&found)
                 .filter_map(|(&sample, at)| Some((every as f64 * samples[sample].area, (*at)?)));
-            let poses: Vec<(f64, LeastOverlap)> = poses.collect();
+            let poses: Vec<(f64, MinimumOverlap)> = poses.collect();
             own.iter().zip(found).for_each(|(&sample, at)| blame.nearest[sample] = at);
             if let Some((grid, area)) = culprits(tool, &poses, session.control(&advance))? {
                 match &mut blame.voxels {

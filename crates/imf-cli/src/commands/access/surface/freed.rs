@@ -1,7 +1,7 @@
 //! What would free the places that shank or holder obstruct: a longer stick-out, a slimmer holder.
 
 use anyhow::Result;
-use imf_core::surface::{ElementCollision, StickOutTool, least_stick_outs};
+use imf_core::surface::{ElementCollision, StickOutTool, shortest_stick_outs};
 use imf_core::tool::{Assembly, Element, ElementKind, ToolShape};
 use imf_core::unit::LengthUnit;
 
@@ -14,7 +14,7 @@ use crate::session::Session;
 pub(super) fn stick_outs(
     session: &Session,
     run: &AccessRun,
-    asked: &SurfaceSettings,
+    settings: &SurfaceSettings,
     surface: &Surface,
 ) -> Result<Vec<Option<f64>>> {
     let samples = &surface.samples.samples;
@@ -29,11 +29,11 @@ pub(super) fn stick_outs(
         if own.is_empty() || assembly.tool().stick_out().is_none() {
             continue;
         }
-        let tool = StickOutTool::new(&asked.environment, assembly, asked.tolerance)?;
+        let tool = StickOutTool::new(&settings.environment, assembly, settings.tolerance)?;
         let chosen: Vec<_> = own.iter().map(|&sample| samples[sample]).collect();
         let directions = &run.orientations.orientations;
         let least = session.staged("what would help", "directions", directions.len() as u64, |control| {
-            least_stick_outs(&tool, &chosen, directions, control)
+            shortest_stick_outs(&tool, &chosen, directions, control)
         })?;
         own.into_iter().zip(least).for_each(|(sample, least)| found[sample] = Some(least.length()));
     }

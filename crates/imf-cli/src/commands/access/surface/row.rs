@@ -14,7 +14,7 @@ use crate::output::{length, show_measure};
 #[derive(Debug, Serialize)]
 pub(in crate::commands::access) struct DirectionRow {
     pub(super) direction: [f64; 3],
-    pub(super) share: f64,
+    pub(super) fraction: f64,
 }
 
 /// An element, a body that it hits, and the fraction of the surface that this obstructs.
@@ -23,7 +23,7 @@ pub(in crate::commands::access) struct ObstructedRow {
     element: String,
     /// `part`, or a fixture's name.
     body: String,
-    share: f64,
+    fraction: f64,
 }
 
 impl ObstructedRow {
@@ -38,18 +38,18 @@ impl ObstructedRow {
                 0 => "part".into(),
                 fixture => fixtures.get(fixture - 1).cloned().unwrap_or_default(),
             };
-            Self { element: kind.to_string(), body, share: own / area }
+            Self { element: kind.to_string(), body, fraction: own / area }
         });
         let [element, body] = IN_THE_WAY.map(str::to_owned);
-        let machine = Self { element, body, share: found.by_limit / area };
+        let machine = Self { element, body, fraction: found.by_limit / area };
         hits.chain((found.by_limit > 0.0).then_some(machine)).collect()
     }
 
     /// All of them in a line.
     pub(in crate::commands::access) fn text(rows: &[Self]) -> String {
-        let each = rows.iter().map(|Self { element, body, share }| {
+        let each = rows.iter().map(|Self { element, body, fraction }| {
             let the = if body == "part" { "the " } else { "" };
-            format!("{element} at {the}{body} {:.1} %", 100.0 * share)
+            format!("{element} at {the}{body} {:.1} %", 100.0 * fraction)
         });
         each.collect::<Vec<_>>().join(", ")
     }
@@ -114,8 +114,8 @@ impl SurfaceRow {
         row(words(Verdict::Obstructed), self.obstructed, &ObstructedRow::text(&self.obstructed_by));
         row(words(Verdict::Gouged), self.gouged, "");
         row(words(Verdict::NotFaced), self.not_faced, "");
-        for DirectionRow { direction: [i, j, k], share } in &self.best_directions {
-            row(&format!("from ({i:.3}, {j:.3}, {k:.3})"), *share, "");
+        for DirectionRow { direction: [i, j, k], fraction } in &self.best_directions {
+            row(&format!("from ({i:.3}, {j:.3}, {k:.3})"), *fraction, "");
         }
         if self.other_directions > 0 {
             let _ = writeln!(text, "  and {} more", self.other_directions);

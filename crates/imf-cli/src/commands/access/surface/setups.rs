@@ -183,7 +183,7 @@ impl Setups {
         SetupsRow {
             machine: self.machine.clone(),
             candidates: self.candidates.len(),
-            asked: self.fraction,
+            requested: self.fraction,
             setups: chosen.collect(),
             proven: self.chosen.is_proven(),
             at_least: self.chosen.at_least,

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use glam::DVec3;
-use imf_core::surface::{Reach, SurfacePatch};
+use imf_core::surface::{SampleReach, SurfacePatch};
 use imf_core::unit::LengthUnit;
 use serde::Serialize;
 
@@ -202,7 +202,7 @@ impl Surface {
             title: "by directions",
             colours: Colours::Scale { label: "directions that reach it".into(), none: "not reached" },
             values: each(&|sample| match self.tools[self.best[sample].1].0.reach[sample] {
-                Reach::Reached { directions } => directions as f32,
+                SampleReach::Reached { directions } => directions as f32,
                 _ => f32::NAN,
             }),
         });

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use anyhow::Result;
 use imf_core::orientation::OrientationSet;
 use imf_core::surface::{
-    CollisionEnvironment, StickOut, StickOutTool, SurfaceSamples, Verdict, least_stick_outs,
+    CollisionEnvironment, StickOut, StickOutTool, SurfaceSamples, Verdict, shortest_stick_outs,
 };
 use imf_core::tool::Assembly;
 use imf_core::unit::LengthUnit;
@@ -37,7 +37,7 @@ impl ToolStickOut {
         let tool = StickOutTool::new(environment, assembly, tolerance)?;
         let name = format!("stick-out, {}", tool.name());
         let found = session.staged(&name, "directions", orientations.len() as u64, |control| {
-            least_stick_outs(&tool, &samples.samples, &orientations.orientations, control)
+            shortest_stick_outs(&tool, &samples.samples, &orientations.orientations, control)
         })?;
         Ok(Self { tool, found })
     }
@@ -83,7 +83,7 @@ impl ToolStickOut {
                 _ => glam::DVec3::ZERO,
             };
             let point = samples.samples[*index].point;
-            Largest { length: *length, point: point.to_array(), direction: direction.to_array() }
+            LongestStickOut { length: *length, point: point.to_array(), direction: direction.to_array() }
         });
         // By how much a triangle's corner lies deeper than its middle, along the direction from which it is reached.
         let deeper = |index: usize| {
@@ -125,7 +125,7 @@ impl ToolStickOut {
 
 /// Where most is needed.
 #[derive(Debug, Serialize)]
-struct Largest {
+struct LongestStickOut {
     length: f64,
     point: [f64; 3],
     direction: [f64; 3],
@@ -149,7 +149,7 @@ pub(in crate::commands::access) struct StickOutRow {
     needed_at_most: Vec<(f64, f64)>,
     /// A fraction of what the tool reaches at some length, and what that needs at most.
     needed_for: Vec<(f64, f64)>,
-    largest: Option<Largest>,
+    largest: Option<LongestStickOut>,
     /// By how much the given stick-out is more than what is needed by all that needs no more than it.
     margin: Option<f64>,
     at_some_length: f64,
@@ -167,7 +167,7 @@ impl StickOutRow {
             [length::nearest, length::at_least].map(|text| move |value: f64| text(value, unit));
         let percent = |share: f64| format!("{:.1} %", 100.0 * share);
         let mut text = length::stick_out(&self.tool, [self.given, self.shortest], self.longest, unit) + "\n";
-        if let Some(Largest { length, point, direction: [i, j, k] }) = self.largest {
+        if let Some(LongestStickOut { length, point, direction: [i, j, k] }) = self.largest {
             let _ = writeln!(
                 text,
                 "  all {} that it reaches at some length need {} {unit}: most at ({}) from ({i:.3}, {j:.3}, {k:.3})",

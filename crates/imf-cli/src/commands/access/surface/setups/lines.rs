@@ -88,7 +88,7 @@ pub(in crate::commands::access) struct SetupsRow {
     pub(super) machine: String,
     pub(super) candidates: usize,
     /// The fraction required, of what all candidates reach.
-    pub(super) asked: f64,
+    pub(super) requested: f64,
     pub(super) setups: Vec<SetupRow>,
     pub(super) proven: bool,
     /// No fewer of the candidates do.

@@ -19,13 +19,13 @@ use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 use super::definition::{EvaluationSettings, pair};
-use drawn::Drawn;
+use drawn::VoxelSample;
 
 /// How the name of the last question ends.
 pub(crate) const RANDOM: &str = "random sections";
 
 /// Two sections, the inaccessibility measure over some sets, and random sections, in this order.
-pub(crate) struct Questions {
+pub(crate) struct EvaluationSets {
     pub(crate) in_sample: Orientation,
     pub(crate) out_of_sample: Orientation,
     pub(crate) imf: Vec<OrientationSet>,
@@ -47,7 +47,7 @@ pub(crate) struct Answer {
     pub(crate) standard_error: Option<f64>,
 }
 
-impl Questions {
+impl EvaluationSets {
     pub(crate) fn of(settings: &EvaluationSettings) -> Result<Self> {
         Ok(Self {
             in_sample: pair(&settings.in_sample)?,
@@ -154,7 +154,7 @@ impl Questions {
     fn at_drawn_voxels(&self, session: &Session, device: &Device, model: &Model) -> Result<Vec<Answer>> {
         let plan = SectionPlan::of_scene(&model.scene, ToolPoints::Tip)?;
         let grid = plan.grid();
-        let drawn = Drawn::of(grid, self.voxels);
+        let drawn = VoxelSample::of(grid, self.voxels);
         let mut engine = device.evaluator(model.shape, &model.state.parameters)?;
         let whole = 2 * grid.len() as u64;
         let [exact_sections, _] = self.sections();

@@ -4,7 +4,7 @@ use glam::{DQuat, DVec3};
 
 use super::super::HitBody;
 use super::super::elements::{DeepestCentre, DepthElement, Shape, Step, Track};
-use super::voxels::{BLOCK, BitLines, Looking, StockVoxels};
+use super::voxels::{BLOCK, BitLines, StockScanner, StockVoxels};
 use crate::field::solid::BodyLines;
 use crate::mesh::distance::distance_to_mesh;
 use crate::pose::Pose;
@@ -70,7 +70,7 @@ impl Approach {
                 free[1] = !stock.fine().holds_any(x, y, from, to);
                 free[1]
             };
-            lines.visit(&stock.fine().grid, pose, &mut Looking { stock, line });
+            lines.visit(&stock.fine().grid, pose, &mut StockScanner { stock, line });
         }
         for (room, free) in ROOM.into_iter().zip(free) {
             if free {
@@ -84,7 +84,7 @@ impl Approach {
 }
 
 /// A body that must not touch the stock.
-pub(super) struct Guard {
+pub(super) struct NonCuttingBody {
     measured: DepthElement,
     /// Of its points that must not hold stock; of a bar around a mesh.
     lines: BodyLines,
@@ -119,7 +119,7 @@ impl Place {
     }
 }
 
-impl Guard {
+impl NonCuttingBody {
     /// Of a body of revolution, of which only `inner` must hold no stock. `None` for an outline that runs cannot be made of.
     pub(super) fn new(
         name: String,
@@ -190,7 +190,7 @@ impl Guard {
                 !touches
             })
         };
-        self.lines.visit(grid, pose, &mut Looking { stock, line });
+        self.lines.visit(grid, pose, &mut StockScanner { stock, line });
         if !touches || !track.meets(step, grid.pitch) {
             return;
         }
@@ -205,7 +205,7 @@ impl Guard {
                 true
             })
         };
-        self.lines.visit(grid, pose, &mut Looking { stock, line });
+        self.lines.visit(grid, pose, &mut StockScanner { stock, line });
         track.take(found.depth, || {
             found.collision(&self.measured, &HitBody::Stock, grid, step.fraction, pose)
         });

@@ -7,17 +7,17 @@ use thiserror::Error;
 
 /// Share `index` (from 1) of `of`: every `of`-th shard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Share {
+pub struct Partition {
     index: usize,
     of: usize,
 }
 
 /// A text that names no share.
 #[derive(Debug, Error, PartialEq, Eq)]
-#[error("'{0}' is not a share: write I/N with I from 1 to N, such as 3/8")]
-pub struct ShareError(String);
+#[error("'{0}' is not a partition: write I/N with I from 1 to N, such as 3/8")]
+pub struct PartitionError(String);
 
-impl Share {
+impl Partition {
     /// True where this share makes that shard (counted from 0).
     #[must_use]
     pub fn holds(self, shard: usize) -> bool {
@@ -38,19 +38,19 @@ impl Share {
     }
 }
 
-impl FromStr for Share {
-    type Err = ShareError;
+impl FromStr for Partition {
+    type Err = PartitionError;
 
-    fn from_str(text: &str) -> Result<Self, ShareError> {
+    fn from_str(text: &str) -> Result<Self, PartitionError> {
         let numbers = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
         match numbers {
             Some((index, of)) if (1..=of).contains(&index) => Ok(Self { index, of }),
-            _ => Err(ShareError(text.to_owned())),
+            _ => Err(PartitionError(text.to_owned())),
         }
     }
 }
 
-impl fmt::Display for Share {
+impl fmt::Display for Partition {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}/{}", self.index, self.of)
     }
@@ -63,19 +63,22 @@ mod tests {
     #[test]
     fn shares_split_the_shards() {
         for of in 1..6 {
-            let shares: Vec<Share> = (1..=of).map(|i| format!("{i}/{of}").parse().unwrap()).collect();
+            let shares: Vec<Partition> = (1..=of).map(|i| format!("{i}/{of}").parse().unwrap()).collect();
             for shard in 0..20 {
-                assert_eq!(shares.iter().filter(|share| share.holds(shard)).count(), 1);
+                assert_eq!(shares.iter().filter(|partition| partition.holds(shard)).count(), 1);
             }
         }
         for text in ["0/3", "4/3", "1", "a/b", "1/0", "-1/2", ""] {
-            assert_eq!(text.parse::<Share>(), Err(ShareError(text.into())));
+            assert_eq!(text.parse::<Partition>(), Err(PartitionError(text.into())));
         }
-        let share: Share = "3/8".parse().unwrap();
-        assert_eq!((share.to_string(), share.manifest_name()), ("3/8".into(), "manifest.3-of-8.json".into()));
-        assert!(Share::is_manifest_name("manifest.3-of-8.json"));
+        let partition: Partition = "3/8".parse().unwrap();
+        assert_eq!(
+            (partition.to_string(), partition.manifest_name()),
+            ("3/8".into(), "manifest.3-of-8.json".into())
+        );
+        assert!(Partition::is_manifest_name("manifest.3-of-8.json"));
         for name in ["manifest.json", "manifest.9-of-8.json", "manifest.old.json", "manifest.1-of-8.json~"] {
-            assert!(!Share::is_manifest_name(name), "{name}");
+            assert!(!Partition::is_manifest_name(name), "{name}");
         }
     }
 }

@@ -22,14 +22,14 @@ use crate::uniforms::Panel;
 const MOST_TURNS: usize = 1 << 15;
 
 /// The kernels of updates.
-pub(super) struct LookKernels {
+pub(super) struct UpdateKernels {
     means: Kernel,
     order: Kernel,
     panel: Kernel,
     reflect: Kernel,
 }
 
-impl LookKernels {
+impl UpdateKernels {
     pub(super) fn new(gpu: &Gpu) -> Result<Self, EngineError> {
         Ok(Self {
             means: Kernel::new(gpu, Shader::SoapMeans)?,
@@ -40,7 +40,7 @@ impl LookKernels {
     }
 
     /// An update of one side of all matrices, whose mean is M.
-    pub(super) fn look(
+    pub(super) fn update(
         &self,
         gpu: &Gpu,
         products: &Products<'_>,
@@ -65,7 +65,7 @@ impl LookKernels {
             Ok::<_, EngineError>(self.reflect.bind(axes, &[&block, table, vectors, to]))
         };
         let each = Extent::Sliced(stride);
-        let mut look = vec![
+        let mut update = vec![
             products.of([stride; 3], [Factor::Plain(mean), Factor::Plain(axes)], turned)?,
             self.means.bind(each, &[table, axes, turned, before, line]),
             self.order.bind(each, &[table, line, turned, order, reflections, axes]),
@@ -75,14 +75,14 @@ impl LookKernels {
         let at_once = 1 << (MOST_TURNS / (2 * stride)).clamp(1, panel).ilog2();
         for own in spans(panel) {
             let found = [&block(&own, own.end, false)?, table, reflections, vectors];
-            look.push(self.panel.bind(Extent::Sliced(1), &found));
+            update.push(self.panel.bind(Extent::Sliced(1), &found));
             for part in spans(at_once).filter(|part| own.contains(&part.start) && own.end < stride) {
-                look.push(taken(&part, own.end, reflections, false)?);
+                update.push(taken(&part, own.end, reflections, false)?);
             }
         }
         for part in spans(at_once).collect::<Vec<_>>().into_iter().rev() {
-            look.push(taken(&part, part.start, axes, true)?);
+            update.push(taken(&part, part.start, axes, true)?);
         }
-        Ok(look)
+        Ok(update)
     }
 }

@@ -11,14 +11,14 @@ use rand::seq::SliceRandom as _;
 use rand_chacha::ChaCha8Rng;
 
 /// Some voxels of a grid, each once, the same ones every time.
-pub(super) struct Drawn {
+pub(super) struct VoxelSample {
     voxels: Vec<usize>,
     points: Vec<[f32; 3]>,
     /// Of the grid's voxels.
     share: f64,
 }
 
-impl Drawn {
+impl VoxelSample {
     pub(super) fn of(grid: &Grid, share: f64) -> Self {
         let count = ((grid.len() as f64 * share).round() as usize).clamp(1, grid.len());
         let mut all: Vec<usize> = (0..grid.len()).collect();
@@ -71,10 +71,10 @@ mod tests {
         let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [20, 30, 40] };
         let exact = vec![0.25; grid.len()];
         let learnt: Vec<f32> = (0..grid.len()).map(|i| 0.25 + (i * 37 % 101) as f32 * 1e-4).collect();
-        let whole = Drawn::of(&grid, 1.0);
+        let whole = VoxelSample::of(&grid, 1.0);
         let (all, none) = whole.errors(&exact, &learnt, 0.0);
         assert_eq!((whole.len(), none), (grid.len(), 0.0));
-        let some = Drawn::of(&grid, 0.1);
+        let some = VoxelSample::of(&grid, 0.1);
         assert_eq!(some.len(), 2400);
         assert!(some.voxels.windows(2).all(|pair| pair[0] < pair[1]));
         let (report, error) = some.errors(&exact, &some.of_section(&learnt), 0.0);

@@ -15,7 +15,7 @@ const LAYER: &str = "layer";
 /// Why voxels read from a file are not the scene's.
 #[derive(Debug, Error)]
 #[non_exhaustive]
-pub enum StoredVoxelsError {
+pub enum SavedVoxelsError {
     /// An invalid grid.
     #[error("its grid: {0}")]
     Grid(#[from] GridError),
@@ -48,9 +48,9 @@ impl SceneRecord {
     /// # Errors
     /// An invalid grid or tool.
     #[doc(hidden)]
-    pub fn check(&self) -> Result<(), StoredVoxelsError> {
+    pub fn check(&self) -> Result<(), SavedVoxelsError> {
         self.grid.check()?;
-        for tool in self.ungrown.iter().chain([&self.tool]) {
+        for tool in self.bare_tool.iter().chain([&self.tool]) {
             tool.check()?;
             tool.check_sharp_points(self.grid.pitch)?;
         }
@@ -76,23 +76,23 @@ impl Scene {
     pub fn from_packed_voxels<'a>(
         record: SceneRecord,
         bits: impl Fn(&str) -> Option<&'a [u8]>,
-    ) -> Result<Self, StoredVoxelsError> {
+    ) -> Result<Self, SavedVoxelsError> {
         record.check()?;
         let grid = record.grid;
-        let voxels = |name| -> Result<_, StoredVoxelsError> {
-            let packed = bits(name).ok_or(StoredVoxelsError::Missing(name))?;
-            let unpacked = Occupancy::from_packed(grid, packed).ok_or(StoredVoxelsError::Length(name))?;
+        let voxels = |name| -> Result<_, SavedVoxelsError> {
+            let packed = bits(name).ok_or(SavedVoxelsError::Missing(name))?;
+            let unpacked = Occupancy::from_packed(grid, packed).ok_or(SavedVoxelsError::Length(name))?;
             Ok((unpacked, crc32(packed)))
         };
         let (obstacle, checksum) = voxels(OBSTACLE)?;
         if checksum != record.obstacle_crc32 {
-            return Err(StoredVoxelsError::Checksum);
+            return Err(SavedVoxelsError::Checksum);
         }
         let mut scene = Self::from_union(record, obstacle);
         if scene.record.contact.is_some() {
             let (layer, _) = voxels(LAYER)?;
             if layer.solid.iter().zip(&scene.obstacle.solid).any(|(l, o)| l & (1 - o) != 0) {
-                return Err(StoredVoxelsError::Layer);
+                return Err(SavedVoxelsError::Layer);
             }
             scene.layer = Some(layer);
         }
