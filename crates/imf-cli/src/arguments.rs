@@ -90,8 +90,8 @@ pub(crate) enum Command {
     /// Sample exact sections into a dataset for training; continues one that was interrupted
     #[command(after_help = orientations::after(
         "Examples:\n  imf dataset teapot --orientations grid:15 --out teapot-225\n  \
-         imf dataset teapot --orientations grid:15 --out share-3 --shard 3/8\n  \
-         imf dataset merge teapot-225 share-1 share-2 share-3"
+         imf dataset teapot --orientations grid:15 --out partition-3 --shard 3/8\n  \
+         imf dataset merge teapot-225 partition-1 partition-2 partition-3"
     ))]
     Dataset(dataset::DatasetArguments),
     /// Train a field of every point and direction: by a network of a megabyte, or of the family that is named

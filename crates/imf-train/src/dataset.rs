@@ -44,7 +44,7 @@ pub struct GenerateSummary {
     pub kept: usize,
     /// Shards made now.
     pub made: usize,
-    /// Shards that belong to other shares.
+    /// Shards that belong to other partitions.
     pub others: usize,
     /// Samples in the shards reused and made.
     pub samples: u64,
@@ -67,7 +67,7 @@ pub fn generate(
     generate_partition(folder, scene, set, sampling, &Layout::default(), control)
 }
 
-/// As [`generate`], cut up as `layout` says, and only the shards of its share. Other shards' sections count as done.
+/// As [`generate`], cut up as `layout` says, and only the shards of its partition. Other shards' sections count as done.
 ///
 /// # Errors
 /// As [`generate`].

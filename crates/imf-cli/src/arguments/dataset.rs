@@ -21,16 +21,16 @@ pub(crate) enum DatasetAction {
     Finish(DatasetFinishArguments),
 }
 
-/// Join shares of a dataset that were made apart, after checking that they belong together and are whole
+/// Join partitions of a dataset that were made apart, after checking that they belong together and are whole
 #[derive(Args)]
 #[command(
-    after_help = "Examples:\n  imf dataset merge teapot-225 share-1 share-2\n  imf dataset merge together\n\n\
+    after_help = "Examples:\n  imf dataset merge teapot-225 partition-1 partition-2\n  imf dataset merge together\n\n\
                         What is missing is listed, and the exit code is 1 then."
 )]
 pub(crate) struct DatasetMergeArguments {
-    /// Folder of the joined dataset; it may hold shares itself
+    /// Folder of the joined dataset; it may hold partitions itself
     pub(crate) out: PathBuf,
-    /// Folders of shares
+    /// Folders of partitions
     pub(crate) folders: Vec<PathBuf>,
 }
 
@@ -40,7 +40,7 @@ pub(crate) struct DatasetMergeArguments {
 pub(crate) struct DatasetFinishArguments {
     /// Folder of the dataset
     pub(crate) folder: PathBuf,
-    /// Only share I of N
+    /// Only partition I of N
     #[arg(long, value_name = "I/N")]
     pub(crate) shard: Option<Partition>,
 }
@@ -65,7 +65,7 @@ pub(crate) struct DatasetMakeArguments {
     /// stays cut up as it is
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     shard_samples: Option<u64>,
-    /// Make only share I of N, on this machine or another; `imf dataset merge` joins them
+    /// Make only partition I of N, on this machine or another; `imf dataset merge` joins them
     #[arg(long, value_name = "I/N")]
     pub(crate) shard: Option<Partition>,
     /// Folder of the dataset

@@ -1,4 +1,4 @@
-//! `imf dataset`: exact sections sampled into shards, whole or in shares that are joined.
+//! `imf dataset`: exact sections sampled into shards, whole or in partitions that are joined.
 
 mod merge;
 
@@ -49,7 +49,7 @@ fn finish(session: &Session, arguments: &DatasetFinishArguments) -> Result<()> {
     make(session, folder, &scene, &manifest.orientations, &manifest.sampling, &layout)
 }
 
-/// A folder that is made whole is this run's own; shares are made beside each other.
+/// A folder that is made whole is this run's own; partitions are made beside each other.
 fn lock_if_whole(folder: &Path, layout: &Layout) -> Result<Option<FolderLock>> {
     layout.partition.is_none().then(|| lock_folder(folder)).transpose()
 }
@@ -71,7 +71,7 @@ fn make(
     }
     if let Some(partition) = layout.partition {
         return print(&format!(
-            "{}: share {partition}, {} samples in {} of {} shards; join the shares by: imf dataset merge",
+            "{}: partition {partition}, {} samples in {} of {} shards; join the partitions by: imf dataset merge",
             folder.display(),
             generated.samples,
             generated.made + generated.kept,
@@ -87,7 +87,7 @@ fn make(
     ))
 }
 
-/// Makes what a folder lacks of a dataset, or of a share of it.
+/// Makes what a folder lacks of a dataset, or of a partition of it.
 pub(super) fn sample_sections(
     session: &Session,
     folder: &Path,
@@ -103,7 +103,7 @@ pub(super) fn sample_sections(
     let generated = generated.map_err(|error| interruption(error, folder))?;
     let others = match generated.others {
         0 => String::new(),
-        others => format!(", {others} of other shares"),
+        others => format!(", {others} of other partitions"),
     };
     stage.finish(&format!("{} shards made, {} kept{others}", generated.made, generated.kept));
     if let Some(sections) = generated.otherwise_cut {

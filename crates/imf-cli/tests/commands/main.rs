@@ -19,6 +19,7 @@ mod machine;
 mod model;
 mod page;
 mod part;
+mod partitions;
 mod pipeline;
 mod precision;
 mod queries;
@@ -26,7 +27,7 @@ mod refusals;
 mod rolls;
 mod saved;
 mod shapes;
-mod shares;
+
 mod stick_out;
 mod stock;
 mod streaming;

@@ -1,6 +1,6 @@
 //! The manifest of a dataset: what it is, and which of its shards are complete.
 //!
-//! Each share of a dataset has a manifest of its own name, so that several processes may work in one folder;
+//! Each partition of a dataset has a manifest of its own name, so that several processes may work in one folder;
 //! joining them makes the one `manifest.json` that training reads.
 
 use std::collections::HashMap;
@@ -32,7 +32,7 @@ pub struct Layout {
     /// Maximum number of samples of a shard of a new dataset, unless one section has more; 4,000,000 by default. An
     /// existing dataset stays cut up as it is.
     pub shard_samples: Option<u64>,
-    /// The share to make; `None` makes all of it.
+    /// The partition to make; `None` makes all of it.
     pub partition: Option<Partition>,
 }
 
@@ -93,12 +93,14 @@ pub enum DatasetError {
         /// Shards in all.
         shards: usize,
     },
-    /// The folder holds shares that nobody has joined.
-    #[error("{path} holds {manifests} share(s) of a dataset and no manifest.json: they must be merged first")]
+    /// The folder holds partitions that nobody has joined.
+    #[error(
+        "{path} holds {manifests} partition(s) of a dataset and no manifest.json: they must be merged first"
+    )]
     Partitions {
         /// The folder.
         path: String,
-        /// How many manifests of shares there are.
+        /// How many manifests of partitions there are.
         manifests: usize,
     },
     /// Nothing to join.
@@ -127,7 +129,7 @@ pub enum DatasetError {
         /// Another one.
         second: String,
     },
-    /// A share out of range.
+    /// A partition out of range.
     #[error(transparent)]
     Sampling(#[from] SamplingError),
     /// A section failed, or the work was interrupted.
@@ -161,7 +163,7 @@ pub struct Manifest {
     pub sections_per_shard: usize,
     /// Finished shards; `null` where one is still missing.
     pub shards: Vec<Option<ShardRecord>>,
-    /// What this is the manifest of: a share, or the whole dataset. Given by the file's name, not its content.
+    /// What this is the manifest of: a partition, or the whole dataset. Given by the file's name, not its content.
     #[serde(skip)]
     partition: Option<Partition>,
 }
@@ -174,7 +176,7 @@ struct Header {
 }
 
 impl Manifest {
-    /// The manifest of a new dataset or share, or the one in the folder if it describes the same; and whether that
+    /// The manifest of a new dataset or partition, or the one in the folder if it describes the same; and whether that
     /// one is cut up otherwise than requested.
     pub(super) fn start(
         folder: &Path,
@@ -198,7 +200,7 @@ impl Manifest {
             shards: vec![None; set.len().div_ceil(sections_per_shard)],
             partition: layout.partition,
         };
-        // A share goes on from its own manifest, else from that of the whole.
+        // A partition goes on from its own manifest, else from that of the whole.
         let names = [fresh.file_name(), MANIFEST.to_owned()];
         if let Some(name) = names.iter().find(|name| folder.join(name).exists()) {
             let found = Self { partition: layout.partition, ..Self::read_named(folder, name)? };
@@ -237,22 +239,25 @@ impl Manifest {
     /// Reads and checks a folder's manifest.
     ///
     /// # Errors
-    /// A missing, foreign, newer or damaged manifest, or shares that are not joined.
+    /// A missing, foreign, newer or damaged manifest, or partitions that are not joined.
     pub fn read(folder: &Path) -> Result<Self, DatasetError> {
-        let shares = partition_manifests(folder).len();
-        if shares > 0 && !folder.join(MANIFEST).exists() {
-            return Err(DatasetError::Partitions { path: folder.display().to_string(), manifests: shares });
+        let partitions = partition_manifests(folder).len();
+        if partitions > 0 && !folder.join(MANIFEST).exists() {
+            return Err(DatasetError::Partitions {
+                path: folder.display().to_string(),
+                manifests: partitions,
+            });
         }
         Self::read_named(folder, MANIFEST)
     }
 
-    /// True where a folder holds a dataset, or shares of one, in whatever state.
+    /// True where a folder holds a dataset, or partitions of one, in whatever state.
     #[must_use]
     pub fn is_in(folder: &Path) -> bool {
         folder.join(MANIFEST).exists() || !partition_manifests(folder).is_empty()
     }
 
-    /// The manifests of a folder: that of a whole dataset, if there is one, and those of shares.
+    /// The manifests of a folder: that of a whole dataset, if there is one, and those of partitions.
     pub(super) fn read_all(folder: &Path) -> Result<Vec<Self>, DatasetError> {
         let whole = folder.join(MANIFEST).exists().then(|| MANIFEST.to_owned());
         whole
@@ -262,7 +267,7 @@ impl Manifest {
             .collect()
     }
 
-    /// Removes the manifests of shares, once the whole names all that they name.
+    /// Removes the manifests of partitions, once the whole names all that they name.
     pub(super) fn remove_partitions(folder: &Path) {
         for name in partition_manifests(folder) {
             // One that stays does no harm.
@@ -385,7 +390,7 @@ pub(super) fn write_obstacle(folder: &Path, scene: &Scene) -> Result<(), Dataset
     Ok(write_atomically(&path, |file| file.write_all(&bytes))?)
 }
 
-/// Names of the manifests of shares in a folder, sorted.
+/// Names of the manifests of partitions in a folder, sorted.
 fn partition_manifests(folder: &Path) -> Vec<String> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let names = entries.filter_map(|entry| entry.file_name().into_string().ok());

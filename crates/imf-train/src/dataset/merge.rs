@@ -1,4 +1,4 @@
-//! Joining the shares of a dataset that were made in several places.
+//! Joining the partitions of a dataset that were made in several places.
 
 use std::collections::BTreeSet;
 use std::io::Write;

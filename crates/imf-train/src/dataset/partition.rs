@@ -1,4 +1,4 @@
-//! One share of a dataset: which shards a machine makes when several make it together.
+//! One partition of a dataset: which shards a machine makes when several make it together.
 
 use std::fmt;
 use std::str::FromStr;
@@ -12,19 +12,19 @@ pub struct Partition {
     of: usize,
 }
 
-/// A text that names no share.
+/// A text that names no partition.
 #[derive(Debug, Error, PartialEq, Eq)]
 #[error("'{0}' is not a partition: write I/N with I from 1 to N, such as 3/8")]
 pub struct PartitionError(String);
 
 impl Partition {
-    /// True where this share makes that shard (counted from 0).
+    /// True where this partition makes that shard (counted from 0).
     #[must_use]
     pub fn holds(self, shard: usize) -> bool {
         shard % self.of == self.index - 1
     }
 
-    /// The share's own manifest; shares may be made in one folder at the same time, each with its own manifest.
+    /// The partition's own manifest; partitions may be made in one folder at the same time, each with its own manifest.
     pub(super) fn manifest_name(self) -> String {
         format!("manifest.{}-of-{}.json", self.index, self.of)
     }
@@ -63,9 +63,9 @@ mod tests {
     #[test]
     fn shares_split_the_shards() {
         for of in 1..6 {
-            let shares: Vec<Partition> = (1..=of).map(|i| format!("{i}/{of}").parse().unwrap()).collect();
+            let partitions: Vec<Partition> = (1..=of).map(|i| format!("{i}/{of}").parse().unwrap()).collect();
             for shard in 0..20 {
-                assert_eq!(shares.iter().filter(|partition| partition.holds(shard)).count(), 1);
+                assert_eq!(partitions.iter().filter(|partition| partition.holds(shard)).count(), 1);
             }
         }
         for text in ["0/3", "4/3", "1", "a/b", "1/0", "-1/2", ""] {

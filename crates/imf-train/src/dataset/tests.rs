@@ -147,7 +147,7 @@ fn shares_joined_are_the_dataset_made_at_once() {
     assert_eq!((merged.copied, merged.kept, merged.missing.len()), (1, 3, 0));
     assert!(contents(&at("out")) == contents(&at("whole")));
 
-    // All shares in one folder, joined where they are.
+    // All partitions in one folder, joined where they are.
     for partition in ["2/3", "3/3", "1/3"] {
         make_partition(&at("together"), Some(partition));
     }
@@ -155,7 +155,7 @@ fn shares_joined_are_the_dataset_made_at_once() {
     assert_eq!((merged.copied, merged.kept), (0, 4));
     assert!(contents(&at("together")) == contents(&at("whole")));
 
-    // A share that finds an unfinished whole makes what is missing of it alone.
+    // A partition that finds an unfinished whole makes what is missing of it alone.
     std::fs::create_dir(at("rest")).unwrap();
     for (name, bytes) in contents(&at("whole")) {
         std::fs::write(at("rest").join(name), bytes).unwrap();

@@ -1,4 +1,4 @@
-//! A dataset made in shares, joined, and completed.
+//! A dataset made in partitions, joined, and completed.
 
 use serde_json::json;
 
@@ -12,13 +12,13 @@ const DATASET: &str =
 fn shares_join_to_the_dataset_made_at_once_and_what_is_missing_is_named() {
     let work = Workdir::new();
     work.imf(&format!("{DATASET} whole")).done();
-    for share in [1, 3] {
-        let made = work.json(&format!("{DATASET} part-{share} --shard {share}/3"));
+    for partition in [1, 3] {
+        let made = work.json(&format!("{DATASET} part-{partition} --shard {partition}/3"));
         assert_eq!((&made["shards_made"], &made["shards_of_others"]), (&json!(2), &json!(4)));
     }
-    // A share is not a dataset yet.
+    // A partition is not a dataset yet.
     for line in ["train siren5 part-1 --device cpu --out model", "info part-1"] {
-        work.imf(line).refused(&["part-1 holds 1 share", "imf dataset merge"]);
+        work.imf(line).refused(&["part-1 holds 1 partition", "imf dataset merge"]);
     }
 
     let merged = work.imf("dataset merge out part-1 part-3");
@@ -34,9 +34,9 @@ fn shares_join_to_the_dataset_made_at_once_and_what_is_missing_is_named() {
     // The command that was named makes the rest, without the part.
     let finished = work.json("dataset finish out");
     assert_eq!((&finished["shards_made"], &finished["shards_kept"]), (&json!(2), &json!(4)));
-    // All shares in one folder, too.
-    for share in [2, 3, 1] {
-        work.imf(&format!("{DATASET} together --shard {share}/3")).done();
+    // All partitions in one folder, too.
+    for partition in [2, 3, 1] {
+        work.imf(&format!("{DATASET} together --shard {partition}/3")).done();
     }
     work.imf("dataset merge together").done();
     assert_eq!(work.names("whole").len(), 8);
