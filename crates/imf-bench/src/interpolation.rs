@@ -1,4 +1,4 @@
-//! Sections between sections: exact sections saved at a set of angles, and what lies between them by interpolation.
+//! Sections between sections: exact sections stored at a set of angles, and what lies between them by interpolation.
 //! The simplest estimate at an orientation that was not counted, and what any learnt field has to beat.
 //!
 //! [`Periodic`] continues values at equal steps of one full turn, as weights of these values. [`AngleGrid`] does so

@@ -11,7 +11,7 @@
 //! ```
 //!
 //! A folder is of one recipe: another one, or the same with changes, is refused. Whatever was interrupted, the same
-//! command goes on: datasets retain their shards, finished stages are known by their settings and by the weights that
+//! command goes on: datasets keep their shards, finished stages are known by their settings and by the weights that
 //! they started from, an unfinished one continues from its checkpoint. What can be known before the first training
 //! begins is checked there.
 

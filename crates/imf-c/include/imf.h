@@ -40,15 +40,15 @@ typedef enum {
   IMF_STATUS_OK = 0,
   // A pointer that must not be NULL is.
   IMF_STATUS_NULL_POINTER = 1,
-  // An argument that cannot be: a misaligned pointer, an absurd count, no orientation, a path that is no UTF-8.
+  // An argument that cannot be: a misaligned pointer, an absurd count, no orientation, a path that is not UTF-8.
   IMF_STATUS_ARGUMENT = 2,
   // The file is missing, foreign, newer, damaged, or its tool cannot be used.
   IMF_STATUS_FILE = 3,
-  // This kind of field does not answer that.
+  // This kind of field does not support the query.
   IMF_STATUS_UNSUPPORTED = 4,
-  // The question has no answer: an end of a motion that is an invalid pose, a tool that holds no voxel.
+  // The query has no result: an end of a motion that is an invalid pose, a tool that holds no voxel.
   IMF_STATUS_NO_ANSWER = 5,
-  // A defect of the library, caught. The field may be asked on.
+  // A defect of the library, caught. The field can still be used.
   IMF_STATUS_DEFECT = 6,
 } ImfStatus;
 
@@ -65,7 +65,7 @@ typedef enum {
 typedef enum {
   // It does not.
   IMF_DECISION_FREE = 0,
-  // It does; or the pose is none.
+  // It does; or the pose is invalid.
   IMF_DECISION_COLLIDING = 1,
   // Too close to tell: an exact or verified field must decide.
   IMF_DECISION_UNDECIDED = 2,
@@ -121,7 +121,7 @@ typedef struct {
   double unit_in_mm;
   // Clearance by which holder, shank and cutter of the tool are offset in the file's values.
   double clearance[3];
-  // True where the file has thresholds for the model's own decisions: without, it answers undecided.
+  // True where the file has thresholds for the model's own decisions: without, it returns undecided.
   bool calibrated;
   // What its values are. An exact field's are overlaps, whatever its file's are.
   ImfQuantity quantity;
@@ -143,7 +143,8 @@ typedef struct {
 
 // The best way to reach a point.
 typedef struct {
-  // The least collision measure, in 0 to 1, or the least depth (ImfInfo.quantity); NaN for a point that is not finite.
+  // The minimum collision measure, in 0 to 1, or the minimum depth (ImfInfo.quantity); NaN for a point that is not
+  // finite.
   float value;
   // Its orientation, by its place in the list: the first of equals, one that is decided free before all others.
   uint32_t orientation;
@@ -151,12 +152,13 @@ typedef struct {
   ImfDecision decision;
 } ImfBest;
 
-// What is known of a motion; times run from 0 at its beginning to 1 at its end.
+// The result for a motion; times run from 0 at its beginning to 1 at its end.
 typedef struct {
   // Which of the two.
   ImfMotionKind kind;
-  // Before this time every pose is proven free. From then on, where the tool passes too closely for a proof, poses were tried between
-  // which no point of the tool moves farther than a hundredth of a pitch, or than the resolution that was asked for.
+  // Before this time every pose is proven free. From then on, where the tool passes too closely for a proof, poses
+  // were sampled between which no point of the tool moves farther than a hundredth of a pitch, or than the given
+  // resolution.
   double proven_until;
   // Up to this time the motion is free; 1 where all of it is, 0 where it begins with a collision.
   double free_until;
@@ -196,7 +198,7 @@ typedef struct {
 } ImfMesh;
 
 // A distance with its bounds, in the world's unit: above 0 between the tool, offset by its clearance, and the nearest solid voxel's centre;
-// below 0 minus the least translation that frees the tool of the obstacle.
+// below 0 minus the shortest translation that frees the tool from the obstacle.
 typedef struct {
   // The distance is at least this; infinite where there is no obstacle, and then nothing below means anything.
   double lower;
@@ -223,8 +225,9 @@ const char *imf_last_error(void);
 // The library's version, such as "0.1.0".
 const char *imf_version(void);
 
-// The pose of a tool whose tip is at (x, y, z) and whose axis, from tip to holder, points along (i, j, k), of any length
-// but 0; without roll. An axis without direction gives an invalid pose (NaN), which every field answers with NaN and colliding.
+// The pose of a tool whose tip is at (x, y, z) and whose axis, from tip to holder, points along (i, j, k), of any
+// length but 0; without roll. An axis without direction gives an invalid pose (NaN), for which every field returns
+// NaN and colliding.
 ImfPose imf_pose_along(double x,
                        double y,
                        double z,
@@ -279,7 +282,7 @@ ImfStatus imf_open_exact(const char *path,
 // field was opened and not closed; info has room for one.
 ImfStatus imf_info(const ImfField *field, ImfInfo *info);
 
-// Closes a field; NULL is passed over.
+// Closes a field; NULL is ignored.
 //
 // # Safety
 // field is NULL, or was opened, not closed yet, and no thread calls with it any more.
@@ -305,8 +308,8 @@ ImfStatus imf_gradients(const ImfField *field,
                         size_t count,
                         ImfGradient *gradients);
 
-// Whether the tool collides at every pose. Exact and verified fields decide every pose; a model answers undecided where its
-// calibration leaves it open, and everywhere outside its box.
+// Whether the tool collides at every pose. Exact and verified fields decide every pose; a model returns undecided
+// where its calibration leaves it open, and everywhere outside its box.
 //
 // # Safety
 // field was opened and not closed; there are count poses, and room for as many decisions.
@@ -319,8 +322,8 @@ ImfStatus imf_classify(const ImfField *field,
 // quaternions x, y, z, w, four numbers each, at least one. Takes memory for a copy of both for the time of the call.
 //
 // # Safety
-// field was opened and not closed; there are 3 * point_count numbers of points, 4 * rotation_count of rotations, and room for
-// point_count answers.
+// field was opened and not closed; there are 3 * point_count numbers of points, 4 * rotation_count of rotations, and
+// room for point_count results.
 ImfStatus imf_best(const ImfField *field,
                    const double *points,
                    size_t point_count,
@@ -329,7 +332,7 @@ ImfStatus imf_best(const ImfField *field,
                    ImfBest *best);
 
 // Whether the tool may move from a to b: the tip along the straight line, the axis along the great circle, both evenly.
-// Exact and verified fields answer it.
+// Exact and verified fields support it.
 //
 // # Safety
 // field was opened and not closed; a and b are poses; motion has room for one.
@@ -368,9 +371,9 @@ ImfStatus imf_world_add_file(ImfWorld *world,
                              const ImfPose *at,
                              uint64_t *id);
 
-// What is to be known of the meshes that were added, a text for each index from 0; NULL beyond the last, and of a world that is NULL. Walls that
-// lie between the voxels' centres are told so, through which a tool would pass unseen, and meshes that are not closed. A text stays
-// until the world is closed.
+// Warnings about the meshes that were added, a text for each index from 0; NULL beyond the last, and for a world
+// that is NULL. They report walls that lie between the voxels' centres, through which a tool would pass undetected,
+// and meshes that are not closed. A text stays until the world is closed.
 //
 // # Safety
 // world was created and not closed, and no other thread changes it.
@@ -389,7 +392,7 @@ ImfStatus imf_world_place(ImfWorld *world, uint64_t id, const ImfPose *at);
 // world was created and not closed, and no other thread calls with it.
 ImfStatus imf_world_remove(ImfWorld *world, uint64_t id);
 
-// Closes a world; NULL is passed over. Checkers of it stay.
+// Closes a world; NULL is ignored. Checkers of it stay.
 //
 // # Safety
 // world is NULL, or was created, not closed yet, and no thread calls with it any more.
@@ -406,16 +409,18 @@ ImfStatus imf_checker_create(const ImfWorld *world,
                              const double *clearance,
                              ImfChecker **checker);
 
-// Takes over where the world's obstacles stand, which were added and which removed. What was made for those that are still there is kept.
+// Updates the places of the world's obstacles, including added and removed ones. What was computed for those that
+// remain is reused.
 //
 // # Safety
 // checker was created and not closed, and no other thread calls with it; world was created and not closed.
 ImfStatus imf_checker_follow(ImfChecker *checker,
                              const ImfWorld *world);
 
-// What is to be known of the checker's tool among its obstacles, a text for each index from 0; NULL beyond the last, and of a checker that is
-// NULL: that the tool is not where its tip is, as one in another frame or unit, or that its tip is so slender that it passes between voxels'
-// centres for a while. A text stays until the checker follows or is closed.
+// Warnings about the checker's tool among its obstacles, a text for each index from 0; NULL beyond the last, and for
+// a checker that is NULL. They report a tool that does not lie at its tip, as one in another frame or unit, and a
+// tip so slender that it passes between voxels' centres for a while. A text stays until the checker follows or is
+// closed.
 //
 // # Safety
 // checker was created and not closed, and no other thread changes it.
@@ -451,7 +456,7 @@ ImfStatus imf_checker_motion(const ImfChecker *checker,
                              double resolution,
                              ImfMotion *motion);
 
-// Closes a checker; NULL is passed over.
+// Closes a checker; NULL is ignored.
 //
 // # Safety
 // checker is NULL, or was created, not closed yet, and no thread calls with it any more.

@@ -87,6 +87,7 @@ pub(crate) enum Command {
     Voxelize(VoxelizeArguments),
     Field(field::FieldArguments),
     Access(access::AccessArguments),
+    Crib(access::CribArguments),
     /// Sample exact sections into a dataset for training; continues one that was interrupted
     #[command(after_help = orientations::after(
         "Examples:\n  imf dataset teapot --orientations grid:15 --out teapot-225\n  \

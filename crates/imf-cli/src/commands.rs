@@ -31,6 +31,7 @@ pub fn run(cli: &Cli, rank: Rank) -> anyhow::Result<()> {
         Command::Voxelize(arguments) => voxelize::run(&session, arguments),
         Command::Field(arguments) => field::run(&session, arguments),
         Command::Access(arguments) => access::run(&session, arguments),
+        Command::Crib(arguments) => access::crib::run(&session, arguments),
         Command::Dataset(arguments) => dataset::run(&session, arguments),
         Command::Train(arguments) => train::run(&session, arguments),
         Command::Finetune(arguments) => train::siren5::finetune(&session, arguments),

@@ -40,7 +40,7 @@ fn remedy(kind: io::ErrorKind) -> &'static str {
 
 /// Writes a file whole or not at all: `write` receives a buffered writer, and its content replaces `path` only after
 /// everything has reached the disk. A symbolic link is followed. On Unix a new file has the permissions that the
-/// user's umask leaves, and a replaced file retains its own.
+/// user's umask leaves, and a replaced file keeps its own.
 ///
 /// # Errors
 /// The folder is missing, may not be written or is full; an existing file is write-protected; `path` names a folder or a

@@ -61,7 +61,7 @@ use motions::{motions, rigid};
 pub struct CheckSettings {
     /// Room around each kind of element.
     pub clearance: Clearance,
-    /// How deep the part may lie in the cutter; 0 accepts nothing and retains the cutter's clearance.
+    /// How deep the part may lie in the cutter; 0 accepts nothing, and the cutter's clearance applies.
     pub contact: f64,
     /// How closely the path is followed: farthest that any point of the tool moves between two poses that are checked. What the cutter
     /// may cut is `contact`.

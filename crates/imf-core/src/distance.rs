@@ -2,7 +2,7 @@
 //!
 //! Separable, as Meijster, Roerdink and Hesselink (2000) and Felzenszwalb and Huttenlocher (2012) have it: the nearest
 //! solid voxel along x by two sweeps, then along y and z by lower envelopes of parabolas, in whole numbers. The nearest voxel
-//! itself is saved: callers need the witness point as well as the distance.
+//! itself is stored: callers need the witness point as well as the distance.
 //!
 //! Space outside the grid is empty: for a point out there the distance to the obstacle is bounded from below through
 //! the nearest point of the grid, and as seen from within the obstacle the outside is the nearest empty space.

@@ -42,7 +42,7 @@ use crate::unit::LengthUnit;
 /// The longest tool that is accepted, in millimetres.
 const LONGEST_MM: f64 = 20_000.0;
 
-/// Maximum number of sharp points on a cutter: 0.07 mm apart on one of 10 mm that is 10 mm long.
+/// Maximum number of sharp points given as a number: 0.07 mm apart on a cutter of 10 mm that is 10 mm long.
 const MOST_SHARP_POINTS: usize = 1 << 16;
 
 /// A holder with its cutter, in its own unit.

@@ -2,7 +2,7 @@
 //!
 //! At each voxel the collision measure is a function of the orientation alone, and a smooth one: `CMF(x, R) = Σ_k c_k(x)
 //! b_k(R)` with a few hundred harmonics b (`basis`). The coefficients come from exact sections by least squares
-//! (`fit`); their definition by the tool's radial profile is `radial`. They are saved along their principal components,
+//! (`fit`); their definition by the tool's radial profile is `radial`. They are held along their principal components,
 //! `c = μ + U z`, so that a section is `⟨z(x), Uᵀ b(R)⟩ + μ·b(R)`: one product for any number of orientations
 //! (`evaluate`), with exact gradients in the direction.
 //!

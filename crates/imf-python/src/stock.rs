@@ -69,8 +69,8 @@ impl StockInput<'_> {
     }
 }
 
-/// Stock (beside part and fixtures) that the scene's cutter removes at free poses: covered, possible and stock `[x,
-/// y, z]`, and the grid.
+/// Stock (beside part and fixtures) that the scene's cutter removes at free poses: covered, possible and stock
+/// `[x, y, z]`, and the grid.
 #[pyfunction]
 pub(crate) fn removable_stock<'py>(
     py: Python<'py>,

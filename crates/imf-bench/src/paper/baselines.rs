@@ -1,4 +1,4 @@
-//! What stands beside the paper's network: the nearest of the saved sections, linear interpolation between them, the
+//! What stands beside the paper's network: the nearest of the stored sections, linear interpolation between them, the
 //! harmonic field fitted to as many, and the factored field that is distilled from that one.
 
 use anyhow::Result;

@@ -1,4 +1,4 @@
-//! Arguments of `imf access`.
+//! Arguments of `imf access` and `imf crib`.
 
 use std::path::PathBuf;
 
@@ -7,11 +7,38 @@ use clap::Args;
 use glam::DVec3;
 use imf_core::machine::{AxisLimits, Machine};
 use imf_core::orientation::Limits;
+use imf_core::surface::default_tolerance;
+use imf_core::unit::LengthUnit;
 
 use super::clearance::ContactArguments;
 use super::fixture::{StockArgument, parse_stock};
 use super::numbers::{number, parse_length, parse_threshold, three};
 use super::scene::SceneArguments;
+
+/// What is to be reached, and from which directions.
+#[derive(Args)]
+pub(crate) struct ReachArguments {
+    #[command(flatten)]
+    pub(crate) scene: SceneArguments,
+    /// A set of directions, see below; by default axes+normals+fibonacci:225, or axes+normals+so3:500 where a tool is not round
+    #[arg(long, value_name = "SET", allow_hyphen_values = true)]
+    pub(crate) orientations: Option<String>,
+    /// Only orientations that the machine reaches, and what a fixed axis leaves of all others: ac:A0:A1:C0:C1, bc:B0:B1:C0:C1 or
+    /// cone:X,Y,Z:HALF_ANGLE
+    #[arg(long, value_name = "LIMITS", value_parser = Limits::parse)]
+    pub(crate) limits: Option<Limits>,
+    /// The machine, in TOML: only directions that its rotary axes reach, with their angles in rotary_angles.csv, and of the
+    /// surface only what it reaches within its travel, its head and table out of the way
+    #[arg(long, value_name = "FILE", conflicts_with = "limits")]
+    pub(crate) machine: Option<PathBuf>,
+    /// How deep the cutter may cut below the part's surface and still count as touching it; by default 0.05 mm or a tenth of
+    /// the pitch, whichever is more
+    #[arg(long, value_name = "LENGTH", value_parser = parse_length)]
+    pub(crate) tolerance: Option<f64>,
+    /// Folder to write to
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: PathBuf,
+}
 
 /// What the tools reach: accessible space, best directions, removable stock, the part's surface
 #[derive(Args)]
@@ -28,31 +55,15 @@ use super::scene::SceneArguments;
 ))]
 pub(crate) struct AccessArguments {
     #[command(flatten)]
-    pub(crate) scene: SceneArguments,
-    /// A set of directions, see below; by default axes+normals+fibonacci:225, or axes+normals+so3:500 where a tool is not round
-    #[arg(long, value_name = "SET", allow_hyphen_values = true)]
-    pub(crate) orientations: Option<String>,
-    /// Only orientations that the machine reaches, and what a fixed axis leaves of all others: ac:A0:A1:C0:C1, bc:B0:B1:C0:C1 or
-    /// cone:X,Y,Z:HALF_ANGLE
-    #[arg(long, value_name = "LIMITS", value_parser = Limits::parse)]
-    pub(crate) limits: Option<Limits>,
-    /// The machine, in TOML: only directions that its rotary axes reach, with their angles in rotary_angles.csv, and of the
-    /// surface only what it reaches within its travel, its head and table out of the way
-    #[arg(long, value_name = "FILE", conflicts_with = "limits")]
-    pub(crate) machine: Option<PathBuf>,
+    pub(crate) reach: ReachArguments,
     /// The fewest set-ups that reach the surface, proven, on a machine with this range of directions in each: by default that of
     /// --machine, or of a three-axis machine; else ac:A0:A1:C0:C1, bc:B0:B1:C0:C1 or cone:0,0,1:HALF_ANGLE. With --stock they remove
     /// the stock as well. With --machine the part stands with the middle of its foot on the zero of G54
-    #[arg(long, value_name = "LIMITS", num_args = 0..=1, group = "covering", conflicts_with = "limits", value_parser = Limits::parse)]
+    #[arg(long, value_name = "LIMITS", num_args = 0..=1, conflicts_with = "limits", value_parser = Limits::parse)]
     pub(crate) setups: Option<Option<Limits>>,
-    /// The percentage that the set-ups, or the tools of a crib, must reach of what all of them together would
-    #[arg(long, default_value_t = 100.0, value_name = "PERCENT", requires = "covering", value_parser = parse_percent)]
+    /// The percentage that the set-ups must reach of what all of them together would
+    #[arg(long, default_value_t = 100.0, value_name = "PERCENT", requires = "setups", value_parser = parse_percent)]
     pub(crate) cover: f64,
-    /// Tools to choose from, in place of --tool: files, folders of them, whole libraries of FreeCAD and Fusion. The surface alone is
-    /// decided: which tools serve it where, the fewest that cover it, and what none reaches
-    #[arg(long, value_name = "PATH", num_args = 1.., group = "covering", conflicts_with_all =
-        ["tool", "setups", "stickout", "removable", "stock", "map", "contact", "tau", "html"])]
-    pub(crate) crib: Vec<String>,
     /// The shortest stick-out with which each tool reaches the surface, its holder moved along its shank
     #[arg(long)]
     pub(crate) stickout: bool,
@@ -64,12 +75,8 @@ pub(crate) struct AccessArguments {
     /// Voxels around the scene's grid that are examined too
     #[arg(long, default_value_t = 1, value_name = "VOXELS")]
     pub(crate) border: usize,
-    /// How deep the cutter may cut below the part's surface and still count as touching it; by default 0.05 mm or a tenth of
-    /// the pitch, whichever is more
-    #[arg(long, value_name = "LENGTH", value_parser = parse_length)]
-    pub(crate) tolerance: Option<f64>,
     /// Of the places that none of the directions reaches, which ones any other does, and which none whatever: proven
-    #[arg(long, conflicts_with_all = ["limits", "machine", "tau", "crib"])]
+    #[arg(long, conflicts_with_all = ["limits", "machine", "tau"])]
     pub(crate) certify: bool,
     /// The stock that a cutter covers at some free pose
     #[arg(long)]
@@ -87,12 +94,28 @@ pub(crate) struct AccessArguments {
     /// A page with the part in 3D, coloured by what is reached: one file that a browser opens without network
     #[arg(long, value_name = "FILE")]
     pub(crate) html: Option<PathBuf>,
-    /// Folder to write to
-    #[arg(long, value_name = "DIR")]
-    pub(crate) out: PathBuf,
 }
 
-impl AccessArguments {
+/// Which tools serve which part of the surface, the fewest that cover it, and what none reaches
+#[derive(Args)]
+#[command(
+    mut_arg("tool", |tool| tool.required(true).num_args(1..).value_name("PATH").help(
+        "Tools to choose from: files as of imf access, folders of them, whole libraries of FreeCAD and Fusion"
+    )),
+    after_help = super::orientations::after(
+        "Examples:\n  imf crib part.stl --unit mm --tool tools/ --out crib\n  imf crib teapot --tool library.json --cover 99 --out crib\n\n\
+         Writes surface.ply (which tools reach each triangle), crib.csv (a line for each tool) and summary.json. The surface alone is decided."
+    )
+)]
+pub(crate) struct CribArguments {
+    #[command(flatten)]
+    pub(crate) reach: ReachArguments,
+    /// The percentage that the fewest tools must reach of what all of them together would
+    #[arg(long, default_value_t = 100.0, value_name = "PERCENT", value_parser = parse_percent)]
+    pub(crate) cover: f64,
+}
+
+impl ReachArguments {
     /// The machine, and which directions its axes reach.
     pub(crate) fn machine(&self) -> Result<Option<(Machine, AxisLimits)>> {
         let Some(path) = &self.machine else { return Ok(None) };
@@ -107,6 +130,13 @@ impl AccessArguments {
         Ok(Some((machine, limits)))
     }
 
+    /// How deep the cutter may cut, by default as the pitch is.
+    pub(crate) fn tolerance_at(&self, pitch: f64, unit: LengthUnit) -> f64 {
+        self.tolerance.unwrap_or_else(|| default_tolerance(pitch, unit))
+    }
+}
+
+impl AccessArguments {
     /// What a machine reaches in one set-up, where the fewest are sought; `reached` is that of the machine.
     pub(crate) fn setup_range(&self, reached: Option<AxisLimits>) -> Option<AxisLimits> {
         let three_axes = Limits::Cone { axis: DVec3::Z, half_angle: 0.0 };
@@ -116,7 +146,7 @@ impl AccessArguments {
 
     /// The limits on directions: those of the machine, unless each set-up has them.
     pub(crate) fn limits(&self, reached: Option<Limits>) -> Option<Limits> {
-        self.limits.or_else(|| reached.filter(|_| self.setups.is_none()))
+        self.reach.limits.or_else(|| reached.filter(|_| self.setups.is_none()))
     }
 }
 

@@ -2,7 +2,7 @@
 
 mod any_direction;
 mod collisions;
-mod crib;
+pub(crate) mod crib;
 mod files;
 mod on_machine;
 mod pictures;
@@ -66,42 +66,39 @@ impl Volume {
 
 pub(crate) fn run(session: &Session, arguments: &AccessArguments) -> Result<()> {
     let begun = Instant::now();
-    if !arguments.crib.is_empty() {
-        return crib::run(session, arguments);
-    }
     let run = AccessRun::new(session, arguments)?;
-    let folder = OutputFolder::check(&arguments.out)?;
+    let folder = OutputFolder::check(&arguments.reach.out)?;
     let page = arguments.html.as_deref().map(OutputFile::check).transpose()?;
     let surface =
         run.surface.as_ref().map(|settings| surface::Surface::find(session, &run, settings)).transpose()?;
     let findings = find(session, &run)?;
     let any_direction = run.certify.then(|| AnyDirection::find(session, &run, &findings)).transpose()?;
     folder.begin(session)?;
-    let mut written = files::write(&run, &findings, &arguments.out)?;
+    let mut written = files::write(&run, &findings, &arguments.reach.out)?;
     if let Some(found) = &any_direction {
-        found.write(&run, &arguments.out)?;
+        found.write(&run, &arguments.reach.out)?;
         written.push(AnyDirection::FILE.into());
     }
     if let Some(surface) = &surface {
-        let files = surface.write(&run, &arguments.out)?;
+        let files = surface.write(&run, &arguments.reach.out)?;
         written.extend(files.into_iter().chain(["surface.png"]).map(String::from));
     }
-    written.extend(pictures::draw(&run, &findings, &arguments.out)?);
+    written.extend(pictures::draw(&run, &findings, &arguments.reach.out)?);
     written.push(SUMMARY.into());
     let any_direction = any_direction.map(|found| found.row(&run));
     let seconds = begun.elapsed().as_secs_f64();
     let summary = Summary::new(&run, &findings, surface.as_ref(), any_direction, seconds, written);
     if let Some(surface) = &surface {
         let view = surface.view(&run, &summary.unreached, summary.table());
-        view.draw_sides(&arguments.out.join("surface.png"))?;
+        view.draw_sides(&arguments.reach.out.join("surface.png"))?;
         if let Some(page) = &page {
             let path = page.begin()?;
             view.write_page(path)?;
             session.note(&format!("wrote {}: open it in a browser", path.display()));
         }
     }
-    write_json(&arguments.out.join(SUMMARY), &summary).context(SUMMARY)?;
-    session.note(&format!("wrote {} to {}", summary.files.join(", "), arguments.out.display()));
+    write_json(&arguments.reach.out.join(SUMMARY), &summary).context(SUMMARY)?;
+    session.note(&format!("wrote {} to {}", summary.files.join(", "), arguments.reach.out.display()));
     if session.json { print_json(&summary) } else { print(&summary.table()) }
 }
 

@@ -64,7 +64,7 @@ fn teapot(session: &Session, dims: [usize; 3]) -> Result<Scene> {
 }
 
 /// Calibrates the field that was just written and compares it with the exact one: at 64 random directions that were
-/// not used for training, by the IMF over `imf`, and in a section of the training where there is exactly one.
+/// not used for training, by the IMF over `imf`, and in the section `in_sample` of the training, if one is given.
 fn make_report(
     session: &Session,
     device: &Device,

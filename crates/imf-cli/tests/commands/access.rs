@@ -38,6 +38,11 @@ pub(crate) fn arguments(more: &str) -> String {
     format!("{RUN} {more}")
 }
 
+/// The same of `imf crib`.
+pub(crate) fn crib_arguments(more: &str) -> String {
+    arguments(more).replace("access ", "crib ")
+}
+
 fn voxels(value: &Value) -> usize {
     value["voxels"].as_u64().unwrap() as usize
 }
@@ -366,8 +371,9 @@ fn a_stock_that_does_not_hold_the_part_is_told() {
 fn what_voxels_resolve_is_said_once_in_every_answer_about_the_surface() {
     let folder = workshop();
     let said = "walls are known to within voxels of 2 mm";
-    for more in ["--tool long.toml --orientations axes --setups", "--crib long.toml --orientations axes"] {
-        let run = folder.imf(&arguments(more)).done();
+    let one = "--tool long.toml --orientations axes";
+    for line in [arguments(&format!("{one} --setups")), crib_arguments(one)] {
+        let run = folder.imf(&line).done();
         assert_eq!(run.stdout.matches(said).count(), 1, "{}", run.stdout);
         assert!(run.stdout.contains("exact for voxel centres; no guarantee about the mesh itself"));
         let summary = folder.read_json("out/summary.json");

@@ -289,7 +289,7 @@ fn access_counts_only_poses_to_which_the_machine_brings_the_tool() {
     assert!((reached - 2_400.0 / 14_400.0).abs() < 0.02, "{reached}");
     assert!(of_machine > 0.3 && hits.contains("the machine's X would have to be at"), "{of_machine} {hits}");
     // A crib is its tools, here too.
-    let crib = usual.replace("--tool", "--crib");
+    let crib = usual.replace("access", "crib");
     let found = folder.json(&format!("{crib} --machine trunnion.toml --out crib"));
     assert!((found["reached"].as_f64().unwrap() - 0.75 + strip).abs() < 0.02, "{found}");
 }

@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use crate::access::{arguments, mill, workshop};
+use crate::access::{arguments, crib_arguments, mill, workshop};
 use crate::binary::finish;
 
 fn share(value: &Value) -> f64 {
@@ -70,8 +70,8 @@ fn a_crib_says_of_each_tool_what_the_tool_alone_does() {
     let library =
         [entry("flat end mill", "from a library"), entry("lollipop mill", "lollipop"), entry("holder", "h")];
     folder.write("crib/library.json", format!(r#"{{"data": [{}]}}"#, library.join(",")));
-    let crib = "--crib crib --orientations fibonacci:30";
-    let summary = folder.json(&arguments(crib));
+    let crib = crib_arguments("--tool crib --orientations fibonacci:30");
+    let summary = folder.json(&crib);
     let names: Vec<&str> =
         summary["tools"].as_array().unwrap().iter().map(|t| t["tool"].as_str().unwrap()).collect();
     assert_eq!(names, ["from a library", "long", "short", "thick"]);
@@ -100,14 +100,12 @@ fn a_crib_says_of_each_tool_what_the_tool_alone_does() {
     assert!((share(&summary["reached_by_the_fewest"]) - parts[0]).abs() < 1e-9);
     let rigid: f64 = summary["tools"].as_array().unwrap().iter().map(|tool| share(&tool["most_rigid"])).sum();
     assert!((rigid - parts[0]).abs() < 1e-9, "{rigid}");
-    let text = folder.imf(&arguments(crib)).done().stdout;
+    let text = folder.imf(&crib).done().stdout;
     assert!(text.contains("the fewest tools") && text.contains("not decided: 2"), "{text}");
 
     folder.write("none/readme.txt", "");
-    folder.refuse(&arguments("--crib none"), &["none holds no tool"]);
-    folder.refuse(&arguments("--crib absent.toml"), &["absent.toml"]);
-    let both = folder.imf(&arguments("--crib crib --tool short.toml"));
-    assert_eq!(both.code, Some(2), "{}", both.stderr);
+    folder.refuse(&crib_arguments("--tool none"), &["none holds no tool"]);
+    folder.refuse(&crib_arguments("--tool absent.toml"), &["absent.toml"]);
 }
 
 /// The slot is 20 deep: a holder of 16 that goes along it on its floor stays above the walls.

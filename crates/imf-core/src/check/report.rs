@@ -131,8 +131,8 @@ pub struct CheckReport {
     pub sure_depth: f64,
     /// Lines of the toolpath that lead somewhere.
     pub locations: usize,
-    /// Locations whose approach is not in the file: the first one, the first after each tool change, and those after
-    /// moves in machine coordinates (G53, G28).
+    /// Locations whose approach is not in the file: the first one, the first after each tool change, and, without a
+    /// machine, those after moves in its coordinates (G53, G28).
     pub starts: usize,
     /// Poses checked in all.
     pub poses: u64,

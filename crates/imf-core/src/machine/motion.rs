@@ -82,7 +82,7 @@ impl<'a> MachineMotion<'a> {
     }
 
     /// Upper bound of the displacement of any point of a tool of revolution, in the part's frame; its points are at
-    /// most `reach` from its tip. The bound is proportional to the duration.
+    /// most `reach` from its tip. A fraction of the motion has that fraction of the bound.
     pub(crate) fn tool_motion_bound(&self, reach: f64) -> f64 {
         let [head, table] = [Side::Head, Side::Table].map(|side| self.machine.axes_of(side));
         let ball = Ball { centre: DVec3::new(0.0, 0.0, -self.length), radius: reach, level: head };
@@ -95,7 +95,7 @@ impl<'a> MachineMotion<'a> {
     }
 
     /// Upper bound of the displacement of any point of a ball on the head, in the frame of the first `level` rotary
-    /// axes of the table. The bound is proportional to the duration.
+    /// axes of the table. A fraction of the motion has that fraction of the bound.
     pub(crate) fn motion_bound(&self, ball: &Ball, level: usize) -> f64 {
         let head = self.arms(Side::Head, ball.level, ball.centre, ball.radius);
         // About where the spindle's face would be with the head's axes at 0.
@@ -119,8 +119,8 @@ impl<'a> MachineMotion<'a> {
     }
 
     /// Upper bound of the displacement of any point of a ball that the table's last axis carries, in the frame of the
-    /// table's first `level` axes. `centre` is where the ball is with all axes at 0. The bound is proportional to the
-    /// duration.
+    /// table's first `level` axes. `centre` is where the ball is with all axes at 0. A fraction of the motion has that
+    /// fraction of the bound.
     pub(crate) fn carried_bound(&self, centre: DVec3, radius: f64, level: usize) -> f64 {
         let arms = self.arms(Side::Table, 2, centre, radius);
         self.swept(Side::Table, 2, arms) - self.swept(Side::Table, level, arms)

@@ -144,7 +144,7 @@ impl Mesh {
         (self, repair)
     }
 
-    /// Of each group of equal triangles that face alike, retains `keep(number of them)`.
+    /// Of each group of equal triangles that face alike, keeps `keep(number of them)`.
     fn without_repeated(&self, keep: impl Fn(usize) -> usize) -> Self {
         let turned = |&[a, b, c]: &[u32; 3]| [[a, b, c], [b, c, a], [c, a, b]].into_iter().min();
         let mut left: HashMap<Option<[u32; 3]>, usize> = HashMap::new();

@@ -3,8 +3,8 @@
 //! The box has what is given: four holes for bolts with counterbores, through which the bolts' heads are reached from
 //! above, and a bore for a pin along x. Around the bolts, under their heads, and around both ends of the pin the
 //! material stays; between, the optimisation of the example `simp` of `imf-bench` leaves 15 % of the box: the
-//! material that carries pulls of the pin along x, y and z to the bolts. Its surface is saved, and so the same on
-//! every machine.
+//! material that carries pulls of the pin along x, y and z to the bolts. Its surface is stored (`bracket.obj`), and so the
+//! same on every machine.
 //!
 //! Sizes are in millimetres.
 
@@ -48,7 +48,7 @@ const STORED: &[u8] = include_bytes!("bracket.obj");
 /// The bracket: closed, one piece, facing outwards.
 ///
 /// # Panics
-/// Never: the saved file is part of the program, and the tests read it.
+/// Never: the file is part of the program, and the tests read it.
 #[must_use]
 pub(super) fn mesh() -> Mesh {
     MeshFile::from_bytes(STORED, "bracket.obj").expect("the stored bracket is a mesh").mesh

@@ -5,7 +5,7 @@
 //! (*The Origins of the Teapot*, IEEE CG&A 7(1), 1987). The frame is theirs: z up from the table, x from the
 //! handle to the spout, y across, and a height of 3.15.
 //!
-//! The body is symmetric about x = 0 and y = 0, handle and spout about y = 0. Only the generating patches are saved;
+//! The body is symmetric about x = 0 and y = 0, handle and spout about y = 0. Only the generating patches are listed;
 //! the others are their mirror images with exactly the same numbers.
 
 use glam::DVec3;

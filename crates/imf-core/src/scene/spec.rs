@@ -124,7 +124,7 @@ impl<'a> SceneSpec<'a> {
 
     /// As [`SceneSpec::scene`], but fixtures may stick out of the scene's grid: also gives part and fixtures on a
     /// grid that holds all that a tool can meet which reaches `reach` (in the part's unit) from the scene's voxels.
-    /// The scene's own obstacle is their part on its grid.
+    /// The scene's own obstacle is as much of them as lies on its grid.
     ///
     /// # Errors
     /// As [`SceneSpec::scene`], but for fixtures that stick out.

@@ -60,7 +60,7 @@ impl Quantity {
 }
 
 /// Depths are clamped to ±8 pitches. A wider range gives no better decisions (a harmonic fit of degree 14 errs as
-/// much near contact with 6), and needs as wide a margin around the grid.
+/// much near contact with 6 as without a limit), and needs as wide a margin around the grid.
 pub const DEPTH_CAP: usize = 8;
 /// Its square: distances beyond it are this.
 const LIMIT: u8 = (DEPTH_CAP * DEPTH_CAP) as u8;

@@ -92,7 +92,7 @@ fn one_less(
         } else {
             &all
         };
-        // Of all exchanges by which one of them comes the one after which the fewest rows stay open.
+        // Of all exchanges that bring in one of them, the one after which the open rows cost least.
         let comes = |set: &usize| away[*set] <= round && !chosen.contains(set);
         let coming: Vec<usize> = ones(candidates).filter(comes).collect();
         let mut exchange: Option<(f64, usize, usize)> = None;

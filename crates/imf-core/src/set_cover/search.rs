@@ -56,7 +56,7 @@ impl<'a> Search<'a> {
         let sets = self.branches(&mut problem, left, &mut available)?;
         let groups = if left == 3 && !sets.is_empty() { Some(self.groups(&problem)?) } else { None };
         for set in sets {
-            // All covers with this set have been searched.
+            // All covers with this set are searched in this turn: later ones leave it out.
             remove(&mut available, set);
             let found = match &groups {
                 Some(groups) => self.rest_by_two(&problem, groups, set, &available)?,

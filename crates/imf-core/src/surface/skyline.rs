@@ -3,7 +3,7 @@
 //! A voxel centre at height z and distance r from the axis is in the body while its lower end stands at z − h for
 //! some height h of the body at which it is as wide as r. So a voxel that obstructs says how far up the body must go
 //! to clear it: to the lowest such h below the current one, without a gap. The body goes there and queries again;
-//! every height between its start and its end is occupied. Voxels are sorted into square cells across the direction,
+//! it collides at every height between its start and its end. Voxels are sorted into square cells across the direction,
 //! cells into a pyramid of their highest voxels, and what cannot obstruct is skipped.
 
 use glam::{DVec2, DVec3};

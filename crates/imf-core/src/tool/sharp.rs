@@ -46,8 +46,8 @@ impl Tool {
         }
     }
 
-    /// Checks that [`Tool::sharp_point_positions`] ends in reasonable time at `pitch`: it visits every voxel of the
-    /// cutter's box.
+    /// Checks that [`Tool::sharp_point_positions`] ends in reasonable time at `pitch`: with
+    /// [`SharpPoints::Boundary`] it visits every voxel of the cutter's box.
     pub(crate) fn check_sharp_points(&self, pitch: f64) -> Result<(), ToolError> {
         let elements = match (&self.sharp_points, &self.shape) {
             (SharpPoints::Boundary(Some(elements)), _) => elements,

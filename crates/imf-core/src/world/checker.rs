@@ -190,8 +190,8 @@ impl Checker {
         Ok(())
     }
 
-    /// Warnings about the tool among these obstacles: it does not lie at its tip, or passes between the centres of
-    /// their largest voxels for a while.
+    /// Warnings about the tool among these obstacles: its tip is not at the origin of its frame, or it passes between
+    /// the centres of their largest voxels for a while.
     #[must_use]
     pub fn warnings(&self) -> Vec<SceneWarning> {
         let (tool, unit) = (self.tool.assembly.tool(), self.tool.unit);

@@ -30,7 +30,7 @@ pub struct CalibrationSettings {
     pub uniform: usize,
     /// Number of boundary poses to measure by.
     pub boundary: usize,
-    /// Of either kind, number of poses whose overlap is compared with the exact one; depths are compared at all.
+    /// Of either kind, number of poses whose overlap is compared with the exact one; depths are compared at every pose.
     pub errors: usize,
     /// Seed of all poses.
     pub seed: u64,

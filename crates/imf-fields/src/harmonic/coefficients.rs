@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use imf_core::workspaces::Workspaces;
 
-/// How coefficients are saved.
+/// The precision in which coefficients are held, in memory and in files.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum StoragePrecision {
@@ -110,7 +110,7 @@ impl Coefficients {
         }
     }
 
-    /// How they are saved.
+    /// Their precision.
     pub fn precision(&self) -> StoragePrecision {
         match self {
             Self::F32(_) => StoragePrecision::F32,

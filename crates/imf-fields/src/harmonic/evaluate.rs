@@ -115,7 +115,7 @@ pub trait VoxelCoefficients: Sync {
     fn pitch(&self) -> f64;
     /// Coefficients of a voxel.
     fn components(&self) -> usize;
-    /// The rows that are their own mirror images, if finding them pays for this number of orientations.
+    /// The planes across which they are their own mirror images, if finding them pays for this number of orientations.
     fn mirrors(&self, orientations: usize) -> Option<Mirrors>;
     /// `[voxel][components]` of a range: where they lie, or computed into `scratch`.
     fn read<'a>(&'a self, voxels: Range<usize>, scratch: &'a mut Vec<f32>) -> &'a [f32];
@@ -141,8 +141,8 @@ pub trait VoxelCoefficients: Sync {
 const CHUNK: usize = 512;
 /// Orientations whose [`DirectionWeights`] are held at a time whatever their number: 57 MB of a field of degree 16.
 pub const DIRECTIONS_AT_ONCE: usize = 1 << 14;
-/// Orientations from which a field is searched for its mirror planes: a product with this many takes several times as
-/// long.
+/// From this number of orientations on a field is searched for its mirror planes: a product with that many takes
+/// several times as long.
 pub(super) const MANY: usize = 100;
 impl HarmonicField {
     /// Voxels of a block: its coefficients and a chunk's values stay in the inner caches.

@@ -6,10 +6,10 @@
 //! product. This is the series of `radial` with its tail averaged out rather than cut off, it is divided by the
 //! voxels counted as exact sections are, and it makes no assumption about the tool.
 //!
-//! Coefficients are saved along their principal components: a sample of voxels gives the mean and the covariance,
+//! Coefficients are held along their principal components: a sample of voxels gives the mean and the covariance,
 //! whose leading eigenvectors U turn the solution into `z = Uᵀ(G⁻¹ Bᵀ s − μ)`. Where memory holds all sections
 //! ([`FitSettings::one_pass`]), they are counted once; else a first pass computes the sample alone, and a second the
-//! compressed coefficients section by section.
+//! compressed coefficients, some sections at a time.
 //!
 //! Directions are fitted in fours (`quadrature`), which cuts B and G into four classes. Where all components are
 //! retained, one pass uses this: axes are then the functions themselves, class by class. Nothing then has to be known

@@ -63,7 +63,7 @@ pub enum Part {
 /// A network cut into pieces.
 #[derive(Clone, Debug)]
 pub struct Plan {
-    /// The network's layers.
+    /// The network that is cut.
     pub stack: Stack,
     /// Its layers.
     pub layers: Vec<Layer>,

@@ -129,7 +129,7 @@ pub enum DatasetError {
         /// Another one.
         second: String,
     },
-    /// A partition out of range.
+    /// A fraction out of range.
     #[error(transparent)]
     Sampling(#[from] SamplingError),
     /// A section failed, or the work was interrupted.

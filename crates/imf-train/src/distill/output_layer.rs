@@ -44,7 +44,7 @@ pub fn bytes_to_solve(settings: &DistillSettings, voxels: usize, components: usi
 
 /// Replaces the output layer's weights by those of least squared error from `targets`, over `voxels` evenly spread
 /// voxels for each weight of an output; `turn` in [0, 1) chooses which ones. The correction is what is solved for,
-/// with a slight pull to 0 (ridge regression), so a direction that the voxels do not determine retains its weights.
+/// with a slight pull to 0 (ridge regression), so a direction that the voxels do not determine keeps its weights.
 pub(super) fn solve_output_layer(field: &mut FactoredField, targets: &Targets<'_>, voxels: usize, turn: f64) {
     let Some(last) = field.shape.layers().pop() else { return };
     let (components, columns) = (last.outputs, last.inputs + 1);

@@ -3,8 +3,8 @@
 //! An epoch's order follows from the plan's seed, the epoch, the number of groups and the dataset, from nothing else:
 //!
 //! 1. Every shard's samples are distributed over the groups: each run of as many neighbours as there are groups has
-//! one for each, in a rotation that depends on seed, epoch, shard and run. So every group has its part of every
-//! section, evenly over the part, and all groups of an epoch together have every sample once.
+//!    one for each, in a rotation that depends on seed, epoch, shard and run. So every group has its part of every
+//!    section, evenly over the part, and all groups of an epoch together have every sample once.
 //! 2. The samples of a group, in the order of the dataset, are permuted by seed, epoch and the group's number. One group has
 //!    the order of [`super::run::train`].
 //!

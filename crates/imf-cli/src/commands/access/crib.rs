@@ -1,4 +1,4 @@
-//! `imf access --crib`: which tools of a crib serve which part of the surface, the fewest that cover it, and what none
+//! `imf crib`: which tools of a crib serve which part of the surface, the fewest that cover it, and what none
 //! reaches.
 
 mod report;
@@ -11,19 +11,20 @@ use imf_core::control::Cancelled;
 use imf_core::field_files::write_ply;
 use imf_core::machine::{AxisLimits, Machine};
 use imf_core::orientation::OrientationSet;
-use imf_core::scene::Guarantee;
+use imf_core::scene::{Guarantee, SceneSpec};
 use imf_core::set_cover::{CoverProblem, CoverSettings};
 use imf_core::surface::{
-    ObstructedAreas, SurfaceSamples, SurfaceTool, Verdict, contact_reach, crib_access, surface_access,
+    CollisionEnvironment, ObstructedAreas, SurfaceSamples, SurfaceTool, Verdict, contact_reach, crib_access,
+    surface_access,
 };
 use imf_core::tool::Assembly;
 use imf_core::unit::LengthUnit;
 
 use super::on_machine::OnMachine;
-use super::surface::{SAMPLES, SurfaceSettings, rgb};
-use crate::arguments::access::AccessArguments;
+use super::surface::{SAMPLES, rgb};
+use crate::arguments::access::CribArguments;
 use crate::arguments::orientations::{Directions, default_for};
-use crate::arguments::scene::{voxelise_with_progress, warn_of};
+use crate::arguments::scene::{SceneArguments, voxelise_with_progress, warn_of};
 use crate::output::{OutputFolder, SUMMARY, print, print_json, write_json, write_text};
 use crate::session::Session;
 
@@ -54,36 +55,38 @@ struct Crib {
     obstructed: ObstructedAreas,
 }
 
-pub(super) fn run(session: &Session, arguments: &AccessArguments) -> Result<()> {
+pub(crate) fn run(session: &Session, arguments: &CribArguments) -> Result<()> {
     let begun = Instant::now();
-    let folder = OutputFolder::check(&arguments.out)?;
+    let folder = OutputFolder::check(&arguments.reach.out)?;
     let crib = Crib::find(session, arguments)?;
     folder.begin(session)?;
     let report = Report::new(&crib, begun.elapsed().as_secs_f64());
-    write_text(&arguments.out.join("crib.csv"), &report.csv())?;
-    crib.write_surface(&arguments.out.join("surface.ply"))?;
-    write_json(&arguments.out.join(SUMMARY), &report).context(SUMMARY)?;
-    session.note(&format!("wrote surface.ply, crib.csv, {SUMMARY} to {}", arguments.out.display()));
+    write_text(&arguments.reach.out.join("crib.csv"), &report.csv())?;
+    crib.write_surface(&arguments.reach.out.join("surface.ply"))?;
+    write_json(&arguments.reach.out.join(SUMMARY), &report).context(SUMMARY)?;
+    session.note(&format!("wrote surface.ply, crib.csv, {SUMMARY} to {}", arguments.reach.out.display()));
     if session.json { print_json(&report) } else { print(&report.text()) }
 }
 
 impl Crib {
-    fn find(session: &Session, arguments: &AccessArguments) -> Result<Self> {
-        let (tools, mut undecided) = tools::read(&arguments.crib)?;
-        let mut inputs = arguments.scene.read(session, false)?;
+    fn find(session: &Session, arguments: &CribArguments) -> Result<Self> {
+        let (tools, mut undecided) = tools::read(&arguments.reach.scene.tool)?;
+        let scene = SceneArguments { tool: Vec::new(), ..arguments.reach.scene.clone() };
+        let mut inputs = scene.read(session, false)?;
         inputs.tools = tools;
         let first = inputs.tools.first().context("no tool of the crib can be used")?;
         let mesh = inputs.part.mesh.transformed(&inputs.transform);
-        let text = arguments.orientations.as_deref().unwrap_or_else(|| default_for(&inputs.tools));
+        let text = arguments.reach.orientations.as_deref().unwrap_or_else(|| default_for(&inputs.tools));
         let mut orientations = Directions::of_part(text, || mesh.machining_directions())?.set;
-        let machine = arguments.machine()?;
-        if let Some(limits) = arguments.limits(machine.as_ref().map(|(_, reached)| reached.limits)) {
+        let machine = arguments.reach.machine()?;
+        let reached = machine.as_ref().map(|(_, reached)| reached.limits);
+        if let Some(limits) = arguments.reach.limits.or(reached) {
             orientations = orientations.within(&limits)?;
         }
         let unit = inputs.part.unit;
-        let clearance = arguments.scene.clearance.clearance();
+        let clearance = scene.clearance.clearance();
         let fixtures = inputs.fixtures();
-        let spec = arguments.scene.spec(session, &inputs, &fixtures, first);
+        let spec = scene.spec(session, &inputs, &fixtures, first);
         let query = spec.grid()?.padded([1; 3], [1; 3])?;
         // By the grid, what is too thin or out of all proportion; the rest by its own reach.
         let mut kept = Vec::new();
@@ -107,10 +110,9 @@ impl Crib {
         })?;
         let bodies = voxelise_with_progress(session, &spec, &grid, |spec| spec.bodies(&grid))?;
         warn_of(session, &spec.warnings(&bodies)?);
-        let made = voxelise_with_progress(session, &spec, &grid, |spec| {
-            SurfaceSettings::new(spec, &bodies, arguments, None)
-        })?;
-        let SurfaceSettings { tolerance, environment, .. } = made;
+        let made = |spec: &SceneSpec<'_>| CollisionEnvironment::of_bodies(spec, &bodies);
+        let environment = voxelise_with_progress(session, &spec, &grid, made)?;
+        let tolerance = arguments.reach.tolerance_at(bodies.part.grid.pitch, unit);
         let samples = SurfaceSamples::new(&mesh, environment.part(), SAMPLES);
         let on_machine = |(machine, _): (Machine, AxisLimits)| {
             OnMachine::new(session, machine.in_unit(unit), &bodies, &kept, &orientations, false)

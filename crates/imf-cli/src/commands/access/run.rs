@@ -72,21 +72,21 @@ pub(super) struct AccessRun {
 impl AccessRun {
     pub(super) fn new(session: &Session, arguments: &AccessArguments) -> Result<Self> {
         ensure!(
-            arguments.setups.is_none() || arguments.scene.fixture.is_empty(),
+            arguments.setups.is_none() || arguments.reach.scene.fixture.is_empty(),
             "a fixture belongs to one set-up, and here it would go with the part into every one: leave --fixture out for --setups, \
              or ask for one set-up with the fixture, its directions by --limits"
         );
-        let machine = arguments.machine()?;
+        let machine = arguments.reach.machine()?;
         let reached = machine.as_ref().map(|(_, limits)| *limits);
         let limits = arguments.limits(reached.map(|reached| reached.limits));
-        let mut inputs = arguments.scene.read(session, true)?;
+        let mut inputs = arguments.reach.scene.read(session, true)?;
         let mesh = inputs.part.mesh.transformed(&inputs.transform);
         let setups = arguments.setup_range(reached).map(|range| SetupSettings {
             range,
             fraction: 0.01 * arguments.cover,
-            every_direction: arguments.orientations.is_some(),
+            every_direction: arguments.reach.orientations.is_some(),
         });
-        let text = arguments.orientations.as_deref().unwrap_or_else(|| default_for(&inputs.tools));
+        let text = arguments.reach.orientations.as_deref().unwrap_or_else(|| default_for(&inputs.tools));
         let Directions { set: orientations, suggested } =
             directions(text, &mesh, setups.is_some(), limits.as_ref())?;
         if let Some((machine, _)) = &machine {
@@ -95,7 +95,7 @@ impl AccessRun {
         warn_of_tools(session, &inputs.tools, &orientations);
         number_names(&mut inputs.tools);
         let unit = inputs.part.unit;
-        let clearance = arguments.scene.clearance.clearance();
+        let clearance = arguments.reach.scene.clearance.clearance();
         let depth = arguments.contact.depth(&inputs.tools)?;
         let tools: Vec<Assembly> = inputs
             .tools
@@ -106,7 +106,7 @@ impl AccessRun {
             return Err(SurfaceError::NoHolder(tool.tool().name.clone()).into());
         }
         let fixtures = inputs.fixtures();
-        let spec = arguments.scene.spec(session, &inputs, &fixtures, tools[0].tool());
+        let spec = arguments.reach.scene.spec(session, &inputs, &fixtures, tools[0].tool());
         let border = [i64::try_from(arguments.border)?; 3];
         let query = spec.grid()?.padded(border, border)?;
         for tool in &inputs.tools {
@@ -162,7 +162,7 @@ impl AccessRun {
             voxelise_with_progress(session, &spec, &obstacle_grid, |spec| spec.bodies(&obstacle_grid))?;
         warn_of(session, &spec.warnings(&bodies)?);
         let (whole, held) = (bodies.obstacle(), bodies.all_fixtures());
-        let conservative = arguments.scene.conservative;
+        let conservative = arguments.reach.scene.conservative;
         let guarantee = tools
             .iter()
             .map(|tool| Guarantee::new(conservative, tool.tool(), &clearance, depth.is_some(), query.pitch))

@@ -16,7 +16,7 @@ use imf_core::mesh::Mesh;
 use imf_core::scene::{Bodies, SceneSpec};
 use imf_core::surface::{
     CollisionEnvironment, ObstructedAreas, SampleReach, SurfaceAccess, SurfaceSamples, SurfaceTool, Verdict,
-    default_tolerance, surface_access, surface_memory_estimate,
+    surface_access, surface_memory_estimate,
 };
 
 use row::DirectionRow;
@@ -57,11 +57,10 @@ impl SurfaceSettings {
         arguments: &AccessArguments,
         setups: Option<SetupSettings>,
     ) -> Result<Self> {
-        let (grid, unit) = (&bodies.part.grid, spec.unit);
-        let environment = CollisionEnvironment::of_bodies(spec, bodies)?;
+        let grid = &bodies.part.grid;
         Ok(Self {
-            tolerance: arguments.tolerance.unwrap_or_else(|| default_tolerance(grid.pitch, unit)),
-            environment,
+            tolerance: arguments.reach.tolerance_at(grid.pitch, spec.unit),
+            environment: CollisionEnvironment::of_bodies(spec, bodies)?,
             coarse: CollisionEnvironment::at_twice_the_pitch(spec, grid)?,
             setups,
             stick_out: arguments.stickout,

@@ -55,7 +55,7 @@ impl SolidVoxels {
 
     /// Makes some voxels solid or empty, each of `changed` once and in order, and updates everything derived from
     /// them as if it were computed anew. In place where nobody else shares it; otherwise it is copied first and the
-    /// others retain theirs.
+    /// others keep theirs.
     pub(crate) fn change(&mut self, changed: &[usize]) {
         if Arc::get_mut(&mut self.0).is_none() {
             self.0 = Arc::new(SolidTables::clone(&self.0));

@@ -24,7 +24,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Mesh, Fault> {
     };
     // Four letters, read as a count, announce more triangles than any file has.
     if bytes[..PREAMBLE].iter().all(|&byte| byte.is_ascii_graphic() || byte.is_ascii_whitespace()) {
-        return Err(Fault::malformed("this is text, and no STL file: give it the ending of its own format"));
+        return Err(Fault::malformed("this is text, not an STL file: give it the ending of its own format"));
     }
     let records = bytes[PREAMBLE..].chunks_exact(RECORD);
     if records.len() < count {
