@@ -60,7 +60,7 @@ const DIRECTION: &str = "the tool's axis from tip to holder, of any length but 0
 const ANGLES: &str = "(theta, phi) of the tool's axis in degrees: theta in [0, 360), phi in [0, 180]";
 const DEPTH: &str =
     "how far the tool must be moved to be free, in the scene's unit; below 0 how far it may be moved";
-const OVERLAP: &str = "the share of the tool's volume in the obstacle, in [0, 1]";
+const OVERLAP: &str = "the fraction of the tool's volume in the obstacle, in [0, 1]";
 
 /// Why a field is not written.
 #[derive(Debug, Error)]

@@ -55,7 +55,7 @@ pub(crate) fn run(session: &Session, arguments: &CalibrateArguments) -> Result<(
         }),
         None => calibrate(&field, &settings, control),
     }?;
-    stage.finish(if calibration.meets_its_goals() { "goals kept" } else { "goals missed" });
+    stage.finish(if calibration.meets_its_goals() { "goals met" } else { "goals missed" });
     // Two of a field need not be in memory at once.
     drop(field);
     if let Some(out) = out {
@@ -146,7 +146,7 @@ pub(crate) fn measure_decisions(
                 return Ok(DecisionQuality::Unknown(error.to_string()));
             }
             Ok(calibration) => {
-                stage.finish(if calibration.meets_its_goals() { "goals kept" } else { "goals missed" });
+                stage.finish(if calibration.meets_its_goals() { "goals met" } else { "goals missed" });
                 return Ok(DecisionQuality::Known(Box::new(calibration)));
             }
         }

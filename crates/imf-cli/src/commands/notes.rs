@@ -18,7 +18,7 @@ pub(super) fn of_training(session: &Session, path: &Path, model: &Model) {
 /// Says what tool and part are to each other.
 pub(super) fn of_scene(session: &Session, record: &SceneRecord) {
     if let Some(text) = clearance_text(&record.clearance, record.unit) {
-        session.note(&format!("answers are for the tool offset by a clearance ({text})"));
+        session.note(&format!("values are of the tool offset by a clearance ({text})"));
     }
     if let Some(depth) = record.contact {
         session.note(&format!("the cutter may reach {depth} {} below the part's surface", record.unit));

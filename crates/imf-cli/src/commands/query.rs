@@ -61,11 +61,11 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
         ));
     }
     session.note(&match quantity.is_overlap() {
-        true => format!("a field is not a proof; --exact answers: {}", record.guarantee()),
+        true => format!("a field is not a proof; --exact counts: {}", record.guarantee()),
         false => {
             let [_, most] = quantity.bounds(record.grid.pitch);
             format!(
-                "a field is not a proof; depths are clamped within {DEPTH_CAP} pitches, {} {}; --exact answers: {}",
+                "a field is not a proof; depths are clamped within {DEPTH_CAP} pitches, {} {}; --exact counts: {}",
                 short(most),
                 record.unit,
                 record.guarantee()
@@ -93,7 +93,7 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
             // Plain errors of the system are those of writing.
             error.downcast().unwrap_or_else(|error| {
                 failure = Some(error);
-                IoError::other("the poses were not answered")
+                IoError::other("the poses were not evaluated")
             })
         })
     });
@@ -145,8 +145,8 @@ impl Work {
         let mut queries = Vec::new();
         while !answers.poses.is_empty() {
             if interrupt::requested() {
-                let kept = if whole { "nothing was written" } else { "no further pose is answered" };
-                return Err(Interruption(format!("{answered} poses were answered; {kept}")).into());
+                let kept = if whole { "nothing was written" } else { "no further pose is evaluated" };
+                return Err(Interruption(format!("{answered} poses were evaluated; {kept}")).into());
             }
             // In place of an invalid pose any other is evaluated, and the result discarded.
             queries.clear();
@@ -180,7 +180,7 @@ impl Work {
         invalid.check(answered)?;
         if invalid.count > 0 {
             session.warn(&format!(
-                "{} of {answered} lines are invalid poses and have no answer (decision: invalid), the first of them: {}",
+                "{} of {answered} lines are invalid poses and have no result (decision: invalid), the first of them: {}",
                 invalid.count, invalid.first
             ));
         }

@@ -255,7 +255,7 @@ impl Summary {
         row("accessible around it", self.accessible.volume, &self.accessible.pieces());
         row("inaccessible around it", self.inaccessible.volume, &self.inaccessible.pieces());
         if let Some(any) = &self.any_direction {
-            row("  another direction reaches", any.from_another, "that was not asked; one for each place");
+            row("  another direction reaches", any.from_another, "that was not given; one for each place");
             row("  no direction reaches", any.from_none, "proven, whatever the direction");
             row("  not known", any.open, "");
         }

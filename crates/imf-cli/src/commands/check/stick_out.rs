@@ -18,7 +18,7 @@ pub(super) fn lines(checked: &CheckRun<'_>) -> String {
         return lines;
     }
     let machine = if checked.machine.is_some() {
-        "; the machine's head, table and travel are not looked at for it"
+        "; the machine's head, table and travel are not checked for it"
     } else {
         ""
     };
@@ -26,7 +26,7 @@ pub(super) fn lines(checked: &CheckRun<'_>) -> String {
     let left_out = match left_out {
         0 => String::new(),
         count => format!(
-            "; {count} motions by G53 and G28, on which the tip moves with the stick-out, are not looked at"
+            "; {count} motions by G53 and G28, on which the tip moves with the stick-out, are not checked"
         ),
     };
     let between = short(0.5 * checked.report.settings.step);

@@ -92,7 +92,7 @@ pub(super) fn draw<'a>(
     let planes: Vec<MidPlanes> = rows.filter_map(|row| row.planes.take()).collect();
     let sheet = MidPlaneSheet {
         title: work.title(),
-        label: "share of the collision measure",
+        label: "fraction of the collision measure",
         part: &work.scene.obstacle,
         style: Some(MaskStyle::Outline),
         unit: work.scene.record.unit,

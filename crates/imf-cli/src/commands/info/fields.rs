@@ -232,7 +232,7 @@ fn calibration_lines(calibration: Option<&Calibration>, quantity: Quantity, unit
 fn quantity_text(quantity: Quantity, scene: &SceneRecord) -> String {
     let unit = scene.unit;
     match quantity {
-        Quantity::Overlap => "overlap: the share of the tool's volume that lies in the part".into(),
+        Quantity::Overlap => "overlap: the fraction of the tool's volume that lies in the part".into(),
         Quantity::Depth => {
             let [_, most] = quantity.bounds(scene.grid.pitch);
             format!(

@@ -217,7 +217,7 @@ impl Surface {
                 name: "stick_out",
                 title: "by stick-out",
                 colours: Colours::Scale {
-                    label: format!("least stick-out in {}", run.unit),
+                    label: format!("shortest stick-out in {}", run.unit),
                     none: "no length helps",
                 },
                 values: each(&least),
