@@ -1,6 +1,6 @@
 #!/bin/bash
-# A dataset in shares on a cluster: one share for each task of a Slurm array, all in one shared folder, joined by a
-# last job. Change the line of `imf dataset` and the folder; N of --array is the number of shares.
+# A dataset in partitions on a cluster: one partition for each task of a Slurm array, all in one shared folder, joined by a
+# last job. Change the line of `imf dataset` and the folder; N of --array is the number of partitions.
 #
 #   jobs=$(sbatch --parsable --array=1-8 docs/slurm/dataset.sh)
 #   sbatch --dependency=afterok:"$jobs" --wrap 'imf dataset merge teapot-900'

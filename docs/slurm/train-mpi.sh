@@ -1,5 +1,5 @@
 #!/bin/bash
-# One training on several machines: every rank has its share of each batch. Needs `imf` built with
+# One training on several machines: every rank has its rows of each batch. Needs `imf` built with
 # `cargo build --release --features mpi` against the cluster's MPI. Change the line of `imf train`.
 #
 #   sbatch docs/slurm/train-mpi.sh

@@ -418,7 +418,7 @@ ImfStatus imf_checker_follow(ImfChecker *checker,
                              const ImfWorld *world);
 
 // Warnings about the checker's tool among its obstacles, a text for each index from 0; NULL beyond the last, and for
-// a checker that is NULL. They report a tool that does not lie at its tip, as one in another frame or unit, and a
+// a checker that is NULL. They report a tool whose tip is not at the origin, as one in another frame or unit, and a
 // tip so slender that it passes between voxels' centres for a while. A text stays until the checker follows or is
 // closed.
 //

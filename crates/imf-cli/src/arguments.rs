@@ -201,7 +201,7 @@ mod tests {
 
     use super::Cli;
 
-    /// Most options of a command, and most commands.
+    /// Most options of a command, and most commands: one more takes the place of another.
     const MAX_OPTIONS: usize = 25;
     const MAX_COMMANDS: usize = 15;
 

@@ -75,7 +75,7 @@ fn is_bad_input(error: &anyhow::Error) -> bool {
         cause.is::<WrongArgument>()
             || cause.downcast_ref().is_some_and(set)
             || cause.downcast_ref().is_some_and(path)
-            || matches!(cause.downcast_ref(), Some(SceneError::NoTool(_)))
+            || matches!(cause.downcast_ref(), Some(SceneError::NoTool(_) | SceneError::Clearance(_)))
             || cause
                 .downcast_ref::<CheckError>()
                 .is_some_and(|error| !matches!(error, CheckError::Cancelled(_)))

@@ -80,6 +80,7 @@ pub struct Fixture<'a> {
 
 /// Metadata of a scene: all but its voxels.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct SceneRecord {
     /// Name of the part: a file's name or a reference part.
     pub part: String,

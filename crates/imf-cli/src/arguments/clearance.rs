@@ -86,6 +86,11 @@ impl ContactArguments {
     /// The depth, for tools that can touch: an error for one without a cutter.
     pub(crate) fn depth<'a>(&self, tools: impl IntoIterator<Item = &'a Tool>) -> Result<Option<f64>> {
         let Some(depth) = self.contact else { return Ok(None) };
+        // A recipe's has passed no option.
+        ensure!(
+            depth.is_finite() && depth >= 0.0,
+            "the contact must be a finite length of at least 0, not {depth}"
+        );
         for tool in tools {
             ensure!(
                 tool.has_cutter(),

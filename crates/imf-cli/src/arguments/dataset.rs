@@ -11,6 +11,7 @@ use imf_train::dataset::{Layout, Partition};
 use super::clearance;
 use super::either::Either;
 use super::scene::SceneArguments;
+use crate::exit::WrongArgument;
 
 /// A dataset is made, or what was made of it is joined or finished.
 pub(crate) type DatasetArguments = Either<DatasetMakeArguments, DatasetAction>;
@@ -77,7 +78,7 @@ impl DatasetMakeArguments {
     /// How many voxels of a section are drawn.
     pub(crate) fn sampling(&self) -> Result<Sampling> {
         let sampling = Sampling { density: self.density, seed: self.seed, ..Sampling::default() };
-        sampling.check()?;
+        sampling.check().map_err(|error| WrongArgument(error.to_string()))?;
         Ok(sampling)
     }
 

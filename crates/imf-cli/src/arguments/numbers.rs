@@ -55,7 +55,7 @@ pub(super) fn parse_length(text: &str) -> Result<f64, String> {
 
 /// A length that may be 0.
 pub(super) fn parse_room(text: &str) -> Result<f64, String> {
-    number(text, |&length| length >= 0.0 && length < f64::INFINITY, "a length of at least 0, such as 0.5")
+    number(text, |length| (0.0..f64::INFINITY).contains(length), "a length of at least 0, such as 0.5")
 }
 
 /// How many of something that there must be.

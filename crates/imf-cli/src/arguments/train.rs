@@ -291,7 +291,7 @@ impl FactoredArguments {
             ..usual.plan
         };
         let settings = DistillSettings { width, hidden, omega: omega.unwrap_or(usual.omega), plan, ..usual };
-        settings.check()?;
+        settings.check().map_err(|error| WrongArgument(error.to_string()))?;
         Ok((settings, set))
     }
 
@@ -365,7 +365,7 @@ impl<'a> Siren5Training<'a> {
             seed: set.seed.unwrap_or(0),
             report_every: REPORT_EVERY,
         };
-        plan.check()?;
+        plan.check().map_err(|error| WrongArgument(error.to_string()))?;
         if set.held_out_every == Some(0) {
             return Err(WrongArgument("--set held_out_every=0: give at least 1".into()).into());
         }

@@ -272,3 +272,25 @@ fn a_needle_is_said_to_pass_between_the_centres_and_a_pitch_of_its_own_sees_it()
     let chosen = run("");
     assert_eq!(chosen.code, Some(3), "{}{}", chosen.stdout, chosen.stderr);
 }
+
+/// The shank is half a voxel wider a side than the cutter.
+#[test]
+fn a_shank_that_voxels_see_at_some_walls_alone_is_warned_of_by_every_command() {
+    let folder = Workdir::new();
+    folder.write("block.obj", BLOCK);
+    folder.write("path.csv", "x,y,z\n0,0,30\n");
+    let mill = "name = \"neck\"\nunit = \"mm\"\nstick_out = 30.0\n[cutter]\nshape = \"flat\"\ndiameter = 8.0\n\
+                length = 10.0\n[shank]\ndiameter = 9.0\n[[holder]]\ndiameter = 30.0\nlength = 60.0\n";
+    folder.write("neck.toml", mill);
+    let of_scene = "--unit mm --pitch 1 --tool neck.toml";
+    for line in [
+        format!("check block.obj path.csv {of_scene}"),
+        format!("field block.obj {of_scene} --orientations 0,0 --out field"),
+        format!("access block.obj {of_scene} --orientations 0,0 --out access"),
+        format!("crib block.obj {of_scene} --orientations 0,0 --out crib"),
+    ] {
+        let run = folder.imf(&line).done();
+        let warnings = run.stderr.matches("is 0.5 mm a side wider than the cutter").count();
+        assert_eq!(warnings, 1, "`imf {line}`:\n{}", run.stderr);
+    }
+}

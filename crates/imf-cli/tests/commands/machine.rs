@@ -51,8 +51,13 @@ fn rapids_and_arcs_of_a_program_are_told_by_their_lines() {
 
 #[test]
 fn what_a_program_does_not_say_is_refused_with_line_and_remedy() {
-    check(("part.nc", "G0 X0. Y0. Z40. A30.\n"), "")
-        .bad_input(&["part.nc, line 1: A30. turns a rotary axis", "no machine is given"]);
+    check(("part.nc", "G0 X0. Y0. Z40. A30.\n"), "").bad_input(&[
+        "part.nc, line 1: A30. turns a rotary axis",
+        "no machine is given",
+        "--machine FILE",
+    ]);
+    let kept = "G21 G90 T1 M6\nG43.4 H1 X0. Y0. Z100.\n";
+    check(("part.nc", kept), "").bad_input(&["part.nc, line 2", "no machine is given", "--machine FILE"]);
     let tilted = "G21 G90 T1 M6\nG0 B40. C0.\nG43 H1 X0. Y0. Z200.\n";
     check(("part.nc", tilted), "--machine head.toml --stickout")
         .bad_input(&["part.nc: line 3: the head is tilted"]);

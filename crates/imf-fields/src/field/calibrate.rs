@@ -183,7 +183,7 @@ pub fn calibrate(
     Ok(Calibration { uniform, boundary, ..unmeasured })
 }
 
-/// Judges a field's own calibration on fresh poses of another seed: uniform ones and boundary ones.
+/// Measures a field's own calibration on fresh poses of another seed: uniform ones and boundary ones.
 ///
 /// # Errors
 /// As [`calibrate`].
@@ -199,7 +199,7 @@ pub fn measure_rates(
 }
 
 impl Calibration {
-    /// Judges the thresholds by these goals, on poses that are drawn anew.
+    /// Measures the decisions by these thresholds, on poses that are drawn anew.
     fn measure_rates(
         &self,
         truth: &Truth<'_>,

@@ -285,7 +285,7 @@ fn direction_weights(
     match where_many(split, count) {
         Some(split) => split.multiply(|both| &both.forward, (rows, count, functions), weights, false),
         None => {
-            multiply(weights, width, Matrix::dense(rows, functions), Matrix::dense(components, width), false)
+            multiply(weights, width, Matrix::dense(rows, functions), Matrix::dense(components, width), false);
         }
     }
 }

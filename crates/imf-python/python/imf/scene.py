@@ -234,7 +234,7 @@ class Scene:
         return access.setups(limits, cover=cover, every_direction=directions is not None, progress=progress)
 
     def stickout(self, directions: Directions | None = None, *, progress: Progress = None) -> StickOuts:
-        """The least stick-out with which the tool reaches each sample: :meth:`access`, then :meth:`Access.stickout`."""
+        """The shortest stick-out with which the tool reaches each sample: :meth:`access`, then :meth:`Access.stickout`."""
         return self.access(directions, progress=progress).stickout(progress=progress)
 
     def check(
@@ -257,7 +257,7 @@ class Scene:
         machine: its file, for paths that need one. clearance: by default the scene's. contact: how deep the part may lie in the
         cutter, 0.05 mm by default. step: farthest that any point of the tool moves between two poses that are looked at, by default a
         quarter of the pitch. frame: "part" or "world", of the path: by default the part's, with a machine the world's, where its G54 is.
-        stick_out: also finds the least stick-out of every tool. stock: what the path cuts (:data:`Stock`): nothing but the cutter may
+        stick_out: also finds the shortest stick-out of every tool. stock: what the path cuts (:data:`Stock`): nothing but the cutter may
         touch it, and no rapid may cut it.
         """
         if frame not in (None, "part", "world"):

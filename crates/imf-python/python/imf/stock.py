@@ -44,7 +44,7 @@ class RemovableStock:
 
     @property
     def fraction(self) -> tuple[float, float]:
-        """The least and the largest share of the stock that goes; both tend to what goes as the pitch falls."""
+        """The smallest and the largest fraction of the stock that goes; both tend to what goes as the pitch falls."""
         whole = max(int(self.stock.sum()), 1)
         return float(self.covered.sum() / whole), float(self.possible.sum() / whole)
 

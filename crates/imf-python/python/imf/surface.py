@@ -18,7 +18,7 @@ COLOURS = np.array([[120, 190, 110], [235, 140, 40], [170, 40, 130], [90, 90, 95
 
 
 class Obstruction(NamedTuple):
-    """What keeps a share of the surface from being reached; several may at once."""
+    """What keeps a fraction of the surface from being reached; several may at once."""
 
     element: str
     """Of the tool."""
@@ -57,12 +57,12 @@ class Access:
             setattr(self, name, array)
 
     def fraction(self, verdict: Verdict) -> float:
-        """The share of the area that has a verdict."""
+        """The fraction of the area that has a verdict."""
         return float(self.areas[self.verdict == verdict].sum() / self.areas.sum())
 
     @property
     def reached(self) -> float:
-        """The share of the area that is reached."""
+        """The fraction of the area that is reached."""
         return self.fraction(Verdict.REACHED)
 
     @property
@@ -82,13 +82,13 @@ class Access:
 
     @property
     def by_direction(self) -> NDArray[np.float64]:
-        """``(m,)``: the share of the area that each direction reaches."""
-        shares: NDArray[np.float64] = self.areas @ self.free / self.areas.sum()
-        return shares
+        """``(m,)``: the fraction of the area that each direction reaches."""
+        fractions: NDArray[np.float64] = self.areas @ self.free / self.areas.sum()
+        return fractions
 
     @property
     def obstructed_by(self) -> list[Obstruction]:
-        """What obstructs samples, with its share of the area."""
+        """What obstructs samples, with its fraction of the area."""
         return [Obstruction(*row) for row in self._native.obstructed_by()]
 
     def setups(
@@ -110,7 +110,7 @@ class Access:
         return SetupPlan(**found)
 
     def stickout(self, *, progress: Progress = None) -> StickOuts:
-        """The least stick-out for each sample. Raises ``ValueError`` for a tool without a holder."""
+        """The shortest stick-out for each sample. Raises ``ValueError`` for a tool without a holder."""
         length, direction, verdict, (given, shortest, longest) = self._native.stick_outs(listener(progress))
         return StickOuts(length, direction, verdict, self.areas, given, shortest, longest)
 
@@ -157,16 +157,16 @@ class Crib:
 
     @property
     def reached(self) -> NDArray[np.float64]:
-        """``(tools,)``: the share of the area that each tool reaches."""
-        shares: NDArray[np.float64] = (self.verdict == Verdict.REACHED) @ self.areas / self.areas.sum()
-        return shares
+        """``(tools,)``: the fraction of the area that each tool reaches."""
+        fractions: NDArray[np.float64] = (self.verdict == Verdict.REACHED) @ self.areas / self.areas.sum()
+        return fractions
 
     def fewest(self, cover: float = 1.0) -> FewestTools:
         """The fewest tools that reach ``cover`` of what all of them reach."""
         holds = np.ascontiguousarray(self.verdict == Verdict.REACHED)
         chosen, at_least = _imf.fewest_sets(holds, self.areas, cover)
-        share = float(self.areas[holds[chosen].any(axis=0)].sum() / self.areas.sum())
-        return FewestTools(chosen, at_least, share)
+        fraction = float(self.areas[holds[chosen].any(axis=0)].sum() / self.areas.sum())
+        return FewestTools(chosen, at_least, fraction)
 
 
 class FewestTools(NamedTuple):
@@ -177,7 +177,7 @@ class FewestTools(NamedTuple):
     at_least: int
     """No fewer reach as much: a proof where that is as many."""
     reached: float
-    """The share of the area that they reach together."""
+    """The fraction of the area that they reach together."""
 
 
 @dataclass(frozen=True)
@@ -195,14 +195,14 @@ class PartSetup:
     directions: Sequence[int]
     """Rows of the directions that the machine gives the tool there."""
     reached: float
-    """The share of the surface's area that it reaches."""
+    """The fraction of the surface's area that it reaches."""
     alone: float
-    """The share that no other chosen set-up reaches."""
+    """The fraction that no other chosen set-up reaches."""
 
 
 @dataclass(frozen=True)
 class SetupPlan:
-    """The fewest set-ups; shares are of the surface's area."""
+    """The fewest set-ups; fractions are of the surface's area."""
 
     setups: list[PartSetup]
     """Each adds the most to those before it."""
@@ -225,10 +225,10 @@ class SetupPlan:
 
 @dataclass(frozen=True)
 class StickOuts:
-    """The least stick-out with which a tool reaches each sample of a surface, in the scene's unit."""
+    """The shortest stick-out with which a tool reaches each sample of a surface, in the scene's unit."""
 
     length: NDArray[np.float64]
-    """``(n,)``: the least; infinite where none helps. It may be more than the tool has."""
+    """``(n,)``: the shortest; infinite where none helps. It may be more than the tool has."""
     direction: NDArray[np.int64]
     """``(n,)``: the first direction that allows it, -1 for none."""
     verdict: NDArray[np.uint8]
@@ -238,10 +238,10 @@ class StickOuts:
     given: float
     """What the tool is set to."""
     shortest: float
-    """The least that it can be set to."""
+    """The shortest that it can be set to."""
     longest: float
     """Its overall length; infinite where that is not known."""
 
     def fraction(self, length: float) -> float:
-        """The share of the area that needs no more than a length."""
+        """The fraction of the area that needs no more than a length."""
         return float(self.areas[self.length <= length].sum() / self.areas.sum())

@@ -51,9 +51,11 @@ impl Program<'_> {
         self.length_number = block.length_number.or(self.length_number);
         let keeps = length == Some(true);
         if keeps && self.machine.is_none_or(|machine| machine.rotary.is_empty()) {
-            return Err(format!(
-                "it keeps the tool's centre point while rotary axes turn, and {NO_MACHINE} that has some"
-            ));
+            let lacks = match self.machine {
+                Some(machine) => format!("the machine '{}' has none", machine.name),
+                None => format!("{NO_MACHINE} that has some"),
+            };
+            return Err(format!("it keeps the tool's centre point while rotary axes turn, and {lacks}"));
         }
         if let (Some(_), Some(line), None) = (length, self.z_without_length, self.machine) {
             return Err(format!(

@@ -18,7 +18,7 @@ const LISTED: usize = 10;
 /// Maximum number of undecided tools that the table lists.
 const LISTED_UNDECIDED: usize = 5;
 
-/// One tool; shares are of the surface's area.
+/// One tool; fractions are of the surface's area.
 #[derive(Debug, Serialize)]
 struct ToolRow {
     tool: String,
