@@ -191,7 +191,7 @@ pub enum CheckError {
     /// No stick-out can be found for the tool.
     #[error(transparent)]
     StickOut(#[from] SurfaceError),
-    /// The caller's [`Control`] asked to stop.
+    /// The caller's [`Control`](crate::control::Control) asked to stop.
     #[error("interrupted")]
     Cancelled(#[from] Cancelled),
 }
