@@ -84,6 +84,31 @@ pub(super) fn parse(text: &str, unit: LengthUnit) -> Result<Toolpath, LineError>
     Ok(Toolpath { locations, cutters, remarks, ..Toolpath::default() })
 }
 
+/// Why a statement that is not followed is refused.
+fn refusal(statement: &str, word: &str) -> String {
+    if word == "OPSKIP" {
+        return format!(
+            "the lines after {statement} are skipped or not by a switch of the machine: take them out, or {statement} alone"
+        );
+    }
+    if is_of(TRANSFORMS, word) {
+        return format!(
+            "{statement} changes where the coordinates after it lie, which is not followed here: let the CAM program \
+             write every location in one coordinate system, the part's own"
+        );
+    }
+    if is_of(MOVING, word) {
+        return format!(
+            "{word} moves the tool along a way that is not followed here; let the CAM program write that \
+             motion as GOTO/ lines"
+        );
+    }
+    format!(
+        "'{word}' is not understood and might move the tool: take it out of the file if it does not; let the CAM \
+         program write motions as GOTO/ lines if it does"
+    )
+}
+
 impl State {
     fn take(&mut self, line: usize, statement: &str, unit: LengthUnit) -> Result<(), LineError> {
         let rest = statement.split_once('/').map_or("", |(_, rest)| rest);
@@ -91,115 +116,115 @@ impl State {
         let word = first_word(statement);
         let wrong = |what: String| LineError { line, what };
         match word.as_str() {
-            "" => {}
-            "GOTO" | "FROM" => {
-                let values = numbers(rest).map_err(wrong)?;
-                let position = match *values.as_slice() {
-                    [x, y, z] => [x, y, z],
-                    [x, y, z, i, j, k] => {
-                        self.turn_to([i, j, k], &word).map_err(wrong)?;
-                        [x, y, z]
-                    }
-                    _ => return Err(wrong(format!("{word} needs 3 or 6 numbers, not {}", values.len()))),
-                };
-                let is_start = word == "FROM";
-                self.go_to(line, position.map(|v| v * self.factor), is_start)?;
-            }
-            "GODLTA" => {
-                let values = numbers(rest).map_err(wrong)?;
-                let [x, y, z] = *values.as_slice() else {
-                    return Err(wrong(format!("GODLTA needs 3 numbers, not {}", values.len())));
-                };
-                let last = self.locations.last().filter(|last| last.tool == self.tool);
-                let last = last
-                    .ok_or_else(|| wrong("GODLTA before any GOTO or FROM of this tool".into()))?
-                    .pose
-                    .position;
-                let step = [x, y, z].map(|v| v * self.factor);
-                self.go_to(line, [last.x + step[0], last.y + step[1], last.z + step[2]], false)?;
-            }
+            "" => Ok(()),
+            "GOTO" | "FROM" => self.locate(line, &word, rest),
+            "GODLTA" => self.step(line, rest),
             "TLAXIS" => {
                 let values = numbers(rest).map_err(wrong)?;
                 let axis =
                     <[f64; 3]>::try_from(values).map_err(|_| wrong("TLAXIS needs 3 numbers".into()))?;
-                self.turn_to(axis, &word).map_err(wrong)?;
+                self.turn_to(axis, &word).map_err(wrong)
             }
-            "RAPID" => self.rapid = true,
-            "MULTAX" => match rest.trim().to_ascii_uppercase().as_str() {
-                "" | "ON" => self.upright = false,
-                "OFF" => (self.upright, self.axis) = (true, UP),
-                _ => {
-                    return Err(wrong(format!(
-                        "{statement} is not understood, and says whether the tool turns: write MULTAX/ON or MULTAX/OFF"
-                    )));
-                }
-            },
-            "OPSKIP" if is_off(rest) => {}
-            "OPSKIP" => {
-                return Err(wrong(format!(
-                    "the lines after {statement} are skipped or not by a switch of the machine: take them out, or {statement} alone"
-                )));
+            "RAPID" => {
+                self.rapid = true;
+                Ok(())
             }
-            "UNITS" => {
-                let named = rest.trim().to_ascii_lowercase();
-                let named = if named == "inches" { "inch" } else { &named };
-                let file = LengthUnit::from_str(named).map_err(|error| wrong(error.to_string()))?;
-                self.factor = file.in_mm() / unit.in_mm();
-                self.unit_taken = None;
-                if !std::mem::replace(&mut self.has_unit, true) {
-                    self.convert_cutters();
-                }
-            }
-            "LOADTL" | "TURRET" | "LOAD" => {
-                let number = if word == "LOAD" { behind(rest, "TOOL") } else { Some(rest) };
-                let number = number.and_then(|text| text.split(',').next()?.trim().parse().ok());
-                self.tool = Some(number.ok_or_else(|| {
-                    wrong(format!(
-                        "'{statement}' does not say the tool's number: write LOADTL/ and the number"
-                    ))
-                })?);
-                self.loaded = true;
-            }
+            "MULTAX" => self.set_axes(statement, rest).map_err(wrong),
+            "UNITS" => self.set_unit(rest, unit).map_err(wrong),
+            "LOADTL" | "TURRET" | "LOAD" => self.load(statement, &word, rest).map_err(wrong),
             // Free text that describes the tool.
-            "CUTTER" | "TLDATA" | "TOOLNO" => {
-                self.describe(line, &word, rest);
-                let cutter = match word.as_str() {
-                    "CUTTER" => Some(rest),
-                    "TLDATA" => behind(rest, "MILL"),
-                    _ => None,
-                };
-                if let Some(values) = cutter.filter(|rest| !is_off(rest)) {
-                    let statement =
-                        self.cutter(line, values).map_err(|what| wrong(format!("{word}: {what}")))?;
-                    self.described_since.push(statement);
-                }
-            }
+            "CUTTER" | "TLDATA" | "TOOLNO" => self.take_description(line, &word, rest).map_err(wrong),
             "TOOL" if statement.to_ascii_uppercase().starts_with("TOOL PATH") => {
                 let name = rest.to_ascii_uppercase().rfind("TOOL,").map_or("", |at| &rest[at + 5..]);
                 self.describe(line, "TOOL PATH", name);
+                Ok(())
             }
-            "AUXFUN" => check_auxiliary(statement, rest).map_err(wrong)?,
-            known if is_of(STILL, known) => {}
-            known if is_of(TRANSFORMS, known) && changes_nothing(known, rest) => {}
-            known if is_of(TRANSFORMS, known) => {
-                return Err(wrong(format!(
-                    "{statement} changes where the coordinates after it lie, which is not followed here: let the CAM program \
-                     write every location in one coordinate system, the part's own"
-                )));
+            "AUXFUN" => check_auxiliary(statement, rest).map_err(wrong),
+            "OPSKIP" | "CYCLE" if is_off(rest) => Ok(()),
+            known if is_of(STILL, known) => Ok(()),
+            known if is_of(TRANSFORMS, known) && changes_nothing(known, rest) => Ok(()),
+            unknown => Err(wrong(refusal(statement, unknown))),
+        }
+    }
+
+    /// A location, with its axis where the statement has six numbers.
+    fn locate(&mut self, line: usize, word: &str, rest: &str) -> Result<(), LineError> {
+        let wrong = |what: String| LineError { line, what };
+        let values = numbers(rest).map_err(wrong)?;
+        let position = match *values.as_slice() {
+            [x, y, z] => [x, y, z],
+            [x, y, z, i, j, k] => {
+                self.turn_to([i, j, k], word).map_err(wrong)?;
+                [x, y, z]
             }
-            "CYCLE" if is_off(rest) => {}
-            moving if is_of(MOVING, moving) => {
-                return Err(wrong(format!(
-                    "{moving} moves the tool along a way that is not followed here; let the CAM program write that \
-                     motion as GOTO/ lines"
-                )));
-            }
+            _ => return Err(wrong(format!("{word} needs 3 or 6 numbers, not {}", values.len()))),
+        };
+        self.go_to(line, position.map(|v| v * self.factor), word == "FROM")
+    }
+
+    /// A location by its distance from the one before.
+    fn step(&mut self, line: usize, rest: &str) -> Result<(), LineError> {
+        let wrong = |what: String| LineError { line, what };
+        let values = numbers(rest).map_err(wrong)?;
+        let [x, y, z] = *values.as_slice() else {
+            return Err(wrong(format!("GODLTA needs 3 numbers, not {}", values.len())));
+        };
+        let last = self.locations.last().filter(|last| last.tool == self.tool);
+        let last = last.ok_or_else(|| wrong("GODLTA before any GOTO or FROM of this tool".into()))?;
+        let last = last.pose.position;
+        let step = [x, y, z].map(|v| v * self.factor);
+        self.go_to(line, [last.x + step[0], last.y + step[1], last.z + step[2]], false)
+    }
+
+    /// Whether the tool may turn.
+    fn set_axes(&mut self, statement: &str, rest: &str) -> Result<(), String> {
+        match rest.trim().to_ascii_uppercase().as_str() {
+            "" | "ON" => self.upright = false,
+            "OFF" => (self.upright, self.axis) = (true, UP),
             _ => {
-                return Err(wrong(format!(
-                    "'{word}' is not understood and might move the tool: take it out of the file if it does not; let the CAM \
-                     program write motions as GOTO/ lines if it does"
-                )));
+                return Err(format!(
+                    "{statement} is not understood, and says whether the tool turns: write MULTAX/ON or MULTAX/OFF"
+                ));
             }
+        }
+        Ok(())
+    }
+
+    /// The unit of the numbers from here on.
+    fn set_unit(&mut self, rest: &str, unit: LengthUnit) -> Result<(), String> {
+        let named = rest.trim().to_ascii_lowercase();
+        let named = if named == "inches" { "inch" } else { &named };
+        let file = LengthUnit::from_str(named).map_err(|error| error.to_string())?;
+        self.factor = file.in_mm() / unit.in_mm();
+        self.unit_taken = None;
+        if !std::mem::replace(&mut self.has_unit, true) {
+            self.convert_cutters();
+        }
+        Ok(())
+    }
+
+    /// The tool of the locations from here on.
+    fn load(&mut self, statement: &str, word: &str, rest: &str) -> Result<(), String> {
+        let number = if word == "LOAD" { behind(rest, "TOOL") } else { Some(rest) };
+        let number = number.and_then(|text| text.split(',').next()?.trim().parse().ok());
+        self.tool = Some(number.ok_or_else(|| {
+            format!("'{statement}' does not say the tool's number: write LOADTL/ and the number")
+        })?);
+        self.loaded = true;
+        Ok(())
+    }
+
+    /// What a statement says of the tool, and of its cutter's size.
+    fn take_description(&mut self, line: usize, word: &str, rest: &str) -> Result<(), String> {
+        self.describe(line, word, rest);
+        let cutter = match word {
+            "CUTTER" => Some(rest),
+            "TLDATA" => behind(rest, "MILL"),
+            _ => None,
+        };
+        if let Some(values) = cutter.filter(|rest| !is_off(rest)) {
+            let statement = self.cutter(line, values).map_err(|what| format!("{word}: {what}"))?;
+            self.described_since.push(statement);
         }
         Ok(())
     }
