@@ -1,5 +1,7 @@
 //! A network on the command line: hidden layers, their width, and the frequency factor.
 
+use imf_fields::siren::SirenShape;
+
 use super::numbers::parse_omega;
 
 /// A network's shape as typed.
@@ -21,6 +23,9 @@ pub(super) fn parse_network(text: &str) -> Result<Network, String> {
         None if layers.is_empty() && omega.is_some() => None,
         None => return Err(fault()),
     };
+    if let Some((hidden, width)) = layers {
+        SirenShape { hidden, width, ..SirenShape::default() }.check().map_err(|error| error.to_string())?;
+    }
     Ok(Network { layers, omega })
 }
 
@@ -34,7 +39,8 @@ mod tests {
         assert_eq!(parse_network("5x128"), network(Some((5, 128)), None));
         assert_eq!(parse_network("3x24:10"), network(Some((3, 24)), Some(10.0)));
         assert_eq!(parse_network(":12.5"), network(None, Some(12.5)));
-        for text in ["", ":", "5", "x", "5x", "5xmany", "5x128:", "5x128:nan", "128"] {
+        for text in ["", ":", "5", "x", "5x", "5xmany", "5x128:", "5x128:nan", "128", "3x0", "0x24", "3x9000"]
+        {
             assert!(parse_network(text).is_err(), "{text}");
         }
     }

@@ -5,17 +5,8 @@ use crate::binary::{DATASET, TRAIN, Workdir};
 #[test]
 fn numbers_out_of_range_are_named() {
     let work = Workdir::with_dataset();
-    let train = format!("{TRAIN} --steps 3 --out model");
-    for (from, to, words) in [
-        ("3x24", "3x0", ["neurons", "of 0"]),
-        ("3x24", "3x9000", ["neurons", "9000"]),
-        ("3x24", "0x24", ["hidden layers", "not 0"]),
-        ("--steps 3", "--steps 3 --threads 0", ["--threads", "at least 1"]),
-    ] {
-        let line = train.replace(from, to);
-        assert_ne!(line, train);
-        work.imf(&line).refused(&words);
-    }
+    let train = format!("{TRAIN} --steps 3 --threads 0 --out model");
+    work.imf(&train).refused(&["--threads", "at least 1"]);
     assert!(!work.path("model/checkpoint.safetensors").exists());
 
     let dataset = DATASET.replace("--out data", "--out new");
@@ -49,6 +40,9 @@ fn numbers_out_of_range_are_refused_beside_the_option_that_they_were_given_to() 
         ("train siren5 data --out m", "--network :0"),
         ("train bracket --out m", "--network 3x24:nan"),
         ("train bracket --out m", "--network many"),
+        ("train bracket --out m", "--network 3x0"),
+        ("train siren5 data --out m", "--network 3x9000"),
+        ("train siren5 data --out m", "--network 0x24"),
         ("eval m.safetensors", "--threshold nan"),
         ("eval m.safetensors", "--threshold=-inf"),
         ("access teapot --out m", "--tau 1"),

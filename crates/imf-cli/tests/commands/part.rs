@@ -353,7 +353,6 @@ fn options_of_the_other_family_are_none_and_subjects_that_are_none_are_refused_b
         ("siren5 empty", "--steps 1", ["empty is neither a part", "nor the folder of a dataset"]),
         ("factored nowhere", "--steps 1", ["nowhere", "no mesh file"]),
         ("data", "--steps 1", ["data is a dataset", "imf train siren5 data"]),
-        ("bracket", "--network 3x0", ["neurons", "of 0"]),
         ("bracket", "--memory 1MiB", ["MiB of memory", "--pitch"]),
     ] {
         work.imf(&format!("train {line} {option} --out model")).refused(&words);
