@@ -93,6 +93,32 @@ impl DistanceField {
         [f64::from(line / ny), f64::from(line % ny), f64::from(z)]
     }
 
+    /// Index of the solid voxel nearest to a voxel; `u32::MAX` where nothing is solid.
+    #[inline(always)]
+    pub(crate) fn nearest_or_none(&self, index: usize) -> u32 {
+        self.cells.get(index).map_or(NONE, |cell| cell[0])
+    }
+
+    /// [`DistanceField::voxel`] of several, each coordinate by itself.
+    #[inline(always)]
+    pub(crate) fn voxels_of<const N: usize>(&self, index: [u32; N]) -> [[f32; N]; 3] {
+        /// Adding it rounds to whole numbers.
+        const ROUND: f64 = 6_755_399_441_055_744.0;
+        let [_, ny, nz] = self.dims.map(|n| n as f64);
+        let (per_nz, per_ny) = (1.0 / nz, 1.0 / ny);
+        let mut voxels = [[0.0; N]; 3];
+        for lane in 0..N {
+            // Half a voxel on, the quotient is no whole number: less one half, it is rounded down.
+            let index = f64::from(index[lane]);
+            let line = (index + 0.5) * per_nz - 0.5 + ROUND - ROUND;
+            let x = (line + 0.5) * per_ny - 0.5 + ROUND - ROUND;
+            voxels[0][lane] = x as f32;
+            voxels[1][lane] = (line - x * ny) as f32;
+            voxels[2][lane] = (index - line * nz) as f32;
+        }
+        voxels
+    }
+
     /// The solid voxel nearest to a voxel (positions in C-ordered arrays); `None` where nothing is solid.
     #[must_use]
     pub fn nearest(&self, index: usize) -> Option<usize> {
@@ -204,6 +230,22 @@ mod tests {
                     (0..3).map(|a| (voxel[a] + 1).min(dims[a] - voxel[a]) as u64).min().unwrap().pow(2);
                 let expected = brute(&obstacle, 0, index).map_or(face, |d| d.min(face));
                 assert_eq!(depths[index], expected, "{dims:?} {index}");
+            }
+        }
+    }
+
+    #[test]
+    fn several_voxels_have_the_coordinates_of_each() {
+        for dims in [[1, 1, 1], [7, 9, 11], [3, 1, 200], [1400, 1500, 2000]] {
+            let field = DistanceField { dims, cells: Vec::new(), in_plane: Vec::new() };
+            let last = (dims.iter().product::<usize>() - 1) as u32;
+            let [_, ny, nz] = dims.map(|n| n as u32);
+            let some =
+                [0, nz - 1, nz, ny * nz - 1, ny * nz, last / 2, last - last % nz, last].map(|i| i.min(last));
+            let voxels = field.voxels_of(some);
+            for (lane, &index) in some.iter().enumerate() {
+                let voxel = [0, 1, 2].map(|axis| f64::from(voxels[axis][lane]));
+                assert_eq!(voxel, field.voxel(index as usize), "{dims:?} {index}");
             }
         }
     }

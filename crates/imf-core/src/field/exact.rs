@@ -18,7 +18,7 @@ use crate::section::{Imf, Quantity, SectionPlan, SectionScratch, ToolPoints, imf
 use crate::tool::{Assembly, Clearance, ClearanceError, Tool, ToolError};
 use crate::workspaces::Workspaces;
 
-/// An obstacle with what every tool around it shares: running sums and distances. Cloning it copies nothing.
+/// An obstacle with what every tool around it shares: bits and distances. Cloning it copies nothing.
 #[derive(Clone)]
 pub(crate) struct PreparedObstacle {
     obstacle: Obstacle,
@@ -82,7 +82,7 @@ fn sort_and_change(voxels: &mut SolidVoxels, mut changed: Vec<usize>) {
 }
 
 /// Poses that are decided together.
-const BLOCK: usize = 256;
+const BLOCK: usize = 512;
 
 /// Counts the obstacle's voxel centres in the analytic tool at any pose, divided by the tool's own count in that
 /// orientation with its tip on a voxel centre. Equal to the section at voxel centres.

@@ -347,7 +347,7 @@ impl Checker {
 }
 
 /// Poses that are decided together.
-const BLOCK: usize = 256;
+const BLOCK: usize = 512;
 /// Poses that a thread decides at a time.
 const CHUNK: usize = 1024;
 

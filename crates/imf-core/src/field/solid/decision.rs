@@ -1,6 +1,6 @@
 //! Whether bodies hold a solid centre: by the sphere tree, and by a count of what it leaves open.
 
-use super::runs::{Within, count, first_solid};
+use super::runs::{Lines, Within, count, first_solid};
 use super::segment::{PlacedSegment, VoxelPose};
 use super::sphere_tree::{FreeBall, OPEN, Piece, Verdict};
 use super::{Body, SolidField};
@@ -38,26 +38,38 @@ impl SolidField {
             }
             Verdict::Undecided => bodies.iter().any(|body| self.body_count(body, placed, true) > 0),
             Verdict::Open(found) => {
-                let pieces = open[..found].iter().map(|&index| self.spheres(bodies).piece(index));
-                let mut pieces = pieces.peekable();
-                while let Some(piece) = pieces.next() {
-                    // What lies side by side is counted together: as wide, it mostly lies on the same lines.
-                    let mut from = piece.from;
-                    while let Some(next) = pieces.next_if(|next| next.is_below(piece, from)) {
-                        from = next.from;
-                    }
-                    let segment = open_segment(bodies, placed, piece, from);
-                    let within = Within::Obstacle(self.voxels.columns());
-                    if count(self.arch, &segment, within, true) > 0 {
-                        if let Some(last) = last {
-                            *last = first_solid(&segment, self.voxels.columns());
-                        }
-                        return true;
-                    }
+                let pieces = open[..found].iter().map(|&index| (index, Lines::ALL));
+                let found = self.pieces_hold(bodies, placed, pieces);
+                if let (Some(segment), Some(last)) = (&found, last) {
+                    *last = first_solid(segment, self.voxels.columns());
                 }
-                false
+                found.is_some()
             }
         }
+    }
+
+    /// A segment that holds a solid centre, of those of which these are pieces, each with the lines to look at.
+    pub(super) fn pieces_hold<'a>(
+        &self,
+        bodies: &'a [Body],
+        placed: VoxelPose,
+        pieces: impl Iterator<Item = (u32, Lines)>,
+    ) -> Option<PlacedSegment<'a>> {
+        let tree = self.spheres(bodies);
+        let mut pieces = pieces.map(|(index, lines)| (tree.piece(index), lines)).peekable();
+        while let Some((piece, mut lines)) = pieces.next() {
+            // What lies side by side is counted together: as wide, it mostly lies on the same lines.
+            let mut from = piece.from;
+            while let Some((next, more)) = pieces.next_if(|(next, _)| next.is_below(piece, from)) {
+                (from, lines) = (next.from, lines.join(more));
+            }
+            let segment = open_segment(bodies, placed, piece, from);
+            let within = Within::Obstacle(self.voxels.columns(), lines);
+            if count(self.arch, &segment, within, true) > 0 {
+                return Some(segment);
+            }
+        }
+        None
     }
 }
 

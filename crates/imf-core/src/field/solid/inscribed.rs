@@ -31,32 +31,17 @@ impl InscribedSpheres {
     pub(super) fn new(bodies: &[Body]) -> Self {
         let mut spheres = Vec::new();
         for body in bodies {
-            let (Some(first), Some(last)) = (body.parts.first(), body.parts.last()) else { continue };
-            let (from, to) = (first.segment.range().0, last.segment.range().1);
+            let Some((from, to)) = heights(body) else { continue };
             let steps = ((to - from) / STEP).ceil().clamp(1.0, 1e6) as usize;
             for step in 0..steps {
                 let height = from + (to - from) * (step as f64 + 0.5) / steps as f64;
-                let radius = inscribed(&body.parts, (from, to), height) - MARGIN;
+                let radius = inscribed_radius(body, height);
                 if radius > 0.0 {
                     spheres.push((height, radius));
                 }
             }
         }
         Self { spheres }
-    }
-
-    /// A subset of the spheres, `(height, radius)`, widest first: each sphere left out is within `part` of the radius
-    /// of one that was chosen.
-    pub(super) fn apart(&self, part: f64) -> Vec<(f64, f64)> {
-        let mut all = self.spheres.clone();
-        all.sort_by(|a, b| b.1.total_cmp(&a.1));
-        let mut kept: Vec<(f64, f64)> = Vec::new();
-        for (height, radius) in all {
-            if kept.iter().all(|other| (other.0 - height).abs() >= part * other.1) {
-                kept.push((height, radius));
-            }
-        }
-        kept
     }
 
     /// Lower bound of the length of every translation that frees the tool, in voxels; 0 where none is proven.
@@ -80,6 +65,16 @@ impl InscribedSpheres {
         }
         most
     }
+}
+
+/// Radius of a sphere inscribed in a body around the point of the axis at `height`; not above 0 where there is none.
+pub(super) fn inscribed_radius(body: &Body, height: f64) -> f64 {
+    heights(body).map_or(0.0, |heights| inscribed(&body.parts, heights, height) - MARGIN)
+}
+
+/// The lowest and the highest point of a body.
+fn heights(body: &Body) -> Option<(f64, f64)> {
+    Some((body.parts.first()?.segment.range().0, body.parts.last()?.segment.range().1))
 }
 
 /// Radius of a sphere on the axis at `height` that stays inside the body: below its distance to either end and to every

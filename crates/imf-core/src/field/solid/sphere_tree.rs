@@ -61,6 +61,11 @@ pub(super) struct Piece {
 }
 
 impl Piece {
+    /// Its largest radius.
+    pub(super) fn widest(&self, bodies: &[Body]) -> f64 {
+        widest(&bodies[self.body].parts[self.segment].segment, self.from, self.to)
+    }
+
     /// True where it is of the same segment and ends at this height.
     pub(super) fn is_below(&self, other: &Self, height: f64) -> bool {
         (self.body, self.segment) == (other.body, other.segment) && self.to == height
@@ -135,9 +140,10 @@ impl SphereTree {
         &self.pieces[index as usize]
     }
 
-    /// Pieces that together are the tool: of a length l with l² at most `slender` times the radius, or that are not halved.
-    pub(super) fn level(&self, slender: f64) -> Vec<u32> {
-        let (mut level, mut stack) = (Vec::new(), Vec::from_iter(self.roots()));
+    /// Pieces that together are some of them: of a length l with l² at most `slender` times the radius, or that decisions do not
+    /// halve.
+    pub(super) fn level(&self, pieces: Range<u32>, slender: f64) -> Vec<u32> {
+        let (mut level, mut stack) = (Vec::new(), Vec::from_iter(pieces));
         while let Some(index) = stack.pop() {
             let piece = self.piece(index);
             let length = piece.to - piece.from;
@@ -148,6 +154,12 @@ impl SphereTree {
             }
         }
         level
+    }
+
+    /// True where the bounding sphere of a piece may hold a solid centre, by all centres around its middle.
+    pub(super) fn may_hold(&self, index: u32, placed: VoxelPose, distances: &DistanceField) -> bool {
+        let Sphere { middle, squared, .. } = self.piece(index).bound;
+        distances.squared_around(placed.on_axis(middle)) <= squared
     }
 
     /// The pieces that are whole bodies.
@@ -194,7 +206,7 @@ impl SphereTree {
                 }
                 if piece.last {
                     // Counting costs more than looking at all centres around the point.
-                    if distances.squared_around(middle) > sphere.squared {
+                    if !self.may_hold(index, placed, distances) {
                         continue;
                     }
                     if found == OPEN {

@@ -167,7 +167,7 @@ fn bounding_spheres_hold_their_pieces_and_balls_are_bounded_by_themselves() {
         let ToolShape::Revolved(elements) = &tool.shape else { unreachable!() };
         let bodies = bodies_of(elements, 1.0).unwrap();
         let tree = SphereTree::new(&bodies);
-        for index in [0.0, 5.0, 40.0, 1e9].into_iter().flat_map(|slender| tree.level(slender)) {
+        for index in [0.0, 5.0, 40.0, 1e9].into_iter().flat_map(|slender| tree.level(tree.roots(), slender)) {
             let (piece, bound) = (tree.piece(index), tree.piece(index).bound);
             for part in &bodies[piece.body].parts {
                 let (low, high) = part.segment.range();
@@ -179,7 +179,7 @@ fn bounding_spheres_hold_their_pieces_and_balls_are_bounded_by_themselves() {
                 }
             }
         }
-        let radii = tree.level(0.0).into_iter().map(|index| tree.piece(index).bound.radius);
+        let radii = tree.level(tree.roots(), 0.0).into_iter().map(|index| tree.piece(index).bound.radius);
         let smallest = radii.fold(f64::INFINITY, f64::min);
         match &elements[0].profile[0] {
             Segment::Arc { arc_radius, .. } if *arc_radius == 8.0 => assert_eq!(smallest, 8.0 + 1e-4),
