@@ -18,7 +18,7 @@ use crate::section::{Imf, Quantity, SectionPlan, SectionScratch, ToolPoints, imf
 use crate::tool::{Assembly, Clearance, ClearanceError, Tool, ToolError};
 use crate::workspaces::Workspaces;
 
-/// An obstacle with what every tool around it shares: bits and distances. Cloning it copies nothing.
+/// An obstacle with what every tool around it shares: running sums and distances. Cloning it copies nothing.
 #[derive(Clone)]
 pub(crate) struct PreparedObstacle {
     obstacle: Obstacle,

@@ -1,7 +1,7 @@
 //! One tool against one set of solid voxels at single poses: any position, any rotation, no grid of poses.
 //!
 //! The definition is [`Tool::count_inside`]: solid voxel centres inside the analytic tool. Here the same whole numbers
-//! come from the tool's exact run on every line of voxels and the obstacle's bits along it; whether it
+//! come from the tool's exact run on every line of voxels and the obstacle's running sums along it; whether it
 //! collides is first decided by a sphere tree and the obstacle's distance transform, and only what these leave open
 //! is counted, up to the first voxel found. Tools that are meshes are counted by the definition.
 

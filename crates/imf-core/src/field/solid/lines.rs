@@ -1,5 +1,5 @@
-//! The runs of voxel centres that one body holds, line by line along z: for voxels that change, of which no
-//! bits are kept.
+//! The runs of voxel centres that one body holds, line by line along z: for voxels that change, of which there are no
+//! running sums.
 
 use std::ops::Range;
 

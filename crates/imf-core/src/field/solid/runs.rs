@@ -1,57 +1,41 @@
-//! Counting by runs: the tool's exact run on every line of voxels, summed or counted among the obstacle's bits along z.
+//! Counting by runs: the tool's exact run on every line of voxels, summed or read from the obstacle's running sums along
+//! z, which give in two reads how many voxels of a line are solid between two heights.
 
 use pulp::{Arch, Simd, WithSimd};
 
 use super::segment::{LANES, PlacedSegment};
 use crate::occupancy::Occupancy;
 
-/// Solid voxels as bits, in lines of constant x and y.
+/// Running sums of solid voxels along every line of constant x and y.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Columns {
     /// Voxels along x, y, z.
     dims: [usize; 3],
-    /// Words of a line.
-    words: usize,
-    /// Lines C-ordered over `[x, y]`: voxel z is bit z mod 64 of word z / 64.
-    bits: Vec<u64>,
+    /// `nz + 1` sums a line, lines C-ordered over `[x, y]`: entry k counts the solid voxels below k.
+    sums: Vec<u32>,
     /// First and last y of a line that holds anything, for each x; first above last where none does.
     rows: Vec<(i64, i64)>,
-}
-
-/// The words of a line of voxels, each of which is 0 or 1.
-fn fill(words: &mut [u64], solid: &[u8]) {
-    for (word, solid) in words.iter_mut().zip(solid.chunks(64)) {
-        *word = 0;
-        for (byte, solid) in solid.chunks(8).enumerate() {
-            let mut eight = [0; 8];
-            eight[..solid.len()].copy_from_slice(solid);
-            // Each byte's lowest bit comes to the top byte, in order.
-            let bits = u64::from_le_bytes(eight).wrapping_mul(0x0102_0408_1020_4080) >> 56;
-            *word |= bits << (8 * byte);
-        }
-    }
 }
 
 impl Columns {
     pub(super) fn new(obstacle: &Occupancy) -> Self {
         let [nx, ny, nz] = obstacle.grid.dims;
-        let words = nz.div_ceil(64);
-        let mut bits = vec![0; nx * ny * words];
-        for (line, solid) in bits.chunks_mut(words).zip(obstacle.solid.chunks(nz)) {
-            fill(line, solid);
+        let mut sums = Vec::with_capacity(nx * ny * (nz + 1));
+        let mut rows = vec![(i64::MAX, i64::MIN); nx];
+        for (line, solid) in obstacle.solid.chunks(nz).enumerate() {
+            let mut sum = 0;
+            sums.push(sum);
+            sums.extend(solid.iter().map(|&s| {
+                sum += u32::from(s);
+                sum
+            }));
+            if sum > 0 {
+                let y = (line % ny) as i64;
+                let row = &mut rows[line / ny];
+                *row = (row.0.min(y), row.1.max(y));
+            }
         }
-        let mut columns = Self { dims: obstacle.grid.dims, words, bits, rows: vec![(0, 0); nx] };
-        (0..nx).for_each(|x| columns.find_row(x));
-        columns
-    }
-
-    /// Finds the first and the last line of an x that holds anything.
-    fn find_row(&mut self, x: usize) {
-        let [_, ny, _] = self.dims;
-        let holds = |&y: &usize| self.line(x, y).iter().any(|&word| word != 0);
-        let [first, last] = [(0..ny).find(holds), (0..ny).rfind(holds)];
-        self.rows[x] =
-            first.zip(last).map_or((i64::MAX, i64::MIN), |(first, last)| (first as i64, last as i64));
+        Self { dims: obstacle.grid.dims, sums, rows }
     }
 
     /// Follows an obstacle of which these voxels have just become solid or empty.
@@ -61,38 +45,28 @@ impl Columns {
         lines.sort_unstable();
         lines.dedup();
         for &line in &lines {
-            fill(&mut self.bits[line * self.words..][..self.words], &obstacle.solid[line * nz..][..nz]);
+            let mut sum = 0;
+            let sums = &mut self.sums[line * (nz + 1) + 1..][..nz];
+            for (below, &solid) in sums.iter_mut().zip(&obstacle.solid[line * nz..][..nz]) {
+                sum += u32::from(solid);
+                *below = sum;
+            }
         }
         let mut all: Vec<usize> = lines.iter().map(|line| line / ny).collect();
         all.dedup();
-        all.into_iter().for_each(|x| self.find_row(x));
-    }
-
-    #[inline(always)]
-    fn line(&self, x: usize, y: usize) -> &[u64] {
-        &self.bits[(x * self.dims[1] + y) * self.words..][..self.words]
-    }
-
-    /// How many voxels of a line are solid, from one z on, up to another.
-    #[inline(always)]
-    pub(super) fn count(&self, x: usize, y: usize, from: usize, to: usize) -> u32 {
-        if from >= to {
-            return 0;
+        for x in all {
+            let holds = |&y: &usize| self.sums[(x * ny + y) * (nz + 1) + nz] > 0;
+            let [first, last] = [(0..ny).find(holds), (0..ny).rfind(holds)];
+            self.rows[x] =
+                first.zip(last).map_or((i64::MAX, i64::MIN), |(first, last)| (first as i64, last as i64));
         }
-        let line = self.line(x, y);
-        let (first, last) = (from / 64, (to - 1) / 64);
-        let (above, below) = (u64::MAX << (from % 64), u64::MAX >> (63 - (to - 1) % 64));
-        if first == last {
-            return (line[first] & above & below).count_ones();
-        }
-        let between: u32 = line[first + 1..last].iter().map(|word| word.count_ones()).sum();
-        (line[first] & above).count_ones() + between + (line[last] & below).count_ones()
     }
 
-    /// The solid voxels of a line, from one z on, up to another.
-    pub(super) fn solid(&self, x: usize, y: usize, from: usize, to: usize) -> impl Iterator<Item = usize> {
-        let line = self.line(x, y);
-        (from..to).filter(move |z| line[z / 64] >> (z % 64) & 1 != 0)
+    /// The sums of the lines of one x, from `y` on.
+    #[inline(always)]
+    pub(super) fn sums(&self, x: usize, y: usize) -> &[u32] {
+        let [_, ny, nz] = self.dims;
+        &self.sums[(x * ny + y) * (nz + 1)..]
     }
 
     /// First and last y at this x of a line that holds anything.
@@ -186,6 +160,8 @@ fn count_lines<S: Simd, const OBSTACLE: bool>(
             let runs = segment.runs(simd, across, y as f64 - tip.y, cut);
             match columns {
                 Some(columns) if OBSTACLE => {
+                    let sums = columns.sums(x as usize, y as usize);
+                    let line = columns.dims[2] + 1;
                     for lane in 0..lanes {
                         let (from, to) = if runs.doubt {
                             let (from, to) = segment.run(x, y + lane as i64, z_bounds);
@@ -193,7 +169,8 @@ fn count_lines<S: Simd, const OBSTACLE: bool>(
                         } else {
                             runs.run(lane)
                         };
-                        total += columns.count(x as usize, y as usize + lane, from as usize, to as usize);
+                        let sums = &sums[lane * line..];
+                        total += sums[to.max(from) as usize] - sums[from as usize];
                     }
                 }
                 _ if runs.doubt => {
@@ -225,8 +202,10 @@ pub(super) fn first_solid(segment: &PlacedSegment<'_>, columns: &Columns) -> Opt
         let (first, last) = columns.row(x as usize);
         for y in low.max(first)..=high.min(last) {
             let (from, to) = segment.run(x, y, (0, nz - 1));
-            if let Some(z) = columns.solid(x as usize, y as usize, from as usize, to as usize).next() {
-                return Some([x as f64, y as f64, z as f64]);
+            let sums = columns.sums(x as usize, y as usize);
+            let mut solid = (from..to).filter(|&z| sums[z as usize + 1] > sums[z as usize]);
+            if let Some(z) = solid.next() {
+                return Some([x, y, z].map(|v| v as f64));
             }
         }
     }
@@ -275,45 +254,5 @@ impl Silhouette {
             }
         }
         ((tip_y + low - 1e-6).ceil() as i64, (tip_y + high + 1e-6).floor() as i64)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::grid::Grid;
-
-    #[test]
-    fn lines_of_bits_count_as_their_voxels_do_before_and_after_a_change() {
-        for nz in [1, 63, 64, 65, 200] {
-            let grid = Grid { origin: glam::DVec3::ZERO, pitch: 1.0, dims: [4, 5, nz] };
-            let mut obstacle = Occupancy::empty(grid);
-            let scattered = |index: usize, most: usize| index.wrapping_mul(2_654_435_761) >> 7 & 7 < most;
-            for index in 0..grid.len() {
-                let [x, y, _] = grid.voxel(index);
-                obstacle.solid[index] = u8::from(x != 2 && y != 1 && scattered(index, 3));
-            }
-            let mut columns = Columns::new(&obstacle);
-            let changed: Vec<usize> = (0..grid.len()).filter(|&index| scattered(index + 11, 1)).collect();
-            for _ in 0..2 {
-                for x in 0..4 {
-                    let solid = |y: usize, z: usize| obstacle.solid[grid.index([x, y, z])] != 0;
-                    let holds = |&y: &usize| (0..nz).any(|z| solid(y, z));
-                    let expected =
-                        (0..5).find(holds).map(|first| (first as i64, (0..5).rfind(holds).unwrap() as i64));
-                    assert_eq!(columns.row(x), expected.unwrap_or((i64::MAX, i64::MIN)));
-                    for (y, from) in (0..5).flat_map(|y| (0..nz).map(move |from| (y, from))) {
-                        for to in [from, from + 1, (from + 64).min(nz), (from + 131).min(nz), nz] {
-                            let expected: Vec<usize> = (from..to).filter(|&z| solid(y, z)).collect();
-                            assert_eq!(columns.count(x, y, from, to), expected.len() as u32);
-                            assert_eq!(columns.solid(x, y, from, to).collect::<Vec<_>>(), expected);
-                        }
-                    }
-                }
-                changed.iter().for_each(|&index| obstacle.solid[index] ^= 1);
-                columns.change(&obstacle, &changed);
-                assert_eq!(columns, Columns::new(&obstacle));
-            }
-        }
     }
 }

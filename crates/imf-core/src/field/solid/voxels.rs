@@ -10,7 +10,7 @@ use crate::distance::{DistanceField, squared_depths};
 use crate::occupancy::Occupancy;
 use crate::parallel::{self, make_once};
 
-/// An obstacle's voxels with their bits and, from the first decision on, their distance transform. Cloning it
+/// An obstacle's voxels with their running sums and, from the first decision on, their distance transform. Cloning it
 /// copies nothing.
 #[derive(Clone)]
 pub(crate) struct SolidVoxels(Arc<SolidTables>);
@@ -117,10 +117,11 @@ impl SolidVoxels {
             for y in y0.max(first as usize)..y1.min(last as usize + 1) {
                 let left = radius * radius - (x as f64 - middle.x).powi(2) - (y as f64 - middle.y).powi(2);
                 let (from, to) = whole_within(middle.z, left.max(0.0).sqrt(), nz);
-                if left < 0.0 || self.0.columns.count(x, y, from, to) == 0 {
+                let sums = self.0.columns.sums(x, y);
+                if left < 0.0 || from >= to || sums[to] == sums[from] {
                     continue;
                 }
-                for z in self.0.columns.solid(x, y, from, to) {
+                for z in (from..to).filter(|&z| sums[z + 1] > sums[z]) {
                     radius = radius.min(visit([x as f64, y as f64, z as f64]));
                 }
             }
@@ -167,14 +168,17 @@ impl SolidVoxels {
                     high = high.min(middle.z - base / normal.z);
                 }
                 let (from, to) = (whole_above(low), whole_below(high).min(nz));
-                let solid = self.0.columns.count(x, y, from, to);
-                if solid == 0 {
+                if from >= to {
                     continue;
                 }
-                if listed.len() as u32 + solid > most {
+                let sums = self.0.columns.sums(x, y);
+                if sums[to] == sums[from] {
+                    continue;
+                }
+                if listed.len() as u32 + sums[to] - sums[from] > most {
                     return None;
                 }
-                let solid = self.0.columns.solid(x, y, from, to);
+                let solid = (from..to).filter(|&z| sums[z + 1] > sums[z]);
                 listed.extend(solid.map(|z| [x as f64, y as f64, z as f64]));
             }
         }
