@@ -157,6 +157,7 @@ impl SolidField {
                 lookup.try_leaves(&spheres.pieces, &mut pieces, &mut places, &mut leaves);
                 lookup.find_nearest(&mut leaves, |leaf| spheres.leaves[leaf].sphere.height, &places);
                 spheres.outline.try_nearest(&lookup, &leaves, &mut places);
+                lookup.keep_near(&mut leaves, |leaf| spheres.leaves[leaf].sphere, &places);
                 find_lines(&lookup, |leaf| &spheres.leaves[leaf].balls, &mut leaves, &places);
             });
             for place in 0..places.count {
@@ -173,7 +174,6 @@ impl SolidField {
                 let piece = |&(_, leaf): &(u16, u32)| spheres.leaves[leaf as usize].piece;
                 colliding[index] = self.placed(&poses[index]).is_none_or(|placed| {
                     let pieces = open.iter().map(piece).zip(lines.iter().copied());
-                    let pieces = pieces.filter(|&(piece, _)| tree.may_hold(piece, placed, lookup.distances));
                     self.pieces_hold(bodies, placed, pieces).is_some()
                 });
             }

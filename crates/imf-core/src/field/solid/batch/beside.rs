@@ -47,7 +47,6 @@ pub(super) fn find_lines<'a>(
     items: &mut Items,
     places: &Places,
 ) {
-    items.keep(|_, place| !places.collides[at(place)]);
     let mut lines = std::mem::take(&mut items.lines);
     lines.clear();
     for listed in items.listed.chunks(LANES) {

@@ -228,4 +228,129 @@ impl<'a> Lookup<'a> {
         }
         items.nearest = bits;
     }
+
+    /// Keeps the items whose places are not known to collide and whose spheres may hold a solid centre, by all voxels around their
+    /// middles, as [`DistanceField::squared_around`] has it.
+    #[inline(always)]
+    pub(super) fn keep_near(&self, items: &mut Items, sphere: impl Fn(usize) -> Sphere, places: &Places) {
+        items.keep(|_, place| !places.collides[at(place)]);
+        let mut near = std::mem::take(&mut items.nearest);
+        near.clear();
+        for listed in items.listed.chunks(LANES) {
+            let (mut middle, mut wide) = ([[0.0; LANES]; 3], [0.0; LANES]);
+            for (lane, &(place, piece)) in listed.iter().enumerate() {
+                let (place, sphere) = (at(place), sphere(piece as usize));
+                wide[lane] = sphere.around + SLACK;
+                for axis in 0..3 {
+                    middle[axis][lane] = places.tip[axis][place] + places.axis[axis][place] * sphere.height;
+                }
+            }
+            // Of the two voxels beside each coordinate: how far on from the grid's corner they are, and their weights.
+            let (mut low, mut up) = ([[0_i32; LANES]; 3], [[0_i32; LANES]; 3]);
+            let mut part = [[0.0_f32; LANES]; 3];
+            let (mut spread, mut outside) = ([0.0_f32; LANES], [0.0_f32; LANES]);
+            for axis in 0..3 {
+                let stride = if axis == 2 { 1 } else { self.strides[axis] };
+                for lane in 0..LANES {
+                    let held = middle[axis][lane].max(0.0).min(self.last[axis]);
+                    let off = middle[axis][lane] - held;
+                    let whole = held as i32;
+                    let rest = held - whole as f32;
+                    low[axis][lane] = whole * stride;
+                    up[axis][lane] = if (whole as f32) < self.last[axis] { stride } else { 0 };
+                    part[axis][lane] = rest;
+                    spread[lane] += rest * (1.0 - rest);
+                    outside[lane] += off * off;
+                }
+            }
+            let mut inside = [0.0; LANES];
+            for corner in 0..8 {
+                let upper = [corner >> 2 & 1, corner >> 1 & 1, corner & 1];
+                let (mut index, mut weight) = ([0; LANES], [1.0; LANES]);
+                for axis in 0..3 {
+                    for lane in 0..LANES {
+                        let on = part[axis][lane];
+                        weight[lane] *= if upper[axis] == 1 { on } else { 1.0 - on };
+                        index[lane] += low[axis][lane] + upper[axis] * up[axis][lane];
+                    }
+                }
+                let mut away = [0.0; LANES];
+                for lane in 0..LANES {
+                    away[lane] = self.distances.to_solid(index[lane] as usize);
+                }
+                for lane in 0..LANES {
+                    inside[lane] += weight[lane] * (away[lane] * away[lane]);
+                }
+            }
+            let mut holds = [0; LANES];
+            for lane in 0..LANES {
+                let squared = outside[lane] + (inside[lane] - spread[lane]).max(0.0);
+                holds[lane] = u32::from(squared <= wide[lane] * wide[lane]);
+            }
+            near.extend_from_slice(&holds[..listed.len()]);
+        }
+        items.keep(|index, _| near[index] != 0);
+        items.nearest = near;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use glam::DVec3;
+
+    use super::super::{BLOCK, Items};
+    use super::*;
+    use crate::grid::Grid;
+    use crate::occupancy::Occupancy;
+
+    #[test]
+    fn near_spheres_are_those_of_the_bound_around_their_middles() {
+        let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [23, 19, 27] };
+        let solid = |index: usize| u8::from(index.wrapping_mul(2_654_435_761) >> 9 & 127 == 0);
+        let occupancy = Occupancy { grid, solid: (0..grid.len()).map(solid).collect() };
+        let voxels = SolidVoxels::from(Arc::new(occupancy));
+        let lookup = Lookup::new(&voxels, 8);
+        let mut places = Places {
+            tip: [[0.0; BLOCK]; 3],
+            axis: [[0.0; BLOCK]; 3],
+            pose: [0; BLOCK],
+            open: [0; BLOCK],
+            collides: [false; BLOCK],
+            count: BLOCK,
+        };
+        let mut items = Items::default();
+        for place in 0..BLOCK {
+            let put = |step: f64| ((place as f64 * step).fract() * 40.0 - 8.0) as f32;
+            for (axis, step) in [0.618, 0.755, 0.57].into_iter().enumerate() {
+                places.tip[axis][place] = put(step);
+                places.axis[axis][place] = 0.577_350_26;
+            }
+            places.collides[place] = place % 5 == 0;
+            items.listed.push((place as u16, (place % 7) as u32));
+        }
+        // One on a voxel, one on the last corner.
+        for axis in 0..3 {
+            places.tip[axis][1] = 3.0 - 0.577_350_26;
+            places.tip[axis][2] = lookup.last[axis] - 2.0 * 0.577_350_26;
+        }
+        let sphere = |piece: usize| Sphere { height: piece as f32, around: 0.4 + piece as f32, inside: 0.0 };
+        let listed = items.listed.clone();
+        lookup.keep_near(&mut items, sphere, &places);
+        let mut kept = items.listed.iter().peekable();
+        let mut far = 0;
+        for item in listed.iter().filter(|(place, _)| place % 5 != 0) {
+            let (place, sphere) = (usize::from(item.0), sphere(item.1 as usize));
+            let middle = [0, 1, 2].map(|a| places.tip[a][place] + places.axis[a][place] * sphere.height);
+            let bound = lookup.distances.squared_around(DVec3::from_array(middle.map(f64::from))).sqrt();
+            let beyond = bound - f64::from(sphere.around);
+            match kept.next_if(|kept| *kept == item) {
+                Some(_) => assert!(beyond < 0.01, "{item:?} at {middle:?}: {beyond}"),
+                None => assert!(beyond > 0.0, "{item:?} at {middle:?}: {beyond}"),
+            }
+            far += usize::from(beyond > 0.0);
+        }
+        assert!(kept.next().is_none() && far > 50 && items.listed.len() > 50, "{far}");
+    }
 }
