@@ -173,8 +173,17 @@ impl SolidField {
                 }
                 let piece = |&(_, leaf): &(u16, u32)| spheres.leaves[leaf as usize].piece;
                 colliding[index] = self.placed(&poses[index]).is_none_or(|placed| {
+                    // The predicate has the last word on what is nearest, as of single poses.
+                    let nearest = open.iter().map(piece).filter_map(|piece| {
+                        let middle = placed.on_axis(tree.piece(piece).bound.middle);
+                        lookup.distances.nearest(lookup.distances.probe(middle).index)
+                    });
+                    let contained = |voxel| {
+                        let voxel = lookup.distances.voxel(voxel);
+                        bodies.iter().any(|body| placed.contains(&body.profile, voxel))
+                    };
                     let pieces = open.iter().map(piece).zip(lines.iter().copied());
-                    self.pieces_hold(bodies, placed, pieces).is_some()
+                    { nearest }.any(contained) || self.pieces_hold(bodies, placed, pieces).is_some()
                 });
             }
         }

@@ -113,3 +113,27 @@ fn batches_of_odd_poses_and_tools_decide_as_single_ones() {
         .collect();
     agree(&field, &poses);
 }
+
+#[test]
+fn a_centre_within_the_slack_of_a_cones_tip_is_counted_and_decided_as_the_predicate_says() {
+    let tool = revolved([(ElementKind::Cutter, vec![line(0.0, 0.6, 0.0, 0.6), line(0.6, 3.6, 0.6, 0.6)])]);
+    let grid = Grid { origin: DVec3::ZERO, pitch: 0.3, dims: [9, 9, 9] };
+    let solid =
+        (0..grid.len()).map(|index| u8::from(grid.voxel(index).iter().sum::<usize>() == 12)).collect();
+    let field = SolidField::of_tool(Arc::new(Occupancy { grid, solid }), &tool);
+    // The lines of voxels pass 3e-5 of a voxel from the tip, flatter than the cone.
+    let steep = DQuat::from_xyzw(
+        -0.17550625350188145,
+        -0.9259958163365746,
+        -6.598574826391994e-18,
+        0.3342593351110698,
+    );
+    let pose = Pose {
+        position: DVec3::new(1.6499953837413686, 0.7499921476917026, 1.6500026578068918),
+        rotation: steep,
+    };
+    assert_eq!(tool.count_inside(field.voxels().occupancy(), pose.position, &pose.orientation()), 1);
+    let mut colliding = [false; 16];
+    field.collide_all(&[pose; 16], &mut colliding);
+    assert_eq!((field.count(&pose), field.collides(&pose), colliding), (Some(1), true, [true; 16]));
+}

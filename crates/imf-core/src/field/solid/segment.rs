@@ -8,7 +8,7 @@
 //!
 //! All lengths here are in voxels.
 
-mod newton;
+mod one_line;
 
 use glam::DVec3;
 use pulp::Simd;
@@ -307,52 +307,6 @@ impl<'a> PlacedSegment<'a> {
             }
         }
         if first <= last { (first, last + 1) } else { (lowest, lowest) }
-    }
-
-    /// One line by whichever method; unsure ends are generous.
-    fn line(&self, x: f64, y: f64) -> (f64, f64, bool) {
-        const MISS: (f64, f64, bool) = (FAR, -FAR, false);
-        let d = self.placed.direction;
-        let flat = x * d.x + y * d.y;
-        let (enter, leave, edge) = if self.level {
-            let margin = (flat - self.from).min(self.to - flat);
-            if margin < -self.edge {
-                return MISS;
-            }
-            (-FAR, FAR, margin < self.edge)
-        } else {
-            ((self.near - flat) * self.per_height, (self.far - flat) * self.per_height, false)
-        };
-        let b = self.b[0] + self.b[1] * flat;
-        let c = x * x + y * y + self.c[0] + flat * (self.c[1] + flat * self.c[2]);
-        let discriminant = b * b - self.a * c;
-        match self.method {
-            Method::Upright => {
-                let value = |z: f64| (self.a * z + 2.0 * b) * z + c;
-                let (one, other) = (value(enter), value(leave));
-                // Between its ends the parabola sags by no more than this.
-                let sag = self.a * (leave - enter) * (leave - enter) + self.rounding;
-                if one.max(other) < -self.rounding {
-                    (enter, leave, false)
-                } else if one.min(other) > sag {
-                    MISS
-                } else {
-                    (enter, leave, true)
-                }
-            }
-            Method::Convex => self.newton(x, y, flat, enter, leave, edge, discriminant, b),
-            Method::Between if discriminant < -self.tangent => MISS,
-            Method::Between => {
-                let root = (discriminant.max(0.0) + self.tangent).sqrt();
-                let tangent = discriminant <= self.tangent;
-                let root = if tangent { root } else { discriminant.sqrt() };
-                (enter.max((-b - root) * self.per_a), leave.min((-b + root) * self.per_a), edge || tangent)
-            }
-            _ if discriminant < -self.tangent => (enter, leave, edge),
-            _ if discriminant <= self.tangent => (enter, leave, true),
-            Method::Above => (enter.max((-b - discriminant.sqrt()) * self.per_a), leave, edge),
-            Method::Below => (enter, leave.min((-b + discriminant.sqrt()) * self.per_a), edge),
-        }
     }
 
     /// Lowest and highest z, relative to the tip, at which lines between two at `(x, y)` may meet the segment; both a little generous.

@@ -1,11 +1,65 @@
-//! Where a line enters and leaves a segment that no quadratic describes.
+//! Where one line enters and leaves a segment, in doubt generously: by its quadratic, or by Newton's method.
 
-use super::{FAR, PlacedSegment};
+use super::{CLOSE, FAR, Method, PlacedSegment};
 use crate::tool::Segment;
 
 impl PlacedSegment<'_> {
+    /// One line by whichever method; unsure ends are generous.
+    pub(super) fn line(&self, x: f64, y: f64) -> (f64, f64, bool) {
+        const MISS: (f64, f64, bool) = (FAR, -FAR, false);
+        let d = self.placed.direction;
+        let flat = x * d.x + y * d.y;
+        let (enter, leave, edge) = if self.level {
+            let margin = (flat - self.from).min(self.to - flat);
+            if margin < -self.edge {
+                return MISS;
+            }
+            (-FAR, FAR, margin < self.edge)
+        } else {
+            ((self.near - flat) * self.per_height, (self.far - flat) * self.per_height, false)
+        };
+        let b = self.b[0] + self.b[1] * flat;
+        let c = x * x + y * y + self.c[0] + flat * (self.c[1] + flat * self.c[2]);
+        let discriminant = b * b - self.a * c;
+        match self.method {
+            Method::Upright => {
+                let value = |z: f64| (self.a * z + 2.0 * b) * z + c;
+                let (one, other) = (value(enter), value(leave));
+                // Between its ends the parabola sags by no more than this.
+                let sag = self.a * (leave - enter) * (leave - enter) + self.rounding;
+                if one.max(other) < -self.rounding {
+                    (enter, leave, false)
+                } else if one.min(other) > sag {
+                    MISS
+                } else {
+                    (enter, leave, true)
+                }
+            }
+            Method::Convex => self.newton(x, y, flat, enter, leave, edge, discriminant, b),
+            Method::Between if discriminant < -self.tangent => MISS,
+            Method::Between => {
+                let root = (discriminant.max(0.0) + self.tangent).sqrt();
+                let tangent = discriminant <= self.tangent;
+                let root = if tangent { root } else { discriminant.sqrt() };
+                (enter.max((-b - root) * self.per_a), leave.min((-b + root) * self.per_a), edge || tangent)
+            }
+            _ if discriminant < -self.tangent => (enter, leave, edge),
+            _ if discriminant <= self.tangent => (enter, leave, true),
+            // Where the line passes the cone's tip as near as the slack, centres behind the tip may be inside as well.
+            Method::Above | Method::Below => {
+                let root = discriminant.sqrt();
+                let (below, above) = ((-b + root) * self.per_a, (-b - root) * self.per_a);
+                match self.method {
+                    Method::Above if below < enter - CLOSE => (enter.max(above), leave, edge),
+                    Method::Below if above > leave + CLOSE => (enter, leave.min(below), edge),
+                    _ => (enter, leave, true),
+                }
+            }
+        }
+    }
+
     /// From outside, Newton's steps on a convex function come ever closer to its root and never pass it.
-    pub(super) fn newton(
+    fn newton(
         &self,
         x: f64,
         y: f64,
