@@ -221,7 +221,8 @@ impl SolidField {
         let Some(placed) = self.placed(pose) else { return true };
         match &self.shape {
             Shape::Bodies(bodies) => {
-                self.bodies_collide(bodies, placed, None, self.spheres(bodies).roots(), None)
+                let pieces = self.spheres(bodies).roots();
+                self.bodies_collide(bodies, placed, None, pieces, |_| Lines::ALL, None)
             }
             Shape::Definition(tool, oriented) => self.definition_count(tool, oriented, pose) > 0,
         }
@@ -241,7 +242,8 @@ impl SolidField {
         match &self.shape {
             Shape::Bodies(bodies) => {
                 let pieces = self.spheres(bodies).roots();
-                self.bodies_collide(bodies, self.voxel_pose(tip, axis), free_ball, pieces, last)
+                let placed = self.voxel_pose(tip, axis);
+                self.bodies_collide(bodies, placed, free_ball, pieces, |_| Lines::ALL, last)
             }
             Shape::Definition(..) => self.collides(&Pose::along(tip, axis)),
         }

@@ -171,19 +171,15 @@ impl SolidField {
                 if colliding[index] {
                     continue;
                 }
+                // By the same steps as a single pose, from here on.
                 let piece = |&(_, leaf): &(u16, u32)| spheres.leaves[leaf as usize].piece;
+                let pieces = open.iter().map(piece);
+                let lines = |asked: u32| {
+                    let of = pieces.clone().position(|piece| piece == asked);
+                    of.map_or(Lines::ALL, |of| lines[of])
+                };
                 colliding[index] = self.placed(&poses[index]).is_none_or(|placed| {
-                    // The predicate has the last word on what is nearest, as of single poses.
-                    let nearest = open.iter().map(piece).filter_map(|piece| {
-                        let middle = placed.on_axis(tree.piece(piece).bound.middle);
-                        lookup.distances.nearest(lookup.distances.probe(middle).index)
-                    });
-                    let contained = |voxel| {
-                        let voxel = lookup.distances.voxel(voxel);
-                        bodies.iter().any(|body| placed.contains(&body.profile, voxel))
-                    };
-                    let pieces = open.iter().map(piece).zip(lines.iter().copied());
-                    { nearest }.any(contained) || self.pieces_hold(bodies, placed, pieces).is_some()
+                    self.bodies_collide(bodies, placed, None, pieces.clone(), lines, None)
                 });
             }
         }

@@ -6,7 +6,7 @@ use super::sphere_tree::{FreeBall, OPEN, Piece, Verdict};
 use super::{Body, SolidField};
 
 impl SolidField {
-    /// Whether these pieces hold a solid centre; the rest of the tool must be known to be free. `last` is a voxel to try first, and becomes one that is found in the tool.
+    /// Whether these pieces hold a solid centre, each on the lines that `lines` says; the rest of the tool must be known to be free. `last` is a voxel to try first, and becomes one that is found in the tool.
     #[inline]
     pub(super) fn bodies_collide(
         &self,
@@ -14,6 +14,7 @@ impl SolidField {
         placed: VoxelPose,
         free_ball: Option<&FreeBall>,
         pieces: impl Iterator<Item = u32>,
+        lines: impl Fn(u32) -> Lines,
         last: Option<&mut Option<[f64; 3]>>,
     ) -> bool {
         let contains = |voxel: [f64; 3]| bodies.iter().any(|body| placed.contains(&body.profile, voxel));
@@ -38,38 +39,27 @@ impl SolidField {
             }
             Verdict::Undecided => bodies.iter().any(|body| self.body_count(body, placed, true) > 0),
             Verdict::Open(found) => {
-                let pieces = open[..found].iter().map(|&index| (index, Lines::ALL));
-                let found = self.pieces_hold(bodies, placed, pieces);
-                if let (Some(segment), Some(last)) = (&found, last) {
-                    *last = first_solid(segment, self.voxels.columns());
+                let pieces =
+                    open[..found].iter().map(|&index| (self.spheres(bodies).piece(index), lines(index)));
+                let mut pieces = pieces.peekable();
+                while let Some((piece, mut lines)) = pieces.next() {
+                    // What lies side by side is counted together: as wide, it mostly lies on the same lines.
+                    let mut from = piece.from;
+                    while let Some((next, more)) = pieces.next_if(|(next, _)| next.is_below(piece, from)) {
+                        (from, lines) = (next.from, lines.join(more));
+                    }
+                    let segment = open_segment(bodies, placed, piece, from);
+                    let within = Within::Obstacle(self.voxels.columns(), lines);
+                    if count(self.arch, &segment, within, true) > 0 {
+                        if let Some(last) = last {
+                            *last = first_solid(&segment, self.voxels.columns());
+                        }
+                        return true;
+                    }
                 }
-                found.is_some()
+                false
             }
         }
-    }
-
-    /// A segment that holds a solid centre, of those of which these are pieces, each with the lines to look at.
-    pub(super) fn pieces_hold<'a>(
-        &self,
-        bodies: &'a [Body],
-        placed: VoxelPose,
-        pieces: impl Iterator<Item = (u32, Lines)>,
-    ) -> Option<PlacedSegment<'a>> {
-        let tree = self.spheres(bodies);
-        let mut pieces = pieces.map(|(index, lines)| (tree.piece(index), lines)).peekable();
-        while let Some((piece, mut lines)) = pieces.next() {
-            // What lies side by side is counted together: as wide, it mostly lies on the same lines.
-            let mut from = piece.from;
-            while let Some((next, more)) = pieces.next_if(|(next, _)| next.is_below(piece, from)) {
-                (from, lines) = (next.from, lines.join(more));
-            }
-            let segment = open_segment(bodies, placed, piece, from);
-            let within = Within::Obstacle(self.voxels.columns(), lines);
-            if count(self.arch, &segment, within, true) > 0 {
-                return Some(segment);
-            }
-        }
-        None
     }
 }
 
