@@ -23,6 +23,7 @@ mod samples;
 mod setups;
 mod skyline;
 mod stick_out;
+mod verdict;
 
 pub(crate) use access::{ColliderCache, ToolDirection};
 pub use access::{SurfaceAccess, surface_access, surface_memory_estimate};
@@ -38,6 +39,7 @@ pub use samples::{SurfaceSample, SurfaceSamples};
 pub use setups::{SetupTool, fewest_setups, reached_in_setups, removed_in_setups};
 pub(crate) use stick_out::StickOutSearch;
 pub use stick_out::{StickOut, StickOutTool, shortest_stick_outs};
+pub use verdict::{SampleReach, Verdict};
 
 use std::sync::Arc;
 
@@ -92,53 +94,6 @@ pub enum SurfaceError {
 #[must_use]
 pub fn default_tolerance(pitch: f64, unit: LengthUnit) -> f64 {
     (0.05 / unit.in_mm()).max(0.1 * pitch)
-}
-
-/// The verdict on one sample.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SampleReach {
-    /// Reached from at least one direction.
-    Reached {
-        /// Their number.
-        directions: u32,
-    },
-    /// The cutter fits among the part, but something of the tool collides from every such direction.
-    Obstructed {
-        /// The direction nearest to the normal from which the cutter fits.
-        direction: u32,
-        /// What collides there with what, as [`SurfaceTool::hits`] reads it; none of a mesh tool.
-        hits: u64,
-    },
-    /// The cutter itself does not fit: it would cut deeper into the part than the tolerance.
-    Gouged,
-    /// The cutter has no point that could touch the surface from any of the directions: none faces it.
-    NotFaced,
-}
-
-impl SampleReach {
-    /// In a word.
-    #[must_use]
-    pub fn verdict(&self) -> Verdict {
-        match self {
-            Self::Reached { .. } => Verdict::Reached,
-            Self::Obstructed { .. } => Verdict::Obstructed,
-            Self::Gouged => Verdict::Gouged,
-            Self::NotFaced => Verdict::NotFaced,
-        }
-    }
-}
-
-/// What becomes of one sample in a word, the better ones first.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Verdict {
-    /// Reached from some direction.
-    Reached,
-    /// The cutter fits, but something of the tool collides.
-    Obstructed,
-    /// The cutter does not fit.
-    Gouged,
-    /// No direction faces it.
-    NotFaced,
 }
 
 /// Whether the tool can be brought to a pose: of the tip, and of a unit vector along the tool's axis.

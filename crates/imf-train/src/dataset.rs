@@ -16,6 +16,7 @@
 mod fresh_model;
 mod manifest;
 mod merge;
+mod obstacle;
 mod partition;
 mod sampling;
 mod shard;

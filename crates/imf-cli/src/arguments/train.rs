@@ -6,15 +6,9 @@ use anyhow::Result;
 use clap::{Args, Subcommand};
 use imf_fields::factored::DistillSettings;
 use imf_fields::harmonic::coefficients::StoragePrecision;
-use imf_fields::recipe::schedule::{RateRule, Schedule};
-use imf_fields::recipe::{
-    AdamConfig, HeldOutChoice, Loss, OnlineSettings, Optimiser, Precision, SoapConfig, TrainingLength,
-    TrainingPlan,
-};
+use imf_fields::recipe::schedule::Schedule;
+use imf_fields::recipe::{AdamConfig, HeldOutChoice, OnlineSettings, TrainingLength, TrainingPlan};
 use imf_fields::siren::SirenShape;
-use serde::Deserialize;
-use serde::de::DeserializeOwned;
-use serde_json::{Map, Value};
 
 use super::clearance::ContactArguments;
 use super::either::Either;
@@ -24,6 +18,9 @@ use super::network::{Network, parse_network};
 use super::numbers::{parse_count, parse_rate};
 use super::quantity::QuantityArguments;
 use super::scene::SceneArguments;
+use super::settings::{
+    FactoredSettings, ScheduleName, Setting, Siren5Settings, parse_setting, read_settings,
+};
 use crate::exit::WrongArgument;
 use crate::job::{REPORT_EVERY, schedule_from};
 
@@ -156,7 +153,7 @@ pub(crate) struct RunArguments {
     pub(crate) no_calibrate: bool,
     /// Another setting, see below; may be repeated
     #[arg(long, value_name = "KEY=VALUE", value_parser = parse_setting)]
-    set: Vec<(String, Value)>,
+    set: Vec<Setting>,
 }
 
 /// What network is trained, from which weights.
@@ -186,66 +183,6 @@ pub(crate) struct SampleArguments {
     pub(crate) mpi: bool,
 }
 
-/// Settings of a factored field's training that have no option of their own.
-#[derive(Default, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub(crate) struct FactoredSettings {
-    epochs: Option<u64>,
-    batch: Option<usize>,
-    seed: Option<u64>,
-    optimiser: Option<OptimiserName>,
-    pub(crate) symmetry: Option<bool>,
-    checkpoint_every: Option<f64>,
-}
-
-#[derive(Clone, Copy, Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum OptimiserName {
-    Soap,
-    Adam,
-}
-
-/// Those of siren5's.
-#[derive(Default, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub(crate) struct Siren5Settings {
-    pub(crate) seed: Option<u64>,
-    schedule: Option<ScheduleName>,
-    loss: Option<Loss>,
-    precision: Option<Precision>,
-    weight_decay: Option<f32>,
-    rate_rule: Option<RateRule>,
-    held_out: Option<usize>,
-    pub(crate) held_out_every: Option<u64>,
-    checkpoint_every: Option<f64>,
-}
-
-#[derive(Clone, Copy, Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum ScheduleName {
-    Exponential,
-    Cosine,
-}
-
-/// Seconds between checkpoints.
-const CHECKPOINT_EVERY: f64 = 60.0;
-
-fn checkpoint_every(seconds: Option<f64>) -> Result<f64> {
-    let seconds = seconds.unwrap_or(CHECKPOINT_EVERY);
-    if seconds < 0.0 {
-        let wanted = format!("--set checkpoint_every={seconds}: give seconds, at least 0");
-        return Err(WrongArgument(wanted).into());
-    }
-    Ok(seconds)
-}
-
-/// A value is a number, true or false, else a word.
-fn parse_setting(text: &str) -> Result<(String, Value), String> {
-    let (key, value) = text.split_once('=').ok_or("KEY=VALUE, such as seed=1")?;
-    let value = serde_json::from_str(value).unwrap_or_else(|_| Value::String(value.to_owned()));
-    Ok((key.to_owned(), value))
-}
-
 impl RunArguments {
     /// The device's name, or the family's own choice.
     pub(crate) fn device_or<'a>(&'a self, usual: &'a str) -> &'a str {
@@ -255,23 +192,12 @@ impl RunArguments {
     fn length(&self, epochs: u64) -> TrainingLength {
         self.steps.map_or(TrainingLength::Epochs(epochs), TrainingLength::Steps)
     }
-
-    /// What `--set` says.
-    fn settings<T: DeserializeOwned>(&self) -> Result<T> {
-        for (key, value) in &self.set {
-            let one = Map::from_iter([(key.clone(), value.clone())]);
-            let text = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
-            serde_json::from_value::<T>(Value::Object(one))
-                .map_err(|error| WrongArgument(format!("--set {key}={text}: {error}")))?;
-        }
-        Ok(serde_json::from_value(Value::Object(self.set.iter().cloned().collect()))?)
-    }
 }
 
 impl FactoredArguments {
     /// How the network is trained but for its symmetry, with the settings that were given.
     pub(crate) fn settings(&self) -> Result<(DistillSettings, FactoredSettings)> {
-        let set: FactoredSettings = self.run.settings()?;
+        let set: FactoredSettings = read_settings(&self.run.set)?;
         let length = self.run.length(set.epochs.unwrap_or(DistillSettings::EPOCHS));
         let seed = set.seed.unwrap_or(0);
         let usual = match self.online {
@@ -298,21 +224,6 @@ impl FactoredArguments {
     /// How the finished weights are saved.
     pub(crate) fn precision(&self) -> StoragePrecision {
         if self.half { StoragePrecision::F16 } else { StoragePrecision::F32 }
-    }
-}
-
-impl FactoredSettings {
-    /// The optimiser, where one was given.
-    pub(crate) fn optimiser(&self) -> Option<Optimiser> {
-        self.optimiser.map(|name| match name {
-            OptimiserName::Soap => Optimiser::Soap(SoapConfig::default()),
-            OptimiserName::Adam => Optimiser::Adam,
-        })
-    }
-
-    /// Seconds between checkpoints.
-    pub(crate) fn checkpoint_every(&self) -> Result<f64> {
-        checkpoint_every(self.checkpoint_every)
     }
 }
 
@@ -343,7 +254,7 @@ impl<'a> Siren5Training<'a> {
         shape: &SirenShape,
         from_another: bool,
     ) -> Result<Self> {
-        let set: Siren5Settings = run.settings()?;
+        let set: Siren5Settings = read_settings(&run.set)?;
         let usual = if from_another { TrainingPlan::fine_tuning(shape) } else { TrainingPlan::siren5(shape) };
         let schedule = match set.schedule {
             Some(ScheduleName::Exponential) => Schedule::default(),
@@ -379,7 +290,7 @@ impl<'a> Siren5Training<'a> {
 
     /// Seconds between checkpoints.
     pub(crate) fn checkpoint_every(&self) -> Result<f64> {
-        checkpoint_every(self.set.checkpoint_every)
+        self.set.checkpoint_every()
     }
 
     /// Whether a setting was given by `--set`.

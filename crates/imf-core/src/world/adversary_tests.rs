@@ -6,48 +6,10 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use super::adversary_cases::{cases, long_cases};
+use super::adversary_tally::{PoseCases, Tally};
 use super::adversary_truth::Case;
 use super::tests::number;
 use super::*;
-use crate::field::Decision;
-
-/// Number of queries, and the wrong results.
-#[derive(Default)]
-struct Tally {
-    contacts: usize,
-    colliding: usize,
-    free: usize,
-    motions: usize,
-    /// Motions of which a beginning is proven free.
-    proven: usize,
-    /// Distances of free tools and depths of colliding ones.
-    distances: [usize; 2],
-    wrong: Vec<String>,
-}
-
-impl Tally {
-    /// Of each case the first that is wrong, and how many there are.
-    fn wrong(&self) -> String {
-        let mut cases: std::collections::BTreeMap<&str, (usize, &str)> = Default::default();
-        for wrong in &self.wrong {
-            let (case, _) = wrong.split_once(" Pose").unwrap();
-            cases.entry(case).or_insert((0, wrong)).0 += 1;
-        }
-        let lines = cases.values().map(|(count, first)| format!("{count} times as {first}\n"));
-        format!("{} of {} poses\n{}", self.wrong.len(), self.colliding + self.free, lines.collect::<String>())
-    }
-
-    fn and(mut self, other: Self) -> Self {
-        self.contacts += other.contacts;
-        self.colliding += other.colliding;
-        self.free += other.free;
-        self.motions += other.motions;
-        self.proven += other.proven;
-        (0..2).for_each(|i| self.distances[i] += other.distances[i]);
-        self.wrong.extend(other.wrong);
-        self
-    }
-}
 
 /// A place in a list.
 fn below(random: &mut ChaCha8Rng, count: usize) -> usize {
@@ -281,36 +243,6 @@ impl Case {
                 say(&format!("proven free at {time}"));
                 break;
             }
-        }
-    }
-}
-
-/// Poses, and the truth of each.
-#[derive(Default)]
-struct PoseCases {
-    poses: Vec<Pose>,
-    collides: Vec<bool>,
-}
-
-impl PoseCases {
-    fn push(&mut self, pose: Pose, collides: bool) {
-        self.poses.push(pose);
-        self.collides.push(collides);
-    }
-
-    /// One by one, and all together.
-    fn answers(&self, case: &Case, tally: &mut Tally) {
-        let mut decisions = vec![Decision::Undecided; self.poses.len()];
-        case.checker.classify(&self.poses, &mut decisions).unwrap();
-        for ((pose, &collides), decision) in self.poses.iter().zip(&self.collides).zip(decisions) {
-            let alone = Decision::of(!case.checker.is_free(pose));
-            let is_true = alone == Decision::of(collides) || (!collides && case.rounds(pose));
-            if alone != decision || !is_true {
-                let answers = format!("one by one {alone:?}, together {decision:?}, collides {collides}");
-                tally.wrong.push(format!("{} {pose:?}: {answers}", case.name));
-            }
-            tally.colliding += usize::from(collides);
-            tally.free += usize::from(!collides);
         }
     }
 }

@@ -3,16 +3,14 @@
 //! Each partition of a dataset has a manifest of its own name, so that several processes may work in one folder;
 //! joining them makes the one `manifest.json` that training reads.
 
-use std::collections::HashMap;
 use std::io::Write;
 use std::path::Path;
 
-use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::partition::Partition;
-use super::shard;
+use super::{obstacle, shard};
 use imf_core::atomic_file::{AtomicFileError, write_atomically};
 use imf_core::orientation::OrientationSet;
 use imf_core::scene::{Scene, SceneRecord};
@@ -22,7 +20,6 @@ use imf_fields::recipe::{Sampling, SamplingError};
 const FORMAT: &str = "imf-dataset";
 const VERSION: u32 = 1;
 const MANIFEST: &str = "manifest.json";
-const OBSTACLE: &str = "obstacle.safetensors";
 /// Samples that a shard holds at most by default, unless one section has more: 8 bytes each.
 const SHARD_SAMPLES: u64 = 4_000_000;
 
@@ -212,11 +209,11 @@ impl Manifest {
                 return Err(DatasetError::Other { path: folder.display().to_string(), what });
             }
             if found.scene(folder).is_err() {
-                write_obstacle(folder, scene)?;
+                obstacle::write(folder, scene)?;
             }
             return Ok((found, otherwise));
         }
-        write_obstacle(folder, scene)?;
+        obstacle::write(folder, scene)?;
         fresh.write(folder)?;
         Ok((fresh, false))
     }
@@ -328,12 +325,7 @@ impl Manifest {
     /// # Errors
     /// A missing or damaged file of voxels.
     pub fn scene(&self, folder: &Path) -> Result<Scene, DatasetError> {
-        let path = folder.join(OBSTACLE);
-        let bytes = read_file(&path)?;
-        let damaged = |what: String| DatasetError::Damaged { path: path.display().to_string(), what };
-        let tensors = SafeTensors::deserialize(&bytes).map_err(|e| damaged(e.to_string()))?;
-        let bits = |name: &str| tensors.tensor(name).ok().map(|view| view.data());
-        Scene::from_packed_voxels(self.scene.clone(), bits).map_err(|e| damaged(e.to_string()))
+        obstacle::read(folder, &self.scene)
     }
 
     /// Number of shards, finished or not.
@@ -375,19 +367,6 @@ impl Manifest {
         self.shards[shard] = Some(record);
         self.write(folder)
     }
-}
-
-/// Writes the scene's solid voxels.
-pub(super) fn write_obstacle(folder: &Path, scene: &Scene) -> Result<(), DatasetError> {
-    let voxels = scene.packed_voxels();
-    let path = folder.join(OBSTACLE);
-    let views =
-        voxels.iter().map(|(name, bits)| Ok((*name, TensorView::new(Dtype::U8, vec![bits.len()], bits)?)));
-    let bytes = views
-        .collect::<Result<Vec<_>, safetensors::SafeTensorError>>()
-        .and_then(|views| safetensors::serialize(views, None::<HashMap<String, String>>))
-        .map_err(|e| DatasetError::Damaged { path: path.display().to_string(), what: e.to_string() })?;
-    Ok(write_atomically(&path, |file| file.write_all(&bytes))?)
 }
 
 /// Names of the manifests of partitions in a folder, sorted.

@@ -93,7 +93,7 @@ fn joined(sources: &[Source], out: &Path, damaged: &mut BTreeSet<String>) -> Res
     for source in sources {
         match source.manifest.scene(&source.folder) {
             Ok(scene) => {
-                super::manifest::write_obstacle(out, &scene)?;
+                super::obstacle::write(out, &scene)?;
                 return Ok(source.manifest.emptied());
             }
             Err(error) => {
