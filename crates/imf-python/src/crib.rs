@@ -35,14 +35,13 @@ pub(crate) fn crib<'py>(
     let set =
         directions.unwrap_or_else(|| DirectionsInput::Text(own.usual_directions().into())).of(py, own)?;
     let tolerance = tolerance.unwrap_or_else(|| default_tolerance(record.grid.pitch, record.unit));
-    let tools: Vec<_> = tools.iter().map(|tool| tool.get().0.in_unit(record.unit)).collect();
-    let (mesh, clearance) = (own.placed_mesh(), record.clearance);
-    let mut warnings = Vec::new();
-    for tool in &tools {
-        // A tool that passes between the voxels' centres would be free everywhere.
-        let found = own.with_spec(Control::quiet(), |spec| spec.assembly(tool, &clearance, &record.grid));
-        warnings.extend(found.map_err(Raise::raise)?.1);
-    }
+    let mesh = own.placed_mesh();
+    // A tool that passes between the voxels' centres would be free everywhere.
+    let assemblies = own.with_spec(Control::quiet(), |spec| {
+        let assembly = |tool: &Py<Tool>| spec.assembly(&tool.get().0, &record.clearance, &record.grid);
+        tools.iter().map(assembly).collect::<Result<Vec<_>, _>>()
+    });
+    let (tools, warnings): (Vec<_>, Vec<_>) = assemblies.map_err(Raise::raise)?.into_iter().unzip();
     let (environment, samples) = run(py, (&None, "", 0), |control| {
         let environment =
             own.with_spec(control, |spec| CollisionEnvironment::of_bodies(spec, &own.bodies))?;
@@ -50,15 +49,13 @@ pub(crate) fn crib<'py>(
         Ok::<_, Failure>((environment, samples))
     })?;
     let verdicts = run(py, (&progress, "crib", samples.samples.len() as u64), |control| {
-        let tool = |tool: &imf_core::tool::Tool| {
-            Ok::<_, Failure>(SurfaceTool::new(&environment, &tool.offset(&clearance)?, tolerance)?)
-        };
-        let tools = tools.iter().map(tool).collect::<Result<Vec<_>, _>>()?;
+        let tools = tools.iter().map(|tool| SurfaceTool::new(&environment, tool, tolerance));
+        let tools = tools.collect::<Result<Vec<_>, _>>()?;
         Ok::<_, Failure>(crib_access(&tools, &samples.samples, &set.orientations, control)?)
     })?;
     let (vertices, faces) = mesh_arrays(py, &samples.mesh)?;
     let found = PyDict::new(py);
-    found.set_item("warnings", warnings.iter().map(ToString::to_string).collect::<Vec<_>>())?;
+    found.set_item("warnings", warnings.iter().flatten().map(ToString::to_string).collect::<Vec<_>>())?;
     let flat = verdicts.iter().flatten().map(|verdict| *verdict as u8).collect::<Vec<_>>();
     found.set_item("verdict", rows_of(py, flat, samples.samples.len())?)?;
     found.set_item(
