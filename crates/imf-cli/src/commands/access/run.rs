@@ -97,20 +97,18 @@ impl AccessRun {
         let unit = inputs.part.unit;
         let clearance = arguments.reach.scene.clearance.clearance();
         let depth = arguments.contact.depth(&inputs.tools)?;
-        let tools: Vec<Assembly> = inputs
-            .tools
-            .iter()
-            .map(|tool| tool.in_unit(unit).offset(&clearance))
-            .collect::<Result<_, _>>()?;
-        if let Some(tool) = tools.iter().find(|t| arguments.stickout && t.tool().stick_out().is_none()) {
-            return Err(SurfaceError::NoHolder(tool.tool().name.clone()).into());
+        if let Some(tool) = inputs.tools.iter().find(|t| arguments.stickout && t.stick_out().is_none()) {
+            return Err(SurfaceError::NoHolder(tool.name.clone()).into());
         }
         let fixtures = inputs.fixtures();
-        let spec = arguments.reach.scene.spec(session, &inputs, &fixtures, tools[0].tool());
+        let spec = arguments.reach.scene.spec(session, &inputs, &fixtures, &inputs.tools[0]);
         let border = [i64::try_from(arguments.border)?; 3];
         let query = spec.grid()?.padded(border, border)?;
+        let mut tools = Vec::new();
         for tool in &inputs.tools {
-            warn_of(session, &spec.assembly(tool, &clearance, &query)?.1);
+            let (assembly, warnings) = spec.assembly(tool, &clearance, &query)?;
+            warn_of(session, &warnings);
+            tools.push(assembly);
         }
         let stock_mesh = (arguments.removable || arguments.stock.is_some())
             .then(|| {
