@@ -6,20 +6,22 @@
 
 mod apt;
 mod csv;
+mod error;
 mod gcode;
 
 pub use csv::column_remedy;
+pub use error::ToolpathError;
 
 use std::path::Path;
 
 use glam::{DMat4, DVec3};
 use serde::Serialize;
-use thiserror::Error;
 
 use crate::machine::{Joints, Machine};
 use crate::orientation::Orientation;
 use crate::pose::Pose;
 use crate::unit::LengthUnit;
+use error::LineError;
 
 /// How the tool comes to a location.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -120,53 +122,6 @@ pub struct Toolpath {
     pub remarks: Vec<String>,
 }
 
-/// Why a toolpath cannot be read.
-#[derive(Debug, Error)]
-#[non_exhaustive]
-pub enum ToolpathError {
-    /// The file cannot be read.
-    #[error("cannot read the toolpath {path}")]
-    Read {
-        /// The file.
-        path: String,
-        /// The system's reason.
-        source: std::io::Error,
-    },
-    /// A line is wrong.
-    #[error("{path}, line {line}: {what}")]
-    Line {
-        /// The file.
-        path: String,
-        /// The line, from 1.
-        line: usize,
-        /// What is wrong with it.
-        what: String,
-    },
-    /// No location at all.
-    #[error(
-        "{0} holds no tool location: neither lines below a header such as x,y,z,i,j,k nor GOTO/ lines nor G-code that moves x, y and z"
-    )]
-    Empty(String),
-}
-
-/// In the errors of lines that only a machine gives a meaning.
-const NO_MACHINE: &str = "no machine is given";
-
-impl ToolpathError {
-    /// True where the path is for a machine, and was read without one.
-    #[must_use]
-    pub fn needs_machine(&self) -> bool {
-        matches!(self, Self::Line { what, .. } if what.contains(NO_MACHINE))
-    }
-}
-
-/// What is wrong with a line, before the file's name is known.
-#[derive(Debug)]
-struct LineError {
-    line: usize,
-    what: String,
-}
-
 impl Toolpath {
     /// Reads a CSV file (a header of column names, then numbers), an APT/CL file (`GOTO/x,y,z,i,j,k`) or a program in G-code,
     /// distinguished by the words in it and the end of its name. Lengths become those of `reading`. With a machine every location
@@ -194,8 +149,7 @@ impl Toolpath {
         let reading = reading.into();
         // A carriage return ends a line by itself as well, as on old systems.
         let lines = text.replace("\r\n", "\n").replace('\r', "\n");
-        let mut path = Self::of_text(&lines, &reading, name)
-            .map_err(|LineError { line, what }| ToolpathError::Line { path: name.to_owned(), line, what })?;
+        let mut path = Self::of_text(&lines, &reading, name).map_err(|error| error.in_file(name))?;
         if path.locations.is_empty() {
             return Err(ToolpathError::Empty(name.to_owned()));
         }
@@ -233,7 +187,7 @@ impl Toolpath {
         let chosen: Vec<bool> = self.locations.iter().map(|location| location.machine.is_none()).collect();
         for location in &mut self.locations {
             let line = location.line;
-            let wrong = |what: String| LineError { line, what };
+            let wrong = |what: String| LineError::new(line, what);
             if location.machine.is_none() {
                 if location.rolled {
                     return Err(wrong(
@@ -350,7 +304,7 @@ enum Direction {
 
 /// A pose from its numbers, checked; the roll in degrees.
 fn pose(line: usize, position: [f64; 3], direction: Direction, roll: Option<f64>) -> Result<Pose, LineError> {
-    let wrong = |what: String| LineError { line, what };
+    let wrong = |what: String| LineError::new(line, what);
     let position = DVec3::from_array(position);
     if !position.is_finite() {
         return Err(wrong("a position must be finite".into()));

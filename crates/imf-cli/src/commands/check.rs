@@ -173,8 +173,7 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
 
 /// The error, with what a path for a machine lacks.
 fn with_remedy(error: ToolpathError) -> anyhow::Error {
-    let remedy = error
-        .needs_machine()
+    let remedy = matches!(error, ToolpathError::NeedsMachine { .. })
         .then_some("the path is for a machine: describe it in a file, and name that (--machine FILE)");
     let error = anyhow::Error::from(error);
     remedy.into_iter().fold(error, anyhow::Error::context)

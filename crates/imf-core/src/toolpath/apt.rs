@@ -114,7 +114,7 @@ impl State {
         let rest = statement.split_once('/').map_or("", |(_, rest)| rest);
         // PARTNO, PPRINT and their like may be followed by text without a slash.
         let word = first_word(statement);
-        let wrong = |what: String| LineError { line, what };
+        let wrong = |what: String| LineError::new(line, what);
         match word.as_str() {
             "" => Ok(()),
             "GOTO" | "FROM" => self.locate(line, &word, rest),
@@ -149,7 +149,7 @@ impl State {
 
     /// A location, with its axis where the statement has six numbers.
     fn locate(&mut self, line: usize, word: &str, rest: &str) -> Result<(), LineError> {
-        let wrong = |what: String| LineError { line, what };
+        let wrong = |what: String| LineError::new(line, what);
         let values = numbers(rest).map_err(wrong)?;
         let position = match *values.as_slice() {
             [x, y, z] => [x, y, z],
@@ -164,7 +164,7 @@ impl State {
 
     /// A location by its distance from the one before.
     fn step(&mut self, line: usize, rest: &str) -> Result<(), LineError> {
-        let wrong = |what: String| LineError { line, what };
+        let wrong = |what: String| LineError::new(line, what);
         let values = numbers(rest).map_err(wrong)?;
         let [x, y, z] = *values.as_slice() else {
             return Err(wrong(format!("GODLTA needs 3 numbers, not {}", values.len())));
@@ -248,7 +248,7 @@ impl State {
                 let what = format!(
                     "{word} describes another tool, and no number is loaded: write LOADTL/ and the number"
                 );
-                return Err(LineError { line, what });
+                return Err(LineError::new(line, what));
             }
             None if self.loaded => self.adopt(),
             _ => {}

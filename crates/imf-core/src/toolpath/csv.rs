@@ -80,7 +80,8 @@ pub(super) fn parse(text: &str, reading: &PathReading<'_>) -> Result<Toolpath, L
         }
         match &header {
             None => {
-                header = Some(Header::read(text, reading.machine).map_err(|what| LineError { line, what })?);
+                header =
+                    Some(Header::read(text, reading.machine).map_err(|what| LineError::new(line, what))?);
             }
             Some(header) => locations.push(header.location(line, text, reading)?),
         }
@@ -157,7 +158,7 @@ impl Header {
     }
 
     fn location(&self, line: usize, text: &str, reading: &PathReading<'_>) -> Result<Location, LineError> {
-        let wrong = |what: String| LineError { line, what };
+        let wrong = |what: String| LineError::new(line, what);
         let fields = fields(text, self.separator);
         if fields.len() != self.titles.len() {
             return Err(wrong(format!("{} fields below a header of {}", fields.len(), self.titles.len())));

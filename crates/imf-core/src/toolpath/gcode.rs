@@ -22,7 +22,8 @@ mod unchecked;
 
 use glam::DVec3;
 
-use super::{LineError, PathReading, Toolpath};
+use super::error::{Fault, LineError};
+use super::{PathReading, Toolpath};
 use crate::machine::{Joints, Machine};
 use arc::Arc;
 use block::Block;
@@ -151,25 +152,26 @@ pub(super) fn parse(text: &str, reading: &PathReading<'_>) -> Result<Toolpath, L
     };
     let mut end = None;
     for (index, line) in text.lines().enumerate() {
-        let wrong = |what: String| LineError { line: index + 1, what };
+        let wrong = |fault: Fault| LineError::new(index + 1, fault);
         if let Some(end) = end {
             // Comments and names may follow, but nothing that would seem to have been checked.
             if after_end::is_command(line) {
-                return Err(wrong(format!(
+                let what = format!(
                     "it stands after the end of the program in line {end}: give each program a file of its own, or take out what does not run"
-                )));
+                );
+                return Err(wrong(what.into()));
             }
             continue;
         }
-        let words = block::words(line).map_err(wrong)?;
+        let words = block::words(line).map_err(|what| wrong(what.into()))?;
         let block = Block::new(&words, reading.machine).map_err(wrong)?;
         program.take(index + 1, &block).map_err(wrong)?;
         end = block.ends.then_some(index + 1);
     }
     if let (None, Some((line, number))) = (program.tool, program.called) {
-        return Err(LineError { line, what: format!("T{number} calls a tool, and no M6 changes to it") });
+        return Err(LineError::new(line, format!("T{number} calls a tool, and no M6 changes to it")));
     }
-    program.check_said().map_err(|(line, what)| LineError { line, what })?;
+    program.check_said().map_err(|(line, what)| LineError::new(line, what))?;
     program.remark_on_length();
     program.remark_on_edges();
     program.remark_on_unchecked();
@@ -177,7 +179,7 @@ pub(super) fn parse(text: &str, reading: &PathReading<'_>) -> Result<Toolpath, L
 }
 
 impl Program<'_> {
-    fn take(&mut self, line: usize, block: &Block) -> Result<(), String> {
+    fn take(&mut self, line: usize, block: &Block) -> Result<(), Fault> {
         if let Some(number) = block.tool {
             self.called = Some((line, number));
         }

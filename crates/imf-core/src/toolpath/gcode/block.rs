@@ -8,7 +8,7 @@ use glam::DVec3;
 
 use super::Motion;
 use crate::machine::Machine;
-use crate::toolpath::NO_MACHINE;
+use crate::toolpath::error::Fault;
 
 /// A word.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -119,13 +119,13 @@ const EXCLUDING_G: [&[u32]; 6] = [
 pub(super) const STILL_M: [u32; 15] = [0, 1, 2, 3, 4, 5, 7, 8, 9, 10, 11, 19, 30, 48, 49];
 
 impl Block {
-    pub(super) fn new(words: &[Word<'_>], machine: Option<&Machine>) -> Result<Self, String> {
+    pub(super) fn new(words: &[Word<'_>], machine: Option<&Machine>) -> Result<Self, Fault> {
         let mut block = Self::default();
         let mut seen = Vec::new();
         for word in words {
             if !matches!(word.letter, 'G' | 'M' | 'N') {
                 if seen.contains(&word.letter) {
-                    return Err(format!("{} stands twice in one line", word.letter));
+                    return Err(format!("{} stands twice in one line", word.letter).into());
                 }
                 seen.push(word.letter);
             }
@@ -145,7 +145,7 @@ impl Block {
         axes || self.centre.is_some() || self.radius.is_some() || self.goes_home
     }
 
-    fn take(&mut self, word: &Word<'_>, machine: Option<&Machine>) -> Result<(), String> {
+    fn take(&mut self, word: &Word<'_>, machine: Option<&Machine>) -> Result<(), Fault> {
         let Word { letter, value, text } = *word;
         let whole = || {
             let is_number = value >= 0.0 && value.fract() == 0.0 && value < 1e6;
@@ -164,7 +164,8 @@ impl Block {
                 _ => {
                     return Err(format!(
                         "M{text} is not understood and might move the machine: take it out of the program if it does not"
-                    ));
+                    )
+                    .into());
                 }
             },
             // Numbers of blocks and programs, feed, spindle speed.
@@ -189,14 +190,15 @@ impl Block {
                 let place = place.ok_or_else(|| match machine {
                     Some(machine) => {
                         format!("{letter}{text} turns an axis that the machine '{}' has not", machine.name)
+                            .into()
                     }
-                    None => format!(
-                        "{letter}{text} turns a rotary axis, and {NO_MACHINE} that says what it turns"
-                    ),
+                    None => Fault::needs_machine(format!(
+                        "{letter}{text} turns a rotary axis, and no machine is given that says what it turns"
+                    )),
                 })?;
                 self.rotary[place] = Some(value);
             }
-            _ => return Err(format!("{letter}{text} is not understood and might move the machine")),
+            _ => return Err(format!("{letter}{text} is not understood and might move the machine").into()),
         }
         Ok(())
     }

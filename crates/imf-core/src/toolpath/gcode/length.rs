@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::Program;
 use super::block::Block;
-use crate::toolpath::NO_MACHINE;
+use crate::toolpath::error::Fault;
 
 impl Program<'_> {
     pub(super) fn change_tool(&mut self) -> Result<(), String> {
@@ -32,36 +32,38 @@ impl Program<'_> {
         Ok(())
     }
 
-    pub(super) fn take_length(&mut self, block: &Block) -> Result<(), String> {
+    pub(super) fn take_length(&mut self, block: &Block) -> Result<(), Fault> {
         self.take_edge(block);
         let Some(length) = block.length else { return Ok(()) };
         if let (Some(number), Some(tool)) = (block.length_number, self.tool)
             && length.is_some()
             && number != tool
         {
-            return Err(format!("H{number} is the length of another tool than T{tool}"));
+            return Err(format!("H{number} is the length of another tool than T{tool}").into());
         }
         if let (Some(number), Some(before)) = (block.length_number, self.length_number)
             && number != before
         {
             return Err(format!(
                 "H{number} is the length of another tool than H{before}, and nothing changes to it: write T{number} M6 before"
-            ));
+            )
+            .into());
         }
         self.length_number = block.length_number.or(self.length_number);
         let keeps = length == Some(true);
         if keeps && self.machine.is_none_or(|machine| machine.rotary.is_empty()) {
-            let lacks = match self.machine {
-                Some(machine) => format!("the machine '{}' has none", machine.name),
-                None => format!("{NO_MACHINE} that has some"),
-            };
-            return Err(format!("it keeps the tool's centre point while rotary axes turn, and {lacks}"));
+            let said = "it keeps the tool's centre point while rotary axes turn";
+            return Err(match self.machine {
+                Some(machine) => format!("{said}, and the machine '{}' has none", machine.name).into(),
+                None => Fault::needs_machine(format!("{said}, and no machine is given that has some")),
+            });
         }
         if let (Some(_), Some(line), None) = (length, self.z_without_length, self.machine) {
             return Err(format!(
                 "the program uses tool lengths, and in line {line} Z moved while none was in force: that is the spindle's place and not the \
                  tip's, and how far the tip was below is not known (write G43 H and the tool's number before)"
-            ));
+            )
+            .into());
         }
         if length.is_some() {
             (self.has_used_length, self.ended_by) = (true, None);

@@ -1,0 +1,115 @@
+//! Why a toolpath cannot be read.
+
+use thiserror::Error;
+
+/// Why a toolpath cannot be read.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum ToolpathError {
+    /// The file cannot be read.
+    #[error("cannot read the toolpath {path}")]
+    Read {
+        /// The file.
+        path: String,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// A line is wrong.
+    #[error("{path}, line {line}: {what}")]
+    Line {
+        /// The file.
+        path: String,
+        /// The line, from 1.
+        line: usize,
+        /// What is wrong with it.
+        what: String,
+    },
+    /// A line that only a machine gives a meaning, in a path that is read without one.
+    #[error("{path}, line {line}: {what}")]
+    NeedsMachine {
+        /// The file.
+        path: String,
+        /// The line, from 1.
+        line: usize,
+        /// What needs the machine.
+        what: String,
+    },
+    /// No location at all.
+    #[error(
+        "{0} holds no tool location: neither lines below a header such as x,y,z,i,j,k nor GOTO/ lines nor G-code that moves x, y and z"
+    )]
+    Empty(String),
+}
+
+/// What is wrong with a line, before its number is known.
+#[derive(Debug)]
+pub(super) struct Fault {
+    what: String,
+    needs_machine: bool,
+}
+
+impl Fault {
+    /// Of a line that only a machine gives a meaning, where none is given.
+    pub(super) fn needs_machine(what: String) -> Self {
+        Self { what, needs_machine: true }
+    }
+}
+
+impl From<String> for Fault {
+    fn from(what: String) -> Self {
+        Self { what, needs_machine: false }
+    }
+}
+
+/// What is wrong with a line, before the file's name is known.
+#[derive(Debug)]
+pub(super) struct LineError {
+    pub(super) line: usize,
+    pub(super) what: String,
+    needs_machine: bool,
+}
+
+impl LineError {
+    pub(super) fn new(line: usize, fault: impl Into<Fault>) -> Self {
+        let Fault { what, needs_machine } = fault.into();
+        Self { line, what, needs_machine }
+    }
+
+    /// The error of the file called `name`.
+    pub(super) fn in_file(self, name: &str) -> ToolpathError {
+        let (path, Self { line, what, needs_machine }) = (name.to_owned(), self);
+        if needs_machine {
+            ToolpathError::NeedsMachine { path, line, what }
+        } else {
+            ToolpathError::Line { path, line, what }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::ToolpathError;
+    use crate::toolpath::Toolpath;
+    use crate::unit::LengthUnit;
+
+    #[test]
+    fn what_only_a_machine_gives_a_meaning_is_distinguished_from_what_is_wrong() {
+        let read =
+            |text: &str| Toolpath::parse(&format!("G21 G90\n{text}\n"), LengthUnit::Mm, "a.nc").unwrap_err();
+        for (text, said) in [
+            (
+                "G0 X0. A3.",
+                "a.nc, line 2: A3. turns a rotary axis, and no machine is given that says what it turns",
+            ),
+            (
+                "G43.4 H1",
+                "a.nc, line 2: it keeps the tool's centre point while rotary axes turn, and no machine is given that has some",
+            ),
+        ] {
+            let error = read(text);
+            assert!(matches!(error, ToolpathError::NeedsMachine { line: 2, .. }), "{error:?}");
+            assert_eq!(error.to_string(), said);
+        }
+        assert!(matches!(read("G0 X0. V3."), ToolpathError::Line { line: 2, .. }));
+    }
+}
