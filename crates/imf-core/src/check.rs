@@ -98,6 +98,13 @@ impl CheckSettings {
         }
     }
 
+    /// The same for stock, whose voxels do not reach out of it as conservative ones do: `contact`, a length in `unit`, where it is
+    /// given, else 0.05 mm.
+    #[must_use]
+    pub fn for_stock(self, contact: Option<f64>, unit: LengthUnit) -> Self {
+        Self { contact: contact.unwrap_or(CONTACT / unit.in_mm()), ..self }
+    }
+
     /// The weakest guarantee of some tools on a path in a scene; `None` without tools.
     #[must_use]
     pub fn guarantee<'a>(

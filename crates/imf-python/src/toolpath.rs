@@ -111,18 +111,13 @@ pub(crate) fn check<'py>(
         let bodies = bare.as_ref().unwrap_or(bodies);
         let around = CheckBodies { part: &bodies.part, fixtures: &bodies.fixtures, ..around };
         let mut found = run(py, (&progress, "cutting the stock", lines), |control| {
-            // Voxels of the stock reach nowhere out of it.
-            let usual = CheckSettings::of_pitch(record.grid.pitch, record.unit);
-            let settings = CheckSettings { contact: contact.unwrap_or(usual.contact), ..settings };
+            let settings = settings.for_stock(contact, record.unit);
             check_stock(around, &voxels, &numbered, &path, &settings, control)
         })?;
         report.add(std::mem::take(&mut found.colliding));
         stock_left = Some(stock::report_dict(py, found, &bodies.part)?);
     }
-    let back = set_up.inverse();
-    if set_up != DMat4::IDENTITY {
-        report.colliding.iter_mut().flat_map(|line| &mut line.collisions).for_each(|hit| hit.place(&back));
-    }
+    report.place(&set_up.inverse());
     let mut stick_outs = Vec::new();
     if stick_out {
         stick_outs = run(py, (&progress, "stick-out", lines), |control| {

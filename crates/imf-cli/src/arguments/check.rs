@@ -7,7 +7,6 @@ use clap::{Args, ValueEnum};
 use imf_core::check::{CheckError, CheckSettings};
 use imf_core::scene::SceneRecord;
 use imf_core::tool::Tool;
-use imf_core::unit::LengthUnit;
 use serde::Serialize;
 
 use super::fixture::{StockArgument, parse_stock};
@@ -94,11 +93,6 @@ impl CheckArguments {
             "with --machine a path has the coordinates of G54, the frame into which --transform sets the part up: leave --frame part out"
         );
         Ok(self.frame.unwrap_or(if by_machine { Frame::World } else { Frame::Part }))
-    }
-
-    /// How deep the part may lie in the cutter where its voxels do not reach out of it.
-    pub(crate) fn contact_of_bare_voxels(&self, unit: LengthUnit) -> f64 {
-        self.contact.unwrap_or(CheckSettings::of_pitch(1.0, unit).contact)
     }
 
     /// The settings, with defaults that follow the scene.

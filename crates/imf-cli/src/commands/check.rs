@@ -13,8 +13,8 @@ use std::sync::Arc;
 use anyhow::Result;
 use glam::DMat4;
 use imf_core::check::{
-    CheckBodies, CheckError, CheckReport, CheckSettings, MachineBodies, PathStickOut, check_stock,
-    check_toolpath, cutters_not_compared, machine_remarks, never_near, shortest_stick_outs,
+    CheckBodies, CheckError, CheckReport, MachineBodies, PathStickOut, check_stock, check_toolpath,
+    cutters_not_compared, machine_remarks, never_near, shortest_stick_outs,
 };
 use imf_core::machine::Machine;
 use imf_core::scene::SceneRecord;
@@ -124,9 +124,7 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
     let mut stock = match stock {
         None => None,
         Some(stock) => {
-            // Voxels of the stock reach nowhere out of it.
-            let settings =
-                CheckSettings { contact: arguments.contact_of_bare_voxels(record.unit), ..settings };
+            let settings = settings.for_stock(arguments.contact, record.unit);
             let around = CheckBodies { part: &bare.part, fixtures: &bare.fixtures, ..around };
             let found = session.staged("cutting the stock", "lines", lines, |control| {
                 check_stock(around, &stock.voxels, &numbered, &toolpath, &settings, control)
@@ -151,10 +149,8 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
         }
     }
     let back = set_up.inverse();
-    if set_up != DMat4::IDENTITY {
-        report.colliding.iter_mut().flat_map(|line| &mut line.collisions).for_each(|hit| hit.place(&back));
-        stock.iter_mut().for_each(|stock| stock.place(&back));
-    }
+    report.place(&back);
+    stock.iter_mut().for_each(|stock| stock.place(&back));
     let checked =
         CheckRun { arguments, frame, record, tools, machine: machine.as_ref(), report, stock, stick_outs };
     if let Some(page) = &page {

@@ -75,7 +75,7 @@ pub struct Collision {
 
 impl Collision {
     /// The same collision in other coordinates, by a rigid motion and a uniform scale; lengths and volumes stay as they are.
-    pub fn place(&mut self, into: &DMat4) {
+    fn place(&mut self, into: &DMat4) {
         let point = |p: [f64; 3]| into.transform_point3(DVec3::from_array(p)).to_array();
         self.contact = point(self.contact);
         self.position = point(self.position);
@@ -215,6 +215,15 @@ impl CheckReport {
                 Some(own) => own.collisions.extend(line.collisions),
                 None => self.colliding.insert(place, line),
             }
+        }
+    }
+
+    /// The same collisions in other coordinates, by a rigid motion and a uniform scale; lengths and volumes stay as they are.
+    pub fn place(&mut self, into: &DMat4) {
+        // A roll that is turned is rounded, even where nothing moves.
+        if *into != DMat4::IDENTITY {
+            let hits = self.colliding.iter_mut().flat_map(|line| &mut line.collisions);
+            hits.for_each(|hit| hit.place(into));
         }
     }
 
