@@ -25,7 +25,8 @@ use pulp::Arch;
 use crate::parallel::make_once;
 use crate::pose::{Pose, axis_of};
 use crate::tool::{Element, Segment, Tool, ToolError, ToolShape, snapped};
-use batch::BatchSpheres;
+use crate::workspaces::Workspaces;
+use batch::{BatchSpheres, Scratch};
 use inscribed::InscribedSpheres;
 pub(crate) use lines::{BodyLines, LineVisitor};
 pub(crate) use nearest::Separation;
@@ -55,6 +56,7 @@ pub(crate) struct SolidField {
     inscribed: OnceLock<InscribedSpheres>,
     /// Made at the first batch.
     batch: OnceLock<BatchSpheres>,
+    workspaces: Workspaces<Scratch>,
 }
 
 enum Shape {
@@ -140,6 +142,7 @@ impl SolidField {
             spheres: OnceLock::new(),
             inscribed: OnceLock::new(),
             batch: OnceLock::new(),
+            workspaces: Workspaces::default(),
         }
     }
 

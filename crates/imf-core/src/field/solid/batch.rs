@@ -124,6 +124,13 @@ struct Items {
     lines: Vec<Lines>,
 }
 
+/// Working memory of a thread.
+#[derive(Default)]
+pub(super) struct Scratch {
+    pieces: Items,
+    leaves: Items,
+}
+
 impl SolidField {
     /// [`SolidField::collides`] of every pose; those for which `colliding` is true already are skipped.
     pub(crate) fn collide_all(&self, poses: &[Pose], colliding: &mut [bool]) {
@@ -135,6 +142,11 @@ impl SolidField {
             }
             return;
         }
+        self.workspaces.with(|scratch| self.collide_blocks(bodies, poses, colliding, scratch));
+    }
+
+    fn collide_blocks(&self, bodies: &[Body], poses: &[Pose], colliding: &mut [bool], scratch: &mut Scratch) {
+        let Scratch { pieces, leaves } = scratch;
         let tree = self.spheres(bodies);
         let spheres = make_once(&self.batch, || BatchSpheres::new(bodies, tree));
         let lookup = Lookup::new(&self.voxels, spheres.parts);
@@ -146,19 +158,18 @@ impl SolidField {
             collides: [false; BLOCK],
             count: 0,
         };
-        let [mut pieces, mut leaves] = [Items::default(), Items::default()];
         for (poses, colliding) in poses.chunks(BLOCK).zip(colliding.chunks_mut(BLOCK)) {
             self.place(poses, colliding, &mut places);
             vectorised!(self.arch, {
                 lookup.try_pieces(&spheres.pieces, &mut places);
                 pieces.list(&places, spheres.pieces.len());
-                lookup.find_nearest(&mut pieces, |piece| spheres.pieces[piece].sphere.height, &places);
-                spheres.outline.try_nearest(&lookup, &pieces, &mut places);
-                lookup.try_leaves(&spheres.pieces, &mut pieces, &mut places, &mut leaves);
-                lookup.find_nearest(&mut leaves, |leaf| spheres.leaves[leaf].sphere.height, &places);
-                spheres.outline.try_nearest(&lookup, &leaves, &mut places);
-                lookup.keep_near(&mut leaves, |leaf| spheres.leaves[leaf].sphere, &places);
-                find_lines(&lookup, |leaf| &spheres.leaves[leaf].balls, &mut leaves, &places);
+                lookup.find_nearest(pieces, |piece| spheres.pieces[piece].sphere.height, &places);
+                spheres.outline.try_nearest(&lookup, pieces, &mut places);
+                lookup.try_leaves(&spheres.pieces, pieces, &mut places, leaves);
+                lookup.find_nearest(leaves, |leaf| spheres.leaves[leaf].sphere.height, &places);
+                spheres.outline.try_nearest(&lookup, leaves, &mut places);
+                lookup.keep_near(leaves, |leaf| spheres.leaves[leaf].sphere, &places);
+                find_lines(&lookup, |leaf| &spheres.leaves[leaf].balls, leaves, &places);
             });
             for place in 0..places.count {
                 colliding[usize::from(places.pose[place])] = places.collides[place];
