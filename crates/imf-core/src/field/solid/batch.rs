@@ -113,6 +113,17 @@ struct Places {
     count: usize,
 }
 
+impl Places {
+    const EMPTY: Self = Self {
+        tip: [[0.0; BLOCK]; 3],
+        axis: [[0.0; BLOCK]; 3],
+        pose: [0; BLOCK],
+        open: [0; BLOCK],
+        collides: [false; BLOCK],
+        count: 0,
+    };
+}
+
 /// Pieces at places that may hold a solid centre.
 #[derive(Default)]
 struct Items {
@@ -150,14 +161,7 @@ impl SolidField {
         let tree = self.spheres(bodies);
         let spheres = make_once(&self.batch, || BatchSpheres::new(bodies, tree));
         let lookup = Lookup::new(&self.voxels, spheres.parts);
-        let mut places = Places {
-            tip: [[0.0; BLOCK]; 3],
-            axis: [[0.0; BLOCK]; 3],
-            pose: [0; BLOCK],
-            open: [0; BLOCK],
-            collides: [false; BLOCK],
-            count: 0,
-        };
+        let mut places = Places::EMPTY;
         for (poses, colliding) in poses.chunks(BLOCK).zip(colliding.chunks_mut(BLOCK)) {
             self.place(poses, colliding, &mut places);
             vectorised!(self.arch, {

@@ -159,12 +159,6 @@ impl SphereTree {
         level
     }
 
-    /// True where the bounding sphere of a piece may hold a solid centre, by all centres around its middle.
-    pub(super) fn may_hold(&self, index: u32, placed: VoxelPose, distances: &DistanceField) -> bool {
-        let Sphere { middle, squared, .. } = self.piece(index).bound;
-        distances.squared_around(placed.on_axis(middle)) <= squared
-    }
-
     /// The pieces that are whole bodies.
     pub(super) fn roots(&self) -> Range<u32> {
         0..self.roots as u32
@@ -209,7 +203,7 @@ impl SphereTree {
                 }
                 if piece.last {
                     // Counting costs more than looking at all centres around the point.
-                    if !self.may_hold(index, placed, distances) {
+                    if distances.squared_around(middle) > sphere.squared {
                         continue;
                     }
                     if found == OPEN {

@@ -312,14 +312,7 @@ mod tests {
         let occupancy = Occupancy { grid, solid: (0..grid.len()).map(solid).collect() };
         let voxels = SolidVoxels::from(Arc::new(occupancy));
         let lookup = Lookup::new(&voxels, 8);
-        let mut places = Places {
-            tip: [[0.0; BLOCK]; 3],
-            axis: [[0.0; BLOCK]; 3],
-            pose: [0; BLOCK],
-            open: [0; BLOCK],
-            collides: [false; BLOCK],
-            count: BLOCK,
-        };
+        let mut places = Places { count: BLOCK, ..Places::EMPTY };
         let mut items = Items::default();
         for place in 0..BLOCK {
             let put = |step: f64| ((place as f64 * step).fract() * 40.0 - 8.0) as f32;
