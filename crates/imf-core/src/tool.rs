@@ -196,8 +196,8 @@ impl Tool {
     /// mesh, which has no elements.
     #[must_use]
     pub fn without_cutter(&self) -> Option<Self> {
-        let ToolShape::Revolved(elements) = &self.shape else { return None };
-        let rest: Vec<Element> = elements.iter().filter(|e| e.kind != ElementKind::Cutter).cloned().collect();
+        let rest = self.elements().iter().filter(|e| e.kind != ElementKind::Cutter);
+        let rest: Vec<Element> = rest.cloned().collect();
         let sharp_points = self.inherited_sharp_points();
         (!rest.is_empty()).then(|| Self { shape: ToolShape::Revolved(rest), sharp_points, ..self.clone() })
     }
@@ -210,21 +210,29 @@ impl Tool {
         }
     }
 
+    /// Its elements from the tip upwards; none of a mesh.
+    pub(crate) fn elements(&self) -> &[Element] {
+        match &self.shape {
+            ToolShape::Revolved(elements) => elements,
+            ToolShape::Mesh(_) => &[],
+        }
+    }
+
+    /// The pieces of its outline from the tip upwards; none of a mesh.
+    pub(crate) fn segments(&self) -> impl Iterator<Item = &Segment> {
+        self.elements().iter().flat_map(|element| &element.profile)
+    }
+
     /// True where one of its elements is a cutter.
     #[must_use]
     pub fn has_cutter(&self) -> bool {
-        let is_cutter = |e: &Element| e.kind == ElementKind::Cutter;
-        matches!(&self.shape, ToolShape::Revolved(elements) if elements.iter().any(is_cutter))
+        self.elements().iter().any(|e| e.kind == ElementKind::Cutter)
     }
 
     /// True where one of its elements is a holder; true of a mesh, which is all that there is.
     #[must_use]
     pub fn has_holder(&self) -> bool {
-        let is_holder = |e: &Element| matches!(e.kind, ElementKind::Holder(_));
-        match &self.shape {
-            ToolShape::Revolved(elements) => elements.iter().any(is_holder),
-            ToolShape::Mesh(_) => true,
-        }
+        self.mesh().is_some() || self.elements().iter().any(|e| matches!(e.kind, ElementKind::Holder(_)))
     }
 
     /// True where turning the tool about its axis changes nothing, sharp points included (rings count as whole).
@@ -240,23 +248,16 @@ impl Tool {
     /// Largest distance from the tool's origin to any of its points (an upper bound, tight for cylinders).
     #[must_use]
     pub fn reach(&self) -> f64 {
-        match &self.shape {
-            ToolShape::Revolved(elements) => elements
-                .iter()
-                .flat_map(|e| &e.profile)
-                .map(|s| s.max_radius().hypot(s.range().1))
-                .fold(0.0, f64::max),
-            ToolShape::Mesh(mesh) => mesh.vertices.iter().map(|v| v.length()).fold(0.0, f64::max),
-        }
+        let of_segments = self.segments().map(|s| s.max_radius().hypot(s.range().1));
+        let of_mesh = self.mesh().into_iter().flat_map(|mesh| &mesh.vertices).map(|v| v.length());
+        of_segments.chain(of_mesh).fold(0.0, f64::max)
     }
 
     /// Volume in cubic units: analytic for bodies of revolution, by the divergence theorem for a mesh.
     #[must_use]
     pub fn volume(&self) -> f64 {
         match &self.shape {
-            ToolShape::Revolved(elements) => {
-                elements.iter().flat_map(|e| &e.profile).map(Segment::volume).sum()
-            }
+            ToolShape::Revolved(_) => self.segments().map(Segment::volume).sum(),
             ToolShape::Mesh(mesh) => mesh.signed_volume().abs(),
         }
     }
@@ -265,9 +266,7 @@ impl Tool {
     #[must_use]
     pub fn length(&self) -> f64 {
         match &self.shape {
-            ToolShape::Revolved(elements) => {
-                elements.last().and_then(|e| e.profile.last()).map_or(0.0, |s| s.range().1)
-            }
+            ToolShape::Revolved(_) => self.segments().last().map_or(0.0, |s| s.range().1),
             ToolShape::Mesh(mesh) => mesh.bounds().map_or(0.0, |(_, upper)| upper.z),
         }
     }
@@ -299,15 +298,10 @@ impl Tool {
             ToolShape::Mesh(mesh) if mesh.triangles.is_empty() => {
                 return Err(empty("its mesh has no triangle"));
             }
-            ToolShape::Revolved(elements) => {
-                if let Some(element) = elements.iter().find(|element| !element.runs_upwards()) {
-                    return Err(empty(&format!(
-                        "the outline of its {} does not run upwards without gaps",
-                        element.kind
-                    )));
-                }
-            }
-            ToolShape::Mesh(_) => {}
+            _ => {}
+        }
+        if let Some(Element { kind, .. }) = self.elements().iter().find(|element| !element.runs_upwards()) {
+            return Err(empty(&format!("the outline of its {kind} does not run upwards without gaps")));
         }
         let volume = self.volume();
         if !(volume.is_finite() && volume > 0.0) {

@@ -6,7 +6,7 @@
 use std::fmt;
 
 use super::SceneRecord;
-use crate::tool::{Clearance, ElementKind, Tool, ToolShape};
+use crate::tool::{Clearance, ElementKind, Tool};
 
 /// Half the diagonal of a voxel, in pitches.
 const HALF_DIAGONAL: f64 = 0.866_025_403_784_438_6;
@@ -54,12 +54,9 @@ impl Guarantee {
         contact: bool,
         needed: f64,
     ) -> Self {
-        let keeps_off = |cutter: bool| match &tool.shape {
-            ToolShape::Revolved(elements) => elements
-                .iter()
-                .filter(|e| (e.kind == ElementKind::Cutter) == cutter)
-                .all(|e| clearance.of(e.kind) >= needed),
-            ToolShape::Mesh(_) => false,
+        let keeps_off = |cutter: bool| {
+            let mut elements = tool.elements().iter().filter(|e| (e.kind == ElementKind::Cutter) == cutter);
+            tool.mesh().is_none() && elements.all(|e| clearance.of(e.kind) >= needed)
         };
         let has_rest = tool.without_cutter().is_some();
         match (conservative, keeps_off(false), keeps_off(true) && !contact) {

@@ -84,8 +84,8 @@ impl Tool {
 
     /// Every element eroded by itself: where one element stands on another, a little more is taken away than need be.
     fn eroded(&self, depth: f64) -> Option<Self> {
-        let ToolShape::Revolved(elements) = &self.shape else { return None };
-        let left: Vec<Element> = elements.iter().filter_map(|element| element.eroded(depth, true)).collect();
+        let left = self.elements().iter().filter_map(|element| element.eroded(depth, true));
+        let left: Vec<Element> = left.collect();
         (!left.is_empty()).then(|| Self { shape: ToolShape::Revolved(left), ..self.with_tip_only() })
     }
 }

@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 
 use super::tool_voxels::{SLACK, bounds, line_through_cylinder, locate_inside, turn};
 use super::voxel_count::{mesh_voxels, snapped};
-use super::{Element, ElementKind, Segment, Tool, ToolShape};
+use super::{Element, ElementKind, Segment, Tool};
 use crate::grid::Grid;
 use crate::mesh::Mesh;
 use crate::occupancy::Occupancy;
@@ -13,7 +13,7 @@ use crate::pose::Pose;
 impl Tool {
     /// All that cuts, as one element, and whether its upper end sticks out beyond what stands on it; `None` without a cutter.
     pub(crate) fn cutter(&self) -> Option<(Element, bool)> {
-        let ToolShape::Revolved(elements) = &self.shape else { return None };
+        let elements = self.elements();
         let cutting = |e: &&Element| e.kind == ElementKind::Cutter;
         let profile: Vec<Segment> =
             elements.iter().filter(cutting).flat_map(|e| e.profile.iter().copied()).collect();
@@ -39,10 +39,8 @@ impl Tool {
 
     /// Largest distance of any of a mesh's points from the tool's axis; 0 of a tool of revolution, which no roll moves.
     pub(crate) fn rolling_radius(&self) -> f64 {
-        match &self.shape {
-            ToolShape::Revolved(_) => 0.0,
-            ToolShape::Mesh(mesh) => mesh.vertices.iter().map(|v| v.x.hypot(v.y)).fold(0.0, f64::max),
-        }
+        let vertices = self.mesh().into_iter().flat_map(|mesh| &mesh.vertices);
+        vertices.map(|v| v.x.hypot(v.y)).fold(0.0, f64::max)
     }
 }
 
@@ -156,7 +154,7 @@ impl Tool {
         pose: &Pose,
         mut visit: impl FnMut(&Mesh, usize, DVec3),
     ) -> Option<()> {
-        let ToolShape::Mesh(mesh) = &self.shape else { return None };
+        let mesh = self.mesh()?;
         pose.axis()?;
         let (grid, orientation) = (&obstacle.grid, pose.orientation());
         let tip = snapped(grid, pose.position);

@@ -1,6 +1,6 @@
 //! Thin discs of a tool: a slitting saw, a key cutter, a flange.
 
-use super::{ElementKind, Segment, Tool, ToolShape};
+use super::{ElementKind, Segment, Tool};
 
 /// Sampled heights along a segment.
 const ALONG: u32 = 16;
@@ -19,9 +19,8 @@ impl Tool {
     /// The thinnest disc of the tool that stands out by more than `out` on both sides: the name of its element, and for how long along
     /// the axis the tool is wider than that. `None` where there is none, and of a mesh.
     pub(crate) fn thinnest_disc(&self, out: f64) -> Option<(String, f64)> {
-        let ToolShape::Revolved(elements) = &self.shape else { return None };
-        let segments =
-            elements.iter().flat_map(|element| element.profile.iter().map(|own| (element.kind, own)));
+        let elements = self.elements().iter();
+        let segments = elements.flat_map(|element| element.profile.iter().map(|own| (element.kind, own)));
         let spots = segments.enumerate().flat_map(|(number, (kind, segment))| {
             let (from, to) = segment.range();
             (0..=ALONG).map(move |step| {

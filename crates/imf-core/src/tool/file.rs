@@ -208,9 +208,9 @@ impl Reader<'_> {
     fn tool(&self, path: &Path) -> Result<Tool, Fault> {
         let text: ToolText = toml::from_str(self.text)
             .map_err(|error| self.at(error.span().map_or(0, |span| span.start), error.message()))?;
-        let mut unit = text.unit.unwrap_or_default();
-        let mut overall_length = None;
-        let shape = match (&text.mesh, &text.cutter) {
+        let of_file = || path.file_stem().map_or_else(|| "tool".into(), |s| s.to_string_lossy().into_owned());
+        let name = text.name.clone().unwrap_or_else(of_file);
+        let tool = match (&text.mesh, &text.cutter) {
             (Some(mesh), None)
                 if text.shank.is_none() && text.holder.is_empty() && text.stick_out.is_none() =>
             {
@@ -219,8 +219,8 @@ impl Reader<'_> {
                     kind: error.fault.kind,
                     ..self.wrong(mesh, error.to_string())
                 })?;
-                unit = text.unit.or(file.unit).unwrap_or_default();
-                ToolShape::Mesh(file.in_unit(unit))
+                let unit = text.unit.or(file.unit).unwrap_or_default();
+                Tool { unit, shape: ToolShape::Mesh(file.in_unit(unit)), ..Tool::revolved(name, []) }
             }
             (Some(mesh), _) => {
                 let what = "mesh stands alone: remove cutter, shank, holder and stick_out, or remove mesh";
@@ -228,24 +228,19 @@ impl Reader<'_> {
             }
             (None, None) => return Err(self.at(0, "a tool needs a [cutter] or a mesh")),
             (None, Some(cutter)) => {
-                let (stack, overall) = self.stack(&text, cutter)?;
-                overall_length = overall;
-                stack.shape()
+                let (stack, overall_length) = self.stack(&text, cutter)?;
+                let unit = text.unit.unwrap_or_default();
+                Tool { overall_length, back_cutting: cutter.back_cutting, ..stack.tool(name, unit) }
             }
         };
-        let sharp_points = match &text.sharp_points {
-            None => SharpPoints::Tip,
-            Some(sharp) => sharp_points(sharp.get_ref(), &shape).ok_or_else(|| {
-                let what = "sharp_points must be \"tip\", a number of points on the cutter (5 and more, which is a ring) or \"boundary\" \
-                            (neither for a mesh), { within = LENGTH } (of a mesh: its vertices so near the tip; there must be some), or \
-                            a list of points [[x, y, z], …]";
-                self.wrong(sharp, what)
-            })?,
-        };
-        let of_file = || path.file_stem().map_or_else(|| "tool".into(), |s| s.to_string_lossy().into_owned());
-        let back_cutting = text.cutter.as_ref().is_some_and(|cutter| cutter.back_cutting);
-        let name = text.name.unwrap_or_else(of_file);
-        Ok(Tool { name, unit, shape, sharp_points, overall_length, back_cutting })
+        let Some(sharp) = &text.sharp_points else { return Ok(tool) };
+        let sharp_points = sharp_points(sharp.get_ref(), &tool.shape).ok_or_else(|| {
+            let what = "sharp_points must be \"tip\", a number of points on the cutter (5 and more, which is a ring) or \"boundary\" \
+                        (neither for a mesh), { within = LENGTH } (of a mesh: its vertices so near the tip; there must be some), or \
+                        a list of points [[x, y, z], …]";
+            self.wrong(sharp, what)
+        })?;
+        Ok(Tool { sharp_points, ..tool })
     }
 
     /// The stack, and the length of cutter and shank where the file states it beside the stick-out.
@@ -255,10 +250,8 @@ impl Reader<'_> {
         let shank = text.shank.as_ref();
         let diameter = shank.map(|shank| self.length("shank.diameter", &shank.diameter)).transpose()?;
         let length = shank.and_then(|shank| shank.length.as_ref());
-        let shank_end = match length {
-            Some(length) => Some(cutter_length + self.length("shank.length", length)?),
-            None => None,
-        };
+        let length = length.map(|length| self.length("shank.length", length)).transpose()?;
+        let shank_end = length.map(|length| cutter_length + length);
         let stick_out = text.stick_out.as_ref().map(|s| self.length("stick_out", s)).transpose()?;
         let face = stick_out.unwrap_or(shank_end.unwrap_or(cutter_length));
         if let Some(stick) = &text.stick_out {

@@ -65,12 +65,6 @@ impl Clearance {
         *self == Self::default()
     }
 
-    /// The clearance with every length multiplied by `factor`, to change its unit.
-    #[must_use]
-    pub fn scaled(&self, factor: f64) -> Self {
-        Self { holder: self.holder * factor, shank: self.shank * factor, cutter: self.cutter * factor }
-    }
-
     /// Checks every length.
     ///
     /// # Errors
@@ -93,13 +87,10 @@ impl Tool {
     /// elements, and the list is empty.
     pub fn offset_elements(&self, clearance: &Clearance) -> Result<Vec<Element>, ClearanceError> {
         clearance.check()?;
-        match &self.shape {
-            ToolShape::Revolved(elements) => {
-                Ok(elements.iter().map(|e| e.offset(clearance.of(e.kind))).collect())
-            }
-            ToolShape::Mesh(_) if clearance.is_zero() => Ok(Vec::new()),
-            ToolShape::Mesh(_) => Err(ClearanceError::Mesh(self.name.clone())),
+        if self.mesh().is_some() && !clearance.is_zero() {
+            return Err(ClearanceError::Mesh(self.name.clone()));
         }
+        Ok(self.elements().iter().map(|e| e.offset(clearance.of(e.kind))).collect())
     }
 
     /// One tool that is the union of the offset elements; each piece of its outline belongs to the element that reaches
@@ -118,43 +109,35 @@ impl Tool {
             .enumerate()
             .flat_map(|(owner, body)| body.profile.iter().map(move |&segment| Curve { segment, owner }))
             .collect();
-        let mut elements: Vec<Element> = Vec::new();
-        let mut last = usize::MAX;
-        for curve in envelope(&curves, Side::Outer) {
-            if curve.owner != last {
-                elements.push(Element { kind: bodies[curve.owner].kind, profile: Vec::new() });
-                last = curve.owner;
-            }
-            if let Some(element) = elements.last_mut() {
-                element.profile.push(curve.segment);
-            }
-        }
-        let sharp_points = self.inherited_sharp_points();
-        Ok(Self { shape: ToolShape::Revolved(elements), sharp_points, ..self.clone() })
+        let outline = envelope(&curves, Side::Outer);
+        let elements = outline.chunk_by(|one, next| one.owner == next.owner).map(|pieces| Element {
+            kind: bodies[pieces[0].owner].kind,
+            profile: pieces.iter().map(|curve| curve.segment).collect(),
+        });
+        let (shape, sharp_points) = (ToolShape::Revolved(elements.collect()), self.inherited_sharp_points());
+        Ok(Self { shape, sharp_points, ..self.clone() })
     }
 }
 
 impl Tool {
     /// True where every point of another tool is one of this tool's; false of meshes.
     pub(crate) fn holds_all_of(&self, other: &Self) -> bool {
-        let (ToolShape::Revolved(ours), ToolShape::Revolved(theirs)) = (&self.shape, &other.shape) else {
+        if self.mesh().or(other.mesh()).is_some() {
             return false;
+        }
+        let ends = |tool: &Self| {
+            let ranges = || tool.segments().map(Segment::range);
+            let low = ranges().map(|range| range.0).fold(f64::INFINITY, f64::min);
+            (low, ranges().map(|range| range.1).fold(f64::NEG_INFINITY, f64::max))
         };
-        let ends = |elements: &[Element]| {
-            let all = || elements.iter().flat_map(|e| &e.profile).map(Segment::range);
-            (
-                all().map(|r| r.0).fold(f64::INFINITY, f64::min),
-                all().map(|r| r.1).fold(f64::NEG_INFINITY, f64::max),
-            )
-        };
-        let (our_ends, their_ends) = (ends(ours), ends(theirs));
-        if our_ends.0 > their_ends.0 || our_ends.1 < their_ends.1 {
+        let (ours, theirs) = (ends(self), ends(other));
+        if ours.0 > theirs.0 || ours.1 < theirs.1 {
             return false;
         }
         // Of two that are as wide the last one makes the envelope.
-        let curves = [(0, theirs), (1, ours)].into_iter().flat_map(|(owner, elements)| {
-            elements.iter().flat_map(|e| &e.profile).map(move |&segment| Curve { segment, owner })
-        });
+        let curves = [(0, other), (1, self)]
+            .into_iter()
+            .flat_map(|(owner, tool)| tool.segments().map(move |&segment| Curve { segment, owner }));
         envelope(&curves.collect::<Vec<_>>(), Side::Outer).iter().all(|curve| curve.owner == 1)
     }
 }
@@ -231,9 +214,8 @@ mod tests {
     fn offset_elements_are_the_points_within_the_clearance() {
         let clearance = Clearance { holder: 2.0, shank: 1.0, cutter: 0.5 };
         for tool in [Tool::paper(), tapered()] {
-            let ToolShape::Revolved(elements) = &tool.shape else { panic!() };
             let offset = tool.offset_elements(&clearance).unwrap();
-            for (element, body) in elements.iter().zip(&offset) {
+            for (element, body) in tool.elements().iter().zip(&offset) {
                 let delta = clearance.of(element.kind);
                 let (low, high) = (body.profile[0].range().0, body.profile.last().unwrap().range().1);
                 assert!((low - (element.profile[0].range().0 - delta)).abs() < 1e-6);
@@ -311,7 +293,7 @@ mod tests {
         let tool = tapered();
         let bodies = tool.offset_elements(&clearance).unwrap();
         let union = tool.with_clearance(&clearance).unwrap();
-        let ToolShape::Revolved(pieces) = &union.shape else { panic!() };
+        let pieces = union.elements();
         for i in 0..400 {
             for j in 0..80 {
                 let (height, radius) = (-1.0 + 35.0 * f64::from(i) / 399.0, f64::from(j) * 0.17);

@@ -175,21 +175,17 @@ impl Segment {
     }
 
     pub(crate) fn scaled(&self, factor: f64) -> Self {
-        match *self {
-            Self::Line { from, to, radius_from, radius_to } => Self::Line {
-                from: from * factor,
-                to: to * factor,
-                radius_from: radius_from * factor,
-                radius_to: radius_to * factor,
-            },
-            Self::Arc { from, to, centre_height, centre_radius, arc_radius } => Self::Arc {
-                from: from * factor,
-                to: to * factor,
-                centre_height: centre_height * factor,
-                centre_radius: centre_radius * factor,
-                arc_radius: arc_radius * factor,
-            },
+        let mut scaled = *self;
+        let scale = |length: &mut f64| *length *= factor;
+        match &mut scaled {
+            Self::Line { from, to, radius_from, radius_to } => {
+                [from, to, radius_from, radius_to].into_iter().for_each(scale);
+            }
+            Self::Arc { from, to, centre_height, centre_radius, arc_radius } => {
+                [from, to, centre_height, centre_radius, arc_radius].into_iter().for_each(scale);
+            }
         }
+        scaled
     }
 
     /// The piece of the segment between two heights.

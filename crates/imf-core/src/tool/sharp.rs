@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::profile::{self, Element, ElementKind, Segment};
 use super::{SLACK, Tool, ToolError, ToolShape, contains};
 use crate::mesh::distance::distance_to_mesh;
-use crate::mesh::solid_angle::winding_number;
+use crate::voxelize::winding_number;
 
 /// Maximum number of voxels of a cutter's box that are searched for sharp points.
 const MOST_LOOKED_AT: f64 = (1_u64 << 26) as f64;
@@ -37,9 +37,8 @@ impl Tool {
             (SharpPoints::Points(points), _) => points.clone(),
             (SharpPoints::Boundary(Some(elements)), _) => boundary(elements, pitch),
             (SharpPoints::Boundary(None), ToolShape::Revolved(elements)) => boundary(elements, pitch),
-            (SharpPoints::Cutter(count), ToolShape::Revolved(elements)) => {
-                let cutter = elements.iter().filter(|e| e.kind == ElementKind::Cutter);
-                let profile: Vec<Segment> = cutter.flat_map(|e| e.profile.iter().copied()).collect();
+            (SharpPoints::Cutter(count), ToolShape::Revolved(_)) => {
+                let profile = self.cutter().map(|(cutter, _)| cutter.profile).unwrap_or_default();
                 profile::surface_points(&profile, *count)
             }
             _ => vec![DVec3::ZERO],
@@ -88,8 +87,7 @@ impl Tool {
                 elements.iter().map(from).fold(f64::INFINITY, f64::min)
             }
             ToolShape::Mesh(mesh) => {
-                let triangles = (0..mesh.triangles.len()).map(|triangle| mesh.corners(triangle));
-                let holds = winding_number(triangles, point).abs() > 0.5;
+                let holds = winding_number(mesh, point).abs() > 0.5;
                 if holds { 0.0 } else { distance_to_mesh(mesh, point) }
             }
         };

@@ -15,8 +15,8 @@ impl Tool {
     /// How deep the tip must stand in a solid, upright, until the overlap holds a ball of a radius; `None` where the tool holds none on
     /// its axis, and of a mesh.
     pub(crate) fn tip_depth(&self, radius: f64) -> Option<f64> {
-        let ToolShape::Revolved(elements) = &self.shape else { return None };
-        let profile = elements.iter().flat_map(|element| element.profile.clone()).collect();
+        let ToolShape::Revolved(_) = &self.shape else { return None };
+        let profile = self.segments().copied().collect();
         let whole = Element { kind: ElementKind::Cutter, profile };
         let length = self.length();
         // No nearer surface comes sooner than by the way to it.

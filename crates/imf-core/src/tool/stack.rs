@@ -1,6 +1,7 @@
 //! Cutter, shank and holder as files give them, stacked to elements, and the outlines that cutters have.
 
-use super::{Element, ElementKind, Segment, ToolShape};
+use super::{ElementKind, Segment, Tool};
+use crate::unit::LengthUnit;
 
 /// The parts of a tool from the tip upwards, heights from the tip.
 pub(super) struct Stack {
@@ -15,22 +16,23 @@ pub(super) struct Stack {
 }
 
 impl Stack {
-    pub(super) fn shape(self) -> ToolShape {
+    /// The tool of these parts, sharp at its tip.
+    pub(super) fn tool(self, name: impl Into<String>, unit: LengthUnit) -> Tool {
         let below = |profile: Vec<Segment>| -> Vec<Segment> {
             profile.iter().filter_map(|segment| segment.below(self.face)).collect()
         };
-        let mut elements = vec![Element { kind: ElementKind::Cutter, profile: below(self.cutter) }];
+        let mut elements = vec![(ElementKind::Cutter, below(self.cutter))];
         let shank = below(self.shank);
         if !shank.is_empty() {
-            elements.push(Element { kind: ElementKind::Shank, profile: shank });
+            elements.push((ElementKind::Shank, shank));
         }
         let mut from = self.face;
         for (index, [height, lower, upper]) in self.holder.into_iter().enumerate() {
             let profile = vec![line(from, from + height, lower / 2.0, upper / 2.0)];
-            elements.push(Element { kind: ElementKind::Holder(index), profile });
+            elements.push((ElementKind::Holder(index), profile));
             from += height;
         }
-        ToolShape::Revolved(elements)
+        Tool { unit, ..Tool::revolved(name, elements) }
     }
 }
 

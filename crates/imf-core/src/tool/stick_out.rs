@@ -10,8 +10,7 @@ impl Tool {
     /// From the tip to the holder's lower face; `None` without a holder, and of a mesh.
     #[must_use]
     pub fn stick_out(&self) -> Option<f64> {
-        let ToolShape::Revolved(elements) = &self.shape else { return None };
-        let holder = elements.iter().find(|e| matches!(e.kind, ElementKind::Holder(_)))?;
+        let holder = self.elements().iter().find(|e| matches!(e.kind, ElementKind::Holder(_)))?;
         Some(holder.profile.first()?.range().0)
     }
 
@@ -20,8 +19,7 @@ impl Tool {
     #[must_use]
     pub fn shortest_stick_out(&self) -> Option<f64> {
         let mut shortest = self.stick_out()?;
-        let ToolShape::Revolved(elements) = &self.shape else { return None };
-        let shank = elements.iter().filter(|e| e.kind == ElementKind::Shank).flat_map(|e| &e.profile);
+        let shank = self.elements().iter().filter(|e| e.kind == ElementKind::Shank).flat_map(|e| &e.profile);
         let mut gripped = None;
         for segment in shank.collect::<Vec<_>>().into_iter().rev() {
             let Segment::Line { from, to, radius_from, radius_to } = *segment else { break };
@@ -41,8 +39,8 @@ impl Tool {
         if !(shortest..=self.overall_length.unwrap_or(f64::MAX)).contains(&length) {
             return None;
         }
-        let ToolShape::Revolved(elements) = &self.shape else { return None };
-        let is_holder = |e: &&Element| matches!(e.kind, ElementKind::Holder(_));
+        let (elements, is_holder) =
+            (self.elements(), |e: &&Element| matches!(e.kind, ElementKind::Holder(_)));
         let mut set: Vec<Element> = elements.iter().filter(|e| !is_holder(e)).cloned().collect();
         for shank in set.iter_mut().filter(|e| e.kind == ElementKind::Shank) {
             shank.profile = shank.profile.iter().filter_map(|segment| segment.below(length)).collect();
@@ -61,8 +59,7 @@ impl Tool {
     /// The plain cylinder on which the holder slides, between two heights; `None` where the first is not below the second.
     pub(crate) fn extension(&self, from: f64, to: f64) -> Option<Segment> {
         let face = self.stick_out()?;
-        let ToolShape::Revolved(elements) = &self.shape else { return None };
-        let below = elements.iter().rfind(|e| !matches!(e.kind, ElementKind::Holder(_)))?;
+        let below = self.elements().iter().rfind(|e| !matches!(e.kind, ElementKind::Holder(_)))?;
         let radius = below.profile.last()?.radius(face);
         (from < to).then_some(Segment::cylinder(from, to, radius))
     }
@@ -70,8 +67,7 @@ impl Tool {
     /// Holder alone, its lower face at height 0; `None` as of [`Tool::stick_out`].
     pub(crate) fn holder(&self) -> Option<Self> {
         let face = self.stick_out()?;
-        let ToolShape::Revolved(elements) = &self.shape else { return None };
-        let holder = elements.iter().filter(|e| matches!(e.kind, ElementKind::Holder(_)));
+        let holder = self.elements().iter().filter(|e| matches!(e.kind, ElementKind::Holder(_)));
         let shape = ToolShape::Revolved(holder.map(|e| e.raised(-face)).collect());
         Some(Self { shape, ..self.with_tip_only() })
     }
@@ -124,10 +120,8 @@ mod tests {
         let tool = necked(40.0);
         assert_eq!((tool.stick_out(), tool.shortest_stick_out()), (Some(40.0), Some(25.0)));
         let inside = |tool: &Tool, height: f64| {
-            let ToolShape::Revolved(elements) = &tool.shape else { panic!() };
-            let mut all = elements.iter().flat_map(|e| e.profile.iter().map(|s| (e.kind, *s)));
-            all.find(|(_, s)| (s.range().0..s.range().1).contains(&height))
-                .map(|(k, s)| (k, s.radius(height)))
+            let mut radii = tool.elements().iter().map(|element| (element.kind, element.radius_at(height)));
+            radii.find(|(_, radius)| *radius > 0.0)
         };
         for length in [34.0, 40.0, 55.0] {
             let (set, made) = (tool.with_stick_out(length).unwrap(), necked(length));
@@ -150,12 +144,10 @@ mod tests {
     fn without_a_shank_the_cutters_own_radius_goes_on() {
         let paper = Tool::paper();
         assert_eq!(paper.shortest_stick_out(), Some(35.0));
-        let ToolShape::Revolved(elements) = paper.with_stick_out(50.0).unwrap().shape else { panic!() };
-        assert_eq!(
-            elements[1],
-            Element { kind: ElementKind::Shank, profile: vec![line(35.0, 50.0, 5.0, 5.0)] }
-        );
-        assert_eq!(elements[2].profile[0].range(), (50.0, 98.0));
+        let long = paper.with_stick_out(50.0).unwrap();
+        let [_, shank, holder] = long.elements() else { panic!() };
+        assert_eq!((shank.kind, &shank.profile), (ElementKind::Shank, &vec![line(35.0, 50.0, 5.0, 5.0)]));
+        assert_eq!(holder.profile[0].range(), (50.0, 98.0));
         let bare = paper.without_holder();
         assert_eq!((bare.stick_out(), bare.with_stick_out(50.0), bare.length()), (None, None, 35.0));
     }

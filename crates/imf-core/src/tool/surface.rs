@@ -1,6 +1,6 @@
 //! The tool's surface as triangles: for pictures, and for libraries that know nothing else.
 
-use super::{Segment, Tool, ToolShape};
+use super::{Segment, Tool};
 use crate::mesh::Mesh;
 
 /// Pieces of an arc.
@@ -11,12 +11,11 @@ impl Tool {
     /// flat faces around its axis (at least 3); a mesh tool is returned as it is.
     #[must_use]
     pub fn surface(&self, sides: usize) -> Mesh {
-        let elements = match &self.shape {
-            ToolShape::Mesh(mesh) => return mesh.clone(),
-            ToolShape::Revolved(elements) => elements,
-        };
+        if let Some(mesh) = self.mesh() {
+            return mesh.clone();
+        }
         let mut outline: Vec<[f64; 2]> = Vec::new();
-        for segment in elements.iter().flat_map(|element| &element.profile) {
+        for segment in self.segments() {
             let (from, to) = segment.range();
             let pieces = if matches!(segment, Segment::Line { .. }) { 1 } else { PIECES };
             for piece in 0..=pieces {

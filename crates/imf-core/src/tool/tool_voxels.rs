@@ -64,8 +64,8 @@ impl ToolVoxels {
             count: 0,
         };
         match &tool.shape {
-            ToolShape::Revolved(elements) => {
-                let profile: Vec<Segment> = elements.iter().flat_map(|e| e.profile.iter().copied()).collect();
+            ToolShape::Revolved(_) => {
+                let profile: Vec<Segment> = tool.segments().copied().collect();
                 let direction = orientation.direction();
                 vectorised!(pulp::Arch::new(), rotated.fill_revolved(&profile, direction, pitch));
             }
@@ -210,10 +210,10 @@ pub(super) fn locate_inside(
 /// Offsets (whole numbers of voxels) of a box that surely holds the rotated tool.
 pub(super) fn bounds(tool: &Tool, orientation: &Orientation, pitch: f64) -> (DVec3, DVec3) {
     let (lower, upper) = match &tool.shape {
-        ToolShape::Revolved(elements) => {
+        ToolShape::Revolved(_) => {
             let d = orientation.direction();
             let (mut lower, mut upper) = (DVec3::splat(f64::INFINITY), DVec3::splat(f64::NEG_INFINITY));
-            for segment in elements.iter().flat_map(|e| &e.profile) {
+            for segment in tool.segments() {
                 // A disc of radius ρ around the axis spans ρ·√(1 − dᵢ²) along axis i.
                 let spread = (1.0 - d * d).max(DVec3::ZERO).map(f64::sqrt) * segment.max_radius();
                 for height in [segment.range().0, segment.range().1] {
@@ -268,14 +268,12 @@ pub(super) fn line_through_cylinder(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::tests::unit_cube;
     use crate::orientation::OrientationSet;
     use crate::section::test_shapes::{arc, line, revolved};
     use crate::tool::ElementKind;
 
     /// Every voxel of a generous box tested against the definition.
     fn definition(tool: &Tool, orientation: &Orientation, pitch: f64) -> Vec<[i64; 3]> {
-        let ToolShape::Revolved(elements) = &tool.shape else { panic!("revolved") };
         let d = orientation.direction();
         let reach = (tool.reach() / pitch).ceil() as i32 + 1;
         let mut inside = Vec::new();
@@ -285,7 +283,7 @@ mod tests {
                     let p = DVec3::new(f64::from(x), f64::from(y), f64::from(z)) * pitch;
                     let height = p.dot(d);
                     let r2 = p.length_squared() - height * height;
-                    let solid = elements.iter().flat_map(|e| &e.profile).any(|s| {
+                    let solid = tool.segments().any(|s| {
                         (s.range().0..s.range().1).contains(&height)
                             && r2 <= s.radius(height).powi(2) + 1e-9 * pitch * pitch
                     });
@@ -331,8 +329,7 @@ mod tests {
     #[test]
     fn a_mesh_tool_turns_like_its_vertices() {
         // A box 4 × 2 × 6 off the axis.
-        let place = DMat4::from_translation(DVec3::new(0.6, -1.1, 0.3));
-        let mesh = unit_cube().transformed(&(place * DMat4::from_scale(DVec3::new(4.0, 2.0, 6.0))));
+        let mesh = Mesh::cuboid(DVec3::new(0.6, -1.1, 0.3), DVec3::new(4.6, 0.9, 6.3));
         assert!((mesh.signed_volume() - 48.0).abs() < 1e-9);
         let tool = Tool { shape: ToolShape::Mesh(mesh), ..Tool::paper() };
         let upright = ToolVoxels::new(&tool, &Orientation::default(), 1.0).unwrap();

@@ -29,8 +29,8 @@ impl Tool {
         let tip = snapped(&obstacle.grid, position);
         let bounds = bounds(self, orientation, obstacle.grid.pitch);
         match &self.shape {
-            ToolShape::Revolved(elements) => {
-                let profile: Vec<Segment> = elements.iter().flat_map(|e| e.profile.iter().copied()).collect();
+            ToolShape::Revolved(_) => {
+                let profile: Vec<Segment> = self.segments().copied().collect();
                 let (direction, pitch) = (orientation.direction(), obstacle.grid.pitch);
                 let inside = |offset| contains(&profile, direction, offset, SLACK * pitch * pitch);
                 count_one_by_one(obstacle, tip, ranges(&obstacle.grid, tip, bounds), inside)
@@ -47,12 +47,9 @@ impl Tool {
     /// The element that holds a point of the world with the tool at a pose; `None` outside, at an invalid pose, and of a mesh.
     #[must_use]
     pub fn element_at(&self, pose: &Pose, point: DVec3) -> Option<ElementKind> {
-        let ToolShape::Revolved(elements) = &self.shape else { return None };
         let (axis, offset) = (pose.axis()?, point - pose.position);
-        elements
-            .iter()
-            .find(|element| contains(&element.profile, axis, offset, 0.0))
-            .map(|element| element.kind)
+        let mut elements = self.elements().iter();
+        elements.find(|element| contains(&element.profile, axis, offset, 0.0)).map(|element| element.kind)
     }
 }
 
@@ -120,13 +117,11 @@ mod tests {
     use super::*;
     use glam::DMat4;
 
-    use crate::mesh::tests::unit_cube;
     use crate::orientation::OrientationSet;
 
     /// A box whose faces lie on voxel centres when it is upright, with the tip on its lowest.
     fn tool() -> Tool {
-        let place = DMat4::from_translation(DVec3::new(-2.0, -3.0, 0.0));
-        let mesh = unit_cube().transformed(&(place * DMat4::from_scale(DVec3::new(6.0, 4.0, 9.0))));
+        let mesh = Mesh::cuboid(DVec3::new(-2.0, -3.0, 0.0), DVec3::new(4.0, 1.0, 9.0));
         Tool { shape: ToolShape::Mesh(mesh), ..Tool::paper() }
     }
 

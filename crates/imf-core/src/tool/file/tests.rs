@@ -4,10 +4,7 @@ use crate::tool::ElementKind;
 use crate::tool::file::*;
 
 fn read(text: &str) -> Result<Tool, FileError> {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("tool.toml");
-    std::fs::write(&path, text).unwrap();
-    Tool::read(&path)
+    Tool::parse(text, Path::new("tool.toml"))
 }
 
 const BALL: &str = "[cutter]\nshape = 'ball'\ndiameter = 10\nlength = 35\n";
@@ -23,12 +20,12 @@ fn stick_out_hides_what_is_in_the_holder() {
     let text = format!("stick_out = 30\n{BALL}[[holder]]\ndiameter = 29\nlength = 48\n");
     let tool = read(&text).unwrap();
     assert_eq!(tool.length(), 78.0);
-    let ToolShape::Revolved(elements) = tool.shape else { panic!() };
-    assert_eq!(elements[0].profile[1].range(), (5.0, 30.0));
+    assert_eq!(tool.elements()[0].profile[1].range(), (5.0, 30.0));
     let text =
         format!("stick_out = 50\n{BALL}[shank]\ndiameter = 8\n[[holder]]\ndiameter = 29\nlength = 40\n");
-    let ToolShape::Revolved(elements) = read(&text).unwrap().shape else { panic!() };
-    assert_eq!((elements[1].kind, elements[1].profile[0].range()), (ElementKind::Shank, (35.0, 50.0)));
+    let tool = read(&text).unwrap();
+    let shank = &tool.elements()[1];
+    assert_eq!((shank.kind, shank.profile[0].range()), (ElementKind::Shank, (35.0, 50.0)));
 }
 
 #[test]
@@ -39,8 +36,7 @@ fn every_cutter_shape_is_smooth_where_arc_meets_flank() {
         "'tapered'\nhalf_angle = 8\ncorner_radius = 1",
     ] {
         let tool = read(&format!("[cutter]\nshape = {shape}\ndiameter = 10\nlength = 30\n")).unwrap();
-        let ToolShape::Revolved(elements) = tool.shape else { panic!() };
-        let [arc, line] = elements[0].profile[..] else { panic!() };
+        let [arc, line] = tool.elements()[0].profile[..] else { panic!() };
         let joint = arc.range().1;
         assert!((arc.radius(joint) - line.radius(joint)).abs() < 1e-12);
         let slope = |s: Segment, side: f64| (s.radius(joint + side * 1e-6) - s.radius(joint)) / (side * 1e-6);
@@ -48,8 +44,8 @@ fn every_cutter_shape_is_smooth_where_arc_meets_flank() {
     }
     // A cone with a sharp corner has no arc.
     let cone = "[cutter]\nshape = 'tapered'\nhalf_angle = 45\ncorner_radius = 0\ndiameter = 1\nlength = 3\n";
-    let ToolShape::Revolved(elements) = read(cone).unwrap().shape else { panic!() };
-    let [Segment::Line { radius_from, radius_to, .. }] = elements[0].profile[..] else { panic!() };
+    let tool = read(cone).unwrap();
+    let [Segment::Line { radius_from, radius_to, .. }] = tool.elements()[0].profile[..] else { panic!() };
     assert!(radius_from == 0.5 && (radius_to - 3.5).abs() < 1e-12);
     let flat = read("[cutter]\nshape = 'flat'\ndiameter = 10\nlength = 30\n").unwrap();
     assert!((flat.volume() - 25.0 * std::f64::consts::PI * 30.0).abs() < 1e-9);

@@ -10,7 +10,7 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::{Entry, Fault, Stack, damaged, end_mill, line, pointed, refused, top};
-use crate::tool::{Segment, SharpPoints, Tool};
+use crate::tool::{Segment, Tool};
 use crate::unit::LengthUnit;
 
 #[derive(Deserialize)]
@@ -32,14 +32,9 @@ pub(super) fn entry(bytes: &[u8]) -> Result<Entry, Fault> {
 
 impl Bit {
     fn tool(&self) -> Result<Tool, Fault> {
-        Ok(Tool {
-            name: self.name.clone(),
-            unit: LengthUnit::Mm,
-            shape: self.stack().map_err(|what| refused(&self.name, &what))?.shape(),
-            sharp_points: SharpPoints::Tip,
-            overall_length: self.optional_length("Length").ok().flatten(),
-            back_cutting: false,
-        })
+        let stack = self.stack().map_err(|what| refused(&self.name, &what))?;
+        let overall_length = self.optional_length("Length").ok().flatten();
+        Ok(Tool { overall_length, ..stack.tool(&self.name, LengthUnit::Mm) })
     }
 
     /// Lower-case name of the shape: that of its kind, or of its file.

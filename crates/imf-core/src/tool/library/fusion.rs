@@ -20,7 +20,7 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::{Entry, Fault, Stack, damaged, end_mill, line, pointed, refused, top};
-use crate::tool::{Segment, SharpPoints, Tool};
+use crate::tool::{Segment, Tool};
 use crate::unit::LengthUnit;
 
 #[derive(Deserialize)]
@@ -141,12 +141,12 @@ impl EntryText {
     }
 
     fn tool(&self) -> Result<Tool, Fault> {
-        let (name, sharp_points) = (self.title(), SharpPoints::Tip);
+        let name = self.title();
         let (unit, stack) = self.stack().map_err(|what| refused(&name, &what))?;
         // A library that states none has 0.
         let overall_length =
             self.number_of("OAL").map_err(|what| refused(&name, &what))?.filter(|&l| l > 0.0);
-        Ok(Tool { name, unit, shape: stack.shape(), sharp_points, overall_length, back_cutting: false })
+        Ok(Tool { overall_length, ..stack.tool(name, unit) })
     }
 
     /// The unit that the entry states, and its parts in it.

@@ -3,53 +3,40 @@
 use std::path::PathBuf;
 
 use serde_json::{Value, json};
+use tempfile::{TempDir, tempdir};
 
 use super::*;
-use crate::tool::{Element, ElementKind, Segment, ToolShape};
+use crate::tool::{Element, ElementKind, Segment};
 use crate::unit::LengthUnit;
 
 mod fusion;
 
-struct Folder(tempfile::TempDir);
+fn write(folder: &TempDir, name: &str, content: &Value) -> PathBuf {
+    let path = folder.path().join(name);
+    std::fs::write(&path, content.to_string()).unwrap();
+    path
+}
 
-impl Folder {
-    fn new() -> Self {
-        Self(tempfile::tempdir().unwrap())
-    }
-
-    /// The only tool of a library, or the error's text.
-    fn read(&self, name: &str, content: &Value) -> Result<Tool, String> {
-        Tool::read(&self.with(name, content)).map_err(|error| error.to_string())
-    }
-
-    /// The tool of a library of Fusion's that holds one entry.
-    fn fusion(&self, entry: &Value) -> Result<Tool, String> {
-        self.read("t.json", &json!({"data": [entry]}))
-    }
-
-    fn with(&self, name: &str, content: &Value) -> PathBuf {
-        let path = self.0.path().join(name);
-        std::fs::write(&path, content.to_string()).unwrap();
-        path
-    }
+/// The only tool of a library, or the error's text.
+fn read(name: &str, content: &Value) -> Result<Tool, String> {
+    let folder = tempdir().unwrap();
+    Tool::read(&write(&folder, name, content)).map_err(|error| error.to_string())
 }
 
 fn elements(tool: &Tool) -> &[Element] {
-    let ToolShape::Revolved(elements) = &tool.shape else { panic!() };
     // Stacked without gaps.
     let mut height = 0.0;
-    for segment in elements.iter().flat_map(|element| &element.profile) {
-        assert!((segment.range().0 - height).abs() < 1e-9, "{elements:?}");
+    for segment in tool.segments() {
+        assert!((segment.range().0 - height).abs() < 1e-9, "{:?}", tool.shape);
         height = segment.range().1;
     }
-    elements
+    tool.elements()
 }
 
 /// Radius of a tool at a height.
 fn radius(tool: &Tool, height: f64) -> f64 {
-    let all = elements(tool).iter().flat_map(|element| &element.profile);
-    let within = |s: &&Segment| s.range().0 <= height && height < s.range().1;
-    all.clone().find(within).unwrap().radius(height)
+    let mut all = elements(tool).iter().flat_map(|element| &element.profile);
+    all.find(|s| s.range().0 <= height && height < s.range().1).unwrap().radius(height)
 }
 
 fn bit(shape: &str, parameter: Value) -> Value {
@@ -79,8 +66,7 @@ fn names_with_a_hash_are_found_behind_the_library() {
 
 #[test]
 fn freecads_bits_become_cutter_and_shank() {
-    let folder = Folder::new();
-    let read = |content: &Value| folder.read("bit.fctb", content);
+    let read = |content: &Value| read("bit.fctb", content);
     let bullnose = bit(
         "Bullnose",
         json!({
@@ -146,7 +132,7 @@ fn a_chamfers_cone_is_as_high_as_its_edge() {
             "Length": "20 mm", "ShankDiameter": "6.35 mm"
         }),
     );
-    let tool = Folder::new().read("bit.fctb", &chamfer).unwrap();
+    let tool = read("bit.fctb", &chamfer).unwrap();
     close(radius(&tool, 3.0), 2.5 + 3.0 * 22.5_f64.to_radians().tan());
     let Segment::Line { to, radius_to, .. } = elements(&tool)[0].profile[0] else { panic!() };
     close(to, 6.35);
@@ -156,7 +142,6 @@ fn a_chamfers_cone_is_as_high_as_its_edge() {
 
 #[test]
 fn what_freecad_has_and_we_do_not_is_refused_by_name() {
-    let folder = Folder::new();
     for (content, expected) in [
         (bit("Probe", json!({"Diameter": "6 mm", "Length": "20 mm"})), "'probe'"),
         (bit("Endmill", json!({"Diameter": "6 mm", "Length": "20 mm"})), "CuttingEdgeHeight is missing"),
@@ -169,7 +154,7 @@ fn what_freecad_has_and_we_do_not_is_refused_by_name() {
         ),
         (json!({"name": "none"}), "parameter"),
     ] {
-        let error = folder.read("bit.fctb", &content).unwrap_err();
+        let error = read("bit.fctb", &content).unwrap_err();
         assert!(error.contains("bit.fctb") && error.contains(expected), "{error}");
     }
 }

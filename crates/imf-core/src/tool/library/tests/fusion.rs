@@ -29,11 +29,15 @@ fn fusion(kind: &str, name: &str, number: u32, geometry: Value) -> Value {
     })
 }
 
+/// The tool of a library that holds one entry.
+fn read_entry(entry: &Value) -> Result<Tool, String> {
+    read("t.json", &json!({"data": [entry]}))
+}
+
 #[test]
 fn a_shoulder_without_a_diameter_is_as_wide_as_the_cutters_end() {
-    let folder = Folder::new();
     let entry = fusion("tapered mill", "taper", 1, json!({"DC": 1.0, "TA": 5.0, "shoulder-diameter": null}));
-    let tool = folder.fusion(&entry).unwrap();
+    let tool = read_entry(&entry).unwrap();
     // 18 mm of edges at 5°, and 2 mm of shoulder.
     let end = 0.5 + 18.0 * 5f64.to_radians().tan();
     close(radius(&tool, 19.0), end);
@@ -41,10 +45,9 @@ fn a_shoulder_without_a_diameter_is_as_wide_as_the_cutters_end() {
 
 #[test]
 fn fusions_tools_become_cutter_shoulder_shaft_and_holder() {
-    let folder = Folder::new();
     let library =
         json!({"data": [fusion("bull nose end mill", "6 mm bull", 3, json!({"RE": 1.0}))], "version": 1});
-    let tool = folder.read("tools.json", &library).unwrap();
+    let tool = read("tools.json", &library).unwrap();
     assert_eq!((tool.name.as_str(), tool.unit), ("6 mm bull", LengthUnit::Mm));
     close(tool.length(), 30.0 + 1.5 * 25.4);
     let kinds: Vec<_> = elements(&tool).iter().map(|e| e.kind).collect();
@@ -66,11 +69,11 @@ fn fusions_tools_become_cutter_shoulder_shaft_and_holder() {
     let mut entry = fusion("flat end mill", "flat", 1, json!({}));
     entry["shaft"] =
         json!({"type": "shaft", "segments": [{"height": 4.0, "lower-diameter": 5.8, "upper-diameter": 8.0}]});
-    let tool = folder.fusion(&entry).unwrap();
+    let tool = read_entry(&entry).unwrap();
     close(radius(&tool, 22.0), 0.25 * (5.8 + 8.0));
     close(radius(&tool, 24.0), 4.0);
     let entry = fusion("ball end mill", "ball", 1, json!({"LCF": 40.0, "shoulder-length": 40.0}));
-    let tool = folder.fusion(&entry).unwrap();
+    let tool = read_entry(&entry).unwrap();
     assert_eq!(elements(&tool).len(), 3);
     close(radius(&tool, 29.0), 3.0);
     close(radius(&tool, 31.0), 12.7 + 6.35 / 25.4);
@@ -84,17 +87,16 @@ fn fusions_tools_become_cutter_shoulder_shaft_and_holder() {
     ];
     for (kind, geometry, height, expected) in shapes {
         let entry = fusion(kind, kind, 1, geometry);
-        let tool = folder.fusion(&entry).unwrap();
+        let tool = read_entry(&entry).unwrap();
         close(radius(&tool, height), expected);
     }
 }
 
 #[test]
 fn the_flank_of_a_tapered_mill_meets_its_diameter_at_the_tips_height() {
-    let folder = Folder::new();
     // Fusion's sample: its shoulder of 20.46 mm follows from diameter, edges and taper.
     let geometry = json!({"DC": 12.0, "LCF": 24.0, "TA": 10.0, "RE": 2.5, "SFDM": 20.46, "LB": 40.0, "shoulder-length": 24.0});
-    let tool = folder.fusion(&fusion("tapered mill", "sample", 1, geometry)).unwrap();
+    let tool = read_entry(&fusion("tapered mill", "sample", 1, geometry)).unwrap();
     let slope = 10_f64.to_radians().tan();
     for height in [3.0, 10.0, 23.9] {
         close(radius(&tool, height), 6.0 + height * slope);
@@ -103,7 +105,7 @@ fn the_flank_of_a_tapered_mill_meets_its_diameter_at_the_tips_height() {
     // Makers' tapered balls, inches: the ball touches the cone, whose diameter at the tip is smaller than the ball's.
     for (diameter, corner, taper) in [(0.0568, 0.03125_f64, 5.5), (0.1176, 0.0625, 3.5), (1.872, 1.0, 3.8)] {
         let geometry = json!({"DC": diameter, "RE": corner, "TA": taper});
-        let tool = folder.fusion(&fusion("tapered mill", "ball", 1, geometry)).unwrap();
+        let tool = read_entry(&fusion("tapered mill", "ball", 1, geometry)).unwrap();
         let taper: f64 = f64::to_radians(taper);
         let height = 0.1 * corner;
         let ball = (corner * corner - (corner - height).powi(2)).sqrt();
@@ -114,8 +116,7 @@ fn the_flank_of_a_tapered_mill_meets_its_diameter_at_the_tips_height() {
 
 #[test]
 fn what_widens_a_cutter_is_read_or_refused() {
-    let folder = Folder::new();
-    let of = |kind: &str, geometry: Value| folder.fusion(&fusion(kind, kind, 1, geometry));
+    let of = |kind: &str, geometry: Value| read_entry(&fusion(kind, kind, 1, geometry));
     for kind in ["flat end mill", "ball end mill", "bull nose end mill", "reamer"] {
         let error = of(kind, json!({"TA": 10.0, "RE": 1.0})).unwrap_err();
         assert!(error.contains("TA 10") && error.contains(kind), "{error}");
@@ -132,7 +133,7 @@ fn what_widens_a_cutter_is_read_or_refused() {
 
 #[test]
 fn one_entry_that_is_not_understood_spoils_no_other() {
-    let folder = Folder::new();
+    let folder = tempdir().unwrap();
     let good = fusion("reamer", "good", 1, json!({}));
     let broken = |key: &str, value: Value| {
         let mut entry = fusion("reamer", "odd", 2, json!({}));
@@ -140,7 +141,7 @@ fn one_entry_that_is_not_understood_spoils_no_other() {
         entry
     };
     let read = |entry: Value| {
-        let path = folder.with("tools.json", &json!({"data": [good.clone(), entry]}));
+        let path = write(&folder, "tools.json", &json!({"data": [good.clone(), entry]}));
         let mut tools = Tool::read_all(&path).unwrap();
         assert!(tools[0].is_ok());
         assert!(Tool::find(&format!("{}#good", path.display())).is_ok());
@@ -169,7 +170,7 @@ fn one_entry_that_is_not_understood_spoils_no_other() {
 
 #[test]
 fn a_tool_of_several_is_named_and_archives_are_unpacked() {
-    let folder = Folder::new();
+    let folder = tempdir().unwrap();
     let mut inch = fusion("flat end mill", "1/4 in flat", 5, json!({"DC": 0.25, "LB": 1.0, "LCF": 0.75}));
     inch["unit"] = json!("inches");
     inch["geometry"]["shoulder-length"] = json!(0.8);
@@ -181,8 +182,8 @@ fn a_tool_of_several_is_named_and_archives_are_unpacked() {
         {"type": "holder", "description": "ER20", "segments": [], "unit": "inches"}
     ]);
     let library = json!({"data": data, "version": 1});
-    let plain = folder.with("shop.json", &library);
-    let archive = folder.0.path().join("shop.tools");
+    let plain = write(&folder, "shop.json", &library);
+    let archive = folder.path().join("shop.tools");
     let mut writer = zip::ZipWriter::new(std::fs::File::create(&archive).unwrap());
     let options = zip::write::SimpleFileOptions::default();
     writer.start_file("tools.json", options).unwrap();
@@ -207,9 +208,12 @@ fn a_tool_of_several_is_named_and_archives_are_unpacked() {
     }
     // An empty name is nobody's, not that of the one tool that has no description.
     let unnamed = [fusion("reamer", "", 1, json!({})), fusion("reamer", "named", 2, json!({}))];
-    let several = folder.with("few.json", &json!({"data": unnamed}));
-    let single = folder
-        .with("one.fctb", &bit("endmill", json!({"Diameter": 6, "Length": 30, "CuttingEdgeHeight": 9})));
+    let several = write(&folder, "few.json", &json!({"data": unnamed}));
+    let single = write(
+        &folder,
+        "one.fctb",
+        &bit("endmill", json!({"Diameter": 6, "Length": 30, "CuttingEdgeHeight": 9})),
+    );
     for (path, listed) in [(&several, "'1', 'named'"), (&single, "'a bit'")] {
         for nothing in ["#", "# "] {
             let error = Tool::find(&format!("{}{nothing}", path.display())).unwrap_err().to_string();
@@ -217,13 +221,13 @@ fn a_tool_of_several_is_named_and_archives_are_unpacked() {
         }
     }
     // A file of that very name comes first.
-    let odd = folder.with("odd#5.json", &json!({"data": [fusion("reamer", "odd", 1, json!({}))]}));
+    let odd = write(&folder, "odd#5.json", &json!({"data": [fusion("reamer", "odd", 1, json!({}))]}));
     assert_eq!(Tool::find(odd.to_str().unwrap()).unwrap().name, "odd");
 }
 
 #[test]
 fn what_fusion_has_and_we_do_not_is_refused_by_name() {
-    let folder = Folder::new();
+    let folder = tempdir().unwrap();
     let mut without_unit = fusion("drill", "d", 1, json!({"SIG": 118.0}));
     without_unit["unit"] = Value::Null;
     let mut unknown_unit = without_unit.clone();
@@ -241,37 +245,37 @@ fn what_fusion_has_and_we_do_not_is_refused_by_name() {
         (unknown_unit, "'furlongs'"),
         (broken_holder, "holder"),
     ] {
-        let error = folder.fusion(&entry).unwrap_err();
+        let error = read_entry(&entry).unwrap_err();
         assert!(error.contains("t.json") && error.contains(expected), "{error}");
         assert!(error.contains("TOML"), "{error}");
     }
-    let path = folder.with("t.json", &json!({"tools": []}));
+    let path = write(&folder, "t.json", &json!({"tools": []}));
     assert!(Tool::read(&path).unwrap_err().to_string().contains("not an intact tool library"));
     std::fs::write(&path, b"PK\x03\x04 cut short").unwrap();
     assert!(Tool::read(&path).unwrap_err().to_string().contains("not an intact tool library"));
-    let missing = folder.0.path().join("none.tools");
+    let missing = folder.path().join("none.tools");
     assert!(Tool::read(&missing).unwrap_err().to_string().contains("there is no tool file"));
 }
 
 #[test]
 fn all_tools_of_a_library_come_in_order_and_each_error_stays_its_own() {
-    let folder = Folder::new();
+    let folder = tempdir().unwrap();
     let entries = [
         fusion("flat end mill", "first", 1, json!({"OAL": 70.0})),
         fusion("lollipop mill", "odd", 2, json!({})),
         json!({"type": "holder", "description": "a holder alone"}),
         fusion("reamer", "last", 3, json!({})),
     ];
-    let path = folder.with("tools.json", &json!({ "data": entries }));
+    let path = write(&folder, "tools.json", &json!({ "data": entries }));
     let tools = Tool::read_all(&path).unwrap();
     let [first, odd, last] = &tools[..] else { panic!("{tools:?}") };
     let first = first.as_ref().unwrap();
     assert_eq!((first.name.as_str(), first.overall_length), ("first", Some(70.0)));
     assert!(odd.as_ref().unwrap_err().to_string().contains("'odd'"));
     assert_eq!(*last.as_ref().unwrap(), Tool::find(&format!("{}#last", path.display())).unwrap());
-    let bit = folder.with("bit.fctb", &bit("Thread-Mill", json!({"Diameter": "6 mm", "Length": "50 mm"})));
+    let bit = write(&folder, "bit.fctb", &bit("Thread-Mill", json!({"Diameter": "6 mm", "Length": "50 mm"})));
     assert!(Tool::read_all(&bit).unwrap()[0].is_err());
-    let broken = folder.0.path().join("broken.json");
+    let broken = folder.path().join("broken.json");
     std::fs::write(&broken, "{").unwrap();
     assert!(Tool::read_all(&broken).is_err());
 }
