@@ -10,8 +10,8 @@
 use std::io::{self, Write};
 use std::path::Path;
 
-use super::vtk::{data_array, escaped};
-use super::{FieldValues, NamedField, check_length, check_names, refused};
+use super::vtk::{begin, check_fields, write_cell_data};
+use super::{FieldValues, NamedField};
 use crate::atomic_file::{AtomicFileError, write_atomically};
 use crate::grid::Grid;
 
@@ -28,13 +28,7 @@ pub fn write_vti(
     fields: &[NamedField<'_>],
 ) -> Result<(), AtomicFileError> {
     write_atomically(path, |out| {
-        if fields.is_empty() {
-            return Err(refused("no field was given".into()));
-        }
-        for field in fields {
-            check_length(field.name, field.values.len(), grid.len())?;
-        }
-        check_names(fields.iter().map(|field| field.name), |_| true)?;
+        check_fields(fields, grid.len())?;
         write_header(out, grid, fields)?;
         for field in fields {
             out.write_all(&(field.values.bytes() as u64).to_le_bytes())?;
@@ -52,21 +46,12 @@ fn write_header(out: &mut impl Write, grid: &Grid, fields: &[NamedField<'_>]) ->
     let [x, y, z] = grid.dims;
     let (origin, pitch) = (grid.origin, grid.pitch);
     let extent = format!("0 {x} 0 {y} 0 {z}");
-    writeln!(out, r#"<?xml version="1.0"?>"#)?;
-    writeln!(
-        out,
-        r#"<VTKFile type="ImageData" version="1.0" byte_order="LittleEndian" header_type="UInt64">"#
-    )?;
+    begin(out, "ImageData")?;
     write!(out, r#"  <ImageData WholeExtent="{extent}" "#)?;
     writeln!(out, r#"Origin="{} {} {}" Spacing="{pitch} {pitch} {pitch}">"#, origin.x, origin.y, origin.z)?;
     writeln!(out, r#"    <Piece Extent="{extent}">"#)?;
-    // The first field is the one that a viewer shows.
-    writeln!(out, r#"      <CellData Scalars="{}">"#, escaped(fields[0].name))?;
-    let mut offset = 0;
-    for field in fields {
-        writeln!(out, "        {}", data_array(field, &mut offset))?;
-    }
-    writeln!(out, "      </CellData>\n    </Piece>\n  </ImageData>")?;
+    write_cell_data(out, fields)?;
+    writeln!(out, "    </Piece>\n  </ImageData>")?;
     // Offsets count from the byte after the underscore.
     write!(out, "  <AppendedData encoding=\"raw\">\n   _")
 }
@@ -96,26 +81,22 @@ fn write_x_fastest<T: Copy, const N: usize>(
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use glam::DVec3;
+
+    use super::super::vtk::tests::block;
+    use super::*;
 
     fn grid() -> Grid {
         Grid { origin: DVec3::new(-1.5, 1000.5, 0.1), pitch: 0.1, dims: [5, 4, 19] }
     }
 
-    /// Reads one value back by the format's rules: offset attribute, u64 length, x fastest.
+    /// Reads one value back by the format's rules: x fastest.
     fn value_at<const N: usize>(file: &[u8], name: &str, voxel: [usize; 3]) -> [u8; N] {
-        let start = file.windows(5).position(|w| w == b"\n   _").unwrap() + 5;
-        let xml = std::str::from_utf8(&file[..start]).unwrap();
-        let line = xml.lines().find(|line| line.contains(&format!("Name=\"{name}\""))).unwrap();
-        let offset: usize =
-            line.split("offset=\"").nth(1).unwrap().split('"').next().unwrap().parse().unwrap();
-        let block = &file[start + offset..];
+        let block = block(file, &format!("Name=\"{name}\""));
         let [nx, ny, nz] = grid().dims;
-        let length = u64::from_le_bytes(block[..8].try_into().unwrap()) as usize;
-        assert_eq!(length, nx * ny * nz * N);
-        let at = 8 + ((voxel[2] * ny + voxel[1]) * nx + voxel[0]) * N;
-        block[at..at + N].try_into().unwrap()
+        assert_eq!(block.len(), nx * ny * nz * N);
+        let at = (voxel[2] * ny + voxel[1]) * nx + voxel[0];
+        block.as_chunks().0[at]
     }
 
     #[test]

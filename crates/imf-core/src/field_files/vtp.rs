@@ -7,8 +7,8 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::vtk::{data_array, escaped};
-use super::{NamedField, check_length, check_names, refused};
+use super::NamedField;
+use super::vtk::{begin, check_fields, write_cell_data};
 use crate::atomic_file::{AtomicFileError, write_atomically};
 use crate::mesh::Mesh;
 
@@ -23,33 +23,20 @@ pub fn write_vtp(
     fields: &[NamedField<'_>],
 ) -> Result<(), AtomicFileError> {
     write_atomically(path, |out| {
-        let Some(first) = fields.first() else { return Err(refused("no field was given".into())) };
-        for field in fields {
-            check_length(field.name, field.values.len(), mesh.triangles.len())?;
-        }
-        check_names(fields.iter().map(|field| field.name), |_| true)?;
+        check_fields(fields, mesh.triangles.len())?;
         let (points, triangles) = (mesh.vertices.len(), mesh.triangles.len());
-        writeln!(out, r#"<?xml version="1.0"?>"#)?;
-        writeln!(
-            out,
-            r#"<VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" header_type="UInt64">"#
-        )?;
+        begin(out, "PolyData")?;
         writeln!(
             out,
             r#"  <PolyData>
     <Piece NumberOfPoints="{points}" NumberOfVerts="0" NumberOfLines="0" NumberOfStrips="0" NumberOfPolys="{triangles}">"#
         )?;
-        writeln!(out, r#"      <CellData Scalars="{}">"#, escaped(first.name))?;
-        let mut offset = 0;
-        for field in fields {
-            writeln!(out, "        {}", data_array(field, &mut offset))?;
-        }
+        let offset = write_cell_data(out, fields)?;
         let corners = offset + 8 + 24 * points as u64;
         let ends = corners + 8 + 24 * triangles as u64;
         writeln!(
             out,
-            r#"      </CellData>
-      <Points>
+            r#"      <Points>
         <DataArray type="Float64" NumberOfComponents="3" format="appended" offset="{offset}"/>
       </Points>
       <Polys>
@@ -83,6 +70,7 @@ pub fn write_vtp(
 
 #[cfg(test)]
 mod tests {
+    use super::super::vtk::tests::block;
     use super::*;
     use crate::mesh::tests::unit_cube;
 
@@ -96,15 +84,7 @@ mod tests {
         let fields = [NamedField::new("class", &class[..]), NamedField::new("share", &share[..])];
         write_vtp(&path, &mesh, &fields).unwrap();
         let file = std::fs::read(&path).unwrap();
-        let start = file.windows(5).position(|w| w == b"\n   _").unwrap() + 5;
-        let xml = std::str::from_utf8(&file[..start]).unwrap();
-        let block = |line: &str| {
-            let line = xml.lines().find(|l| l.contains(line)).unwrap();
-            let offset = line.split("offset=\"").nth(1).unwrap().split('"').next().unwrap();
-            let block = &file[start + offset.parse::<usize>().unwrap()..];
-            let length = u64::from_le_bytes(block[..8].try_into().unwrap()) as usize;
-            &block[8..8 + length]
-        };
+        let block = |words: &str| block(&file, words);
         assert_eq!(block("Name=\"class\""), &class[..]);
         let of_f32 = block("Name=\"share\"").chunks(4).map(|b| f32::from_le_bytes(b.try_into().unwrap()));
         assert_eq!(of_f32.collect::<Vec<_>>(), share);
@@ -117,6 +97,7 @@ mod tests {
         let expected: Vec<i64> = mesh.triangles.iter().flatten().map(|&c| i64::from(c)).collect();
         assert_eq!(whole("Name=\"connectivity\""), expected);
         assert_eq!(whole("Name=\"offsets\""), (1..=12).map(|n| 3 * n).collect::<Vec<_>>());
+        let xml = String::from_utf8_lossy(&file);
         assert!(xml.contains(r#"NumberOfPoints="8""#) && xml.contains(r#"NumberOfPolys="12""#));
         let refusal = write_vtp(&path, &mesh, &[NamedField::new("class", &class[1..])]).unwrap_err();
         assert!(refusal.to_string().contains("11 values, not 12"), "{refusal}");
