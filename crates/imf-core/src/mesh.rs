@@ -4,7 +4,6 @@ use glam::{DMat4, DVec3};
 use serde::{Deserialize, Serialize};
 
 pub(crate) mod distance;
-pub(crate) mod edges;
 mod face_orientation;
 mod features;
 pub(crate) mod groups;
@@ -71,30 +70,28 @@ impl Mesh {
         self.triangles[triangle].map(|v| self.vertices[v as usize])
     }
 
+    /// The three corners of every triangle.
+    pub(crate) fn all_corners(&self) -> impl Iterator<Item = [DVec3; 3]> {
+        (0..self.triangles.len()).map(|triangle| self.corners(triangle))
+    }
+
     /// Signed volume by the divergence theorem: positive for a closed mesh whose triangles face outwards.
     #[must_use]
     pub fn signed_volume(&self) -> f64 {
         // Relative to the box's centre, so that an open mesh far from the origin does not drown in cancellation.
         let centre = self.bounds().map_or(DVec3::ZERO, |(lower, upper)| (lower + upper) * 0.5);
-        (0..self.triangles.len())
-            .map(|t| {
-                let [a, b, c] = self.corners(t).map(|p| p - centre);
-                a.dot(b.cross(c)) / 6.0
-            })
-            .sum()
+        let cones = self.all_corners().map(|corners| corners.map(|p| p - centre));
+        cones.map(|[a, b, c]| a.dot(b.cross(c)) / 6.0).sum()
     }
 
     /// The mesh moved by an affine transform; a mirroring one turns the triangles so that they still face outwards.
     #[must_use]
     pub fn transformed(&self, transform: &DMat4) -> Self {
         let mirrored = transform.determinant() < 0.0;
+        let turned = |&[a, b, c]: &[u32; 3]| if mirrored { [a, c, b] } else { [a, b, c] };
         Self {
             vertices: self.vertices.iter().map(|&p| transform.transform_point3(p)).collect(),
-            triangles: self
-                .triangles
-                .iter()
-                .map(|&[a, b, c]| if mirrored { [a, c, b] } else { [a, b, c] })
-                .collect(),
+            triangles: self.triangles.iter().map(turned).collect(),
         }
     }
 

@@ -66,11 +66,9 @@ pub fn voxelize_with(
     let cone = BoundaryCone::new(mesh, &boundary_chain(mesh));
     control.check()?;
     let mut triangles: Vec<WeightedTriangle> =
-        (0..mesh.triangles.len()).map(|t| WeightedTriangle { corners: mesh.corners(t), weight: 1 }).collect();
+        mesh.all_corners().map(|corners| WeightedTriangle { corners, weight: 1 }).collect();
     triangles.extend(cone.closing_triangles());
-    let by_plane = PlaneIndex::new(grid, triangles.iter().map(|t| &t.corners));
-    let touching = conservative
-        .then(|| PlaneIndex::new(grid, triangles[..mesh.triangles.len()].iter().map(|t| &t.corners)));
+    let by_plane = PlaneIndex::new(grid, &triangles);
     control.check()?;
 
     let (claimed, undecided) = (AtomicUsize::new(0), AtomicUsize::new(0));
@@ -99,9 +97,10 @@ pub fn voxelize_with(
                 claimed.fetch_add(doubt.claimed, Ordering::Relaxed);
                 undecided.fetch_add(doubt.undecided, Ordering::Relaxed);
             }
-            if let Some(index) = &touching {
+            if conservative {
                 for (x, plane) in (first..).zip(solid.chunks_exact_mut(ny * nz)) {
-                    for t in index.of(x) {
+                    // The triangles that close the mesh follow its own.
+                    for t in by_plane.of(x).take_while(|&t| t < mesh.triangles.len()) {
                         surface::touch_plane(grid, x, &triangles[t].corners, plane);
                     }
                 }
@@ -116,7 +115,7 @@ pub fn voxelize_with(
 
 /// Generalised winding number of the mesh at a point: the definition.
 pub(crate) fn winding_number(mesh: &Mesh, point: DVec3) -> f64 {
-    solid_angle::winding_number((0..mesh.triangles.len()).map(|t| mesh.corners(t)), point)
+    solid_angle::winding_number(mesh.all_corners(), point)
 }
 
 /// Which triangles meet which plane of voxels x = const, as one flat list with starts.
@@ -126,9 +125,9 @@ struct PlaneIndex {
 }
 
 impl PlaneIndex {
-    fn new<'a>(grid: &Grid, triangles: impl Iterator<Item = &'a [DVec3; 3]> + Clone) -> Self {
-        let spans = triangles.map(|corners| {
-            let xs = corners.map(|c| (c.x - grid.origin.x) / grid.pitch);
+    fn new(grid: &Grid, triangles: &[WeightedTriangle]) -> Self {
+        let spans = triangles.iter().map(|triangle| {
+            let xs = triangle.corners.map(|c| (c.x - grid.origin.x) / grid.pitch);
             let low = xs.iter().copied().fold(f64::INFINITY, f64::min).floor() - 1.0;
             let high = xs.iter().copied().fold(f64::NEG_INFINITY, f64::max).floor() + 2.0;
             let clamp = |v: f64| v.clamp(0.0, grid.dims[0] as f64) as usize;
@@ -165,25 +164,21 @@ mod tests {
 
     /// A subdivided octahedron of radius `radius` around `centre`: closed, facing outwards.
     pub(super) fn sphere(centre: DVec3, radius: f64, levels: usize) -> Mesh {
-        let mut faces = Vec::new();
+        let mut corners = Vec::new();
         for octant in 0..8 {
             let sign = |bit: i32| if octant >> bit & 1 == 0 { 1.0 } else { -1.0 };
             let (x, y, z) = (DVec3::X * sign(0), DVec3::Y * sign(1), DVec3::Z * sign(2));
-            faces.push(if sign(0) * sign(1) * sign(2) > 0.0 { [x, y, z] } else { [x, z, y] });
+            corners.extend(if sign(0) * sign(1) * sign(2) > 0.0 { [x, y, z] } else { [x, z, y] });
         }
+        let triangles = (0..24).step_by(3).map(|v| [v, v + 1, v + 2]).collect();
+        let mut mesh = Mesh { vertices: corners, triangles }.welded();
         for _ in 0..levels {
-            faces = faces
-                .iter()
-                .flat_map(|&[a, b, c]| {
-                    let (ab, bc, ca) = ((a + b).normalize(), (b + c).normalize(), (c + a).normalize());
-                    [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
-                })
-                .collect();
+            // Every edge is halved once.
+            mesh = mesh.refined_with_origins(0.0, mesh.triangles.len()).0;
+            mesh.vertices.iter_mut().for_each(|vertex| *vertex = vertex.normalize());
         }
-        let vertices: Vec<DVec3> =
-            faces.as_flattened().iter().map(|&corner| centre + corner * radius).collect();
-        let triangles = (0..vertices.len() as u32).step_by(3).map(|v| [v, v + 1, v + 2]).collect();
-        Mesh { vertices, triangles }.welded()
+        mesh.vertices.iter_mut().for_each(|vertex| *vertex = centre + *vertex * radius);
+        mesh
     }
 
     fn grid() -> Grid {
@@ -275,8 +270,7 @@ mod tests {
         let mesh = sphere(DVec3::new(0.01, 0.02, 0.03), 1.0, 2);
         let grid = grid();
         let cover = voxelize(&mesh, &grid, true);
-        for triangle in 0..mesh.triangles.len() {
-            let [a, b, c] = mesh.corners(triangle);
+        for [a, b, c] in mesh.all_corners() {
             for (u, v) in [(0.0, 0.0), (0.2, 0.3), (0.5, 0.5), (0.9, 0.05), (0.0, 1.0)] {
                 let voxel = grid.continuous(a + (b - a) * u + (c - a) * v).round().to_array();
                 assert_eq!(cover.solid[grid.index(voxel.map(|i| i as usize))], 1);

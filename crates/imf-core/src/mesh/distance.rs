@@ -6,7 +6,7 @@ use super::Mesh;
 
 /// Distance from a point to the nearest triangle of a mesh.
 pub(crate) fn distance_to_mesh(mesh: &Mesh, point: DVec3) -> f64 {
-    let squared = (0..mesh.triangles.len()).map(|t| squared_to_triangle(mesh.corners(t), point));
+    let squared = mesh.all_corners().map(|corners| squared_to_triangle(corners, point));
     squared.fold(f64::INFINITY, f64::min).sqrt()
 }
 

@@ -14,9 +14,9 @@ use std::collections::{HashMap, HashSet};
 use glam::DVec3;
 
 use super::Mesh;
-use super::edges::{EdgeUse, neighbours, runs, sorted_edges};
 use super::groups::Groups;
 use super::solid_angle::winding_number;
+use super::topology::{EdgeUse, neighbours, runs, sorted_edges};
 
 /// Where this much of a patch's area faces one way, that way is meant. Below it the file says nothing.
 const CLEAR_MAJORITY: f64 = 0.9;

@@ -7,8 +7,8 @@ use glam::DVec3;
 use serde::Serialize;
 
 use super::Mesh;
-use super::edges::{neighbours, sorted_edges};
 use super::groups::Groups;
+use super::topology::{neighbours, sorted_edges};
 
 /// Directions at less than this angle, in radians, are one: five hundredths of a millimetre at the end of 100 mm.
 pub(crate) const SAME: f64 = 5e-4;
@@ -40,12 +40,8 @@ impl Mesh {
     #[must_use]
     pub fn machining_directions(&self) -> Vec<MachiningDirection> {
         let outward = if self.signed_volume() < 0.0 { -0.5 } else { 0.5 };
-        let vectors: Vec<DVec3> = (0..self.triangles.len())
-            .map(|triangle| {
-                let [a, b, c] = self.corners(triangle);
-                (b - a).cross(c - a) * outward
-            })
-            .collect();
+        let vectors = self.all_corners().map(|[a, b, c]| (b - a).cross(c - a) * outward);
+        let vectors: Vec<DVec3> = vectors.collect();
         let enough = SHARE * vectors.iter().map(|v| v.length()).sum::<f64>();
         let mut flat = Groups::new(self.triangles.len());
         let mut curved = Groups::new(self.triangles.len());

@@ -22,16 +22,8 @@ mod stl;
 #[cfg(feature = "formats")]
 mod three_mf;
 
-#[derive(Clone, Copy)]
-enum Format {
-    Obj,
-    #[cfg(feature = "formats")]
-    Stl,
-    #[cfg(feature = "formats")]
-    Ply,
-    #[cfg(feature = "formats")]
-    ThreeMf,
-}
+/// Reads the content of a file of one format.
+type Parser = fn(&[u8]) -> Result<MeshFile, Fault>;
 
 /// A mesh and what its file says of it.
 #[derive(Clone, Debug, PartialEq)]
@@ -49,7 +41,7 @@ impl MeshFile {
     /// As [`read_mesh_file`]; they call the file `name`.
     pub fn from_bytes(bytes: &[u8], name: impl AsRef<Path>) -> Result<Self, FileError> {
         let name = name.as_ref();
-        format_of(name).and_then(|format| parse(bytes, format)).map_err(|fault| fault.at(name))
+        parser_of(name).and_then(|parser| parse(bytes, parser)).map_err(|fault| fault.at(name))
     }
 
     /// The mesh with every length in `unit`; as it is where the file states none.
@@ -82,24 +74,15 @@ fn read(path: &Path) -> Result<MeshFile, Fault> {
     if fs::metadata(path).map_err(refused)?.is_dir() {
         return Err(refused(io::ErrorKind::IsADirectory.into()));
     }
-    let format = format_of(path)?;
-    parse(&fs::read(path).map_err(refused)?, format)
+    let parser = parser_of(path)?;
+    parse(&fs::read(path).map_err(refused)?, parser)
 }
 
-fn parse(bytes: &[u8], format: Format) -> Result<MeshFile, Fault> {
+fn parse(bytes: &[u8], parser: Parser) -> Result<MeshFile, Fault> {
     if bytes.trim_ascii().is_empty() {
         return Err(Fault::new(FaultKind::Empty, "it is empty; export the mesh again"));
     }
-    let parsed = match format {
-        Format::Obj => obj::parse(bytes).map(|mesh| (mesh, None)),
-        #[cfg(feature = "formats")]
-        Format::Stl => stl::parse(bytes).map(|mesh| (mesh, None)),
-        #[cfg(feature = "formats")]
-        Format::Ply => ply::parse(bytes).map(|mesh| (mesh, None)),
-        #[cfg(feature = "formats")]
-        Format::ThreeMf => three_mf::parse(bytes).map(|(mesh, unit)| (mesh, Some(unit))),
-    };
-    let (mesh, unit) = parsed.map_err(|mut fault| {
+    let file = parser(bytes).map_err(|mut fault| {
         fault.cause += match fault.kind {
             FaultKind::Malformed => "; export the mesh again or correct the file",
             FaultKind::Truncated => "; copy or export it again",
@@ -107,23 +90,23 @@ fn parse(bytes: &[u8], format: Format) -> Result<MeshFile, Fault> {
         };
         fault
     })?;
-    if mesh.triangles.is_empty() {
+    if file.mesh.triangles.is_empty() {
         let cause = "it holds no faces; export the part as a triangle mesh, not as points, curves or an empty selection";
         return Err(Fault::new(FaultKind::Empty, cause));
     }
-    Ok(MeshFile { mesh, unit })
+    Ok(file)
 }
 
-fn format_of(path: &Path) -> Result<Format, Fault> {
+fn parser_of(path: &Path) -> Result<Parser, Fault> {
     let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
     let (found, remedy) = match extension.as_str() {
-        "obj" => return Ok(Format::Obj),
+        "obj" => return Ok(obj::parse),
         #[cfg(feature = "formats")]
-        "stl" => return Ok(Format::Stl),
+        "stl" => return Ok(stl::parse),
         #[cfg(feature = "formats")]
-        "ply" => return Ok(Format::Ply),
+        "ply" => return Ok(ply::parse),
         #[cfg(feature = "formats")]
-        "3mf" => return Ok(Format::ThreeMf),
+        "3mf" => return Ok(three_mf::parse),
         #[cfg(not(feature = "formats"))]
         "stl" | "ply" | "3mf" => (
             format!("a mesh in the .{extension} format, which this program was built without"),
@@ -164,8 +147,8 @@ mod tests {
     use super::*;
 
     /// A mesh of the format, or the error's text for the file `part`.
-    pub(super) fn mesh_of(bytes: impl AsRef<[u8]>, format: Format) -> Result<Mesh, String> {
-        let parsed = parse(bytes.as_ref(), format);
+    pub(super) fn mesh_of(bytes: impl AsRef<[u8]>, parser: Parser) -> Result<Mesh, String> {
+        let parsed = parse(bytes.as_ref(), parser);
         parsed.map(|file| file.mesh).map_err(|fault| fault.at(Path::new("part")).to_string())
     }
 

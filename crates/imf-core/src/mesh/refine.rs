@@ -5,17 +5,8 @@ use std::collections::HashMap;
 use super::Mesh;
 
 impl Mesh {
-    /// The same surface with every edge longer than `longest` halved, again and again. Neighbours split a shared edge
-    /// alike, so no gaps open. It stops early, between two rounds, once there are more than `most` triangles.
-    ///
-    /// # Panics
-    /// If a triangle names a vertex that does not exist.
-    #[must_use]
-    pub fn refined(&self, longest: f64, most: usize) -> Self {
-        self.refined_with_origins(longest, most).0
-    }
-
-    /// The same, with the triangle that each piece is of.
+    /// The same surface with every edge longer than `longest` halved, again and again, and the triangle that each piece is of. Neighbours
+    /// split a shared edge alike, so no gaps open. It stops early, between two rounds, once there are more than `most` triangles.
     pub(crate) fn refined_with_origins(&self, longest: f64, most: usize) -> (Self, Vec<u32>) {
         let mut mesh = self.clone();
         let mut origins: Vec<u32> = (0..self.triangles.len() as u32).collect();
@@ -71,15 +62,14 @@ mod tests {
     fn edges_become_short_and_the_surface_stays_the_same() {
         let cube = unit_cube();
         for longest in [2.0, 1.2, 0.6, 0.23] {
-            let fine = cube.refined(longest, 1_000_000);
+            let fine = cube.refined_with_origins(longest, 1_000_000).0;
             assert!(boundary_chain(&fine).is_empty());
             assert!((fine.signed_volume() - 1.0).abs() < 1e-12);
-            for triangle in 0..fine.triangles.len() {
-                let [a, b, c] = fine.corners(triangle);
+            for [a, b, c] in fine.all_corners() {
                 assert!([(a, b), (b, c), (c, a)].iter().all(|(p, q)| p.distance(*q) <= longest));
             }
         }
-        assert_eq!(cube.refined(2.0, 1000), cube);
-        assert!(cube.refined(1e-6, 1000).triangles.len() < 8000);
+        assert_eq!(cube.refined_with_origins(2.0, 1000).0, cube);
+        assert!(cube.refined_with_origins(1e-6, 1000).0.triangles.len() < 8000);
     }
 }

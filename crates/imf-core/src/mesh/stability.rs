@@ -30,8 +30,7 @@ impl Mesh {
     #[must_use]
     pub fn floor_area(&self, down: DVec3) -> f64 {
         let (floor, level) = self.floor(down);
-        let corners = (0..self.triangles.len()).map(|triangle| self.corners(triangle));
-        let lying = corners.filter(|corners| corners.iter().all(|p| p.dot(down) >= floor - level));
+        let lying = self.all_corners().filter(|corners| corners.iter().all(|p| p.dot(down) >= floor - level));
         // A sum of nothing is −0.
         lying.map(|[a, b, c]| 0.5 * (b - a).cross(c - a).length()).sum::<f64>() + 0.0
     }
@@ -47,8 +46,8 @@ impl Mesh {
     fn centre_of_mass(&self) -> DVec3 {
         let middle = self.bounds().map_or(DVec3::ZERO, |(lower, upper)| (lower + upper) * 0.5);
         let (mut volume, mut moment) = (0.0, DVec3::ZERO);
-        for triangle in 0..self.triangles.len() {
-            let [a, b, c] = self.corners(triangle).map(|p| p - middle);
+        for corners in self.all_corners() {
+            let [a, b, c] = corners.map(|p| p - middle);
             let part = a.dot(b.cross(c));
             volume += part;
             moment += (a + b + c) * (0.25 * part);

@@ -1,4 +1,5 @@
-//! What can be said about a mesh: its boundary, its pieces, its volume, and a report for the user.
+//! What can be said about a mesh: which triangles use its edges and which way, its boundary, its pieces, its volume, and a report for
+//! the user.
 //!
 //! Everything here follows vertex indices, not positions: vertices that coincide must be shared
 //! ([`Mesh::welded`]; the readers do so).
@@ -9,12 +10,42 @@ use glam::DVec3;
 use serde::Serialize;
 
 use super::Mesh;
-use super::edges::{runs, sorted_edges};
 use super::groups::Groups;
+use crate::parallel;
 use crate::unit::{DisplayLength, LengthUnit};
 
 /// A triangle counts as degenerate if it is this thin: twice its area over its longest edge squared.
 const DEGENERATE_RATIO: f64 = 1e-12;
+
+/// A directed use of an edge by a triangle: the lower vertex first, the triangle, whether it goes upwards.
+pub(crate) type EdgeUse = ([u32; 2], u32, bool);
+
+/// All uses of edges, those of one edge together. Triangles that name a vertex twice have none.
+pub(crate) fn sorted_edges(mesh: &Mesh) -> Vec<EdgeUse> {
+    let mut edges = Vec::with_capacity(3 * mesh.triangles.len());
+    for (triangle, &[a, b, c]) in mesh.triangles.iter().enumerate() {
+        if a != b && b != c && c != a {
+            let upwards = |from: u32, to: u32| ([from.min(to), from.max(to)], triangle as u32, from < to);
+            edges.extend([upwards(a, b), upwards(b, c), upwards(c, a)]);
+        }
+    }
+    parallel::sort(&mut edges);
+    edges
+}
+
+/// The uses of one edge after those of another.
+pub(crate) fn runs(edges: &[EdgeUse]) -> impl Iterator<Item = &[EdgeUse]> {
+    edges.chunk_by(|first, second| first.0 == second.0)
+}
+
+/// Pairs of triangles that share an edge with no third one, and whether both use it in the same direction: consistent neighbours
+/// use it in opposite directions.
+pub(crate) fn neighbours(edges: &[EdgeUse]) -> impl Iterator<Item = (usize, usize, bool)> {
+    runs(edges).filter_map(|run| match *run {
+        [(_, one, first), (_, other, second)] => Some((one as usize, other as usize, first == second)),
+        _ => None,
+    })
+}
 
 /// The boundary of a mesh as a 1-chain, `∂ Σ triangles`.
 ///
@@ -42,15 +73,13 @@ pub(crate) fn boundary_chain(mesh: &Mesh) -> Vec<([u32; 2], i32)> {
 /// Number of pieces of a mesh: sets of triangles connected by shared vertices.
 pub(crate) fn component_count(mesh: &Mesh) -> usize {
     let mut groups = Groups::new(mesh.vertices.len());
-    let mut used = vec![false; mesh.vertices.len()];
     for &[a, b, c] in &mesh.triangles {
         groups.join(a as usize, b as usize);
         groups.join(b as usize, c as usize);
-        for vertex in [a, b, c] {
-            used[vertex as usize] = true;
-        }
     }
-    (0..used.len()).filter(|&vertex| used[vertex] && groups.root(vertex) == vertex).count()
+    let mut is_first = vec![false; mesh.vertices.len()];
+    mesh.triangles.iter().for_each(|triangle| is_first[groups.root(triangle[0] as usize)] = true);
+    is_first.into_iter().filter(|is_first| *is_first).count()
 }
 
 /// Facts about a mesh. Lengths and volumes are in the mesh's own unit.
@@ -89,9 +118,7 @@ impl MeshReport {
             triangles: mesh.triangles.len(),
             vertices: mesh.vertices.len(),
             extents: mesh.bounds().map_or(DVec3::ZERO, |(lower, upper)| upper - lower),
-            degenerate_triangles: (0..mesh.triangles.len())
-                .filter(|&t| is_degenerate(mesh.corners(t)))
-                .count(),
+            degenerate_triangles: mesh.all_corners().filter(is_degenerate).count(),
             boundary_edges,
             components: component_count(mesh),
             signed_volume: mesh.signed_volume(),
@@ -131,7 +158,7 @@ impl MeshReport {
     }
 }
 
-fn is_degenerate([a, b, c]: [DVec3; 3]) -> bool {
+fn is_degenerate(&[a, b, c]: &[DVec3; 3]) -> bool {
     let longest = (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared());
     (b - a).cross(c - a).length() <= DEGENERATE_RATIO * longest
 }

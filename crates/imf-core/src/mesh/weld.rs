@@ -96,9 +96,9 @@ impl Mesh {
     #[must_use]
     pub fn welded(&self) -> Self {
         let mut welder = Welder::default();
-        for triangle in 0..self.triangles.len() {
+        for corners in self.all_corners() {
             // No more vertices come out than went in, and those are numbered in 32 bits already.
-            let _ = welder.push(self.corners(triangle));
+            let _ = welder.push(corners);
         }
         welder.finish()
     }
@@ -170,7 +170,7 @@ mod tests {
                 welder.push_polygon(&corners).unwrap();
                 let mesh = welder.finish();
                 let vector = |[a, b, c]: [DVec3; 3]| 0.5 * (b - a).cross(c - a);
-                let all: Vec<DVec3> = (0..mesh.triangles.len()).map(|t| vector(mesh.corners(t))).collect();
+                let all: Vec<DVec3> = mesh.all_corners().map(vector).collect();
                 let area: f64 = all.iter().map(|own| own.length()).sum();
                 let facing =
                     all.iter().sum::<DVec3>().dot(turn * DVec3::Z) * if backwards { -1.0 } else { 1.0 };

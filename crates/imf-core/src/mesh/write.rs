@@ -45,8 +45,7 @@ pub fn write_stl(mesh: &Mesh, path: impl AsRef<Path>, comment: &str) -> Result<(
         header.iter_mut().zip(comment.bytes()).for_each(|(own, byte)| *own = byte);
         out.write_all(&header)?;
         out.write_all(&count.to_le_bytes())?;
-        for triangle in 0..mesh.triangles.len() {
-            let [a, b, c] = mesh.corners(triangle);
+        for [a, b, c] in mesh.all_corners() {
             let normal = (b - a).cross(c - a).normalize_or_zero();
             for value in [normal, a, b, c].iter().flat_map(DVec3::to_array) {
                 out.write_all(&(value as f32).to_le_bytes())?;
@@ -107,9 +106,7 @@ mod tests {
         )
         .unwrap();
         let read = read_mesh_file(&path).unwrap().mesh;
-        let corners = |mesh: &Mesh| {
-            (0..4).map(|t| mesh.corners(t).map(|corner| (corner * 1.0).as_vec3())).collect::<Vec<_>>()
-        };
+        let corners = |mesh: &Mesh| mesh.all_corners().map(|c| c.map(|p| p.as_vec3())).collect::<Vec<_>>();
         assert_eq!(corners(&read), corners(&mesh));
         let broken = Mesh { vertices: vec![DVec3::NAN], triangles: vec![] };
         assert!(write_stl(&broken, &path, "").is_err());

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use crate::mesh::Mesh;
-use crate::mesh::edges::{EdgeUse, neighbours, runs, sorted_edges};
+use crate::mesh::topology::{EdgeUse, neighbours, runs, sorted_edges};
 use crate::mesh::topology::{boundary_chain, component_count};
 use crate::occupancy::Occupancy;
 use crate::parallel;

@@ -1,4 +1,4 @@
-use glam::{DMat4, DVec3};
+use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -8,17 +8,19 @@ use crate::mesh::topology::boundary_chain;
 
 /// A cube of many triangles around a centre, facing outwards or inwards.
 fn cube(centre: f64, edge: f64, inwards: bool) -> Mesh {
-    let place = DMat4::from_translation(DVec3::splat(centre - edge / 2.0));
-    let mut cube = unit_cube().transformed(&(place * DMat4::from_scale(DVec3::splat(edge))));
-    if inwards {
-        cube = reversed(cube);
-    }
-    cube.refined(edge / 3.0, 1_000_000)
+    let cube = Mesh::cuboid(DVec3::splat(centre - edge / 2.0), DVec3::splat(centre + edge / 2.0));
+    let cube = if inwards { reversed(cube) } else { cube };
+    cube.refined_with_origins(edge / 3.0, 1_000_000).0
 }
 
 fn reversed(mut mesh: Mesh) -> Mesh {
     mesh.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
     mesh
+}
+
+/// A repair that flipped so many triangles.
+fn flips(flipped: usize) -> FaceRepair {
+    FaceRepair { flipped, ..FaceRepair::default() }
 }
 
 fn joined(meshes: &[Mesh]) -> Mesh {
@@ -27,13 +29,8 @@ fn joined(meshes: &[Mesh]) -> Mesh {
     all.welded()
 }
 
-/// The mesh with every triangle flipped that the dice say, and how many those are.
-fn shuffled(mesh: &Mesh, chance: f64, seed: u64) -> (Mesh, usize) {
-    shuffled_from(mesh, 0, chance, seed)
-}
-
-/// As [`shuffled`], the triangles from a number on.
-fn shuffled_from(mesh: &Mesh, first: usize, chance: f64, seed: u64) -> (Mesh, usize) {
+/// The mesh with every triangle from a number on flipped that the dice say, and how many those are.
+fn shuffled(mesh: &Mesh, first: usize, chance: f64, seed: u64) -> (Mesh, usize) {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut mesh = mesh.clone();
     let mut flipped = 0;
@@ -98,14 +95,11 @@ fn what_is_consistent_stays_as_it_is() {
 fn what_faces_inwards_as_a_whole_is_turned_with_its_cavities() {
     let right = joined(&[cube(0.0, 9.0, false), cube(0.0, 4.0, true), cube(20.0, 3.0, false)]);
     let flipped = right.triangles.len();
-    assert!(
-        reversed(right.clone()).with_consistent_faces()
-            == (right, FaceRepair { flipped, ..FaceRepair::default() })
-    );
+    assert!(reversed(right.clone()).with_consistent_faces() == (right, flips(flipped)));
     // Of two that overlap the larger faces inwards.
     let right = joined(&[cube(0.0, 4.0, false), cube(3.0, 9.0, false)]);
-    let (wrong, flipped) = shuffled_from(&right, cube(0.0, 4.0, false).triangles.len(), 1.0, 0);
-    assert!(wrong.with_consistent_faces() == (right, FaceRepair { flipped, ..FaceRepair::default() }));
+    let (wrong, flipped) = shuffled(&right, cube(0.0, 4.0, false).triangles.len(), 1.0, 0);
+    assert!(wrong.with_consistent_faces() == (right, flips(flipped)));
 }
 
 #[test]
@@ -114,19 +108,19 @@ fn triangles_that_face_at_random_become_the_solid_that_they_bound() {
     let bodies = [cube(0.0, 4.0, false), cube(0.0, 2.0, true), cube(8.0, 3.0, false)];
     // They share one edge, of which four triangles make use.
     let mut neighbours = unit_cube();
-    neighbours.append(&unit_cube().transformed(&DMat4::from_translation(DVec3::new(1.0, 1.0, 0.0))));
+    neighbours.append(&Mesh::cuboid(DVec3::new(1.0, 1.0, 0.0), DVec3::new(2.0, 2.0, 1.0)));
     for (name, mesh, volume) in [
         ("a cube", cube(3.0, 2.0, false), 8.0),
         ("shells in shells", joined(&nest), 729.0 - 216.0 + 27.0),
         ("a cavity beside a body", joined(&bodies), 64.0 - 8.0 + 27.0),
-        ("cubes on an edge", neighbours.welded().refined(0.4, 10_000), 2.0),
+        ("cubes on an edge", neighbours.welded().refined_with_origins(0.4, 10_000).0, 2.0),
     ] {
         for seed in 0..5 {
-            let (random, _) = shuffled(&mesh, 0.5, seed);
+            let (random, _) = shuffled(&mesh, 0, 0.5, seed);
             let (repaired, repair) = random.clone().with_consistent_faces();
             assert!(repaired == mesh, "{name}, seed {seed}");
             let differ = random.triangles.iter().zip(&mesh.triangles).filter(|(a, b)| a != b).count();
-            assert_eq!(repair, FaceRepair { flipped: differ, ..FaceRepair::default() }, "{name}");
+            assert_eq!(repair, flips(differ), "{name}");
             assert!(boundary_chain(&repaired).is_empty() && (repaired.signed_volume() - volume).abs() < 1e-9);
         }
     }
@@ -136,17 +130,15 @@ fn triangles_that_face_at_random_become_the_solid_that_they_bound() {
 fn a_few_wrong_triangles_do_not_change_what_the_rest_says() {
     // Parity would make a cavity of the inner solid.
     let solids = joined(&[cube(0.0, 9.0, false), cube(0.0, 4.0, false)]);
-    let (few, flipped) = shuffled(&solids, 0.04, 7);
+    let (few, flipped) = shuffled(&solids, 0, 0.04, 7);
     assert!(flipped > 2);
-    assert!(
-        few.with_consistent_faces() == (solids, FaceRepair { flipped, nested: 1, ..FaceRepair::default() })
-    );
+    assert!(few.with_consistent_faces() == (solids, FaceRepair { nested: 1, ..flips(flipped) }));
     // An open mesh has no volume to go by.
     let mut open = reversed(cube(0.0, 2.0, false));
     open.triangles.truncate(open.triangles.len() - 4);
-    let (few, flipped) = shuffled(&open, 0.04, 7);
+    let (few, flipped) = shuffled(&open, 0, 0.04, 7);
     assert!(flipped > 2);
-    assert!(few.with_consistent_faces() == (open, FaceRepair { flipped, ..FaceRepair::default() }));
+    assert!(few.with_consistent_faces() == (open, flips(flipped)));
 }
 
 #[test]
@@ -156,8 +148,8 @@ fn bodies_beside_each_other_face_alike_and_keep_their_cavities() {
     // A hollow body far away, and one that overlaps: it would be empty where it does.
     for second in [joined(&[cube(20.0, 5.0, false), cube(20.0, 2.0, true)]), cube(4.0, 3.0, false)] {
         let right = joined(&[body.clone(), second]);
-        let (wrong, flipped) = shuffled_from(&right, first, 1.0, 0);
-        assert!(wrong.with_consistent_faces() == (right, FaceRepair { flipped, ..FaceRepair::default() }));
+        let (wrong, flipped) = shuffled(&right, first, 1.0, 0);
+        assert!(wrong.with_consistent_faces() == (right, flips(flipped)));
     }
 }
 
@@ -170,7 +162,7 @@ fn a_surface_with_one_side_stays_as_it_is_and_is_reported() {
     assert!(repaired == (moebius.clone(), FaceRepair { one_sided: count, ..FaceRepair::default() }));
     // It keeps nothing else from being repaired.
     let both = joined(&[moebius, cube(9.0, 2.0, false)]);
-    let (random, _) = shuffled_from(&both, count, 0.5, 1);
+    let (random, _) = shuffled(&both, count, 0.5, 1);
     let (repaired, repair) = random.with_consistent_faces();
     assert!(repaired == both && repair.one_sided == count);
 }
@@ -187,7 +179,7 @@ fn a_mesh_with_every_triangle_for_either_side_is_what_it_bounds() {
     }
     // Where two bodies touch their faces cancel each other, and stay.
     let mut touching = unit_cube();
-    touching.append(&unit_cube().transformed(&DMat4::from_translation(DVec3::X)));
+    touching.append(&Mesh::cuboid(DVec3::X, DVec3::new(2.0, 1.0, 1.0)));
     let touching = touching.welded();
     let (same, repair) = touching.clone().with_consistent_faces();
     assert!(boundary_chain(&same).is_empty() && (same.signed_volume() - 2.0).abs() < 1e-12, "{repair:?}");

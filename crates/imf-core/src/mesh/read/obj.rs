@@ -7,7 +7,7 @@ use std::iter;
 
 use glam::DVec3;
 
-use super::{Fault, FaultKind, no_vertex, not_finite};
+use super::{Fault, FaultKind, MeshFile, no_vertex, not_finite};
 use crate::mesh::Mesh;
 use crate::mesh::topology::boundary_chain;
 use crate::mesh::weld::Welder;
@@ -21,7 +21,7 @@ struct Face {
     first: usize,
 }
 
-pub(super) fn parse(bytes: &[u8]) -> Result<Mesh, Fault> {
+pub(super) fn parse(bytes: &[u8]) -> Result<MeshFile, Fault> {
     let mut vertices: Vec<DVec3> = Vec::new();
     let (mut faces, mut indices) = (Vec::new(), Vec::new());
     for (line, text) in lines(bytes) {
@@ -63,7 +63,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Mesh, Fault> {
     }
     let mesh = welder.finish();
     refuse_cut(bytes, &mesh)?;
-    Ok(mesh)
+    Ok(MeshFile { mesh, unit: None })
 }
 
 /// Writers end the last line. Where it has no end, and is not a harmless one, the file may have been cut in the
@@ -121,12 +121,11 @@ fn lines(bytes: &[u8]) -> impl Iterator<Item = (usize, String)> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Format;
     use super::super::tests::mesh_of;
     use super::*;
 
-    fn parse_obj(text: &str) -> Result<Mesh, String> {
-        mesh_of(text, Format::Obj)
+    fn parse_obj(text: impl AsRef<[u8]>) -> Result<Mesh, String> {
+        mesh_of(text, parse)
     }
 
     #[test]
@@ -153,10 +152,10 @@ mod tests {
         let mut bytes =
             b"# na\xefve name\no caf\xe9\nv 0 0 0 # first\nv 2 \\\n 0 0\nv 0 2 0 1\nf 1//9 \\\n2//9 3/7\n"
                 .to_vec();
-        let mesh = parse(&bytes).unwrap();
+        let mesh = parse_obj(&bytes).unwrap();
         assert_eq!(mesh.vertices, [DVec3::ZERO, DVec3::new(2.0, 0.0, 0.0), DVec3::new(0.0, 2.0, 0.0)]);
         bytes.extend(b"# last words");
-        assert_eq!(parse(&bytes).unwrap(), mesh);
+        assert_eq!(parse_obj(&bytes).unwrap(), mesh);
         let marked = "\u{feff}v 0 0 0\nv 2 0 0\nv 0 2 0\nf 1 2 3\n";
         assert_eq!(parse_obj(marked).unwrap(), mesh);
     }

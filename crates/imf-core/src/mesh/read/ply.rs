@@ -11,8 +11,7 @@ use ply_rs_bw::ply::{
     ElementDef, Encoding, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType,
 };
 
-use super::{Fault, no_vertex, not_finite};
-use crate::mesh::Mesh;
+use super::{Fault, MeshFile, no_vertex, not_finite};
 use crate::mesh::weld::Welder;
 
 /// A vertex or a face, whichever properties it has; unset coordinates are not numbers.
@@ -68,7 +67,7 @@ fn indices(property: Property) -> Option<Vec<i64>> {
     }
 }
 
-pub(super) fn parse(bytes: &[u8]) -> Result<Mesh, Fault> {
+pub(super) fn parse(bytes: &[u8]) -> Result<MeshFile, Fault> {
     let parser = Parser::<Item>::new();
     let mut reader = Reader::new(Cursor::new(bytes));
     let header = parser.read_header(&mut reader).map_err(|error| explain(&error))?;
@@ -104,7 +103,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Mesh, Fault> {
     for face in &faces {
         welder.push_polygon(&face.corners.iter().map(corner).collect::<Result<Vec<_>, _>>()?)?;
     }
-    Ok(welder.finish())
+    Ok(MeshFile { mesh: welder.finish(), unit: None })
 }
 
 /// Refuses an element count that a file of `room` bytes cannot hold: the parser allocates for it, and would count
@@ -150,10 +149,11 @@ fn explain(error: &ParseError) -> Fault {
 mod tests {
     use super::*;
     use crate::file_error::FaultKind;
+    use crate::mesh::Mesh;
     use crate::mesh::tests::unit_cube;
 
-    fn parse_text(text: &str) -> Result<Mesh, Fault> {
-        parse(text.as_bytes())
+    fn mesh_of(bytes: impl AsRef<[u8]>) -> Result<Mesh, Fault> {
+        parse(bytes.as_ref()).map(|file| file.mesh)
     }
 
     /// The mesh with a colour at each vertex and a quality at each face.
@@ -198,9 +198,9 @@ mod tests {
     #[test]
     fn text_and_both_orders_of_bytes_give_the_same_mesh() {
         let cube = unit_cube().welded();
-        assert_eq!(parse_text(&ascii(&cube)).unwrap(), cube);
+        assert_eq!(mesh_of(&ascii(&cube)).unwrap(), cube);
         for little in [true, false] {
-            assert_eq!(parse(&binary(&cube, little)).unwrap(), cube);
+            assert_eq!(mesh_of(&binary(&cube, little)).unwrap(), cube);
         }
     }
 
@@ -210,22 +210,22 @@ mod tests {
                     element vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
                     element face 1\nproperty list uchar short vertex_index\nend_header\n\
                     0 1\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n";
-        let mesh = parse_text(text).unwrap();
+        let mesh = mesh_of(text).unwrap();
         assert_eq!(mesh.triangles, [[0, 1, 2], [0, 2, 3]]);
     }
 
     #[test]
     fn what_follows_the_elements_is_refused_but_for_blank_lines() {
         let cube = unit_cube().welded();
-        assert_eq!(parse_text(&(ascii(&cube) + "\n \n")).unwrap(), cube);
-        let message = parse_text(&(ascii(&cube) + "3 0 1 2 0.5\n")).unwrap_err().cause;
+        assert_eq!(mesh_of(&(ascii(&cube) + "\n \n")).unwrap(), cube);
+        let message = mesh_of(&(ascii(&cube) + "3 0 1 2 0.5\n")).unwrap_err().cause;
         assert!(message.contains("12 bytes follow"), "{message}");
         for little in [true, false] {
             let mut bytes = binary(&cube, little);
             bytes.push(b'\n');
-            assert_eq!(parse(&bytes).unwrap(), cube);
+            assert_eq!(mesh_of(&bytes).unwrap(), cube);
             bytes.push(3);
-            let message = parse(&bytes).unwrap_err().cause;
+            let message = mesh_of(&bytes).unwrap_err().cause;
             assert!(message.contains("2 bytes follow"), "{message}");
         }
     }
@@ -234,16 +234,16 @@ mod tests {
     fn mistakes_are_told_apart() {
         let cube = unit_cube();
         let text = ascii(&cube);
-        let failure = |text: &str| parse_text(text).unwrap_err();
+        let failure = |text: &str| mesh_of(text).unwrap_err();
         for index in ["9", "-1"] {
             let message = failure(&text.replace("3 0 ", &format!("3 {index} "))).cause;
             assert!(message.contains(&format!("vertex {index}, but")), "{message}");
         }
         // In text the word is refused, in binary the number is found.
-        assert!(parse_text(&text.replace("0 0 0 200", "nan 0 0 200")).is_err());
+        assert!(mesh_of(&text.replace("0 0 0 200", "nan 0 0 200")).is_err());
         let mut broken = cube.clone();
         broken.vertices[0].x = f64::NAN;
-        let message = parse(&binary(&broken, true)).unwrap_err().cause;
+        let message = mesh_of(&binary(&broken, true)).unwrap_err().cause;
         assert!(message.contains("vertex 0 (counted from 0) has a coordinate that is NaN"), "{message}");
         assert_eq!(failure(&text.replace("property float z\n", "")).kind, FaultKind::Malformed);
         let message = failure(&text.replace("vertex_indices", "corners")).cause;
@@ -255,6 +255,6 @@ mod tests {
         let endless = text.replace("element face", "element nothing 99999999999\nelement face");
         assert!(failure(&endless).cause.contains("`nothing` has no property"));
         let cut = binary(&cube, true);
-        assert_eq!(parse(&cut[..cut.len() - 5]).unwrap_err().kind, FaultKind::Truncated);
+        assert_eq!(mesh_of(&cut[..cut.len() - 5]).unwrap_err().kind, FaultKind::Truncated);
     }
 }

@@ -5,8 +5,7 @@
 
 use glam::DVec3;
 
-use super::{Fault, not_finite};
-use crate::mesh::Mesh;
+use super::{Fault, MeshFile, not_finite};
 use crate::mesh::weld::Welder;
 
 /// Bytes of a binary file before its triangles: free text, then their number.
@@ -15,7 +14,7 @@ const PREAMBLE: usize = HEADER + 4;
 /// Bytes of one triangle: normal and three corners in f32, and two of no meaning.
 const RECORD: usize = 50;
 
-pub(super) fn parse(bytes: &[u8]) -> Result<Mesh, Fault> {
+pub(super) fn parse(bytes: &[u8]) -> Result<MeshFile, Fault> {
     if is_ascii(bytes) {
         return parse_ascii(bytes);
     }
@@ -44,7 +43,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Mesh, Fault> {
         }
         welder.push(corners)?;
     }
-    Ok(welder.finish())
+    Ok(MeshFile { mesh: welder.finish(), unit: None })
 }
 
 /// The number of triangles that a binary file announces; `None` if it is too short for one.
@@ -61,7 +60,7 @@ fn is_ascii(bytes: &[u8]) -> bool {
     !exact && start.starts_with(b"solid") && (names(b"facet") || names(b"endsolid") || !start.contains(&0))
 }
 
-fn parse_ascii(bytes: &[u8]) -> Result<Mesh, Fault> {
+fn parse_ascii(bytes: &[u8]) -> Result<MeshFile, Fault> {
     let mut welder = Welder::default();
     // The line of the facet that is being read, and its corners up to here.
     let mut facet: Option<(usize, Vec<DVec3>)> = None;
@@ -95,7 +94,7 @@ fn parse_ascii(bytes: &[u8]) -> Result<Mesh, Fault> {
             Err(Fault::truncated(format!("it ends within the facet that begins on line {begin}")))
         }
         None if !ended => Err(Fault::truncated("the last solid has no `endsolid`")),
-        None => Ok(welder.finish()),
+        None => Ok(MeshFile { mesh: welder.finish(), unit: None }),
     }
 }
 
@@ -107,20 +106,20 @@ fn unreadable(line: usize) -> Fault {
 mod tests {
     use std::fmt::Write as _;
 
-    use super::super::Format;
     use super::super::tests::mesh_of;
     use super::*;
+    use crate::mesh::Mesh;
     use crate::mesh::tests::unit_cube;
 
     fn parse_stl(bytes: &[u8]) -> Result<Mesh, String> {
-        mesh_of(bytes, Format::Stl)
+        mesh_of(bytes, parse)
     }
 
     fn ascii(mesh: &Mesh) -> String {
         let mut text = "solid cube\n".to_owned();
-        for t in 0..mesh.triangles.len() {
+        for corners in mesh.all_corners() {
             text += "  facet normal 0 0 1\n    outer loop\n";
-            for p in mesh.corners(t) {
+            for p in corners {
                 writeln!(text, "      vertex {:e} {} {}", p.x, p.y, p.z).unwrap();
             }
             text += "    endloop\n  endfacet\n";
@@ -133,11 +132,9 @@ mod tests {
         // As some CAD systems do.
         bytes[..10].copy_from_slice(b"solid cube");
         bytes.extend((mesh.triangles.len() as u32).to_le_bytes());
-        for t in 0..mesh.triangles.len() {
+        for corners in mesh.all_corners() {
             bytes.extend([f32::NAN; 3].iter().flat_map(|v| v.to_le_bytes()));
-            bytes.extend(
-                mesh.corners(t).iter().flat_map(|p| p.as_vec3().to_array()).flat_map(f32::to_le_bytes),
-            );
+            bytes.extend(corners.iter().flat_map(|p| p.as_vec3().to_array()).flat_map(f32::to_le_bytes));
             bytes.extend([0, 0]);
         }
         bytes

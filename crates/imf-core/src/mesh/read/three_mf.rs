@@ -19,10 +19,9 @@ use glam::{DMat4, DVec3};
 use zip::ZipArchive;
 use zip::result::ZipError;
 
-use super::Fault;
+use super::{Fault, MeshFile};
 use crate::file_error::FaultKind;
 use crate::mesh::Mesh;
-use crate::unit::LengthUnit;
 use model::{Body, Model, Role};
 
 /// Maximum number of unpacked bytes for each byte of an archive: meshes as text are packed some ten times.
@@ -44,8 +43,7 @@ fn no_archive(error: &ZipError) -> Fault {
     Fault::truncated(format!("it is not a whole ZIP archive, as 3MF files are ({error})"))
 }
 
-/// The mesh and the unit it is in.
-pub(super) fn parse(bytes: &[u8]) -> Result<(Mesh, LengthUnit), Fault> {
+pub(super) fn parse(bytes: &[u8]) -> Result<MeshFile, Fault> {
     if !bytes.starts_with(ZIP) {
         return Err(Fault::malformed("it is not a 3MF file: it does not begin as a ZIP archive does"));
     }
@@ -86,7 +84,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<(Mesh, LengthUnit), Fault> {
     }
     let mesh = placing.mesh;
     let mesh = if *scale == 1.0 { mesh } else { mesh.transformed(&DMat4::from_scale(DVec3::splat(*scale))) };
-    Ok((mesh.welded(), *unit))
+    Ok(MeshFile { mesh: mesh.welded(), unit: Some(*unit) })
 }
 
 /// The name of the model that the package's relationships call its root; where it usually is if they do not.

@@ -4,10 +4,10 @@ use std::io::Write as _;
 
 use glam::DVec3;
 
-use super::super::Format;
 use super::super::tests::mesh_of;
 use super::*;
 use crate::mesh::tests::unit_cube;
+use crate::unit::LengthUnit;
 
 const CORE: &str = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02";
 const PRODUCTION: &str = "http://schemas.microsoft.com/3dmanufacturing/production/2015/06";
@@ -61,20 +61,20 @@ fn cube(mesh: &Mesh) -> String {
 }
 
 fn bounds(bytes: &[u8]) -> (DVec3, DVec3, LengthUnit) {
-    let (mesh, unit) = parse(bytes).unwrap();
-    let (lower, upper) = mesh.bounds().unwrap();
-    (lower, upper, unit)
+    let file = parse(bytes).unwrap();
+    let (lower, upper) = file.mesh.bounds().unwrap();
+    (lower, upper, file.unit.unwrap())
 }
 
 fn refusal(bytes: &[u8]) -> String {
-    mesh_of(bytes, Format::ThreeMf).unwrap_err()
+    mesh_of(bytes, parse).unwrap_err()
 }
 
 #[test]
 fn a_mesh_is_read_in_the_files_unit() {
     let cube_text = cube(&unit_cube());
-    let (mesh, unit) = parse(&archive(&cube_text)).unwrap();
-    assert_eq!((mesh, unit), (unit_cube().welded(), LengthUnit::Mm));
+    let read = parse(&archive(&cube_text)).unwrap();
+    assert_eq!(read, MeshFile { mesh: unit_cube().welded(), unit: Some(LengthUnit::Mm) });
     for (name, size, unit) in [
         ("micron", 1e-3, LengthUnit::Mm),
         ("centimeter", 1.0, LengthUnit::Cm),
@@ -111,7 +111,7 @@ fn items_and_components_are_placed_by_their_transforms() {
 
     // A mirrored item still faces outwards, and two items are two bodies.
     let items = r#"<item objectid="1"/><item objectid="1" transform="-1 0 0 0 1 0 0 0 1 9 0 0"/>"#;
-    let (mesh, _) = parse(&archive(&model("", &objects, items))).unwrap();
+    let mesh = parse(&archive(&model("", &objects, items))).unwrap().mesh;
     assert!((mesh.signed_volume() - 2.0).abs() < 1e-12);
 }
 
