@@ -109,7 +109,6 @@ impl Occupancy {
     }
 
     /// The inverse of [`Occupancy::packed`]; `None` for a number of bytes that does not fit the grid.
-    #[must_use]
     pub(crate) fn from_packed(grid: Grid, packed: &[u8]) -> Option<Self> {
         let solid = || (0..grid.len()).map(|i| (packed[i / 8] >> (i % 8)) & 1).collect();
         (packed.len() == grid.len().div_ceil(8)).then(|| Self { grid, solid: solid() })

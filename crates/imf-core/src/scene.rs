@@ -18,6 +18,7 @@ pub use guarantee::{Guarantee, PathGuarantee};
 pub(crate) use lost_surface::LostSurface;
 pub use pitch::{ChosenPitch, PitchReason};
 pub use resolution::CoarseTool;
+use resolution::MAX_UNDECIDED;
 pub(crate) use resolution::decided;
 // For the stock, which is not a body of a scene.
 #[doc(hidden)]
@@ -47,8 +48,7 @@ use crate::voxelize::voxelize_with;
 
 /// How the grid around the part is chosen.
 #[doc(hidden)]
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug)]
 pub enum Resolution {
     /// Edge of a voxel in the part's unit.
     Pitch(f64),
@@ -126,13 +126,6 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// A scene as files save it: the union of part and fixtures.
-    #[doc(hidden)]
-    #[must_use]
-    pub fn from_union(record: SceneRecord, obstacle: Occupancy) -> Self {
-        Self { record, obstacle, layer: None }
-    }
-
     /// The scene with a cutter that may reach `depth` (in the scene's unit) below the part's surface: `bodies` are its
     /// part and fixtures, on its grid or a wider one of the same voxels.
     #[doc(hidden)]
@@ -276,15 +269,13 @@ pub enum SceneError {
         "{name}: solid and empty cannot be told apart: its surface has holes, or faces in no consistent way, and at {:.0} % of the voxel \
          centres in it or near it (more than {:.0} %) its winding number lies between 0.2 and 0.8; if it is a sheet, give it its \
          thickness; else close its holes and make its normals consistent (in MeshLab or Blender), or export it again as one closed solid",
-        100.0 * fraction, 100.0 * most
+        100.0 * fraction, 100.0 * MAX_UNDECIDED
     )]
     Undecided {
         /// The part or fixture.
         name: String,
         /// Fraction of the centres in or near it.
         fraction: f64,
-        /// The largest accepted fraction.
-        most: f64,
     },
     /// A clearance that is not a length, or around a tool that cannot be offset.
     #[error(transparent)]

@@ -36,7 +36,7 @@ pub(crate) fn scene() -> Scene {
         contact: None,
         obstacle_crc32: crc32fast::hash(&obstacle.packed()),
     };
-    Scene::from_union(record, obstacle)
+    Scene { record, obstacle, layer: None }
 }
 
 /// A smooth field over a small grid at five directions.

@@ -71,7 +71,7 @@ fn scene() -> Scene {
         contact: None,
         obstacle_crc32,
     };
-    Scene::from_union(record, obstacle)
+    Scene { record, obstacle, layer: None }
 }
 
 fn fields(scene: &Scene) -> Vec<(&'static str, FieldFile)> {

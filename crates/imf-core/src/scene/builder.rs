@@ -102,14 +102,11 @@ impl<'a> SceneBuilder<'a> {
     /// A part from a file ([`read_mesh_file`]); `unit` is that of files which state none.
     pub fn part_file(self, path: impl AsRef<Path>, unit: LengthUnit) -> Self {
         let path = path.as_ref();
-        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let part = read_mesh_file(path).map(|MeshFile { mesh, unit: stated }| Part {
-            name,
-            mesh,
-            unit: stated.unwrap_or(unit),
-            reference: None,
-        });
-        Self { part: part.map_err(SceneError::from), ..self }
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        match read_mesh_file(path) {
+            Ok(MeshFile { mesh, unit: stated }) => self.part(&name, mesh, stated.unwrap_or(unit)),
+            Err(error) => Self { part: Err(error.into()), ..self },
+        }
     }
 
     /// A built-in part, on its own dims where none are given.
@@ -226,16 +223,13 @@ impl<'a> SceneBuilder<'a> {
             .iter()
             .map(|(name, mesh, transform)| Fixture { name, mesh, transform: *transform })
             .collect();
-        let chosen = match (self.resolution, reference) {
-            (None, None) => Some(ChosenPitch::new(report.extents, unit, &[tool.in_unit(unit)], &|_| true)),
-            _ => None,
-        };
-        let resolution = match (self.resolution, reference, &chosen) {
-            (Some(resolution), ..) => resolution,
-            (None, Some(reference), _) => Resolution::Dims(reference.dims()),
-            (None, None, Some(chosen)) => Resolution::Pitch(chosen.pitch),
-            // A pitch was chosen for every part that is not built in.
-            (None, None, None) => return Err(SceneError::NoPart),
+        let (resolution, chosen_pitch) = match (self.resolution, reference) {
+            (Some(resolution), _) => (resolution, None),
+            (None, Some(reference)) => (Resolution::Dims(reference.dims()), None),
+            (None, None) => {
+                let chosen = ChosenPitch::new(report.extents, unit, &[tool.in_unit(unit)], &|_| true);
+                (Resolution::Pitch(chosen.pitch), Some(chosen))
+            }
         };
         let spec = SceneSpec {
             part: &name,
@@ -259,7 +253,7 @@ impl<'a> SceneBuilder<'a> {
         warnings.extend(spec.warnings(&bodies)?);
         warnings.extend(spec.assembly(&tool, &self.clearance, &scene.record.grid)?.1);
         let undecided = bodies.undecided;
-        Ok(BuiltScene { scene, mesh, fixtures, bodies, warnings, undecided, chosen_pitch: chosen })
+        Ok(BuiltScene { scene, mesh, fixtures, bodies, warnings, undecided, chosen_pitch })
     }
 }
 
@@ -269,7 +263,7 @@ mod tests {
 
     use super::*;
     use crate::mesh::tests::unit_cube;
-    use crate::tool::{Element, ElementKind, Segment, ToolShape};
+    use crate::section::test_shapes::cylinder;
 
     #[test]
     fn it_is_the_scene_of_its_spec() {
@@ -298,9 +292,7 @@ mod tests {
         // A tetrahedron without its bottom, and a tool that is all cutter.
         let corners = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z].map(|corner| corner * 9.0);
         let open = Mesh { vertices: corners.to_vec(), triangles: vec![[0, 1, 3], [1, 2, 3], [2, 0, 3]] };
-        let line = Segment::Line { from: 0.0, to: 9.0, radius_from: 2.0, radius_to: 2.0 };
-        let cutter = Element { kind: ElementKind::Cutter, profile: vec![line] };
-        let tool = Tool { shape: ToolShape::Revolved(vec![cutter]), ..Tool::paper() };
+        let tool = cylinder(2.0, 9.0);
         let build = |mesh: Mesh| Scene::builder().part("wedge", mesh, LengthUnit::Mm).tool(&tool).build();
         let built = build(open.clone()).unwrap();
         // A 48th of the part's 9 mm, to two digits.

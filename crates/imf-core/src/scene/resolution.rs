@@ -35,7 +35,7 @@ const THIN: usize = 3;
 /// hemisphere without its disc 0.8, and all their solid voxels are right. Triangles that share no corners and of which a fifth
 /// face the wrong way have 0.98, and lose up to a quarter of the solid; half of them, 1.0 and nearly all of it. A box without two opposite
 /// sides (0.96) or a shallow tray without its lid (0.99) may as well be a sheet.
-const MAX_UNDECIDED: f64 = 0.9;
+pub(super) const MAX_UNDECIDED: f64 = 0.9;
 
 /// Solid voxels of a mesh that says what is inside; `name` is for the error.
 ///
@@ -55,8 +55,7 @@ pub fn solid_voxels(
 /// Voxels of a mesh that says what is inside.
 pub(crate) fn decided(name: &str, voxels: VoxelizeResult) -> Result<VoxelizeResult, SceneError> {
     if voxels.undecided > MAX_UNDECIDED {
-        let (name, fraction) = (name.to_owned(), voxels.undecided);
-        return Err(SceneError::Undecided { name, fraction, most: MAX_UNDECIDED });
+        return Err(SceneError::Undecided { name: name.to_owned(), fraction: voxels.undecided });
     }
     Ok(voxels)
 }

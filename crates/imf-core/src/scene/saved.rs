@@ -88,7 +88,7 @@ impl Scene {
         if checksum != record.obstacle_crc32 {
             return Err(SavedVoxelsError::Checksum);
         }
-        let mut scene = Self::from_union(record, obstacle);
+        let mut scene = Self { record, obstacle, layer: None };
         if scene.record.contact.is_some() {
             let (layer, _) = voxels(LAYER)?;
             if layer.solid.iter().zip(&scene.obstacle.solid).any(|(l, o)| l & (1 - o) != 0) {

@@ -82,11 +82,8 @@ impl<'a> SceneSpec<'a> {
                 if self.conservative { self.padded_for_touch(&grid) } else { Ok(grid) }
             }
             Resolution::Dims(dims) => {
-                let room = if self.conservative && self.margin == 0 {
-                    0.5e-4 * (upper - lower)
-                } else {
-                    DVec3::ZERO
-                };
+                let is_tight = self.conservative && self.margin == 0;
+                let room = if is_tight { 0.5e-4 * (upper - lower) } else { DVec3::ZERO };
                 Ok(Grid::with_dims(lower - room, upper + room, dims, self.margin)?)
             }
         }

@@ -1,27 +1,21 @@
-use std::path::Path;
-
 use glam::DVec3;
 
 use super::*;
 use crate::control::Control;
 use crate::mesh::tests::unit_cube;
-use crate::tool::{Clearance, ElementKind};
+use crate::parts::ReferencePart;
+use crate::section::test_shapes::revolved;
+use crate::tool::{Clearance, ElementKind, Segment};
 
 /// A cube of 4 mm, held by a clamp that lies on it and sticks out 6 mm to either side.
 fn spec<'a>(cube: &'a Mesh, tool: &'a Tool, fixtures: &'a [Fixture<'a>]) -> SceneSpec<'a> {
     SceneSpec {
         part: "cube",
-        mesh: cube,
-        unit: LengthUnit::Mm,
         transform: DMat4::from_scale(DVec3::splat(4.0)),
         resolution: Resolution::Pitch(0.5),
-        margin: 0,
-        conservative: false,
         allow_coarse: false,
-        tool,
         fixtures,
-        around: GridExtent::Part,
-        control: Control::quiet(),
+        ..SceneSpec::of_reference(ReferencePart::Bracket, cube, [1; 3], tool)
     }
 }
 
@@ -228,7 +222,7 @@ fn what_the_grid_cannot_resolve_is_refused_or_warned_about() {
 #[test]
 fn a_mesh_that_does_not_say_what_is_inside_is_refused_and_one_with_a_hole_is_not() {
     let tool = Tool::paper();
-    let mut cube = unit_cube().refined(0.2, 10_000);
+    let mut cube = unit_cube().refined_with_origins(0.2, 10_000).0;
     let lid = |mesh: &Mesh, t: usize| mesh.corners(t).iter().all(|corner| corner.z == 1.0);
     let kept: Vec<_> =
         (0..cube.triangles.len()).filter(|&t| !lid(&cube, t)).map(|t| cube.triangles[t]).collect();
@@ -274,14 +268,11 @@ fn voxelising_reports_its_rows_and_can_be_cancelled() {
 #[test]
 fn a_shank_wider_than_its_cutter_by_less_than_a_voxel_is_told() {
     let tool = |shank: f64| {
-        Tool::parse(
-            &format!(
-                "name = \"t\"\nunit = \"mm\"\nstick_out = 40.0\n[cutter]\nshape = \"flat\"\ndiameter = 8.0\nlength = 20.0\n[shank]\n\
-                 diameter = {shank}\n[[holder]]\ndiameter = 30.0\nlength = 60.0\n"
-            ),
-            Path::new("t.toml"),
-        )
-        .unwrap()
+        revolved([
+            (ElementKind::Cutter, vec![Segment::cylinder(0.0, 20.0, 4.0)]),
+            (ElementKind::Shank, vec![Segment::cylinder(20.0, 40.0, shank / 2.0)]),
+            (ElementKind::Holder(0), vec![Segment::cylinder(40.0, 100.0, 15.0)]),
+        ])
     };
     let told = |shank: f64, clearance: f64, pitch: f64| {
         let assembly = tool(shank).offset(&Clearance::around_holder_and_shank(clearance)).unwrap();

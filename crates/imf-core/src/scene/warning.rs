@@ -4,8 +4,8 @@ use glam::DVec3;
 use thiserror::Error;
 
 use super::CoarseTool;
-use crate::mesh::FaceRepair;
-use crate::tool::{Assembly, Element, ElementKind, Tool, ToolShape};
+use crate::mesh::{FaceRepair, Mesh};
+use crate::tool::{Assembly, Element, ElementKind, Tool};
 use crate::unit::{DisplayLength, ImplausibleProportion, LengthUnit};
 
 /// A warning about a scene. Implements `Error` so that callers may treat it as fatal.
@@ -77,11 +77,8 @@ pub enum SceneWarning {
         fraction: f64,
     },
     /// A tool of which nothing holds the cutter.
-    #[error("the tool {tool} has no holder: what holds it is not seen")]
-    NoHolder {
-        /// The tool.
-        tool: String,
-    },
+    #[error("the tool {0} has no holder: what holds it is not seen")]
+    NoHolder(String),
     /// A tool that passes between the voxels' centres, where that is allowed.
     #[error("{0}")]
     Coarse(CoarseTool),
@@ -136,12 +133,9 @@ pub enum SceneWarning {
     },
     /// A mesh tool more of which lies below its tip than above.
     #[error(
-        "more of the tool '{tool}' lies below its tip than above: its holder should be towards +z of its own frame"
+        "more of the tool '{0}' lies below its tip than above: its holder should be towards +z of its own frame"
     )]
-    UpsideDown {
-        /// The tool.
-        tool: String,
-    },
+    UpsideDown(String),
     /// A part and a tool whose sizes hardly belong together.
     #[error("{0}; check the units of part and tool")]
     Proportion(ImplausibleProportion),
@@ -206,15 +200,13 @@ impl SceneWarning {
         let name = || tool.name.clone();
         let distance = tool.sharp_points_off();
         let off = (distance > 2.0 * pitch).then(|| Self::TipOff { tool: name(), distance, unit: tool.unit });
-        let turned = match &tool.shape {
-            ToolShape::Mesh(mesh) => mesh.bounds().filter(|(lower, upper)| -lower.z > upper.z.max(0.0)),
-            ToolShape::Revolved(_) => None,
-        };
+        let bounds = tool.mesh().and_then(Mesh::bounds);
+        let turned = bounds.filter(|(lower, upper)| -lower.z > upper.z.max(0.0));
         // As a ball that surely holds a centre; a cutter that is hardly thick enough holds none, and needs none.
         let ball = (0.75_f64.sqrt() * pitch).min(0.5 * tool.thinnest().1);
         let depth = tool.tip_depth(ball).filter(|depth| *depth > SLENDER * pitch);
         let slender = depth.map(|depth| Self::SlenderTip { tool: name(), depth, pitch, unit: tool.unit });
-        off.into_iter().chain(slender).chain(turned.map(|_| Self::UpsideDown { tool: name() })).collect()
+        off.into_iter().chain(slender).chain(turned.map(|_| Self::UpsideDown(name()))).collect()
     }
 
     /// Warnings about the repairs of a mesh of `triangles` triangles.
@@ -235,17 +227,16 @@ impl SceneWarning {
     /// Warnings about a tool.
     #[must_use]
     pub fn of_tool(tool: &Tool) -> Option<Self> {
-        (!tool.has_holder()).then(|| Self::NoHolder { tool: tool.name.clone() })
+        (!tool.has_holder()).then(|| Self::NoHolder(tool.name.clone()))
     }
 
     /// Of a tool whose shank or holder, with its clearance, is wider than its cutter by less than a voxel: along a wall that the cutter
     /// touches no centre need lie so near. The assembly is in the grid's unit.
     #[must_use]
     pub fn of_step(assembly: &Assembly, pitch: f64) -> Option<Self> {
-        let ToolShape::Revolved(elements) = &assembly.tool().shape else { return None };
-        let cutting = elements.iter().filter(|element| element.kind == ElementKind::Cutter);
+        let cutting = assembly.tool().elements().iter().filter(|element| element.kind == ElementKind::Cutter);
         let cutter = cutting.map(Element::max_radius).reduce(f64::max)?;
-        let ToolShape::Revolved(above) = &assembly.noncutting()?.shape else { return None };
+        let above = assembly.noncutting()?.elements();
         let wider = above.iter().map(|element| (element.kind, element.max_radius() - cutter));
         let unseen = wider.filter(|(_, step)| (1e-6 * pitch..(1.0 - 1e-6) * pitch).contains(step));
         let (element, step) = unseen.min_by(|a, b| a.1.total_cmp(&b.1))?;
