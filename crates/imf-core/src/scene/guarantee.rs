@@ -66,6 +66,17 @@ impl Guarantee {
             (true, ..) => Self::Voxels { needed },
         }
     }
+
+    /// The order from the weakest to the strongest.
+    #[must_use]
+    pub fn strength(&self) -> u8 {
+        match self {
+            Self::Centres => 0,
+            Self::Voxels { .. } => 1,
+            Self::HolderAndShank => 2,
+            Self::Mesh => 3,
+        }
+    }
 }
 
 /// Which guarantees hold on a path that is checked pose by pose.
@@ -126,19 +137,6 @@ impl fmt::Display for PathGuarantee {
             "{at_poses}; that holds at the checked poses, between which the tool may come nearer by {between:.4}: at every time \
              it takes a clearance of at least {needed:.4}"
         )
-    }
-}
-
-impl Guarantee {
-    /// The order from the weakest to the strongest.
-    #[must_use]
-    pub fn strength(&self) -> u8 {
-        match self {
-            Self::Centres => 0,
-            Self::Voxels { .. } => 1,
-            Self::HolderAndShank => 2,
-            Self::Mesh => 3,
-        }
     }
 }
 

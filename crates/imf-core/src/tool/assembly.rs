@@ -28,6 +28,18 @@ impl Tool {
             clearance: *clearance,
         })
     }
+
+    /// What stays out of what a cutter may enter.
+    fn kept_out(&self) -> Option<Self> {
+        if self.mesh().is_some() { Some(self.clone()) } else { self.without_cutter() }
+    }
+
+    /// Every element eroded by itself: where one element stands on another, a little more is taken away than need be.
+    fn eroded(&self, depth: f64) -> Option<Self> {
+        let left = self.elements().iter().filter_map(|element| element.eroded(depth, true));
+        let left: Vec<Element> = left.collect();
+        (!left.is_empty()).then(|| Self { shape: ToolShape::Revolved(left), ..self.with_tip_only() })
+    }
 }
 
 impl Assembly {
@@ -73,20 +85,6 @@ impl Assembly {
             tool: self.tool.clone(),
             clearance: self.clearance,
         })
-    }
-}
-
-impl Tool {
-    /// What stays out of what a cutter may enter.
-    fn kept_out(&self) -> Option<Self> {
-        if self.mesh().is_some() { Some(self.clone()) } else { self.without_cutter() }
-    }
-
-    /// Every element eroded by itself: where one element stands on another, a little more is taken away than need be.
-    fn eroded(&self, depth: f64) -> Option<Self> {
-        let left = self.elements().iter().filter_map(|element| element.eroded(depth, true));
-        let left: Vec<Element> = left.collect();
-        (!left.is_empty()).then(|| Self { shape: ToolShape::Revolved(left), ..self.with_tip_only() })
     }
 }
 

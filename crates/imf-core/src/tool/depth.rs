@@ -42,6 +42,34 @@ impl Tool {
         let vertices = self.mesh().into_iter().flat_map(|mesh| &mesh.vertices);
         vertices.map(|v| v.x.hypot(v.y)).fold(0.0, f64::max)
     }
+
+    /// Visits the obstacle's solid voxels whose centres lie in a mesh tool at a pose, each with its place relative to the tip, and
+    /// gives the mesh turned as there. `None` for other tools, an invalid pose, and a mesh too large to be made of voxels.
+    pub(crate) fn visit_inside_mesh(
+        &self,
+        obstacle: &Occupancy,
+        pose: &Pose,
+        mut visit: impl FnMut(&Mesh, usize, DVec3),
+    ) -> Option<()> {
+        let mesh = self.mesh()?;
+        pose.axis()?;
+        let (grid, orientation) = (&obstacle.grid, pose.orientation());
+        let tip = snapped(grid, pose.position);
+        let turned = turn(mesh, &orientation, grid.pitch);
+        let voxels = mesh_voxels(&turned, grid.pitch, tip, bounds(self, &orientation, grid.pitch))?;
+        let own = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: voxels.dims };
+        for index in (0..voxels.solid.len()).filter(|&index| voxels.solid[index] == 1) {
+            let voxel = own.voxel(index);
+            let at = [0, 1, 2].map(|a| tip[a].floor() as i64 + i64::from(voxels.lower[a]) + voxel[a] as i64);
+            if (0..3).all(|a| (0..grid.dims[a] as i64).contains(&at[a])) {
+                let held = grid.index(at.map(|v| v as usize));
+                if obstacle.solid[held] == 1 {
+                    visit(&turned, held, (DVec3::from_array(at.map(|v| v as f64)) - tip) * grid.pitch);
+                }
+            }
+        }
+        Some(())
+    }
 }
 
 impl Element {
@@ -142,36 +170,6 @@ fn outline(segment: &Segment, point: DVec2) -> DVec2 {
             let [one, other] = [from, to].map(|at| DVec2::new(at, segment.radius(at)));
             if one.distance_squared(point) <= other.distance_squared(point) { one } else { other }
         }
-    }
-}
-
-impl Tool {
-    /// Visits the obstacle's solid voxels whose centres lie in a mesh tool at a pose, each with its place relative to the tip, and
-    /// gives the mesh turned as there. `None` for other tools, an invalid pose, and a mesh too large to be made of voxels.
-    pub(crate) fn visit_inside_mesh(
-        &self,
-        obstacle: &Occupancy,
-        pose: &Pose,
-        mut visit: impl FnMut(&Mesh, usize, DVec3),
-    ) -> Option<()> {
-        let mesh = self.mesh()?;
-        pose.axis()?;
-        let (grid, orientation) = (&obstacle.grid, pose.orientation());
-        let tip = snapped(grid, pose.position);
-        let turned = turn(mesh, &orientation, grid.pitch);
-        let voxels = mesh_voxels(&turned, grid.pitch, tip, bounds(self, &orientation, grid.pitch))?;
-        let own = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: voxels.dims };
-        for index in (0..voxels.solid.len()).filter(|&index| voxels.solid[index] == 1) {
-            let voxel = own.voxel(index);
-            let at = [0, 1, 2].map(|a| tip[a].floor() as i64 + i64::from(voxels.lower[a]) + voxel[a] as i64);
-            if (0..3).all(|a| (0..grid.dims[a] as i64).contains(&at[a])) {
-                let held = grid.index(at.map(|v| v as usize));
-                if obstacle.solid[held] == 1 {
-                    visit(&turned, held, (DVec3::from_array(at.map(|v| v as f64)) - tip) * grid.pitch);
-                }
-            }
-        }
-        Some(())
     }
 }
 

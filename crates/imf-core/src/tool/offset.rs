@@ -117,9 +117,7 @@ impl Tool {
         let (shape, sharp_points) = (ToolShape::Revolved(elements.collect()), self.inherited_sharp_points());
         Ok(Self { shape, sharp_points, ..self.clone() })
     }
-}
 
-impl Tool {
     /// True where every point of another tool is one of this tool's; false of meshes.
     pub(crate) fn holds_all_of(&self, other: &Self) -> bool {
         if self.mesh().or(other.mesh()).is_some() {

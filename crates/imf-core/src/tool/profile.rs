@@ -67,6 +67,10 @@ impl Element {
     pub fn max_radius(&self) -> f64 {
         self.profile.iter().map(Segment::max_radius).fold(0.0, f64::max)
     }
+
+    pub(super) fn scaled(&self, factor: f64) -> Self {
+        Self { kind: self.kind, profile: self.profile.iter().map(|s| s.scaled(factor)).collect() }
+    }
 }
 
 /// A piece of an outline; heights are along the tool's axis, from the tip.
@@ -204,12 +208,6 @@ impl Segment {
     pub(super) fn below(&self, height: f64) -> Option<Self> {
         let (from, to) = self.range();
         (from < height).then(|| self.between(from, to.min(height)))
-    }
-}
-
-impl Element {
-    pub(super) fn scaled(&self, factor: f64) -> Self {
-        Self { kind: self.kind, profile: self.profile.iter().map(|s| s.scaled(factor)).collect() }
     }
 }
 

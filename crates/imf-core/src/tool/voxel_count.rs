@@ -41,9 +41,7 @@ impl Tool {
             }
         }
     }
-}
 
-impl Tool {
     /// The element that holds a point of the world with the tool at a pose; `None` outside, at an invalid pose, and of a mesh.
     #[must_use]
     pub fn element_at(&self, pose: &Pose, point: DVec3) -> Option<ElementKind> {

@@ -26,10 +26,9 @@ use model::{Body, Model, Role};
 
 /// Maximum number of unpacked bytes for each byte of an archive: meshes as text are packed some ten times.
 const MAX_UNFOLDING: u64 = 200;
-/// Maximum number of placed triangles for each byte of an archive, and of placements beside these: a few objects can
-/// name each other to any number. A thousand screws of 5,000 triangles each take 90 a byte.
+/// Maximum number of placed triangles for each byte of an archive, and how many of them, and of placements beside one a byte, any
+/// archive may have: a few objects can name each other to any number. A thousand screws of 5,000 triangles each take 90 a byte.
 const MAX_TRIANGLES: usize = 100;
-const MAX_PLACEMENTS: usize = 1;
 const MAX_OF_ANY: usize = 1 << 17;
 /// The deepest nesting of components.
 const DEEPEST: usize = 64;
@@ -132,7 +131,7 @@ impl Assembler<'_> {
     /// Appends an object and all that it is made of.
     fn place(&mut self, model: &str, object: u32, transform: &DMat4, depth: usize) -> Result<(), Fault> {
         self.placements += 1;
-        if depth > DEEPEST || self.placements > self.bytes * MAX_PLACEMENTS + MAX_OF_ANY {
+        if depth > DEEPEST || self.placements > self.bytes + MAX_OF_ANY {
             let cause = "its components nest too deeply, in a circle, or are too many";
             return Err(Fault::malformed(cause));
         }
