@@ -31,7 +31,7 @@ impl Obstacle {
     pub fn whole(&self) -> Occupancy {
         let mut whole = Occupancy::clone(&self.forbidden);
         if let Some(cuttable) = &self.cuttable {
-            whole.solid.iter_mut().zip(&cuttable.solid).for_each(|(solid, &cuttable)| *solid |= cuttable);
+            whole.add(cuttable);
         }
         whole
     }

@@ -5,7 +5,6 @@ use glam::{DVec2, DVec3};
 use super::tool_voxels::{SLACK, bounds, line_through_cylinder, locate_inside, turn};
 use super::voxel_count::{mesh_voxels, snapped};
 use super::{Element, ElementKind, Segment, Tool};
-use crate::grid::Grid;
 use crate::mesh::Mesh;
 use crate::occupancy::Occupancy;
 use crate::pose::Pose;
@@ -57,10 +56,8 @@ impl Tool {
         let tip = snapped(grid, pose.position);
         let turned = turn(mesh, &orientation, grid.pitch);
         let voxels = mesh_voxels(&turned, grid.pitch, tip, bounds(self, &orientation, grid.pitch))?;
-        let own = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: voxels.dims };
-        for index in (0..voxels.solid.len()).filter(|&index| voxels.solid[index] == 1) {
-            let voxel = own.voxel(index);
-            let at = [0, 1, 2].map(|a| tip[a].floor() as i64 + i64::from(voxels.lower[a]) + voxel[a] as i64);
+        for offset in voxels.offsets() {
+            let at = [0, 1, 2].map(|a| tip[a].floor() as i64 + offset[a]);
             if (0..3).all(|a| (0..grid.dims[a] as i64).contains(&at[a])) {
                 let held = grid.index(at.map(|v| v as usize));
                 if obstacle.solid[held] == 1 {

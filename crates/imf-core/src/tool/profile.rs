@@ -71,6 +71,10 @@ impl Element {
     pub(super) fn scaled(&self, factor: f64) -> Self {
         Self { kind: self.kind, profile: self.profile.iter().map(|s| s.scaled(factor)).collect() }
     }
+
+    pub(super) fn raised(&self, by: f64) -> Self {
+        Self { kind: self.kind, profile: self.profile.iter().map(|s| s.raised(by)).collect() }
+    }
 }
 
 /// A piece of an outline; heights are along the tool's axis, from the tip.
@@ -190,6 +194,17 @@ impl Segment {
             }
         }
         scaled
+    }
+
+    fn raised(&self, by: f64) -> Self {
+        let mut raised = *self;
+        match &mut raised {
+            Self::Line { from, to, .. } => (*from, *to) = (*from + by, *to + by),
+            Self::Arc { from, to, centre_height, .. } => {
+                (*from, *to, *centre_height) = (*from + by, *to + by, *centre_height + by);
+            }
+        }
+        raised
     }
 
     /// The piece of the segment between two heights.

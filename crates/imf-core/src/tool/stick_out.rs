@@ -80,25 +80,6 @@ impl Tool {
     }
 }
 
-impl Element {
-    fn raised(&self, by: f64) -> Self {
-        Self { kind: self.kind, profile: self.profile.iter().map(|s| s.raised(by)).collect() }
-    }
-}
-
-impl Segment {
-    fn raised(&self, by: f64) -> Self {
-        let mut raised = *self;
-        match &mut raised {
-            Self::Line { from, to, .. } => (*from, *to) = (*from + by, *to + by),
-            Self::Arc { from, to, centre_height, .. } => {
-                (*from, *to, *centre_height) = (*from + by, *to + by, *centre_height + by);
-            }
-        }
-        raised
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -112,7 +112,6 @@ impl ToolVoxels {
     }
 
     /// Offsets of the solid voxels from the tip's.
-    #[cfg(test)]
     pub(crate) fn offsets(&self) -> impl Iterator<Item = [i64; 3]> {
         let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: self.dims };
         let solid = (0..self.solid.len()).filter(|&i| self.solid[i] == 1);
@@ -178,13 +177,9 @@ impl ToolVoxels {
     fn crop(&mut self) {
         let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: self.dims };
         let whole = Occupancy { grid, solid: std::mem::take(&mut self.solid) };
-        let (low, high) = whole.extent().unwrap_or(([0; 3], self.dims.map(|n| n - 1)));
-        let dims = [0, 1, 2].map(|axis| high[axis] - low[axis] + 1);
-        let origin = DVec3::from_array(low.map(|v| v as f64));
-        let cropped = (dims != self.dims).then(|| whole.on(&Grid { origin, dims, ..grid })).flatten();
-        self.lower = [0, 1, 2].map(|axis| self.lower[axis] + low[axis] as i32);
-        self.dims = dims;
-        self.solid = cropped.unwrap_or(whole).solid;
+        let Occupancy { grid, solid } = whole.cropped();
+        self.lower = [0, 1, 2].map(|axis| self.lower[axis] + grid.origin[axis] as i32);
+        (self.dims, self.solid) = (grid.dims, solid);
     }
 }
 

@@ -56,7 +56,9 @@ pub(super) fn parse(bytes: &[u8]) -> Result<MeshFile, Fault> {
         if models.contains_key(&name) {
             continue;
         }
-        let model = read_model(&mut archive, &name, &mut budget)?;
+        let text = unpack(&mut archive, &name, &mut budget)?;
+        let model = Model::read(&text)
+            .map_err(|fault| Fault { cause: format!("{name}: {}", fault.cause), ..fault })?;
         if models.get(&root).is_some_and(|first: &Model| first.unit != model.unit) {
             return Err(Fault::malformed(format!("{name} and {root} are in different units")));
         }
@@ -94,11 +96,6 @@ fn root_name(archive: &mut Archive<'_>, budget: &mut u64) -> Result<String, Faul
         None => None,
     };
     Ok(found.unwrap_or_else(|| "3D/3dmodel.model".into()))
-}
-
-fn read_model(archive: &mut Archive<'_>, name: &str, budget: &mut u64) -> Result<Model, Fault> {
-    let text = unpack(archive, name, budget)?;
-    Model::read(&text).map_err(|fault| Fault { cause: format!("{name}: {}", fault.cause), ..fault })
 }
 
 /// A part of the archive.
