@@ -5,7 +5,6 @@
 
 mod assembly;
 mod depth;
-mod disc;
 mod erode;
 #[cfg(feature = "formats")]
 mod file;
@@ -14,11 +13,11 @@ mod library;
 mod offset;
 mod profile;
 mod sharp;
-mod slender_tip;
 #[cfg(feature = "formats")]
 mod stack;
 mod stick_out;
 mod surface;
+mod thin;
 mod tool_voxels;
 mod voxel_count;
 

@@ -1,3 +1,5 @@
+use std::sync::LazyLock;
+
 use glam::DVec3;
 
 use super::*;
@@ -7,41 +9,42 @@ use crate::parts::ReferencePart;
 use crate::section::test_shapes::revolved;
 use crate::tool::{Clearance, ElementKind, Segment};
 
+static CUBE: LazyLock<Mesh> = LazyLock::new(unit_cube);
+static TOOL: LazyLock<Tool> = LazyLock::new(Tool::paper);
+
 /// A cube of 4 mm, held by a clamp that lies on it and sticks out 6 mm to either side.
-fn spec<'a>(cube: &'a Mesh, tool: &'a Tool, fixtures: &'a [Fixture<'a>]) -> SceneSpec<'a> {
+fn spec<'a>(fixtures: &'a [Fixture<'a>]) -> SceneSpec<'a> {
     SceneSpec {
         part: "cube",
         transform: DMat4::from_scale(DVec3::splat(4.0)),
         resolution: Resolution::Pitch(0.5),
         allow_coarse: false,
         fixtures,
-        ..SceneSpec::of_reference(ReferencePart::Bracket, cube, [1; 3], tool)
+        ..SceneSpec::of_reference(ReferencePart::Bracket, &CUBE, [1; 3], &TOOL)
     }
 }
 
-fn clamp(cube: &Mesh) -> Fixture<'_> {
+fn clamp() -> Fixture<'static> {
     let place = DMat4::from_translation(DVec3::new(-6.0, 1.0, 4.0));
-    Fixture { name: "clamp", mesh: cube, transform: place * DMat4::from_scale(DVec3::new(16.0, 2.0, 1.0)) }
+    Fixture { name: "clamp", mesh: &CUBE, transform: place * DMat4::from_scale(DVec3::new(16.0, 2.0, 1.0)) }
 }
 
 #[test]
 fn a_transform_with_another_last_row_is_refused() {
-    let (cube, tool) = (unit_cube(), Tool::paper());
     let transform = DMat4::from_translation(DVec3::new(2.0, 3.0, 0.0));
     let (transposed, doubled) = (transform.transpose(), transform * 2.0);
-    let of_part = SceneSpec { transform: transposed, ..spec(&cube, &tool, &[]) };
+    let of_part = SceneSpec { transform: transposed, ..spec(&[]) };
     let refusal = of_part.scene().unwrap_err().to_string();
     assert!(refusal.contains("'cube'") && refusal.ends_with("row 2 3 0 1: it is transposed"), "{refusal}");
-    let fixtures = [Fixture { transform: doubled, ..clamp(&cube) }];
-    let refusal = spec(&cube, &tool, &fixtures).scene().unwrap_err().to_string();
+    let fixtures = [Fixture { transform: doubled, ..clamp() }];
+    let refusal = spec(&fixtures).scene().unwrap_err().to_string();
     assert!(refusal.contains("'clamp'") && refusal.ends_with("row 0 0 0 2"), "{refusal}");
 }
 
 #[test]
 fn fixtures_are_apart_and_part_of_the_obstacle() {
-    let (cube, tool) = (unit_cube(), Tool::paper());
-    let fixtures = [clamp(&cube)];
-    let narrow = spec(&cube, &tool, &fixtures);
+    let fixtures = [clamp()];
+    let narrow = spec(&fixtures);
     assert!(matches!(narrow.scene(), Err(SceneError::FixtureOutside(name)) if name == "clamp"));
     let wide = SceneSpec { around: GridExtent::All, ..narrow };
     let (scene, bodies) = wide.scene_alone().unwrap();
@@ -52,9 +55,8 @@ fn fixtures_are_apart_and_part_of_the_obstacle() {
 
 #[test]
 fn a_fixture_on_the_grids_face_makes_the_same_scene_alone_and_among_bodies() {
-    let (cube, tool) = (unit_cube(), Tool::paper());
-    let fixtures = [clamp(&cube)];
-    let spec = SceneSpec { around: GridExtent::All, conservative: true, ..spec(&cube, &tool, &fixtures) };
+    let fixtures = [clamp()];
+    let spec = SceneSpec { around: GridExtent::All, conservative: true, ..spec(&fixtures) };
     let alone = spec.scene().unwrap();
     let (among, bodies) = spec.scene_and_bodies(100.0).unwrap();
     assert_eq!(among, alone);
@@ -64,9 +66,8 @@ fn a_fixture_on_the_grids_face_makes_the_same_scene_alone_and_among_bodies() {
 
 #[test]
 fn what_sticks_out_counts_as_far_as_the_tool_reaches() {
-    let (cube, tool) = (unit_cube(), Tool::paper());
-    let fixtures = [clamp(&cube)];
-    let spec = spec(&cube, &tool, &fixtures);
+    let fixtures = [clamp()];
+    let spec = spec(&fixtures);
     let query = spec.grid().unwrap();
     assert_eq!(query.dims, [8; 3]);
     let all = spec.bodies(&spec.obstacle_grid(&query, 100.0).unwrap()).unwrap();
@@ -80,9 +81,8 @@ fn what_sticks_out_counts_as_far_as_the_tool_reaches() {
 
 #[test]
 fn a_scene_may_stand_among_fixtures_that_stick_out() {
-    let (cube, tool) = (unit_cube(), Tool::paper());
-    let fixtures = [clamp(&cube)];
-    let spec = spec(&cube, &tool, &fixtures);
+    let fixtures = [clamp()];
+    let spec = spec(&fixtures);
     let (scene, bodies) = spec.scene_and_bodies(f64::INFINITY).unwrap();
     assert_eq!((scene.record.grid.dims, bodies.all_fixtures().count()), ([8; 3], 256));
     assert_eq!(scene.obstacle, bodies.obstacle().on(&scene.record.grid).unwrap());
@@ -90,7 +90,7 @@ fn a_scene_may_stand_among_fixtures_that_stick_out() {
     assert_eq!(scene.obstacle.count(), 512);
     let wide = |reach: f64| spec.wide_grid(&scene.record.grid, reach).unwrap();
     assert!(spec.fixtures_out_of(&wide(1.0)).unwrap().is_empty());
-    let far = [Fixture { transform: DMat4::from_translation(DVec3::new(0.0, 90.0, 0.0)), ..clamp(&cube) }];
+    let far = [Fixture { transform: DMat4::from_translation(DVec3::new(0.0, 90.0, 0.0)), ..clamp() }];
     let far = SceneSpec { fixtures: &far, ..spec.clone() };
     assert_eq!(far.fixtures_out_of(&far.wide_grid(&scene.record.grid, 10.0).unwrap()).unwrap(), ["clamp"]);
     let alone = SceneSpec { fixtures: &[], ..spec };
@@ -100,27 +100,25 @@ fn a_scene_may_stand_among_fixtures_that_stick_out() {
 
 #[test]
 fn a_fixture_between_the_centres_is_refused() {
-    let (cube, tool) = (unit_cube(), Tool::paper());
     let plate = |z: f64| Fixture {
         name: "plate",
-        mesh: &cube,
+        mesh: &CUBE,
         transform: DMat4::from_translation(DVec3::new(0.5, 0.5, z))
             * DMat4::from_scale(DVec3::new(2.0, 2.0, 0.1)),
     };
     // Centres stand at 0.25 and 0.75 above every millimetre.
     let thin = [plate(1.4)];
-    let thin = spec(&cube, &tool, &thin);
+    let thin = spec(&thin);
     assert!(matches!(thin.scene(), Err(SceneError::ThinFixture { fixture, .. }) if fixture == "plate"));
     // Its faces lie on those of voxels, which are touched from both sides.
     let count = |spec: &SceneSpec<'_>| spec.scene_alone().unwrap().1.all_fixtures().count();
     assert_eq!(count(&SceneSpec { conservative: true, ..thin }), 6 * 6 * 2);
-    assert_eq!(count(&spec(&cube, &tool, &[plate(1.2)])), 4 * 4);
+    assert_eq!(count(&spec(&[plate(1.2)])), 4 * 4);
 }
 
 #[test]
 fn records_of_older_files_have_no_fixtures() {
-    let (cube, tool) = (unit_cube(), Tool::paper());
-    let record = spec(&cube, &tool, &[]).scene().unwrap().record;
+    let record = spec(&[]).scene().unwrap().record;
     let text = serde_json::to_string(&record).unwrap();
     assert!(!text.contains("fixtures") && !text.contains("clearance") && !text.contains("bare_tool"));
     assert_eq!(serde_json::from_str::<SceneRecord>(&text).unwrap(), record);
@@ -128,13 +126,12 @@ fn records_of_older_files_have_no_fixtures() {
 
 #[test]
 fn a_clearance_offsets_the_tool_and_is_written_down() {
-    let (cube, tool) = (unit_cube(), Tool::paper());
-    let scene = spec(&cube, &tool, &[]).scene().unwrap();
+    let scene = spec(&[]).scene().unwrap();
     let clearance = Clearance { holder: 2.0, shank: 1.0, cutter: 0.0 };
     let offset = scene.clone().with_clearance(&clearance).unwrap();
     let record = &offset.record;
-    assert_eq!((record.bare_tool(), record.clearance), (&tool, clearance));
-    assert_eq!(record.tool, tool.with_clearance(&clearance).unwrap());
+    assert_eq!((record.bare_tool(), record.clearance), (&*TOOL, clearance));
+    assert_eq!(record.tool, TOOL.with_clearance(&clearance).unwrap());
     let text = serde_json::to_string(record).unwrap();
     assert_eq!(&serde_json::from_str::<SceneRecord>(&text).unwrap(), record);
     // Another clearance starts from the tool as it is; none gives the scene back.
@@ -145,13 +142,12 @@ fn a_clearance_offsets_the_tool_and_is_written_down() {
 
 #[test]
 fn conservative_grids_hold_every_voxel_that_the_surface_touches() {
-    let (cube, tool) = (unit_cube(), Tool::paper());
     let wall = |resolution: Resolution, margin: usize| SceneSpec {
         transform: DMat4::from_scale(DVec3::new(20.0, 20.0, 2.0)),
         resolution,
         margin,
         conservative: true,
-        ..spec(&cube, &tool, &[])
+        ..spec(&[])
     };
     // Every face lies on voxels' faces, which are touched from both sides.
     for margin in 0..3 {
@@ -169,15 +165,14 @@ fn conservative_grids_hold_every_voxel_that_the_surface_touches() {
 
 #[test]
 fn fixtures_that_overlap_the_part_are_warned_about_with_the_volume() {
-    let (cube, tool) = (unit_cube(), Tool::paper());
-    let clamp = clamp(&cube);
+    let clamp = clamp();
     let sunk = [Fixture {
         transform: DMat4::from_translation(DVec3::new(0.0, 0.0, -0.5)) * clamp.transform,
         ..clamp.clone()
     }];
     for conservative in [false, true] {
         let told = |fixtures: &[Fixture<'_>]| {
-            let spec = SceneSpec { conservative, around: GridExtent::All, ..spec(&cube, &tool, fixtures) };
+            let spec = SceneSpec { conservative, around: GridExtent::All, ..spec(fixtures) };
             let (_, bodies) = spec.scene_alone().unwrap();
             spec.warnings(&bodies).unwrap()
         };
@@ -191,11 +186,10 @@ fn fixtures_that_overlap_the_part_are_warned_about_with_the_volume() {
 
 #[test]
 fn what_the_grid_cannot_resolve_is_refused_or_warned_about() {
-    let (cube, tool) = (unit_cube(), Tool::paper());
     let scaled = |edge: f64, pitch: f64| SceneSpec {
         transform: DMat4::from_scale(DVec3::splat(edge)),
         resolution: Resolution::Pitch(pitch),
-        ..spec(&cube, &tool, &[])
+        ..spec(&[])
     };
     let coarse = scaled(80.0, 8.0);
     let refusal = coarse.scene().unwrap_err();
@@ -209,25 +203,24 @@ fn what_the_grid_cannot_resolve_is_refused_or_warned_about() {
     );
     let allowed = SceneSpec { allow_coarse: true, ..coarse };
     let (scene, bodies) = allowed.scene_and_bodies(10.0).unwrap();
-    assert!(matches!(allowed.check_tool(&tool, &scene.record.grid).unwrap()[..], [SceneWarning::Coarse(_)]));
+    assert!(matches!(allowed.check_tool(&TOOL, &scene.record.grid).unwrap()[..], [SceneWarning::Coarse(_)]));
     assert_eq!(allowed.warnings(&bodies).unwrap(), []);
     assert!(scaled(80.0, 7.07).scene().is_ok());
     // A sheet of three voxels, and a part smaller than the cutter is thick.
     let thin = scaled(6.0, 2.0);
     let (scene, bodies) = thin.scene_alone().unwrap();
     assert!(matches!(thin.warnings(&bodies).unwrap()[..], [SceneWarning::Thin { voxels: 3, .. }]));
-    assert!(matches!(thin.check_tool(&tool, &scene.record.grid).unwrap()[..], [SceneWarning::Proportion(_)]));
+    assert!(matches!(thin.check_tool(&TOOL, &scene.record.grid).unwrap()[..], [SceneWarning::Proportion(_)]));
 }
 
 #[test]
 fn a_mesh_that_does_not_say_what_is_inside_is_refused_and_one_with_a_hole_is_not() {
-    let tool = Tool::paper();
     let mut cube = unit_cube().refined_with_origins(0.2, 10_000).0;
     let lid = |mesh: &Mesh, t: usize| mesh.corners(t).iter().all(|corner| corner.z == 1.0);
     let kept: Vec<_> =
         (0..cube.triangles.len()).filter(|&t| !lid(&cube, t)).map(|t| cube.triangles[t]).collect();
     let open = Mesh { triangles: kept, ..cube.clone() };
-    let (scene, bodies) = spec(&open, &tool, &[]).scene_alone().unwrap();
+    let (scene, bodies) = SceneSpec { mesh: &open, ..spec(&[]) }.scene_alone().unwrap();
     assert_eq!(scene.obstacle.count(), 512);
     assert!((0.1..0.5).contains(&bodies.undecided), "{}", bodies.undecided);
     // Half of the triangles turned, as good as at random.
@@ -237,27 +230,26 @@ fn a_mesh_that_does_not_say_what_is_inside_is_refused_and_one_with_a_hole_is_not
         .enumerate()
         .filter(|(t, _)| turned(*t))
         .for_each(|(_, corners)| corners.swap(1, 2));
-    let refusal = spec(&cube, &tool, &[]).scene().unwrap_err();
+    let refusal = SceneSpec { mesh: &cube, ..spec(&[]) }.scene().unwrap_err();
     assert!(
         matches!(&refusal, SceneError::Undecided { name, fraction, .. } if name == "cube" && *fraction > 0.9),
         "{refusal}"
     );
     // Those that share corners do.
     let (repaired, _) = cube.with_consistent_faces();
-    assert_eq!(spec(&repaired, &tool, &[]).scene().unwrap().obstacle.count(), 512);
+    assert_eq!(SceneSpec { mesh: &repaired, ..spec(&[]) }.scene().unwrap().obstacle.count(), 512);
 }
 
 #[test]
 fn voxelising_reports_its_rows_and_can_be_cancelled() {
     use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-    let (cube, tool) = (unit_cube(), Tool::paper());
-    let fixtures = [clamp(&cube)];
+    let fixtures = [clamp()];
     let (rows, stop) = (AtomicU64::new(0), AtomicBool::new(false));
     let progress = |n: u64| {
         rows.fetch_add(n, Ordering::Relaxed);
     };
     let control = Control { progress: &progress, cancelled: &stop };
-    let spec = SceneSpec { around: GridExtent::All, control, ..spec(&cube, &tool, &fixtures) };
+    let spec = SceneSpec { around: GridExtent::All, control, ..spec(&fixtures) };
     let scene = spec.scene().unwrap();
     let [x, y, _] = scene.record.grid.dims;
     assert_eq!(rows.load(Ordering::Relaxed), (2 * x * y) as u64);
