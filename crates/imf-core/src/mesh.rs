@@ -1,4 +1,5 @@
-//! Triangle meshes: what they hold, what can be said about them, and the rigid set-up transform.
+//! Triangle meshes: what they hold and how simple ones are made, what can be said about them, the rigid set-up transform, and splitting
+//! long edges, so that values at vertices show what lies between the corners of large triangles.
 
 use std::collections::HashMap;
 use std::f64::consts::TAU;
