@@ -27,13 +27,10 @@ pub struct AtomicFileError {
 }
 
 fn remedy(kind: io::ErrorKind) -> &'static str {
+    use io::ErrorKind::{PermissionDenied, QuotaExceeded, ReadOnlyFilesystem, StorageFull};
     match kind {
-        io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => {
-            "; choose another folder or change its permissions"
-        }
-        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
-            ": the disk is full; free some space or choose another disk"
-        }
+        PermissionDenied | ReadOnlyFilesystem => "; choose another folder or change its permissions",
+        StorageFull | QuotaExceeded => ": the disk is full; free some space or choose another disk",
         _ => "",
     }
 }
@@ -155,16 +152,10 @@ fn replace(path: &Path, write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<
 /// Makes the rename itself durable. Other systems than Unix offer no such call.
 #[cfg(unix)]
 fn sync_folder(folder: &Path) -> io::Result<()> {
+    use io::ErrorKind::{InvalidInput, PermissionDenied, Unsupported};
     match File::open(folder).and_then(|folder| folder.sync_all()) {
         // Some network file systems cannot flush a folder, and some folders may be written but not listed.
-        Err(error)
-            if matches!(
-                error.kind(),
-                io::ErrorKind::InvalidInput | io::ErrorKind::Unsupported | io::ErrorKind::PermissionDenied
-            ) =>
-        {
-            Ok(())
-        }
+        Err(error) if matches!(error.kind(), InvalidInput | Unsupported | PermissionDenied) => Ok(()),
         result => result,
     }
 }

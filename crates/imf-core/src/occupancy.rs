@@ -146,10 +146,8 @@ impl Occupancy {
     /// Eight voxels a byte, the first voxel in the lowest bit; the last byte is padded with zeros.
     #[must_use]
     pub fn packed(&self) -> Vec<u8> {
-        self.solid
-            .chunks(8)
-            .map(|chunk| chunk.iter().enumerate().fold(0, |byte, (bit, &s)| byte | (s << bit)))
-            .collect()
+        let byte = |chunk: &[u8]| chunk.iter().enumerate().fold(0_u8, |byte, (bit, &s)| byte | (s << bit));
+        self.solid.chunks(8).map(byte).collect()
     }
 
     /// The inverse of [`Occupancy::packed`]; `None` for a number of bytes that does not fit the grid.

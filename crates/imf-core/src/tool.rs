@@ -273,17 +273,12 @@ impl Tool {
     /// Name and largest diameter of the thinnest element; of a mesh, the shortest side of its box.
     #[must_use]
     pub fn thinnest(&self) -> (String, f64) {
-        match &self.shape {
-            ToolShape::Revolved(elements) => elements
-                .iter()
-                .map(|e| (e.kind.to_string(), 2.0 * e.max_radius()))
-                .min_by(|(_, a), (_, b)| a.total_cmp(b))
-                .unwrap_or_default(),
-            ToolShape::Mesh(mesh) => {
-                let side = mesh.bounds().map_or(0.0, |(lower, upper)| (upper - lower).min_element());
-                ("body".into(), side)
-            }
+        if let Some(mesh) = self.mesh() {
+            let side = mesh.bounds().map_or(0.0, |(lower, upper)| (upper - lower).min_element());
+            return ("body".into(), side);
         }
+        let widths = self.elements().iter().map(|e| (e.kind.to_string(), 2.0 * e.max_radius()));
+        widths.min_by(|(_, a), (_, b)| a.total_cmp(b)).unwrap_or_default()
     }
 
     /// Checks that the tool has a volume, and lengths that a machine can hold.

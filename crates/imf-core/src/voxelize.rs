@@ -192,11 +192,9 @@ mod tests {
             let centre = grid.centre(grid.voxel(index));
             let winding = winding_number(mesh, centre);
             // On the surface itself the winding number jumps, and either answer is right.
-            let jumps = [DVec3::X, DVec3::Y, DVec3::Z].iter().any(|&axis| {
-                [1e-7, -1e-7]
-                    .iter()
-                    .any(|&step| (winding_number(mesh, centre + axis * step) - winding).abs() > 0.01)
-            });
+            let differs = |step: DVec3| (winding_number(mesh, centre + step) - winding).abs() > 0.01;
+            let mut axes = [DVec3::X, DVec3::Y, DVec3::Z].into_iter();
+            let jumps = axes.any(|axis| differs(axis * 1e-7) || differs(axis * -1e-7));
             if !jumps && (winding.abs() - 0.5).abs() > 1e-9 {
                 assert_eq!(
                     fast.solid[index] == 1,
@@ -253,14 +251,8 @@ mod tests {
 
     #[test]
     fn single_triangles_without_any_inside_are_empty_but_touch() {
-        let mesh = Mesh {
-            vertices: vec![
-                DVec3::new(-1.0, -1.0, 0.01),
-                DVec3::new(1.0, -1.0, 0.02),
-                DVec3::new(0.0, 1.0, 0.0),
-            ],
-            triangles: vec![[0, 1, 2]],
-        };
+        let vertices = [[-1.0, -1.0, 0.01], [1.0, -1.0, 0.02], [0.0, 1.0, 0.0]].map(DVec3::from_array);
+        let mesh = Mesh { vertices: vertices.to_vec(), triangles: vec![[0, 1, 2]] };
         assert_eq!(voxelize(&mesh, &grid(), false).count(), 0);
         assert!(voxelize(&mesh, &grid(), true).count() > 60);
     }

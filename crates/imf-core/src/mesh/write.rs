@@ -106,7 +106,7 @@ mod tests {
         )
         .unwrap();
         let read = read_mesh_file(&path).unwrap().mesh;
-        let corners = |mesh: &Mesh| mesh.all_corners().map(|c| c.map(|p| p.as_vec3())).collect::<Vec<_>>();
+        let corners = |mesh: &Mesh| mesh.all_corners().map(|c| c.map(DVec3::as_vec3)).collect::<Vec<_>>();
         assert_eq!(corners(&read), corners(&mesh));
         let broken = Mesh { vertices: vec![DVec3::NAN], triangles: vec![] };
         assert!(write_stl(&broken, &path, "").is_err());

@@ -195,12 +195,8 @@ fn what_the_grid_cannot_resolve_is_refused_or_warned_about() {
     let refusal = coarse.scene().unwrap_err();
     let text = refusal.to_string();
     assert!(matches!(refusal, SceneError::Coarse(_)), "{text}");
-    assert!(
-        ["cutter", "paper", "10 mm thick", "8 mm unseen", "at most 7.071,"]
-            .iter()
-            .all(|word| text.contains(word)),
-        "{text}"
-    );
+    let words = ["cutter", "paper", "10 mm thick", "8 mm unseen", "at most 7.071,"];
+    assert!(words.iter().all(|word| text.contains(word)), "{text}");
     let allowed = SceneSpec { allow_coarse: true, ..coarse };
     let (scene, bodies) = allowed.scene_and_bodies(10.0).unwrap();
     assert!(matches!(allowed.check_tool(&TOOL, &scene.record.grid).unwrap()[..], [SceneWarning::Coarse(_)]));
@@ -225,11 +221,9 @@ fn a_mesh_that_does_not_say_what_is_inside_is_refused_and_one_with_a_hole_is_not
     assert!((0.1..0.5).contains(&bodies.undecided), "{}", bodies.undecided);
     // Half of the triangles turned, as good as at random.
     let turned = |t: usize| t.wrapping_mul(2_654_435_761) >> 13 & 1 == 1;
-    cube.triangles
-        .iter_mut()
-        .enumerate()
-        .filter(|(t, _)| turned(*t))
-        .for_each(|(_, corners)| corners.swap(1, 2));
+    for (_, corners) in cube.triangles.iter_mut().enumerate().filter(|(t, _)| turned(*t)) {
+        corners.swap(1, 2);
+    }
     let refusal = SceneSpec { mesh: &cube, ..spec(&[]) }.scene().unwrap_err();
     assert!(
         matches!(&refusal, SceneError::Undecided { name, fraction, .. } if name == "cube" && *fraction > 0.9),

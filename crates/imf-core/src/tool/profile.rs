@@ -240,11 +240,8 @@ pub(super) fn surface_points(profile: &[Segment], count: usize) -> Vec<DVec3> {
     let mut outline = vec![(0.0, 0.0)];
     for segment in profile {
         let (from, to) = segment.range();
-        outline.extend(
-            (0..=64)
-                .map(|i| from + (to.min(end) - from) * f64::from(i) / 64.0)
-                .map(|z| (z, segment.radius(z))),
-        );
+        let heights = (0..=64).map(|i| from + (to.min(end) - from) * f64::from(i) / 64.0);
+        outline.extend(heights.map(|z| (z, segment.radius(z))));
     }
     let lengths: Vec<f64> = outline.windows(2).map(|w| (w[1].0 - w[0].0).hypot(w[1].1 - w[0].1)).collect();
     let total: f64 = lengths.iter().sum();

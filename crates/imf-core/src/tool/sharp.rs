@@ -216,11 +216,9 @@ mod tests {
             // The holder begins at height 35.
             let cutter = |offset: &&[i64; 3]| (offset[2] as f64 * pitch) < 35.0;
             let mut expected: Vec<_> = solid.iter().filter(cutter).copied().filter(open).collect();
-            let mut found: Vec<[i64; 3]> = tool
-                .sharp_point_positions(pitch)
-                .iter()
-                .map(|p| (*p / pitch).to_array().map(|v| v.round() as i64))
-                .collect();
+            let positions = tool.sharp_point_positions(pitch);
+            let voxel = |p: &DVec3| (*p / pitch).to_array().map(|v| v.round() as i64);
+            let mut found: Vec<[i64; 3]> = positions.iter().map(voxel).collect();
             assert_eq!(found[0], [0; 3]);
             found.sort_unstable();
             expected.sort_unstable();

@@ -192,7 +192,7 @@ mod tests {
             ("", "holds no faces"),
             ("f 1 2\n", "holds no faces"),
         ] {
-            let text = parse_obj(&format!("{square}{tail}")).unwrap_err();
+            let text = parse_obj(format!("{square}{tail}")).unwrap_err();
             assert!(text.contains(expected), "{text}");
         }
     }

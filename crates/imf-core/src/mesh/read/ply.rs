@@ -198,9 +198,9 @@ mod tests {
     #[test]
     fn text_and_both_orders_of_bytes_give_the_same_mesh() {
         let cube = unit_cube().welded();
-        assert_eq!(mesh_of(&ascii(&cube)).unwrap(), cube);
+        assert_eq!(mesh_of(ascii(&cube)).unwrap(), cube);
         for little in [true, false] {
-            assert_eq!(mesh_of(&binary(&cube, little)).unwrap(), cube);
+            assert_eq!(mesh_of(binary(&cube, little)).unwrap(), cube);
         }
     }
 
@@ -240,10 +240,10 @@ mod tests {
             assert!(message.contains(&format!("vertex {index}, but")), "{message}");
         }
         // In text the word is refused, in binary the number is found.
-        assert!(mesh_of(&text.replace("0 0 0 200", "nan 0 0 200")).is_err());
+        assert!(mesh_of(text.replace("0 0 0 200", "nan 0 0 200")).is_err());
         let mut broken = cube.clone();
         broken.vertices[0].x = f64::NAN;
-        let message = mesh_of(&binary(&broken, true)).unwrap_err().cause;
+        let message = mesh_of(binary(&broken, true)).unwrap_err().cause;
         assert!(message.contains("vertex 0 (counted from 0) has a coordinate that is NaN"), "{message}");
         assert_eq!(failure(&text.replace("property float z\n", "")).kind, FaultKind::Malformed);
         let message = failure(&text.replace("vertex_indices", "corners")).cause;

@@ -82,10 +82,8 @@ impl Bit {
                 return Ok(corner);
             }
         }
-        match self.optional_length("FlatRadius")? {
-            Some(flat) => Ok(radius - flat),
-            None => Err("CornerRadius is missing".into()),
-        }
+        let flat = self.optional_length("FlatRadius")?.ok_or("CornerRadius is missing")?;
+        Ok(radius - flat)
     }
 
     fn shank(&self, cutter: &[Segment], whole: f64) -> Result<Vec<Segment>, String> {
