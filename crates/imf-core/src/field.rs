@@ -284,6 +284,26 @@ pub fn collision_measures(
     Ok(())
 }
 
+/// Poses that are decided together: the fewer there are, the emptier are the later passes' lanes of a batch.
+pub(crate) const BLOCK: usize = 512;
+
+/// Decides poses a block at a time: `collide` notes which of them collide, of which none is known to before.
+pub(crate) fn classify_blocks(
+    poses: &[Pose],
+    decisions: &mut [Decision],
+    collide: impl Fn(&[Pose], &mut [bool]),
+) -> Result<(), FieldError> {
+    check_lengths(poses.len(), decisions.len())?;
+    for (poses, decisions) in poses.chunks(BLOCK).zip(decisions.chunks_mut(BLOCK)) {
+        let mut colliding = [false; BLOCK];
+        collide(poses, &mut colliding[..poses.len()]);
+        for (decision, colliding) in decisions.iter_mut().zip(colliding) {
+            *decision = Decision::of(colliding);
+        }
+    }
+    Ok(())
+}
+
 /// Poses that a thread evaluates at a time.
 const CHUNK: usize = 256;
 

@@ -214,10 +214,6 @@ impl WorldBuilder {
         self
     }
 
-    fn world(self) -> World {
-        self.world
-    }
-
     /// Voxelises the obstacles, in their own frames.
     ///
     /// # Errors

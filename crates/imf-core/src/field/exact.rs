@@ -6,7 +6,7 @@ use glam::{DQuat, DVec3, Vec3};
 
 use super::minimum::minimum_pose_by_pose;
 use super::solid::{SolidField, SolidVoxels};
-use super::{Best, Decision, FieldError, Gradient, GridField, PoseField, check_lengths};
+use super::{Best, Decision, FieldError, Gradient, GridField, PoseField, check_lengths, classify_blocks};
 use crate::control::Control;
 use crate::grid::Grid;
 use crate::obstacle::Obstacle;
@@ -80,9 +80,6 @@ fn sort_and_change(voxels: &mut SolidVoxels, mut changed: Vec<usize>) {
         voxels.change(&changed);
     }
 }
-
-/// Poses that are decided together.
-const BLOCK: usize = 512;
 
 /// Counts the obstacle's voxel centres in the analytic tool at any pose, divided by the tool's own count in that
 /// orientation with its tip on a voxel centre. Equal to the section at voxel centres.
@@ -284,18 +281,7 @@ impl PoseField for ExactField {
     }
 
     fn classify(&self, poses: &[Pose], decisions: &mut [Decision]) -> Result<(), FieldError> {
-        check_lengths(poses.len(), decisions.len())?;
-        let mut colliding = [false; BLOCK];
-        for (poses, decisions) in poses.chunks(BLOCK).zip(decisions.chunks_mut(BLOCK)) {
-            let colliding = &mut colliding[..poses.len()];
-            colliding.fill(false);
-            self.collide_all(poses, colliding);
-            decisions
-                .iter_mut()
-                .zip(colliding)
-                .for_each(|(decision, colliding)| *decision = Decision::of(*colliding));
-        }
-        Ok(())
+        classify_blocks(poses, decisions, |poses, colliding| self.collide_all(poses, colliding))
     }
 
     fn best(&self, points: &[DVec3], rotations: &[DQuat], best: &mut [Best]) -> Result<(), FieldError> {

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::{HERE, ObstacleId, PlacedObstacle, World, WorldError};
-use crate::field::{Decision, ExactField, FieldError, check_lengths};
+use crate::field::{BLOCK, Decision, ExactField, FieldError, check_lengths, classify_blocks};
 use crate::parallel;
 use crate::pose::Pose;
 use crate::scene::{CoarseTool, Scene, SceneWarning};
@@ -129,13 +129,15 @@ pub struct Checker {
 
 impl Checker {
     pub(super) fn new(world: &World, assembly: Assembly) -> Result<Self, WorldError> {
-        let whole = assembly.whole();
-        let (middle, radius) = ball(whole);
-        let reach = radius + middle.abs();
-        let tool = CheckedTool { unit: world.unit, middle, radius, reach, assembly };
-        let mut checker = Self { tool: Arc::new(tool), placed: Arc::new([]) };
+        let mut checker = Self::without_obstacles(assembly, world.unit);
         checker.follow(world)?;
         Ok(checker)
+    }
+
+    fn without_obstacles(assembly: Assembly, unit: LengthUnit) -> Self {
+        let (middle, radius) = ball(assembly.whole());
+        let tool = CheckedTool { unit, middle, radius, reach: radius + middle.abs(), assembly };
+        Self { tool: Arc::new(tool), placed: Arc::new([]) }
     }
 
     /// A scene's true tool, offset by a clearance in the scene's unit, around its part and fixtures.
@@ -149,13 +151,11 @@ impl Checker {
     /// The tool and the obstacle of an exact field, whose lengths are in `unit`; what is made for one serves the other.
     #[must_use]
     pub fn of_field(field: &ExactField, unit: LengthUnit) -> Self {
-        let mut world = World::builder().unit(unit).allow_coarse(true).world();
+        let mut world = World::builder().unit(unit).world;
         world.stand("obstacle", field.prepared().clone(), HERE);
-        let assembly = field.assembly().clone();
-        let (middle, radius) = ball(assembly.whole());
-        let tool = CheckedTool { unit, middle, radius, reach: radius + middle.abs(), assembly };
-        let placed = world.obstacles.iter().filter_map(|standing| placed(standing, None, &tool.assembly));
-        Self { placed: placed.collect(), tool: Arc::new(tool) }
+        let mut checker = Self::without_obstacles(field.assembly().clone(), unit);
+        checker.update(&world);
+        checker
     }
 
     /// Updates the places of a world's obstacles, including added and removed ones. What was computed for those that
@@ -165,6 +165,11 @@ impl Checker {
     /// A tool that passes between the centres of a new obstacle's voxels; a world in another unit.
     pub fn follow(&mut self, world: &World) -> Result<(), WorldError> {
         self.check_world(world)?;
+        self.update(world);
+        Ok(())
+    }
+
+    fn update(&mut self, world: &World) {
         let placed = world.obstacles.iter().filter_map(|standing| {
             let known = self.placed.iter().find(|placed| {
                 placed.id == standing.id && placed.around.field.prepared().is_same(&standing.prepared)
@@ -172,7 +177,6 @@ impl Checker {
             placed(standing, known, &self.tool.assembly)
         });
         self.placed = placed.collect();
-        Ok(())
     }
 
     /// Whether it can follow a world.
@@ -195,8 +199,7 @@ impl Checker {
     #[must_use]
     pub fn warnings(&self) -> Vec<SceneWarning> {
         let (tool, unit) = (self.tool.assembly.tool(), self.tool.unit);
-        let pitches = self.placed.iter().map(|placed| placed.around.field.prepared().obstacle().grid().pitch);
-        pitches.reduce(f64::max).map_or_else(Vec::new, |pitch| {
+        self.pitches().reduce(f64::max).map_or_else(Vec::new, |pitch| {
             let coarse = CoarseTool::of(tool, pitch, unit).map(SceneWarning::Coarse);
             SceneWarning::of_frame(tool, pitch).into_iter().chain(coarse).collect()
         })
@@ -231,20 +234,10 @@ impl Checker {
     /// # Errors
     /// An output slice of another length.
     pub fn classify(&self, poses: &[Pose], decisions: &mut [Decision]) -> Result<(), FieldError> {
-        check_lengths(poses.len(), decisions.len())?;
-        for (poses, decisions) in poses.chunks(BLOCK).zip(decisions.chunks_mut(BLOCK)) {
-            let mut colliding = [false; BLOCK];
-            self.collide_block(poses, &mut colliding);
-            decisions
-                .iter_mut()
-                .zip(colliding)
-                .for_each(|(decision, colliding)| *decision = Decision::of(colliding));
-        }
-        Ok(())
+        classify_blocks(poses, decisions, |poses, colliding| self.collide_block(poses, colliding))
     }
 
-    fn collide_block(&self, poses: &[Pose], colliding: &mut [bool; BLOCK]) {
-        let found = &mut colliding[..poses.len()];
+    fn collide_block(&self, poses: &[Pose], found: &mut [bool]) {
         match &*self.placed {
             [] => found.iter_mut().zip(poses).for_each(|(found, pose)| *found = !pose.is_valid()),
             [one] if one.back.is_none() => one.around.field.collide_all(poses, found),
@@ -313,8 +306,11 @@ impl Checker {
 
     /// Edge of the finest voxels; `None` without an obstacle.
     pub(super) fn finest_pitch(&self) -> Option<f64> {
-        let pitches = self.placed.iter().map(|one| one.around.field.obstacle().grid().pitch);
-        pitches.min_by(f64::total_cmp)
+        self.pitches().min_by(f64::total_cmp)
+    }
+
+    fn pitches(&self) -> impl Iterator<Item = f64> {
+        self.placed.iter().map(|one| one.around.field.obstacle().grid().pitch)
     }
 
     /// Farthest that a coordinate is moved by an obstacle's place.
@@ -346,8 +342,6 @@ impl Checker {
     }
 }
 
-/// Poses that are decided together.
-const BLOCK: usize = 512;
 /// Poses that a thread decides at a time.
 const CHUNK: usize = 1024;
 

@@ -106,9 +106,9 @@ fn a_checker_that_follows_sees_the_layer_that_is_gone_or_new() {
     assert!(anew.is_free(&shank) && checker.is_free(&shank));
     // The same voxels, once without a layer and once with one.
     let forbidden = Arc::new(Occupancy { grid: layer.grid, solid: vec![0; layer.solid.len()] });
-    let mut bare = World::builder().world();
+    let mut bare = World::builder().world;
     bare.add_voxels("a", Obstacle { forbidden: forbidden.clone(), cuttable: None }, HERE).unwrap();
-    let mut layered = World::builder().world();
+    let mut layered = World::builder().world;
     layered.add_voxels("a", Obstacle { forbidden, cuttable: Some(layer) }, HERE).unwrap();
     let mut checker = bare.checker(&tool(), &Clearance::default()).unwrap();
     assert!(checker.is_free(&shank));
@@ -137,7 +137,7 @@ fn what_is_no_mesh_no_voxels_and_no_outline_is_refused() {
         Obstacle { forbidden: full, cuttable: Some(other) },
     ];
     for obstacle in wrong {
-        let refused = World::builder().world().add_voxels("v", obstacle, HERE);
+        let refused = World::builder().world.add_voxels("v", obstacle, HERE);
         assert!(matches!(refused, Err(WorldError::Voxels(_))));
     }
     let backwards = [line(0.0, 12.0, 3.0, 3.0), line(5.0, 24.0, 3.0, 3.0)];

@@ -19,14 +19,13 @@ use super::inscribed::inscribed_radius;
 use super::runs::Lines;
 use super::sphere_tree::SphereTree;
 use super::{Body, SolidField};
+use crate::field::BLOCK;
 use crate::parallel::make_once;
 use crate::pose::Pose;
 use crate::vectorised::vectorised;
 
 /// Poses or pieces that are tried together.
 const LANES: usize = 16;
-/// Poses whose places are kept while all passes visit them: the fewer there are, the emptier are the later passes' lanes.
-const BLOCK: usize = 512;
 /// Farther from the grid's corner than this, in voxels, single precision is too coarse.
 const FARTHEST: f64 = 2000.0;
 /// More than all rounding in single precision up to there, in voxels, and than the slack of the tool's predicate.
@@ -131,6 +130,8 @@ struct Items {
     listed: Vec<(u16, u32)>,
     /// The solid voxel nearest to the middle of each.
     nearest: Vec<u32>,
+    /// What a pass notes of each.
+    bits: Vec<u32>,
     /// The lines on which each may hold one.
     lines: Vec<Lines>,
 }
@@ -234,19 +235,19 @@ impl SolidField {
     }
 }
 
-impl Items {
-    /// Keeps the items, given with their position, for which `keep` is true.
-    #[inline(always)]
-    fn keep(&mut self, keep: impl Fn(usize, u16) -> bool) {
-        let mut kept = 0;
-        for index in 0..self.listed.len() {
-            let item = self.listed[index];
-            self.listed[kept] = item;
-            kept += usize::from(keep(index, item.0));
-        }
-        self.listed.truncate(kept);
+/// Keeps the items, given with their position, for which `keep` is true.
+#[inline(always)]
+fn keep_items(listed: &mut Vec<(u16, u32)>, keep: impl Fn(usize, u16) -> bool) {
+    let mut kept = 0;
+    for index in 0..listed.len() {
+        let item = listed[index];
+        listed[kept] = item;
+        kept += usize::from(keep(index, item.0));
     }
+    listed.truncate(kept);
+}
 
+impl Items {
     /// Lists what is open at places that are not known to collide, piece by piece.
     #[inline(always)]
     fn list(&mut self, places: &Places, pieces: usize) {

@@ -2,7 +2,7 @@
 
 use super::super::runs::Lines;
 use super::lookup::Lookup;
-use super::{Items, LANES, Places, SLACK, at};
+use super::{Items, LANES, Places, SLACK, at, keep_items};
 
 /// 19 points of a hexagonal lattice, a middle and two rings: the discs of radius 1 around them cover the disc of radius √13.
 const POINTS: [[f32; 2]; 19] = points();
@@ -47,9 +47,9 @@ pub(super) fn find_lines<'a>(
     items: &mut Items,
     places: &Places,
 ) {
-    let mut lines = std::mem::take(&mut items.lines);
+    let Items { listed, lines, .. } = items;
     lines.clear();
-    for listed in items.listed.chunks(LANES) {
+    for listed in listed.chunks(LANES) {
         let (mut tip, mut axis) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);
         let (mut height, mut apart, mut radius) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
         for (lane, &(place, piece)) in listed.iter().enumerate() {
@@ -110,9 +110,8 @@ pub(super) fn find_lines<'a>(
             lines.push(Lines { x: range(0), y: range(1) });
         }
     }
-    items.keep(|index, _| !lines[index].is_empty());
+    keep_items(listed, |index, _| !lines[index].is_empty());
     lines.retain(|lines| !lines.is_empty());
-    items.lines = lines;
 }
 
 #[cfg(test)]

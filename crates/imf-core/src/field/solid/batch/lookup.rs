@@ -1,7 +1,7 @@
 //! Spheres against bytes of distance.
 
 use super::super::SolidVoxels;
-use super::{Items, LANES, Piece, Places, SLACK, at, bit};
+use super::{Items, LANES, Piece, Places, SLACK, at, bit, keep_items};
 use crate::distance::DistanceField;
 
 /// Short pieces that are tried together.
@@ -191,11 +191,11 @@ impl<'a> Lookup<'a> {
         places: &mut Places,
         open: &mut Items,
     ) {
-        items.keep(|_, place| !places.collides[at(place)]);
         // Eight bits for eight leaves.
-        let mut bits = std::mem::take(&mut items.nearest);
+        let Items { listed, bits, .. } = items;
+        keep_items(listed, |_, place| !places.collides[at(place)]);
         bits.clear();
-        for &(place, piece) in &items.listed {
+        for &(place, piece) in &*listed {
             let place = at(place);
             for leaves in &pieces[piece as usize].leaves {
                 let mut middle = [[0.0; LEAVES]; 3];
@@ -217,7 +217,7 @@ impl<'a> Lookup<'a> {
         }
         open.listed.clear();
         let mut next = bits.iter();
-        for &(place, piece) in &items.listed {
+        for &(place, piece) in &*listed {
             for (leaves, &bits) in pieces[piece as usize].leaves.iter().zip(next.by_ref()) {
                 let mut bits = if places.collides[at(place)] { 0 } else { bits };
                 while bits != 0 {
@@ -226,17 +226,16 @@ impl<'a> Lookup<'a> {
                 }
             }
         }
-        items.nearest = bits;
     }
 
     /// Keeps the items whose places are not known to collide and whose spheres may hold a solid centre, by all voxels around their
     /// middles, as [`DistanceField::squared_around`] has it.
     #[inline(always)]
     pub(super) fn keep_near(&self, items: &mut Items, sphere: impl Fn(usize) -> Sphere, places: &Places) {
-        items.keep(|_, place| !places.collides[at(place)]);
-        let mut near = std::mem::take(&mut items.nearest);
+        let Items { listed, bits: near, .. } = items;
+        keep_items(listed, |_, place| !places.collides[at(place)]);
         near.clear();
-        for listed in items.listed.chunks(LANES) {
+        for listed in listed.chunks(LANES) {
             let (mut middle, mut wide) = ([[0.0; LANES]; 3], [0.0; LANES]);
             for (lane, &(place, piece)) in listed.iter().enumerate() {
                 let (place, sphere) = (at(place), sphere(piece as usize));
@@ -289,8 +288,7 @@ impl<'a> Lookup<'a> {
             }
             near.extend_from_slice(&holds[..listed.len()]);
         }
-        items.keep(|index, _| near[index] != 0);
-        items.nearest = near;
+        keep_items(listed, |index, _| near[index] != 0);
     }
 }
 
