@@ -16,14 +16,16 @@ const COPIES: usize = 8;
 
 /// The obstacle's bits.
 pub(super) struct BitObstacle {
-    dims: [usize; 3],
-    line_bits: i64,
+    pub(super) dims: [usize; 3],
+    /// Bits from a line to the next.
+    pub(super) line_bits: i64,
     plane_bits: i64,
     lead_bits: i64,
     copy_bytes: usize,
-    bytes: Vec<u8>,
+    /// The first ones are zero.
+    pub(super) bytes: Vec<u8>,
     /// First and last solid line of each plane.
-    solid_lines: Vec<Option<[i64; 2]>>,
+    pub(super) solid_lines: Vec<Option<[i64; 2]>>,
 }
 
 impl BitObstacle {
@@ -61,25 +63,6 @@ impl BitObstacle {
             }
         }
         Self { dims, line_bits, plane_bits, lead_bits, copy_bytes, bytes, solid_lines }
-    }
-
-    pub(super) fn dims(&self) -> [usize; 3] {
-        self.dims
-    }
-
-    /// Bits from a line to the next.
-    pub(super) fn line_bits(&self) -> i64 {
-        self.line_bits
-    }
-
-    /// The copies' bytes; the first ones are zero.
-    pub(super) fn bytes(&self) -> &[u8] {
-        &self.bytes
-    }
-
-    /// First and last solid line of plane x.
-    pub(super) fn solid_lines(&self, x: usize) -> Option<[i64; 2]> {
-        self.solid_lines[x]
     }
 
     /// Where an offset is read, relative to [`Self::tile_address`].

@@ -32,9 +32,6 @@ const CHUNK: usize = 96;
 /// One row of bits for each digit of weight 1, 2, 4, …; the last one has the sign where there is one.
 pub(super) type Digits = [[u64; TILE_WORDS]; DIGITS];
 
-/// No counts at all.
-pub(super) const ZERO: Digits = [[0; TILE_WORDS]; DIGITS];
-
 /// Reads of one register of the tile. No address is beyond the last tile of the bytes.
 struct Reader<'a, L> {
     logic: L,
@@ -211,7 +208,7 @@ mod tests {
             };
             let sum = |list: &[u32], place| list.iter().map(|&address| bit(address, place)).sum::<i32>();
             for arch in archs() {
-                let (mut covered, mut uncovered) = (ZERO, ZERO);
+                let (mut covered, mut uncovered) = (Digits::default(), Digits::default());
                 let used = add(arch, &bytes, &plus, &mut covered);
                 let used = used.max(add(arch, &bytes, &minus, &mut uncovered));
                 subtract(arch, &mut covered, &uncovered, used);
@@ -232,6 +229,6 @@ mod tests {
     #[should_panic(expected = "beyond the end")]
     fn an_address_too_near_the_end_is_refused() {
         let bytes = bytes(1000);
-        add(Arch::new(), &bytes, &[0, 0, 0, 745, 0, 0, 0, 0], &mut ZERO.clone());
+        add(Arch::new(), &bytes, &[0, 0, 0, 745, 0, 0, 0, 0], &mut Digits::default());
     }
 }

@@ -9,7 +9,7 @@ use super::direct::spot_check;
 use super::overlap::OverlapCounter;
 use super::reading::LowestAround;
 use super::run_boundaries::{Axis, Offsets, RunBoundaries};
-use super::size::{CircularSize, ClippedTool, QueryBox};
+use super::size::{CircularSize, QueryBox, VoxelBox};
 use super::sweep::Sweep;
 use super::{SectionError, SectionPlan};
 use crate::occupancy::Occupancy;
@@ -82,7 +82,7 @@ impl DifferenceLimits {
     /// most `most` differences. Nothing if there is none.
     #[must_use]
     pub fn step(&self, tool: &ToolVoxels, query: &QueryBox, most: usize) -> Option<ToolDifferences> {
-        let clipped = ClippedTool::new(tool, &CircularSize::new(self.obstacle, *query, self.reach as f64));
+        let clipped = VoxelBox::of_tool(tool, &CircularSize::new(self.obstacle, *query, self.reach as f64));
         let nothing = || ToolDifferences {
             axis: 0,
             upwards: true,
@@ -101,7 +101,7 @@ impl DifferenceLimits {
         let mut ends = RunBoundaries::default();
         ends.collect(&clipped, sweep.axis);
         Some(ToolDifferences {
-            axis: sweep.axis.index(),
+            axis: sweep.axis as usize,
             upwards: sweep.upwards,
             steps: QueryBox {
                 lower: ranges.clone().map(|range| range.start),

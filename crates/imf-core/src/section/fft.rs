@@ -15,7 +15,7 @@ use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
 use rustfft::num_complex::Complex;
 use rustfft::{Fft, FftPlanner};
 
-use super::size::{CircularSize, ClippedTool, Precision, QueryBox};
+use super::size::{CircularSize, Precision, QueryBox, VoxelBox};
 use crate::occupancy::Occupancy;
 
 /// Wave numbers along z that are transformed together: one cache line of complex f32.
@@ -43,39 +43,6 @@ pub(super) struct Scratch<T> {
     rows: Vec<Complex<T>>,
     lines: Vec<Complex<T>>,
     fft: Vec<Complex<T>>,
-}
-
-/// A box of voxels to be transformed: its first voxel may be negative (it wraps).
-enum Solid<'a> {
-    Obstacle(&'a Occupancy),
-    Tool(&'a ClippedTool<'a>),
-}
-
-impl Solid<'_> {
-    fn lower(&self) -> [i64; 3] {
-        match self {
-            Self::Obstacle(_) => [0; 3],
-            Self::Tool(tool) => tool.lower,
-        }
-    }
-
-    fn dims(&self) -> [usize; 3] {
-        match self {
-            Self::Obstacle(obstacle) => obstacle.grid.dims,
-            Self::Tool(tool) => tool.dims,
-        }
-    }
-
-    /// Voxels along z at (x, y) of the box.
-    fn line(&self, x: usize, y: usize) -> &[u8] {
-        match self {
-            Self::Obstacle(obstacle) => {
-                let [_, ny, nz] = obstacle.grid.dims;
-                &obstacle.solid[(x * ny + y) * nz..][..nz]
-            }
-            Self::Tool(tool) => tool.line(x, y),
-        }
-    }
 }
 
 impl<T: Precision> Convolver<T> {
@@ -106,7 +73,7 @@ impl<T: Precision> Convolver<T> {
     fn obstacle_spectrum(&self, obstacle: &Occupancy) -> Vec<Complex<T>> {
         let [nx, ny, _] = self.size.n;
         let mut scratch = Scratch::default();
-        let solid = Solid::Obstacle(obstacle);
+        let solid = VoxelBox::of_obstacle(obstacle);
         self.transform_z(&solid, &mut scratch);
         let points = self.size.n.iter().map(|&n| n as f64).product::<f64>();
         let scale = T::from_f64(1.0 / points).unwrap_or_else(T::one);
@@ -126,25 +93,24 @@ impl<T: Precision> Convolver<T> {
     /// into `counts`. Returns the largest distance of an output from a whole number.
     pub(super) fn correlate(
         &self,
-        tool: &ClippedTool<'_>,
+        tool: &VoxelBox<'_>,
         query: &QueryBox,
         scratch: &mut Scratch<T>,
         counts: &mut [u32],
     ) -> f64 {
         let [nx, ny, nz] = self.size.n;
         let [qx, qy, qz] = query.dims;
-        let solid = Solid::Tool(tool);
-        self.transform_z(&solid, scratch);
+        self.transform_z(tool, scratch);
         let blocks = self.blocks();
         scratch.output.resize(blocks * qx * qy * LANES, Self::zero());
         for block in 0..blocks {
-            self.transform_y(&solid, block, scratch);
+            self.transform_y(tool, block, scratch);
             let Scratch { columns, rows, lines, fft, output, .. } = scratch;
             rows.resize(qx * ny * LANES, Self::zero());
             lines.resize(LANES * nx.max(ny), Self::zero());
             for ky in 0..ny {
                 let lines = &mut lines[..LANES * nx];
-                self.gather_x(&solid, ky, columns, lines);
+                self.gather_x(tool, ky, columns, lines);
                 self.forward[0].process_with_scratch(lines, fft);
                 let obstacle = &self.spectrum[(block * ny + ky) * LANES * nx..][..LANES * nx];
                 for (value, &other) in lines.iter_mut().zip(obstacle) {
@@ -201,9 +167,9 @@ impl<T: Precision> Convolver<T> {
     }
 
     /// r2c along z of the non-empty lines into `scratch.input [block][tx][ty][lane]`.
-    fn transform_z(&self, solid: &Solid<'_>, scratch: &mut Scratch<T>) {
+    fn transform_z(&self, solid: &VoxelBox<'_>, scratch: &mut Scratch<T>) {
         let nz = self.size.n[2];
-        let [tx, ty, _] = solid.dims();
+        let [tx, ty, _] = solid.dims;
         let blocks = self.blocks();
         let plans = [&self.forward[0], &self.forward[1], &self.inverse[0], &self.inverse[1]];
         let complex = plans.iter().map(|plan| plan.get_inplace_scratch_len()).max().unwrap_or(0);
@@ -220,7 +186,7 @@ impl<T: Precision> Convolver<T> {
             }
             scratch.real.fill(T::zero());
             for (z, _) in line.iter().enumerate().filter(|&(_, &s)| s != 0) {
-                scratch.real[wrap(solid.lower()[2] + z as i64, nz)] = T::one();
+                scratch.real[wrap(solid.lower[2] + z as i64, nz)] = T::one();
             }
             scratch.half[nz / 2 + 1..].fill(Self::zero());
             let half = &mut scratch.half[..nz / 2 + 1];
@@ -234,9 +200,9 @@ impl<T: Precision> Convolver<T> {
     }
 
     /// FFT along y of one block into `scratch.columns [tx][ky][lane]`.
-    fn transform_y(&self, solid: &Solid<'_>, block: usize, scratch: &mut Scratch<T>) {
+    fn transform_y(&self, solid: &VoxelBox<'_>, block: usize, scratch: &mut Scratch<T>) {
         let [nx, ny, _] = self.size.n;
-        let [tx, ty, _] = solid.dims();
+        let [tx, ty, _] = solid.dims;
         scratch.columns.resize(tx * ny * LANES, Self::zero());
         scratch.lines.resize(LANES * nx.max(ny), Self::zero());
         let lines = &mut scratch.lines[..LANES * ny];
@@ -244,7 +210,7 @@ impl<T: Precision> Convolver<T> {
             lines.fill(Self::zero());
             let source = &scratch.input[(block * tx + x) * ty * LANES..][..ty * LANES];
             for (y, values) in source.chunks_exact(LANES).enumerate() {
-                let at = wrap(solid.lower()[1] + y as i64, ny);
+                let at = wrap(solid.lower[1] + y as i64, ny);
                 for (lane, &value) in values.iter().enumerate() {
                     lines[lane * ny + at] = value;
                 }
@@ -260,11 +226,11 @@ impl<T: Precision> Convolver<T> {
     }
 
     /// The lines along x of one block and wave number ky into `lines [lane][nx]`.
-    fn gather_x(&self, solid: &Solid<'_>, ky: usize, columns: &[Complex<T>], lines: &mut [Complex<T>]) {
+    fn gather_x(&self, solid: &VoxelBox<'_>, ky: usize, columns: &[Complex<T>], lines: &mut [Complex<T>]) {
         let [nx, ny, _] = self.size.n;
         lines.fill(Self::zero());
-        for x in 0..solid.dims()[0] {
-            let at = wrap(solid.lower()[0] + x as i64, nx);
+        for x in 0..solid.dims[0] {
+            let at = wrap(solid.lower[0] + x as i64, nx);
             for (lane, &value) in columns[(x * ny + ky) * LANES..][..LANES].iter().enumerate() {
                 lines[lane * nx + at] = value;
             }

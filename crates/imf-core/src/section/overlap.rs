@@ -13,7 +13,7 @@ use super::bit_obstacle::BitObstacle;
 use super::direct::{Spot, spot_check, spots};
 use super::fft::{self, Convolver};
 use super::run_length::{self, Cursor, RunLengthCounter};
-use super::size::{CircularSize, ClippedTool, QueryBox};
+use super::size::{CircularSize, QueryBox, VoxelBox};
 use super::sweep::{Order, Sweep};
 use crate::grid::Grid;
 use crate::obstacle::Obstacle;
@@ -93,7 +93,7 @@ impl Estimate {
         obstacle: [usize; 3],
         query: &QueryBox,
         size: &CircularSize,
-        tool: &ClippedTool<'_>,
+        tool: &VoxelBox<'_>,
         sweep: &Sweep,
         single: bool,
     ) -> Self {
@@ -155,7 +155,7 @@ impl OverlapCounter {
         self.size.error_bound::<f32>(self.obstacle_count, tool.count as usize) < 0.5
     }
 
-    fn sweep(&self, tool: &ClippedTool<'_>, query: &QueryBox, order: Order) -> Sweep {
+    fn sweep(&self, tool: &VoxelBox<'_>, query: &QueryBox, order: Order) -> Sweep {
         Sweep::choose(tool, self.obstacle.grid.dims, self.size.line_bits(), query, order)
     }
 
@@ -163,7 +163,7 @@ impl OverlapCounter {
         &self,
         tool: &ToolVoxels,
         query: &QueryBox,
-        clipped: &ClippedTool<'_>,
+        clipped: &VoxelBox<'_>,
         sweep: &Sweep,
     ) -> Estimate {
         let (dims, single) = (self.obstacle.grid.dims, self.fits_single(tool));
@@ -173,7 +173,7 @@ impl OverlapCounter {
     /// For the tool at a slant, as most orientations have it.
     pub(super) fn usual_estimate(&self, query: &QueryBox) -> Option<Estimate> {
         let tool = slanted(&self.tool, self.obstacle.grid.pitch)?;
-        let clipped = ClippedTool::new(&tool, &self.size);
+        let clipped = VoxelBox::of_tool(&tool, &self.size);
         Some(self.estimate(&tool, query, &clipped, &self.sweep(&clipped, query, Order::Any)))
     }
 
@@ -194,7 +194,7 @@ impl OverlapCounter {
         scratch: &mut Scratch,
         counts: &mut [u32],
     ) -> Result<(), SectionError> {
-        let clipped = ClippedTool::new(tool, &self.size);
+        let clipped = VoxelBox::of_tool(tool, &self.size);
         let sweep = self.sweep(&clipped, query, Order::Any);
         if self.uses_run_length(self.estimate(tool, query, &clipped, &sweep)) {
             let Scratch { run_length, cursor, .. } = scratch;
@@ -210,7 +210,7 @@ impl OverlapCounter {
     fn convolve(
         &self,
         tool: &ToolVoxels,
-        clipped: &ClippedTool<'_>,
+        clipped: &VoxelBox<'_>,
         query: &QueryBox,
         scratch: &mut Scratch,
         counts: &mut [u32],
@@ -247,7 +247,7 @@ impl OverlapCounter {
 
     /// A tool before the first plane of a box, to be counted by its run boundaries.
     pub(super) fn begin(&self, tool: &ToolVoxels, query: &QueryBox, scratch: &mut Scratch) -> OverlapCursor {
-        let clipped = ClippedTool::new(tool, &self.size);
+        let clipped = VoxelBox::of_tool(tool, &self.size);
         let (sweep, mut cursor) = (self.sweep(&clipped, query, Order::PlanesUpwards), Cursor::default());
         self.run_length().start(&clipped, sweep, &mut scratch.run_length, &mut cursor);
         OverlapCursor { cursor, spots: spots(&self.obstacle, tool, query) }
@@ -272,7 +272,7 @@ impl OverlapCounter {
     /// Bytes of what [`OverlapCounter::begin`] gives, by estimate.
     pub(super) fn cursor_bytes(&self, query: &QueryBox) -> u64 {
         slanted(&self.tool, self.obstacle.grid.pitch)
-            .map_or(0, |tool| Cursor::memory(&ClippedTool::new(&tool, &self.size), query))
+            .map_or(0, |tool| Cursor::memory(&VoxelBox::of_tool(&tool, &self.size), query))
     }
 
     /// Human-readable, one line: the method for the tool in this orientation, and the alternative's estimate.
@@ -332,7 +332,7 @@ fn rotated_if_thick(
 pub(super) fn memory(grid: &Grid, query: &QueryBox, tool: &Tool, threads: u64) -> u64 {
     let Some(rotated) = slanted(tool, grid.pitch) else { return 0 };
     let size = CircularSize::of(grid, *query, tool);
-    let clipped = ClippedTool::new(&rotated, &size);
+    let clipped = VoxelBox::of_tool(&rotated, &size);
     // Half of the voxels solid is more than most parts have.
     let single = size.error_bound::<f32>(grid.len() / 2, rotated.count as usize) < 0.5;
     let sweep = Sweep::choose(&clipped, grid.dims, size.line_bits(), query, Order::Any);

@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 
-use super::size::ClippedTool;
+use super::size::VoxelBox;
 
 /// The axis along which a tool is stepped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,10 +18,6 @@ pub(super) enum Axis {
 
 impl Axis {
     pub(super) const ALL: [Self; 3] = [Self::X, Self::Y, Self::Z];
-
-    pub(super) fn index(self) -> usize {
-        self as usize
-    }
 }
 
 /// Values by the line along z that they stand on, sorted by its x, then its y.
@@ -37,7 +33,7 @@ pub(super) struct ByLine<T> {
 }
 
 impl<T> ByLine<T> {
-    fn clear(&mut self, tool: &ClippedTool<'_>) {
+    fn clear(&mut self, tool: &VoxelBox<'_>) {
         self.lower = [tool.lower[0], tool.lower[1]];
         // One more than the box: a run may end at its upper side.
         self.dims = [tool.dims[0] + 1, tool.dims[1] + 1];
@@ -102,7 +98,7 @@ pub(super) struct RunBoundaries {
 
 impl RunBoundaries {
     /// Number of run boundaries along x, y and z.
-    pub(super) fn count(tool: &ClippedTool<'_>) -> [usize; 3] {
+    pub(super) fn count(tool: &VoxelBox<'_>) -> [usize; 3] {
         let [nx, ny, nz] = tool.dims;
         let empty = vec![0; nz];
         let mut ends = [0; 3];
@@ -129,7 +125,7 @@ impl RunBoundaries {
     }
 
     /// Finds the run boundaries along `axis`.
-    pub(super) fn collect(&mut self, tool: &ClippedTool<'_>, axis: Axis) {
+    pub(super) fn collect(&mut self, tool: &VoxelBox<'_>, axis: Axis) {
         let [nx, ny, nz] = tool.dims;
         self.covered.clear(tool);
         self.uncovered.clear(tool);

@@ -9,9 +9,9 @@ use std::ops::Range;
 use pulp::Arch;
 
 use super::bit_obstacle::BitObstacle;
-use super::bit_sliced::{DIGITS, Digits, TILE_BITS, ZERO, add, spread, subtract};
+use super::bit_sliced::{DIGITS, Digits, TILE_BITS, add, spread, subtract};
 use super::run_boundaries::{Axis, ByLine, RunBoundaries};
-use super::size::{CircularSize, ClippedTool, QueryBox};
+use super::size::{CircularSize, QueryBox, VoxelBox};
 use super::sweep::Sweep;
 use crate::occupancy::Occupancy;
 use crate::vectorised::vectorised;
@@ -37,7 +37,7 @@ pub(super) struct Cursor {
 
 impl Cursor {
     /// Bytes of one, by estimate.
-    pub(super) fn memory(tool: &ClippedTool<'_>, query: &QueryBox) -> u64 {
+    pub(super) fn memory(tool: &VoxelBox<'_>, query: &QueryBox) -> u64 {
         let [_, ny, nz] = query.dims;
         let ends = RunBoundaries::count(tool).into_iter().max().unwrap_or(0);
         let table = 2 * (tool.dims[0] + 1) * (tool.dims[1] + 1);
@@ -46,6 +46,7 @@ impl Cursor {
 }
 
 /// Working memory of one thread.
+#[derive(Default)]
 pub(super) struct Scratch {
     ends: RunBoundaries,
     /// Addresses that one tile reads.
@@ -53,17 +54,6 @@ pub(super) struct Scratch {
     digits: Box<[Digits; 2]>,
     /// Differences of one plane, then overlaps.
     plane: Vec<i32>,
-}
-
-impl Default for Scratch {
-    fn default() -> Self {
-        Self {
-            ends: RunBoundaries::default(),
-            reads: Vec::new(),
-            digits: Box::new([ZERO, ZERO]),
-            plane: Vec::new(),
-        }
-    }
 }
 
 impl RunLengthCounter {
@@ -75,7 +65,7 @@ impl RunLengthCounter {
     /// [`Order::PlanesUpwards`](super::sweep::Order::PlanesUpwards).
     pub(super) fn start(
         &self,
-        tool: &ClippedTool<'_>,
+        tool: &VoxelBox<'_>,
         sweep: Sweep,
         scratch: &mut Scratch,
         cursor: &mut Cursor,
@@ -152,7 +142,7 @@ impl RunLengthCounter {
         addresses: &[ByLine<u32>; 2],
         scratch: &mut Scratch,
     ) {
-        let line = self.obstacle.line_bits();
+        let line = self.obstacle.line_bits;
         let length = (zs.end - zs.start) as usize;
         let first = (ys.start * line + zs.start).div_euclid(8) * 8;
         let end = (ys.end - 1) * line + zs.end;
@@ -170,7 +160,7 @@ impl RunLengthCounter {
                 let most = (usize::BITS - reads.len().leading_zeros()) as usize;
                 digits[..most.clamp(5, DIGITS)].fill([0; TILE_BITS / 64]);
                 if !reads.is_empty() {
-                    *used = add(self.arch, self.obstacle.bytes(), reads, digits);
+                    *used = add(self.arch, &self.obstacle.bytes, reads, digits);
                 }
             }
             let most = used[0].max(used[1]);
@@ -208,9 +198,9 @@ impl RunLengthCounter {
         let ([first_x, first_y], [planes, all_lines]) = (addresses.lower, addresses.dims);
         // Planes that are inside the obstacle's grid.
         let low = (-x - first_x).max(0);
-        let high = (self.obstacle.dims()[0] as i64 - x - first_x).min(planes as i64);
+        let high = (self.obstacle.dims[0] as i64 - x - first_x).min(planes as i64);
         for offset in low..high {
-            let Some([first, last]) = self.obstacle.solid_lines((x + first_x + offset) as usize) else {
+            let Some([first, last]) = self.obstacle.solid_lines[(x + first_x + offset) as usize] else {
                 continue;
             };
             let from = (first - lines.end - first_y).max(0);

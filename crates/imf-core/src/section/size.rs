@@ -7,6 +7,7 @@ use rustfft::FftNum;
 use rustfft::num_traits::Float;
 
 use crate::grid::Grid;
+use crate::occupancy::Occupancy;
 use crate::tool::{Tool, ToolVoxels};
 
 /// A box of voxels relative to the obstacle's grid; it may start below voxel 0. Arrays over it are C-ordered.
@@ -124,19 +125,26 @@ pub(super) trait Precision: FftNum + Float + Default + Into<f64> {}
 impl Precision for f32 {}
 impl Precision for f64 {}
 
-/// The part of a rotated tool that can matter: offsets beyond it meet no obstacle from any voxel of the query box. A box of
-/// the tool's voxels, read where they lie.
-pub(super) struct ClippedTool<'a> {
-    tool: &'a ToolVoxels,
+/// A box of voxels, read where they lie: of a whole obstacle, or of the part of a rotated tool that can matter.
+pub(super) struct VoxelBox<'a> {
+    solid: &'a [u8],
+    /// Voxels of the array along x, y, z, and those before the box.
+    all: [usize; 3],
     skip: [usize; 3],
-    /// Offset of the first voxel of the box from the tip's voxel.
+    /// The first voxel of the box: of a tool its offset from the tip's voxel.
     pub(super) lower: [i64; 3],
     /// Voxels of the box; zero along every axis where nothing is left.
     pub(super) dims: [usize; 3],
 }
 
-impl<'a> ClippedTool<'a> {
-    pub(super) fn new(tool: &'a ToolVoxels, size: &CircularSize) -> Self {
+impl<'a> VoxelBox<'a> {
+    pub(super) fn of_obstacle(obstacle: &'a Occupancy) -> Self {
+        let dims = obstacle.grid.dims;
+        Self { solid: &obstacle.solid, all: dims, skip: [0; 3], lower: [0; 3], dims }
+    }
+
+    /// Without the offsets that meet no obstacle from any voxel of the query box.
+    pub(super) fn of_tool(tool: &'a ToolVoxels, size: &CircularSize) -> Self {
         let upper = tool.upper();
         let lower = [0, 1, 2].map(|a| i64::from(tool.lower[a]).max(size.first[a]));
         let last = [0, 1, 2].map(|a| i64::from(upper[a]).min(size.last[a]));
@@ -145,18 +153,18 @@ impl<'a> ClippedTool<'a> {
         if dims.contains(&0) {
             dims = [0; 3];
         }
-        Self { tool, skip, lower, dims }
+        Self { solid: &tool.solid, all: tool.dims, skip, lower, dims }
     }
 
-    /// Offset of the last voxel of the box from the tip's voxel.
+    /// The last voxel of the box.
     pub(super) fn upper(&self) -> [i64; 3] {
         [0, 1, 2].map(|axis| self.lower[axis] + self.dims[axis] as i64 - 1)
     }
 
     /// The voxels along z at (x, y) of the box.
     pub(super) fn line(&self, x: usize, y: usize) -> &'a [u8] {
-        let row = (x + self.skip[0]) * self.tool.dims[1] + y + self.skip[1];
-        &self.tool.solid[row * self.tool.dims[2] + self.skip[2]..][..self.dims[2]]
+        let row = (x + self.skip[0]) * self.all[1] + y + self.skip[1];
+        &self.solid[row * self.all[2] + self.skip[2]..][..self.dims[2]]
     }
 }
 

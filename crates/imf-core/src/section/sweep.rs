@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::bit_sliced::TILE_BITS;
 use super::run_boundaries::{Axis, RunBoundaries};
-use super::size::{ClippedTool, QueryBox};
+use super::size::{QueryBox, VoxelBox};
 
 /// In which order the differences are summed up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,7 +30,7 @@ pub(super) enum Order {
 impl Sweep {
     /// The cheapest sweep of a tool with these run boundaries.
     pub(super) fn choose(
-        tool: &ClippedTool<'_>,
+        tool: &VoxelBox<'_>,
         obstacle: [usize; 3],
         line_bits: i64,
         query: &QueryBox,
@@ -50,7 +50,7 @@ impl Sweep {
 
     /// The cheapest sweep that takes at most `most` differences over the query box; none where every one takes more.
     pub(super) fn choose_within(
-        tool: &ClippedTool<'_>,
+        tool: &VoxelBox<'_>,
         obstacle: [usize; 3],
         query: &QueryBox,
         most: usize,
@@ -62,7 +62,7 @@ impl Sweep {
     }
 
     fn cheapest(
-        tool: &ClippedTool<'_>,
+        tool: &VoxelBox<'_>,
         obstacle: [usize; 3],
         query: &QueryBox,
         order: Order,
@@ -71,7 +71,7 @@ impl Sweep {
         let ends = RunBoundaries::count(tool);
         let upper = tool.upper();
         let sweeps = Axis::ALL.into_iter().filter_map(|axis| {
-            let a = axis.index();
+            let a = axis as usize;
             let n = obstacle[a] as i64;
             let Range { start: q0, end: q1 } = query.range(a);
             let down = Self { axis, upwards: false, lower: q0, upper: n - tool.lower[a], ends: ends[a] };
@@ -91,14 +91,14 @@ impl Sweep {
 
     /// The voxels where differences are taken along `axis`: the sweep's own along its axis, else the query's.
     pub(super) fn range(&self, axis: Axis, query: &QueryBox) -> Range<i64> {
-        if axis == self.axis { self.lower..self.upper.max(self.lower) } else { query.range(axis.index()) }
+        if axis == self.axis { self.lower..self.upper.max(self.lower) } else { query.range(axis as usize) }
     }
 
     /// Tile-wide loads that the sweep makes, by estimate: run boundaries spread evenly over the tool's box, lines of the
     /// obstacle nowhere empty.
     pub(super) fn loads(
         &self,
-        tool: &ClippedTool<'_>,
+        tool: &VoxelBox<'_>,
         obstacle: [usize; 3],
         line_bits: i64,
         query: &QueryBox,

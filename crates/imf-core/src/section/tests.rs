@@ -1,5 +1,5 @@
 use super::overlap::Estimate;
-use super::size::{CircularSize, ClippedTool};
+use super::size::{CircularSize, VoxelBox};
 use super::test_shapes::{archs, cmf, counts, cylinder, orientations, scattered};
 use super::*;
 use crate::control::Control;
@@ -231,7 +231,7 @@ fn both_precisions_of_the_transform_give_the_same_whole_numbers() {
     let rotated = ToolVoxels::new(&cylinder(3.0, 9.0), &Orientation::new(33.0, 71.0), 1.0).unwrap();
     let query = QueryBox::around([0; 3], DIMS, 0);
     let size = CircularSize::new(DIMS, query, 10.0);
-    let clipped = ClippedTool::new(&rotated, &size);
+    let clipped = VoxelBox::of_tool(&rotated, &size);
     let (mut single, mut double) = (vec![7; query.len()], vec![9; query.len()]);
     let by_f32 = fft::Convolver::<f32>::new(&obstacle, size);
     let far = by_f32.correlate(&clipped, &query, &mut fft::Scratch::default(), &mut single);
