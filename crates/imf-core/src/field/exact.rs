@@ -182,7 +182,7 @@ impl ExactField {
     /// by the balls' excess. At most 0 where the tool may hold a centre, and at an invalid pose. `None` for mesh tools.
     #[must_use]
     pub fn clearance_bound(&self, pose: &Pose) -> Option<f64> {
-        let bounds = self.solids().map(|solid| solid.clearance_bound(pose));
+        let bounds = self.solids().map(|solid| solid.clearance_up_to(pose, f64::INFINITY));
         bounds.reduce(|a, b| Some(a?.min(b?)))?
     }
 

@@ -37,11 +37,8 @@ pub(crate) use sphere_tree::FreeBall;
 use sphere_tree::SphereTree;
 pub(crate) use voxels::{OutsidePlane, SolidVoxels};
 
-/// Counts an obstacle's voxel centres in one analytic tool at any pose, divided by the tool's own count in that
-/// orientation with its tip on a voxel centre.
-///
-/// Every method takes `&self` and allocates nothing for tools of revolution; threads share one field. Lengths are in
-/// the unit of the obstacle's grid. An invalid pose is never free.
+/// One tool around one set of solid voxels. As in an [`ExactField`](super::ExactField), lengths are in the grid's unit,
+/// nothing is allocated for tools of revolution, and an invalid pose is never free.
 pub(crate) struct SolidField {
     voxels: SolidVoxels,
     /// The tool's, for messages.
@@ -221,12 +218,9 @@ impl SolidField {
     /// True where the tool holds any solid voxel's centre, equal to a count above 0, and at an invalid pose.
     #[inline]
     pub(crate) fn collides(&self, pose: &Pose) -> bool {
-        let Some(placed) = self.placed(pose) else { return true };
+        let Some(axis) = pose.axis() else { return true };
         match &self.shape {
-            Shape::Bodies(bodies) => {
-                let pieces = self.spheres(bodies).roots();
-                self.bodies_collide(bodies, placed, None, pieces, |_| Lines::ALL, None)
-            }
+            Shape::Bodies(_) => self.meets(pose.position, axis, None, None),
             Shape::Definition(tool, oriented) => self.definition_count(tool, oriented, pose) > 0,
         }
     }
@@ -264,7 +258,6 @@ impl SolidField {
         self.voxels.occupancy().grid.continuous(point).to_array()
     }
 
-    /// The obstacle's voxels.
     pub(crate) fn voxels(&self) -> &SolidVoxels {
         &self.voxels
     }
@@ -275,12 +268,8 @@ impl SolidField {
         VoxelPose { tip: snapped(grid, tip), direction, pitch: grid.pitch }
     }
 
-    /// [`ExactField::clearance_bound`](super::ExactField::clearance_bound) of this obstacle.
-    pub(crate) fn clearance_bound(&self, pose: &Pose) -> Option<f64> {
-        self.clearance_up_to(pose, f64::INFINITY)
-    }
-
-    /// The same, and no more than `most`: sooner known.
+    /// [`ExactField::clearance_bound`](super::ExactField::clearance_bound) of this obstacle, and no more than `most`: the less that
+    /// is, the sooner it is known.
     pub(crate) fn clearance_up_to(&self, pose: &Pose, most: f64) -> Option<f64> {
         let Shape::Bodies(bodies) = &self.shape else { return None };
         let Some(placed) = self.placed(pose) else { return Some(0.0) };

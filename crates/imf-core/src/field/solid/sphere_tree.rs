@@ -6,18 +6,15 @@
 //! middle is tried with the predicate that defines the tool: one that is inside decides the pose. Else the halves
 //! are tried. Pieces that are too short to halve, and balls, stay open: they must be counted.
 
-mod reach;
-
 use std::ops::Range;
 
 use glam::DVec3;
 
 use super::segment::VoxelPose;
 use super::voxels::SolidVoxels;
-use super::{Body, MAX_SEGMENTS};
+use super::{Body, MAX_SEGMENTS, Part};
 use crate::distance::DistanceField;
 use crate::tool::Segment;
-use reach::{reach, widest};
 
 /// Pieces that a pose may leave open.
 pub(super) const OPEN: usize = 48;
@@ -370,4 +367,32 @@ fn piece(bodies: &[Body], body: usize, from: f64, to: f64) -> Piece {
     let close = ball.filter(|ball| ball.radius < WIDER * sphere.radius);
     let (bound, last) = (close.unwrap_or(sphere), close.is_some());
     Piece { sphere, ball, bound, halves: 0, last, body, segment, from, to }
+}
+
+/// Distance of the farthest point of a stretch from a point of the axis.
+fn reach(parts: &[Part], from: f64, to: f64, middle: f64) -> f64 {
+    const STEPS: i32 = 8;
+    let mut radius: f64 = 0.0;
+    for part in parts {
+        let (low, high) = part.segment.range();
+        let (low, high) = (low.max(from), high.min(to));
+        for step in 0..STEPS {
+            let at = |step: i32| low + (high - low) * f64::from(step) / f64::from(STEPS);
+            let (low, high) = (at(step), at(step + 1));
+            if low < high {
+                let away = (low - middle).abs().max((high - middle).abs());
+                radius = radius.max(away.hypot(widest(&part.segment, low, high)));
+            }
+        }
+    }
+    radius
+}
+
+/// Largest radius between two heights within the segment's range.
+fn widest(segment: &Segment, from: f64, to: f64) -> f64 {
+    let ends = segment.radius(from).max(segment.radius(to));
+    match *segment {
+        Segment::Line { .. } => ends,
+        Segment::Arc { centre_height, .. } => ends.max(segment.radius(centre_height.clamp(from, to))),
+    }
 }
