@@ -18,21 +18,24 @@ fn plan(obstacle: &Occupancy, tool: &Tool, method: Method) -> SectionPlan {
 /// Sections by every method and every instruction set are direct sums.
 fn every_method_counts_like_direct(obstacle: &Occupancy, tool: &Tool, orientations: &[Orientation]) {
     let by_fft = plan(obstacle, tool, Method::Fft);
-    orientations.iter().for_each(|o| counts_equal_direct(&by_fft, o));
+    orientations.iter().for_each(|o| _ = counts_equal_direct(&by_fft, o, 1));
     for arch in archs() {
         let mut plan = plan(obstacle, tool, Method::RunLength);
         plan.whole.arch = arch;
-        orientations.iter().for_each(|o| counts_equal_direct(&plan, o));
+        orientations.iter().for_each(|o| _ = counts_equal_direct(&plan, o, 1));
     }
 }
 
-fn counts_equal_direct(plan: &SectionPlan, orientation: &Orientation) {
+/// Every `step`-th count is the direct sum; all of them.
+fn counts_equal_direct(plan: &SectionPlan, orientation: &Orientation, step: usize) -> Vec<u32> {
     let rotated = ToolVoxels::new(plan.tool(), orientation, plan.grid().pitch).unwrap();
-    for (index, count) in counts(plan, orientation).0.into_iter().enumerate() {
+    let (counts, _) = counts(plan, orientation);
+    for (index, &count) in counts.iter().enumerate().step_by(step) {
         let voxel = plan.grid().voxel(index).map(|v| v as i64);
         let expected = direct_count(&plan.obstacle().forbidden, &rotated, voxel);
-        assert_eq!(count, expected, "{orientation:?} {voxel:?}");
+        assert_eq!(count, expected, "{:?} {orientation:?} {voxel:?}", plan.whole.method);
     }
+    counts
 }
 
 /// Every `step`-th value is the direct measure.
@@ -40,7 +43,8 @@ fn cmf_equals_direct(plan: &SectionPlan, orientation: &Orientation, step: usize)
     for (index, value) in cmf(plan, orientation).into_iter().enumerate().step_by(step) {
         let voxel = plan.grid().voxel(index);
         let expected = direct_cmf(&plan.obstacle().forbidden, plan.tool(), orientation, voxel).unwrap();
-        assert!((f64::from(value) - expected).abs() < 1e-6, "{voxel:?}: {value} {expected}");
+        let case = format_args!("{:?} {orientation:?} {voxel:?}", plan.grid().dims);
+        assert!((f64::from(value) - expected).abs() < 1e-6, "{case}: {value} {expected}");
     }
 }
 
@@ -81,13 +85,8 @@ fn runs_and_counts_beyond_a_byte_and_beyond_sixteen_bits_are_exact() {
 
     let (obstacle, tool) = (solid([64, 50, 50]), cylinder(60.0, 70.0));
     for method in [Method::RunLength, Method::Fft] {
-        let (counts, _) = counts(&plan(&obstacle, &tool, method), &set[3]);
-        let rotated = ToolVoxels::new(&tool, &set[3], 1.0).unwrap();
+        let counts = counts_equal_direct(&plan(&obstacle, &tool, method), &set[3], 1_371);
         assert!(counts.iter().any(|&count| count > 70_000));
-        for (index, &count) in counts.iter().enumerate().step_by(1_371) {
-            let voxel = obstacle.grid.voxel(index).map(|v| v as i64);
-            assert_eq!(count, direct_count(&obstacle, &rotated, voxel), "{method:?} {voxel:?}");
-        }
     }
 }
 
@@ -126,17 +125,11 @@ fn the_estimate_prefers_run_lengths_for_slender_tools_and_transforms_for_fat_one
 fn many_sharp_points_are_read_by_boxes_and_stay_the_minimum_of_all() {
     // More and wider than a box of points, on a grid that is narrower than one along an axis.
     for dims in [[17, 9, 14], [6, 18, 3]] {
-        let obstacle = scattered(dims, 3);
         for radius in [1.4, 3.2] {
             let tool = Tool { sharp_points: SharpPoints::Boundary(None), ..cylinder(radius, 19.0) };
-            let plan = SectionPlan::new(&obstacle, &tool, ToolPoints::SharpPoints).unwrap();
+            let plan = plan(&scattered(dims, 3), &tool, Method::Fastest);
             for orientation in orientations("fibonacci:5+axes") {
-                let cmf = cmf(&plan, &orientation);
-                for voxel in (0..obstacle.grid.len()).step_by(37) {
-                    let expected = direct_cmf(&obstacle, &tool, &orientation, obstacle.grid.voxel(voxel));
-                    let error = f64::from(cmf[voxel]) - expected.unwrap();
-                    assert!(error.abs() < 1e-6, "{dims:?} {radius} {orientation:?} {voxel}: {error}");
-                }
+                cmf_equals_direct(&plan, &orientation, 37);
             }
         }
     }

@@ -148,7 +148,7 @@ fn motions_keep_the_clearance_that_the_checker_keeps() {
 }
 
 #[test]
-fn motions_without_an_answer_say_why() {
+fn motions_without_an_answer_say_why_even_at_the_end_of_numbers() {
     let scene = bracket();
     let checker = Checker::of_scene(&scene, &Clearance::default()).unwrap();
     let check = |a: &Pose, b: &Pose| checker.check_motion(a, b, &MotionOptions::default());
@@ -164,14 +164,7 @@ fn motions_without_an_answer_say_why() {
         stands.last_valid.is_none() && stands.first_colliding.is_some_and(|c| c.time == 0.0),
         "{stands:?}"
     );
-}
-
-#[test]
-fn motions_to_the_end_of_numbers_are_answered_at_once() {
-    let scene = bracket();
-    let checker = Checker::of_scene(&scene, &Clearance::default()).unwrap();
-    let check = |a: &Pose, b: &Pose| checker.check_motion(a, b, &MotionOptions::default());
-    let grid = scene.record.grid;
+    // To the end of numbers, at once.
     let inside = Pose::along(grid.origin + 0.5 * grid.size(), DVec3::Z);
     let outside = Pose { position: inside.position + DVec3::new(0.0, 0.0, 400.0), ..inside };
     assert!(checker.is_free(&outside) && !checker.is_free(&inside));

@@ -72,15 +72,14 @@ mod tests {
     use crate::pose::Pose;
     use crate::scene::Scene;
     use crate::tool::{Clearance, Tool};
-    use crate::world::MotionOptions;
     use crate::world::tests::number;
+    use crate::world::{HERE, MotionOptions};
 
     fn poses(random: &mut ChaCha8Rng, world: &World, id: ObstacleId, count: usize) -> Vec<Pose> {
         let grid = *world.obstacle(id).unwrap().grid();
-        let [low, high] =
-            [grid.origin, grid.origin + DVec3::from_array(grid.dims.map(|n| n as f64)) * grid.pitch];
         let mut vector = || DVec3::from_array([0; 3].map(|_| number(random)));
-        let mut pose = || Pose::along(low - 10.0 + (high - low + 20.0) * vector(), vector() * 2.0 - 1.0);
+        let (low, size) = (grid.origin - 10.0, grid.size() + 20.0);
+        let mut pose = || Pose::along(low + size * vector(), vector() * 2.0 - 1.0);
         (0..count).map(|_| pose()).collect()
     }
 
@@ -94,18 +93,19 @@ mod tests {
             let mut world = World::builder().allow_coarse(true).build().unwrap();
             let obstacle = Obstacle::from(&scene);
             let obstacle = if layer {
-                let thin = |index: usize| u8::from(index.is_multiple_of(3)) & obstacle.forbidden.solid[index];
-                let mut own = Occupancy::empty(*obstacle.grid());
-                (0..own.solid.len()).for_each(|index| own.solid[index] = thin(index));
+                let mut own = Occupancy::clone(&obstacle.forbidden);
+                own.solid
+                    .iter_mut()
+                    .enumerate()
+                    .for_each(|(index, solid)| *solid &= u8::from(index.is_multiple_of(3)));
                 Obstacle::with_cuttable(&obstacle.whole(), own)
             } else {
                 obstacle
             };
             let at = Pose::along(DVec3::new(3.0, -4.0, 5.0), DVec3::new(0.1, 0.2, 1.0));
             let id = world.add_voxels("part", obstacle, at).unwrap();
-            world
-                .add_voxels("far", Obstacle::from(&scene), Pose::along(DVec3::splat(500.0), DVec3::Z))
-                .unwrap();
+            let far = Pose::along(DVec3::splat(500.0), DVec3::Z);
+            world.add_voxels("far", &scene, far).unwrap();
             let tool = Tool::paper();
             let mut checkers = [0.0, 1.0].map(|clearance| {
                 world.checker(&tool, &Clearance::around_holder_and_shank(clearance)).unwrap()
@@ -123,13 +123,11 @@ mod tests {
                 let before = checkers.each_ref().map(classify);
                 let grid = *world.obstacle(id).unwrap().grid();
                 // A ball of voxels, and voxels here and there.
-                let (middle, radius) = (
-                    grid.centre(grid.voxel((number(&mut random) * (grid.len() - 1) as f64) as usize)),
-                    8.0 * grid.pitch,
-                );
-                let ball =
-                    (0..grid.len()).filter(|&index| grid.centre(grid.voxel(index)).distance(middle) < radius);
-                let more = (0..20).map(|_| (number(&mut random) * (grid.len() - 1) as f64) as usize);
+                let mut any = || (number(&mut random) * (grid.len() - 1) as f64) as usize;
+                let centre = |index: usize| grid.centre(grid.voxel(index));
+                let (middle, radius) = (centre(any()), 8.0 * grid.pitch);
+                let ball = (0..grid.len()).filter(|&index| centre(index).distance(middle) < radius);
+                let more = (0..20).map(|_| any());
                 let voxels: Vec<usize> = ball.chain(more).collect();
                 let (solid, empty): (&[usize], &[usize]) =
                     if step % 2 == 0 { (&voxels, &[]) } else { (&[], &voxels) };
@@ -146,8 +144,7 @@ mod tests {
                     assert!(copy.cuttable.as_ref().is_none_or(|layer| layer.solid[voxel] == 0));
                 }
                 let own = anew.add_voxels("part", copy, at).unwrap();
-                anew.add_voxels("far", Obstacle::from(&scene), Pose::along(DVec3::splat(500.0), DVec3::Z))
-                    .unwrap();
+                anew.add_voxels("far", &scene, far).unwrap();
                 for (checker, clearance) in checkers.iter().zip([0.0, 1.0]) {
                     let expected =
                         anew.checker(&tool, &Clearance::around_holder_and_shank(clearance)).unwrap();
@@ -156,19 +153,14 @@ mod tests {
                         let contact = |checker: &Checker, id: ObstacleId| {
                             let found = checker.contact(&pair[0]).unwrap();
                             assert!(found.is_none_or(|found| found.obstacle == id));
-                            (
-                                found.map(|found| (found.element, found.point, found.depth)),
-                                checker.is_free(&pair[0]),
-                            )
+                            let found = found.map(|found| (found.element, found.point, found.depth));
+                            (found, checker.is_free(&pair[0]))
                         };
                         assert_eq!(contact(checker, id), contact(&expected, own));
                         let motion = |checker: &Checker| {
-                            checker
-                                .check_motion(&pair[0], &pair[1], &MotionOptions::default())
-                                .unwrap()
-                                .is_free()
+                            checker.check_motion(&pair[0], &pair[1], &MotionOptions::default()).unwrap()
                         };
-                        assert_eq!(motion(checker), motion(&expected));
+                        assert_eq!(motion(checker).is_free(), motion(&expected).is_free());
                     }
                 }
                 let after = checkers.each_ref().map(classify);
@@ -191,8 +183,7 @@ mod tests {
             .build()
             .unwrap()
             .scene;
-        let id =
-            world.add_voxels("part", Obstacle::from(&scene), Pose::along(DVec3::ZERO, DVec3::Z)).unwrap();
+        let id = world.add_voxels("part", &scene, HERE).unwrap();
         let before = world.obstacle(id).unwrap().clone();
         let of = |error: Result<(), WorldError>| error.unwrap_err().to_string();
         assert_eq!(

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::tests::{poses, tool};
+use super::tests::{poses, tool, world_of};
 use super::*;
 use crate::field::Decision;
 use crate::grid::Grid;
@@ -14,6 +14,11 @@ use crate::tool::{ElementKind, Segment, SharpPoints, ToolShape};
 
 fn block() -> Mesh {
     Mesh::cuboid(DVec3::ZERO, DVec3::splat(40.0))
+}
+
+/// The block, of which a cutter may enter so deep a layer.
+fn world_with(contact: f64, pitch: f64) -> World {
+    world_of(pitch, ObstacleMesh { contact, ..ObstacleMesh::new("block", block()) })
 }
 
 fn mesh_tool() -> Tool {
@@ -28,9 +33,7 @@ fn many_threads_ask_a_new_checker_at_once() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(16).build().unwrap();
     let asked = poses(3_000, 5, 30.0);
     for _ in 0..12 {
-        let world =
-            World::builder().pitch(1.0).obstacle(ObstacleMesh::new("block", block())).build().unwrap();
-        let checker = world.checker(&tool(), &Clearance::default()).unwrap();
+        let checker = world_with(0.0, 1.0).checker(&tool(), &Clearance::default()).unwrap();
         let mut decisions = vec![Decision::Undecided; asked.len()];
         pool.install(|| {
             use rayon::prelude::*;
@@ -47,8 +50,7 @@ fn many_threads_ask_a_new_checker_at_once() {
 
 #[test]
 fn a_mesh_that_names_no_cutter_stays_out_of_what_a_cutter_may_enter() {
-    let pressed = ObstacleMesh { contact: 4.0, ..ObstacleMesh::new("block", block()) };
-    let world = World::builder().pitch(1.0).obstacle(pressed).build().unwrap();
+    let world = world_with(4.0, 1.0);
     let on_top = Pose::new(DVec3::new(20.0, 20.0, 37.5), DQuat::IDENTITY);
     let checker = world.checker(&mesh_tool(), &Clearance::default()).unwrap();
     assert!(!checker.is_free(&on_top));
@@ -77,7 +79,7 @@ fn a_disc_between_the_centres_is_refused() {
             (ElementKind::Shank, vec![line(thick, 60.0, 6.0, 6.0)]),
         ])
     };
-    let world = World::builder().pitch(2.0).obstacle(ObstacleMesh::new("block", block())).build().unwrap();
+    let world = world_with(0.0, 2.0);
     let thin = world.checker(&saw(1.0), &Clearance::default()).map(|_| ()).unwrap_err().to_string();
     assert!(thin.contains("cutter") && thin.contains("a pitch of at most 1,"), "{thin}");
     // As thick as a voxel it is seen wherever it stands along its axis.
@@ -93,8 +95,7 @@ fn a_disc_between_the_centres_is_refused() {
 
 #[test]
 fn a_checker_that_follows_sees_the_layer_that_is_gone_or_new() {
-    let whole = ObstacleMesh { contact: 4.0, ..ObstacleMesh::new("block", block()) };
-    let mut world = World::builder().pitch(1.0).obstacle(whole).build().unwrap();
+    let mut world = world_with(4.0, 1.0);
     let shank = Pose::new(DVec3::new(20.0, -2.0, 20.0), DQuat::IDENTITY);
     let mut checker = world.checker(&tool(), &Clearance::default()).unwrap();
     assert!(!checker.is_free(&shank));
@@ -141,7 +142,7 @@ fn what_is_no_mesh_no_voxels_and_no_outline_is_refused() {
         assert!(matches!(refused, Err(WorldError::Voxels(_))));
     }
     let backwards = [line(0.0, 12.0, 3.0, 3.0), line(5.0, 24.0, 3.0, 3.0)];
-    let line = |from, to| Segment::Line { from, to, radius_from: 3.0, radius_to: 3.0 };
+    let line = |from, to| Segment::cylinder(from, to, 3.0);
     let gap = vec![line(0.0, 12.0), line(12.1, 24.0)];
     for profile in [backwards.to_vec(), vec![line(12.0, 0.0)], vec![line(12.0, 24.0), line(0.0, 12.0)], gap] {
         let refused = revolved([(ElementKind::Cutter, profile)]).check().unwrap_err();

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::adversary_truth::Case;
-use super::tests::{poses, tool, world};
+use super::tests::{poses, tool, world, world_of};
 use super::*;
 use crate::mesh::Mesh;
 use crate::orientation::{Orientation, OrientationSet};
@@ -53,7 +53,7 @@ fn distances_of_free_tools_are_those_of_trying_every_voxel() {
 fn distances_of_a_cylinder_from_a_box_are_closed_forms() {
     // The outermost centres lie half a voxel inside the faces: the box of centres.
     let block = Mesh::cuboid(DVec3::splat(-0.25), DVec3::new(20.25, 30.25, 10.25));
-    let world = World::builder().pitch(0.5).obstacle(ObstacleMesh::new("block", block)).build().unwrap();
+    let world = world_of(0.5, ObstacleMesh::new("block", block));
     let checker = world.checker(&cylinder(2.0, 30.0), &Clearance::default()).unwrap();
     let at = |x: f64, y: f64, z: f64, axis: DVec3| {
         let found = checker.distance(&Pose::along(DVec3::new(x, y, z), axis)).unwrap().unwrap();
@@ -66,10 +66,8 @@ fn distances_of_a_cylinder_from_a_box_are_closed_forms() {
     is(at(10.0, 15.0, 13.0, DVec3::Z), 3.0);
     is(at(-7.0, 15.0, 5.0, DVec3::Z), 5.0);
     is(at(-5.0, 15.0, 14.0, DVec3::Z), 5.0);
-    is(
-        at(-3.0 - 2.0 / 2f64.sqrt(), -3.0 - 2.0 / 2f64.sqrt(), 10.0 + 6.0, DVec3::Z),
-        (18.0 + 36.0_f64).sqrt(),
-    );
+    let off = -3.0 - 2.0 / 2f64.sqrt();
+    is(at(off, off, 10.0 + 6.0, DVec3::Z), (18.0 + 36.0_f64).sqrt());
     is(at(-5.0, 15.0, 17.0, DVec3::X), 5.0);
 }
 
@@ -92,7 +90,7 @@ fn depths_lie_between_a_bound_and_a_translation_that_frees() {
     assert!(colliding > 60, "{colliding}");
     // A flat end so deep in a slab comes out by that depth.
     let slab = Mesh::cuboid(DVec3::new(-50.5, -50.5, -20.5), DVec3::new(50.5, 50.5, 0.5));
-    let world = World::builder().pitch(1.0).obstacle(ObstacleMesh::new("slab", slab)).build().unwrap();
+    let world = world_of(1.0, ObstacleMesh::new("slab", slab));
     let checker = world.checker(&cylinder(6.0, 30.0), &Clearance::default()).unwrap();
     for depth in [0.3, 1.7, 5.0, 9.2] {
         let found = checker.distance(&Pose::along(DVec3::new(0.2, 0.1, -depth), DVec3::Z)).unwrap().unwrap();

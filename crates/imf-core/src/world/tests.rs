@@ -69,6 +69,11 @@ pub(super) fn world() -> World {
     builder.obstacle(coarse).obstacle(inch).build().unwrap()
 }
 
+/// One obstacle, in voxels of a pitch.
+pub(super) fn world_of(pitch: f64, obstacle: ObstacleMesh) -> World {
+    World::builder().pitch(pitch).obstacle(obstacle).build().unwrap()
+}
+
 /// Solid centres in the tool, one obstacle after another, by the definition, in the obstacle's frame by matrices.
 fn counted(world: &World, tool: &Tool, pose: &Pose) -> Vec<u32> {
     let count = |standing: &PlacedObstacle| {
@@ -94,11 +99,8 @@ fn poses_among_placed_obstacles_are_decided_as_counted() {
     for (pose, decision) in all.iter().zip(decisions) {
         let counts = counted(&world, &tool, pose);
         let is_free = counts.iter().all(|&count| count == 0);
-        assert_eq!(
-            (decision == Decision::Free, checker.is_free(pose)),
-            (is_free, is_free),
-            "{pose:?} {counts:?}"
-        );
+        let decided = (decision == Decision::Free, checker.is_free(pose));
+        assert_eq!(decided, (is_free, is_free), "{pose:?} {counts:?}");
         let contact = checker.contact(pose).unwrap();
         assert_eq!(contact.is_none(), is_free);
         free += usize::from(is_free);
@@ -106,7 +108,7 @@ fn poses_among_placed_obstacles_are_decided_as_counted() {
             hit[obstacle.0 as usize] += 1;
             assert!(counts[obstacle.0 as usize] > 0);
             // Its point lies in that element.
-            let held = tool.element_at(&Pose { position: pose.position, ..*pose }, point.unwrap());
+            let held = tool.element_at(pose, point.unwrap());
             assert!(held == element || held.is_none(), "{held:?} {element:?}");
             assert!(depth >= 0.0);
         }
@@ -119,8 +121,7 @@ fn a_moved_obstacle_is_the_moved_mesh_up_to_voxels() {
     let tool = tool();
     let at = places()[1];
     let moved = bracket().transformed(&DMat4::from_rotation_translation(at.rotation, at.position));
-    let of =
-        |mesh: Mesh| World::builder().pitch(0.8).obstacle(ObstacleMesh::new("it", mesh)).build().unwrap();
+    let of = |mesh: Mesh| world_of(0.8, ObstacleMesh::new("it", mesh));
     let mut turned = of(bracket());
     let id = turned.obstacles().next().unwrap().0;
     // A voxel's centre is solid as the mesh says, and the surface at most half a diagonal from a centre either way.
@@ -159,12 +160,8 @@ fn a_checker_follows_what_is_moved_added_and_removed() {
             }
             _ => {
                 let turn = DQuat::from_axis_angle(DVec3::Y, 6.0 * number(&mut random));
-                world
-                    .place(
-                        ids[(step % 3) & 2],
-                        Pose::new(20.0 * DVec3::splat(number(&mut random)), turn * 3.0),
-                    )
-                    .unwrap();
+                let at = 20.0 * DVec3::splat(number(&mut random));
+                world.place(ids[(step % 3) & 2], Pose::new(at, turn * 3.0)).unwrap();
             }
         }
         checker.follow(&world).unwrap();
@@ -201,7 +198,7 @@ fn what_is_no_obstacle_is_refused_and_what_is_no_pose_is_never_free() {
     assert!(add(ObstacleMesh { scale: 1e6, ..of(block()) }).contains("mm"));
     let without = World::builder().obstacle(of(block())).build().err().unwrap();
     assert!(matches!(without, WorldError::NoPitch(_)));
-    let coarse = World::builder().pitch(5.0).obstacle(of(block())).build().unwrap();
+    let coarse = world_of(5.0, of(block()));
     let refused = coarse.checker(&tool(), &Clearance::default()).err().unwrap().to_string();
     assert!(refused.contains("unseen") && refused.contains("shelf"), "{refused}");
     for world in [world(), World::builder().build().unwrap()] {
@@ -216,10 +213,8 @@ fn what_is_no_obstacle_is_refused_and_what_is_no_pose_is_never_free() {
         ] {
             assert!(!checker.is_free(&bad), "{bad:?}");
             assert_eq!(checker.contact(&bad), Err(QueryError::InvalidPose));
-            assert_eq!(
-                checker.check_motion(&bad, &far, &MotionOptions::default()),
-                Err(QueryError::InvalidPose)
-            );
+            let motion = checker.check_motion(&bad, &far, &MotionOptions::default());
+            assert_eq!(motion, Err(QueryError::InvalidPose));
         }
     }
 }
@@ -227,11 +222,7 @@ fn what_is_no_obstacle_is_refused_and_what_is_no_pose_is_never_free() {
 #[test]
 fn the_cutter_may_enter_as_deep_as_an_obstacle_allows() {
     let block = Mesh::cuboid(DVec3::ZERO, DVec3::new(40.0, 40.0, 20.0));
-    let world = World::builder()
-        .pitch(1.0)
-        .obstacle(ObstacleMesh { contact: 2.0, ..ObstacleMesh::new("block", block) })
-        .build()
-        .unwrap();
+    let world = world_of(1.0, ObstacleMesh { contact: 2.0, ..ObstacleMesh::new("block", block) });
     let checker = world.checker(&tool(), &Clearance::default()).unwrap();
     let at = |z: f64| Pose::along(DVec3::new(20.0, 20.0, z), DVec3::Z);
     assert!(checker.is_free(&at(18.0)) && !checker.is_free(&at(17.0)));
@@ -262,14 +253,11 @@ fn a_scenes_checker_counts_its_part_and_its_tool() {
 fn warnings_say_what_is_to_be_known_of_meshes() {
     let mut open = Mesh::cuboid(DVec3::ZERO, DVec3::splat(20.0));
     open.triangles.truncate(10);
-    let world = World::builder().pitch(1.0).obstacle(ObstacleMesh::new("lidless", open)).build().unwrap();
-    assert!(
-        world.warnings().iter().any(|w| w.to_string().contains("lidless is open")),
-        "{:?}",
-        world.warnings()
-    );
+    let world = world_of(1.0, ObstacleMesh::new("lidless", open));
+    let warnings = world.warnings();
+    assert!(warnings.iter().any(|w| w.to_string().contains("lidless is open")), "{warnings:?}");
     let thin = Mesh::cuboid(DVec3::ZERO, DVec3::new(20.0, 20.0, 2.0));
-    let thin = World::builder().pitch(1.0).obstacle(ObstacleMesh::new("plate", thin)).build().unwrap();
+    let thin = world_of(1.0, ObstacleMesh::new("plate", thin));
     assert!(thin.warnings().iter().any(|w| matches!(w, SceneWarning::Thin { .. })));
 }
 

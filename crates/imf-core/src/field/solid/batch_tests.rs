@@ -9,7 +9,7 @@ use std::sync::Arc;
 use crate::grid::Grid;
 use crate::occupancy::Occupancy;
 use crate::parts::ReferencePart;
-use crate::section::test_shapes::{archs, line, revolved};
+use crate::section::test_shapes::{arc, archs, line, revolved};
 use crate::tool::{Clearance, ElementKind};
 
 /// Batches decide as single poses do; how many are free.
@@ -38,21 +38,14 @@ fn batches_decide_as_single_poses_do() {
 
 #[test]
 fn slender_tools_and_slices_of_balls_are_decided_as_they_are_counted() {
-    let arc = |from, to, centre_height, radius| Segment::Arc {
-        from,
-        to,
-        centre_height,
-        centre_radius: 0.0,
-        arc_radius: radius,
-    };
     let tools = [
         // More bounding spheres than bits.
         vec![line(0.0, 300.0, 0.8, 0.8)],
         // A slice of a ball, and a cap under a shank as wide that is not a ball's flank.
-        vec![arc(4.0, 12.0, 8.0, 8.0)],
-        vec![arc(0.0, 6.0, 10.0, 10.0), line(6.0, 30.0, 9.0, 9.0)],
+        vec![arc(4.0, 12.0, 8.0, 0.0, 8.0)],
+        vec![arc(0.0, 6.0, 10.0, 0.0, 10.0), line(6.0, 30.0, 9.0, 9.0)],
         // A dome as flat as a lens on a cone.
-        vec![arc(0.0, 1.0, 60.0, 60.0), line(1.0, 12.0, 10.9, 3.0)],
+        vec![arc(0.0, 1.0, 60.0, 0.0, 60.0), line(1.0, 12.0, 10.9, 3.0)],
     ];
     for profile in tools {
         let tool = revolved([(ElementKind::Cutter, profile)]);
@@ -65,7 +58,11 @@ fn slender_tools_and_slices_of_balls_are_decided_as_they_are_counted() {
             let count = field.count(pose).unwrap();
             assert_eq!(field.collides(pose), count > 0, "{:?} {pose:?}", tool.shape);
             // What has room is not reached.
-            assert!(count == 0 || field.clearance_bound(pose).unwrap() <= 0.0, "{:?} {pose:?}", tool.shape);
+            assert!(
+                count == 0 || field.clearance_up_to(pose, f64::INFINITY).unwrap() <= 0.0,
+                "{:?} {pose:?}",
+                tool.shape
+            );
         }
     }
 }

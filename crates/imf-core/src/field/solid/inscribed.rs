@@ -103,15 +103,13 @@ mod tests {
     use crate::grid::Grid;
     use crate::occupancy::Occupancy;
     use crate::pose::Pose;
-    use crate::section::test_shapes::{cylinder, line, orientations, revolved};
-    use crate::tool::{ElementKind, Segment, Tool};
+    use crate::section::test_shapes::{arc, cylinder, line, orientations, revolved};
+    use crate::tool::{ElementKind, Tool};
 
     /// A bull nose under a cone and a wide collar.
     fn tool() -> Tool {
-        let nose =
-            Segment::Arc { from: 0.0, to: 2.0, centre_height: 2.0, centre_radius: 1.5, arc_radius: 2.0 };
         revolved([
-            (ElementKind::Cutter, vec![nose, line(2.0, 9.0, 3.5, 2.0)]),
+            (ElementKind::Cutter, vec![arc(0.0, 2.0, 2.0, 1.5, 2.0), line(2.0, 9.0, 3.5, 2.0)]),
             (ElementKind::Holder(0), vec![line(9.0, 19.0, 5.5, 5.5)]),
         ])
     }

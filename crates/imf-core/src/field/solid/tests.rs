@@ -7,7 +7,7 @@ use crate::grid::Grid;
 use crate::orientation::Orientation;
 use crate::parts::ReferencePart;
 use crate::scene::{Scene, SceneSpec};
-use crate::section::test_shapes::{archs, line, orientations, revolved};
+use crate::section::test_shapes::{arc, archs, line, orientations, revolved};
 use crate::tool::{Clearance, ElementKind, ToolShape, ToolVoxels};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -26,9 +26,11 @@ pub(super) fn field_of(scene: &Scene) -> SolidField {
 
 /// Bull-nose cutter with a corner, tapered flank, shank, holder with a cone that narrows.
 pub(crate) fn awkward() -> Tool {
-    let nose = Segment::Arc { from: 0.0, to: 1.6, centre_height: 2.0, centre_radius: 2.0, arc_radius: 2.0 };
     let elements = [
-        (ElementKind::Cutter, vec![nose, line(1.6, 20.0, 3.959_591_794_226_542, 7.0)]),
+        (
+            ElementKind::Cutter,
+            vec![arc(0.0, 1.6, 2.0, 2.0, 2.0), line(1.6, 20.0, 3.959_591_794_226_542, 7.0)],
+        ),
         (ElementKind::Shank, vec![line(20.0, 34.0, 3.0, 3.0)]),
         (ElementKind::Holder(0), vec![line(34.0, 44.0, 16.0, 9.0)]),
         (ElementKind::Holder(1), vec![line(44.0, 70.0, 2.0, 18.0)]),
@@ -152,10 +154,9 @@ fn elements_sum_to_the_whole_and_offset_ones_are_counted_by_their_outline() {
 
 #[test]
 fn bounding_spheres_hold_their_pieces_and_balls_are_bounded_by_themselves() {
-    let arc = |from, to, centre_height, radius| {
-        vec![Segment::Arc { from, to, centre_height, centre_radius: 0.0, arc_radius: radius }]
+    let ball = |from, to, centre, radius| {
+        revolved([(ElementKind::Cutter, vec![arc(from, to, centre, 0.0, radius)])])
     };
-    let ball = |from, to, centre, radius| revolved([(ElementKind::Cutter, arc(from, to, centre, radius))]);
     // A whole ball, half of one, the slice of one between its quarters, and a dome as flat as a lens.
     let tools = [
         ball(0.0, 16.0, 8.0, 8.0),
@@ -197,7 +198,7 @@ fn the_clearance_is_a_lower_bound() {
     let mut free = 0;
     for index in 0..2000 {
         let pose = random_pose(&scene.record.grid, 0, index);
-        let bound = field.clearance_bound(&pose).unwrap();
+        let bound = field.clearance_up_to(&pose, f64::INFINITY).unwrap();
         if bound > 0.0 {
             free += 1;
             // Offset by what it is said to have free, the tool still holds nothing.
@@ -238,12 +239,10 @@ fn colliding_is_a_count_above_zero_where_flat_ends_pass_by_voxel_centres() {
             for (across, beside) in [(0, 0), (3, 5), (17, 40), (24, 80), (40, 71)] {
                 // The tip on voxel centres along the axis, so that the holder's flat end meets centres.
                 let axis = orientation.direction().abs();
-                let at = if axis.z > 0.5 {
-                    [across, beside, along]
-                } else if axis.y > 0.5 {
-                    [across, along, beside]
-                } else {
-                    [along, across, beside]
+                let at = match axis.to_array().map(|part| part > 0.5) {
+                    [.., true] => [across, beside, along],
+                    [_, true, _] => [across, along, beside],
+                    _ => [along, across, beside],
                 };
                 let position = origin + pitch * (DVec3::from_array(at.map(f64::from)) + 0.5);
                 let pose = Pose::oriented(position, &orientation);

@@ -112,12 +112,9 @@ fn contact_and_clearance_are_counted_by_their_definition() {
             let (counts, _) = test_shapes::counts(&plan, &orientation);
             let field = |occupancy: &Occupancy, cutter: bool, at: DVec3| -> u32 {
                 let wanted = bodies.iter().filter(|b| (b.kind == ElementKind::Cutter) == cutter);
-                wanted
-                    .map(|body| {
-                        let shape = ToolShape::Revolved(vec![body.clone()]);
-                        Tool { shape, ..tip.clone() }.count_inside(occupancy, at, &orientation)
-                    })
-                    .sum()
+                let alone =
+                    |body: &Element| Tool { shape: ToolShape::Revolved(vec![body.clone()]), ..tip.clone() };
+                wanted.map(|body| alone(body).count_inside(occupancy, at, &orientation)).sum()
             };
             let mut whole = part.clone();
             whole.add(&clamp);
