@@ -85,7 +85,6 @@ impl DistanceField {
         f32::from_bits(self.cells[index][1])
     }
 
-    /// The whole coordinates of a voxel.
     #[inline]
     pub(crate) fn voxel(&self, index: usize) -> [f64; 3] {
         let [_, ny, nz] = self.dims.map(|n| n as u32);
@@ -212,6 +211,13 @@ mod tests {
         Occupancy { grid, solid }
     }
 
+    /// Distance from a point to the nearest solid centre.
+    fn to_nearest(obstacle: &Occupancy, point: DVec3) -> f64 {
+        let solid = (0..obstacle.solid.len()).filter(|&index| obstacle.solid[index] == 1);
+        let centre = |index| DVec3::from_array(obstacle.grid.voxel(index).map(|v| v as f64));
+        solid.map(|index| centre(index).distance(point)).fold(f64::INFINITY, f64::min)
+    }
+
     fn brute(obstacle: &Occupancy, wanted: u8, index: usize) -> Option<u64> {
         let chosen = (0..obstacle.solid.len()).filter(|&i| obstacle.solid[i] == wanted);
         chosen.map(|i| squared_distance(obstacle.grid.dims, index, i)).min()
@@ -263,18 +269,12 @@ mod tests {
     fn probes_never_guarantee_more_than_the_true_distance() {
         let obstacle = scattered([9, 8, 10], 37);
         let field = DistanceField::new(&obstacle);
-        let centres: Vec<DVec3> = (0..obstacle.solid.len())
-            .filter(|&i| obstacle.solid[i] == 1)
-            .map(|i| DVec3::from_array(obstacle.grid.voxel(i).map(|v| v as f64)))
-            .collect();
         let mut gap: f64 = 0.0;
         for i in 0..4000_u32 {
-            let point = DVec3::new(
-                f64::from(i.wrapping_mul(40_503) % 997) / 997.0 * 30.0 - 10.0,
-                f64::from(i.wrapping_mul(30_011) % 991) / 991.0 * 30.0 - 10.0,
-                f64::from(i.wrapping_mul(20_021) % 983) / 983.0 * 30.0 - 10.0,
-            );
-            let truth = centres.iter().map(|c| c.distance(point)).fold(f64::INFINITY, f64::min);
+            let place = |factor, prime| f64::from(i.wrapping_mul(factor) % prime) / f64::from(prime);
+            let unit = DVec3::new(place(40_503, 997), place(30_011, 991), place(20_021, 983));
+            let point = unit * 30.0 - 10.0;
+            let truth = to_nearest(&obstacle, point);
             let bound = field.probe(point).squared.sqrt();
             let closer = field.squared_around(point).sqrt();
             assert!(bound <= truth + 1e-9, "{point}: {bound} > {truth}");
@@ -292,16 +292,13 @@ mod tests {
         let oblique = |voxel: [usize; 3]| voxel[0] + voxel[1] + voxel[2] < 9;
         for wall in [&upright as &dyn Fn([usize; 3]) -> bool, &oblique] {
             let solid = (0..grid.len()).map(|index| u8::from(wall(grid.voxel(index)))).collect();
-            let field = DistanceField::new(&Occupancy { grid, solid });
-            let centres: Vec<DVec3> = (0..grid.len())
-                .filter(|&index| wall(grid.voxel(index)))
-                .map(|index| DVec3::from_array(grid.voxel(index).map(|v| v as f64)))
-                .collect();
+            let obstacle = Occupancy { grid, solid };
+            let field = DistanceField::new(&obstacle);
             for i in 0..500_u32 {
                 let unit =
                     [40_503, 30_011, 20_021].map(|prime| f64::from(i.wrapping_mul(prime) % 997) / 997.0);
                 let point = DVec3::new(6.0, 6.0, 6.0) + DVec3::from_array(unit) * 5.0;
-                let truth = centres.iter().map(|c| c.distance(point)).fold(f64::INFINITY, f64::min);
+                let truth = to_nearest(&obstacle, point);
                 let bound = field.squared_around(point).sqrt();
                 // A wall of centres is not a plane: a second such term for its steps.
                 assert!(bound <= truth && truth - bound < 2.0 * 0.25 / truth, "{point}: {bound} {truth}");

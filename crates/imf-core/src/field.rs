@@ -197,24 +197,15 @@ pub trait PoseField: Send + Sync {
     fn bounds(&self) -> Option<[DVec3; 2]>;
 
     /// `overlap(x, R)` in [0, 1] of every pose, or its depth.
-    ///
-    /// # Errors
-    /// See the trait.
     fn values(&self, poses: &[Pose], values: &mut [f32]) -> Result<(), FieldError>;
 
     /// Values with their derivatives by position and by rotation.
     ///
     /// Those of [`ExactField`], whose values are steps, are differences over a voxel's width; see its
     /// implementation.
-    ///
-    /// # Errors
-    /// See the trait.
     fn gradients(&self, poses: &[Pose], gradients: &mut [Gradient]) -> Result<(), FieldError>;
 
     /// Whether the tool collides.
-    ///
-    /// # Errors
-    /// See the trait.
     fn classify(&self, poses: &[Pose], decisions: &mut [Decision]) -> Result<(), FieldError>;
 
     /// The minimum of the collision measure over some rotations at every point, that is over the tool's sharp points k the minimum of

@@ -359,8 +359,6 @@ mod advance_tests;
 #[cfg(test)]
 mod adversary_cases;
 #[cfg(test)]
-mod adversary_tally;
-#[cfg(test)]
 mod adversary_tests;
 #[cfg(test)]
 mod adversary_truth;

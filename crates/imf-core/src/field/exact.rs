@@ -27,7 +27,6 @@ pub(crate) struct PreparedObstacle {
 }
 
 impl PreparedObstacle {
-    /// The obstacle.
     pub(crate) fn obstacle(&self) -> &Obstacle {
         &self.obstacle
     }
@@ -56,12 +55,8 @@ impl PreparedObstacle {
 
     /// True where both are of the same voxels in memory.
     pub(crate) fn is_same(&self, other: &Self) -> bool {
-        let same = |a: &Arc<Occupancy>, b: &Arc<Occupancy>| Arc::ptr_eq(a, b);
-        let layers = match (&self.obstacle.cuttable, &other.obstacle.cuttable) {
-            (Some(own), Some(others)) => same(own, others),
-            (own, others) => own.is_none() && others.is_none(),
-        };
-        layers && same(&self.obstacle.forbidden, &other.obstacle.forbidden)
+        let layer = |of: &Self| of.obstacle.cuttable.as_ref().map(Arc::as_ptr);
+        Arc::ptr_eq(&self.obstacle.forbidden, &other.obstacle.forbidden) && layer(self) == layer(other)
     }
 }
 

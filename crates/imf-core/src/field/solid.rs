@@ -106,7 +106,6 @@ impl Body {
 }
 
 impl SolidField {
-    /// Of a tool around an obstacle.
     pub(crate) fn of_tool(obstacle: impl Into<SolidVoxels>, tool: &Tool) -> Self {
         let voxels = obstacle.into();
         let bodies = match &tool.shape {
@@ -314,7 +313,6 @@ fn bodies_of(elements: &[Element], pitch: f64) -> Option<Vec<Body>> {
     elements.iter().map(|element| Body::new(element, pitch)).collect()
 }
 
-/// Every segment of a body in a pose.
 fn body_segments(body: &Body, placed: VoxelPose) -> impl Iterator<Item = PlacedSegment<'_>> {
     body.profile.iter().zip(&body.parts).map(move |(world, part)| part.placed(world, placed))
 }

@@ -124,7 +124,6 @@ impl RunBoundaries {
         ends
     }
 
-    /// Finds the run boundaries along `axis`.
     pub(super) fn collect(&mut self, tool: &VoxelBox<'_>, axis: Axis) {
         let [nx, ny, nz] = tool.dims;
         self.covered.clear(tool);

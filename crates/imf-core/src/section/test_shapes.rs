@@ -2,6 +2,8 @@
 
 use glam::DVec3;
 use pulp::Arch;
+use rand::Rng;
+use rand_chacha::ChaCha8Rng;
 
 use super::{SectionPlan, SectionScratch};
 use crate::grid::Grid;
@@ -54,6 +56,11 @@ pub(crate) fn scattered(dims: [usize; 3], of_four: usize) -> Occupancy {
     let grid = Grid { origin: DVec3::new(0.3, -1.0, 2.0), pitch: 1.0, dims };
     let solid = |i: usize| u8::from(i.wrapping_mul(2_654_435_761) >> 7 & 3 < of_four);
     Occupancy { grid, solid: (0..grid.len()).map(solid).collect() }
+}
+
+/// From 0 to 1.
+pub(crate) fn number(random: &mut ChaCha8Rng) -> f64 {
+    f64::from(random.next_u32()) / f64::from(u32::MAX)
 }
 
 pub(crate) fn orientations(set: &str) -> Vec<Orientation> {

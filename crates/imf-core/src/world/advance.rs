@@ -74,32 +74,6 @@ const HALVINGS: usize = 12;
 const RESOLUTION: f64 = 0.01;
 const FINEST: f64 = 1e-4;
 
-/// A motion that can be followed.
-enum Way<'a> {
-    /// Between two poses.
-    Straight(StraightMotion),
-    /// Between two sets of joints.
-    Machine(&'a MachineMotion<'a>),
-}
-
-impl Way<'_> {
-    fn at(&self, time: f64) -> Pose {
-        match self {
-            Self::Straight(way) => way.at(time),
-            Self::Machine(motion) => motion.pose(time),
-        }
-    }
-
-    /// Farthest that any point moves of a tool of revolution whose points are at most `reach` away from its tip; evenly divided
-    /// times divide it evenly.
-    fn length(&self, reach: f64) -> f64 {
-        match self {
-            Self::Straight(way) => way.motion_bound(reach, 0.0),
-            Self::Machine(motion) => motion.tool_motion_bound(reach),
-        }
-    }
-}
-
 impl Checker {
     /// Whether the tool may move from `a` to `b`: the tip along the straight line, the axis along the great circle, both evenly
     /// ([`Pose::interpolate`]). The first call makes the tools that proofs need.
@@ -117,7 +91,7 @@ impl Checker {
             return Err(QueryError::InvalidPose);
         }
         let way = StraightMotion::new(a, b).ok_or(QueryError::Opposite)?;
-        self.follow_way(&Way::Straight(way), options)
+        self.follow_way(&|time| way.at(time), way.motion_bound(self.tool.reach, 0.0), options)
     }
 
     /// Whether the tool may move with a machine's joints: rotary axes evenly, and the tip straight or the linear axes evenly
@@ -136,7 +110,7 @@ impl Checker {
         if machine != world {
             return Err(QueryError::Unit { machine, world });
         }
-        self.follow_way(&Way::Machine(motion), options)
+        self.follow_way(&|time| motion.pose(time), motion.tool_motion_bound(self.tool.reach), options)
     }
 
     /// [`Checker::check_motion`] of every pair of poses, on all threads of the current pool.
@@ -151,7 +125,13 @@ impl Checker {
         })
     }
 
-    fn follow_way(&self, way: &Way<'_>, options: &MotionOptions) -> Result<MotionResult, QueryError> {
+    /// Along the poses `at` times. No point of the tool moves farther than `length`, and evenly divided times divide it evenly.
+    fn follow_way(
+        &self,
+        at: &dyn Fn(f64) -> Pose,
+        length: f64,
+        options: &MotionOptions,
+    ) -> Result<MotionResult, QueryError> {
         if self.tool.assembly.tool().mesh().is_some() {
             return Err(QueryError::Mesh);
         }
@@ -159,7 +139,7 @@ impl Checker {
             let offset = make_once(&one.around.offset, || offset_further(&one.around.field));
             offset.as_ref().ok_or(QueryError::Offset)?;
         }
-        advance(self, way, options)
+        advance(self, at, length, options)
     }
 }
 
@@ -188,8 +168,13 @@ fn room(one: &PlacedField, pose: &Pose) -> f64 {
 }
 
 /// Follows a way from its beginning to its end, or to the first collision.
-fn advance(checker: &Checker, way: &Way<'_>, options: &MotionOptions) -> Result<MotionResult, QueryError> {
-    let ends = [0.0, 1.0].map(|time| (time, way.at(time)));
+fn advance(
+    checker: &Checker,
+    at: &dyn Fn(f64) -> Pose,
+    length: f64,
+    options: &MotionOptions,
+) -> Result<MotionResult, QueryError> {
+    let ends = [0.0, 1.0].map(|time| (time, at(time)));
     if !ends.iter().all(|(_, pose)| pose.is_valid()) {
         return Err(QueryError::InvalidPose);
     }
@@ -199,12 +184,11 @@ fn advance(checker: &Checker, way: &Way<'_>, options: &MotionOptions) -> Result<
     if !(given.is_finite() && given >= least) {
         return Err(QueryError::Resolution { given, least });
     }
-    let reach = checker.tool.reach;
     // A tool that stands still takes no time.
-    let length = way.length(reach).max(f64::MIN_POSITIVE);
+    let length = length.max(f64::MIN_POSITIVE);
     // Of positions as large as the farthest on the way, of axes at the tool's far end.
     let largest = ends[0].1.position.abs().max_element() + length + checker.moved();
-    let rounding = 8.0 * f64::EPSILON * largest + ANGLE * reach;
+    let rounding = 8.0 * f64::EPSILON * largest + ANGLE * checker.tool.reach;
     if rounding >= MARGIN * pitch {
         let hit = ends.into_iter().find(|(_, pose)| !checker.is_free(pose));
         let Some((time, pose)) = hit else { return Err(QueryError::TooFar) };
@@ -215,9 +199,9 @@ fn advance(checker: &Checker, way: &Way<'_>, options: &MotionOptions) -> Result<
     let (mut covered, mut gap) = (0.0_f64, None);
     let (mut time, mut before) = (0.0_f64, None);
     loop {
-        let pose = way.at(time);
+        let pose = at(time);
         if !checker.is_free(&pose) {
-            let (last_valid, time, pose) = first(way, checker, before, time, pose);
+            let (last_valid, time, pose) = first(at, checker, before, time, pose);
             let last = last_valid.map_or(0.0, |(last, _)| last);
             let proven_until = gap.unwrap_or(covered).min(last);
             return Ok(MotionResult { last_valid, proven_until, ..collision(checker, time, &pose)? });
@@ -245,7 +229,7 @@ fn collision(checker: &Checker, time: f64, pose: &Pose) -> Result<MotionResult, 
 
 /// The earliest colliding pose that bisection finds between a time without and one with a collision, and the last before it without.
 fn first(
-    way: &Way<'_>,
+    at: &dyn Fn(f64) -> Pose,
     checker: &Checker,
     before: Option<(f64, Pose)>,
     time: f64,
@@ -255,7 +239,7 @@ fn first(
     let mut found = (time, pose);
     for _ in 0..HALVINGS {
         let middle = 0.5 * (low.0 + found.0);
-        let pose = way.at(middle);
+        let pose = at(middle);
         if checker.is_free(&pose) {
             low = (middle, pose);
         } else {

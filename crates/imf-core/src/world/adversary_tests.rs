@@ -6,10 +6,9 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use super::adversary_cases::{cases, long_cases};
-use super::adversary_tally::{PoseCases, Tally};
-use super::adversary_truth::Case;
-use super::tests::number;
+use super::adversary_truth::{Case, PoseCases, Tally};
 use super::*;
+use crate::section::test_shapes::number;
 
 /// A place in a list.
 fn below(random: &mut ChaCha8Rng, count: usize) -> usize {

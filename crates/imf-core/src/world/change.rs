@@ -71,8 +71,8 @@ mod tests {
     use crate::parts::ReferencePart;
     use crate::pose::Pose;
     use crate::scene::Scene;
+    use crate::section::test_shapes::number;
     use crate::tool::{Clearance, Tool};
-    use crate::world::tests::number;
     use crate::world::{HERE, MotionOptions};
 
     fn poses(random: &mut ChaCha8Rng, world: &World, id: ObstacleId, count: usize) -> Vec<Pose> {

@@ -1,7 +1,7 @@
 //! Worlds against counts by the definition.
 
 use glam::DMat4;
-use rand::{Rng, SeedableRng};
+use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use super::*;
@@ -10,7 +10,7 @@ use crate::mesh::Mesh;
 use crate::orientation::OrientationSet;
 use crate::parts::ReferencePart;
 use crate::scene::Scene;
-use crate::section::test_shapes::{line, revolved};
+use crate::section::test_shapes::{line, number, revolved};
 use crate::tool::{ElementKind, ToolShape};
 
 /// A cutter, a wider shank and a holder.
@@ -20,10 +20,6 @@ pub(super) fn tool() -> Tool {
         (ElementKind::Shank, vec![line(12.0, 24.0, 4.0, 4.0)]),
         (ElementKind::Holder(0), vec![line(24.0, 50.0, 10.0, 14.0)]),
     ])
-}
-
-pub(super) fn number(random: &mut ChaCha8Rng) -> f64 {
-    f64::from(random.next_u32()) / f64::from(u32::MAX)
 }
 
 /// Poses around the origin.

@@ -11,7 +11,6 @@ use crate::tool::{Element, ElementKind, Tool, ToolShape};
 pub(crate) struct Separation {
     pub(crate) distance: f64,
     pub(crate) element: ElementKind,
-    /// The centre.
     pub(crate) centre: DVec3,
     /// The point of the element's surface that is nearest to it.
     pub(crate) foot: DVec3,

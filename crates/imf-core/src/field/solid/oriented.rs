@@ -19,7 +19,6 @@ pub(super) struct OrientedTools {
 }
 
 impl OrientedTools {
-    /// The tool in an orientation.
     pub(super) fn of(
         &self,
         tool: &Tool,

@@ -19,23 +19,11 @@ pub(super) struct Columns {
 
 impl Columns {
     pub(super) fn new(obstacle: &Occupancy) -> Self {
-        let [nx, ny, nz] = obstacle.grid.dims;
-        let mut sums = Vec::with_capacity(nx * ny * (nz + 1));
-        let mut rows = vec![(i64::MAX, i64::MIN); nx];
-        for (line, solid) in obstacle.solid.chunks(nz).enumerate() {
-            let mut sum = 0;
-            sums.push(sum);
-            sums.extend(solid.iter().map(|&s| {
-                sum += u32::from(s);
-                sum
-            }));
-            if sum > 0 {
-                let y = (line % ny) as i64;
-                let row = &mut rows[line / ny];
-                *row = (row.0.min(y), row.1.max(y));
-            }
-        }
-        Self { dims: obstacle.grid.dims, sums, rows }
+        let dims @ [nx, ny, nz] = obstacle.grid.dims;
+        let mut columns = Self { dims, sums: vec![0; nx * ny * (nz + 1)], rows: vec![(0, 0); nx] };
+        (0..nx * ny).for_each(|line| columns.sum_line(obstacle, line));
+        (0..nx).for_each(|x| columns.find_row(x));
+        columns
     }
 
     /// Follows an obstacle of which these voxels have just become solid or empty.
@@ -44,22 +32,28 @@ impl Columns {
         let mut lines: Vec<usize> = changed.iter().map(|index| index / nz).collect();
         lines.sort_unstable();
         lines.dedup();
-        for &line in &lines {
-            let mut sum = 0;
-            let sums = &mut self.sums[line * (nz + 1) + 1..][..nz];
-            for (below, &solid) in sums.iter_mut().zip(&obstacle.solid[line * nz..][..nz]) {
-                sum += u32::from(solid);
-                *below = sum;
-            }
-        }
+        lines.iter().for_each(|&line| self.sum_line(obstacle, line));
         let mut all: Vec<usize> = lines.iter().map(|line| line / ny).collect();
         all.dedup();
-        for x in all {
-            let holds = |&y: &usize| self.sums[(x * ny + y) * (nz + 1) + nz] > 0;
-            let [first, last] = [(0..ny).find(holds), (0..ny).rfind(holds)];
-            self.rows[x] =
-                first.zip(last).map_or((i64::MAX, i64::MIN), |(first, last)| (first as i64, last as i64));
+        all.into_iter().for_each(|x| self.find_row(x));
+    }
+
+    fn sum_line(&mut self, obstacle: &Occupancy, line: usize) {
+        let [_, _, nz] = self.dims;
+        let mut sum = 0;
+        let sums = &mut self.sums[line * (nz + 1) + 1..][..nz];
+        for (below, &solid) in sums.iter_mut().zip(&obstacle.solid[line * nz..][..nz]) {
+            sum += u32::from(solid);
+            *below = sum;
         }
+    }
+
+    fn find_row(&mut self, x: usize) {
+        let [_, ny, nz] = self.dims;
+        let holds = |&y: &usize| self.sums[(x * ny + y) * (nz + 1) + nz] > 0;
+        let [first, last] = [(0..ny).find(holds), (0..ny).rfind(holds)];
+        self.rows[x] =
+            first.zip(last).map_or((i64::MAX, i64::MIN), |(first, last)| (first as i64, last as i64));
     }
 
     /// The sums of the lines of one x, from `y` on.
@@ -97,7 +91,6 @@ impl Lines {
     }
 }
 
-/// What is counted.
 #[derive(Clone, Copy)]
 pub(super) enum Within<'a> {
     /// Solid voxels of an obstacle, on some of its lines.

@@ -30,7 +30,6 @@ const FLAT: f64 = 1e-3;
 /// A tool's pose in continuous voxel coordinates.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct VoxelPose {
-    /// The tip in continuous voxel coordinates.
     pub(super) tip: DVec3,
     /// From the tip along the axis.
     pub(super) direction: DVec3,
@@ -39,7 +38,6 @@ pub(super) struct VoxelPose {
 }
 
 impl VoxelPose {
-    /// The point of the axis at a height.
     #[inline]
     pub(super) fn on_axis(&self, height: f64) -> DVec3 {
         self.tip + self.direction * height

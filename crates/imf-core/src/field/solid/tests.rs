@@ -7,9 +7,9 @@ use crate::grid::Grid;
 use crate::orientation::Orientation;
 use crate::parts::ReferencePart;
 use crate::scene::{Scene, SceneSpec};
-use crate::section::test_shapes::{arc, archs, line, orientations, revolved};
+use crate::section::test_shapes::{arc, archs, line, number, orientations, revolved};
 use crate::tool::{Clearance, ElementKind, ToolShape, ToolVoxels};
-use rand::{Rng, SeedableRng};
+use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
@@ -36,10 +36,6 @@ pub(crate) fn awkward() -> Tool {
         (ElementKind::Holder(1), vec![line(44.0, 70.0, 2.0, 18.0)]),
     ];
     Tool { name: "awkward".into(), ..revolved(elements) }
-}
-
-fn number(random: &mut ChaCha8Rng) -> f64 {
-    f64::from(random.next_u32()) / f64::from(u32::MAX)
 }
 
 /// A pose in the grid's box; some on voxel centres, some along the grid's axes or nearly so, some outside.
