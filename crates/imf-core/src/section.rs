@@ -23,7 +23,6 @@ mod stream;
 mod sweep;
 #[cfg(test)]
 pub(crate) mod test_shapes;
-mod values;
 
 pub use cursor::SectionCursor;
 pub use depth::{DEPTH_CAP, DepthPlan, DepthScratch, Quantity};
@@ -32,10 +31,10 @@ pub use direct::{direct_cmf, direct_count, direct_element_measures};
 pub use elements::{ElementMeasures, ElementPlans, ElementScratch, elements_at_best};
 pub(crate) use overlap::Cuttable;
 pub use overlap::Method;
+pub use reading::overlap_fraction;
 pub use size::QueryBox;
 pub(crate) use stream::stream_orientations;
 pub use stream::{Imf, imf, sections, stream_depths, stream_sections};
-pub use values::overlap_fraction;
 
 use glam::DVec3;
 use thiserror::Error;

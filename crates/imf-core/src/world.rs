@@ -164,7 +164,7 @@ struct PlacedObstacle {
 }
 
 /// Obstacles with their places. Lengths are in its unit. Cloning it copies no voxel.
-#[derive(Clone)]
+#[derive(Clone, Default)]
 pub struct World {
     unit: LengthUnit,
     pitch: Option<f64>,
@@ -177,6 +177,7 @@ pub struct World {
 
 /// Makes a [`World`]; by default in millimetres.
 #[must_use]
+#[derive(Default)]
 pub struct WorldBuilder {
     world: World,
     meshes: Vec<ObstacleMesh>,
@@ -230,16 +231,7 @@ impl WorldBuilder {
 impl World {
     /// A world of meshes.
     pub fn builder() -> WorldBuilder {
-        let world = Self {
-            unit: LengthUnit::Mm,
-            pitch: None,
-            conservative: false,
-            allow_coarse: false,
-            obstacles: Vec::new(),
-            warnings: Vec::new(),
-            next: 0,
-        };
-        WorldBuilder { world, meshes: Vec::new() }
+        WorldBuilder::default()
     }
 
     /// Unit of every length.

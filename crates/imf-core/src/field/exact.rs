@@ -216,6 +216,25 @@ impl ExactField {
         [Some(&self.whole), self.noncutting.as_ref()].into_iter().flatten()
     }
 
+    /// A gradient by central differences, over `step` either way in position and `angle` either way in rotation.
+    fn gradient(&self, pose: &Pose, step: f64, angle: f64) -> Result<Gradient, FieldError> {
+        let Some(axis) = pose.axis() else { return Ok(Gradient::NAN) };
+        let mut found = [0.0; POSES];
+        self.values(&neighbours(pose, step, angle), &mut found)?;
+        let slopes = |first: usize, width: f64| {
+            Vec3::from_array(std::array::from_fn(|a| {
+                (found[first + 2 * a] - found[first + 2 * a + 1]) / width as f32
+            }))
+        };
+        let rotation = slopes(7, 2.0 * angle);
+        Ok(Gradient {
+            value: found[0],
+            position: slopes(1, 2.0 * step),
+            direction: rotation.cross(axis.as_vec3()),
+            rotation,
+        })
+    }
+
     fn plan(&self) -> Result<&SectionPlan, FieldError> {
         if let Some(plan) = self.plan.get() {
             return Ok(plan);
@@ -270,7 +289,7 @@ impl PoseField for ExactField {
         let pitch = self.grid().pitch;
         let (step, angle) = (0.5 * pitch, (pitch / self.reach()).min(1.0));
         for (pose, out) in poses.iter().zip(gradients) {
-            *out = gradient(pose, step, angle, |poses, values| self.values(poses, values))?;
+            *out = self.gradient(pose, step, angle)?;
         }
         Ok(())
     }
@@ -332,30 +351,6 @@ fn neighbours(pose: &Pose, step: f64, angle: f64) -> [Pose; POSES] {
             let turn = DQuat::from_axis_angle(axis, side * angle);
             Pose { rotation: turn.mul_quat(pose.rotation), ..*pose }
         }
-    })
-}
-
-/// A gradient by central differences of `values`.
-fn gradient(
-    pose: &Pose,
-    step: f64,
-    angle: f64,
-    values: impl FnOnce(&[Pose], &mut [f32]) -> Result<(), FieldError>,
-) -> Result<Gradient, FieldError> {
-    let Some(axis) = pose.axis() else { return Ok(Gradient::NAN) };
-    let mut found = [0.0; POSES];
-    values(&neighbours(pose, step, angle), &mut found)?;
-    let slopes = |first: usize, width: f64| {
-        Vec3::from_array(std::array::from_fn(|a| {
-            (found[first + 2 * a] - found[first + 2 * a + 1]) / width as f32
-        }))
-    };
-    let rotation = slopes(7, 2.0 * angle);
-    Ok(Gradient {
-        value: found[0],
-        position: slopes(1, 2.0 * step),
-        direction: rotation.cross(axis.as_vec3()),
-        rotation,
     })
 }
 

@@ -7,8 +7,7 @@ use std::sync::{Mutex, PoisonError};
 
 use super::direct::{elements_of, kinds_of};
 use super::overlap::OverlapCounter;
-use super::reading::{Line, SharpPointReader};
-use super::values::mean;
+use super::reading::{Line, SharpPointReader, mean};
 use super::{
     Cuttable, Imf, SectionError, SectionPlan, SectionScratch, ToolPoints, query_box, stream_orientations,
 };

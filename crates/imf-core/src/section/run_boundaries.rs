@@ -101,14 +101,13 @@ impl RunBoundaries {
     pub(super) fn count(tool: &VoxelBox<'_>) -> [usize; 3] {
         let [nx, ny, nz] = tool.dims;
         let empty = vec![0; nz];
+        let line_at = |x, y| if x < nx && y < ny { tool.line(x, y) } else { &empty[..] };
         let mut ends = [0; 3];
         for x in 0..nx {
             for y in 0..ny {
                 let line = tool.line(x, y);
-                let below_x = if x > 0 { tool.line(x - 1, y) } else { &empty };
-                let below_y = if y > 0 { tool.line(x, y - 1) } else { &empty };
-                ends[0] += changes(line, below_x);
-                ends[1] += changes(line, below_y);
+                ends[0] += changes(line, line_at(x.wrapping_sub(1), y));
+                ends[1] += changes(line, line_at(x, y.wrapping_sub(1)));
                 if let Some((first, rest)) = line.split_first() {
                     ends[2] += usize::from(*first) + changes(rest, line) + usize::from(line[nz - 1]);
                 }
@@ -131,24 +130,20 @@ impl RunBoundaries {
         // One voxel of nothing around the line, so that every run has both ends.
         let mut padded = vec![0; nz + 1];
         let empty = vec![0; nz];
+        let line_at = |x, y| if x < nx && y < ny { tool.line(x, y) } else { &empty[..] };
         for x in 0..=nx {
             for y in 0..=ny {
                 self.covered.next();
                 self.uncovered.next();
-                let inside = x < nx && y < ny;
+                let line = line_at(x, y);
                 match axis {
                     Axis::X if y < ny => {
-                        let line = if inside { tool.line(x, y) } else { &empty };
-                        let below = if x > 0 { tool.line(x - 1, y) } else { &empty };
-                        self.compare(line, below, tool.lower[2]);
+                        self.compare(line, line_at(x.wrapping_sub(1), y), tool.lower[2]);
                     }
                     Axis::Y if x < nx => {
-                        let line = if inside { tool.line(x, y) } else { &empty };
-                        let below = if y > 0 { tool.line(x, y - 1) } else { &empty };
-                        self.compare(line, below, tool.lower[2]);
+                        self.compare(line, line_at(x, y.wrapping_sub(1)), tool.lower[2]);
                     }
-                    Axis::Z if inside => {
-                        let line = tool.line(x, y);
+                    Axis::Z if x < nx && y < ny => {
                         self.compare(line, &empty[..0], tool.lower[2]);
                         padded[..nz].copy_from_slice(line);
                         self.compare(&padded[1..], line, tool.lower[2] + 1);

@@ -167,6 +167,19 @@ fn room(one: &PlacedField, pose: &Pose) -> f64 {
     found - MARGIN * pitch
 }
 
+/// The same for all obstacles; those that are farther away for certain are not tried.
+fn least_room(checker: &Checker, pose: &Pose) -> f64 {
+    let Some(middle) = checker.tool_middle(pose) else { return 0.0 };
+    let mut least = f64::INFINITY;
+    for one in checker.placed.iter() {
+        let gap = checker.gap(one, middle);
+        if gap < least {
+            least = least.min(room(one, &one.local(pose)).max(gap));
+        }
+    }
+    least
+}
+
 /// Follows a way from its beginning to its end, or to the first collision.
 fn advance(
     checker: &Checker,
@@ -206,7 +219,7 @@ fn advance(
             let proven_until = gap.unwrap_or(covered).min(last);
             return Ok(MotionResult { last_valid, proven_until, ..collision(checker, time, &pose)? });
         }
-        let room = (checker.least(&pose, room) - rounding).max(0.0);
+        let room = (least_room(checker, &pose) - rounding).max(0.0);
         // What the proof at this time reaches back to.
         if time - room / length > covered {
             gap = gap.or(Some(covered));

@@ -111,12 +111,6 @@ impl PlacedField {
     fn collides(&self, pose: &Pose) -> bool {
         self.around.field.collides(&self.local(pose))
     }
-
-    /// Farthest that a coordinate is moved by the obstacle's place.
-    fn moved(&self) -> f64 {
-        self.back
-            .map_or(0.0, |back| back.position.abs().max_element().max(self.at.position.abs().max_element()))
-    }
 }
 
 /// Decides for one tool, offset by a clearance, among the obstacles of a [`World`]: exactly for voxel centres, without a model. Cloning
@@ -315,21 +309,8 @@ impl Checker {
 
     /// Farthest that a coordinate is moved by an obstacle's place.
     pub(super) fn moved(&self) -> f64 {
-        self.placed.iter().map(PlacedField::moved).fold(0.0, f64::max)
-    }
-
-    /// The minimum over the obstacles of a bound of the tool's distance; `bound` is called for each that may come
-    /// closer than the current minimum.
-    pub(super) fn least(&self, pose: &Pose, bound: impl Fn(&PlacedField, &Pose) -> f64) -> f64 {
-        let Some(middle) = self.tool_middle(pose) else { return 0.0 };
-        let mut least = f64::INFINITY;
-        for one in self.placed.iter() {
-            let gap = self.gap(one, middle);
-            if gap < least {
-                least = least.min(bound(one, &one.local(pose)).max(gap));
-            }
-        }
-        least
+        let places = self.placed.iter().filter_map(|one| Some([one.back?.position, one.at.position]));
+        places.flatten().map(|at| at.abs().max_element()).fold(0.0, f64::max)
     }
 
     pub(super) fn tool_middle(&self, pose: &Pose) -> Option<DVec3> {

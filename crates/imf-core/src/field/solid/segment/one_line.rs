@@ -3,10 +3,11 @@
 use super::{CLOSE, FAR, Method, PlacedSegment};
 use crate::tool::Segment;
 
+const MISS: (f64, f64, bool) = (FAR, -FAR, false);
+
 impl PlacedSegment<'_> {
     /// One line by whichever method; unsure ends are generous.
     pub(super) fn line(&self, x: f64, y: f64) -> (f64, f64, bool) {
-        const MISS: (f64, f64, bool) = (FAR, -FAR, false);
         let d = self.placed.direction;
         let flat = x * d.x + y * d.y;
         let (enter, leave, edge) = if self.level {
@@ -70,7 +71,6 @@ impl PlacedSegment<'_> {
         discriminant: f64,
         b: f64,
     ) -> (f64, f64, bool) {
-        const MISS: (f64, f64, bool) = (FAR, -FAR, false);
         // A line that came this close may touch the segment by the predicate's slack or by rounding, where the function has no root.
         let touching = 1e-3 + self.rounding;
         let (mut first, mut last) = (enter, leave);
