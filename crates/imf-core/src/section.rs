@@ -29,8 +29,8 @@ pub use depth::{DEPTH_CAP, DepthPlan, DepthScratch, Quantity};
 pub(crate) use direct::minimum_mean;
 pub use direct::{direct_cmf, direct_count, direct_element_measures};
 pub use elements::{ElementMeasures, ElementPlans, ElementScratch, elements_at_best};
-pub(crate) use overlap::Cuttable;
 pub use overlap::Method;
+pub(crate) use overlap::{cuttable_and_noncutting, rotated_if_thick};
 pub use reading::overlap_fraction;
 pub use size::QueryBox;
 pub(crate) use stream::stream_orientations;
@@ -190,8 +190,8 @@ impl SectionPlan {
         let query = query_box(&own, query_grid, &sharp_points)?;
         // A tool too large or too small is refused now rather than at the first section.
         ToolVoxels::new(&tool, &Orientation::default(), own.pitch)?;
-        let noncutting = Cuttable::of(&obstacle, &assembly)
-            .map(|layer| OverlapCounter::new(layer.voxels.clone(), layer.noncutting.clone(), query));
+        let noncutting = cuttable_and_noncutting(&obstacle, &assembly)
+            .map(|(voxels, tool)| OverlapCounter::new(voxels.clone(), tool.clone(), query));
         Ok(Self {
             offset: offset_of_query(&own, query_grid)?,
             sharp_points,

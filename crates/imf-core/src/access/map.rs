@@ -6,7 +6,7 @@ use crate::control::Control;
 use crate::obstacle::Obstacle;
 use crate::orientation::{Limits, Orientation};
 use crate::parallel;
-use crate::section::{Cuttable, SectionError, minimum_mean};
+use crate::section::{SectionError, cuttable_and_noncutting, minimum_mean, rotated_if_thick};
 use crate::tool::{Assembly, ToolVoxels};
 
 /// Collision measures over cells of longitude θ and latitude 90° − φ of the tool's axis.
@@ -69,7 +69,7 @@ pub fn access_map(
     control: Control<'_>,
 ) -> Result<AccessMap, SectionError> {
     let (obstacle, assembly) = (obstacle.into(), assembly.into());
-    let (tool, layer) = (assembly.whole(), Cuttable::of(&obstacle, &assembly));
+    let (tool, layer) = (assembly.whole(), cuttable_and_noncutting(&obstacle, &assembly));
     tool.check()?;
     let grid = obstacle.grid();
     let sharp_points = tool.sharp_point_positions(grid.pitch);
@@ -78,8 +78,9 @@ pub fn access_map(
         control.check()?;
         let orientation = AccessMap::orientation(cells, cell / cells[1], cell % cells[1]);
         let rotated = ToolVoxels::new(tool, &orientation, grid.pitch)?;
-        let rest = layer.map(|layer| layer.rotated(&orientation)).transpose()?.flatten();
-        let layer = layer.zip(rest.as_ref()).map(|(layer, rest)| (&**layer.voxels, rest));
+        let rest = layer.map(|(voxels, tool)| rotated_if_thick(tool, &orientation, voxels.grid.pitch));
+        let rest = rest.transpose()?.flatten();
+        let layer = layer.zip(rest.as_ref()).map(|((voxels, _), rest)| (&**voxels, rest));
         (control.progress)(1);
         Ok::<_, SectionError>(
             minimum_mean(&obstacle.forbidden, &rotated, layer, &sharp_points, &orientation, at).min(1.0)

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::size::QueryBox;
-use super::{Cuttable, SectionError};
+use super::{SectionError, cuttable_and_noncutting};
 use crate::obstacle::Obstacle;
 use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
@@ -100,9 +100,9 @@ pub(super) fn element_measures(
     orientation: &Orientation,
     voxel: [i64; 3],
 ) -> Result<Vec<(ElementKind, f64)>, ToolError> {
-    let (grid, layer) = (obstacle.grid(), Cuttable::of(obstacle, assembly));
+    let (grid, layer) = (obstacle.grid(), cuttable_and_noncutting(obstacle, assembly));
     let normaliser = f64::from(ToolVoxels::new(tool, orientation, grid.pitch)?.count);
-    let rest = layer.map(|layer| elements_of(layer.noncutting)).unwrap_or_default();
+    let rest = layer.map(|(_, noncutting)| elements_of(noncutting)).unwrap_or_default();
     let whole = elements_of(tool);
     let kinds = kinds_of(whole.iter().chain(rest));
     let slack = SLACK * grid.pitch * grid.pitch;
@@ -114,7 +114,7 @@ pub(super) fn element_measures(
             for index in 0..grid.len() {
                 let there = [0, 1, 2].map(|axis| (grid.voxel(index)[axis] as i64 - tip[axis]) as f64);
                 let point = DVec3::from_array(there) * grid.pitch;
-                let in_layer = layer.is_some_and(|layer| layer.voxels.solid[index] != 0);
+                let in_layer = layer.is_some_and(|(voxels, _)| voxels.solid[index] != 0);
                 let elements = match (obstacle.forbidden.solid[index] != 0, in_layer) {
                     (true, _) => whole,
                     (false, true) => rest,

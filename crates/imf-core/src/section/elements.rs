@@ -9,7 +9,8 @@ use super::direct::{elements_of, kinds_of};
 use super::overlap::OverlapCounter;
 use super::reading::{Line, SharpPointReader, mean};
 use super::{
-    Cuttable, Imf, SectionError, SectionPlan, SectionScratch, ToolPoints, query_box, stream_orientations,
+    Imf, SectionError, SectionPlan, SectionScratch, ToolPoints, cuttable_and_noncutting, query_box,
+    stream_orientations,
 };
 use crate::control::Control;
 use crate::grid::Grid;
@@ -56,7 +57,7 @@ impl ElementPlans {
     ) -> Result<Self, SectionError> {
         let (obstacle, assembly) = (obstacle.into(), assembly.into());
         let whole = SectionPlan::with_query(&obstacle, &assembly, ToolPoints::SharpPoints, query_grid)?;
-        let cuttable = Cuttable::of(&obstacle, &assembly).map(|layer| (layer.voxels, layer.noncutting));
+        let cuttable = cuttable_and_noncutting(&obstacle, &assembly);
         let pairs: Vec<_> = [(&obstacle.forbidden, assembly.whole())].into_iter().chain(cuttable).collect();
         let counters = |kind: ElementKind| {
             let pairs = pairs.iter().filter_map(|&(voxels, tool)| Some((voxels.clone(), alone(tool, kind)?)));

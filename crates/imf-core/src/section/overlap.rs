@@ -297,27 +297,17 @@ impl OverlapCounter {
 /// The layer that the cutter may enter, and shank and holder, which may not: the overlap of a pose counts forbidden
 /// voxels in the whole tool, and those of the layer in shank and holder alone. Both counts are correlations of whole
 /// numbers, and so is their sum: contact costs one more section and nothing in exactness.
-#[derive(Clone, Copy)]
-pub(crate) struct Cuttable<'a> {
-    pub(crate) voxels: &'a Arc<Occupancy>,
-    pub(crate) noncutting: &'a Tool,
-}
-
-impl<'a> Cuttable<'a> {
-    /// `None` where there is no such layer, or nothing that must stay out of it.
-    pub(crate) fn of(obstacle: &'a Obstacle, assembly: &'a Assembly) -> Option<Self> {
-        let (voxels, noncutting) = obstacle.cuttable.as_ref().zip(assembly.noncutting())?;
-        Some(Self { voxels, noncutting })
-    }
-
-    /// What must stay out of the voxels, rotated; `None` where it is too thin to hold a voxel centre in this orientation.
-    pub(crate) fn rotated(&self, orientation: &Orientation) -> Result<Option<ToolVoxels>, ToolError> {
-        rotated_if_thick(self.noncutting, orientation, self.voxels.grid.pitch)
-    }
+///
+/// `None` where there is no such layer, or nothing that must stay out of it.
+pub(crate) fn cuttable_and_noncutting<'a>(
+    obstacle: &'a Obstacle,
+    assembly: &'a Assembly,
+) -> Option<(&'a Arc<Occupancy>, &'a Tool)> {
+    obstacle.cuttable.as_ref().zip(assembly.noncutting())
 }
 
 /// A tool in an orientation; `None` where it is too thin to hold a voxel centre.
-fn rotated_if_thick(
+pub(crate) fn rotated_if_thick(
     tool: &Tool,
     orientation: &Orientation,
     pitch: f64,

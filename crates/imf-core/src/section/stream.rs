@@ -114,7 +114,7 @@ pub fn stream_depths<V: Send>(
     Ok(parts.into_iter().map(|(visitor, ..)| visitor).collect())
 }
 
-/// Runs the sections of a set one after the other on the calling thread's pool and writes each into its own array.
+/// The sections of a set, each in its own array, on all threads of the current pool.
 ///
 /// # Errors
 /// As [`SectionPlan::cmf`]; [`SectionError::Cancelled`] when the control asks to stop.
