@@ -9,7 +9,7 @@ use std::f64::consts::FRAC_PI_2;
 use glam::DVec3;
 
 use crate::mesh::Mesh;
-use crate::tool::{Element, ElementKind, Segment, SharpPoints, Tool, ToolShape};
+use crate::tool::{ElementKind, Segment, SharpPoints, Tool, ToolShape};
 
 /// Angles closer than this are one, in radians.
 const SAME: f64 = 1e-9;
@@ -53,10 +53,9 @@ enum Piece {
     Level { height: f64, inner: f64, outer: f64, slope: Slope },
     /// A cylinder or a cone.
     Flank { from: [f64; 2], to: [f64; 2], slope: Slope },
-    /// Part of a ball or a torus: height and radius of its centre, its own radius, and the slopes of its ends.
+    /// Part of a ball or a torus: height and radius of its centre, its own radius, and the slopes of its ends. A convex edge is one
+    /// of radius 0.
     Round { centre: [f64; 2], radius: f64, from: Slope, to: Slope },
-    /// A convex edge, at a height and a radius, between two slopes.
-    Edge { height: f64, radius: f64, from: Slope, to: Slope },
 }
 
 /// The part of the outline that touches.
@@ -84,11 +83,9 @@ impl Outline {
     /// Of a tool's cutter; `None` of a mesh, and of a tool without a cutter.
     pub(super) fn of(tool: &Tool) -> Option<Self> {
         let ToolShape::Revolved(elements) = &tool.shape else { return None };
-        let cutting = |e: &&Element| e.kind == ElementKind::Cutter;
-        let segments: Vec<Segment> =
-            elements.iter().filter(cutting).flat_map(|e| e.profile.clone()).collect();
+        let segments = tool.cutter()?.0.profile;
         let end = segments.last()?.range().1;
-        let above = elements.iter().filter(|e| !cutting(e)).find_map(|e| e.profile.first());
+        let above = elements.iter().filter(|e| e.kind != ElementKind::Cutter).find_map(|e| e.profile.first());
         let neck = above.filter(|s| s.range().0 <= end).map_or(0.0, |s| s.radius(end));
         let mut builder = OutlineBuilder { pieces: Vec::new(), slope: Slope::DOWN, convex: true };
         let (mut height, mut radius) = (segments[0].range().0, 0.0);
@@ -101,7 +98,7 @@ impl Outline {
             let piece = piece(segment);
             let (begins, ends) = match piece {
                 Piece::Flank { slope, .. } | Piece::Level { slope, .. } => (slope, slope),
-                Piece::Round { from, to, .. } | Piece::Edge { from, to, .. } => (from, to),
+                Piece::Round { from, to, .. } => (from, to),
             };
             builder.turn(begins, low, segment.radius(low));
             builder.pieces.push(piece);
@@ -130,7 +127,6 @@ impl Outline {
     pub(super) fn reach(&self) -> f64 {
         let farthest = self.pieces.iter().map(|piece| match *piece {
             Piece::Level { height, outer, .. } => height.hypot(outer),
-            Piece::Edge { height, radius, .. } => height.hypot(radius),
             Piece::Flank { from, to, .. } if !self.undercuts && from[1] == to[1] => from[0].hypot(from[1]),
             Piece::Flank { from, to, .. } => from[0].hypot(from[1]).max(to[0].hypot(to[1])),
             Piece::Round { centre, radius, .. } => centre[0].hypot(centre[1]) + radius,
@@ -148,7 +144,7 @@ impl Outline {
                 // An angle is no more than π/2 times its sine.
                 slope.sine + FRAC_PI_2 * tolerance / (to[0] - from[0]).hypot(to[1] - from[1])
             }
-            Piece::Round { to, .. } | Piece::Edge { to, .. } => to.sine,
+            Piece::Round { to, .. } => to.sine,
         });
         highest.fold(-1.0, f64::max) + 2.0 * SAME
     }
@@ -182,11 +178,6 @@ impl Outline {
                             height: centre[0] + radius * slope.sine,
                             radius: (centre[1] + radius * slope.cosine).max(0.0),
                         });
-                    }
-                }
-                Piece::Edge { height, radius, from, to } => {
-                    if slope.is_between(from, to) {
-                        visit(Touch::Point { height, radius });
                     }
                 }
             }
@@ -224,7 +215,8 @@ impl OutlineBuilder {
         };
         self.convex &= turned >= -SAME;
         if turned > SAME {
-            self.pieces.push(Piece::Edge { height, radius, from: self.slope, to: next });
+            let centre = [height, radius];
+            self.pieces.push(Piece::Round { centre, radius: 0.0, from: self.slope, to: next });
         }
     }
 }
