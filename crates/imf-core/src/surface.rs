@@ -25,7 +25,6 @@ mod skyline;
 mod stick_out;
 mod verdict;
 
-pub(crate) use access::{ColliderCache, ToolDirection};
 pub use access::{SurfaceAccess, surface_access, surface_memory_estimate};
 pub use candidates::{TooManySetups, candidate_setups, ways_up, with_ways_up};
 pub use contact::contact_reach;
@@ -46,6 +45,7 @@ use std::sync::Arc;
 use glam::DVec3;
 use thiserror::Error;
 
+use access::ToolDirection;
 use contact::{Outline, touching};
 use inside::InnerBalls;
 use level_ring::RingPlaces;
@@ -53,7 +53,7 @@ use sample_query::{DirectionQuery, Last, Outcome, SampleQuery, TOUCH};
 
 use crate::control::Cancelled;
 use crate::field::solid::{SolidField, SolidVoxels};
-use crate::tool::{Assembly, ClearanceError, Element, ElementKind, Segment, Tool, ToolShape};
+use crate::tool::{Assembly, ClearanceError, Element, ElementKind, Tool, ToolShape};
 use crate::unit::LengthUnit;
 
 /// Why what a tool reaches of a surface cannot be computed.
@@ -167,58 +167,52 @@ impl SurfaceTool {
         }
         let tool = assembly.tool();
         let name = tool.name.clone();
-        let ToolShape::Revolved(parts) = &tool.shape else {
-            let ToolShape::Mesh(mesh) = &tool.shape else { return Err(SurfaceError::NoCutter(name)) };
+        if let ToolShape::Mesh(mesh) = &tool.shape {
             let whole = Box::new(SolidField::of_tool(environment.keep_out.clone(), tool));
             let touching = touching(tool, mesh).to_vec();
             let inner = InnerBalls::new(mesh, environment.part.occupancy().grid.pitch);
             let shape = Arc::new(Shape::Mesh { touching, inner, whole });
             return Ok(Self { name, shape, tolerance, elements: Arc::default(), bodies: 1, limit: None });
-        };
+        }
         let outline = Outline::of(tool).ok_or_else(|| SurfaceError::NoCutter(name.clone()))?;
         let too_thick = || SurfaceError::Tolerance { name: name.clone(), tolerance };
-        let cutting = parts.iter().filter(|e| e.kind == ElementKind::Cutter);
-        let profile: Vec<Segment> = cutting.flat_map(|e| e.profile.clone()).collect();
-        let end = profile.last().map_or(0.0, |s| s.range().1);
-        let cutter = Element { kind: ElementKind::Cutter, profile };
+        let (cutter, _) = tool.cutter().ok_or_else(|| SurfaceError::NoCutter(name.clone()))?;
+        let end = cutter.profile.last().map_or(0.0, |s| s.range().1);
         let radius = cutter.max_radius();
-        let eroded = [cutter.eroded(tolerance, outline.shoulder).ok_or_else(too_thick)?];
-        let of_cutter =
-            |voxels: &SolidVoxels| SolidField::of_elements(voxels.clone(), &eroded).ok_or_else(too_thick);
+        let eroded = cutter.eroded(tolerance, outline.shoulder).ok_or_else(too_thick)?;
+        let among = |voxels: &SolidVoxels, element: &Element| {
+            SolidField::of_elements(voxels.clone(), std::slice::from_ref(element)).ok_or_else(too_thick)
+        };
         let offset = tool.offset_elements(assembly.clearance())?;
         let bodies = &environment.bodies;
         let mut elements = Vec::new();
         // The cutter is named for fixtures alone: cutting into the part has a verdict of its own, `Gouged`.
         let room = assembly.clearance().cutter;
         let at_contact = || cutter.eroded(TOUCH * tolerance, outline.shoulder).ok_or_else(too_thick);
-        let clear = [if room > 0.0 { cutter.offset(room) } else { at_contact()? }];
-        let clear_of =
-            |voxels: &SolidVoxels| SolidField::of_elements(voxels.clone(), &clear).ok_or_else(too_thick);
-        let held = environment.fixtures.as_ref().map(clear_of).transpose()?;
-        let at_fixtures = bodies.iter().map(clear_of);
+        let clear = if room > 0.0 { cutter.offset(room) } else { at_contact()? };
+        let held = environment.fixtures.as_ref().map(|all| among(all, &clear)).transpose()?;
+        let alone = |element: &Element| bodies.iter().map(|body| among(body, element)).collect();
         if held.is_some() {
-            elements.push((clear[0].clone(), at_fixtures.collect::<Result<Vec<_>, _>>()?));
+            let against: Result<Vec<_>, _> = alone(&clear);
+            elements.push((clear, against?));
         }
         for element in offset.into_iter().filter(|e| e.kind != ElementKind::Cutter) {
-            let element = std::slice::from_ref(&element);
-            let alone = bodies.iter().map(|body| SolidField::of_elements(body.clone(), element));
-            elements.extend(alone.collect::<Option<Vec<_>>>().map(|alone| (element[0].clone(), alone)));
+            elements.extend(alone(&element).ok().map(|alone| (element, alone)));
         }
-        let touching = cutter.offset(tolerance);
         let pitch = environment.part.occupancy().grid.pitch;
         let across = 2.0 * radius / pitch + 2.0;
         let revolved = Revolved {
-            end: cutter,
             highest: outline.highest(tolerance),
-            cutter: of_cutter(&environment.part)?,
-            eroded: eroded[0].clone(),
+            cutter: among(&environment.part, &eroded)?,
+            touching: among(&environment.part, &cutter.offset(tolerance))?,
+            eroded,
             held,
             above: assembly.noncutting().cloned(),
             rest: assembly.noncutting().map(|tool| SolidField::of_tool(environment.keep_out.clone(), tool)),
-            touching: SolidField::of_elements(environment.part.clone(), &[touching]).ok_or_else(too_thick)?,
             radius,
             near: (end / pitch + across).min(FARTHEST.max(across)),
             near_across: across,
+            end: cutter,
             outline,
         };
         let bodies = 64 / elements.len().max(1);
@@ -246,19 +240,19 @@ impl SurfaceTool {
     }
 
     /// The verdict on one sample; `free` is called with every direction from which it is reached.
-    pub(crate) fn reach(
+    fn reach(
         &self,
         sample: &SurfaceSample,
         turns: &[ToolDirection],
-        cache: &mut ColliderCache,
+        last: &mut [[Last; 2]],
         mut free: impl FnMut(usize),
     ) -> SampleReach {
         let query = SampleQuery::new(self, sample, None);
         let (mut reached, mut faced) = (0, false);
         let mut obstructed: Option<(f64, usize, DVec3)> = None;
-        for (index, (turn, [at_cutter, at_rest])) in turns.iter().zip(&mut cache.0).enumerate() {
-            match self.at_best(&query, turn, at_cutter, at_rest) {
-                Outcome::Good => {
+        for (index, (turn, last)) in turns.iter().zip(last).enumerate() {
+            match self.at_best(&query, turn, last) {
+                Outcome::Good(_) => {
                     reached += 1;
                     free(index);
                 }
@@ -289,16 +283,13 @@ impl SurfaceTool {
         sample: &SurfaceSample,
         turns: impl Iterator<Item = usize>,
         all: &[ToolDirection],
-        cache: &mut ColliderCache,
+        last: &mut [[Last; 2]],
     ) -> bool {
         let mut turns = turns.peekable();
         // The surroundings of the sample are collected once there is a direction.
         turns.peek().is_some() && {
             let query = SampleQuery::new(self, sample, None);
-            turns.any(|index| {
-                let [at_cutter, at_rest] = &mut cache.0[index];
-                self.at_best(&query, &all[index], at_cutter, at_rest) == Outcome::Good
-            })
+            turns.any(|index| self.at_best(&query, &all[index], &mut last[index]).is_good())
         }
     }
 
@@ -306,22 +297,21 @@ impl SurfaceTool {
         &self,
         query: &SampleQuery<'_>,
         turn: &ToolDirection,
-        at_cutter: &mut Last,
-        at_rest: &mut Last,
+        [last, at_rest]: &mut [Last; 2],
     ) -> Outcome {
         let is_free = |tip| self.is_rest_free(tip, turn.axis, at_rest) && self.is_brought(tip, turn.axis);
-        let mut rings = RingPlaces::default();
-        query.best_pose(
-            turn,
-            at_cutter,
-            &mut DirectionQuery { rest: self.rest(), is_free, rings: &mut rings },
-        )
+        let rings = &mut RingPlaces::default();
+        query.best_pose(DirectionQuery { turn, last, rest: self.rest(), is_free, rings })
+    }
+
+    fn revolved(&self) -> Option<&Revolved> {
+        let Shape::Revolved(revolved) = &*self.shape else { return None };
+        Some(revolved)
     }
 
     /// Shank and holder; none of a mesh tool.
     fn rest(&self) -> Option<&SolidField> {
-        let Shape::Revolved(revolved) = &*self.shape else { return None };
-        revolved.rest.as_ref()
+        self.revolved()?.rest.as_ref()
     }
 
     fn is_rest_free(&self, tip: DVec3, axis: DVec3, last: &mut Last) -> bool {

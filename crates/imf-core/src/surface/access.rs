@@ -2,8 +2,7 @@
 
 use glam::{DQuat, DVec3};
 
-use super::level_ring::RingPlaces;
-use super::sample_query::{DirectionQuery, Last, SampleQuery};
+use super::sample_query::{Outcome, SampleQuery};
 use super::{SampleReach, SurfaceError, SurfaceSample, SurfaceTool};
 use crate::control::Control;
 use crate::orientation::Orientation;
@@ -12,25 +11,16 @@ use crate::pose::axis_of;
 
 /// A direction: the tool's axis, and its rotation.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct ToolDirection {
+pub(super) struct ToolDirection {
     pub(super) axis: DVec3,
     pub(super) rotation: DQuat,
 }
 
 impl ToolDirection {
-    pub(crate) fn new(orientation: &Orientation) -> Self {
+    pub(super) fn new(orientation: &Orientation) -> Self {
         let rotation = orientation.quaternion();
         // An orientation's quaternion has a length.
         Self { axis: axis_of(rotation).unwrap_or(DVec3::Z), rotation }
-    }
-}
-
-/// By direction, what last obstructed the cutter, and shank and holder: for neighbouring samples it is mostly the same.
-pub(crate) struct ColliderCache(pub(super) Vec<[Last; 2]>);
-
-impl ColliderCache {
-    pub(crate) fn new(directions: usize) -> Self {
-        Self(vec![[None; 2]; directions])
     }
 }
 
@@ -38,16 +28,11 @@ impl SurfaceTool {
     /// Where the tip is as the tool touches the sample from a direction, clear and brought there; `None` where it cannot.
     #[must_use]
     pub fn free_tip(&self, sample: &SurfaceSample, direction: &Orientation) -> Option<DVec3> {
-        let turn = ToolDirection::new(direction);
-        let mut found = None;
-        let is_free = |tip| {
-            let is_free = self.is_rest_free(tip, turn.axis, &mut None) && self.is_brought(tip, turn.axis);
-            found = is_free.then_some(tip);
-            is_free
-        };
-        let above = &mut DirectionQuery { rest: self.rest(), is_free, rings: &mut RingPlaces::default() };
-        SampleQuery::new(self, sample, None).best_pose(&turn, &mut None, above);
-        found
+        let (query, turn) = (SampleQuery::new(self, sample, None), ToolDirection::new(direction));
+        match self.at_best(&query, &turn, &mut [None; 2]) {
+            Outcome::Good(tip) => Some(tip),
+            _ => None,
+        }
     }
 }
 
@@ -111,10 +96,10 @@ pub fn surface_access(
 ) -> Result<SurfaceAccess, SurfaceError> {
     let words = directions.len().div_ceil(64);
     let turns: Vec<ToolDirection> = directions.iter().map(ToolDirection::new).collect();
-    let cache = || ColliderCache::new(turns.len());
-    let found = parallel::map_in_chunks(samples, CHUNK, control, cache, |cache, sample| {
+    let last = || vec![[None; 2]; turns.len()];
+    let found = parallel::map_in_chunks(samples, CHUNK, control, last, |last, sample| {
         let mut free = vec![0u64; words];
-        let reach = tool.reach(sample, &turns, cache, |turn| free[turn / 64] |= 1 << (turn % 64));
+        let reach = tool.reach(sample, &turns, last, |turn| free[turn / 64] |= 1 << (turn % 64));
         (reach, free)
     })?;
     let (reach, free): (Vec<SampleReach>, Vec<Vec<u64>>) = found.into_iter().unzip();

@@ -8,7 +8,7 @@
 
 use super::level_ring::RingPlaces;
 use super::sample_query::{DirectionQuery, Last, SampleQuery};
-use super::{Shape, SurfaceError, SurfaceSample, SurfaceTool, ToolDirection, Verdict};
+use super::{SurfaceError, SurfaceSample, SurfaceTool, ToolDirection, Verdict};
 use crate::control::Control;
 use crate::field::solid::OutsidePlane;
 use crate::orientation::Orientation;
@@ -44,11 +44,9 @@ pub fn crib_access(
 
 /// Tools that touch a surface at the same poses, by index, those of the thinner cutters first; a mesh tool is alone.
 fn same_cutters(tools: &[SurfaceTool]) -> Vec<Vec<usize>> {
-    let same = |a: &SurfaceTool, b: &SurfaceTool| match (&*a.shape, &*b.shape) {
-        (Shape::Revolved(one), Shape::Revolved(other)) => {
-            a.tolerance == b.tolerance && one.end == other.end && one.outline == other.outline
-        }
-        _ => false,
+    let same = |a: &SurfaceTool, b: &SurfaceTool| {
+        a.tolerance == b.tolerance
+            && a.revolved().zip(b.revolved()).is_some_and(|(a, b)| a.end == b.end && a.outline == b.outline)
     };
     let mut groups: Vec<Vec<usize>> = Vec::new();
     for (index, tool) in tools.iter().enumerate() {
@@ -57,10 +55,7 @@ fn same_cutters(tools: &[SurfaceTool]) -> Vec<Vec<usize>> {
             None => groups.push(vec![index]),
         }
     }
-    let radius = |group: &Vec<usize>| match &*tools[group[0]].shape {
-        Shape::Revolved(revolved) => revolved.radius,
-        Shape::Mesh { .. } => f64::INFINITY,
-    };
+    let radius = |group: &Vec<usize>| tools[group[0]].revolved().map_or(f64::INFINITY, |tool| tool.radius);
     groups.sort_by(|a, b| radius(a).total_cmp(&radius(b)));
     groups
 }
@@ -70,39 +65,16 @@ struct Group<'a> {
     /// Their places among all.
     tools: Vec<usize>,
     members: Vec<&'a SurfaceTool>,
-    nested: ContainmentOrder,
+    /// The members, those of the smaller shanks and holders first.
+    order: Vec<usize>,
+    /// By member: those whose shank and holder lie within its own.
+    inner: Vec<Vec<usize>>,
 }
 
 impl<'a> Group<'a> {
     fn new(all: &'a [SurfaceTool], tools: Vec<usize>) -> Self {
         let members: Vec<&SurfaceTool> = tools.iter().map(|&tool| &all[tool]).collect();
-        let nested = ContainmentOrder::new(&members);
-        Self { tools, members, nested }
-    }
-
-    /// A sine of the surface's inward normal above which none of them touches.
-    fn highest(&self) -> f64 {
-        match &*self.members[0].shape {
-            Shape::Revolved(revolved) => revolved.highest,
-            Shape::Mesh { .. } => 1.0,
-        }
-    }
-}
-
-/// Which of some tools hold all of which others' shank and holder.
-struct ContainmentOrder {
-    /// The smaller ones first.
-    order: Vec<usize>,
-    /// By tool: those that it holds.
-    inner: Vec<Vec<usize>>,
-}
-
-impl ContainmentOrder {
-    fn new(members: &[&SurfaceTool]) -> Self {
-        let above = |tool: usize| match &*members[tool].shape {
-            Shape::Revolved(revolved) => revolved.above.as_ref(),
-            Shape::Mesh { .. } => None,
-        };
+        let above = |tool: usize| members[tool].revolved().and_then(|revolved| revolved.above.as_ref());
         let volumes: Vec<f64> =
             (0..members.len()).map(|tool| above(tool).map_or(0.0, Tool::volume)).collect();
         let mut order: Vec<usize> = (0..members.len()).collect();
@@ -114,7 +86,7 @@ impl ContainmentOrder {
             inner[outer] =
                 smaller.filter(|&tool| above(tool).is_some_and(|part| whole.holds_all_of(part))).collect();
         }
-        Self { order, inner }
+        Self { tools, members, order, inner }
     }
 }
 
@@ -151,7 +123,7 @@ impl<'a> Work<'a> {
             let count = group.members.len();
             AboveCutter { at_rest: vec![None; count], poses: 0, collided: vec![0; count], served: 0 }
         });
-        let highest = groups.iter().map(Group::highest).fold(-1.0, f64::max);
+        let highest = groups.iter().map(|group| group.members[0].revolved().map_or(1.0, |tool| tool.highest));
         let above = above.collect();
         let tools = groups.iter().map(|group| group.members[0]);
         let asked = tools.filter_map(|tool| Some((tool.asks_around()?, tool)));
@@ -163,7 +135,7 @@ impl<'a> Work<'a> {
             above,
             facing: Vec::new(),
             farthest,
-            highest,
+            highest: highest.fold(-1.0, f64::max),
         }
     }
 
@@ -190,19 +162,19 @@ impl<'a> Work<'a> {
         around: Option<&OutsidePlane>,
         served: &mut Option<usize>,
     ) -> Vec<Verdict> {
-        let Group { members, nested, .. } = &self.groups[at];
+        let Group { members, order, inner, .. } = &self.groups[at];
         let AboveCutter { at_rest, poses, collided, served: before } = &mut self.above[at];
         let mut verdicts = vec![Verdict::NotFaced; members.len()];
-        let mut open = nested.order.clone();
+        let mut open = order.clone();
         let query = SampleQuery::new(members[0], sample, around);
         let first = [*served, Some(*before)];
         let rest = self.facing.iter().copied().filter(|turn| !first.contains(&Some(*turn)));
         let [known, before_here] = first;
         let first = known.into_iter().chain(before_here.filter(|_| known != before_here));
         for index in first.chain(rest).filter(|&turn| turn < self.turns.len()) {
-            let (turn, at_cutter) = (&self.turns[index], &mut self.at_cutter[index]);
+            let (turn, last) = (&self.turns[index], &mut self.at_cutter[index]);
             let left = open.len();
-            let mut rings = RingPlaces::default();
+            let rings = &mut RingPlaces::default();
             if query.has_ring(turn) {
                 // Each steps away from what it hits itself.
                 open.retain(|&tool| {
@@ -210,8 +182,8 @@ impl<'a> Work<'a> {
                         members[tool].is_rest_free(tip, turn.axis, &mut at_rest[tool])
                             && members[tool].is_brought(tip, turn.axis)
                     };
-                    let mut above = DirectionQuery { rest: members[tool].rest(), is_free, rings: &mut rings };
-                    let outcome = query.best_pose(turn, at_cutter, &mut above);
+                    let rest = members[tool].rest();
+                    let outcome = query.best_pose(DirectionQuery { turn, last, rest, is_free, rings });
                     verdicts[tool] = verdicts[tool].min(outcome.verdict());
                     verdicts[tool] != Verdict::Reached
                 });
@@ -219,7 +191,7 @@ impl<'a> Work<'a> {
                 let is_free = |tip| {
                     *poses += 1;
                     open.retain(|&tool| {
-                        let blocked = nested.inner[tool].iter().any(|&inner| collided[inner] == *poses)
+                        let blocked = inner[tool].iter().any(|&inner| collided[inner] == *poses)
                             || !members[tool].is_rest_free(tip, turn.axis, &mut at_rest[tool]);
                         if blocked {
                             collided[tool] = *poses;
@@ -233,11 +205,7 @@ impl<'a> Work<'a> {
                     });
                     open.is_empty()
                 };
-                let outcome = query.best_pose(
-                    turn,
-                    at_cutter,
-                    &mut DirectionQuery { rest: None, is_free, rings: &mut rings },
-                );
+                let outcome = query.best_pose(DirectionQuery { turn, last, rest: None, is_free, rings });
                 // What is still open went as the cutter did.
                 for &tool in &open {
                     verdicts[tool] = verdicts[tool].min(outcome.verdict());

@@ -77,25 +77,17 @@ const AROUND: u32 = 8;
 const CHUNK: usize = 16;
 
 impl SurfaceTool {
-    /// The tool's pieces among the solid that each must stay out of; the cutter's first.
-    fn pieces(&self) -> impl Iterator<Item = &SolidField> {
-        let (whole, revolved) = match &*self.shape {
-            Shape::Mesh { whole, .. } => (Some(&**whole), None),
-            Shape::Revolved(tool) => (None, Some(&**tool)),
-        };
-        let cutter = revolved.map(|tool: &Revolved| &tool.cutter);
-        let held = revolved.and_then(|tool| tool.held.as_ref());
-        let rest = revolved.and_then(|tool| tool.rest.as_ref());
-        [cutter, held, rest, whole].into_iter().flatten()
-    }
-
+    /// Solid voxels that obstruct all of the tool, and its cutter among the part.
     fn overlap(&self, pose: &Pose) -> [u32; 2] {
-        let counts = self.pieces().map(|piece| piece.count(pose).unwrap_or(u32::MAX));
-        let of_cutter = match (&*self.shape, self.pieces().next()) {
-            (Shape::Revolved(_), Some(cutter)) => cutter.count(pose).unwrap_or(u32::MAX),
-            _ => 0,
-        };
-        [counts.fold(0, u32::saturating_add), of_cutter]
+        let count = |piece: &SolidField| piece.count(pose).unwrap_or(u32::MAX);
+        match &*self.shape {
+            Shape::Mesh { whole, .. } => [count(whole), 0],
+            Shape::Revolved(tool) => {
+                let of_cutter = count(&tool.cutter);
+                let others = tool.held.iter().chain(&tool.rest).map(count);
+                [others.fold(of_cutter, u32::saturating_add), of_cutter]
+            }
+        }
     }
 
     /// The tips of a direction's contact poses.
@@ -160,7 +152,7 @@ impl SurfaceTool {
             depth += if is_cutter { self.tolerance } else { 0.0 };
             found.push(ElementCollision { kind: element.kind, body, voxels, depth, slimmer });
         };
-        if let Shape::Revolved(revolved) = &*self.shape {
+        if let Some(revolved) = self.revolved() {
             try_one(&revolved.eroded, 0, &revolved.cutter);
         }
         for (element, against) in self.elements.iter() {
@@ -207,7 +199,7 @@ pub fn culprits(
     poses: &[(f64, MinimumOverlap)],
     control: Control<'_>,
 ) -> Result<Option<(Grid, Vec<f32>)>, SurfaceError> {
-    let Shape::Revolved(revolved) = &*tool.shape else { return Ok(None) };
+    let Some(revolved) = tool.revolved() else { return Ok(None) };
     let grid = revolved.cutter.voxels().occupancy().grid;
     let elements = revolved.elements(&tool.elements);
     let in_the_way = |_: &mut (), &(area, at): &(f64, MinimumOverlap)| {

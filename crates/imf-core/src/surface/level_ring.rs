@@ -6,8 +6,8 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::sample_query::{DirectionQuery, Last, Outcome, SampleQuery, with_rest};
-use super::{Revolved, ToolDirection};
+use super::Revolved;
+use super::sample_query::{DirectionQuery, Outcome, SampleQuery};
 use crate::pose::Pose;
 
 /// Start points around a level ring, how many of them are refined, steps of each refinement, and rounds in which each step
@@ -54,24 +54,22 @@ impl SampleQuery<'_> {
         &self,
         tool: &Revolved,
         middle: DVec3,
-        turn: &ToolDirection,
         ([inner, outer], ring): ([f64; 2], usize),
-        last: &mut Last,
-        above: &mut DirectionQuery<'_, impl FnMut(DVec3) -> bool>,
+        direction: &mut DirectionQuery<'_, impl FnMut(DVec3) -> bool>,
     ) -> Outcome {
+        let (turn, rest) = (direction.turn, direction.rest);
         let u = turn.axis.any_orthonormal_vector();
-        if above.rings.0.len() == ring {
-            above.rings.0.push(ring_places(u, turn.axis.cross(u), inner, outer));
+        if direction.rings.0.len() == ring {
+            direction.rings.0.push(ring_places(u, turn.axis.cross(u), inner, outer));
         }
-        let rest = above.rest;
         let mut best = Outcome::NoContact;
-        for place in 0..above.rings.0[ring].len() {
-            let start = &mut above.rings.0[ring][place];
+        for place in 0..direction.rings.0[ring].len() {
+            let start = &mut direction.rings.0[ring][place];
             let tip = middle + start.offset;
-            let of_cutter =
-                *start.of_cutter.get_or_insert_with(|| self.cutter_at(tool, tip, turn.axis, last));
-            best = best.or(with_rest(of_cutter, tip, above));
-            if best == Outcome::Good {
+            let of_cutter = || self.cutter_at(tool, tip, turn.axis, direction.last);
+            let of_cutter = *start.of_cutter.get_or_insert_with(of_cutter);
+            best = best.or(direction.with_rest(of_cutter));
+            if best.is_good() {
                 return best;
             }
         }
@@ -86,7 +84,7 @@ impl SampleQuery<'_> {
         };
         let of_cutter = 0..2;
         let mut starts: Vec<(DVec3, Blocker)> = Vec::new();
-        for RingPlace { offset, blocker: known, .. } in &mut above.rings.0[ring] {
+        for RingPlace { offset, blocker: known, .. } in &mut direction.rings.0[ring] {
             let own = *known.get_or_insert_with(|| blocker(of_cutter.clone(), *offset));
             let first = own.into_iter().chain(blocker(2..3, *offset)).max_by(Blocker::order);
             starts.extend(first.map(|first| (*offset, first)));
@@ -123,8 +121,8 @@ impl SampleQuery<'_> {
             for _ in 0..STEPS {
                 let Some(next) = clear_of(&met, offset) else { break };
                 offset = next;
-                best = best.or(self.at(tool, middle + offset, turn.axis, last, above));
-                if best == Outcome::Good {
+                best = best.or(self.at(tool, middle + offset, direction));
+                if best.is_good() {
                     return best;
                 }
                 let Some(next) = blocker(0..3, offset).or_else(|| any_blocker(offset)) else { break };

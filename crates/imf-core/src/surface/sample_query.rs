@@ -11,7 +11,8 @@ use crate::pose::Pose;
 /// The result of a contact pose, or the best one of a direction; from best to worst.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Outcome {
-    Good,
+    /// With the tip there.
+    Good(DVec3),
     /// With the tip there.
     Obstructed(DVec3),
     Gouged,
@@ -19,9 +20,13 @@ pub(super) enum Outcome {
 }
 
 impl Outcome {
+    pub(super) fn is_good(&self) -> bool {
+        matches!(self, Self::Good(_))
+    }
+
     pub(super) fn verdict(&self) -> Verdict {
         match self {
-            Self::Good => Verdict::Reached,
+            Self::Good(_) => Verdict::Reached,
             Self::Obstructed(_) => Verdict::Obstructed,
             Self::Gouged => Verdict::Gouged,
             Self::NoContact => Verdict::NotFaced,
@@ -44,16 +49,29 @@ const FEW: u32 = 16;
 /// wall that the cutter touches, and rounding must not decide.
 pub(super) const TOUCH: f64 = 0.01;
 
-/// A voxel that obstructed an earlier pose, and is tried first.
+/// A voxel that obstructed an earlier pose, and is tried first: for neighbouring samples it is mostly the same.
 pub(super) type Last = Option<[f64; 3]>;
 
-/// Of a direction: what decides beside the cutter.
+/// A direction, and what decides beside the cutter.
 pub(super) struct DirectionQuery<'a, G> {
+    pub(super) turn: &'a ToolDirection,
+    /// What obstructed the cutter.
+    pub(super) last: &'a mut Last,
     /// Shank and holder, from which a cutter on a level ring steps away.
     pub(super) rest: Option<&'a SolidField>,
     /// True of a tip where they are free.
     pub(super) is_free: G,
     pub(super) rings: &'a mut RingPlaces,
+}
+
+impl<G: FnMut(DVec3) -> bool> DirectionQuery<'_, G> {
+    /// The outcome of the whole tool, where that of its cutter is known.
+    pub(super) fn with_rest(&mut self, of_cutter: Outcome) -> Outcome {
+        match of_cutter {
+            Outcome::Good(tip) if !(self.is_free)(tip) => Outcome::Obstructed(tip),
+            other => other,
+        }
+    }
 }
 
 /// Tests the contact poses of a tool at a sample.
@@ -68,14 +86,12 @@ pub(super) struct SampleQuery<'a> {
 impl SurfaceTool {
     /// Radius in voxels of the largest ball around a sample whose solid centres it needs; `None` where it needs none.
     pub(super) fn asks_around(&self) -> Option<f64> {
-        let Shape::Revolved(tool) = &*self.shape else { return None };
-        tool.outline.convex.then_some(tool.near)
+        self.revolved().filter(|tool| tool.outline.convex).map(|tool| tool.near)
     }
 
     /// The solid centres of the part around a sample, as far as a radius; `None` where there are more than `most`.
     pub(super) fn around(&self, sample: &SurfaceSample, radius: f64, most: u32) -> Option<OutsidePlane> {
-        let Shape::Revolved(tool) = &*self.shape else { return None };
-        tool.cutter.voxels().outside_plane(sample.point, sample.normal, radius, most)
+        self.revolved()?.cutter.voxels().outside_plane(sample.point, sample.normal, radius, most)
     }
 }
 
@@ -87,9 +103,7 @@ impl<'a> SampleQuery<'a> {
         around: Option<&OutsidePlane>,
     ) -> Self {
         let mut query = Self { tool, sample, free_ball: None, listed: Vec::new() };
-        if let Shape::Revolved(revolved) = &*tool.shape
-            && revolved.outline.convex
-        {
+        if let Some(revolved) = tool.revolved().filter(|revolved| revolved.outline.convex) {
             let (near, across) = (revolved.near, revolved.near_across);
             query.free_ball =
                 [near, 0.5 * (near + across), across].into_iter().find_map(|radius| match around {
@@ -102,7 +116,7 @@ impl<'a> SampleQuery<'a> {
 
     /// True where the cutter may touch with a level ring, and the search for its place depends on shank and holder.
     pub(super) fn has_ring(&self, turn: &ToolDirection) -> bool {
-        let Shape::Revolved(tool) = &*self.tool.shape else { return true };
+        let Some(tool) = self.tool.revolved() else { return true };
         let mut ring = false;
         if let Some(facing) = ContactFrame::new(self.sample.normal, turn.axis, tool.highest) {
             tool.outline.touches(facing.slope, self.tool.tolerance, |touch| {
@@ -113,13 +127,9 @@ impl<'a> SampleQuery<'a> {
     }
 
     /// The best pose of a direction. The search ends at the first pose where the cutter and all above it is free.
-    pub(super) fn best_pose<G: FnMut(DVec3) -> bool>(
-        &self,
-        turn: &ToolDirection,
-        last: &mut Last,
-        above: &mut DirectionQuery<'_, G>,
-    ) -> Outcome {
-        let (tolerance, sample) = (self.tool.tolerance, self.sample);
+    pub(super) fn best_pose<G: FnMut(DVec3) -> bool>(&self, mut direction: DirectionQuery<'_, G>) -> Outcome {
+        let (tolerance, sample, turn) = (self.tool.tolerance, self.sample, direction.turn);
+        let mut best = Outcome::NoContact;
         let tool = match &*self.tool.shape {
             Shape::Revolved(tool) => tool,
             Shape::Mesh { touching, inner, whole } => {
@@ -134,32 +144,35 @@ impl<'a> SampleQuery<'a> {
                 let several = if touching.len() > 1 { &touching[..] } else { &[] };
                 let halfway = several.iter().map(|&vertex| 0.5 * (middle + vertex));
                 let places = std::iter::once(middle).chain(halfway).chain(several.iter().copied());
-                let outcomes = places.map(|place| {
+                for place in places {
                     let tip = outside - turn.rotation * place;
                     let pose = Pose::new(tip, turn.rotation);
                     let collides = inner.hit(&pose, whole.voxels()) || whole.collides(&pose);
-                    if collides || !(above.is_free)(tip) { Outcome::Obstructed(tip) } else { Outcome::Good }
-                });
-                return best(outcomes);
+                    let outcome = if collides { Outcome::Obstructed(tip) } else { Outcome::Good(tip) };
+                    best = best.or(direction.with_rest(outcome));
+                    if best.is_good() {
+                        break;
+                    }
+                }
+                return best;
             }
         };
         let Some(facing) = ContactFrame::new(sample.normal, turn.axis, tool.highest) else {
             return Outcome::NoContact;
         };
-        let mut best = Outcome::NoContact;
         let mut rings = 0;
         tool.outline.touches(facing.slope, tolerance, |touch| {
-            if best == Outcome::Good {
+            if best.is_good() {
                 return;
             }
             best = best.or(match touch {
                 Touch::Point { height, radius } => {
                     let tip = facing.tip(sample.point, height, radius);
-                    match self.at(tool, tip, turn.axis, last, above) {
-                        Outcome::Gouged => self.avoid_gouge(tool, tip, turn, last, above),
+                    match self.at(tool, tip, &mut direction) {
+                        Outcome::Gouged => self.avoid_gouge(tool, tip, &mut direction),
                         outcome @ Outcome::Obstructed(_) => {
                             let tip = tip + sample.normal * (TOUCH * tolerance);
-                            outcome.or(self.at(tool, tip, turn.axis, last, above))
+                            outcome.or(self.at(tool, tip, &mut direction))
                         }
                         outcome => outcome,
                     }
@@ -167,7 +180,7 @@ impl<'a> SampleQuery<'a> {
                 Touch::Ring { height, inner, outer } => {
                     let middle = sample.point - turn.axis * height;
                     rings += 1;
-                    self.on_ring(tool, middle, turn, ([inner, outer], rings - 1), last, above)
+                    self.on_ring(tool, middle, ([inner, outer], rings - 1), &mut direction)
                 }
             });
         });
@@ -180,23 +193,22 @@ impl<'a> SampleQuery<'a> {
         &self,
         tool: &Revolved,
         tip: DVec3,
-        turn: &ToolDirection,
-        last: &mut Last,
-        above: &mut DirectionQuery<'_, impl FnMut(DVec3) -> bool>,
+        direction: &mut DirectionQuery<'_, impl FnMut(DVec3) -> bool>,
     ) -> Outcome {
         if self.sample.bend == 0.0 {
             return Outcome::Gouged;
         }
+        let axis = direction.turn.axis;
         let most = tool.radius * self.sample.bend + self.tool.tolerance;
         // How deep a voxel is in the cutter as it first stands: one deeper than it may move is in it wherever it goes.
         let depth = |voxel: [f64; 3]| {
-            if !tool.cutter.contains(tip, turn.axis, voxel) {
+            if !tool.cutter.contains(tip, axis, voxel) {
                 return -1.0;
             }
-            let [height, radius] = tool.cutter.along_and_away(tip, turn.axis, voxel);
+            let [height, radius] = tool.cutter.along_and_away(tip, axis, voxel);
             tool.eroded.depth(height, radius, true)
         };
-        let mut deepest = last.map_or(-1.0, depth);
+        let mut deepest = direction.last.map_or(-1.0, depth);
         let stays = |depth: f64| depth > most * (1.0 + 1e-9);
         if stays(deepest) || self.listed.iter().any(|&voxel| stays(depth(voxel))) {
             return Outcome::Gouged;
@@ -208,32 +220,30 @@ impl<'a> SampleQuery<'a> {
         let mut now = tip;
         for _ in 0..GOUGE_STEPS {
             let known = self.listed.iter().chain(&met[..count]);
-            let mut blocker = known.copied().rfind(|&voxel| tool.cutter.contains(now, turn.axis, voxel));
+            let mut blocker = known.copied().rfind(|&voxel| tool.cutter.contains(now, axis, voxel));
             if blocker.is_none() {
-                if !tool.cutter.meets(now, turn.axis, None, Some(&mut blocker)) {
-                    if !tool.touching.contains(now, turn.axis, sample) {
+                if !tool.cutter.meets(now, axis, None, Some(&mut blocker)) {
+                    if !tool.touching.contains(now, axis, sample) {
                         break;
                     }
                     // The cutter may cross the tangent plane.
-                    return with_rest(of_cutter(tool, now, turn.axis, None, last), now, above);
+                    let of_cutter = of_cutter(tool, now, axis, None, direction.last);
+                    return direction.with_rest(of_cutter);
                 }
                 let Some(voxel) = blocker else { break };
                 (met[count], count) = (voxel, count + 1);
                 let depth = depth(voxel);
                 if depth > deepest {
-                    (deepest, *last) = (depth, Some(voxel));
+                    (deepest, *direction.last) = (depth, Some(voxel));
                 }
                 if stays(depth) {
                     break;
                 }
             }
-            let Some(step) =
-                blocker.and_then(|voxel| tool.cutter.lateral_separation_from(now, turn.axis, voxel))
-            else {
-                break;
-            };
+            let step = blocker.and_then(|voxel| tool.cutter.lateral_separation_from(now, axis, voxel));
+            let Some(step) = step else { break };
             now += step;
-            if !tool.touching.contains(now, turn.axis, sample) {
+            if !tool.touching.contains(now, axis, sample) {
                 now -= 0.5 * self.tool.tolerance * self.sample.normal;
             }
             if now.distance(tip) > most {
@@ -248,11 +258,10 @@ impl<'a> SampleQuery<'a> {
         &self,
         tool: &Revolved,
         tip: DVec3,
-        axis: DVec3,
-        last: &mut Last,
-        above: &mut DirectionQuery<'_, impl FnMut(DVec3) -> bool>,
+        direction: &mut DirectionQuery<'_, impl FnMut(DVec3) -> bool>,
     ) -> Outcome {
-        with_rest(self.cutter_at(tool, tip, axis, last), tip, above)
+        let of_cutter = self.cutter_at(tool, tip, direction.turn.axis, direction.last);
+        direction.with_rest(of_cutter)
     }
 
     /// One contact pose, for all but shank and holder: good where they decide.
@@ -277,28 +286,5 @@ fn of_cutter(
         return Outcome::Gouged;
     }
     let held = tool.held.as_ref().is_some_and(|held| held.meets(tip, axis, None, None));
-    if held { Outcome::Obstructed(tip) } else { Outcome::Good }
-}
-
-pub(super) fn with_rest(
-    of_cutter: Outcome,
-    tip: DVec3,
-    above: &mut DirectionQuery<'_, impl FnMut(DVec3) -> bool>,
-) -> Outcome {
-    match of_cutter {
-        Outcome::Good if !(above.is_free)(tip) => Outcome::Obstructed(tip),
-        other => other,
-    }
-}
-
-/// The best of some outcomes, up to the first that is good.
-fn best(outcomes: impl Iterator<Item = Outcome>) -> Outcome {
-    let mut best = Outcome::NoContact;
-    for outcome in outcomes {
-        best = best.or(outcome);
-        if best == Outcome::Good {
-            break;
-        }
-    }
-    best
+    if held { Outcome::Obstructed(tip) } else { Outcome::Good(tip) }
 }

@@ -2,7 +2,7 @@
 //! direction (three axes) or all within the ranges of the rotary axes.
 
 use super::part_setup::{PartSetup, words};
-use super::{ColliderCache, SurfaceAccess, SurfaceSample, SurfaceTool, ToolDirection};
+use super::{SurfaceAccess, SurfaceSample, SurfaceTool, ToolDirection};
 use crate::control::Control;
 use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
@@ -41,18 +41,18 @@ pub fn reached_in_setups(
         let given = words(&setup.directions, directions.len());
         let mut reached = vec![false; samples.len()];
         for tool in tools {
-            let brought = tool.brought.map(|brought| (brought(setup), ColliderCache::new(turns.len())));
-            let Some((brought, mut cache)) = brought else {
+            let Some(brought) = tool.brought.map(|brought| brought(setup)) else {
                 let of_all = |sample: usize| tool.access.is_free_within(sample, &given);
                 reached.iter_mut().enumerate().for_each(|(sample, any)| *any |= of_all(sample));
                 continue;
             };
+            let mut last = vec![[None; 2]; turns.len()];
             for (sample, any) in reached.iter_mut().enumerate().filter(|(_, any)| !**any) {
                 if control.is_cancelled() {
                     return Vec::new();
                 }
                 let free = setup.directions.iter().copied().filter(|&d| tool.access.is_free(sample, d));
-                *any = brought.reaches(&samples[sample], free, &turns, &mut cache);
+                *any = brought.reaches(&samples[sample], free, &turns, &mut last);
             }
         }
         (control.progress)(1);

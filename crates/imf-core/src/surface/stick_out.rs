@@ -279,7 +279,7 @@ pub fn shortest_stick_outs(
                         break;
                     }
                     let direction = (block * DIRECTIONS + index) as u32;
-                    let [at_cutter, at_shank] = &mut memory[index];
+                    let [last, at_shank] = &mut memory[index];
                     let mut rings = RingPlaces::default();
                     let mut search = |rest, enough: f64, best: &mut StickOut| {
                         let is_free = |tip: DVec3| {
@@ -293,14 +293,10 @@ pub fn shortest_stick_outs(
                             }
                             best.length() <= enough
                         };
-                        query.best_pose(
-                            turn,
-                            at_cutter,
-                            &mut DirectionQuery { rest, is_free, rings: &mut rings },
-                        )
+                        query.best_pose(DirectionQuery { turn, last, rest, is_free, rings: &mut rings })
                     };
                     let outcome = match search(tool.tool.rest(), tool.shortest, best) {
-                        Outcome::Good | Outcome::Obstructed(_) => StickOut::Obstructed,
+                        Outcome::Good(_) | Outcome::Obstructed(_) => StickOut::Obstructed,
                         Outcome::Gouged => StickOut::Gouged,
                         Outcome::NoContact => StickOut::NotFaced,
                     };

@@ -100,7 +100,7 @@ impl Definition {
                     return (Outcome::Gouged, Vec::new());
                 }
                 match self.hits(tip, axis) {
-                    hits if hits.is_empty() => (Outcome::Good, hits),
+                    hits if hits.is_empty() => (Outcome::Good(tip), hits),
                     hits => (Outcome::Obstructed(tip), hits),
                 }
             };
@@ -108,15 +108,9 @@ impl Definition {
             let mut found = at(tip);
             if matches!(found.0, Outcome::Obstructed(_)) {
                 let off = at(tip + sample.normal * (TOUCH * self.tolerance));
-                found = if off.0 == Outcome::Good { off } else { found };
+                found = if off.0.is_good() { off } else { found };
             }
-            let better = match best.0 {
-                Outcome::NoContact => true,
-                Outcome::Gouged => found.0 != Outcome::Gouged,
-                Outcome::Obstructed(_) => found.0 == Outcome::Good,
-                Outcome::Good => false,
-            };
-            if better {
+            if found.0.verdict() < best.0.verdict() {
                 best = found;
             }
         }
@@ -180,9 +174,9 @@ fn verdicts_are_those_of_every_voxel_against_every_element() {
             };
             for (direction, (outcome, _)) in outcomes.iter().enumerate() {
                 let free = found.is_free(index, direction);
-                assert_eq!(free, *outcome == Outcome::Good, "{seed} {index} {direction}: {outcome:?}");
+                assert_eq!(free, outcome.is_good(), "{seed} {index} {direction}: {outcome:?}");
             }
-            let reached = outcomes.iter().filter(|(outcome, _)| *outcome == Outcome::Good).count();
+            let reached = outcomes.iter().filter(|(outcome, _)| outcome.is_good()).count();
             let frame = |direction: usize| sample.normal.dot(axes[direction]);
             let obstructed = (0..axes.len()).filter(|&d| matches!(outcomes[d].0, Outcome::Obstructed(_)));
             let nearest = obstructed.max_by(|&a, &b| frame(a).total_cmp(&frame(b)));
