@@ -15,7 +15,6 @@ use glam::{DQuat, DVec3};
 use super::set::numbers;
 use super::spread::{direction_orientation, fibonacci};
 use super::{Orientation, OrientationSetError};
-use turns::branches;
 
 /// Angles this far outside a range still count as inside, in degrees: ends of ranges are meant to be reached.
 const SLACK: f64 = 1e-7;
@@ -100,13 +99,7 @@ impl Limits {
             Self::Cone { axis, half_angle } => {
                 axis.cross(direction).length().atan2(axis.dot(direction)).to_degrees() <= half_angle + SLACK
             }
-            Self::Rotary { tilting, tilt, turn } => {
-                let flat = direction.x.hypot(direction.y);
-                branches(tilting, direction).iter().any(|&[angle, azimuth]| {
-                    contains_modulo_turns(tilt, angle)
-                        && (flat < 1e-12 || contains_modulo_turns(turn, azimuth))
-                })
-            }
+            Self::Rotary { .. } => self.angles(direction, SLACK).is_some(),
         }
     }
 
@@ -171,12 +164,6 @@ impl Limits {
             })
             .collect()
     }
-}
-
-/// True if `angle` plus some number of whole turns lies in the range.
-fn contains_modulo_turns(range: [f64; 2], angle: f64) -> bool {
-    let first = ((range[0] - SLACK - angle) / 360.0).ceil();
-    angle + 360.0 * first <= range[1] + SLACK
 }
 
 impl fmt::Display for Limits {

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::{Limits, SLACK, TiltingAxis, contains_modulo_turns};
+use super::{Limits, SLACK, TiltingAxis};
 
 /// A direction this near to +z or −z has no longitude.
 const FLAT: f64 = 1e-12;
@@ -40,9 +40,8 @@ impl Limits {
                 }
             }
             Self::Rotary { tilting, tilt, turn } => {
-                let reached = branches(tilting, direction)
-                    .into_iter()
-                    .filter(|[angle, _]| contains_modulo_turns(tilt, *angle));
+                let reached = branches(tilting, direction).into_iter();
+                let reached = reached.filter(|[angle, _]| nearest(tilt, *angle, SLACK).is_some());
                 let whole = direction.x.hypot(direction.y) < FLAT || turn[1] - turn[0] >= 360.0 - SLACK;
                 let turns = reached.map(|[_, azimuth]| match whole {
                     true => WHOLE,
@@ -71,7 +70,7 @@ impl Limits {
 }
 
 /// Angles of A or B and of C, to either side, that turn the tool along a direction.
-pub(super) fn branches(tilting: TiltingAxis, direction: DVec3) -> [[f64; 2]; 2] {
+fn branches(tilting: TiltingAxis, direction: DVec3) -> [[f64; 2]; 2] {
     let tilted = direction.x.hypot(direction.y).atan2(direction.z).to_degrees();
     let longitude = direction.y.atan2(direction.x).to_degrees();
     // A positive A tilts towards −y, a positive B towards +x; a negative angle to the other side.
