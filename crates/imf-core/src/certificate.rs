@@ -92,7 +92,6 @@ pub fn certify(
 /// A tool, or shank and holder alone, and the voxels that it must stay out of.
 struct Blocking {
     field: SolidField,
-    voxels: SolidVoxels,
     /// By the square of a centre's distance from the tip, in voxels: cosine and sine of the angle that it blocks at least.
     caps: Vec<Option<DVec2>>,
     /// Its length in voxels.
@@ -124,7 +123,7 @@ impl Blocking {
                 .map(|angle| DVec2::new(angle.cos(), angle.sin()))
         });
         let length = (tool.length() / pitch).ceil() as u32;
-        Some(Self { field: SolidField::of_tool(voxels.clone(), tool), voxels, caps, length })
+        Some(Self { field: SolidField::of_tool(voxels, tool), caps, length })
     }
 
     /// The cap of directions that a centre blocks, given by the way there in voxels.
@@ -299,7 +298,7 @@ impl<'a> Search<'a> {
 
     fn is_free(&self, voxel: I64Vec3, direction: DVec3) -> bool {
         self.blocking.iter().all(|blocking| {
-            let grid = &blocking.voxels.occupancy().grid;
+            let grid = &blocking.field.voxels().occupancy().grid;
             let tip = grid.origin + (voxel.as_dvec3() + 0.5) * grid.pitch;
             !blocking.field.meets(tip, direction, None, None)
         })
@@ -309,7 +308,7 @@ impl<'a> Search<'a> {
     fn blocked(&self, voxel: I64Vec3, cell: &Cell, caps: &mut Caps) -> Blocked {
         let mut middle = false;
         for (which, blocking) in self.blocking.iter().enumerate() {
-            let distances = blocking.voxels.distances();
+            let distances = blocking.field.voxels().distances();
             let mut best: Option<(f64, I64Vec3, Cap)> = None;
             let mut last = None;
             for height in 0..=blocking.length {

@@ -2,7 +2,8 @@
 
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Bits {
-    words: usize,
+    /// Of each row.
+    pub(super) words: usize,
     data: Vec<u64>,
 }
 
@@ -17,21 +18,8 @@ impl Bits {
         self.data[row * self.words + column / 64] |= 1 << (column % 64);
     }
 
-    pub(super) fn get(&self, row: usize, column: usize) -> bool {
-        has(self.row(row), column)
-    }
-
-    /// No row yet.
-    pub(super) fn with_columns(columns: usize) -> Self {
-        Self::new(0, columns)
-    }
-
     pub(super) fn push(&mut self, row: impl Iterator<Item = u64>) {
         self.data.extend(row.take(self.words));
-    }
-
-    pub(super) fn words(&self) -> usize {
-        self.words
     }
 
     pub(super) fn row(&self, row: usize) -> &[u64] {

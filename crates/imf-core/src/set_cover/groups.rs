@@ -19,7 +19,7 @@ pub(super) struct Groups {
 impl Groups {
     /// Of rows that are held by nearly the same sets; none where all rows must be covered.
     pub(super) fn new(problem: &ReducedProblem) -> Self {
-        let mut made = Self { rows: Vec::new(), sets: Bits::with_columns(problem.sets()), steps: 0 };
+        let mut made = Self { rows: Vec::new(), sets: Bits::new(0, problem.sets()), steps: 0 };
         let enough = WEIGHT * problem.slack as f64;
         let mut left: Vec<usize> = if problem.slack > 0 { (0..problem.rows()).collect() } else { Vec::new() };
         while !left.is_empty() {
@@ -31,7 +31,7 @@ impl Groups {
             made.steps += (left.len() * first.len()) as u64;
             let mut near: Vec<(usize, usize)> = left.iter().map(|&row| (new(row), row)).collect();
             near.sort_unstable();
-            let (mut rows, mut sets) = (vec![0u64; problem.rows_of.words()], vec![0u64; first.len()]);
+            let (mut rows, mut sets) = (vec![0u64; problem.rows_of.words], vec![0u64; first.len()]);
             let mut weight = 0;
             for (_, row) in near {
                 rows[row / 64] |= 1 << (row % 64);

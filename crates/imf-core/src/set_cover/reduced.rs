@@ -1,6 +1,6 @@
 //! A problem with nothing in it that does not matter.
 
-use super::bits::{Bits, common, count, first, ones};
+use super::bits::{Bits, common, count, first, has, ones};
 
 /// A problem: rows, which are elements or several with the same sets, and sets.
 #[derive(Clone)]
@@ -41,13 +41,13 @@ impl ReducedProblem {
 
     /// What is left once a set is chosen, without the sets that are ruled out; `None` where those left cannot cover enough.
     pub(super) fn after(&self, chosen: usize, available: &[u64]) -> Option<Self> {
-        let open: Vec<usize> = (0..self.rows()).filter(|&row| !self.rows_of.get(chosen, row)).collect();
-        let mut sets_of = Bits::with_columns(self.names.len());
+        let open: Vec<usize> = (0..self.rows()).filter(|&row| !has(self.rows_of.row(chosen), row)).collect();
+        let mut sets_of = Bits::new(0, self.names.len());
         for &row in &open {
             sets_of.push(self.sets_of.row(row).iter().zip(available).map(|(set, open)| set & open));
         }
         let all = sets_of.transposed(open.len(), self.names.len());
-        let (mut names, mut rows_of) = (Vec::new(), Bits::with_columns(open.len()));
+        let (mut names, mut rows_of) = (Vec::new(), Bits::new(0, open.len()));
         for set in ones(available) {
             names.push(self.names[set]);
             rows_of.push(all.row(set).iter().copied());
@@ -98,11 +98,11 @@ impl ReducedProblem {
                 kept.push(set);
             }
         }
-        self.steps += compared + (self.names.len() * self.rows_of.words()) as u64;
+        self.steps += compared + (self.names.len() * self.rows_of.words) as u64;
         let dropped = self.names.len() - kept.len();
         if dropped > 0 {
             kept.sort_unstable();
-            let mut rows_of = Bits::with_columns(self.weights.len());
+            let mut rows_of = Bits::new(0, self.weights.len());
             kept.iter().for_each(|&set| rows_of.push(self.rows_of.row(set).iter().copied()));
             self.names = kept.into_iter().map(|set| self.names[set]).collect();
             self.rows_of = rows_of;
@@ -144,9 +144,9 @@ impl ReducedProblem {
                 None => kept.push((row, weight, price)),
             }
         }
-        self.steps += compared + (self.weights.len() * self.sets_of.words()) as u64;
+        self.steps += compared + (self.weights.len() * self.sets_of.words) as u64;
         let fewer = kept.len() < self.weights.len();
-        let mut sets_of = Bits::with_columns(self.names.len());
+        let mut sets_of = Bits::new(0, self.names.len());
         kept.iter().for_each(|&(row, ..)| sets_of.push(self.sets_of.row(row).iter().copied()));
         self.weights = kept.iter().map(|(_, weight, _)| *weight).collect();
         if !self.prices.is_empty() {

@@ -47,10 +47,13 @@ impl<'a> Search<'a> {
         if problem.needed() == 0 {
             return Ok(Some(Vec::new()));
         }
+        let named = |problem: &ReducedProblem, sets: Vec<usize>| -> Vec<u32> {
+            sets.into_iter().map(|set| problem.names[set]).collect()
+        };
         if left <= 2 {
             let groups = self.groups(&problem)?;
             let found = self.pair(&problem, &groups, &first(problem.rows()), &problem.all_sets(), left)?;
-            return Ok(found.map(|sets| sets.into_iter().map(|set| problem.names[set]).collect()));
+            return Ok(found.map(|sets| named(&problem, sets)));
         }
         let mut available = problem.all_sets();
         let sets = self.branches(&mut problem, left, &mut available)?;
@@ -58,31 +61,20 @@ impl<'a> Search<'a> {
         for set in sets {
             // All covers with this set are searched in this turn: later ones leave it out.
             remove(&mut available, set);
-            let found = match &groups {
-                Some(groups) => self.rest_by_two(&problem, groups, set, &available)?,
-                None => self.below(&problem, set, &available, left)?,
+            let found = if let Some(groups) = &groups {
+                let open = left_open(&problem, &[set]);
+                self.pair(&problem, groups, &open, &available, 2)?.map(|sets| named(&problem, sets))
+            } else {
+                let Some(rest) = problem.after(set, &available) else { continue };
+                self.spend(rest.steps)?;
+                self.cover(rest, left - 1)?
             };
-            if found.is_some() {
-                return Ok(found);
+            if let Some(mut sets) = found {
+                sets.push(problem.names[set]);
+                return Ok(Some(sets));
             }
         }
         Ok(None)
-    }
-
-    fn below(
-        &mut self,
-        problem: &ReducedProblem,
-        set: usize,
-        available: &[u64],
-        left: usize,
-    ) -> SearchResult {
-        let Some(rest) = problem.after(set, available) else { return Ok(None) };
-        self.spend(rest.steps)?;
-        let found = self.cover(rest, left - 1)?;
-        Ok(found.map(|mut sets| {
-            sets.push(problem.names[set]);
-            sets
-        }))
     }
 
     /// Sets of which one is in every cover; those that are in none are taken out of the available ones.
@@ -95,7 +87,7 @@ impl<'a> Search<'a> {
         let group = self.group(problem, &first(problem.rows()), available, STARTS)?;
         let few = count(group.iter().copied());
         // Where little is left to be tried prices are dearer than trying.
-        if left == 3 && few * few * 64 < 4 * problem.rows() * problem.rows_of.words() {
+        if left == 3 && few * few * 64 < 4 * problem.rows() * problem.rows_of.words {
             return Ok(ones(&group).collect());
         }
         let (verdict, steps) = by_prices(problem, left);
@@ -176,18 +168,5 @@ impl<'a> Search<'a> {
         let groups = Groups::new(problem);
         self.spend(groups.steps)?;
         Ok(groups)
-    }
-
-    /// A set is chosen, at most two others may follow.
-    fn rest_by_two(
-        &mut self,
-        problem: &ReducedProblem,
-        groups: &Groups,
-        set: usize,
-        available: &[u64],
-    ) -> SearchResult {
-        let open = left_open(problem, &[set]);
-        let found = self.pair(problem, groups, &open, available, 2)?;
-        Ok(found.map(|sets| sets.into_iter().chain([set]).map(|set| problem.names[set]).collect()))
     }
 }
