@@ -5,7 +5,6 @@
 //! ```text
 //! plane x: line 0 (z voxels) line 1 … line y−1 | words that the longest shift reads
 //! ```
-//! A run of the body [a, b] on a row reaches z from any visited voxel in [z − b, z − a]. With `E` the set in which
 //! A run of the body [a, b] on a row reaches z from any visited voxel in [z − b, z − a]. Let `E` be the set in which
 //! every bit is joined by the b − a bits behind it. Then that is one bit of `E`, and for the whole run it is `E`
 //! shifted by the run's distance from the body's corner, the same for a whole plane. So a run costs a shift and an OR
@@ -190,12 +189,9 @@ mod tests {
         let shift = target.offset_of(&positions).unwrap();
         let mut expected = vec![0; target.len()];
         for position in (0..positions.len()).filter(|&p| counts[p] <= most) {
-            for index in (0..body.solid.len()).filter(|&i| body.solid[i] == 1) {
-                let [_, ny, nz] = body.dims;
-                let local = [index / (ny * nz), index / nz % ny, index % nz];
-                let origin = positions.voxel(position);
-                let at =
-                    [0, 1, 2].map(|a| (origin[a] + local[a]) as i64 + shift[a] + i64::from(body.lower[a]));
+            let origin = positions.voxel(position);
+            for own in body.offsets() {
+                let at = [0, 1, 2].map(|a| origin[a] as i64 + shift[a] + own[a]);
                 if (0..3).all(|a| (0..target.dims[a] as i64).contains(&at[a])) {
                     expected[target.index(at.map(|v| v as usize))] = 1;
                 }

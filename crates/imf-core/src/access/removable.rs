@@ -208,27 +208,15 @@ impl Sweep<'_> {
     ) -> Result<Vec<(V, Dilation)>, RemovableError> {
         let Self { obstacle, tool, cutter, stock, orientations, .. } = self;
         let positions = around(&stock.grid, cutter)?;
-        let plan = match tool {
-            Some(tool) => match SectionPlan::with_query(obstacle, tool, ToolPoints::Tip, &positions) {
-                Err(SectionError::Tool(ToolError::TooSmall { .. })) => None,
-                plan => Some(plan?),
-            },
-            None => None,
-        };
+        let plan = |tool| if_thick(SectionPlan::with_query(obstacle, tool, ToolPoints::Tip, &positions));
+        let plan = tool.as_ref().map(plan).transpose()?.flatten();
         let start = || (SectionScratch::default(), Dilation::new(&stock.grid), of_thread());
         let visit = |(scratch, dilation, own): &mut (SectionScratch, Dilation, V), index: usize| {
             let orientation = &orientations[index];
             let body = ToolVoxels::new(cutter, orientation, positions.pitch)?;
             let meeting = meeting_positions(&body, &stock.grid)?;
-            let counted = match &plan {
-                Some(plan) => match plan.counts_in(orientation, &meeting, scratch) {
-                    // So thin that it holds no voxel's centre: nothing that it could hit.
-                    Err(SectionError::Tool(ToolError::TooSmall { .. })) => None,
-                    counted => Some(counted?),
-                },
-                None => None,
-            };
-            match counted {
+            let counted = plan.as_ref().map(|plan| if_thick(plan.counts_in(orientation, &meeting, scratch)));
+            match counted.transpose()?.flatten() {
                 Some((own, counts)) => {
                     if let Some(most) = most_free(self.whole(orientation)?.unwrap_or(own), self.tau) {
                         dilation.cover(&body, counts, most);
@@ -246,6 +234,14 @@ impl Sweep<'_> {
     fn whole(&self, orientation: &Orientation) -> Result<Option<u32>, ToolError> {
         let rotated = |widest: &Assembly| ToolVoxels::new(widest.whole(), orientation, self.stock.grid.pitch);
         Ok(self.widest.as_ref().map(rotated).transpose()?.map(|widest| widest.count))
+    }
+}
+
+/// None of a tool so thin that it holds no voxel's centre: there is nothing that it could hit.
+fn if_thick<T>(found: Result<T, SectionError>) -> Result<Option<T>, SectionError> {
+    match found {
+        Err(SectionError::Tool(ToolError::TooSmall { .. })) => Ok(None),
+        found => found.map(Some),
     }
 }
 

@@ -7,7 +7,7 @@ use crate::control::{Cancelled, Control};
 use crate::grid::Grid;
 use crate::mesh::Mesh;
 use crate::occupancy::Occupancy;
-use crate::parts::shell::{Axis, Facing, Shell, circle};
+use crate::parts::shell::{Axis, Shell, circle};
 use crate::pose::Pose;
 use crate::voxelize::{VoxelizeResult, voxelize_with, winding_number};
 
@@ -126,9 +126,7 @@ impl MachineSolid {
                 let place = Pose::new(*base, DQuat::from_rotation_arc(DVec3::Z, axis));
                 let rim = circle(DVec2::ZERO, 0.5 * diameter, SIDES);
                 let mut shell = Shell::default();
-                shell.post(Axis::Z, &rim, [0.0, length]);
-                shell.face(Axis::Z, 0.0, Facing::Down, &rim, &[]);
-                shell.face(Axis::Z, length, Facing::Up, &rim, &[]);
+                shell.prism(Axis::Z, &rim, [0.0, length]);
                 let mut mesh = shell.into_mesh();
                 mesh.vertices.iter_mut().for_each(|vertex| *vertex = place.of_point(*vertex));
                 mesh

@@ -10,7 +10,7 @@
 
 use glam::DVec2;
 
-use super::shell::{Axis, Facing, Shell, circle};
+use super::shell::{Axis, Facing, Shell, circle, rectangle};
 use crate::mesh::Mesh;
 use crate::mesh::read::MeshFile;
 
@@ -74,11 +74,6 @@ pub(super) fn design_domain() -> Mesh {
         shell.hole(Axis::Z, head, [COUNTERBORE_FLOOR, z[1]]);
     }
     shell.into_mesh()
-}
-
-/// A rectangle over two ranges of the plane's coordinates, counter-clockwise.
-fn rectangle(u: [f64; 2], v: [f64; 2]) -> [DVec2; 4] {
-    [[u[0], v[0]], [u[1], v[0]], [u[1], v[1]], [u[0], v[1]]].map(DVec2::from_array)
 }
 
 fn bolts(radius: f64) -> Vec<Vec<DVec2>> {

@@ -126,10 +126,22 @@ impl Shell {
         self.band(&axis.place(outline, heights[0]), &axis.place(outline, heights[1]));
     }
 
+    /// Adds the whole surface of the body that a counter-clockwise loop sweeps between two heights.
+    pub fn prism(&mut self, axis: Axis, outline: &[DVec2], heights: [f64; 2]) {
+        self.post(axis, outline, heights);
+        self.face(axis, heights[0], Facing::Down, outline, &[]);
+        self.face(axis, heights[1], Facing::Up, outline, &[]);
+    }
+
     /// Adds the inside of the hole that a counter-clockwise loop sweeps between two heights, without its ends.
     pub fn hole(&mut self, axis: Axis, outline: &[DVec2], heights: [f64; 2]) {
         self.band(&axis.place(outline, heights[1]), &axis.place(outline, heights[0]));
     }
+}
+
+/// A rectangle over two ranges of the plane's coordinates, counter-clockwise.
+pub fn rectangle(u: [f64; 2], v: [f64; 2]) -> [DVec2; 4] {
+    [[u[0], v[0]], [u[1], v[0]], [u[1], v[1]], [u[0], v[1]]].map(DVec2::from_array)
 }
 
 /// A whole circle, counter-clockwise.
@@ -141,7 +153,7 @@ pub fn circle(centre: DVec2, radius: f64, segments: usize) -> Vec<DVec2> {
 /// A box from the origin to `size`, with the loop `pocket` cut into its top as deep as `depth`, or right through.
 #[cfg(test)]
 pub fn pocketed(size: DVec3, pocket: &[DVec2], depth: f64) -> Mesh {
-    let outer = [DVec2::ZERO, DVec2::new(size.x, 0.0), DVec2::new(size.x, size.y), DVec2::new(0.0, size.y)];
+    let outer = rectangle([0.0, size.x], [0.0, size.y]);
     let floor = size.z - depth;
     let mut shell = Shell::default();
     shell.post(Axis::Z, &outer, [0.0, size.z]);
@@ -180,7 +192,7 @@ mod tests {
 
     #[test]
     fn a_tube_closes_along_every_axis() {
-        let outer = [[0.0, 0.0], [30.0, 0.0], [30.0, 20.0], [0.0, 20.0]].map(DVec2::from_array);
+        let outer = rectangle([0.0, 30.0], [0.0, 20.0]);
         let inner = circle(DVec2::new(11.0, 9.0), 6.0, 17);
         for axis in [Axis::X, Axis::Y, Axis::Z] {
             let mut shell = Shell::default();

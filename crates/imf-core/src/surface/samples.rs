@@ -214,7 +214,7 @@ mod tests {
     use super::*;
     use crate::grid::Grid;
     use crate::mesh::tests::unit_cube;
-    use crate::parts::shell::{Axis, Facing, circle};
+    use crate::parts::shell::{Axis, Shell, circle};
     use crate::voxelize::voxelize;
     use glam::{DMat4, DVec2};
 
@@ -240,11 +240,8 @@ mod tests {
 
     #[test]
     fn facets_of_a_cylinder_bend_by_half_their_angle_and_its_ends_do_not() {
-        let mut shell = crate::parts::shell::Shell::default();
-        let outline = circle(DVec2::ZERO, 4.0, 24);
-        shell.post(Axis::Z, &outline, [0.0, 6.0]);
-        shell.face(Axis::Z, 0.0, Facing::Down, &outline, &[]);
-        shell.face(Axis::Z, 6.0, Facing::Up, &outline, &[]);
+        let mut shell = Shell::default();
+        shell.prism(Axis::Z, &circle(DVec2::ZERO, 4.0, 24), [0.0, 6.0]);
         let grid = Grid { origin: DVec3::splat(-5.0), pitch: 1.0, dims: [10, 10, 12] };
         let mesh = shell.into_mesh();
         let samples = SurfaceSamples::new(&mesh, &voxelize(&mesh, &grid, false), 2000);

@@ -8,7 +8,7 @@ use super::*;
 use crate::access::tests::{slotted, small_tool};
 use crate::mesh::Mesh;
 use crate::orientation::OrientationSet;
-use crate::parts::shell::{area, circle, pocketed, rounded_rectangle};
+use crate::parts::shell::{area, circle, pocketed, rectangle, rounded_rectangle};
 use crate::section::direct_count;
 use crate::section::test_shapes::{cylinder, orientations};
 use crate::voxelize::voxelize;
@@ -33,11 +33,8 @@ fn it_is_what_the_cutter_covers_at_free_poses_counted_one_by_one() {
             for index in (0..stock.grid.len()).filter(|&i| stock.solid[i] == 1) {
                 let voxel = stock.grid.voxel(index);
                 // Every pose at which some voxel of the cutter lies on this voxel.
-                let reaches = (0..body.solid.len()).filter(|&i| body.solid[i] == 1).any(|i| {
-                    let [_, ny, nz] = body.dims;
-                    let local = [i / (ny * nz), i / nz % ny, i % nz];
-                    let tip = [0, 1, 2]
-                        .map(|a| voxel[a] as i64 + shift[a] - local[a] as i64 - i64::from(body.lower[a]));
+                let reaches = body.offsets().any(|own| {
+                    let tip = [0, 1, 2].map(|a| voxel[a] as i64 + shift[a] - own[a]);
                     f64::from(direct_count(&obstacle, &whole, tip)) <= tau * f64::from(whole.count)
                 });
                 expected[index] |= u8::from(reaches);
@@ -87,10 +84,6 @@ fn left(mesh: &Mesh, whole: &Mesh, set: &[Orientation], radius: f64, pitch: f64)
     })
 }
 
-fn rectangle(lower: DVec2, upper: DVec2) -> Vec<DVec2> {
-    vec![lower, DVec2::new(upper.x, lower.y), upper, DVec2::new(lower.x, upper.y)]
-}
-
 /// A plate of 30 × 30 × 12 with a hole of depth 8, and the same without it.
 fn plate(hole: &[DVec2]) -> [Mesh; 2] {
     let size = DVec3::new(30.0, 30.0, 12.0);
@@ -121,7 +114,7 @@ fn what_stays_of_holes_and_pockets_converges_to_the_closed_form() {
     // A round corner of a pocket keeps what lies between its radius and a larger one of the mill.
     let corners = |corner: f64| (4.0 - PI) * (9.0 - corner * corner).max(0.0) * 8.0;
     let (lower, upper) = (DVec2::new(4.0, 6.0), DVec2::new(26.0, 24.0));
-    converges(&rectangle(lower, upper), 3.0, corners(0.0));
+    converges(&rectangle([4.0, 26.0], [6.0, 24.0]), 3.0, corners(0.0));
     for corner in [1.5, 4.0] {
         converges(&rounded_rectangle(lower, upper, corner, 16), 3.0, corners(corner));
     }

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use glam::{DVec2, DVec3};
 
 use crate::mesh::Mesh;
-use crate::parts::shell::{Axis, Facing as Side, Shell, circle};
+use crate::parts::shell::{Axis, Facing as Side, Shell, circle, rectangle};
 use crate::section::test_shapes::{line, revolved};
 use crate::tool::{ElementKind, Segment, Tool, ToolShape};
 
@@ -31,9 +31,7 @@ pub(in crate::surface) fn ball(radius: f64) -> Tool {
 pub(in crate::surface) fn extruded(profile: &[[f64; 2]], length: f64) -> Mesh {
     let outline: Vec<DVec2> = profile.iter().map(|&p| DVec2::from_array(p)).collect();
     let mut shell = Shell::default();
-    shell.post(Axis::Y, &outline, [0.0, length]);
-    shell.face(Axis::Y, 0.0, Side::Down, &outline, &[]);
-    shell.face(Axis::Y, length, Side::Up, &outline, &[]);
+    shell.prism(Axis::Y, &outline, [0.0, length]);
     shell.into_mesh()
 }
 
@@ -74,7 +72,7 @@ pub(super) fn dimpled(big: f64, depth: f64) -> Mesh {
     let centre = DVec2::splat(15.0);
     let middle = DVec3::new(15.0, 15.0, 20.0 - depth + big);
     let mut shell = Shell::default();
-    let outer = [DVec2::ZERO, DVec2::new(30.0, 0.0), DVec2::splat(30.0), DVec2::new(0.0, 30.0)];
+    let outer = rectangle([0.0, 30.0], [0.0, 30.0]);
     let rim = |i: usize| {
         let (sine, cosine) = (PI / 3.0 * i as f64 / 16.0).sin_cos();
         (circle(centre, big * sine, 64), middle.z - big * cosine)
@@ -99,10 +97,7 @@ pub(super) fn dimpled(big: f64, depth: f64) -> Mesh {
 /// A cylinder along z from the origin up.
 pub(super) fn cylinder(radius: f64, height: f64) -> Mesh {
     let mut shell = Shell::default();
-    let outline = circle(DVec2::ZERO, radius, 128);
-    shell.post(Axis::Z, &outline, [0.0, height]);
-    shell.face(Axis::Z, 0.0, Side::Down, &outline, &[]);
-    shell.face(Axis::Z, height, Side::Up, &outline, &[]);
+    shell.prism(Axis::Z, &circle(DVec2::ZERO, radius, 128), [0.0, height]);
     shell.into_mesh()
 }
 
