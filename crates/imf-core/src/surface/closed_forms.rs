@@ -3,21 +3,20 @@
 
 mod bodies;
 mod cutter_clearance;
-mod own_diameter;
 pub(super) mod solids;
 
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-use glam::{DMat4, DVec2, DVec3};
+use glam::{DVec2, DVec3};
 
 use super::*;
 use crate::control::Control;
 use crate::grid::Grid;
 use crate::mesh::Mesh;
-use crate::orientation::OrientationSet;
+use crate::orientation::Orientation;
 use crate::parts::shell::{circle, pocketed, rounded_rectangle};
-use crate::section::test_shapes::line;
+use crate::section::test_shapes::{line, orientations};
 use crate::tool::{SharpPoints, Tool};
 use crate::voxelize::voxelize;
 use solids::{ball, cylinder, dimpled, extruded, flat, of_mesh, slotted, tapered, tool};
@@ -42,17 +41,30 @@ impl Part {
         let (lower, upper) = mesh.bounds().unwrap();
         // Off the part's own planes, as a user's part lies.
         let shift = DVec3::new(0.37, 0.21, 0.13) * pitch;
-        let grid = Grid::with_pitch(lower - shift, upper + shift, pitch, 1).unwrap();
-        let solid = Arc::new(voxelize(mesh, &grid, false));
+        Self::on(&Grid::with_pitch(lower - shift, upper + shift, pitch, 1).unwrap(), mesh, samples)
+    }
+
+    pub(super) fn on(grid: &Grid, mesh: &Mesh, samples: usize) -> Self {
+        let solid = Arc::new(voxelize(mesh, grid, false));
         let samples = SurfaceSamples::new(mesh, &solid, samples).samples;
-        Self { samples, environment: CollisionEnvironment::new(&solid.into(), &[]), pitch }
+        Self { samples, environment: CollisionEnvironment::new(&solid.into(), &[]), pitch: grid.pitch }
+    }
+
+    pub(super) fn tolerance(&self) -> f64 {
+        default_tolerance(self.pitch, LengthUnit::Mm)
+    }
+
+    pub(super) fn surface_tool(&self, tool: &Tool) -> SurfaceTool {
+        SurfaceTool::new(&self.environment, &tool.into(), self.tolerance()).unwrap()
+    }
+
+    pub(super) fn access(&self, tool: &SurfaceTool, directions: &[Orientation]) -> SurfaceAccess {
+        surface_access(tool, &self.samples, directions, Control::quiet()).unwrap()
     }
 
     fn found(&self, tool: &Tool, directions: &str) -> SampleVerdicts<'_> {
-        let tolerance = default_tolerance(self.pitch, LengthUnit::Mm);
-        let tool = SurfaceTool::new(&self.environment, &tool.into(), tolerance).unwrap();
-        let directions = OrientationSet::parse(directions).unwrap().orientations;
-        let reach = surface_access(&tool, &self.samples, &directions, Control::quiet()).unwrap().reach;
+        let tool = self.surface_tool(tool);
+        let reach = self.access(&tool, &orientations(directions)).reach;
         SampleVerdicts { samples: &self.samples, tool, reach }
     }
 }
@@ -79,6 +91,11 @@ impl SampleVerdicts<'_> {
     fn reached(&self, of: impl Fn(&SurfaceSample) -> bool) -> f64 {
         self.share(of, |reach| matches!(reach, SampleReach::Reached { .. }))
     }
+}
+
+#[track_caller]
+fn assert_near(found: f64, expected: f64, bound: f64, what: impl std::fmt::Debug) {
+    assert!((found - expected).abs() < bound, "{what:?}: {found} for {expected}");
 }
 
 /// Straight down, and the six axes with 60 more.
@@ -129,11 +146,7 @@ fn holes_below_at_and_above_the_cutters_diameter() {
             let expected = 1.0 - left / depth;
             // Samples stand some 1 mm apart.
             let bound = 0.02 + if is_ball { (1.0 + pitch) / depth } else { 0.02 * pitch };
-            assert!(
-                (found.reached(wall) - expected).abs() < bound,
-                "{pitch} {depth} {radius} {cutter_radius}: {} for {expected}",
-                found.reached(wall)
-            );
+            assert_near(found.reached(wall), expected, bound, (pitch, depth, radius, cutter_radius));
             // A flat end reaches the whole floor, a ball that is as wide as the hole its middle alone.
             if depth < 20.0 && !is_ball && radius > cutter_radius {
                 let floor = |s: &SurfaceSample| inside(s) && s.normal.z > 0.5;
@@ -151,6 +164,24 @@ fn holes_below_at_and_above_the_cutters_diameter() {
 }
 
 #[test]
+fn the_floor_of_a_hole_of_the_cutters_own_diameter_is_reached() {
+    let centre = DVec2::splat(8.0);
+    for pitch in [1.0, 0.5, 0.25] {
+        let hole = circle(centre, 5.0, 64);
+        let part = Part::new(&pocketed(DVec3::new(16.0, 16.0, 20.0), &hole, 12.0), pitch);
+        let floor = |s: &SurfaceSample| {
+            (s.point.truncate() - centre).length() < 5.0 && s.normal.z > 0.5 && s.point.z < 19.0
+        };
+        // With its axis on the hole's a flat cutter lies on the whole floor.
+        let found = part.found(&flat(5.0), DOWN);
+        assert!(found.reached(floor) > 0.99, "{pitch}: {}", found.reached(floor));
+        // Wide enough that the cutter holds a voxel centre wherever it stands.
+        let wide = 5.0 + 1.2 * pitch;
+        assert_eq!(part.found(&flat(wide), DOWN).reached(floor), 0.0, "{pitch}");
+    }
+}
+
+#[test]
 fn a_hole_deeper_than_the_stick_out_is_reached_as_far_as_the_holder_lets() {
     let centre = DVec2::splat(8.0);
     let mesh = pocketed(DVec3::new(16.0, 16.0, 44.0), &circle(centre, 4.0, 64), 40.0);
@@ -161,16 +192,11 @@ fn a_hole_deeper_than_the_stick_out_is_reached_as_far_as_the_holder_lets() {
         // The samples are some 1 mm apart.
         let expected = 30.0 / 40.0;
         let bound = 0.5 * pitch / 40.0 + 0.02;
-        assert!((found.reached(wall) - expected).abs() < bound, "{pitch}: {}", found.reached(wall));
+        assert_near(found.reached(wall), expected, bound, pitch);
         let hits_part = |hits: u64| found.tool.hits(hits).any(|hit| hit == (ElementKind::Holder(0), 0));
         let by_holder = found
             .share(wall, |reach| matches!(*reach, SampleReach::Obstructed { hits, .. } if hits_part(hits)));
-        let gouged = found.share(wall, |r| *r == SampleReach::Gouged);
-        assert!(
-            (by_holder - (1.0 - expected)).abs() < bound,
-            "{pitch}: {by_holder}, reached {}, gouged {gouged}",
-            found.reached(wall)
-        );
+        assert_near(by_holder, 1.0 - expected, bound, pitch);
     }
 }
 
@@ -183,10 +209,7 @@ fn pockets_with_corners_rounder_and_sharper_than_the_cutter() {
             let mesh = pocketed(DVec3::new(30.0, 30.0, 20.0), &outline, depth);
             let part = Part::sampled(&mesh, pitch, 3000);
             let found = part.found(&flat(r), DOWN);
-            let inside = |s: &SurfaceSample| {
-                let p = s.point.truncate();
-                p.min_element() > 4.9 && p.max_element() < 25.1
-            };
+            let inside = |s: &SurfaceSample| (s.point.truncate() - 15.0).abs().max_element() < 10.1;
             let wall = |s: &SurfaceSample| inside(s) && is_wall(s);
             let floor = |s: &SurfaceSample| inside(s) && s.normal.z > 0.5 && s.point.z < 15.0;
             // Of each corner the arc, and of both walls what the cutter leaves beside it.
@@ -198,16 +221,8 @@ fn pockets_with_corners_rounder_and_sharper_than_the_cutter() {
             let expected_floor = 1.0 - uncut / whole;
             // A cutter may pass a wall by a voxel's diagonal before it holds a centre.
             let bound = 0.01 + if corner < r { 0.13 * pitch } else { 0.0 };
-            assert!(
-                (found.reached(wall) - expected).abs() < bound,
-                "{pitch} {corner}: {} for {expected}",
-                found.reached(wall)
-            );
-            let found_floor = found.reached(floor);
-            assert!(
-                (found_floor - expected_floor).abs() < bound,
-                "{pitch} {corner}: {found_floor} for {expected_floor}"
-            );
+            assert_near(found.reached(wall), expected, bound, (pitch, corner));
+            assert_near(found.reached(floor), expected_floor, bound, (pitch, corner));
         }
     }
 }
@@ -229,9 +244,8 @@ fn undercuts_are_reached_by_the_cutters_made_for_them() {
         assert_eq!(plain.reached(ceiling), 0.0);
         assert_eq!(plain.share(ceiling, |r| *r == SampleReach::NotFaced), 1.0);
         assert!(plain.reached(head_walls) < 1e-9, "{pitch}: {}", plain.reached(head_walls));
-        let under_throat = plain.reached(floor);
         // Half the floor is eight wide samples; a cutter passes a wall by a voxel at most.
-        assert!((under_throat - 0.4).abs() < 0.05 + 0.12 * pitch, "{pitch}: {under_throat}");
+        assert_near(plain.reached(floor), 0.4, 0.05 + 0.12 * pitch, pitch);
         let made_for_it = t_slot.found(&slotter, DOWN);
         for area in [&head_walls as &dyn Fn(&SurfaceSample) -> bool, &ceiling, &floor] {
             assert!(made_for_it.reached(area) > 0.99, "{pitch}: {}", made_for_it.reached(area));
@@ -271,9 +285,7 @@ fn a_shank_as_wide_as_its_cutter_may_touch_the_wall_that_the_cutter_touches() {
     let grid = Grid::with_pitch(lower - DVec3::new(2.0, 1.7, 1.3), upper + 2.0, 2.0, 0).unwrap();
     let centres = (25.0 - grid.origin.x) / 2.0 - 0.5;
     assert_eq!(centres, centres.round());
-    let solid = Arc::new(voxelize(&slot, &grid, false));
-    let samples = SurfaceSamples::new(&slot, &solid, SAMPLES).samples;
-    let slot = Part { samples, environment: CollisionEnvironment::new(&solid.into(), &[]), pitch: 2.0 };
+    let slot = Part::on(&grid, &slot, SAMPLES);
     let wall = |s: &SurfaceSample| s.normal.x < -0.9 && (s.point.x - 25.0).abs() < 0.1;
     let with_shank =
         |radius: f64| slot.found(&tool(vec![line(0.0, 4.0, 4.0, 4.0)], radius), DOWN).reached(wall);
@@ -290,9 +302,8 @@ fn a_dimple_is_reached_by_balls_up_to_its_radius() {
     for pitch in PITCHES {
         let part = Part::new(&mesh, pitch);
         for (radius, expected) in [(5.0, 1.0), (9.0, 1.0), (16.0, 0.0)] {
-            let found = part.found(&ball(radius), DOWN).reached(dimple);
             let bound = if expected == 1.0 { 0.005 } else { 0.7 * pitch };
-            assert!((found - expected).abs() < bound, "{pitch} {radius}: {found}");
+            assert_near(part.found(&ball(radius), DOWN).reached(dimple), expected, bound, (pitch, radius));
         }
     }
 }
@@ -339,17 +350,14 @@ fn a_groove_with_draft_is_reached_by_tapers_up_to_its_own() {
         // A flatter one, 4 high, touches with its upper edge: a wall as far as the edge is above the floor, or as the tip is
         // above the other wall.
         let found = part.found(&tapered(2.0, 30.0, 4.0), DOWN).reached(wall);
-        let expected = 1.0 - 4.0 / depth;
-        assert!((found - expected).abs() < 0.05 + 0.1 * pitch, "{pitch}: {found} for {expected}");
+        assert_near(found, 1.0 - 4.0 / depth, 0.05 + 0.1 * pitch, pitch);
     }
 }
 
 #[test]
 fn a_mesh_tool_reaches_what_its_shape_fits() {
     // 5 × 5 × 30, its tip in the middle of its end.
-    let square = [[0.0, -2.5], [30.0, -2.5], [30.0, 2.5], [0.0, 2.5]];
-    let bar = extruded(&square, 5.0).transformed(&DMat4::from_translation(DVec3::new(0.0, -2.5, 0.0)));
-    let tool = of_mesh(bar);
+    let tool = of_mesh(Mesh::cuboid(DVec3::new(-2.5, -2.5, 0.0), DVec3::new(2.5, 2.5, 30.0)));
     for pitch in [2.0, 1.0] {
         // A groove 8 wide takes it, one 2 wide does not.
         for (width, expected) in [(8.0, 1.0), (2.0, 0.0)] {
@@ -371,12 +379,8 @@ fn a_mesh_tool_reaches_what_its_shape_fits() {
 #[test]
 fn a_mesh_tool_that_says_what_cuts_touches_with_that_alone() {
     // A bar with its tip in the middle of its end, and a housing beside it that reaches 5 lower.
-    let bar = |z: [f64; 2], x: [f64; 2]| {
-        let outline = [[z[0], x[0]], [z[1], x[0]], [z[1], x[1]], [z[0], x[1]]];
-        extruded(&outline, 5.0).transformed(&DMat4::from_translation(DVec3::new(0.0, -2.5, 0.0)))
-    };
-    let (mut mesh, housing) = (bar([0.0, 30.0], [-2.5, 2.5]), bar([-5.0, 30.0], [8.0, 18.0]));
-    mesh.append(&housing);
+    let mut mesh = Mesh::cuboid(DVec3::new(-2.5, -2.5, 0.0), DVec3::new(2.5, 2.5, 30.0));
+    mesh.append(&Mesh::cuboid(DVec3::new(8.0, -2.5, -5.0), DVec3::new(18.0, 2.5, 30.0)));
     let silent = of_mesh(mesh.clone());
     let cutting: Vec<DVec3> = mesh.vertices.into_iter().filter(|v| v.length() < 4.0).collect();
     assert_eq!(cutting.len(), 4);

@@ -220,23 +220,20 @@ pub fn culprits(
 mod tests {
     use std::sync::Arc;
 
-    use super::super::{CollisionEnvironment, SampleReach, SolidBody, SurfaceSamples, surface_access};
+    use super::super::closed_forms::Part;
+    use super::super::{CollisionEnvironment, SampleReach};
     use super::*;
     use crate::occupancy::Occupancy;
-    use crate::orientation::OrientationSet;
     use crate::parts::shell::{circle, pocketed};
-    use crate::section::test_shapes::revolved;
+    use crate::section::test_shapes::{orientations, revolved};
     use crate::tool::{Segment, Tool};
-    use crate::voxelize::voxelize;
     use glam::DVec2;
 
     /// A block with a round pocket that a short tool does not reach the bottom of, from straight above and from two sides.
-    fn pocket() -> (Occupancy, SurfaceSamples) {
+    fn pocket() -> Part {
         let mesh = pocketed(DVec3::new(24.0, 20.0, 16.0), &circle(DVec2::new(10.0, 10.0), 5.0, 48), 12.0);
         let grid = Grid { origin: DVec3::splat(-2.0), pitch: 1.0, dims: [28, 24, 20] };
-        let solid = voxelize(&mesh, &grid, false);
-        let samples = SurfaceSamples::new(&mesh, &solid, 400);
-        (solid, samples)
+        Part::on(&grid, &mesh, 400)
     }
 
     fn short() -> Tool {
@@ -247,28 +244,24 @@ mod tests {
         ])
     }
 
-    fn tool(solid: &Occupancy) -> SurfaceTool {
-        let around = CollisionEnvironment::new(&SolidBody::from(Arc::new(solid.clone())), &[]);
-        SurfaceTool::new(&around, &short().into(), 0.1).unwrap()
-    }
-
     #[test]
     fn what_is_in_the_way_is_what_the_obstruction_loses_when_it_goes() {
-        let (solid, samples) = pocket();
-        let tool_here = tool(&solid);
-        let directions = OrientationSet::parse("0,0;30,40;200,70").unwrap().orientations;
+        let part = pocket();
+        let (solid, samples) = (part.environment.part().clone(), &part.samples);
+        let tool_here = part.surface_tool(&short());
+        let directions = orientations("0,0;30,40;200,70");
         let no = Control::quiet();
-        let access = surface_access(&tool_here, &samples.samples, &directions, no).unwrap();
-        let missed: Vec<usize> = (0..samples.samples.len())
-            .filter(|&s| matches!(access.reach[s], SampleReach::Obstructed { .. }))
-            .collect();
+        let reach = part.access(&tool_here, &directions).reach;
+        let missed: Vec<usize> =
+            (0..samples.len()).filter(|&s| matches!(reach[s], SampleReach::Obstructed { .. })).collect();
         assert!(missed.len() > 20, "{}", missed.len());
-        let least = minimum_overlaps(&tool_here, &samples.samples, &missed, &directions, no).unwrap();
+        let least = minimum_overlaps(&tool_here, samples, &missed, &directions, no).unwrap();
         let poses: Vec<(f64, MinimumOverlap)> =
-            missed.iter().zip(least).map(|(&s, least)| (samples.samples[s].area, least.unwrap())).collect();
+            missed.iter().zip(least).map(|(&s, least)| (samples[s].area, least.unwrap())).collect();
         // Something is in the way at all of them, by the definition.
         let obstruction = |solid: &Occupancy| -> f64 {
-            let tool = tool(solid);
+            let environment = CollisionEnvironment::new(&Arc::new(solid.clone()).into(), &[]);
+            let tool = SurfaceTool::new(&environment, &short().into(), 0.1).unwrap();
             poses
                 .iter()
                 .map(|(area, at)| area * f64::from(tool.overlap(&Pose::new(at.tip, at.rotation))[0]))

@@ -129,12 +129,11 @@ mod tests {
 
     use super::*;
     use crate::mesh::Mesh;
-    use crate::orientation::{AXES, Limits, OrientationSet};
-    use crate::section::test_shapes::revolved;
+    use crate::orientation::{AXES, Limits};
+    use crate::section::test_shapes::{orientations, revolved};
+    use crate::surface::SampleReach;
     use crate::surface::closed_forms::Part;
-    use crate::surface::{SampleReach, SurfaceTool, default_tolerance, surface_access};
     use crate::tool::{ElementKind, Segment, Tool};
-    use crate::unit::LengthUnit;
 
     fn block() -> Mesh {
         Mesh::cuboid(DVec3::ZERO, DVec3::new(40.0, 30.0, 15.0))
@@ -148,6 +147,11 @@ mod tests {
         ])
     }
 
+    fn setups(ways: &[DVec3], directions: &[Orientation], limits: &str) -> Vec<PartSetup> {
+        let limits = Limits::parse(limits).unwrap();
+        ways.iter().flat_map(|&up| PartSetup::all(&block(), up, directions, &limits, false)).collect()
+    }
+
     /// The fewest set-ups for a plain block with a flat end mill whose flutes are longer than the block is high.
     struct Plan {
         chosen: Cover,
@@ -159,20 +163,16 @@ mod tests {
     }
 
     fn plan(ways: &[DVec3], limits: &str, fraction: f64) -> Plan {
-        let block = block();
-        let Part { samples, environment, pitch } = Part::sampled(&block, 1.0, 600);
-        let directions = OrientationSet::parse("0,0;0,180;0,90;180,90;90,90;270,90").unwrap().orientations;
-        let tool =
-            SurfaceTool::new(&environment, &flat().into(), default_tolerance(pitch, LengthUnit::Mm)).unwrap();
-        let access = surface_access(&tool, &samples, &directions, Control::quiet()).unwrap();
-        let limits = Limits::parse(limits).unwrap();
-        let setups: Vec<PartSetup> =
-            ways.iter().flat_map(|&up| PartSetup::all(&block, up, &directions, &limits, false)).collect();
+        let part = Part::sampled(&block(), 1.0, 600);
+        let directions = orientations("0,0;0,180;0,90;180,90;90,90;270,90");
+        let access = part.access(&part.surface_tool(&flat()), &directions);
+        let setups = setups(ways, &directions, limits);
         let settings = CoverSettings { fraction, ..CoverSettings::default() };
         let tools = [SetupTool { access: &access, brought: None }];
-        let reached = reached_in_setups(&tools, &samples, &directions, &setups, Control::quiet()).unwrap();
+        let reached =
+            reached_in_setups(&tools, &part.samples, &directions, &setups, Control::quiet()).unwrap();
         let chosen = fewest_setups(&setups, &reached, &settings, Control::quiet()).unwrap();
-        Plan { chosen, setups, area: samples.iter().map(|sample| sample.area).sum(), reached }
+        Plan { chosen, setups, area: part.samples.iter().map(|sample| sample.area).sum(), reached }
     }
 
     #[test]
@@ -217,14 +217,11 @@ mod tests {
 
     #[test]
     fn a_tool_that_is_brought_to_some_poses_reaches_what_it_reaches_there_in_each_set_up() {
-        let block = block();
-        let Part { samples, environment, .. } = Part::sampled(&block, 1.0, 300);
-        let directions = OrientationSet::parse("axes").unwrap().orientations;
-        let tool = SurfaceTool::new(&environment, &flat().into(), 0.1).unwrap();
-        let access = surface_access(&tool, &samples, &directions, Control::quiet()).unwrap();
-        let limits = Limits::parse("cone:0,0,1:90").unwrap();
-        let setups: Vec<PartSetup> =
-            AXES.iter().flat_map(|&up| PartSetup::all(&block, up, &directions, &limits, false)).collect();
+        let part = Part::sampled(&block(), 1.0, 300);
+        let (samples, directions) = (&part.samples, orientations("axes"));
+        let tool = part.surface_tool(&flat());
+        let access = part.access(&tool, &directions);
+        let setups = setups(&AXES, &directions, "cone:0,0,1:90");
         const MIDDLE: DVec3 = DVec3::new(20.0, 15.0, 7.5);
         // The part's half that is up is out of reach.
         let brought = |setup: &PartSetup| {
@@ -233,11 +230,11 @@ mod tests {
             tool.clone().limited(Arc::new(limit))
         };
         let tools = [SetupTool { access: &access, brought: Some(&brought) }];
-        let found = reached_in_setups(&tools, &samples, &directions, &setups, Control::quiet()).unwrap();
+        let found = reached_in_setups(&tools, samples, &directions, &setups, Control::quiet()).unwrap();
         let mut fewer = 0;
         for (index, setup) in setups.iter().enumerate() {
             let own = setup.directions.iter().map(|&at| directions[at]).collect::<Vec<_>>();
-            let expected = surface_access(&brought(setup), &samples, &own, Control::quiet()).unwrap();
+            let expected = part.access(&brought(setup), &own);
             for (sample, reach) in expected.reach.iter().enumerate() {
                 let reached = matches!(reach, SampleReach::Reached { .. });
                 assert_eq!(found.contains(index, sample), reached, "{setup:?} {sample}");

@@ -1,5 +1,7 @@
 //! Parts of several bodies: what lies between them is not a surface, whichever way their triangles face.
 
+use glam::DMat4;
+
 use super::*;
 
 /// Two blocks of 20 × 20 × 20 side by side along x, in one mesh with common corners.

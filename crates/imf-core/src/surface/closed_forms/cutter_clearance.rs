@@ -13,10 +13,7 @@ fn a_cutter_keeps_its_clearance_from_a_clamp_beside_the_part() {
             let tool = flat(3.0).offset(&room).unwrap();
             let top = top_among(&clamp, &tool, pitch, false, tolerance);
             // The cutter's edge stays 3 before the clamp; centres lie up to half a pitch behind its face.
-            assert!(
-                (top - (30.0 - cutter) / 30.0).abs() < (0.5 * pitch + 0.8) / 30.0,
-                "{pitch} {cutter}: {top}"
-            );
+            assert_near(top, (30.0 - cutter) / 30.0, (0.5 * pitch + 0.8) / 30.0, (pitch, cutter));
         }
     }
 }
@@ -34,8 +31,7 @@ fn top_among(fixtures: &[Mesh], tool: &Assembly, pitch: f64, conservative: bool,
     let environment = CollisionEnvironment::new(&part, &fixtures);
     let samples = SurfaceSamples::new(&mesh, environment.part(), SAMPLES).samples;
     let tool = SurfaceTool::new(&environment, tool, tolerance).unwrap();
-    let above = OrientationSet::parse(DOWN).unwrap().orientations;
-    let reach = surface_access(&tool, &samples, &above, Control::quiet()).unwrap().reach;
+    let reach = surface_access(&tool, &samples, &orientations(DOWN), Control::quiet()).unwrap().reach;
     SampleVerdicts { samples: &samples, tool, reach }.reached(|sample| sample.normal.z > 0.9)
 }
 

@@ -3,13 +3,11 @@
 use glam::{DMat4, DVec2};
 
 use super::*;
-use crate::orientation::OrientationSet;
+use crate::mesh::Mesh;
 use crate::parts::shell::{circle, pocketed, rounded_rectangle};
-use crate::section::test_shapes::{line, revolved};
+use crate::section::test_shapes::{line, orientations, revolved};
 use crate::surface::closed_forms::Part;
-use crate::surface::{default_tolerance, surface_access};
 use crate::tool::{Clearance, Segment, Tool};
-use crate::unit::LengthUnit;
 
 /// Cutter of 8 and shank, set to 20, in a holder of two parts.
 fn tool(cutter: Vec<Segment>, shank: f64, holder: [Segment; 2]) -> Tool {
@@ -23,14 +21,24 @@ fn tool(cutter: Vec<Segment>, shank: f64, holder: [Segment; 2]) -> Tool {
 
 impl Part {
     fn tool(&self, tool: &Tool, clearance: &Clearance) -> StickOutTool {
-        let tolerance = default_tolerance(self.pitch, LengthUnit::Mm);
-        StickOutTool::new(&self.environment, &tool.offset(clearance).unwrap(), tolerance).unwrap()
+        StickOutTool::new(&self.environment, &tool.offset(clearance).unwrap(), self.tolerance()).unwrap()
     }
 
-    fn find(&self, tool: &StickOutTool, directions: &str) -> Vec<StickOut> {
-        let directions = OrientationSet::parse(directions).unwrap().orientations;
-        shortest_stick_outs(tool, &self.samples, &directions, Control::quiet()).unwrap()
+    fn find(&self, tool: &StickOutTool, directions: &[Orientation]) -> Vec<StickOut> {
+        shortest_stick_outs(tool, &self.samples, directions, Control::quiet()).unwrap()
     }
+}
+
+/// A block with a pocket of 14 × 16 and a depth of 13.
+fn block() -> Mesh {
+    let pocket = rounded_rectangle(DVec2::new(7.0, 4.0), DVec2::new(21.0, 20.0), 3.0, 6);
+    pocketed(DVec3::new(40.0, 24.0, 22.0), &pocket, 13.0)
+}
+
+/// A block with a pocket of 18 × 18 and a depth of 14.
+fn square() -> Mesh {
+    let pocket = rounded_rectangle(DVec2::splat(6.0), DVec2::splat(24.0), 4.0, 8);
+    pocketed(DVec3::new(30.0, 30.0, 20.0), &pocket, 14.0)
 }
 
 /// Shank and holder, set to a length, hold nothing: the definition.
@@ -48,17 +56,15 @@ fn is_free(
 
 #[test]
 fn the_floor_of_a_pocket_takes_its_depth_and_a_narrow_nose_less() {
-    let pocket = rounded_rectangle(DVec2::splat(6.0), DVec2::splat(24.0), 4.0, 8);
-    let mesh = pocketed(DVec3::new(30.0, 30.0, 20.0), &pocket, 14.0);
     let cutter = || vec![line(0.0, 8.0, 2.0, 2.0)];
     for pitch in [1.0, 0.5, 0.25] {
-        let part = Part::sampled(&mesh, pitch, 800);
+        let part = Part::sampled(&square(), pitch, 800);
         let wide = tool(cutter(), 2.0, [line(20.0, 24.0, 16.0, 16.0), line(24.0, 50.0, 20.0, 20.0)]);
         // Its nose of 5 goes into the pocket with room to spare in the middle.
         let nose = tool(cutter(), 2.0, [line(20.0, 24.0, 4.0, 4.0), line(24.0, 50.0, 20.0, 20.0)]);
         let clearance = Clearance::around_holder_and_shank(0.5);
         for (tool, expected) in [(&wide, 14.5), (&nose, 10.5)] {
-            let found = part.find(&part.tool(tool, &clearance), "0,0");
+            let found = part.find(&part.tool(tool, &clearance), &orientations("0,0"));
             let mut floor = 0;
             for (sample, found) in part.samples.iter().zip(&found) {
                 let inner = (sample.point.truncate() - 15.0).abs().max_element() < 4.0;
@@ -91,7 +97,7 @@ fn a_shank_thicker_than_the_hole_helps_at_no_length() {
         |s: &SurfaceSample| (s.point.truncate() - 10.0).length() < 0.7 && s.point.z < 6.0 && s.normal.z > 0.9;
     for (shank, reaches) in [(1.8, true), (3.5, false)] {
         let tool = tool(vec![Segment::ball_end(2.0), line(2.0, 8.0, 2.0, 2.0)], shank, holder);
-        let found = part.find(&part.tool(&tool, &Clearance::default()), "0,0");
+        let found = part.find(&part.tool(&tool, &Clearance::default()), &orientations("0,0"));
         let of_floor = part.samples.iter().zip(&found).filter(|(s, _)| deep(s));
         let of_floor: Vec<_> = of_floor.map(|(_, found)| *found).collect();
         // In the middle, where the ball has room.
@@ -107,9 +113,7 @@ fn a_shank_thicker_than_the_hole_helps_at_no_length() {
 /// Free at every answer, colliding one voxel below; a bent part with things on all sides, and holders that narrow again.
 #[test]
 fn every_answer_is_free_and_one_voxel_less_is_not() {
-    let pocket = rounded_rectangle(DVec2::new(7.0, 4.0), DVec2::new(21.0, 20.0), 3.0, 6);
-    let mesh = pocketed(DVec3::new(40.0, 24.0, 22.0), &pocket, 13.0);
-    let mesh = mesh.transformed(&DMat4::from_axis_angle(DVec3::new(0.3, 1.0, 0.2).normalize(), 0.4));
+    let mesh = block().transformed(&DMat4::from_axis_angle(DVec3::new(0.3, 1.0, 0.2).normalize(), 0.4));
     let part = Part::sampled(&mesh, 0.8, 600);
     let waisted = [line(20.0, 26.0, 9.0, 5.0), line(26.0, 30.0, 12.0, 12.0)];
     let cone = [line(20.0, 32.0, 4.0, 10.0), line(32.0, 60.0, 14.0, 14.0)];
@@ -122,11 +126,9 @@ fn every_answer_is_free_and_one_voxel_less_is_not() {
     let mut moved = 0;
     for (tool, clearance) in tools.iter().flat_map(|t| clearances.iter().map(move |c| (t, c))) {
         let prepared = part.tool(tool, clearance);
-        for direction in OrientationSet::parse("axes+fibonacci:9").unwrap().orientations {
+        for direction in orientations("axes+fibonacci:9") {
             let axis = ToolDirection::new(&direction).axis;
-            let found =
-                shortest_stick_outs(&prepared, &part.samples, &[direction], Control::quiet()).unwrap();
-            for found in found.iter().step_by(9) {
+            for found in part.find(&prepared, &[direction]).iter().step_by(9) {
                 let StickOut::Reached { length, tip, .. } = *found else { continue };
                 assert!(is_free(&part, tool, clearance, length, (tip, axis)), "{found:?}");
                 let below = length - part.pitch;
@@ -143,18 +145,17 @@ fn every_answer_is_free_and_one_voxel_less_is_not() {
 /// The best over many directions is the least of those one by one, and no trial in small steps finds less.
 #[test]
 fn the_best_direction_is_the_best_of_each_alone_and_of_trial() {
-    let pocket = rounded_rectangle(DVec2::new(7.0, 4.0), DVec2::new(21.0, 20.0), 3.0, 6);
-    let part = Part::sampled(&pocketed(DVec3::new(40.0, 24.0, 22.0), &pocket, 13.0), 1.0, 120);
+    let part = Part::sampled(&block(), 1.0, 120);
     let holder = [line(20.0, 26.0, 7.0, 5.0), line(26.0, 50.0, 9.0, 9.0)];
     let tool = tool(vec![Segment::ball_end(2.5), line(2.5, 8.0, 2.5, 2.5)], 2.5, holder);
     let clearance = Clearance::default();
     let prepared = part.tool(&tool, &clearance);
-    let directions = OrientationSet::parse("axes+fibonacci:34").unwrap().orientations;
-    let together = shortest_stick_outs(&prepared, &part.samples, &directions, Control::quiet()).unwrap();
+    let directions = orientations("axes+fibonacci:34");
+    let together = part.find(&prepared, &directions);
     let mut least = vec![(f64::INFINITY, 0); part.samples.len()];
     let mut blocked = 0;
     for (index, &direction) in directions.iter().enumerate() {
-        let alone = shortest_stick_outs(&prepared, &part.samples, &[direction], Control::quiet()).unwrap();
+        let alone = part.find(&prepared, &[direction]);
         let axis = ToolDirection::new(&direction).axis;
         for (sample, found) in alone.iter().enumerate() {
             if found.length() < least[sample].0 {
@@ -191,21 +192,18 @@ fn the_best_direction_is_the_best_of_each_alone_and_of_trial() {
 /// What a tool reaches as it is set takes no more than that.
 #[test]
 fn as_it_is_set_a_tool_reaches_no_more_than_its_stick_out_allows() {
-    let pocket = rounded_rectangle(DVec2::new(7.0, 4.0), DVec2::new(21.0, 20.0), 3.0, 6);
-    let part = Part::sampled(&pocketed(DVec3::new(40.0, 24.0, 22.0), &pocket, 13.0), 1.0, 900);
-    let tolerance = default_tolerance(part.pitch, LengthUnit::Mm);
-    let directions = OrientationSet::parse("axes+fibonacci:20").unwrap().orientations;
+    let part = Part::sampled(&block(), 1.0, 900);
+    let directions = orientations("axes+fibonacci:20");
     let holder = [line(20.0, 26.0, 7.0, 5.0), line(26.0, 50.0, 9.0, 9.0)];
     for cutter in [vec![Segment::ball_end(2.5), line(2.5, 8.0, 2.5, 2.5)], vec![line(0.0, 8.0, 4.0, 4.0)]] {
         let assembly = tool(cutter, 2.0, holder).with_stick_out(11.0).unwrap();
         let assembly = assembly.offset(&Clearance::around_holder_and_shank(0.4)).unwrap();
-        let prepared = StickOutTool::new(&part.environment, &assembly, tolerance).unwrap();
-        let as_set = SurfaceTool::new(&part.environment, &assembly, tolerance).unwrap();
+        let prepared = StickOutTool::new(&part.environment, &assembly, part.tolerance()).unwrap();
+        let as_set = SurfaceTool::new(&part.environment, &assembly, part.tolerance()).unwrap();
         let (mut reached, mut longer) = (0, 0);
         for &direction in &directions {
-            let least =
-                shortest_stick_outs(&prepared, &part.samples, &[direction], Control::quiet()).unwrap();
-            let access = surface_access(&as_set, &part.samples, &[direction], Control::quiet()).unwrap();
+            let least = part.find(&prepared, &[direction]);
+            let access = part.access(&as_set, &[direction]);
             for (found, reach) in least.iter().zip(&access.reach) {
                 if reach.verdict() == Verdict::Reached {
                     reached += 1;
@@ -221,8 +219,7 @@ fn as_it_is_set_a_tool_reaches_no_more_than_its_stick_out_allows() {
 /// Down into the pocket and along its floor: one length for all poses, as trial finds it.
 #[test]
 fn a_path_takes_the_length_with_which_all_its_poses_are_free() {
-    let pocket = rounded_rectangle(DVec2::splat(6.0), DVec2::splat(24.0), 4.0, 8);
-    let part = Part::sampled(&pocketed(DVec3::new(30.0, 30.0, 20.0), &pocket, 14.0), 0.5, 100);
+    let part = Part::sampled(&square(), 0.5, 100);
     let holder = [line(20.0, 26.0, 8.0, 5.0), line(26.0, 50.0, 12.0, 12.0)];
     let tool = tool(vec![line(0.0, 8.0, 2.0, 2.0)], 2.0, holder);
     let clearance = Clearance::around_holder_and_shank(0.3);
