@@ -96,7 +96,7 @@ impl CoverProblem {
     pub fn beside(&self, other: &Self) -> Self {
         assert_eq!(self.sets(), other.sets());
         let share = |one: &Self| {
-            let whole = one.covered(&(0..one.sets()).collect::<Vec<_>>());
+            let whole = one.coverable();
             // Where no set covers anything there is nothing to choose by.
             let share = |weight: &f64| if whole > 0.0 { weight / whole } else { 0.0 };
             one.weights.iter().map(share).collect::<Vec<_>>()
@@ -140,6 +140,12 @@ impl CoverProblem {
     #[must_use]
     pub fn covered(&self, sets: &[usize]) -> f64 {
         bits::ones(&self.union(sets.iter().copied())).map(|element| self.weights[element]).sum()
+    }
+
+    /// The weight that all sets cover together.
+    #[must_use]
+    pub fn coverable(&self) -> f64 {
+        self.covered(&(0..self.sets()).collect::<Vec<_>>())
     }
 
     /// The elements that these sets hold together.

@@ -1,5 +1,17 @@
 use super::local::Numbers;
 use super::*;
+use crate::orientation::Orientation;
+use crate::section::test_shapes::orientations;
+
+fn problem<const N: usize>(elements: usize, sets: [&[usize]; N]) -> CoverProblem {
+    let mut problem = CoverProblem::new(vec![1.0; elements]);
+    sets.into_iter().for_each(|set| problem.add(set.iter().copied()));
+    problem
+}
+
+fn fewest(problem: &CoverProblem) -> Cover {
+    problem.fewest(&CoverSettings::default(), Control::quiet()).unwrap()
+}
 
 fn random(numbers: &mut Numbers, elements: usize, sets: usize, one_in: usize) -> CoverProblem {
     let mut problem = CoverProblem::new((0..elements).map(|_| numbers.below(10) as f64).collect());
@@ -13,7 +25,7 @@ fn random(numbers: &mut Numbers, elements: usize, sets: usize, one_in: usize) ->
 /// The size of the smallest cover, by trying all.
 fn by_trying_all(problem: &CoverProblem, fraction: f64) -> usize {
     let all: Vec<usize> = (0..problem.sets()).collect();
-    let needed = fraction * problem.covered(&all);
+    let needed = fraction * problem.coverable();
     let size = |choice: u32| choice.count_ones() as usize;
     let enough = |choice: &u32| {
         let sets: Vec<usize> = all.iter().copied().filter(|set| choice >> set & 1 == 1).collect();
@@ -36,8 +48,7 @@ fn covers_are_the_smallest_that_trying_all_finds() {
             let cover = problem.fewest(&settings, Control::quiet()).unwrap();
             assert!(cover.is_proven());
             assert_eq!(cover.sets.len(), by_trying_all(&problem, fraction), "{round} {fraction} {problem:?}");
-            let all: Vec<usize> = (0..problem.sets()).collect();
-            assert!(problem.covered(&cover.sets) >= fraction * problem.covered(&all) - 1e-9);
+            assert!(problem.covered(&cover.sets) >= fraction * problem.coverable() - 1e-9);
         }
     }
 }
@@ -58,9 +69,8 @@ fn the_search_refuses_fewer_sets_than_there_must_be_and_finds_as_many() {
                 assert_eq!(found.is_some(), count >= least, "{round} {fraction} {count} of {least}");
                 if let Some(sets) = found {
                     let sets: Vec<usize> = sets.into_iter().map(|set| set as usize).collect();
-                    let all: Vec<usize> = (0..problem.sets()).collect();
                     assert!(sets.len() <= count);
-                    assert!(problem.covered(&sets) >= fraction * problem.covered(&all) - 1e-9);
+                    assert!(problem.covered(&sets) >= fraction * problem.coverable() - 1e-9);
                 }
             }
         }
@@ -104,24 +114,15 @@ fn any_number_of_threads_finds_the_same() {
 
 #[test]
 fn of_sets_that_do_as_well_the_first_is_taken() {
-    let mut problem = CoverProblem::new(vec![1.0; 6]);
-    problem.add([0, 1, 2]);
-    problem.add([0, 1, 2, 3]);
-    problem.add([3, 4, 5]);
-    problem.add([2, 3, 4, 5]);
-    let cover = problem.fewest(&CoverSettings::default(), Control::quiet()).unwrap();
-    assert_eq!(cover.sets, [0, 2]);
+    let problem = problem(6, [&[0, 1, 2], &[0, 1, 2, 3], &[3, 4, 5], &[2, 3, 4, 5]]);
+    assert_eq!(fewest(&problem).sets, [0, 2]);
 }
 
 #[test]
 fn where_greedy_takes_a_third_set_two_are_found_and_proven() {
-    let mut problem = CoverProblem::new(vec![1.0; 14]);
-    problem.add([0, 1, 2, 3, 7, 8, 9, 10]);
-    problem.add([4, 5, 11, 12]);
-    problem.add([6, 13]);
-    problem.add(0..7);
-    problem.add(7..14);
-    let cover = problem.fewest(&CoverSettings::default(), Control::quiet()).unwrap();
+    let halves: [&[usize]; 2] = [&[0, 1, 2, 3, 4, 5, 6], &[7, 8, 9, 10, 11, 12, 13]];
+    let problem = problem(14, [&[0, 1, 2, 3, 7, 8, 9, 10], &[4, 5, 11, 12], &[6, 13], halves[0], halves[1]]);
+    let cover = fewest(&problem);
     assert_eq!((cover.sets.as_slice(), cover.at_least), (&[3, 4][..], 2));
     assert_eq!(problem.covered_alone(&cover.sets), [7.0, 7.0]);
 }
@@ -132,16 +133,16 @@ fn what_no_set_contains_need_not_be_covered() {
     problem.add([]);
     problem.add([0]);
     problem.add([2, 0]);
-    let cover = problem.fewest(&CoverSettings::default(), Control::quiet()).unwrap();
-    assert_eq!(cover.sets, [2]);
-    let empty = CoverProblem::new(vec![1.0]).fewest(&CoverSettings::default(), Control::quiet()).unwrap();
+    assert_eq!(fewest(&problem).sets, [2]);
+    let empty = fewest(&CoverProblem::new(vec![1.0]));
     assert!(empty.sets.is_empty() && empty.is_proven());
 }
 
 /// Directions all around that each see a cap of a ball, but for some places: as a tool sees a part's surface.
 fn caps(elements: usize, sets: usize, half_angle: f64) -> CoverProblem {
-    let spread = |n: usize| crate::orientation::OrientationSet::parse(&format!("fibonacci:{n}")).unwrap();
-    let directions = |n: usize| spread(n).orientations.into_iter().map(|o| o.direction()).collect::<Vec<_>>();
+    let directions = |n: usize| {
+        orientations(&format!("fibonacci:{n}")).iter().map(Orientation::direction).collect::<Vec<_>>()
+    };
     let (normals, mut numbers) = (directions(elements), Numbers(11));
     let mut problem = CoverProblem::new(vec![1.0; elements]);
     for direction in directions(sets) {
@@ -157,8 +158,7 @@ fn caps(elements: usize, sets: usize, half_angle: f64) -> CoverProblem {
 #[test]
 fn caps_of_a_ball_are_covered_by_a_proven_few() {
     // Four corners of a tetrahedron see all of a ball, three caps of 80° do not.
-    let problem = caps(500, 100, 80.0);
-    let cover = problem.fewest(&CoverSettings::default(), Control::quiet()).unwrap();
+    let cover = fewest(&caps(500, 100, 80.0));
     assert_eq!((cover.sets.len(), cover.at_least), (4, 4));
 }
 
@@ -176,12 +176,12 @@ fn two_universes_weigh_the_same_side_by_side() {
     assert_eq!(both.covered(&[1]), 0.25 + 0.75);
     assert_eq!(both.covered(&[2]), 1.0);
     assert_eq!(both.covered(&[0, 1]), 2.0);
-    let cover = both.fewest(&CoverSettings::default(), Control::quiet()).unwrap();
+    let cover = fewest(&both);
     assert_eq!((cover.sets.len(), cover.is_proven()), (2, true));
     // What no set covers chooses nothing.
     let mut none = CoverProblem::new(vec![7.0]);
     (0..3).for_each(|_| none.add(vec![]));
     let both = one.beside(&none);
     assert_eq!((both.covered(&[0]), both.covered(&[2])), (0.75, 1.0));
-    assert_eq!(both.fewest(&CoverSettings::default(), Control::quiet()).unwrap().sets, [2]);
+    assert_eq!(fewest(&both).sets, [2]);
 }

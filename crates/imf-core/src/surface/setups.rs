@@ -97,9 +97,8 @@ pub fn fewest_setups(
 ) -> Option<Cover> {
     assert_eq!(setups.len(), problem.sets());
     let mut cover = problem.fewest(settings, control)?;
-    let coverable = problem.covered(&(0..setups.len()).collect::<Vec<_>>());
     // Sums in another order differ in their last digits.
-    let enough = problem.covered(&cover.sets).min(settings.fraction * coverable * (1.0 + 1e-12));
+    let enough = problem.covered(&cover.sets).min(settings.fraction * problem.coverable() * (1.0 + 1e-12));
     let standing: Vec<usize> = (0..setups.len()).filter(|&index| setups[index].rests).collect();
     for at in 0..cover.sets.len() {
         if setups[cover.sets[at]].rests {
