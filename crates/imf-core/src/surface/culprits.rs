@@ -7,7 +7,7 @@
 //! poses fixed, `J` is linear in the material of each voxel, so that [`culprits`] is its exact derivative: what J loses when a
 //! voxel goes.
 
-use glam::{DQuat, DVec3};
+use glam::DVec3;
 
 use super::contact::{ContactFrame, Touch};
 use super::{Revolved, Shape, SurfaceError, SurfaceSample, SurfaceTool, ToolDirection};
@@ -24,9 +24,8 @@ use crate::tool::{Element, ElementKind, ToolShape};
 pub struct MinimumOverlap {
     /// The direction's number.
     pub direction: u32,
-    /// Position of the tip, in the grid's unit.
-    pub tip: DVec3,
-    rotation: DQuat,
+    /// The pose, in the grid's unit.
+    pub pose: Pose,
     /// Number of solid voxels that obstruct cutter, shank and holder together.
     pub voxels: u32,
     /// Number of those that obstruct the cutter.
@@ -124,9 +123,9 @@ impl SurfaceTool {
         let mut least: Option<MinimumOverlap> = None;
         for (direction, turn) in turns.iter().enumerate() {
             self.contact_tips(sample, turn, |tip| {
-                let [voxels, of_cutter] = self.overlap(&Pose::new(tip, turn.rotation));
-                let (direction, rotation) = (direction as u32, turn.rotation);
-                let here = MinimumOverlap { direction, tip, rotation, voxels, of_cutter };
+                let pose = Pose::new(tip, turn.rotation);
+                let [voxels, of_cutter] = self.overlap(&pose);
+                let here = MinimumOverlap { direction: direction as u32, pose, voxels, of_cutter };
                 if least.is_none_or(|before| here.key() < before.key()) {
                     least = Some(here);
                 }
@@ -138,13 +137,12 @@ impl SurfaceTool {
     /// What collides at such a pose with what, the largest volume first.
     #[must_use]
     pub fn collisions(&self, at: &MinimumOverlap) -> Vec<ElementCollision> {
-        let pose = Pose::new(at.tip, at.rotation);
         let mut found = Vec::new();
         let mut try_one = |element: &Element, body: usize, solid: &SolidField| {
-            let Some(voxels) = solid.count(&pose).filter(|&voxels| voxels > 0) else { return };
+            let Some(voxels) = solid.count(&at.pose).filter(|&voxels| voxels > 0) else { return };
             let is_cutter = element.kind == ElementKind::Cutter;
             let (mut depth, mut slimmer) = (0.0_f64, 0.0_f64);
-            element.visit_inside(solid.voxels().occupancy(), &pose, |_, height, radius| {
+            element.visit_inside(solid.voxels().occupancy(), &at.pose, |_, height, radius| {
                 depth = depth.max(element.depth(height, radius, !is_cutter));
                 slimmer = slimmer.max(element.radius_at(height) - radius);
             });
@@ -203,10 +201,10 @@ pub fn culprits(
     let grid = revolved.cutter.voxels().occupancy().grid;
     let elements = revolved.elements(&tool.elements);
     let in_the_way = |_: &mut (), &(area, at): &(f64, MinimumOverlap)| {
-        let pose = Pose::new(at.tip, at.rotation);
         let mut blamed: Vec<(usize, f64)> = Vec::new();
         for (element, solid) in &elements {
-            element.visit_inside(solid.voxels().occupancy(), &pose, |voxel, _, _| blamed.push((voxel, area)));
+            element
+                .visit_inside(solid.voxels().occupancy(), &at.pose, |voxel, _, _| blamed.push((voxel, area)));
         }
         blamed
     };
@@ -262,10 +260,7 @@ mod tests {
         let obstruction = |solid: &Occupancy| -> f64 {
             let environment = CollisionEnvironment::new(&Arc::new(solid.clone()).into(), &[]);
             let tool = SurfaceTool::new(&environment, &short().into(), 0.1).unwrap();
-            poses
-                .iter()
-                .map(|(area, at)| area * f64::from(tool.overlap(&Pose::new(at.tip, at.rotation))[0]))
-                .sum()
+            poses.iter().map(|(area, at)| area * f64::from(tool.overlap(&at.pose)[0])).sum()
         };
         assert!(poses.iter().all(|(_, at)| at.voxels > 0));
         let (grid, blame) = culprits(&tool_here, &poses, no).unwrap().unwrap();
@@ -295,7 +290,7 @@ mod tests {
         let ToolShape::Revolved(elements) = short().shape else { panic!() };
         for hit in &found {
             let element = elements.iter().find(|e| e.kind == hit.kind).unwrap();
-            let pose = Pose::new(poses[0].1.tip, poses[0].1.rotation);
+            let pose = poses[0].1.pose;
             let axis = pose.axis().unwrap();
             let inside = (0..grid.len()).filter(|&v| solid.solid[v] != 0).filter_map(|voxel| {
                 let offset = grid.centre(grid.voxel(voxel)) - pose.position;

@@ -85,6 +85,6 @@ impl OnMachine {
             return None;
         }
         let axis = orientations.orientations[at.direction as usize].direction();
-        self.reach.get(index)?.fault(at.tip, axis)
+        self.reach.get(index)?.fault(at.pose.position, axis)
     }
 }
