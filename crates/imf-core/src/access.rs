@@ -103,10 +103,8 @@ pub(crate) mod tests {
     use super::*;
     use crate::grid::Grid;
     use crate::occupancy::Occupancy;
-    use crate::orientation::OrientationSet;
-    use crate::section::ToolPoints;
-    use crate::section::sections;
-    use crate::section::test_shapes::{cylinder, revolved};
+    use crate::section::test_shapes::{cylinder, orientations, revolved, voxels};
+    use crate::section::{ToolPoints, sections};
     use crate::tool::{ElementKind, Segment, Tool};
 
     /// A cutter of radius 1.2 and length 5 in a holder of radius 2.7 up to 9.
@@ -120,14 +118,11 @@ pub(crate) mod tests {
     /// A block with a slot that opens towards +z, and a loose voxel above.
     pub(crate) fn slotted() -> Occupancy {
         let grid = Grid { origin: DVec3::new(-1.0, 2.0, 0.5), pitch: 1.0, dims: [13, 11, 12] };
-        let mut occupancy = Occupancy::empty(grid);
-        for index in 0..grid.len() {
-            let [x, y, z] = grid.voxel(index);
+        voxels(grid, |[x, y, z]| {
             let block = (1..12).contains(&x) && (1..10).contains(&y) && (1..9).contains(&z);
             let slot = (5..8).contains(&x) && z >= 3;
-            occupancy.solid[index] = u8::from(block && !slot || [x, y, z] == [6, 5, 11]);
-        }
-        occupancy
+            block && !slot || [x, y, z] == [6, 5, 11]
+        })
     }
 
     #[test]
@@ -135,7 +130,7 @@ pub(crate) mod tests {
         let obstacle = slotted();
         let query = obstacle.grid.padded([2, 1, 0], [-1, 3, 2]).unwrap();
         let plan = SectionPlan::with_query(&obstacle, small_tool(), ToolPoints::SharpPoints, &query).unwrap();
-        let orientations = OrientationSet::parse("fibonacci:23").unwrap().orientations;
+        let orientations = orientations("fibonacci:23");
         let all = sections(&plan, &orientations, Control::quiet()).unwrap();
         for (tau, threads) in [(0.0, 1), (0.07, 3)] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -152,7 +147,7 @@ pub(crate) mod tests {
     #[test]
     fn together_is_the_least_over_tools() {
         let obstacle = slotted();
-        let orientations = OrientationSet::parse("fibonacci:9").unwrap().orientations;
+        let orientations = orientations("fibonacci:9");
         let access = [small_tool(), cylinder(0.6, 9.0)].map(|tool| {
             let plan = SectionPlan::new(&obstacle, &tool, ToolPoints::SharpPoints).unwrap();
             tool_access(&plan, &orientations, 0.0, Control::quiet()).unwrap()

@@ -3,9 +3,9 @@
 use super::*;
 use crate::field::ExactField;
 use crate::occupancy::Occupancy;
-use crate::orientation::{Orientation, OrientationSet};
+use crate::orientation::Orientation;
 use crate::pose::Pose;
-use crate::section::test_shapes::{arc, line, revolved};
+use crate::section::test_shapes::{self, arc, line, orientations, revolved};
 use crate::tool::{Clearance, ElementKind};
 
 /// A ball end of radius 2 and 8 long, a shank, and a holder that is wider.
@@ -21,10 +21,7 @@ fn mill() -> Tool {
 fn voxels(size: f64, is_solid: impl Fn(DVec3) -> bool) -> Occupancy {
     let dims = [(size / 0.5) as usize; 3];
     let grid = Grid { origin: DVec3::splat(-0.5 * size), pitch: 0.5, dims };
-    Occupancy {
-        grid,
-        solid: (0..grid.len()).map(|i| u8::from(is_solid(grid.centre(grid.voxel(i))))).collect(),
-    }
+    test_shapes::voxels(grid, |voxel| is_solid(grid.centre(voxel)))
 }
 
 fn empty(solid: &Occupancy) -> Vec<usize> {
@@ -36,7 +33,7 @@ fn counted(obstacle: &Obstacle, assembly: &Assembly, points: &[usize], direction
     let grid = *obstacle.grid();
     let found = certify(obstacle, assembly, &grid, points, Control::quiet()).unwrap();
     let exact = ExactField::new(obstacle, assembly.clone());
-    let set = OrientationSet::parse(directions).unwrap().orientations;
+    let set = orientations(directions);
     let mut numbers = [0; 3];
     for (&point, found) in points.iter().zip(&found) {
         let tip = grid.centre(grid.voxel(point));

@@ -305,14 +305,14 @@ mod tests {
         assert_eq!(set("0,0;12,6")[1], Orientation::new(12.0, 6.0));
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("axes.csv");
-        std::fs::write(&path, "i,j,k\n0,0,2\n1,0,0\n").unwrap();
-        let read = OrientationSet::parse(path.to_str().unwrap()).unwrap();
-        assert_eq!(read.orientations[1].direction(), DVec3::X);
-        std::fs::write(&path, "index,theta,phi,roll\n0,30,40,50\n1,0,90,0\n").unwrap();
-        let read = OrientationSet::parse(path.to_str().unwrap()).unwrap();
-        assert_eq!(read.orientations[0], Orientation { theta: 30.0, phi: 40.0, roll: 50.0 });
-        std::fs::write(&path, "theta,phi\n0,10\n0,190\n").unwrap();
-        let error = OrientationSet::parse(path.to_str().unwrap()).unwrap_err().to_string();
+        let read = |text: &str| {
+            std::fs::write(&path, text).unwrap();
+            OrientationSet::parse(path.to_str().unwrap()).map(|read| read.orientations)
+        };
+        assert_eq!(read("i,j,k\n0,0,2\n1,0,0\n").unwrap()[1].direction(), DVec3::X);
+        let rolled = read("index,theta,phi,roll\n0,30,40,50\n1,0,90,0\n").unwrap();
+        assert_eq!(rolled[0], Orientation { theta: 30.0, phi: 40.0, roll: 50.0 });
+        let error = read("theta,phi\n0,10\n0,190\n").unwrap_err().to_string();
         assert!(error.contains("line 3") && error.contains("190"), "{error}");
     }
 

@@ -99,11 +99,9 @@ mod tests {
         let mesh = mesh();
         let unit = HEIGHT_MM / HEIGHT;
         let at = |x: f64, z: f64| winding_number(&mesh, DVec3::new(z, 0.02, x) * unit);
-        for (name, x, z) in [("belly", 0.0, 1.0), ("foot", 1.2, 0.1), ("knob", 0.0, 3.05), ("lid", 0.9, 2.46)]
-        {
-            assert!(at(x, z) > 0.5, "{name}: {}", at(x, z));
-        }
-        for (name, x, z) in [("grip", -2.83, 1.8), ("upper grip", -2.2, 2.13), ("spout", 2.5, 1.7)] {
+        let body = [("belly", 0.0, 1.0), ("foot", 1.2, 0.1), ("knob", 0.0, 3.05), ("lid", 0.9, 2.46)];
+        let tubes = [("grip", -2.83, 1.8), ("upper grip", -2.2, 2.13), ("spout", 2.5, 1.7)];
+        for (name, x, z) in body.into_iter().chain(tubes) {
             assert!(at(x, z) > 0.5, "{name}: {}", at(x, z));
         }
         for (name, x, z) in

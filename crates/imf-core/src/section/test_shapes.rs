@@ -63,6 +63,12 @@ pub(crate) fn number(random: &mut ChaCha8Rng) -> f64 {
     f64::from(random.next_u32()) / f64::from(u32::MAX)
 }
 
+/// A grid's voxels that are solid.
+pub(crate) fn voxels(grid: Grid, is_solid: impl Fn([usize; 3]) -> bool) -> Occupancy {
+    let solid = (0..grid.len()).map(|index| u8::from(is_solid(grid.voxel(index)))).collect();
+    Occupancy { grid, solid }
+}
+
 pub(crate) fn orientations(set: &str) -> Vec<Orientation> {
     OrientationSet::parse(set).unwrap().orientations
 }

@@ -230,12 +230,11 @@ mod tests {
 
     use super::*;
     use crate::grid::Grid;
-    use crate::orientation::OrientationSet;
     use crate::parts::shell::{pocketed, rounded_rectangle};
-    use crate::section::test_shapes::revolved;
-    use crate::surface::{CollisionEnvironment, SurfaceSamples, surface_access};
+    use crate::section::test_shapes::{orientations, revolved, voxels};
+    use crate::surface::CollisionEnvironment;
+    use crate::surface::closed_forms::Part;
     use crate::tool::{ElementKind, Segment};
-    use crate::voxelize::voxelize;
 
     fn crib() -> Vec<Tool> {
         let cutters = [
@@ -268,28 +267,20 @@ mod tests {
         let mesh = pocketed(glam::DVec3::new(40.0, 24.0, 22.0), &pocket, 16.0);
         let grid =
             Grid::with_pitch(glam::DVec3::splat(-0.3), glam::DVec3::new(40.3, 24.3, 22.3), 1.0, 1).unwrap();
-        let solid = Arc::new(voxelize(&mesh, &grid, false));
-        let samples = SurfaceSamples::new(&mesh, &solid, 700).samples;
-        let clamp = Grid { ..grid };
-        let mut held = crate::occupancy::Occupancy::empty(clamp);
-        for (index, s) in held.solid.iter_mut().enumerate() {
-            let [x, y, z] = clamp.voxel(index);
-            *s = u8::from(x < 4 && y < 8 && z > 20);
-        }
-        let environment = CollisionEnvironment::new(&solid.into(), &[Arc::new(held)]);
-        let tools: Vec<SurfaceTool> = crib()
-            .into_iter()
-            .map(|tool| SurfaceTool::new(&environment, &tool.into(), 0.1).unwrap())
-            .collect();
+        let mut part = Part::on(&grid, &mesh, 700);
+        let clamp = voxels(grid, |[x, y, z]| x < 4 && y < 8 && z > 20);
+        let solid = Arc::new(part.environment.part().clone());
+        part.environment = CollisionEnvironment::new(&solid.into(), &[Arc::new(clamp)]);
+        let tools: Vec<SurfaceTool> = crib().iter().map(|tool| part.surface_tool(tool)).collect();
         // A slimmer shank is another shoulder of a slot cutter, and where the shank is as wide as the cutter there is none.
         let mut sizes: Vec<usize> = same_cutters(&tools).iter().map(Vec::len).collect();
         sizes.sort_unstable();
         assert_eq!(sizes, [1, 1, 1, 4, 4, 4, 5]);
-        let directions = OrientationSet::parse("axes+fibonacci:40").unwrap().orientations;
-        let together = crib_access(&tools, &samples, &directions, Control::quiet()).unwrap();
+        let directions = orientations("axes+fibonacci:40");
+        let together = crib_access(&tools, &part.samples, &directions, Control::quiet()).unwrap();
         let mut counts = [0; 4];
         for (tool, together) in tools.iter().zip(&together) {
-            let alone = surface_access(tool, &samples, &directions, Control::quiet()).unwrap();
+            let alone = part.access(tool, &directions);
             for (index, (reach, together)) in alone.reach.iter().zip(together).enumerate() {
                 assert_eq!(reach.verdict(), *together, "{index}");
                 counts[*together as usize] += 1;
@@ -299,6 +290,6 @@ mod tests {
         assert!(counts[..3].iter().all(|&count| count > 100), "{counts:?}");
         // The same in another order.
         let backwards: Vec<_> = directions.iter().rev().copied().collect();
-        assert_eq!(crib_access(&tools, &samples, &backwards, Control::quiet()).unwrap(), together);
+        assert_eq!(crib_access(&tools, &part.samples, &backwards, Control::quiet()).unwrap(), together);
     }
 }

@@ -73,11 +73,8 @@ impl CollisionEnvironment {
     #[doc(hidden)]
     pub fn of_bodies(spec: &SceneSpec<'_>, bodies: &Bodies) -> Result<Self, SceneError> {
         let grid = &bodies.part.grid;
-        let on_grid = |voxels: &Occupancy| {
-            let mut all = Occupancy::empty(*grid);
-            all.add(voxels);
-            Arc::new(all)
-        };
+        let on_grid =
+            |voxels: &Occupancy| Arc::new(voxels.on(grid).unwrap_or_else(|| Occupancy::empty(*grid)));
         let keep_out = on_grid(&bodies.part);
         let centres = if spec.conservative {
             let mesh = spec.mesh.transformed(&spec.transform);

@@ -62,8 +62,7 @@ impl InnerBalls {
 mod tests {
     use super::*;
     use crate::field::solid::SolidField;
-    use crate::orientation::OrientationSet;
-    use crate::section::test_shapes::scattered;
+    use crate::section::test_shapes::{orientations, scattered};
     use crate::surface::closed_forms::solids::{extruded, of_mesh};
     use std::sync::Arc;
 
@@ -83,8 +82,7 @@ mod tests {
         assert!(balls.0.len() > 8);
         let (mut hit, mut collides) = (0, 0);
         let grid = voxels.occupancy().grid;
-        for (index, orientation) in OrientationSet::parse("so3:150").unwrap().orientations.iter().enumerate()
-        {
+        for (index, orientation) in orientations("so3:150").iter().enumerate() {
             let part = |step: f64| (index as f64 * step).fract() * 1.6 - 0.3;
             let tip = grid.origin + DVec3::new(part(0.618), part(0.755), part(0.57)) * grid.size();
             let pose = Pose::oriented(tip, orientation);

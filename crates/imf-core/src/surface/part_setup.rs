@@ -121,16 +121,14 @@ pub(super) fn words(indices: &[usize], count: usize) -> Vec<u64> {
 
 #[cfg(test)]
 mod tests {
-    use glam::DMat4;
-
     use super::*;
     use crate::mesh::tests::unit_cube;
-    use crate::orientation::OrientationSet;
+    use crate::section::test_shapes::orientations;
 
     /// Where C turns a quarter only, it depends on how the part is turned what the tool reaches: every turn by brute force.
     #[test]
     fn no_turn_of_the_part_reaches_more_than_the_set_ups_that_are_given() {
-        let part = unit_cube().transformed(&DMat4::from_scale(DVec3::new(40.0, 30.0, 15.0)));
+        let part = Mesh::cuboid(DVec3::ZERO, DVec3::new(40.0, 30.0, 15.0));
         for (limits, several) in [
             ("ac:-20:100:0:90", true),
             ("bc:60:110:-30:15", true),
@@ -140,7 +138,7 @@ mod tests {
             ("cone:0,0,1:70", false),
         ] {
             let limits = Limits::parse(limits).unwrap();
-            let directions = OrientationSet::parse("axes+fibonacci:90").unwrap().orientations;
+            let directions = orientations("axes+fibonacci:90");
             for up in [DVec3::Z, DVec3::NEG_X, DVec3::new(0.48, -0.6, 0.64)] {
                 let setups = PartSetup::all(&part, up, &directions, &limits, false);
                 assert_eq!(setups.len() > 1, several, "{limits} {up}");
@@ -180,7 +178,7 @@ mod tests {
 
     #[test]
     fn all_quarter_turns_are_there_where_they_are_asked_for() {
-        let directions = OrientationSet::parse("axes").unwrap().orientations;
+        let directions = orientations("axes");
         for limits in ["cone:0,0,1:0", "ac:-20:100:-360:360"] {
             let limits = Limits::parse(limits).unwrap();
             let setups = PartSetup::all(&unit_cube(), DVec3::Z, &directions, &limits, true);
@@ -191,7 +189,7 @@ mod tests {
 
     #[test]
     fn a_part_is_placed_with_the_middle_of_its_foot_at_zero() {
-        let part = unit_cube().transformed(&DMat4::from_scale(DVec3::new(40.0, 30.0, 15.0)));
+        let part = Mesh::cuboid(DVec3::ZERO, DVec3::new(40.0, 30.0, 15.0));
         let setup =
             PartSetup { up: DVec3::X, turn: 90.0, directions: Vec::new(), rests: true, floor_area: 450.0 };
         let place = setup.place(&part);

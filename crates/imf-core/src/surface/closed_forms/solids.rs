@@ -40,7 +40,7 @@ pub(super) fn slotted(throat: f64, head: [f64; 2]) -> Mesh {
     let (t, bottom, top) = (throat / 2.0, head[0] / 2.0, head[1] / 2.0);
     let x = |offset: f64| 20.0 + offset;
     // (z, x): up the left side would be clockwise; from the origin along z is against it.
-    let profile = [
+    let mut profile = vec![
         [0.0, 0.0],
         [20.0, 0.0],
         [20.0, x(-t)],
@@ -54,17 +54,12 @@ pub(super) fn slotted(throat: f64, head: [f64; 2]) -> Mesh {
         [20.0, 40.0],
         [0.0, 40.0],
     ];
-    let mut mesh = extruded(&dedup(&profile), 20.0);
+    profile.dedup();
+    let mut mesh = extruded(&profile, 20.0);
     if mesh.signed_volume() < 0.0 {
         mesh.triangles.iter_mut().for_each(|t| t.swap(1, 2));
     }
     mesh
-}
-
-fn dedup(profile: &[[f64; 2]]) -> Vec<[f64; 2]> {
-    let mut profile = profile.to_vec();
-    profile.dedup();
-    profile
 }
 
 /// A block of 30 × 30 × 20 with a spherical dimple of a radius in the middle of its top.

@@ -1,7 +1,7 @@
 //! The skyline against the solid that it is of.
 
 use crate::grid::Grid;
-use crate::section::test_shapes::{arc, line};
+use crate::section::test_shapes::{arc, line, voxels};
 use crate::surface::skyline::*;
 
 /// A cone, a collar that narrows again, a waist, and a round flange.
@@ -53,13 +53,11 @@ fn a_body_holds_points_down_to_where_it_is_narrower() {
 #[test]
 fn it_is_the_first_free_place_on_the_way_up() {
     let grid = Grid { origin: DVec3::new(-3.0, 1.0, 0.5), pitch: 0.5, dims: [23, 17, 19] };
-    let mut solid = Occupancy::empty(grid);
-    for (index, s) in solid.solid.iter_mut().enumerate() {
-        let [x, y, z] = grid.voxel(index);
-        // Towers, and a ceiling with holes that a body may stand below.
+    // Towers, and a ceiling with holes that a body may stand below.
+    let solid = voxels(grid, |[x, y, z]| {
         let tower = z < (x * x + 3 * y + x * y * y) % 11 && (x + y) % 7 == 0;
-        *s = u8::from(tower || z == 18 && x > 8 && y > 4);
-    }
+        tower || z == 18 && x > 8 && y > 4
+    });
     let centres: Vec<DVec3> =
         (0..solid.solid.len()).filter(|&i| solid.solid[i] != 0).map(|i| grid.centre(grid.voxel(i))).collect();
     // Nothing here is thick.
@@ -105,7 +103,5 @@ fn nothing_solid_leaves_the_least() {
 #[test]
 fn the_inside_of_a_block_is_no_boundary() {
     let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [5, 6, 7] };
-    let mut solid = Occupancy::empty(grid);
-    solid.solid.fill(1);
-    assert_eq!(boundary(&solid).len(), 5 * 6 * 7 - 3 * 4 * 5);
+    assert_eq!(boundary(&voxels(grid, |_| true)).len(), 5 * 6 * 7 - 3 * 4 * 5);
 }
