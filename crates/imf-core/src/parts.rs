@@ -138,9 +138,11 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn our_own_parts_fill_their_grids_on_every_axis() {
+    fn our_own_parts_are_closed_and_fill_their_grids_on_every_axis() {
         for part in ReferencePart::ALL.into_iter().filter(|part| !part.is_papers_own()) {
-            let (lower, upper) = part.mesh().bounds().unwrap();
+            let mesh = part.mesh();
+            assert_eq!(open_edges(&mesh), 0, "{part}");
+            let (lower, upper) = mesh.bounds().unwrap();
             let grid = Grid::with_pitch(lower, upper, 1.0, 0).unwrap();
             assert_eq!(grid.dims, part.dims(), "{part}: from {lower} to {upper}");
         }
@@ -157,13 +159,6 @@ pub(crate) mod tests {
             mesh.triangles.iter().flatten().for_each(|&v| used[v as usize] = true);
             assert!(used.iter().all(|&u| u), "{part}: a vertex that no triangle uses");
             assert_eq!(mesh, part.mesh(), "{part}");
-        }
-    }
-
-    #[test]
-    fn our_own_parts_are_closed() {
-        for part in ReferencePart::ALL.into_iter().filter(|part| !part.is_papers_own()) {
-            assert_eq!(open_edges(&part.mesh()), 0, "{part}");
         }
     }
 

@@ -134,15 +134,17 @@ impl OrientationSet {
             Ok(n) if (1..=MAX_ORIENTATIONS).contains(&n) => Ok(n),
             _ => Err(fail(&format!("'{text}' is not a number of orientations from 1 to {MAX_ORIENTATIONS}"))),
         };
+        let table = |a: usize, b: usize| match a.saturating_mul(b) {
+            0..=MAX_ORIENTATIONS => Ok(()),
+            _ => Err(fail(&format!("{a} × {b} is more than {MAX_ORIENTATIONS} orientations"))),
+        };
         let parts: Vec<&str> = spec.split(':').collect();
         Ok(match parts.as_slice() {
             ["axes"] => AXES.map(direction_orientation).to_vec(),
             ["normals"] => part()?.into_iter().map(direction_orientation).collect(),
             ["grid", n] => {
                 let n = count(n)?;
-                if n.saturating_mul(n) > MAX_ORIENTATIONS {
-                    return Err(fail(&format!("{n} × {n} is more than {MAX_ORIENTATIONS} orientations")));
-                }
+                table(n, n)?;
                 grid(n)
             }
             ["fibonacci", n] => fibonacci(count(n)?, -1.0).map(direction_orientation).collect(),
@@ -157,11 +159,7 @@ impl OrientationSet {
             ["cone", _, _, n] => Limits::parse(&parts[..3].join(":"))?.cone(count(n)?),
             ["ac" | "bc", _, _, _, _, n_tilt, n_turn] => {
                 let (n_tilt, n_turn) = (count(n_tilt)?, count(n_turn)?);
-                if n_tilt.saturating_mul(n_turn) > MAX_ORIENTATIONS {
-                    return Err(fail(&format!(
-                        "{n_tilt} × {n_turn} is more than {MAX_ORIENTATIONS} orientations"
-                    )));
-                }
+                table(n_tilt, n_turn)?;
                 Limits::parse(&parts[..5].join(":"))?.directions(n_tilt, n_turn)
             }
             ["so3", n] => super_fibonacci(count(n)?),

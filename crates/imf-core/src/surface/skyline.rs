@@ -100,20 +100,16 @@ fn lowest(segment: &Segment, radius: f64) -> f64 {
 /// Centres of the solid voxels that have an empty neighbour across a face; what no voxel stands beyond is empty.
 pub(super) fn boundary(solid: &Occupancy) -> Vec<DVec3> {
     let grid = &solid.grid;
-    let dims = grid.dims;
+    let [_, ny, nz] = grid.dims;
+    let is_empty = |index: usize| solid.solid[index] == 0;
     let exposed = |&index: &usize| {
-        if solid.solid[index] == 0 {
+        if is_empty(index) {
             return false;
         }
         let voxel = grid.voxel(index);
-        (0..3).any(|axis| {
-            let beside = |at: usize| {
-                let mut other = voxel;
-                other[axis] = at;
-                solid.solid[grid.index(other)] == 0
-            };
+        [ny * nz, nz, 1].into_iter().enumerate().any(|(axis, stride)| {
             let at = voxel[axis];
-            at == 0 || at + 1 == dims[axis] || beside(at - 1) || beside(at + 1)
+            at == 0 || at + 1 == grid.dims[axis] || is_empty(index - stride) || is_empty(index + stride)
         })
     };
     (0..solid.solid.len()).filter(exposed).map(|index| grid.centre(grid.voxel(index))).collect()

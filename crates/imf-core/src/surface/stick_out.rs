@@ -241,10 +241,9 @@ impl<'a> StickOutSearch<'a> {
         if !tip.is_finite() || !self.tool.tool.is_rest_free(tip, axis, &mut None) {
             return None;
         }
-        let made = |tool: &StickOutTool| (axis, Skyline::new(&tool.boundary, tool.pitch, axis));
         let (_, skyline) = match &mut self.skyline {
             Some(known) if known.0 == axis => known,
-            other => other.insert(made(self.tool)),
+            other => other.insert((axis, Skyline::new(&self.tool.boundary, self.tool.pitch, axis))),
         };
         self.tool.least((tip, axis), skyline, length, f64::INFINITY, &mut self.waiting)
     }
