@@ -1,7 +1,7 @@
 //! The stock around a scene's part: its voxels, what a cutter removes, and what a toolpath leaves.
 
 use glam::{DMat4, DVec3};
-use imf_core::access::{cutter_of, removable};
+use imf_core::access::removable;
 use imf_core::check::StockReport;
 use imf_core::control::Control;
 use imf_core::mesh::Mesh;
@@ -83,16 +83,16 @@ pub(crate) fn removable_stock<'py>(
     let record = &own.scene.record;
     let set =
         directions.unwrap_or_else(|| DirectionsInput::Text(own.usual_directions().into())).of(py, own)?;
-    let Some(cutter) = cutter_of(record.bare_tool()) else {
+    if !record.bare_tool().has_cutter() {
         return Err(value_error(format!("the tool '{}' has no cutter", record.bare_tool().name)));
-    };
+    }
     let mut stock = stock.voxels(py, own)?;
     let whole = own.bodies.obstacle();
     let held = whole.on(&stock.grid).ok_or_else(|| value_error("the grids of part and stock do not meet"))?;
     stock.solid.iter_mut().zip(&held.solid).for_each(|(stock, &held)| *stock &= 1 - held);
     let assembly = record.assembly().map_err(|error| value_error(error.to_string()))?;
     let found = run(py, (&progress, "removable", 2 * set.len() as u64), |control: Control<'_>| {
-        removable(&whole, &assembly, &stock, &cutter, &set.orientations, 0.0, control)
+        removable(&whole, &assembly, &stock, &set.orientations, 0.0, control)
     })?;
     let grid = stock.grid;
     let dict = PyDict::new(py);

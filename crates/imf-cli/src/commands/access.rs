@@ -16,8 +16,8 @@ use std::time::Instant;
 
 use anyhow::{Context, Result};
 use imf_core::access::{
-    AccessMap, CombinedAccess, Components, RemovableStock, ToolAccess, access_map, components, cutter_of,
-    removable, tool_access,
+    AccessMap, CombinedAccess, Components, RemovableStock, ToolAccess, access_map, components, removable,
+    tool_access,
 };
 use imf_core::section::{ElementMeasures, ElementPlans, elements_at_best};
 use serde::Serialize;
@@ -132,11 +132,11 @@ fn find(session: &Session, run: &AccessRun) -> Result<Findings> {
         });
         at_fixtures.push(found.transpose()?);
         tools.push(access);
-        if let (Some(stock), Some(cutter)) = (&run.stock, cutter_of(assembly.tool())) {
+        if let Some(stock) = run.stock.as_ref().filter(|_| assembly.tool().has_cutter()) {
             // Each orientation twice: tips on voxel centres, and anywhere.
             let name = format!("removable, {}", tool.name);
             swept.push(session.staged(&name, "sections", 2 * count, |control| {
-                removable(&run.obstacle, assembly, &stock.solid, &cutter, orientations, run.tau, control)
+                removable(&run.obstacle, assembly, &stock.solid, orientations, run.tau, control)
             })?);
         }
         if let Some((point, cells)) = run.map {

@@ -42,12 +42,14 @@ pub enum RemovableError {
     Tool(#[from] ToolError),
 }
 
-/// The cutter of a tool alone, in the tool's frame; `None` for a mesh, or where no element is a cutter.
-#[must_use]
-pub fn cutter_of(tool: &Tool) -> Option<Tool> {
-    let ToolShape::Revolved(elements) = &tool.shape else { return None };
+/// The cutter of a tool alone, in the tool's frame.
+fn cutter_of(tool: &Tool) -> Result<Tool, RemovableError> {
+    let elements = if let ToolShape::Revolved(elements) = &tool.shape { &elements[..] } else { &[] };
     let cutters: Vec<_> = elements.iter().filter(|e| e.kind == ElementKind::Cutter).cloned().collect();
-    (!cutters.is_empty()).then(|| Tool { shape: ToolShape::Revolved(cutters), ..tool.with_tip_only() })
+    if cutters.is_empty() {
+        return Err(RemovableError::NoCutter(tool.name.clone()));
+    }
+    Ok(Tool { shape: ToolShape::Revolved(cutters), ..tool.with_tip_only() })
 }
 
 /// How far a tip may be from the nearest voxel's centre, in voxels: half the diagonal of one.
@@ -69,8 +71,7 @@ pub struct RemovableStock {
 /// # Errors
 /// A tool without a cutter, or a grid that is too large.
 pub fn position_grid(stock: &Grid, tool: &Tool) -> Result<Grid, RemovableError> {
-    let cutter = cutter_of(tool).ok_or_else(|| RemovableError::NoCutter(tool.name.clone()))?;
-    Ok(around(stock, &cutter)?)
+    Ok(around(stock, &cutter_of(tool)?)?)
 }
 
 /// With room for the cutter offset by [`ROUNDING`].
@@ -95,7 +96,7 @@ pub fn removable_memory_estimate(
     Ok(plan + threads as u64 * Dilation::memory(stock.dims, positions.dims) + 2 * stock.len() as u64)
 }
 
-/// What `cutter` ([`cutter_of`] the tool as it is) removes of `stock` at poses at which the overlap of the tool (perhaps offset
+/// What the tool's own cutter removes of `stock` at poses at which the overlap of the tool (perhaps offset
 /// by a clearance) with the obstacle is at most `tau`. Lengths are in the grid's unit. Voxels of the stock that the obstacle
 /// holds should be left out of it beforehand. Two units of progress are one orientation; the result does not depend on the
 /// number of threads.
@@ -104,22 +105,21 @@ pub fn removable_memory_estimate(
 /// the same length is free. Every free pose is within that length of a voxel's centre.
 ///
 /// # Errors
-/// A stock on other voxels than the obstacle, as [`SectionPlan::cmf`], or cancellation.
+/// A tool without a cutter, a stock on other voxels than the obstacle, as [`SectionPlan::cmf`], or cancellation.
 pub fn removable(
     obstacle: impl Into<Obstacle>,
     assembly: impl Into<Assembly>,
     stock: &Occupancy,
-    cutter: &Tool,
     orientations: &[Orientation],
     tau: f64,
     control: Control<'_>,
 ) -> Result<RemovableStock, RemovableError> {
     let (obstacle, assembly) = (obstacle.into(), assembly.into());
-    let slack = ROUNDING * stock.grid.pitch;
+    let (cutter, slack) = (cutter_of(assembly.tool())?, ROUNDING * stock.grid.pitch);
     // A cutter too thin for the grid is refused before the work begins.
-    ToolVoxels::new(cutter, &Orientation::default(), stock.grid.pitch)?;
-    let mut sweep =
-        Sweep { obstacle, tool: Some(assembly.clone()), cutter, stock, orientations, tau, widest: None };
+    ToolVoxels::new(&cutter, &Orientation::default(), stock.grid.pitch)?;
+    let tool = Some(assembly.clone());
+    let mut sweep = Sweep { obstacle, tool, cutter: &cutter, stock, orientations, tau, widest: None };
     let covered = sweep.run(control)?;
     let offset = Clearance { cutter: slack, ..Clearance::default() };
     let offset = cutter.with_clearance(&offset).map_err(SectionError::Clearance)?;
@@ -170,12 +170,13 @@ pub fn removable_by_orientation(
     obstacle: impl Into<Obstacle>,
     assembly: impl Into<Assembly>,
     stock: &Occupancy,
-    cutter: &Tool,
     orientations: &[Orientation],
     tau: f64,
     control: Control<'_>,
 ) -> Result<Vec<Vec<u32>>, RemovableError> {
-    let (obstacle, tool) = (obstacle.into(), Some(assembly.into()));
+    let (obstacle, assembly) = (obstacle.into(), assembly.into());
+    let cutter = &cutter_of(assembly.tool())?;
+    let tool = Some(assembly);
     let sweep = Sweep { obstacle, tool, cutter, stock, orientations, tau, widest: None };
     let parts = sweep.each(control, Vec::new, |found, index, dilation| {
         let swept = std::mem::replace(dilation, Dilation::new(&stock.grid)).covered();

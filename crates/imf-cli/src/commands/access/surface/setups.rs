@@ -5,7 +5,7 @@ mod tilts;
 
 use anyhow::Result;
 use glam::DVec3;
-use imf_core::access::{cutter_of, removable_by_orientation};
+use imf_core::access::removable_by_orientation;
 use imf_core::control::Cancelled;
 use imf_core::machine::AxisLimits;
 use imf_core::occupancy::Occupancy;
@@ -219,11 +219,10 @@ fn removed(
     held.iter().take(STOCK).for_each(|&voxel| drawn.solid[voxel] = 1);
     let orientations = &run.orientations.orientations;
     let mut removed = vec![Vec::new(); orientations.len()];
-    for tool in &run.tools {
-        let Some(cutter) = cutter_of(tool.tool()) else { continue };
+    for tool in run.tools.iter().filter(|tool| tool.tool().has_cutter()) {
         let name = format!("set-ups, stock, {}", tool.tool().name);
         let found = session.staged(&name, "sections", orientations.len() as u64, |control| {
-            removable_by_orientation(&run.obstacle, tool, &drawn, &cutter, orientations, run.tau, control)
+            removable_by_orientation(&run.obstacle, tool, &drawn, orientations, run.tau, control)
         })?;
         removed.iter_mut().zip(found).for_each(|(all, more)| all.extend(more));
     }
