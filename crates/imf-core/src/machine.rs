@@ -91,7 +91,7 @@ pub struct Machine {
 }
 
 /// Where every axis stands.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Joints {
     /// Machine coordinates of the spindle's face, before the head's rotary axes turn it.
     pub linear: DVec3,

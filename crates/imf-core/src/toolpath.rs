@@ -21,7 +21,7 @@ use crate::machine::{Joints, Machine};
 use crate::orientation::Orientation;
 use crate::pose::Pose;
 use crate::unit::LengthUnit;
-use error::LineError;
+use error::Fault;
 
 /// How the tool comes to a location.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -67,7 +67,7 @@ pub struct MachinePoint {
 }
 
 /// What a file is read for.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct PathReading<'a> {
     /// Unit of the path that is made; that of the file where it does not say its own.
     pub unit: LengthUnit,
@@ -84,7 +84,7 @@ const TIMES: f64 = 4.0;
 
 impl From<LengthUnit> for PathReading<'_> {
     fn from(unit: LengthUnit) -> Self {
-        Self { unit, machine: None, lengths: &[] }
+        Self { unit, ..Self::default() }
     }
 }
 
@@ -93,6 +93,12 @@ impl PathReading<'_> {
     fn length_of(&self, tool: Option<u32>) -> Option<f64> {
         let own = self.lengths.iter().find(|(number, _)| number.is_none() || *number == tool);
         own.map(|&(_, length)| length)
+    }
+
+    /// The same for a line that needs it.
+    fn known_length_of(&self, tool: Option<u32>) -> Result<f64, String> {
+        let length = self.length_of(tool);
+        length.ok_or_else(|| "the length of its tool is not known: no tool of this number is given".into())
     }
 }
 
@@ -163,7 +169,7 @@ impl Toolpath {
         Ok(path)
     }
 
-    fn of_text(text: &str, reading: &PathReading<'_>, name: &str) -> Result<Self, LineError> {
+    fn of_text(text: &str, reading: &PathReading<'_>, name: &str) -> Result<Self, Fault> {
         if gcode::is_program(text, name) {
             return gcode::parse(text, reading);
         }
@@ -182,21 +188,19 @@ impl Toolpath {
     }
 
     /// Finds the joints of every location that says a direction.
-    fn turn(&mut self, machine: &Machine, reading: &PathReading<'_>) -> Result<(), LineError> {
+    fn turn(&mut self, machine: &Machine, reading: &PathReading<'_>) -> Result<(), Fault> {
         let mut before: Option<(Option<u32>, Joints)> = None;
         let chosen: Vec<bool> = self.locations.iter().map(|location| location.machine.is_none()).collect();
         for location in &mut self.locations {
             let line = location.line;
-            let wrong = |what: String| LineError::new(line, what);
+            let wrong = |what: String| Fault::from(what).on_line(line);
             if location.machine.is_none() {
                 if location.rolled {
                     return Err(wrong(
                         "the file says how the tool is rolled about its axis, which the machine's axes decide".into(),
                     ));
                 }
-                let length = reading.length_of(location.tool).ok_or_else(|| {
-                    wrong("the length of its tool is not known: no tool of this number is given".into())
-                })?;
+                let length = reading.known_length_of(location.tool).map_err(wrong)?;
                 let from = before.filter(|(tool, _)| *tool == location.tool).map(|(_, joints)| joints);
                 let joints = machine.joints(&location.pose, length, from.as_ref());
                 let joints = joints.map_err(|error| wrong(error.to_string()))?;
@@ -303,27 +307,25 @@ enum Direction {
 }
 
 /// A pose from its numbers, checked; the roll in degrees.
-fn pose(line: usize, position: [f64; 3], direction: Direction, roll: Option<f64>) -> Result<Pose, LineError> {
-    let wrong = |what: String| LineError::new(line, what);
+fn pose(position: [f64; 3], direction: Direction, roll: Option<f64>) -> Result<Pose, String> {
     let position = DVec3::from_array(position);
     if !position.is_finite() {
-        return Err(wrong("a position must be finite".into()));
+        return Err("a position must be finite".into());
     }
     let mut orientation = match direction {
-        Direction::Axis(axis) => Orientation::from_direction(DVec3::from_array(axis))
-            .ok_or_else(|| wrong("the tool axis must not be zero".into()))?,
+        Direction::Axis(axis) => {
+            Orientation::from_direction(DVec3::from_array(axis)).ok_or("the tool axis must not be zero")?
+        }
         Direction::Angles([theta, phi]) if theta.is_finite() && (0.0..=180.0).contains(&phi) => {
             Orientation::new(theta.rem_euclid(360.0), phi)
         }
         Direction::Angles([theta, phi]) => {
-            return Err(wrong(format!(
-                "theta must be finite and phi from 0 to 180 degrees, not {theta} and {phi}"
-            )));
+            return Err(format!("theta must be finite and phi from 0 to 180 degrees, not {theta} and {phi}"));
         }
     };
     if let Some(roll) = roll {
         if !roll.is_finite() {
-            return Err(wrong("the roll must be finite".into()));
+            return Err("the roll must be finite".into());
         }
         orientation.roll = roll.rem_euclid(360.0);
     }

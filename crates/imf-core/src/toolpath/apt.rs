@@ -12,7 +12,8 @@ mod statement;
 
 use std::str::FromStr;
 
-use super::{CutterStatement, Direction, LineError, Location, MoveKind, Toolpath, gcode, pose};
+use super::error::Fault;
+use super::{CutterStatement, Direction, Location, MoveKind, Toolpath, gcode, pose};
 use crate::unit::LengthUnit;
 use frame::{TRANSFORMS, changes_nothing};
 use statement::{Statement, first_word, is_of, numbers, statements};
@@ -28,6 +29,7 @@ const MOVING: &str = "CIRCLE CYCLE GOBACK GODOWN GOFWD GOHOME GOLFT GORGT GOUP R
 const UP: [f64; 3] = [0.0, 0.0, 1.0];
 
 /// State of the interpreter.
+#[derive(Default)]
 struct State {
     locations: Vec<Location>,
     axis: [f64; 3],
@@ -55,29 +57,13 @@ struct State {
     system: String,
 }
 
-pub(super) fn parse(text: &str, unit: LengthUnit) -> Result<Toolpath, LineError> {
-    let mut state = State {
-        locations: Vec::new(),
-        axis: UP,
-        upright: false,
-        factor: 1.0,
-        unit_taken: Some(unit),
-        has_unit: false,
-        rapid: false,
-        tool: None,
-        loaded: false,
-        described: Vec::new(),
-        differs: None,
-        cutters: Vec::new(),
-        described_since: Vec::new(),
-        remarks: Vec::new(),
-        system: String::new(),
-    };
+pub(super) fn parse(text: &str, unit: LengthUnit) -> Result<Toolpath, Fault> {
+    let mut state = State { axis: UP, factor: 1.0, unit_taken: Some(unit), ..State::default() };
     for Statement { line, text, is_comment } in statements(text) {
         if is_comment {
             state.take_comment(line, text);
         } else {
-            state.take(line, &text, unit)?;
+            state.take(line, &text, unit).map_err(|fault| fault.on_line(line))?;
         }
     }
     let State { locations, cutters, remarks, .. } = state;
@@ -110,68 +96,59 @@ fn refusal(statement: &str, word: &str) -> String {
 }
 
 impl State {
-    fn take(&mut self, line: usize, statement: &str, unit: LengthUnit) -> Result<(), LineError> {
+    fn take(&mut self, line: usize, statement: &str, unit: LengthUnit) -> Result<(), Fault> {
         let rest = statement.split_once('/').map_or("", |(_, rest)| rest);
         // PARTNO, PPRINT and their like may be followed by text without a slash.
         let word = first_word(statement);
-        let wrong = |what: String| LineError::new(line, what);
         match word.as_str() {
-            "" => Ok(()),
-            "GOTO" | "FROM" => self.locate(line, &word, rest),
-            "GODLTA" => self.step(line, rest),
+            "" => {}
+            "GOTO" | "FROM" => self.locate(line, &word, rest)?,
+            "GODLTA" => self.step(line, rest)?,
             "TLAXIS" => {
-                let values = numbers(rest).map_err(wrong)?;
-                let axis =
-                    <[f64; 3]>::try_from(values).map_err(|_| wrong("TLAXIS needs 3 numbers".into()))?;
-                self.turn_to(axis, &word).map_err(wrong)
+                let axis = <[f64; 3]>::try_from(numbers(rest)?).map_err(|_| "TLAXIS needs 3 numbers")?;
+                self.turn_to(axis, &word)?;
             }
-            "RAPID" => {
-                self.rapid = true;
-                Ok(())
-            }
-            "MULTAX" => self.set_axes(statement, rest).map_err(wrong),
-            "UNITS" => self.set_unit(rest, unit).map_err(wrong),
-            "LOADTL" | "TURRET" | "LOAD" => self.load(statement, &word, rest).map_err(wrong),
+            "RAPID" => self.rapid = true,
+            "MULTAX" => self.set_axes(statement, rest)?,
+            "UNITS" => self.set_unit(rest, unit)?,
+            "LOADTL" | "TURRET" | "LOAD" => self.load(statement, &word, rest)?,
             // Free text that describes the tool.
-            "CUTTER" | "TLDATA" | "TOOLNO" => self.take_description(line, &word, rest).map_err(wrong),
+            "CUTTER" | "TLDATA" | "TOOLNO" => self.take_description(line, &word, rest)?,
             "TOOL" if statement.to_ascii_uppercase().starts_with("TOOL PATH") => {
                 let name = rest.to_ascii_uppercase().rfind("TOOL,").map_or("", |at| &rest[at + 5..]);
                 self.describe(line, "TOOL PATH", name);
-                Ok(())
             }
-            "AUXFUN" => check_auxiliary(statement, rest).map_err(wrong),
-            "OPSKIP" | "CYCLE" if is_off(rest) => Ok(()),
-            known if is_of(STILL, known) => Ok(()),
-            known if is_of(TRANSFORMS, known) && changes_nothing(known, rest) => Ok(()),
-            unknown => Err(wrong(refusal(statement, unknown))),
+            "AUXFUN" => check_auxiliary(statement, rest)?,
+            "OPSKIP" | "CYCLE" if is_off(rest) => {}
+            known if is_of(STILL, known) => {}
+            known if is_of(TRANSFORMS, known) && changes_nothing(known, rest) => {}
+            unknown => return Err(refusal(statement, unknown).into()),
         }
+        Ok(())
     }
 
     /// A location, with its axis where the statement has six numbers.
-    fn locate(&mut self, line: usize, word: &str, rest: &str) -> Result<(), LineError> {
-        let wrong = |what: String| LineError::new(line, what);
-        let values = numbers(rest).map_err(wrong)?;
+    fn locate(&mut self, line: usize, word: &str, rest: &str) -> Result<(), Fault> {
+        let values = numbers(rest)?;
         let position = match *values.as_slice() {
             [x, y, z] => [x, y, z],
             [x, y, z, i, j, k] => {
-                self.turn_to([i, j, k], word).map_err(wrong)?;
+                self.turn_to([i, j, k], word)?;
                 [x, y, z]
             }
-            _ => return Err(wrong(format!("{word} needs 3 or 6 numbers, not {}", values.len()))),
+            _ => return Err(format!("{word} needs 3 or 6 numbers, not {}", values.len()).into()),
         };
         self.go_to(line, position.map(|v| v * self.factor), word == "FROM")
     }
 
     /// A location by its distance from the one before.
-    fn step(&mut self, line: usize, rest: &str) -> Result<(), LineError> {
-        let wrong = |what: String| LineError::new(line, what);
-        let values = numbers(rest).map_err(wrong)?;
+    fn step(&mut self, line: usize, rest: &str) -> Result<(), Fault> {
+        let values = numbers(rest)?;
         let [x, y, z] = *values.as_slice() else {
-            return Err(wrong(format!("GODLTA needs 3 numbers, not {}", values.len())));
+            return Err(format!("GODLTA needs 3 numbers, not {}", values.len()).into());
         };
         let last = self.locations.last().filter(|last| last.tool == self.tool);
-        let last = last.ok_or_else(|| wrong("GODLTA before any GOTO or FROM of this tool".into()))?;
-        let last = last.pose.position;
+        let last = last.ok_or("GODLTA before any GOTO or FROM of this tool")?.pose.position;
         let step = [x, y, z].map(|v| v * self.factor);
         self.go_to(line, [last.x + step[0], last.y + step[1], last.z + step[2]], false)
     }
@@ -241,14 +218,13 @@ impl State {
         Ok(())
     }
 
-    fn go_to(&mut self, line: usize, position: [f64; 3], is_start: bool) -> Result<(), LineError> {
-        let differs = self.differs.take();
-        match differs {
+    fn go_to(&mut self, line: usize, position: [f64; 3], is_start: bool) -> Result<(), Fault> {
+        match self.differs.take() {
             Some((line, word)) if !self.loaded => {
                 let what = format!(
                     "{word} describes another tool, and no number is loaded: write LOADTL/ and the number"
                 );
-                return Err(LineError::new(line, what));
+                return Err(Fault::from(what).on_line(line));
             }
             None if self.loaded => self.adopt(),
             _ => {}
@@ -257,7 +233,7 @@ impl State {
             self.remarks
                 .push(format!("line {line}: the file moves without UNITS/: its unit is taken to be {unit}"));
         }
-        let pose = pose(line, position, Direction::Axis(self.axis), None)?;
+        let pose = pose(position, Direction::Axis(self.axis), None)?;
         // RAPID applies to the next motion; a statement of where the tool is does not count as one.
         let kind = if is_start {
             MoveKind::Start
@@ -334,7 +310,9 @@ fn check_auxiliary(statement: &str, rest: &str) -> Result<(), String> {
     let number = rest.split(',').next().and_then(|number| number.trim().parse::<f64>().ok());
     match number {
         Some(6.0) => Err("AUXFUN/6 changes the tool without a number: write LOADTL/ and the number".into()),
-        Some(known) if known >= 0.0 && known.fract() == 0.0 && gcode::is_still_m(known as u32) => Ok(()),
+        Some(known) if known >= 0.0 && known.fract() == 0.0 && gcode::STILL_M.contains(&(known as u32)) => {
+            Ok(())
+        }
         _ => Err(format!(
             "{statement} is not understood and might move the machine: take it out of the file if it does not"
         )),

@@ -4,7 +4,8 @@
 //! begin with `#` and empty lines are skipped. Every column must be known: one that is not might turn the tool. With a machine there
 //! may be a column for each of its rotary axes, and the tip goes straight in the part's frame.
 
-use super::{Direction, LineError, Location, MachinePoint, MoveKind, PathReading, Toolpath, pose};
+use super::error::Fault;
+use super::{Direction, Location, MachinePoint, MoveKind, PathReading, Toolpath, pose};
 use crate::machine::{Joints, Machine};
 
 /// What a column holds.
@@ -28,8 +29,8 @@ enum Column {
     Still,
 }
 
-/// Every name that is read, in lower case, and what it means.
-const NAMES: [(&str, Column); 26] = [
+/// Every name that means something, in lower case, and what.
+const NAMES: [(&str, Column); 13] = [
     ("x", Column::Position(0)),
     ("y", Column::Position(1)),
     ("z", Column::Position(2)),
@@ -43,19 +44,11 @@ const NAMES: [(&str, Column); 26] = [
     ("tool", Column::Tool),
     ("t", Column::Tool),
     ("rapid", Column::Rapid),
-    ("feed", Column::Still),
-    ("feedrate", Column::Still),
-    ("f", Column::Still),
-    ("speed", Column::Still),
-    ("spindle", Column::Still),
-    ("s", Column::Still),
-    ("comment", Column::Still),
-    ("remark", Column::Still),
-    ("name", Column::Still),
-    ("line", Column::Still),
-    ("n", Column::Still),
-    ("id", Column::Still),
-    ("time", Column::Still),
+];
+
+/// Names of columns that move and turn nothing.
+const STILL: [&str; 13] = [
+    "feed", "feedrate", "f", "speed", "spindle", "s", "comment", "remark", "name", "line", "n", "id", "time",
 ];
 
 /// What a header must have, for messages.
@@ -69,21 +62,18 @@ struct Header {
     titles: Vec<String>,
 }
 
-pub(super) fn parse(text: &str, reading: &PathReading<'_>) -> Result<Toolpath, LineError> {
+pub(super) fn parse(text: &str, reading: &PathReading<'_>) -> Result<Toolpath, Fault> {
     let mut header: Option<Header> = None;
     let mut locations = Vec::new();
     for (index, text) in text.lines().enumerate() {
-        let line = index + 1;
         let text = text.trim_start_matches('\u{feff}').trim();
         if text.is_empty() || text.starts_with('#') {
             continue;
         }
+        let wrong = |what: String| Fault::from(what).on_line(index + 1);
         match &header {
-            None => {
-                header =
-                    Some(Header::read(text, reading.machine).map_err(|what| LineError::new(line, what))?);
-            }
-            Some(header) => locations.push(header.location(line, text, reading)?),
+            None => header = Some(Header::read(text, reading.machine).map_err(wrong)?),
+            Some(header) => locations.push(header.location(index + 1, text, reading).map_err(wrong)?),
         }
     }
     Ok(Toolpath { locations, ..Toolpath::default() })
@@ -157,20 +147,19 @@ impl Header {
         self.columns.iter().position(|&own| own == column)
     }
 
-    fn location(&self, line: usize, text: &str, reading: &PathReading<'_>) -> Result<Location, LineError> {
-        let wrong = |what: String| LineError::new(line, what);
+    fn location(&self, line: usize, text: &str, reading: &PathReading<'_>) -> Result<Location, String> {
         let fields = fields(text, self.separator);
         if fields.len() != self.titles.len() {
-            return Err(wrong(format!("{} fields below a header of {}", fields.len(), self.titles.len())));
+            return Err(format!("{} fields below a header of {}", fields.len(), self.titles.len()));
         }
-        let number = |column: Column| -> Result<Option<f64>, LineError> {
+        let number = |column: Column| -> Result<Option<f64>, String> {
             let Some(place) = self.place(column) else { return Ok(None) };
             let (field, title) = (fields[place], &self.titles[place]);
             let hint = if field.contains(',') { " (decimals have a point)" } else { "" };
             let value = field.parse::<f64>();
-            value.map(Some).map_err(|_| wrong(format!("{title} is '{field}', not a number{hint}")))
+            value.map(Some).map_err(|_| format!("{title} is '{field}', not a number{hint}"))
         };
-        let need = |column: Column| Ok::<_, LineError>(number(column)?.unwrap_or(0.0));
+        let need = |column: Column| Ok::<_, String>(number(column)?.unwrap_or(0.0));
         let position = [need(Column::Position(0))?, need(Column::Position(1))?, need(Column::Position(2))?];
         let direction = if self.place(Column::Axis(0)).is_some() {
             Direction::Axis([need(Column::Axis(0))?, need(Column::Axis(1))?, need(Column::Axis(2))?])
@@ -180,30 +169,26 @@ impl Header {
         };
         let roll = number(Column::Roll)?;
         let tool = match self.place(Column::Tool).map(|place| fields[place]) {
-            Some(field) => Some(
-                field.parse().map_err(|_| wrong(format!("tool is '{field}', not the number of a tool")))?,
-            ),
+            Some(field) => {
+                Some(field.parse().map_err(|_| format!("tool is '{field}', not the number of a tool"))?)
+            }
             None => None,
         };
         let kind = match self.place(Column::Rapid).map(|place| fields[place]) {
             None | Some("0") => MoveKind::Feed,
             Some("1") => MoveKind::Rapid,
             Some(field) => {
-                return Err(wrong(format!(
-                    "rapid is '{field}', neither 1 (at rapid rate) nor 0 (at feed rate)"
-                )));
+                return Err(format!("rapid is '{field}', neither 1 (at rapid rate) nor 0 (at feed rate)"));
             }
         };
-        let pose = pose(line, position, direction, roll)?;
+        let pose = pose(position, direction, roll)?;
         let mut machine = None;
         if let Some(axes) = reading.machine.filter(|_| self.place(Column::Rotary(0)).is_some()) {
             let rotary = [need(Column::Rotary(0))?, need(Column::Rotary(1))?];
             if !rotary.iter().all(|angle| angle.is_finite()) {
-                return Err(wrong("an angle must be finite".into()));
+                return Err("an angle must be finite".into());
             }
-            let length = reading.length_of(tool).ok_or_else(|| {
-                wrong("the length of its tool is not known: no tool of this number is given".into())
-            })?;
+            let length = reading.known_length_of(tool)?;
             let joints = Joints { linear: axes.linear(pose.position, &rotary, length), rotary };
             machine = Some(MachinePoint { joints, length, tip_goes_straight: true, by_spindle: false });
         }
@@ -230,6 +215,9 @@ fn column(title: &str, machine: Option<&Machine>) -> Result<Column, String> {
     }
     if let Some((_, column)) = NAMES.iter().find(|(name, _)| *name == title) {
         return Ok(*column);
+    }
+    if STILL.contains(&title) {
+        return Ok(Column::Still);
     }
     if machine.is_some() && matches!(title, "a" | "b" | "c") {
         return Err(format!("the column '{title}' is an angle of a rotary axis that the machine has not"));
@@ -263,12 +251,13 @@ mod tests {
     use crate::machine::tests::trunnion;
     use crate::orientation::Orientation;
     use crate::pose::Pose;
+    use crate::toolpath::error::tests::assert_refused;
     use crate::unit::LengthUnit;
     use glam::DVec3;
 
     fn read(text: &str) -> Vec<Location> {
         let path = parse(text, &LengthUnit::Mm.into()).map(|path| path.locations);
-        path.unwrap_or_else(|wrong| panic!("{text}: line {}: {}", wrong.line, wrong.what))
+        path.unwrap_or_else(|wrong| panic!("{text}: {wrong:?}"))
     }
 
     #[test]
@@ -336,9 +325,7 @@ mod tests {
             ("x,y,z,rapid\n1,2,3,yes\n", 2, "rapid is 'yes', neither 1"),
         ];
         for (text, line, what) in cases {
-            let Err(wrong) = parse(text, &LengthUnit::Mm.into()) else { panic!("{text}") };
-            assert_eq!(wrong.line, line, "{text}");
-            assert!(wrong.what.contains(what), "{text}: {}", wrong.what);
+            assert_refused(parse(text, &LengthUnit::Mm.into()), line, what);
         }
         // A machine with the axes A and C.
         let machine = trunnion();
@@ -347,8 +334,7 @@ mod tests {
             ("x,y,z,B,C\n0,0,40,0,0\n", "'b' is an angle of a rotary axis that the machine has not"),
             ("x,y,z,A\n0,0,40,0\n", "axis C as well"),
         ] {
-            let wrong = parse(text, &on).unwrap_err();
-            assert!(wrong.line == 1 && wrong.what.contains(what), "{text}: {}", wrong.what);
+            assert_refused(parse(text, &on), 1, what);
         }
     }
 }

@@ -41,44 +41,29 @@ pub enum ToolpathError {
     Empty(String),
 }
 
-/// What is wrong with a line, before its number is known.
+/// What is wrong with a line, before its number and the file's name are known.
 #[derive(Debug)]
 pub(super) struct Fault {
-    what: String,
+    pub(super) line: Option<usize>,
+    pub(super) what: String,
     needs_machine: bool,
 }
 
 impl Fault {
     /// Of a line that only a machine gives a meaning, where none is given.
     pub(super) fn needs_machine(what: String) -> Self {
-        Self { what, needs_machine: true }
+        Self { needs_machine: true, ..what.into() }
     }
-}
 
-impl From<String> for Fault {
-    fn from(what: String) -> Self {
-        Self { what, needs_machine: false }
-    }
-}
-
-/// What is wrong with a line, before the file's name is known.
-#[derive(Debug)]
-pub(super) struct LineError {
-    pub(super) line: usize,
-    pub(super) what: String,
-    needs_machine: bool,
-}
-
-impl LineError {
-    pub(super) fn new(line: usize, fault: impl Into<Fault>) -> Self {
-        let Fault { what, needs_machine } = fault.into();
-        Self { line, what, needs_machine }
+    /// On this line, unless it is known to be on another one.
+    pub(super) fn on_line(self, line: usize) -> Self {
+        Self { line: self.line.or(Some(line)), ..self }
     }
 
     /// The error of the file called `name`.
     pub(super) fn in_file(self, name: &str) -> ToolpathError {
-        let (path, Self { line, what, needs_machine }) = (name.to_owned(), self);
-        if needs_machine {
+        let (path, line, what) = (name.to_owned(), self.line.unwrap_or_default(), self.what);
+        if self.needs_machine {
             ToolpathError::NeedsMachine { path, line, what }
         } else {
             ToolpathError::Line { path, line, what }
@@ -86,11 +71,32 @@ impl LineError {
     }
 }
 
+impl From<String> for Fault {
+    fn from(what: String) -> Self {
+        Self { line: None, what, needs_machine: false }
+    }
+}
+
+impl From<&str> for Fault {
+    fn from(what: &str) -> Self {
+        what.to_owned().into()
+    }
+}
+
 #[cfg(test)]
-mod tests {
-    use super::ToolpathError;
+pub(super) mod tests {
+    use std::fmt::Debug;
+
+    use super::{Fault, ToolpathError};
     use crate::toolpath::Toolpath;
     use crate::unit::LengthUnit;
+
+    /// A text is refused on a line, in words that say this.
+    #[track_caller]
+    pub(in crate::toolpath) fn assert_refused<T: Debug>(read: Result<T, Fault>, line: usize, said: &str) {
+        let Fault { line: found, what, .. } = read.unwrap_err();
+        assert!(found == Some(line) && what.contains(said), "line {line}, {said}: line {found:?}, {what}");
+    }
 
     #[test]
     fn what_only_a_machine_gives_a_meaning_is_distinguished_from_what_is_wrong() {

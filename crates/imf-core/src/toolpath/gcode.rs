@@ -22,11 +22,12 @@ mod unchecked;
 
 use glam::DVec3;
 
-use super::error::{Fault, LineError};
+use super::error::Fault;
 use super::{PathReading, Toolpath};
 use crate::machine::{Joints, Machine};
 use arc::Arc;
 use block::Block;
+pub(super) use block::STILL_M;
 use unchecked::Unchecked;
 
 /// Names of files that are programs, by their ends.
@@ -38,11 +39,6 @@ pub(super) fn is_program(text: &str, name: &str) -> bool {
     let mut lines = text.lines().map(|line| line.trim_start_matches('\u{feff}').trim());
     let first = lines.find(|line| !line.is_empty() && !line.starts_with([';', '#'])).unwrap_or_default();
     end.is_some_and(|end| ENDS.contains(&end.as_str())) || first.starts_with(['%', '(']) || is_address(first)
-}
-
-/// True where an M word, by its number, moves neither tool nor part.
-pub(super) fn is_still_m(number: u32) -> bool {
-    block::STILL_M.contains(&number)
 }
 
 /// A letter and a number, as machines read them.
@@ -63,6 +59,7 @@ enum Motion {
 }
 
 /// The modal state. Unknown values are NaN.
+#[derive(Default)]
 struct Program<'a> {
     reading: PathReading<'a>,
     machine: Option<&'a Machine>,
@@ -112,66 +109,35 @@ struct Program<'a> {
     rounded: f64,
     /// What has been remarked, by a word for it.
     remarked: Vec<&'static str>,
+    /// The line in which the program ends.
+    end: Option<usize>,
 }
 
-pub(super) fn parse(text: &str, reading: &PathReading<'_>) -> Result<Toolpath, LineError> {
+pub(super) fn parse(text: &str, reading: &PathReading<'_>) -> Result<Toolpath, Fault> {
     let axes = reading.machine.map_or(0, |machine| machine.rotary.len());
     let mut program = Program {
         reading: *reading,
         machine: reading.machine,
-        path: Toolpath::default(),
-        motion: None,
         plane: [0, 1, 2],
         absolute: true,
-        factor: None,
         offset: 54,
-        length: false,
-        has_used_length: false,
-        z_without_length: None,
-        z_by_spindle: false,
-        homed: 0,
-        has_used_edge: false,
-        length_number: None,
-        edge: None,
-        edge_of_motion: None,
-        edge_change: None,
-        ended_by: None,
-        centre_point: false,
         kept: DVec3::NAN,
-        tool: None,
-        called: None,
         broken: true,
         joints: Joints {
             linear: DVec3::NAN,
             rotary: [0, 1].map(|place| if place < axes { f64::NAN } else { 0.0 }),
         },
-        unchecked: Unchecked::default(),
         chords_left: arc::most_chords(text.len()),
-        rounded: 0.0,
-        remarked: Vec::new(),
+        ..Program::default()
     };
-    let mut end = None;
-    for (index, line) in text.lines().enumerate() {
-        let wrong = |fault: Fault| LineError::new(index + 1, fault);
-        if let Some(end) = end {
-            // Comments and names may follow, but nothing that would seem to have been checked.
-            if after_end::is_command(line) {
-                let what = format!(
-                    "it stands after the end of the program in line {end}: give each program a file of its own, or take out what does not run"
-                );
-                return Err(wrong(what.into()));
-            }
-            continue;
-        }
-        let words = block::words(line).map_err(|what| wrong(what.into()))?;
-        let block = Block::new(&words, reading.machine).map_err(wrong)?;
-        program.take(index + 1, &block).map_err(wrong)?;
-        end = block.ends.then_some(index + 1);
+    for (index, text) in text.lines().enumerate() {
+        program.take_line(index + 1, text).map_err(|fault| fault.on_line(index + 1))?;
     }
     if let (None, Some((line, number))) = (program.tool, program.called) {
-        return Err(LineError::new(line, format!("T{number} calls a tool, and no M6 changes to it")));
+        let what = format!("T{number} calls a tool, and no M6 changes to it");
+        return Err(Fault::from(what).on_line(line));
     }
-    program.check_said().map_err(|(line, what)| LineError::new(line, what))?;
+    program.check_said()?;
     program.remark_on_length();
     program.remark_on_edges();
     program.remark_on_unchecked();
@@ -179,6 +145,23 @@ pub(super) fn parse(text: &str, reading: &PathReading<'_>) -> Result<Toolpath, L
 }
 
 impl Program<'_> {
+    fn take_line(&mut self, line: usize, text: &str) -> Result<(), Fault> {
+        if let Some(end) = self.end {
+            // Comments and names may follow, but nothing that would seem to have been checked.
+            if after_end::is_command(text) {
+                return Err(format!(
+                    "it stands after the end of the program in line {end}: give each program a file of its own, or take out what does not run"
+                )
+                .into());
+            }
+            return Ok(());
+        }
+        let block = Block::new(&block::words(text)?, self.machine)?;
+        self.take(line, &block)?;
+        self.end = block.ends.then_some(line);
+        Ok(())
+    }
+
     fn take(&mut self, line: usize, block: &Block) -> Result<(), Fault> {
         if let Some(number) = block.tool {
             self.called = Some((line, number));

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 /// What a block says of an arc.
 pub(super) struct Arc {
@@ -33,7 +33,7 @@ impl Arc {
     /// The ends of its chords, its own end last, of which there may be `left` yet; `mm` is a millimetre in the unit of the path.
     pub(super) fn chords(&self, mm: f64, left: &mut usize) -> Result<Vec<DVec3>, String> {
         let [a, b, normal] = self.plane;
-        let flat = |p: DVec3| glam::DVec2::new(p[a], p[b]);
+        let flat = |p: DVec3| DVec2::new(p[a], p[b]);
         let (from, to) = (flat(self.from), flat(self.to));
         if self.centre.is_some_and(|centre| centre[normal] != 0.0) {
             return Err(format!(
@@ -76,8 +76,7 @@ impl Arc {
             if index as f64 >= count {
                 return self.to;
             }
-            let at =
-                glam::DVec2::from_angle(angle * t).rotate(start) * (1.0 + (last / first - 1.0) * t) + centre;
+            let at = DVec2::from_angle(angle * t).rotate(start) * (1.0 + (last / first - 1.0) * t) + centre;
             let mut point = DVec3::ZERO;
             (point[a], point[b]) = (at.x, at.y);
             point[normal] = self.from[normal] + (self.to[normal] - self.from[normal]) * t;
@@ -87,13 +86,7 @@ impl Arc {
     }
 
     /// The centre of an arc of less than half a turn, or of more where the radius is negative.
-    fn by_radius(
-        &self,
-        from: glam::DVec2,
-        to: glam::DVec2,
-        radius: f64,
-        mm: f64,
-    ) -> Result<glam::DVec2, String> {
+    fn by_radius(&self, from: DVec2, to: DVec2, radius: f64, mm: f64) -> Result<DVec2, String> {
         let half = 0.5 * (to - from);
         if half.length() < 1e-9 * mm {
             return Err("an arc by its radius R must end elsewhere than it begins: give its centre".into());
@@ -131,7 +124,7 @@ mod tests {
                 let mut before = quarter.from;
                 let mut way = 0.0;
                 for &point in &points {
-                    let flat = |p: DVec3| glam::DVec2::new(p[a] - 10.0, p[b]);
+                    let flat = |p: DVec3| DVec2::new(p[a] - 10.0, p[b]);
                     assert!((flat(point).length() - 10.0).abs() < 1e-9);
                     let middle = (0.5 * (flat(point) + flat(before))).length();
                     assert!((0.0..=CHORD * 1.0001).contains(&(10.0 - middle)), "{middle}");

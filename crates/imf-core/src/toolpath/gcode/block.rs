@@ -116,7 +116,7 @@ const EXCLUDING_G: [&[u32]; 6] = [
     &[610, 611, 640],
 ];
 /// M words that move neither tool nor part: stops, ends, spindle, coolant, clamps, overrides.
-pub(super) const STILL_M: [u32; 15] = [0, 1, 2, 3, 4, 5, 7, 8, 9, 10, 11, 19, 30, 48, 49];
+pub(in crate::toolpath) const STILL_M: [u32; 15] = [0, 1, 2, 3, 4, 5, 7, 8, 9, 10, 11, 19, 30, 48, 49];
 
 impl Block {
     pub(super) fn new(words: &[Word<'_>], machine: Option<&Machine>) -> Result<Self, Fault> {

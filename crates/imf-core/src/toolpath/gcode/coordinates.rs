@@ -131,17 +131,8 @@ impl Program<'_> {
         if self.machine.is_none() {
             return self.leave(line, block, "G53");
         }
-        let (before, mut joints) = (self.standing(), self.joints);
-        for (axis, given) in block.linear.iter().enumerate() {
-            joints.linear[axis] = given.map_or(joints.linear[axis], |given| self.value(given));
-        }
-        for (place, given) in block.rotary.iter().enumerate() {
-            joints.rotary[place] = given.unwrap_or(joints.rotary[place]);
-        }
-        self.z_by_spindle |= block.linear[2].is_some();
-        self.arrive(line, joints, motion, Coordinates::Machines)?;
-        self.note_motion(line, &before, true);
-        Ok(())
+        let linear = block.linear.map(|given| Some(self.value(given?)));
+        self.go_by_machine(line, linear, block.rotary, motion)
     }
 
     /// G28: by the place that is given to the reference point, each axis that is named.
@@ -160,15 +151,27 @@ impl Program<'_> {
             self.reach(line, to, rotary, Motion::Rapid)?;
         }
         let Some(machine) = self.machine else { return self.leave(line, block, "G28") };
+        let linear = [0, 1, 2].map(|axis| block.linear[axis].map(|_| machine.home[axis]));
+        self.go_by_machine(line, linear, block.rotary.map(|given| given.map(|_| 0.0)), Motion::Rapid)
+    }
+
+    /// The axes that are named to places in the machine's own coordinates.
+    fn go_by_machine(
+        &mut self,
+        line: usize,
+        linear: [Option<f64>; 3],
+        rotary: [Option<f64>; 2],
+        motion: Motion,
+    ) -> Result<(), String> {
         let (before, mut joints) = (self.standing(), self.joints);
-        for axis in (0..3).filter(|&axis| block.linear[axis].is_some()) {
-            joints.linear[axis] = machine.home[axis];
+        for (axis, place) in linear.into_iter().enumerate() {
+            joints.linear[axis] = place.unwrap_or(joints.linear[axis]);
         }
-        for place in (0..2).filter(|&place| block.rotary[place].is_some()) {
-            joints.rotary[place] = 0.0;
+        for (own, angle) in joints.rotary.iter_mut().zip(rotary) {
+            *own = angle.unwrap_or(*own);
         }
-        self.z_by_spindle |= block.linear[2].is_some();
-        self.arrive(line, joints, Motion::Rapid, Coordinates::Machines)?;
+        self.z_by_spindle |= linear[2].is_some();
+        self.arrive(line, joints, motion, Coordinates::Machines)?;
         self.note_motion(line, &before, true);
         Ok(())
     }

@@ -5,6 +5,7 @@ use glam::DVec3;
 use super::*;
 use crate::machine::tests::{machine_of, meeting_trunnion};
 use crate::toolpath::MoveKind;
+use crate::toolpath::error::tests::assert_refused;
 use crate::unit::LengthUnit;
 
 fn trunnion() -> Machine {
@@ -14,11 +15,11 @@ fn trunnion() -> Machine {
     machine
 }
 
-fn read(text: &str) -> Result<Toolpath, LineError> {
+fn read(text: &str) -> Result<Toolpath, Fault> {
     parse(text, &LengthUnit::Mm.into())
 }
 
-fn on(machine: &Machine, text: &str) -> Result<Toolpath, LineError> {
+fn on(machine: &Machine, text: &str) -> Result<Toolpath, Fault> {
     parse(text, &PathReading { unit: LengthUnit::Mm, machine: Some(machine), lengths: &[(None, 80.0)] })
 }
 
@@ -128,24 +129,17 @@ fn what_is_not_followed_is_refused_with_line_and_word() {
         ("G4 X1. Z3.", "Z stands beside G4"),
     ];
     for (text, said) in cases {
-        let wrong = read(&format!("{start}{text}\n")).unwrap_err();
-        assert!(wrong.what.contains(said), "{text}: {}", wrong.what);
-        assert_eq!(wrong.line, 1 + text.lines().count(), "{text}");
+        assert_refused(read(&format!("{start}{text}\n")), 1 + text.lines().count(), said);
     }
     // Rounded corners are told, the largest length of each.
     let path = read(&format!("{start}G64 P.01\nG1 X3. F9\nG64 P.005\nG64 P.02 Q.01\nX5.\n")).unwrap();
     let told: Vec<&String> = path.remarks.iter().filter(|remark| remark.contains("G64")).collect();
     assert!(told.len() == 2 && told[0].contains("line 2") && told[1].contains("up to 0.03"), "{told:?}");
     let two = format!("{start}M30\n%\nO2\nG0 X1. Y1. Z-20.\n");
-    let wrong = read(&two).unwrap_err();
-    assert!(
-        wrong.line == 5 && wrong.what.contains("after the end of the program in line 2"),
-        "{}",
-        wrong.what
-    );
+    assert_refused(read(&two), 5, "after the end of the program in line 2");
     assert!(read("X1. Y1. Z1.\n").unwrap_err().what.contains("none of G0, G1, G2 and G3"));
     let wrong = read("T1\nG0 X1. Y1. Z1.\n").unwrap_err();
-    assert_eq!((wrong.line, wrong.what.as_str()), (1, "T1 calls a tool, and no M6 changes to it"));
+    assert_eq!((wrong.line, wrong.what.as_str()), (Some(1), "T1 calls a tool, and no M6 changes to it"));
 }
 
 #[test]
@@ -196,13 +190,10 @@ fn a_machine_is_told_what_is_not_known() {
         ("G0 A0. C0.\nG43.4 H1 X0. Y0. Z9.\nT2 M6\n", 3, "G49 before"),
         ("G0 A0. C0.\nG43 H1 X0. Y0. Z9.\nG2 X1. I.5 A3.\n", 3, "an arc with a rotary axis"),
     ] {
-        let wrong = on(&machine, text).unwrap_err();
-        assert_eq!(wrong.line, line, "{text}");
-        assert!(wrong.what.contains(said), "{text}: {}", wrong.what);
+        assert_refused(on(&machine, text), line, said);
     }
     let numbered = PathReading { unit: LengthUnit::Mm, machine: Some(&machine), lengths: &[(Some(1), 80.0)] };
-    let wrong = parse("T2 M6\nG0 A0. C0.\n", &numbered).unwrap_err();
-    assert!(wrong.line == 2 && wrong.what.contains("tool 2 is not given"), "{}", wrong.what);
+    assert_refused(parse("T2 M6\nG0 A0. C0.\n", &numbered), 2, "tool 2 is not given");
 }
 
 #[test]
@@ -235,7 +226,7 @@ fn after_the_end_of_a_tool_length_z_is_not_followed_without_a_machine() {
         ("G49\nD0\nZ50.\n", 8, "G49"),
     ] {
         let wrong = read(&format!("{start}{text}")).unwrap_err();
-        assert_eq!(wrong.line, line, "{text}");
+        assert_eq!(wrong.line, Some(line), "{text}");
         let cause = format!(
             "Z moves after {word} has ended the tool length: it is the spindle's place and not the tip's"
         );
@@ -244,7 +235,7 @@ fn after_the_end_of_a_tool_length_z_is_not_followed_without_a_machine() {
     }
     let siemens = "G90 G17 G71\nT1 D1\nM6\nG0 X0 Y0\nZ60\nD0\nX5\n".replace("G71", "G21");
     let wrong = read(&format!("{siemens}Z100\n")).unwrap_err();
-    assert_eq!(wrong.line, 8);
+    assert_eq!(wrong.line, Some(8));
     assert!(wrong.what.contains("Z moves after D0") && wrong.what.contains("(write D and"), "{}", wrong.what);
     // A length that is in force again, one that was never used, and radii's places beside G43.
     for (text, last) in [
@@ -310,21 +301,22 @@ fn before_its_first_tool_a_machine_goes_home() {
 fn z_before_the_first_of_a_programs_tool_lengths_is_refused() {
     let first = "G21 G90\nT1 M6\nG0 X0. Y0. Z50.\nG1 Z2. F9\n";
     assert!(read(&format!("{first}T2 M6\nG0 X1. Y1. Z9.\n")).is_ok(), "without any length Z is the tip's");
-    let wrong = read(&format!("{first}T2 M6\nG43 H2 Z50.\n")).unwrap_err();
-    assert!(wrong.line == 6 && wrong.what.contains("in line 3 Z moved"), "{}", wrong.what);
+    assert_refused(read(&format!("{first}T2 M6\nG43 H2 Z50.\n")), 6, "in line 3 Z moved");
     // A header that lifts Z before the first tool leads nowhere.
     assert!(read("G21 G90 G0 Z100.\nT1 M6\nG0 X0. Y0.\nG43 H1 Z50.\n").is_ok());
-    let wrong = read("G21 G90 T1 M6\nG0 X0. Y0.\nG43 H1 Z50.\nG49\nG28 Z30.\n").unwrap_err();
-    assert!(wrong.line == 5 && wrong.what.contains("Z moves after G49"), "{}", wrong.what);
+    let home = "G21 G90 T1 M6\nG0 X0. Y0.\nG43 H1 Z50.\nG49\nG28 Z30.\n";
+    assert_refused(read(home), 5, "Z moves after G49");
 }
 
 #[test]
 fn a_work_offset_changes_only_before_any_coordinate() {
-    let wrong = read("G21 G90\nT1 M6\nG54 G0 X-100. Y0.\nG55 G43 H1 Z10.\n").unwrap_err();
-    assert!(wrong.line == 4 && wrong.what.contains("G55 is another work offset"), "{}", wrong.what);
-    // A tool change forgets where the axes stand, and not where the path was.
-    let wrong = read("G21 G90\nG54 G0 X1. Y0. Z9.\nT1 M6\nG55 X1. Y0. Z9.\n").unwrap_err();
-    assert!(wrong.line == 4 && wrong.what.contains("G55 is another work offset"), "{}", wrong.what);
+    for text in [
+        "G21 G90\nT1 M6\nG54 G0 X-100. Y0.\nG55 G43 H1 Z10.\n",
+        // A tool change forgets where the axes stand, and not where the path was.
+        "G21 G90\nG54 G0 X1. Y0. Z9.\nT1 M6\nG55 X1. Y0. Z9.\n",
+    ] {
+        assert_refused(read(text), 4, "G55 is another work offset");
+    }
     assert_eq!(positions(&read("G21 G90 G54\nG55 G0 X1. Y2. Z3.\n").unwrap()), [[1.0, 2.0, 3.0]]);
 }
 
@@ -336,7 +328,7 @@ fn an_axis_beyond_its_range_is_refused_though_others_are_unknown() {
     // 600 above the part's zero and the tool's 80.
     let wrong = on(&mill, "G21 G90 G17\nG43 H1 G0 Z600.\nX0. Y0. Z100.\n").unwrap_err();
     let said = "Z would have to be at 180.000 mm, and goes from -500 mm to 0 mm";
-    assert!(wrong.line == 2 && wrong.what.starts_with(said), "{}", wrong.what);
+    assert!(wrong.line == Some(2) && wrong.what.starts_with(said), "{}", wrong.what);
     let path = on(&mill, "G21 G90 G17\nG43 H1 G0 Z400.\nX0. Y0.\nZ600.\n").unwrap();
     // What the path's check sees is left to it.
     assert_eq!(positions(&path), [[0.0, 0.0, 400.0], [0.0, 0.0, 600.0]]);
@@ -344,7 +336,7 @@ fn an_axis_beyond_its_range_is_refused_though_others_are_unknown() {
     machine.rotary[0].range = [-110.0, 30.0];
     let wrong = on(&machine, "G21 G90\nG0 A-150. C0.\nA0.\nG43.4 H1 X0. Y0. Z60.\n").unwrap_err();
     let said = "A would have to be at -150.000°, and goes from -110° to 30°";
-    assert!(wrong.line == 2 && wrong.what.starts_with(said), "{}", wrong.what);
+    assert!(wrong.line == Some(2) && wrong.what.starts_with(said), "{}", wrong.what);
 }
 
 #[test]
@@ -380,9 +372,8 @@ fn with_the_centre_point_kept_axes_may_be_said_one_after_another() {
         assert_eq!(path.locations[0].line, line, "{text}");
     }
     // What was said with the centre point kept does not hold without.
-    let wrong = on(&machine, "G21 G90 G0 A-90. C0.\nG43.4 H1 X0. Y-80.\nG49\nG43.4 H1 Z10.\nG1 Y3. F9\n")
-        .unwrap_err();
-    assert!(wrong.line == 5 && wrong.what.contains("where X stands is not known"), "{}", wrong.what);
+    let ended = "G21 G90 G0 A-90. C0.\nG43.4 H1 X0. Y-80.\nG49\nG43.4 H1 Z10.\nG1 Y3. F9\n";
+    assert_refused(on(&machine, ended), 5, "where X stands is not known");
 }
 
 #[test]

@@ -7,6 +7,7 @@ use glam::DVec3;
 
 use super::Program;
 use super::block::Block;
+use crate::toolpath::error::Fault;
 
 /// Axes closer than this, in the path's unit or degrees, stand where they stood: sums of offsets round.
 const SAME: f64 = 1e-6;
@@ -100,7 +101,7 @@ impl Program<'_> {
     }
 
     /// Of a program that moves, and never to a place that is known.
-    pub(super) fn check_said(&self) -> Result<(), (usize, String)> {
+    pub(super) fn check_said(&self) -> Result<(), Fault> {
         let Some(line) = self.unchecked.first_motion.filter(|_| self.path.locations.is_empty()) else {
             return Ok(());
         };
@@ -109,7 +110,8 @@ impl Program<'_> {
             None => Ok(()),
             Some(letter) => {
                 let remedy = format!("name every axis, such as G0 {letter}0.");
-                Err((line, format!("the program moves and never says where {names}: {remedy}")))
+                let what = format!("the program moves and never says where {names}: {remedy}");
+                Err(Fault::from(what).on_line(line))
             }
         }
     }
@@ -119,10 +121,11 @@ impl Program<'_> {
 mod tests {
     use super::super::parse;
     use crate::machine::tests::meeting_trunnion;
-    use crate::toolpath::{LineError, PathReading, Toolpath};
+    use crate::toolpath::error::Fault;
+    use crate::toolpath::{PathReading, Toolpath};
     use crate::unit::LengthUnit;
 
-    fn read(is_for_machine: bool, text: &str) -> Result<Toolpath, LineError> {
+    fn read(is_for_machine: bool, text: &str) -> Result<Toolpath, Fault> {
         let machine = meeting_trunnion();
         let machine = is_for_machine.then_some(&machine);
         let reading =
@@ -179,7 +182,7 @@ mod tests {
     fn axes_that_are_never_said_are_named() {
         let wrong = read(true, "T1 M6\nG43 H1 G0 X-60. Y0. Z50.\nG28 Z0.\nX0. Z50.\n").unwrap_err();
         let said = "the program moves and never says where A and C stand: name every axis, such as G0 A0.";
-        assert_eq!((wrong.line, wrong.what.as_str()), (3, said));
+        assert_eq!((wrong.line, wrong.what.as_str()), (Some(3), said));
         assert!(read(true, "T1 M6\nM30\n").unwrap().locations.is_empty());
     }
 }
