@@ -29,8 +29,6 @@ pub use report::{CheckReport, Collision, HitBody, LineCollisions, TravelFault};
 pub use stick_out::{PathStickOut, shortest_stick_outs};
 pub use stock::{LineRemoval, StockLeft, StockReport, check_stock};
 
-use std::sync::Arc;
-
 use serde::Serialize;
 
 use crate::control::Control;
@@ -41,7 +39,7 @@ use crate::tool::{Clearance, Tool, ToolShape};
 use crate::toolpath::Toolpath;
 use crate::unit::LengthUnit;
 use elements::{Body, Elements};
-use machine::{MachinePairs, TravelExcess};
+use machine::MachinePairs;
 pub use motions::{cutters_not_compared, never_near};
 use motions::{motions, rigid};
 
@@ -78,22 +76,16 @@ impl CheckSettings {
         Self { clearance: Clearance::default(), contact: CONTACT / unit.in_mm(), step: pitch / 4.0 }
     }
 
-    /// The same around conservative voxels, which reach out of the part by up to half their diagonal: the cutter may
-    /// enter deeper by that.
-    #[must_use]
-    pub fn of_conservative(pitch: f64, unit: LengthUnit) -> Self {
-        let usual = Self::of_pitch(pitch, unit);
-        Self { contact: usual.contact + 0.75_f64.sqrt() * pitch, ..usual }
-    }
-
-    /// The defaults for a scene, with its clearance; `contact` and `step` where they are given.
+    /// The defaults for a scene, with its clearance; `contact` and `step` where they are given. Conservative voxels reach out of the part
+    /// by up to half their diagonal: the cutter may enter deeper by that.
     #[must_use]
     pub fn of_scene(record: &SceneRecord, contact: Option<f64>, step: Option<f64>) -> Self {
-        let of = if record.conservative { Self::of_conservative } else { Self::of_pitch };
-        let usual = of(record.grid.pitch, record.unit);
+        let pitch = record.grid.pitch;
+        let usual = Self::of_pitch(pitch, record.unit);
+        let deeper = if record.conservative { 0.75_f64.sqrt() * pitch } else { 0.0 };
         Self {
             clearance: record.clearance,
-            contact: contact.unwrap_or(usual.contact),
+            contact: contact.unwrap_or(usual.contact + deeper),
             step: step.unwrap_or(usual.step),
         }
     }
@@ -172,11 +164,7 @@ pub fn check_toolpath(
     // Every motion is validated before any pose is checked.
     let machine = bodies.machine.map(MachineBodies::machine);
     let motions = motions(toolpath, tools, settings, machine)?;
-    let part = Arc::new(Body::new(Arc::new(bodies.part.clone()), HitBody::Part));
-    let fixture = |(name, voxels): &(String, Occupancy)| {
-        Arc::new(Body::new(Arc::new(voxels.clone()), HitBody::Fixture(name.clone())))
-    };
-    let fixtures: Vec<Arc<Body>> = bodies.fixtures.iter().map(fixture).collect();
+    let hit = Body::all(bodies.part, bodies.fixtures);
     bodies.machine.map_or(Ok(()), |machine| machine.check(bodies.part.grid.pitch))?;
     let world = rigid(&toolpath.set_up);
     let mut lines: Vec<report::MotionFindings> = Vec::with_capacity(motions.len());
@@ -185,10 +173,8 @@ pub fn check_toolpath(
         if own.is_empty() {
             continue;
         }
-        let elements = Elements::new(&part, &fixtures, tool, settings)?;
-        let pairs = bodies
-            .machine
-            .map(|machine| MachinePairs::new(machine, &part, &fixtures, tool, settings, &world));
+        let elements = Elements::new(&hit, tool, settings)?;
+        let pairs = bodies.machine.map(|machine| MachinePairs::new(machine, &hit, tool, settings, &world));
         let pairs = pairs.transpose()?;
         lines.extend(parallel::try_map(own.len(), |place| {
             control.check()?;
@@ -198,18 +184,8 @@ pub fn check_toolpath(
             let mut collisions = elements.collisions(motion);
             let mut beyond = Vec::new();
             if let Some(pairs) = &pairs {
-                let (more, out) = pairs.follow(motion, line)?;
-                collisions.extend(more);
-                beyond.extend(out.into_iter().map(|TravelExcess { first, fraction, farthest }| {
-                    TravelFault {
-                        line,
-                        axis: first.axis,
-                        value: first.value,
-                        farthest,
-                        range: first.range.map(|end| end.is_finite().then_some(end)),
-                        fraction,
-                    }
-                }));
+                collisions.extend(pairs.follow(motion, line)?);
+                beyond = pairs.beyond(motion, line)?;
             }
             motion.with_joints(&mut collisions);
             (control.progress)(1);

@@ -197,7 +197,7 @@ impl Machine {
     }
 
     /// Axes of a side from the machine's frame outwards, with their places.
-    pub(crate) fn chain(&self, side: Side) -> impl Iterator<Item = (usize, &RotaryAxis)> {
+    pub(crate) fn chain(&self, side: Side) -> impl DoubleEndedIterator<Item = (usize, &RotaryAxis)> {
         self.rotary.iter().enumerate().filter(move |(_, axis)| axis.side == side)
     }
 

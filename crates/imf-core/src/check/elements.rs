@@ -8,7 +8,7 @@ use glam::DVec3;
 use super::motions::{Motion, look_at_poses};
 use super::{CheckError, CheckSettings, Collision, HitBody};
 use crate::distance::squared_depths;
-use crate::field::solid::SolidField;
+use crate::field::solid::{SolidField, SolidVoxels};
 use crate::grid::Grid;
 use crate::mesh::distance::distance_to_mesh;
 use crate::occupancy::Occupancy;
@@ -17,7 +17,7 @@ use crate::pose::Pose;
 use crate::tool::{Element, ElementKind, Tool, ToolShape};
 
 /// Taken off proven clearances, in pitches: more than rounding.
-pub(super) const MARGIN: f64 = 1e-3;
+const MARGIN: f64 = 1e-3;
 
 /// How far a tool may move from a pose in the body's frame before it collides, searched up to `most`; at or below 0
 /// where that is unknown, `None` for meshes.
@@ -28,43 +28,57 @@ pub(super) fn room(field: &SolidField, pose: &Pose, most: f64) -> Option<f64> {
 
 /// Something that may be hit.
 pub(super) struct Body {
-    voxels: Arc<Occupancy>,
-    against: HitBody,
+    pub(super) voxels: SolidVoxels,
+    pub(super) against: HitBody,
     /// By voxel, how deep its centre lies below the surface; made at the first collision.
     depths: OnceLock<Vec<f32>>,
 }
 
 impl Body {
-    pub(super) fn new(voxels: Arc<Occupancy>, against: HitBody) -> Self {
-        Self { voxels, against, depths: OnceLock::new() }
+    pub(super) fn new(voxels: impl Into<Arc<Occupancy>>, against: HitBody) -> Arc<Self> {
+        Arc::new(Self { voxels: voxels.into().into(), against, depths: OnceLock::new() })
     }
 
-    pub(super) fn voxels(&self) -> &Arc<Occupancy> {
-        &self.voxels
+    /// The part, then the fixtures.
+    pub(super) fn all<V: Clone + Into<Arc<Occupancy>>>(part: &V, fixtures: &[(String, V)]) -> Vec<Arc<Self>> {
+        let fixture =
+            |(name, voxels): &(String, V)| Self::new(voxels.clone(), HitBody::Fixture(name.clone()));
+        let part = Self::new(part.clone(), HitBody::Part);
+        std::iter::once(part).chain(fixtures.iter().map(fixture)).collect()
     }
 
-    pub(super) fn against(&self) -> &HitBody {
-        &self.against
+    pub(super) fn grid(&self) -> &Grid {
+        &self.voxels.occupancy().grid
     }
 
     /// Half a pitch less than to the nearest empty centre.
     pub(super) fn depth(&self, index: usize) -> f64 {
-        let pitch = self.voxels.grid.pitch;
+        let pitch = self.grid().pitch;
         let depths = make_once(&self.depths, || {
             let below = |squared: u64| (((squared as f64).sqrt() - 0.5) * pitch).max(0.0) as f32;
-            squared_depths(&self.voxels).into_iter().map(below).collect()
+            squared_depths(self.voxels.occupancy()).into_iter().map(below).collect()
         });
         f64::from(depths[index])
+    }
+
+    /// How far a ball in the body's frame may move before it meets what reaches out of the solid centres by so many pitches; at or below
+    /// 0 where that is not known.
+    pub(super) fn ball_room(&self, middle: DVec3, radius: f64, around_centres: f64) -> f64 {
+        let grid = self.grid();
+        let away = self.voxels.distances().probe(grid.continuous(middle)).squared.sqrt();
+        (away - around_centres - MARGIN) * grid.pitch - radius
     }
 }
 
 /// An element with its shape, for measuring depths.
+#[derive(Clone)]
 pub(super) struct DepthElement {
     pub(super) name: String,
     pub(super) clearance: f64,
     pub(super) shape: Shape,
 }
 
+#[derive(Clone)]
 pub(super) enum Shape {
     /// Bodies of revolution, and whether the upper end of each is surface.
     Revolved(Vec<(Element, bool)>),
@@ -91,15 +105,14 @@ pub(super) struct DeepestCentre {
 
 impl Elements {
     pub(super) fn new(
-        part: &Arc<Body>,
-        fixtures: &[Arc<Body>],
+        bodies: &[Arc<Body>],
         tool: &Tool,
         settings: &CheckSettings,
     ) -> Result<Self, CheckError> {
         let clearance = &settings.clearance;
         let offset = tool.offset_elements(clearance)?;
         if offset.is_empty() {
-            return Ok(Self::whole(part, fixtures, tool));
+            return Ok(Self::whole(bodies, tool));
         }
         let measured = |element: &Element| DepthElement {
             name: element.kind.to_string(),
@@ -107,34 +120,30 @@ impl Elements {
             shape: Shape::Revolved(vec![(element.clone(), true)]),
         };
         let mut wanted: Vec<(&Arc<Body>, Vec<Element>, Vec<DepthElement>)> = Vec::new();
-        let mut stay_out = offset.clone();
-        if settings.contact > 0.0
-            && let Some((cutter, exposed)) = tool.cutter()
-        {
-            // Between the centres' columns there is room for what is thinner than a voxel's diagonal.
-            let is_seen = |deep: &Element| {
-                let widest = deep.max_radius();
-                2.0 * widest >= SQRT_2 * part.voxels.grid.pitch
-            };
-            let deep = cutter
-                .eroded(settings.contact, exposed)
-                .filter(is_seen)
-                .ok_or_else(|| CheckError::Contact { tool: tool.name.clone(), contact: settings.contact })?;
-            let shape = Shape::Revolved(vec![(cutter, exposed)]);
-            let whole = DepthElement { name: ElementKind::Cutter.to_string(), clearance: 0.0, shape };
-            wanted.push((part, vec![deep], vec![whole]));
-            stay_out.retain(|element| element.kind != ElementKind::Cutter);
+        for body in bodies {
+            let mut stay_out = offset.clone();
+            if body.against == HitBody::Part
+                && settings.contact > 0.0
+                && let Some((cutter, exposed)) = tool.cutter()
+            {
+                // Between the centres' columns there is room for what is thinner than a voxel's diagonal.
+                let is_seen = |deep: &Element| 2.0 * deep.max_radius() >= SQRT_2 * body.grid().pitch;
+                let deep = cutter.eroded(settings.contact, exposed).filter(is_seen).ok_or_else(|| {
+                    CheckError::Contact { tool: tool.name.clone(), contact: settings.contact }
+                })?;
+                let shape = Shape::Revolved(vec![(cutter, exposed)]);
+                let whole = DepthElement { name: ElementKind::Cutter.to_string(), clearance: 0.0, shape };
+                wanted.push((body, vec![deep], vec![whole]));
+                stay_out.retain(|element| element.kind != ElementKind::Cutter);
+            }
+            let rest = stay_out.iter().map(measured).collect();
+            wanted.push((body, stay_out, rest));
         }
-        let rest = stay_out.iter().map(measured).collect();
-        wanted.push((part, stay_out, rest));
-        wanted.extend(
-            fixtures.iter().map(|body| (body, offset.clone(), offset.iter().map(measured).collect())),
-        );
         let mut groups = Vec::new();
         for (body, decided, elements) in wanted.into_iter().filter(|(_, decided, _)| !decided.is_empty()) {
             let Some(field) = SolidField::of_elements(body.voxels.clone(), &decided) else {
                 if clearance.is_zero() {
-                    return Ok(Self::whole(part, fixtures, tool));
+                    return Ok(Self::whole(bodies, tool));
                 }
                 return Err(CheckError::Outline(tool.name.clone()));
             };
@@ -144,7 +153,7 @@ impl Elements {
     }
 
     /// A tool whose elements cannot be distinguished: it has no cutter that may touch.
-    fn whole(part: &Arc<Body>, fixtures: &[Arc<Body>], tool: &Tool) -> Self {
+    fn whole(bodies: &[Arc<Body>], tool: &Tool) -> Self {
         let shape = || match &tool.shape {
             ToolShape::Mesh(_) => Shape::Mesh(tool.clone()),
             ToolShape::Revolved(elements) => {
@@ -156,7 +165,7 @@ impl Elements {
             elements: vec![DepthElement { name: "tool".into(), clearance: 0.0, shape: shape() }],
             body: body.clone(),
         };
-        Self(std::iter::once(part).chain(fixtures).map(group).collect())
+        Self(bodies.iter().map(group).collect())
     }
 
     /// What collides on a motion, each element with each body once, at its deepest.
@@ -220,13 +229,11 @@ impl Group {
         for ((track, element), _) in
             tracks.iter_mut().zip(&self.elements).zip(counts.iter()).filter(|(_, count)| **count > 0)
         {
-            let Body { voxels, against, .. } = &*self.body;
-            if track.meets(step, voxels.grid.pitch)
+            let (against, grid) = (&self.body.against, self.body.grid());
+            if track.meets(step, grid.pitch)
                 && let Some(deepest) = element.deepest(&self.body, pose)
             {
-                track.take(deepest.depth, || {
-                    deepest.collision(element, against, &voxels.grid, step.fraction, pose)
-                });
+                track.take(deepest.depth, || deepest.collision(element, against, grid, step.fraction, pose));
             }
         }
         0.0
@@ -288,7 +295,7 @@ impl DepthElement {
         match &self.shape {
             Shape::Revolved(elements) => {
                 for (element, exposed) in elements {
-                    element.visit_inside(&body.voxels, pose, |voxel, height, radius| {
+                    element.visit_inside(body.voxels.occupancy(), pose, |voxel, height, radius| {
                         found.take(voxel, element.depth(height, radius, *exposed), body.depth(voxel));
                     });
                 }
@@ -296,7 +303,7 @@ impl DepthElement {
             Shape::Mesh(tool) => {
                 // The distance to a mesh changes no faster than the point moves.
                 let mut known = (DVec3::ZERO, f64::INFINITY);
-                let visited = tool.visit_inside_mesh(&body.voxels, pose, |mesh, voxel, place| {
+                let visited = tool.visit_inside_mesh(body.voxels.occupancy(), pose, |mesh, voxel, place| {
                     let in_body = body.depth(voxel);
                     if known.1 + known.0.distance(place) + in_body > found.depth {
                         known = (place, distance_to_mesh(mesh, place));

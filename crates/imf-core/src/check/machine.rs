@@ -10,7 +10,8 @@ mod on_table;
 mod reach;
 mod remarks;
 
-pub(super) use carried::{HeadBody, HeadShape, bar_around};
+pub(super) use carried::HeadBody;
+use carried::{of_element, of_mesh};
 use on_table::TablePairs;
 pub use reach::{MachineFault, MachineReach};
 pub use remarks::machine_remarks;
@@ -19,16 +20,16 @@ use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
 
-use super::elements::{Body, Group, MARGIN, Step, Track, room};
+use super::elements::{Body, DepthElement, Group, Step, Track, room};
 use super::motions::{Motion, look_at_poses, poses_needed};
-use super::{CheckError, CheckSettings, Collision, HitBody};
+use super::{CheckError, CheckSettings, Collision, HitBody, TravelFault};
 use crate::control::Control;
-use crate::field::solid::{SolidField, SolidVoxels};
-use crate::machine::{Ball, Machine, OutOfTravel, Placement, Side, SolidShape};
+use crate::field::solid::SolidField;
+use crate::machine::{Ball, Machine, Placement, Side, SolidShape};
 use crate::occupancy::Occupancy;
 use crate::pose::Pose;
 use crate::scene::{LostSurface, decided};
-use crate::tool::{Element, Tool, ToolShape};
+use crate::tool::{Tool, ToolShape};
 
 /// A machine, and the voxels of what its table carries.
 #[derive(Clone, Debug)]
@@ -96,16 +97,10 @@ impl MachineBodies {
 
     fn bodies(&self) -> Vec<(usize, Arc<Body>)> {
         let of = |(name, level, voxels): &(String, usize, Arc<Occupancy>)| {
-            (*level, Arc::new(Body::new(voxels.clone(), HitBody::Machine(name.clone()))))
+            (*level, Body::new(voxels.clone(), HitBody::Machine(name.clone())))
         };
         self.table.iter().map(of).collect()
     }
-}
-
-/// Of two values of an axis the one that is farther beyond its range.
-pub(super) fn farther(one: f64, other: f64, [low, high]: [f64; 2]) -> f64 {
-    let excess = |value: f64| (low - value).max(value - high);
-    if excess(other) > excess(one) { other } else { one }
 }
 
 /// One body of the head and one that it must not hit.
@@ -114,13 +109,6 @@ struct Pair {
     frame: Pose,
     /// A round body around a mesh: where it is free the mesh is.
     around: Option<SolidField>,
-}
-
-/// An axis that leaves its range: where it first does, how far on the way that is, and where it is farthest beyond.
-pub(super) struct TravelExcess {
-    pub(super) first: OutOfTravel,
-    pub(super) fraction: f64,
-    pub(super) farthest: f64,
 }
 
 /// Pairs that move alike: at the same poses, in the frame of the same level.
@@ -134,12 +122,12 @@ struct PairGroup {
 
 /// What must not hit one body: where the ball around all of it is free, all of it is.
 struct BodyPairs {
-    voxels: SolidVoxels,
+    body: Arc<Body>,
     pairs: Vec<Pair>,
 }
 
 /// Something that the table carries, with the axes that do.
-type TableSolid = (usize, Arc<Body>, SolidVoxels);
+type TableSolid = (usize, Arc<Body>);
 
 /// All pairs of one tool.
 #[derive(Clone)]
@@ -156,49 +144,42 @@ impl MachinePairs {
     /// `world` is where the part's frame is in the world.
     pub(super) fn new(
         machine: &MachineBodies,
-        part: &Arc<Body>,
-        fixtures: &[Arc<Body>],
+        bodies: &[Arc<Body>],
         tool: &Tool,
         settings: &CheckSettings,
         world: &Pose,
     ) -> Result<Self, CheckError> {
-        let with_voxels = |(level, body): (usize, Arc<Body>)| {
-            let voxels = SolidVoxels::from(body.voxels().clone());
-            (level, body, voxels)
-        };
-        let table: Vec<TableSolid> = machine.bodies().into_iter().map(with_voxels).collect();
+        let table = machine.bodies();
         let machine = machine.machine.clone();
         let head_axes = machine.axes_of(Side::Head);
         let below = DVec3::new(0.0, 0.0, -tool.length());
         let room = settings.clearance;
         let most = room.holder.max(room.shank).max(room.cutter);
-        let of_tool = |shape, name: &str, clearance| HeadBody {
-            name: name.to_owned(),
+        let of_tool = |name: String, clearance, (shape, round)| HeadBody {
+            measured: DepthElement { name, clearance, shape },
+            round,
             ball: Ball { centre: below, radius: tool.reach() + most, level: head_axes },
             frame: Pose::new(below, DQuat::IDENTITY),
-            shape,
-            clearance,
         };
         let tool_bodies: Vec<HeadBody> = match &tool.shape {
             ToolShape::Revolved(elements) => {
-                let offset = tool.offset_elements(&room)?.into_iter().zip(elements);
-                let body = |(offset, own): (Element, &Element)| {
-                    of_tool(HeadShape::Round(vec![offset]), &own.kind.to_string(), room.of(own.kind))
-                };
+                let kinds = elements.iter().map(|element| element.kind);
+                let offset = kinds.zip(tool.offset_elements(&room)?);
+                let body = |(kind, offset)| of_tool(kind.to_string(), room.of(kind), of_element(offset));
                 offset.map(body).collect()
             }
-            ToolShape::Mesh(_) => vec![of_tool(HeadShape::Mesh(tool.clone()), "tool", 0.0)],
+            ToolShape::Mesh(_) => vec![of_tool("tool".into(), 0.0, of_mesh(tool.clone()))],
         };
         let of_head = machine.solids.iter().filter(|solid| solid.side == Side::Head);
         let head: Vec<HeadBody> =
             of_head.map(|solid| HeadBody::of_solid(solid, room.holder)).collect::<Result<_, _>>()?;
         let table_axes = machine.axes_of(Side::Table);
         let mut groups: Vec<PairGroup> = Vec::new();
-        let mut add = |own: &[HeadBody], (level, body, voxels): &TableSolid, in_world: bool| {
+        let mut add = |own: &[HeadBody], (level, body): &TableSolid, in_world: bool| {
             // Of the head, those that one ball is around move alike: the tool's elements.
             for own in own.chunk_by(|a, b| a.ball == b.ball) {
-                let pairs = own.iter().map(|own| own.against(body, voxels)).collect::<Result<_, _>>()?;
-                let pairs = BodyPairs { voxels: voxels.clone(), pairs };
+                let pairs = own.iter().map(|own| own.against(body)).collect::<Result<_, _>>()?;
+                let pairs = BodyPairs { body: body.clone(), pairs };
                 let ball = own[0].ball;
                 let alike = |group: &&mut PairGroup| {
                     group.ball == ball && (group.level, group.in_world) == (*level, in_world)
@@ -214,11 +195,11 @@ impl MachinePairs {
             add(&tool_bodies, solid, false)?;
             add(&head, solid, false)?;
         }
-        for body in std::iter::once(part).chain(fixtures) {
-            add(&head, &with_voxels((table_axes, body.clone())), true)?;
+        for body in bodies {
+            add(&head, &(table_axes, body.clone()), true)?;
         }
         let to_machine = HeadBody::to_machine(&machine, world);
-        let on_table = TablePairs::new(part, fixtures, &table, table_axes).at(&to_machine);
+        let on_table = TablePairs::new(bodies, &table, table_axes).at(&to_machine);
         Ok(Self { machine, groups: Arc::new(groups), on_table, to_machine, step: settings.step })
     }
 
@@ -234,17 +215,13 @@ impl MachinePairs {
             let moved = self.in_body(group, place);
             let near = group.pairs.iter().filter(|near| near.ball_room(&group.ball, &moved) <= 0.0);
             let pair = near.flat_map(|near| &near.pairs).find(|pair| pair.collides(&moved))?;
-            Some((pair.group.elements[0].name.as_str(), pair.group.body.against()))
+            Some((pair.group.elements[0].name.as_str(), &pair.group.body.against))
         })
     }
 
-    /// What collides on a motion, and the axes that leave their ranges.
-    pub(super) fn follow(
-        &self,
-        motion: &Motion<'_>,
-        line: usize,
-    ) -> Result<(Vec<Collision>, Vec<TravelExcess>), CheckError> {
-        let Some(way) = motion.by_machine() else { return Ok((Vec::new(), Vec::new())) };
+    /// What collides on a motion.
+    pub(super) fn follow(&self, motion: &Motion<'_>, line: usize) -> Result<Vec<Collision>, CheckError> {
+        let Some(way) = motion.by_machine() else { return Ok(Vec::new()) };
         let half = way.placement(0.5);
         let mut found = Vec::new();
         for group in self.groups.iter() {
@@ -263,15 +240,15 @@ impl MachinePairs {
             }
         }
         found.extend(self.on_table.follow(motion, way, self.step, line)?);
-        Ok((found, self.beyond(motion, line)?))
+        Ok(found)
     }
 
     /// The axes that leave their ranges on a motion.
-    fn beyond(&self, motion: &Motion<'_>, line: usize) -> Result<Vec<TravelExcess>, CheckError> {
+    pub(super) fn beyond(&self, motion: &Motion<'_>, line: usize) -> Result<Vec<TravelFault>, CheckError> {
         let Some(way) = motion.by_machine() else { return Ok(Vec::new()) };
         let farthest = way.linear_way();
         let count = poses_needed(farthest, self.step, line)?;
-        let mut found: Vec<TravelExcess> = Vec::new();
+        let mut found = Vec::new();
         let turns_within_range = way.turns_within_range();
         if turns_within_range && self.machine.room_in_travel(way.joints(0.5).linear) > 0.5 * farthest {
             return Ok(found);
@@ -279,10 +256,9 @@ impl MachinePairs {
         look_at_poses(count, farthest, |_, fraction| {
             let joints = way.joints(fraction);
             for out in self.machine.all_out_of_travel(&joints) {
-                match found.iter_mut().find(|known| known.first.axis == out.axis) {
-                    Some(known) => known.farthest = farther(known.farthest, out.value, out.range),
-                    None => found.push(TravelExcess { first: out, fraction, farthest: out.value }),
-                }
+                let (axis, value) = (out.axis, out.value);
+                let range = out.range.map(|end| end.is_finite().then_some(end));
+                TravelFault { line, axis, value, farthest: value, range, fraction }.add_to(&mut found);
             }
             if turns_within_range { self.machine.room_in_travel(joints.linear) } else { 0.0 }
         });
@@ -311,9 +287,7 @@ impl MachinePairs {
 impl BodyPairs {
     /// How far the ball may move before it meets the body; at or below 0 where that is not known.
     fn ball_room(&self, ball: &Ball, moved: &Pose) -> f64 {
-        let grid = &self.voxels.occupancy().grid;
-        let away = self.voxels.distances().probe(grid.continuous(moved.of_point(ball.centre))).squared.sqrt();
-        (away - MARGIN) * grid.pitch - ball.radius
+        self.body.ball_room(moved.of_point(ball.centre), ball.radius, 0.0)
     }
 
     /// What collides on a way, on which nothing moves farther than `farthest`.

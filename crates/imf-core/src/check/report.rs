@@ -6,7 +6,6 @@ use glam::{DMat4, DVec3};
 use serde::Serialize;
 
 use super::CheckSettings;
-use super::machine::farther;
 use crate::machine::Joints;
 use crate::orientation::Orientation;
 use crate::pose::Pose;
@@ -121,6 +120,21 @@ pub struct TravelFault {
     pub fraction: f64,
 }
 
+impl TravelFault {
+    /// Adds it to others, of which there is one an axis: the first, with the value that is farthest beyond.
+    pub(super) fn add_to(self, found: &mut Vec<Self>) {
+        let Some(known) = found.iter_mut().find(|known| known.axis == self.axis) else {
+            return found.push(self);
+        };
+        let [low, high] = self.range;
+        let (low, high) = (low.unwrap_or(f64::NEG_INFINITY), high.unwrap_or(f64::INFINITY));
+        let excess = |value: f64| (low - value).max(value - high);
+        if excess(self.farthest) > excess(known.farthest) {
+            known.farthest = self.farthest;
+        }
+    }
+}
+
 /// The result for a whole toolpath.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CheckReport {
@@ -170,14 +184,7 @@ pub(super) fn gather(
                 whole.add(hit);
             }
             for fault in travel {
-                match beyond.iter_mut().find(|known| known.axis == fault.axis) {
-                    Some(known) => {
-                        let [low, high] = fault.range;
-                        let range = [low.unwrap_or(f64::NEG_INFINITY), high.unwrap_or(f64::INFINITY)];
-                        known.farthest = farther(known.farthest, fault.farthest, range);
-                    }
-                    None => beyond.push(TravelFault { fraction: fraction(fault.fraction), ..*fault }),
-                }
+                TravelFault { fraction: fraction(fault.fraction), ..*fault }.add_to(&mut beyond);
             }
         }
         out_of_travel.extend(beyond);

@@ -34,8 +34,7 @@ const END: f64 = 1e-4;
 impl Machine {
     /// Rotary axes from the part to the tool: places, and how a positive angle turns the tool as seen from the part.
     pub(super) fn tool_sided(&self) -> Vec<(usize, f64)> {
-        let table =
-            self.chain(Side::Table).map(|(place, _)| (place, -1.0)).collect::<Vec<_>>().into_iter().rev();
+        let table = self.chain(Side::Table).rev().map(|(place, _)| (place, -1.0));
         table.chain(self.chain(Side::Head).map(|(place, _)| (place, 1.0))).collect()
     }
 
@@ -49,13 +48,7 @@ impl Machine {
         let mut free = None;
         // d = P(α) Q(β) z, with P next to the part.
         let raw: Vec<[f64; 2]> = match self.tool_sided().as_slice() {
-            [] => {
-                if along(direction, DVec3::Z) {
-                    vec![[0.0; 2]]
-                } else {
-                    Vec::new()
-                }
-            }
+            [] if along(direction, DVec3::Z) => vec![[0.0; 2]],
             &[(place, sign)] => {
                 let axis = self.rotary[place].direction;
                 if (axis.dot(direction) - axis.z).abs() > POLE {
@@ -64,7 +57,9 @@ impl Machine {
                     free = Some(place);
                     vec![[0.0; 2]]
                 } else {
-                    vec![at([(place, sign * about(axis, DVec3::Z, direction)), (place, f64::NAN)])]
+                    let mut pair = [0.0; 2];
+                    pair[place] = sign * about(axis, DVec3::Z, direction);
+                    vec![pair]
                 }
             }
             &[(first, p_sign), (second, q_sign)] => {
@@ -72,7 +67,9 @@ impl Machine {
                 let is_pole = along(direction, p) || along(direction, -p);
                 let found = between(p, q, direction, is_pole).into_iter().map(|w| {
                     let alpha = if is_pole { 0.0 } else { p_sign * about(p, w, direction) };
-                    at([(first, alpha), (second, q_sign * about(q, DVec3::Z, w))])
+                    let mut pair = [0.0; 2];
+                    (pair[first], pair[second]) = (alpha, q_sign * about(q, DVec3::Z, w));
+                    pair
                 });
                 if is_pole {
                     free = Some(first);
@@ -143,15 +140,6 @@ impl Machine {
             *found.angles.first().ok_or(NoAngles::OutOfReach(direction.x, direction.y, direction.z))?;
         Ok(Joints { linear: self.linear(pose.position, &rotary, length), rotary })
     }
-}
-
-/// Angles by place; of one place the first counts.
-fn at(named: [(usize, f64); 2]) -> [f64; 2] {
-    let mut pair = [0.0; 2];
-    for (place, angle) in named.into_iter().rev().filter(|(_, angle)| !angle.is_nan()) {
-        pair[place] = angle;
-    }
-    pair
 }
 
 fn along(one: DVec3, other: DVec3) -> bool {

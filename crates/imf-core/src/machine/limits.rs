@@ -57,23 +57,10 @@ impl Machine {
         let upright = AxisLimits::from(Limits::Cone { axis: DVec3::Z, half_angle: 0.0 });
         let about_z = |(place, _): (usize, f64)| along(place, DVec3::Z).is_some();
         match *self.tool_sided().as_slice() {
-            [] => Some(upright),
-            [one] => {
-                if about_z(one) {
-                    Some(upright)
-                } else {
-                    tilting(one, None)
-                }
-            }
-            // The second one only turns the tool about itself.
-            [first, second] if about_z(second) => {
-                if about_z(first) {
-                    Some(upright)
-                } else {
-                    tilting(first, None)
-                }
-            }
-            [first, second] => tilting(second, Some(turned(first, DVec3::Z)?)),
+            [first, second] if !about_z(second) => tilting(second, Some(turned(first, DVec3::Z)?)),
+            // A second one about z only turns the tool about itself.
+            [first] | [first, _] if !about_z(first) => tilting(first, None),
+            [] | [_] | [_, _] => Some(upright),
             _ => None,
         }
     }

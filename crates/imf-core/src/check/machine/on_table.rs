@@ -10,10 +10,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 use glam::DVec3;
 
 use super::TableSolid;
-use crate::check::elements::{Body, MARGIN};
+use crate::check::elements::Body;
 use crate::check::motions::{Motion, look_at_poses, poses_needed};
 use crate::check::{CheckError, Collision, HitBody};
-use crate::field::solid::SolidVoxels;
 use crate::machine::{MachineMotion, Placement};
 use crate::pose::Pose;
 
@@ -48,7 +47,6 @@ pub(super) struct TablePair {
     /// Axes of the table that carry the solid.
     level: usize,
     solid: Arc<Body>,
-    voxels: SolidVoxels,
 }
 
 /// A surface centre of the one in the other: how deep, and where in the world.
@@ -57,7 +55,7 @@ type Deepest = (f64, DVec3);
 impl OnTable {
     /// `None` of a body without a voxel.
     pub(super) fn new(body: &Arc<Body>) -> Option<Self> {
-        let voxels = body.voxels();
+        let voxels = body.voxels.occupancy();
         let grid = voxels.grid;
         let is_solid = |voxel: [usize; 3]| voxels.solid[grid.index(voxel)] == 1;
         let is_surface = |voxel: [usize; 3]| {
@@ -87,20 +85,18 @@ impl OnTable {
 }
 
 impl TablePair {
-    pub(super) fn new(body: &Arc<OnTable>, level: usize, solid: &Arc<Body>, voxels: &SolidVoxels) -> Self {
-        Self { body: body.clone(), level, solid: solid.clone(), voxels: voxels.clone() }
+    pub(super) fn new(body: &Arc<OnTable>, (level, solid): &TableSolid) -> Self {
+        Self { body: body.clone(), level: *level, solid: solid.clone() }
     }
 
     /// The body, and the solid.
     pub(super) fn bodies(&self) -> [&HitBody; 2] {
-        [self.body.body.against(), self.solid.against()]
+        [&self.body.body.against, &self.solid.against]
     }
 
     /// How far a ball in the solid's frame may move before a point of it is in a voxel of the solid; at or below 0 where that is not known.
     fn room_of(&self, middle: DVec3, radius: f64) -> f64 {
-        let grid = &self.voxels.occupancy().grid;
-        let away = self.voxels.distances().probe(grid.continuous(middle)).squared.sqrt();
-        (away - CORNER - MARGIN) * grid.pitch - radius
+        self.solid.ball_room(middle, radius, CORNER)
     }
 
     /// The same of the whole body, by the ball around it; `moved` leads from the world to the solid's frame.
@@ -110,7 +106,7 @@ impl TablePair {
 
     /// The solid's voxel that holds a point of its frame.
     fn solid_voxel(&self, point: DVec3) -> Option<usize> {
-        let voxels = self.solid.voxels();
+        let voxels = self.solid.voxels.occupancy();
         let index = voxels.grid.index_at(voxels.grid.continuous(point))?;
         (voxels.solid[index] == 1).then_some(index)
     }
@@ -118,7 +114,7 @@ impl TablePair {
     /// How deep a point of the solid's frame lies in it, by less than the truth, and whether that is deeper than its outermost voxels.
     fn depth(&self, point: DVec3) -> Option<(f64, bool)> {
         let index = self.solid_voxel(point)?;
-        let (depth, grid) = (self.solid.depth(index), &self.solid.voxels().grid);
+        let (depth, grid) = (self.solid.depth(index), self.solid.grid());
         let off = point.distance(grid.centre(grid.voxel(index)));
         Some(((depth - off).max(0.0), depth > grid.pitch))
     }
@@ -188,7 +184,7 @@ impl TablePair {
     /// The collision that is reported, except for the tool.
     fn collision(&self, (depth, point): Deepest, fraction: f64, poses: u64, moved: &Pose) -> Collision {
         let [element, against] = self.bodies();
-        let own = self.body.body.voxels();
+        let own = self.body.body.voxels.occupancy();
         let near = self.body.blocks.iter();
         let near = near.filter(|block| self.room_of(moved.of_point(block.middle), block.radius) <= 0.0);
         let voxels = near.flat_map(|block| {
@@ -227,7 +223,7 @@ impl TablePair {
             return None;
         }
         let (depth, _) = self.look(moved, true).1?;
-        Some(depth + 0.5 * self.body.body.voxels().grid.pitch)
+        Some(depth + 0.5 * self.body.body.grid().pitch)
     }
 }
 
@@ -248,13 +244,11 @@ type Angles = (usize, [u64; 2]);
 
 impl TablePairs {
     /// `table` has each solid with the axes that carry it, of `axes` in all.
-    pub(super) fn new(part: &Arc<Body>, fixtures: &[Arc<Body>], table: &[TableSolid], axes: usize) -> Self {
-        let still: Vec<_> = table.iter().filter(|(level, ..)| *level < axes).collect();
-        let bodies = std::iter::once(part).chain(fixtures).filter(|_| !still.is_empty());
+    pub(super) fn new(bodies: &[Arc<Body>], table: &[TableSolid], axes: usize) -> Self {
+        let still: Vec<_> = table.iter().filter(|(level, _)| *level < axes).collect();
+        let bodies = bodies.iter().filter(|_| !still.is_empty());
         let bodies: Vec<_> = bodies.filter_map(|body| OnTable::new(body).map(Arc::new)).collect();
-        let pairs = bodies.iter().flat_map(|own| {
-            still.iter().map(|(level, body, voxels)| TablePair::new(own, *level, body, voxels))
-        });
+        let pairs = bodies.iter().flat_map(|own| still.iter().map(|solid| TablePair::new(own, solid)));
         let to_machine = Pose::new(DVec3::ZERO, glam::DQuat::IDENTITY);
         Self { pairs: Arc::new(pairs.collect()), to_machine, touches: Vec::new(), standing: Arc::default() }
     }

@@ -1,15 +1,15 @@
 //! Whether a machine brings a tool to a pose, with all that it is made of out of the way.
 
 use std::collections::HashMap;
-use std::fmt;
 use std::sync::{Arc, OnceLock};
 
 use glam::DVec3;
+use thiserror::Error;
 
 use super::{MachineBodies, MachinePairs};
 use crate::check::elements::Body;
 use crate::check::{CheckError, CheckSettings, HitBody};
-use crate::machine::{Joints, Machine, OutOfTravel, Placement, Side};
+use crate::machine::{Joints, OutOfTravel, Placement, Side};
 use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
 use crate::parallel::make_once;
@@ -17,34 +17,24 @@ use crate::pose::{Pose, axis_of};
 use crate::tool::Assembly;
 
 /// Why a machine does not bring a tool to a pose.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Error, PartialEq)]
 pub enum MachineFault {
     /// No angles within the ranges turn the tool that way.
+    #[error("the machine does not turn the tool that way")]
     OutOfReach,
     /// An axis would have to leave its range.
+    #[error(
+        "the machine's {} would have to be at {:.1}, and goes from {} to {}", .0.axis, .0.value, .0.range[0], .0.range[1]
+    )]
     OutOfTravel(OutOfTravel),
     /// Something that the head carries would be in something else, or the part or a fixture in what does not turn with it.
+    #[error("the {what} hits the {against}")]
     Hit {
         /// What: an element of the tool, `machine's` and the name of a solid, or the part or a fixture.
         what: String,
         /// In what.
         against: HitBody,
     },
-}
-
-impl fmt::Display for MachineFault {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::OutOfReach => write!(f, "the machine does not turn the tool that way"),
-            Self::OutOfTravel(OutOfTravel { axis, value, range: [low, high] }) => {
-                write!(
-                    f,
-                    "the machine's {axis} would have to be at {value:.1}, and goes from {low} to {high}"
-                )
-            }
-            Self::Hit { what, against } => write!(f, "the {what} hits the {against}"),
-        }
-    }
 }
 
 /// One tool on a machine, among what is set up on its table.
@@ -97,13 +87,8 @@ impl MachineReach {
         let tool = assembly.tool();
         let clearance = *assembly.clearance();
         let settings = CheckSettings { clearance, ..CheckSettings::of_pitch(pitch, tool.unit) };
-        let part = Arc::new(Body::new(part.clone(), HitBody::Part));
-        let body = |(name, voxels): &(String, Arc<Occupancy>)| {
-            Arc::new(Body::new(voxels.clone(), HitBody::Fixture(name.clone())))
-        };
-        let fixtures: Vec<Arc<Body>> = fixtures.iter().map(body).collect();
         let here = Pose::new(DVec3::ZERO, glam::DQuat::IDENTITY);
-        let pairs = MachinePairs::new(machine, &part, &fixtures, tool, &settings, &here)?;
+        let pairs = MachinePairs::new(machine, &Body::all(part, fixtures), tool, &settings, &here)?;
         let reach = Self { pairs, place: here, length: tool.length(), known: HashMap::new() };
         Ok(reach.with(directions))
     }
@@ -122,8 +107,40 @@ impl MachineReach {
         self
     }
 
+    /// Whole turns of an axis change nothing of where anything is.
     fn turned(&self, axis: DVec3) -> Vec<RotarySolution> {
-        turned(&self.pairs.machine, self.place.rotation * axis)
+        let machine = &*self.pairs.machine;
+        let found = machine.inverse(self.place.rotation * axis);
+        let mut angles: Vec<[f64; 2]> = Vec::new();
+        let mut add = |pair: [f64; 2]| {
+            let same = |a: f64, b: f64| ((a - b) / 360.0 - ((a - b) / 360.0).round()).abs() < 1e-9;
+            if !angles.iter().any(|known| (0..2).all(|place| same(known[place], pair[place]))) {
+                angles.push(pair);
+            }
+        };
+        for pair in found.angles {
+            add(pair);
+            if let Some(place) = found.free
+                && let Some(rotary) = machine.rotary.get(place)
+            {
+                for step in 1..FREE {
+                    let mut other = pair;
+                    let around = 360.0 * step as f64 / FREE as f64;
+                    let [low, high] = rotary.range;
+                    let fits =
+                        [around, around - 360.0].into_iter().find(|angle| (low..=high).contains(angle));
+                    if let Some(angle) = fits {
+                        other[place] = angle;
+                        add(other);
+                    }
+                }
+            }
+        }
+        let solution = |rotary| {
+            let place = Placement::turned(machine, &rotary);
+            RotarySolution { rotary, place, on_table: OnceLock::new() }
+        };
+        angles.into_iter().map(solution).collect()
     }
 
     /// True where the machine brings the tool's tip to `tip` with its axis along a unit vector.
@@ -183,41 +200,4 @@ impl MachineReach {
 
 fn bits(axis: DVec3) -> [u64; 3] {
     axis.to_array().map(f64::to_bits)
-}
-
-/// Whole turns of an axis change nothing of where anything is.
-fn turned(machine: &Machine, axis: DVec3) -> Vec<RotarySolution> {
-    let found = machine.inverse(axis);
-    let mut angles: Vec<[f64; 2]> = Vec::new();
-    let mut add = |pair: [f64; 2]| {
-        let same = |a: f64, b: f64| ((a - b) / 360.0 - ((a - b) / 360.0).round()).abs() < 1e-9;
-        if !angles.iter().any(|known| (0..2).all(|place| same(known[place], pair[place]))) {
-            angles.push(pair);
-        }
-    };
-    for pair in found.angles {
-        add(pair);
-        if let Some(place) = found.free
-            && let Some(rotary) = machine.rotary.get(place)
-        {
-            for step in 1..FREE {
-                let mut other = pair;
-                let around = 360.0 * step as f64 / FREE as f64;
-                let [low, high] = rotary.range;
-                let fits = [around, around - 360.0].into_iter().find(|angle| (low..=high).contains(angle));
-                if let Some(angle) = fits {
-                    other[place] = angle;
-                    add(other);
-                }
-            }
-        }
-    }
-    angles
-        .into_iter()
-        .map(|rotary| RotarySolution {
-            rotary,
-            place: Placement::turned(machine, &rotary),
-            on_table: OnceLock::new(),
-        })
-        .collect()
 }

@@ -6,10 +6,9 @@ use glam::DMat4;
 
 use super::carried::HeadBody;
 use super::on_table::{OnTable, TablePair};
+use crate::check::CheckBodies;
 use crate::check::elements::Body;
 use crate::check::motions::rigid;
-use crate::check::{CheckBodies, HitBody};
-use crate::field::solid::SolidVoxels;
 use crate::machine::Side;
 use crate::tool::Tool;
 use crate::unit::DisplayLength;
@@ -26,19 +25,12 @@ pub fn machine_remarks(
     let machine = on.machine();
     let unit = machine.unit;
     let to_machine = HeadBody::to_machine(machine, &rigid(set_up));
-    let part = (bodies.part, HitBody::Part);
-    let fixtures = bodies.fixtures.iter().map(|(name, voxels)| (voxels, HitBody::Fixture(name.clone())));
-    let bodies = std::iter::once(part).chain(fixtures).filter_map(|(voxels, against)| {
-        OnTable::new(&Arc::new(Body::new(Arc::new(voxels.clone()), against))).map(Arc::new)
-    });
-    let bodies: Vec<Arc<OnTable>> = bodies.collect();
+    let bodies = Body::all(bodies.part, bodies.fixtures);
+    let bodies: Vec<_> = bodies.iter().filter_map(|body| OnTable::new(body).map(Arc::new)).collect();
     let top = machine.axes_of(Side::Table);
     let own = on.bodies();
     let with_them = own.iter().filter(|(level, _)| *level == top);
-    let pairs = with_them.flat_map(|(level, solid)| {
-        let voxels = SolidVoxels::from(solid.voxels().clone());
-        bodies.iter().map(move |own| TablePair::new(own, *level, solid, &voxels)).collect::<Vec<_>>()
-    });
+    let pairs = with_them.flat_map(|solid| bodies.iter().map(move |own| TablePair::new(own, solid)));
     let standing = pairs.filter_map(|pair| {
         let depth = pair.depth_at(&to_machine)?;
         let [body, solid] = pair.bodies();

@@ -1,19 +1,18 @@
 //! What a machine's head carries beside the tool, among the stock.
 
 use super::super::elements::{Step, Track};
-use super::super::machine::{HeadBody, HeadShape, MachineBodies, bar_around};
+use super::super::machine::{HeadBody, MachineBodies};
 use super::super::motions::Motion;
 use super::super::{CheckError, CheckSettings, Collision};
 use super::non_cutting::NonCuttingBody;
 use super::voxels::{BitLines, StockVoxels};
 use crate::machine::{Machine, MachineMotion, Side};
 use crate::pose::Pose;
-use crate::tool::Element;
 
 /// The bodies of the head. Between two poses of the tool each is sampled as often as its own motion requires.
 pub(super) struct Heads<'a> {
     machine: &'a Machine,
-    bodies: Vec<(HeadBody, Vec<NonCuttingBody>)>,
+    bodies: Vec<(HeadBody, NonCuttingBody)>,
     /// From the world to where the machine's coordinates are with the table's axes at 0.
     to_machine: Pose,
     step: f64,
@@ -25,7 +24,7 @@ pub(super) struct HeadsOnTheWay<'h, 'a> {
     motion: &'h Motion<'h>,
     way: Option<&'h MachineMotion<'h>>,
     /// For each body: samples per pose of the tool, its movement between two samples, and what was found.
-    bodies: Vec<(u64, f64, Vec<Track>)>,
+    bodies: Vec<(u64, f64, Track)>,
 }
 
 impl<'a> Heads<'a> {
@@ -41,8 +40,8 @@ impl<'a> Heads<'a> {
         let of_head = machine.solids.iter().filter(|solid| solid.side == Side::Head);
         let body = |solid| {
             let body = HeadBody::of_solid(solid, settings.clearance.holder)?;
-            let non_cutting =
-                non_cutting(&body, pitch).ok_or_else(|| CheckError::Outline(body.name.clone()))?;
+            let non_cutting = NonCuttingBody::new(body.measured.clone(), &body.round, None, pitch);
+            let non_cutting = non_cutting.ok_or_else(|| body.intricate())?;
             Ok((body, non_cutting))
         };
         let bodies = of_head.map(body).collect::<Result<_, CheckError>>()?;
@@ -51,33 +50,20 @@ impl<'a> Heads<'a> {
     }
 
     pub(super) fn forget(&mut self) {
-        self.bodies.iter_mut().flat_map(|(_, non_cutting)| non_cutting).for_each(NonCuttingBody::forget);
+        self.bodies.iter_mut().for_each(|(_, non_cutting)| non_cutting.approach.forget());
     }
 
     pub(super) fn begin<'h>(&'h mut self, motion: &'h Motion<'h>) -> HeadsOnTheWay<'h, 'a> {
         let way = motion.by_machine();
         let table = self.machine.axes_of(Side::Table);
-        let of_body = |(body, non_cutting): &(HeadBody, Vec<NonCuttingBody>)| {
+        let of_body = |(body, _): &(HeadBody, NonCuttingBody)| {
             let farthest = way.map_or(0.0, |way| way.motion_bound(&body.ball, table));
             let each = (farthest / self.step / motion.count as f64).ceil().max(1.0);
             let length = farthest / (each * motion.count as f64);
-            (each as u64, length, non_cutting.iter().map(|_| Track::default()).collect())
+            (each as u64, length, Track::default())
         };
         let bodies = self.bodies.iter().map(of_body).collect();
         HeadsOnTheWay { heads: self, motion, way, bodies }
-    }
-}
-
-/// `None` for an outline that runs cannot be made of.
-fn non_cutting(body: &HeadBody, pitch: f64) -> Option<Vec<NonCuttingBody>> {
-    let HeadBody { name, shape, clearance, .. } = body;
-    let of_element =
-        |own: &Element| NonCuttingBody::new(name.clone(), *clearance, (own.clone(), true), own, None, pitch);
-    match shape {
-        HeadShape::Round(elements) => elements.iter().map(of_element).collect(),
-        HeadShape::Mesh(tool) => {
-            Some(vec![NonCuttingBody::of_mesh(name.clone(), *clearance, tool, &bar_around(tool), pitch)?])
-        }
     }
 }
 
@@ -87,7 +73,7 @@ impl HeadsOnTheWay<'_, '_> {
         let (Some(way), count) = (self.way, self.motion.count) else { return };
         let Heads { machine, bodies, to_machine, .. } = &mut *self.heads;
         let table = machine.axes_of(Side::Table);
-        for ((body, non_cutting), (each, length, tracks)) in bodies.iter_mut().zip(&mut self.bodies) {
+        for ((body, non_cutting), (each, length, track)) in bodies.iter_mut().zip(&mut self.bodies) {
             for part_way in 1..=*each {
                 let index = (pose - 1) * *each + part_way;
                 let fraction = index as f64 / (count * *each) as f64;
@@ -96,16 +82,14 @@ impl HeadsOnTheWay<'_, '_> {
                 let in_machine = place.table[table].inverse().of_pose(&head);
                 let at = to_machine.inverse().of_pose(&in_machine);
                 let step = Step { index, fraction, is_last: index == count * *each, length: *length };
-                for (one, track) in non_cutting.iter_mut().zip(tracks.iter_mut()) {
-                    one.look(stock, part, &step, &at, track);
-                }
+                non_cutting.look(stock, part, &step, &at, track);
             }
         }
     }
 
     /// The collisions found, with the current tool.
     pub(super) fn finish(self) -> Vec<Collision> {
-        let tracks = self.bodies.into_iter().flat_map(|(.., tracks)| tracks);
+        let tracks = self.bodies.into_iter().map(|(.., track)| track);
         tracks.filter_map(Track::finish).map(|hit| self.motion.with_tool(hit)).collect()
     }
 }

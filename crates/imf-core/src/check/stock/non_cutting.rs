@@ -8,7 +8,7 @@ use super::voxels::{BLOCK, BitLines, StockScanner, StockVoxels};
 use crate::field::solid::BodyLines;
 use crate::mesh::distance::distance_to_mesh;
 use crate::pose::Pose;
-use crate::tool::{Element, Tool, snapped};
+use crate::tool::{Element, snapped};
 use crate::voxelize::winding_number;
 
 /// Distance that a test by blocks, and one by voxels, proves between body and stock, in pitches.
@@ -88,7 +88,7 @@ pub(super) struct NonCuttingBody {
     measured: DepthElement,
     /// Of its points that must not hold stock; of a bar around a mesh.
     lines: BodyLines,
-    approach: Approach,
+    pub(super) approach: Approach,
     /// Distances from the axis between which stock is accepted: where the cutter's own flank has just passed.
     rubs: Option<(f64, f64)>,
 }
@@ -120,41 +120,16 @@ impl Place {
 }
 
 impl NonCuttingBody {
-    /// Of a body of revolution, of which only `inner` must hold no stock. `None` for an outline that runs cannot be made of.
+    /// Of which only `inner` must hold no stock; of a mesh `inner` is a round bar around it. `None` for an outline that runs cannot be
+    /// made of.
     pub(super) fn new(
-        name: String,
-        clearance: f64,
-        (element, exposed): (Element, bool),
+        measured: DepthElement,
         inner: &Element,
         rubs: Option<(f64, f64)>,
         pitch: f64,
     ) -> Option<Self> {
         let (lines, approach) = (BodyLines::new(inner, pitch)?, Approach::new(inner, pitch));
-        let measured = DepthElement { name, clearance, shape: Shape::Revolved(vec![(element, exposed)]) };
         Some(Self { measured, lines, approach, rubs })
-    }
-
-    /// Of a mesh, and a round bar around it.
-    pub(super) fn of_mesh(
-        name: String,
-        clearance: f64,
-        mesh: &Tool,
-        bar: &Element,
-        pitch: f64,
-    ) -> Option<Self> {
-        let (lines, approach) = (BodyLines::new(bar, pitch)?, Approach::new(bar, pitch));
-        let measured = DepthElement { name, clearance, shape: Shape::Mesh(mesh.clone()) };
-        Some(Self { measured, lines, approach, rubs: None })
-    }
-
-    /// The body's previous place is unknown.
-    pub(super) fn forget(&mut self) {
-        self.approach.forget();
-    }
-
-    /// True where it surely holds no stock at this pose; it has moved by `moved` since the last.
-    pub(super) fn is_away(&mut self, stock: &StockVoxels, pose: &Pose, moved: f64) -> bool {
-        self.approach.is_away(stock, pose, moved)
     }
 
     /// Tests whether it holds stock (not the part's) at a pose that is not accepted, and how deep.
@@ -166,7 +141,7 @@ impl NonCuttingBody {
         pose: &Pose,
         track: &mut Track,
     ) {
-        if !self.is_away(stock, pose, step.length) {
+        if !self.approach.is_away(stock, pose, step.length) {
             self.look_closely(stock, part, step, pose, track);
         }
     }

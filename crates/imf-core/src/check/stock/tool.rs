@@ -1,6 +1,6 @@
 //! One tool among the stock: what its cutter removes, and its bodies that must not touch.
 
-use super::super::elements::{Step, Track};
+use super::super::elements::{DepthElement, Shape, Step, Track};
 use super::super::motions::Motion;
 use super::super::{CheckError, CheckSettings, Collision};
 use super::head::{Heads, HeadsOnTheWay};
@@ -48,19 +48,12 @@ impl<'a> StockTool<'a> {
             let deep = element
                 .eroded(accepted, exposed)
                 .ok_or_else(|| CheckError::Contact { tool: tool.name.clone(), contact })?;
-            Ok::<_, CheckError>(Cutter {
-                lines: BodyLines::new(&element, pitch).ok_or_else(intricate)?,
-                approach: Approach::new(&element, pitch),
-                rapid: NonCuttingBody::new(
-                    ElementKind::Cutter.to_string(),
-                    0.0,
-                    (element, exposed),
-                    &deep,
-                    None,
-                    pitch,
-                )
-                .ok_or_else(intricate)?,
-            })
+            let lines = BodyLines::new(&element, pitch).ok_or_else(intricate)?;
+            let approach = Approach::new(&element, pitch);
+            let shape = Shape::Revolved(vec![(element, exposed)]);
+            let measured = DepthElement { name: ElementKind::Cutter.to_string(), clearance: 0.0, shape };
+            let rapid = NonCuttingBody::new(measured, &deep, None, pitch).ok_or_else(intricate)?;
+            Ok::<_, CheckError>(Cutter { lines, approach, rapid })
         };
         let offset = tool.offset_elements(&settings.clearance)?;
         let stay_out = elements.iter().zip(offset).filter(|(own, _)| own.kind != ElementKind::Cutter);
@@ -68,8 +61,9 @@ impl<'a> StockTool<'a> {
             let clearance = settings.clearance.of(own.kind);
             let rubs = widest.filter(|_| own.kind == ElementKind::Shank && clearance == 0.0);
             let rubs = rubs.map(|widest| (widest - accepted, widest + settings.contact));
-            let (name, inner) = (own.kind.to_string(), element.clone());
-            NonCuttingBody::new(name, clearance, (element, true), &inner, rubs, pitch).ok_or_else(intricate)
+            let shape = Shape::Revolved(vec![(element.clone(), true)]);
+            let measured = DepthElement { name: own.kind.to_string(), clearance, shape };
+            NonCuttingBody::new(measured, &element, rubs, pitch).ok_or_else(intricate)
         };
         Ok(Self {
             cutter: whole.map(cutter).transpose()?,
@@ -81,7 +75,7 @@ impl<'a> StockTool<'a> {
     /// The path begins anew: the tool's previous place is unknown.
     pub(super) fn begin(&mut self) {
         self.cutter.iter_mut().for_each(|cutter| cutter.approach.forget());
-        self.non_cutting.iter_mut().for_each(NonCuttingBody::forget);
+        self.non_cutting.iter_mut().for_each(|body| body.approach.forget());
         self.heads.iter_mut().for_each(Heads::forget);
     }
 
@@ -96,7 +90,7 @@ impl<'a> StockTool<'a> {
     ) -> Option<Collision> {
         let rapid = &mut self.cutter.as_mut()?.rapid;
         if begins {
-            rapid.forget();
+            rapid.approach.forget();
         }
         let mut track = Track::default();
         for (index, (fraction, pose)) in (1..).zip(motion.poses()) {
@@ -133,7 +127,7 @@ impl<'a> StockTool<'a> {
             let step = Step { index, fraction, is_last: index == motion.count, length: motion.step };
             for (one, track) in self.non_cutting.iter_mut().zip(&mut tracks) {
                 // Stock that is still to be removed may make it seem nearer than it is.
-                if !one.is_away(stock, &pose, step.length) {
+                if !one.approach.is_away(stock, &pose, step.length) {
                     take(stock, &mut waiting);
                     one.look_closely(stock, part, &step, &pose, track);
                 }
