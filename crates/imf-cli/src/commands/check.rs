@@ -169,7 +169,7 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
 
 /// The error, with what a path for a machine lacks.
 fn with_remedy(error: ToolpathError) -> anyhow::Error {
-    let remedy = matches!(error, ToolpathError::NeedsMachine { .. })
+    let remedy = matches!(error, ToolpathError::Line { needs_machine: true, .. })
         .then_some("the path is for a machine: describe it in a file, and name that (--machine FILE)");
     let error = anyhow::Error::from(error);
     remedy.into_iter().fold(error, anyhow::Error::context)

@@ -85,6 +85,25 @@ pub(super) enum Shape {
     Mesh(Tool),
 }
 
+impl DepthElement {
+    /// An element of a tool, offset by its clearance; `exposed` where its upper end is surface.
+    pub(super) fn new(element: Element, exposed: bool, clearance: f64) -> Self {
+        let name = element.kind.to_string();
+        Self { name, clearance, shape: Shape::Revolved(vec![(element, exposed)]) }
+    }
+
+    /// A tool whose elements cannot be distinguished.
+    pub(super) fn whole(tool: &Tool) -> Self {
+        let shape = match &tool.shape {
+            ToolShape::Mesh(_) => Shape::Mesh(tool.clone()),
+            ToolShape::Revolved(elements) => {
+                Shape::Revolved(elements.iter().map(|e| (e.clone(), true)).collect())
+            }
+        };
+        Self { name: "tool".into(), clearance: 0.0, shape }
+    }
+}
+
 /// Elements that are decided together, and the body that they must not hit.
 pub(super) struct Group {
     pub(super) field: SolidField,
@@ -114,11 +133,8 @@ impl Elements {
         if offset.is_empty() {
             return Ok(Self::whole(bodies, tool));
         }
-        let measured = |element: &Element| DepthElement {
-            name: element.kind.to_string(),
-            clearance: clearance.of(element.kind),
-            shape: Shape::Revolved(vec![(element.clone(), true)]),
-        };
+        let measured =
+            |element: &Element| DepthElement::new(element.clone(), true, clearance.of(element.kind));
         let mut wanted: Vec<(&Arc<Body>, Vec<Element>, Vec<DepthElement>)> = Vec::new();
         for body in bodies {
             let mut stay_out = offset.clone();
@@ -131,9 +147,7 @@ impl Elements {
                 let deep = cutter.eroded(settings.contact, exposed).filter(is_seen).ok_or_else(|| {
                     CheckError::Contact { tool: tool.name.clone(), contact: settings.contact }
                 })?;
-                let shape = Shape::Revolved(vec![(cutter, exposed)]);
-                let whole = DepthElement { name: ElementKind::Cutter.to_string(), clearance: 0.0, shape };
-                wanted.push((body, vec![deep], vec![whole]));
+                wanted.push((body, vec![deep], vec![DepthElement::new(cutter, exposed, 0.0)]));
                 stay_out.retain(|element| element.kind != ElementKind::Cutter);
             }
             let rest = stay_out.iter().map(measured).collect();
@@ -154,15 +168,9 @@ impl Elements {
 
     /// A tool whose elements cannot be distinguished: it has no cutter that may touch.
     fn whole(bodies: &[Arc<Body>], tool: &Tool) -> Self {
-        let shape = || match &tool.shape {
-            ToolShape::Mesh(_) => Shape::Mesh(tool.clone()),
-            ToolShape::Revolved(elements) => {
-                Shape::Revolved(elements.iter().map(|e| (e.clone(), true)).collect())
-            }
-        };
         let group = |body: &Arc<Body>| Group {
             field: SolidField::of_tool(body.voxels.clone(), tool),
-            elements: vec![DepthElement { name: "tool".into(), clearance: 0.0, shape: shape() }],
+            elements: vec![DepthElement::whole(tool)],
             body: body.clone(),
         };
         Self(bodies.iter().map(group).collect())

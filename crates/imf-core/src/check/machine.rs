@@ -11,7 +11,7 @@ mod reach;
 mod remarks;
 
 pub(super) use carried::HeadBody;
-use carried::{of_element, of_mesh};
+use carried::bar_around;
 use on_table::TablePairs;
 pub use reach::{MachineFault, MachineReach};
 pub use remarks::machine_remarks;
@@ -29,7 +29,7 @@ use crate::machine::{Ball, Machine, Placement, Side, SolidShape};
 use crate::occupancy::Occupancy;
 use crate::pose::Pose;
 use crate::scene::{LostSurface, decided};
-use crate::tool::{Tool, ToolShape};
+use crate::tool::{Element, Tool, ToolShape};
 
 /// A machine, and the voxels of what its table carries.
 #[derive(Clone, Debug)]
@@ -155,20 +155,19 @@ impl MachinePairs {
         let below = DVec3::new(0.0, 0.0, -tool.length());
         let room = settings.clearance;
         let most = room.holder.max(room.shank).max(room.cutter);
-        let of_tool = |name: String, clearance, (shape, round)| HeadBody {
-            measured: DepthElement { name, clearance, shape },
+        let of_tool = |measured, round| HeadBody {
+            measured,
             round,
             ball: Ball { centre: below, radius: tool.reach() + most, level: head_axes },
             frame: Pose::new(below, DQuat::IDENTITY),
         };
         let tool_bodies: Vec<HeadBody> = match &tool.shape {
-            ToolShape::Revolved(elements) => {
-                let kinds = elements.iter().map(|element| element.kind);
-                let offset = kinds.zip(tool.offset_elements(&room)?);
-                let body = |(kind, offset)| of_tool(kind.to_string(), room.of(kind), of_element(offset));
-                offset.map(body).collect()
+            ToolShape::Revolved(_) => {
+                let measured = |own: &Element| DepthElement::new(own.clone(), true, room.of(own.kind));
+                let offset = tool.offset_elements(&room)?.into_iter();
+                offset.map(|own| of_tool(measured(&own), own)).collect()
             }
-            ToolShape::Mesh(_) => vec![of_tool("tool".into(), 0.0, of_mesh(tool.clone()))],
+            ToolShape::Mesh(_) => vec![of_tool(DepthElement::whole(tool), bar_around(tool))],
         };
         let of_head = machine.solids.iter().filter(|solid| solid.side == Side::Head);
         let head: Vec<HeadBody> =

@@ -1,5 +1,6 @@
 //! Head, tool, table and part of small machines against 4 by 4 matrices that try every centre.
 
+use std::rc::Rc;
 use std::sync::Arc;
 
 use glam::{DMat4, DVec3};
@@ -90,42 +91,49 @@ fn part() -> Occupancy {
 }
 
 /// How deep a point lies in a body of the head, negative outside; with all axes at 0.
-type Inside = Box<dyn Fn(DVec3) -> f64>;
+type Inside = Rc<dyn Fn(DVec3) -> f64>;
 
 struct Pair {
     element: String,
     against: HitBody,
     levels: (usize, usize),
     centres: Vec<DVec3>,
-    inside: usize,
+    inside: Inside,
+}
+
+impl Pair {
+    /// How deep each centre lies in the body of the head.
+    fn depths(&self, machine: &Machine, joints: &Joints) -> impl Iterator<Item = f64> {
+        let matrix = to_head(machine, joints, self.levels);
+        self.centres.iter().map(move |centre| (self.inside)(matrix.transform_point3(*centre)))
+    }
 }
 
 /// All pairs that a check tries, with their centres in machine coordinates with all axes at 0.
-fn pairs(machine: &Machine, bodies: &MachineBodies, part: &Occupancy) -> (Vec<Inside>, Vec<Pair>) {
+fn pairs(machine: &Machine, bodies: &MachineBodies, part: &Occupancy) -> Vec<Pair> {
     let top = (machine.axes_of(Side::Head), machine.axes_of(Side::Table));
-    let mut insides: Vec<Inside> = Vec::new();
-    let mut own: Vec<(String, usize)> = Vec::new();
+    let mut own: Vec<(String, usize, Inside)> = Vec::new();
     for (name, from, to, radius) in [("cutter", 0.0, 12.0, 2.0_f64), ("holder 1", 12.0, 20.0, 4.0)] {
-        insides.push(Box::new(move |point| {
+        let inside = move |point: DVec3| {
             let height: f64 = point.z + 20.0;
             (height - from).min(to - height).min(radius - point.x.hypot(point.y))
-        }));
-        own.push((name.into(), top.0));
+        };
+        own.push((name.into(), top.0, Rc::new(inside)));
     }
     for solid in machine.solids.iter().filter(|solid| solid.side == Side::Head) {
-        own.push((solid.name.clone(), solid.level));
-        insides.push(match solid.shape {
-            SolidShape::Cylinder { base, top, diameter } => Box::new(move |point| {
+        let inside: Inside = match solid.shape {
+            SolidShape::Cylinder { base, top, diameter } => Rc::new(move |point| {
                 let (along, length) = ((top - base).normalize(), base.distance(top));
                 let height = along.dot(point - base);
                 let radius = (point - base - along * height).length();
                 height.min(length - height).min(0.5 * diameter - radius)
             }),
             SolidShape::Box { lower, upper } => {
-                Box::new(move |point| (point - lower).min(upper - point).min_element())
+                Rc::new(move |point| (point - lower).min(upper - point).min_element())
             }
             SolidShape::Mesh(_) => panic!("no mesh here"),
-        });
+        };
+        own.push((solid.name.clone(), solid.level, inside));
     }
     let centres = |voxels: &Occupancy, offset: DVec3| -> Vec<DVec3> {
         let grid = voxels.grid;
@@ -141,13 +149,13 @@ fn pairs(machine: &Machine, bodies: &MachineBodies, part: &Occupancy) -> (Vec<In
     }
     assert_eq!(bodies.coarsest_pitch(), Some(1.0));
     let mut pairs = Vec::new();
-    for (inside, (element, head)) in own.iter().enumerate() {
+    for (element, head, inside) in &own {
         for (against, table, centres) in &others {
             let (element, against, centres) = (element.clone(), against.clone(), centres.clone());
-            pairs.push(Pair { element, against, levels: (*head, *table), centres, inside });
+            pairs.push(Pair { element, against, levels: (*head, *table), centres, inside: inside.clone() });
         }
     }
-    (insides, pairs)
+    pairs
 }
 
 /// From what stands on the table to what hangs on the head, both where they are with all axes at 0.
@@ -167,6 +175,21 @@ fn location(machine: &Machine, line: usize, joints: Joints, kind: MoveKind, stra
     let point = MachinePoint { joints, length: 20.0, tip_goes_straight: straight, by_spindle: false };
     let pose = machine.forward(&joints, 20.0);
     Location { line, pose, rolled: true, tool: None, kind, machine: Some(point) }
+}
+
+/// Locations to which no way leads, each with its line.
+fn starts(machine: &Machine, joints: impl IntoIterator<Item = (usize, Joints)>) -> Toolpath {
+    let start = |(line, joints)| location(machine, line, joints, MoveKind::Start, true);
+    Toolpath { locations: joints.into_iter().map(start).collect(), ..Toolpath::default() }
+}
+
+/// From line 1 to line 2.
+fn path_between(machine: &Machine, from: Joints, to: Joints, straight: bool) -> Toolpath {
+    let locations = vec![
+        location(machine, 1, from, MoveKind::Start, straight),
+        location(machine, 2, to, MoveKind::Feed, straight),
+    ];
+    Toolpath { locations, ..Toolpath::default() }
 }
 
 fn strict(step: f64) -> CheckSettings {
@@ -200,9 +223,8 @@ fn shallow_contacts(poses: usize) -> usize {
     let mut shallow = 0;
     for machine in machines() {
         let bodies = MachineBodies::new(machine.clone(), 1.0, Control::quiet()).unwrap();
-        let (insides, pairs) = pairs(&machine, &bodies, &part);
-        let locations = (0..poses).map(|i| location(&machine, i + 1, random(i + 1), MoveKind::Start, true));
-        let path = Toolpath { locations: locations.collect(), ..Toolpath::default() };
+        let pairs = pairs(&machine, &bodies, &part);
+        let path = starts(&machine, (1..=poses).map(|line| (line, random(line))));
         let report = check_path(&part, &bodies, &path, &strict(0.25)).unwrap();
         let mut at = 0;
         for line in 1..=poses {
@@ -215,11 +237,8 @@ fn shallow_contacts(poses: usize) -> usize {
                 None => &[],
             };
             for pair in &pairs {
-                let matrix = to_head(&machine, &joints, pair.levels);
-                let depth = |centre: &DVec3| insides[pair.inside](matrix.transform_point3(*centre));
-                let depths = pair.centres.iter().map(depth);
                 let (mut voxels, mut deepest, mut near) = (0, f64::NEG_INFINITY, false);
-                for depth in depths {
+                for depth in pair.depths(&machine, &joints) {
                     voxels += u32::from(depth > 0.0);
                     deepest = deepest.max(depth);
                     near |= depth.abs() < 1e-6;
@@ -242,7 +261,7 @@ fn shallow_contacts(poses: usize) -> usize {
                     let by_part = to_head(&machine, &joints, (pair.levels.0, machine.axes_of(Side::Table)));
                     let contact =
                         by_part.transform_point3(DVec3::from_array(hit.contact) + machine.part_zero());
-                    assert!(insides[pair.inside](contact) > -1e-6, "{} {contact}", context());
+                    assert!((pair.inside)(contact) > -1e-6, "{} {contact}", context());
                 }
             }
         }
@@ -261,27 +280,19 @@ fn nothing_is_passed_over_between_two_lines() {
     let (mut seen, mut crossed) = (0, 0);
     for machine in machines() {
         let bodies = MachineBodies::new(machine.clone(), 1.0, Control::quiet()).unwrap();
-        let (insides, pairs) = pairs(&machine, &bodies, &part);
+        let pairs = pairs(&machine, &bodies, &part);
         for seed in 0..60 {
             let straight = seed % 2 == 0;
             let (from, mut to) = (random(seed + 5), random(3 * seed + 11));
             to.rotary = [0, 1].map(|i| from.rotary[i] + 0.3 * (to.rotary[i] - from.rotary[i]));
-            let path = Toolpath {
-                locations: vec![
-                    location(&machine, 1, from, MoveKind::Start, straight),
-                    location(&machine, 2, to, MoveKind::Feed, straight),
-                ],
-                ..Toolpath::default()
-            };
+            let path = path_between(&machine, from, to, straight);
             let report = check_path(&part, &bodies, &path, &strict(step)).unwrap();
             let way = MachineMotion::new(&machine, from, to, 20.0, straight);
             for pair in &pairs {
                 let mut deepest = f64::NEG_INFINITY;
                 for step in 0..=150 {
                     let joints = way.joints(f64::from(step) / 150.0);
-                    let matrix = to_head(&machine, &joints, pair.levels);
-                    let depth = |centre: &DVec3| insides[pair.inside](matrix.transform_point3(*centre));
-                    deepest = pair.centres.iter().map(depth).fold(deepest, f64::max);
+                    deepest = pair.depths(&machine, &joints).fold(deepest, f64::max);
                 }
                 let of_line = |line: usize| {
                     let own = report.colliding.iter().find(|own| own.line == line);
@@ -307,10 +318,7 @@ fn a_head_keeps_its_clearance_and_a_mesh_or_thin_solid_says_what_it_cannot() {
     machine.solids.retain(|solid| solid.name == "nose");
     // The nose's face 1.5 above the part's top at z = −34, beside the tool.
     let joints = Joints { linear: DVec3::new(-3.0, 0.0, -32.5), rotary: [0.0; 2] };
-    let path = Toolpath {
-        locations: vec![location(&machine, 1, joints, MoveKind::Start, true)],
-        ..Toolpath::default()
-    };
+    let path = starts(&machine, [(1, joints)]);
     let run = |machine: &Machine, holder: f64| {
         let bodies = MachineBodies::new(machine.clone(), 1.0, Control::quiet()).unwrap();
         let clearance = Clearance { holder, ..Clearance::default() };

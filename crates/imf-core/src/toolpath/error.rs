@@ -23,16 +23,8 @@ pub enum ToolpathError {
         line: usize,
         /// What is wrong with it.
         what: String,
-    },
-    /// A line that only a machine gives a meaning, in a path that is read without one.
-    #[error("{path}, line {line}: {what}")]
-    NeedsMachine {
-        /// The file.
-        path: String,
-        /// The line, from 1.
-        line: usize,
-        /// What needs the machine.
-        what: String,
+        /// Only a machine gives it a meaning, and the path is read without one.
+        needs_machine: bool,
     },
     /// No location at all.
     #[error(
@@ -62,12 +54,8 @@ impl Fault {
 
     /// The error of the file called `name`.
     pub(super) fn in_file(self, name: &str) -> ToolpathError {
-        let (path, line, what) = (name.to_owned(), self.line.unwrap_or_default(), self.what);
-        if self.needs_machine {
-            ToolpathError::NeedsMachine { path, line, what }
-        } else {
-            ToolpathError::Line { path, line, what }
-        }
+        let Self { line, what, needs_machine } = self;
+        ToolpathError::Line { path: name.to_owned(), line: line.unwrap_or_default(), what, needs_machine }
     }
 }
 
@@ -113,9 +101,9 @@ pub(super) mod tests {
             ),
         ] {
             let error = read(text);
-            assert!(matches!(error, ToolpathError::NeedsMachine { line: 2, .. }), "{error:?}");
+            assert!(matches!(error, ToolpathError::Line { line: 2, needs_machine: true, .. }), "{error:?}");
             assert_eq!(error.to_string(), said);
         }
-        assert!(matches!(read("G0 X0. V3."), ToolpathError::Line { line: 2, .. }));
+        assert!(matches!(read("G0 X0. V3."), ToolpathError::Line { line: 2, needs_machine: false, .. }));
     }
 }

@@ -31,13 +31,14 @@ impl HeadBody {
             radius: 0.5 * (upper - lower).length() + clearance * 3f64.sqrt(),
             level: solid.level,
         };
-        let (frame, (shape, round)) = match &solid.shape {
+        let (frame, shape, round) = match &solid.shape {
             SolidShape::Cylinder { base, top, diameter } => {
                 let axis = (*top - *base).normalize_or_zero();
                 let profile = vec![Segment::cylinder(0.0, base.distance(*top), 0.5 * diameter)];
                 let element = Element { kind: ElementKind::Holder(0), profile }.offset(clearance);
                 let rotation = Pose::along(*base, axis).rotation;
-                (Pose::new(*base, rotation), of_element(element))
+                let shape = Shape::Revolved(vec![(element.clone(), true)]);
+                (Pose::new(*base, rotation), shape, element)
             }
             SolidShape::Box { lower, upper } => {
                 // A larger box holds the offset one.
@@ -75,24 +76,20 @@ impl HeadBody {
     }
 }
 
-/// A body of revolution, by its shape and its outline.
-pub(super) fn of_element(element: Element) -> (Shape, Element) {
-    (Shape::Revolved(vec![(element.clone(), true)]), element)
-}
-
-/// A mesh, and a bar around it.
-pub(super) fn of_mesh(tool: Tool) -> (Shape, Element) {
+/// A round bar that holds a mesh tool, a little larger.
+pub(super) fn bar_around(tool: &Tool) -> Element {
     let (lower, upper) = tool.mesh().and_then(Mesh::bounds).unwrap_or_default();
     let room = 1e-6 * (upper - lower).length();
     let bar = Segment::cylinder(lower.z - room, upper.z + room, tool.rolling_radius() + room);
-    (Shape::Mesh(tool), Element { kind: ElementKind::Holder(0), profile: vec![bar] })
+    Element { kind: ElementKind::Holder(0), profile: vec![bar] }
 }
 
 /// A mesh as a tool whose tip is in the middle of its box.
-fn centred(name: &str, mesh: &Mesh) -> (Pose, (Shape, Element)) {
+fn centred(name: &str, mesh: &Mesh) -> (Pose, Shape, Element) {
     let (lower, upper) = mesh.bounds().unwrap_or_default();
     let middle = 0.5 * (lower + upper);
     let mesh = mesh.transformed(&glam::DMat4::from_translation(-middle));
     let tool = Tool { shape: ToolShape::Mesh(mesh), ..Tool::revolved(name, []) };
-    (Pose::new(middle, DQuat::IDENTITY), of_mesh(tool))
+    let bar = bar_around(&tool);
+    (Pose::new(middle, DQuat::IDENTITY), Shape::Mesh(tool), bar)
 }

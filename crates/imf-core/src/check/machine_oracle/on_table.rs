@@ -88,8 +88,7 @@ fn a_part_in_column_or_arm_is_told_and_no_other() {
     for machine in [with_column(), machines()[1].clone()] {
         let bodies = MachineBodies::new(machine.clone(), 1.0, Control::quiet()).unwrap();
         let poses = 400;
-        let locations = (1..=poses).map(|i| location(&machine, i, random(i), MoveKind::Start, true));
-        let path = Toolpath { locations: locations.collect(), ..Toolpath::default() };
+        let path = starts(&machine, (1..=poses).map(|line| (line, random(line))));
         let report = check_path(&part, &bodies, &path, &strict(0.25)).unwrap();
         for line in 1..=poses {
             for solid in still(&machine) {
@@ -120,13 +119,7 @@ fn nothing_that_the_part_passes_on_the_way_is_passed_over() {
     for seed in 0..80 {
         let (from, mut to) = (random(seed + 5), random(3 * seed + 11));
         to.rotary = [0, 1].map(|i| from.rotary[i] + 0.4 * (to.rotary[i] - from.rotary[i]));
-        let path = Toolpath {
-            locations: vec![
-                location(&machine, 1, from, MoveKind::Start, true),
-                location(&machine, 2, to, MoveKind::Feed, true),
-            ],
-            ..Toolpath::default()
-        };
+        let path = path_between(&machine, from, to, true);
         let report = check_path(&part, &bodies, &path, &strict(0.25)).unwrap();
         let way = MachineMotion::new(&machine, from, to, 20.0, true);
         for solid in still(&machine) {
@@ -151,14 +144,8 @@ fn what_a_part_stands_on_may_touch_it_while_it_turns() {
         machine.offsets.insert(54, DVec3::new(1.0, -2.0, -40.0 - lower));
         let bodies = MachineBodies::new(machine.clone(), 1.0, Control::quiet()).unwrap();
         let joints = |c: f64| Joints { linear: DVec3::new(0.0, 0.0, 20.0), rotary: [0.0, c] };
-        let path = Toolpath {
-            locations: vec![
-                location(&machine, 1, joints(0.0), MoveKind::Start, true),
-                location(&machine, 2, joints(77.0), MoveKind::Feed, true),
-                location(&machine, 3, joints(77.0), MoveKind::Feed, true),
-            ],
-            ..Toolpath::default()
-        };
+        let mut path = path_between(&machine, joints(0.0), joints(77.0), true);
+        path.locations.push(location(&machine, 3, joints(77.0), MoveKind::Feed, true));
         let report = check_path(&part, &bodies, &path, &strict(0.25)).unwrap();
         for line in 1..=3 {
             assert_eq!(hit(&report, line, "cradle").is_some(), expected, "{lower} {line}");

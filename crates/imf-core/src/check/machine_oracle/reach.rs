@@ -13,7 +13,7 @@ fn a_pose_is_reached_where_some_angles_within_the_ranges_are_free_of_all_contact
         // From here on the machine is short of travel as well.
         machine.travel[0] = [-9.0, 9.0];
         let bodies = MachineBodies::new(machine.clone(), 1.0, Control::quiet()).unwrap();
-        let (insides, pairs) = pairs(&machine, &bodies, &part);
+        let pairs = pairs(&machine, &bodies, &part);
         let still = on_table::still(&machine);
         // The tool and the part are left to the caller.
         let others = |pair: &&Pair| {
@@ -51,9 +51,7 @@ fn a_pose_is_reached_where_some_angles_within_the_ranges_are_free_of_all_contact
                 let within = machine.out_of_travel(&joints).is_none();
                 let mut deepest = f64::NEG_INFINITY;
                 for pair in pairs.iter().filter(others) {
-                    let matrix = to_head(&machine, &joints, pair.levels);
-                    let depth = |centre: &DVec3| insides[pair.inside](matrix.transform_point3(*centre));
-                    deepest = pair.centres.iter().map(depth).fold(deepest, f64::max);
+                    deepest = pair.depths(&machine, &joints).fold(deepest, f64::max);
                 }
                 let swings = on_table::swings(&still, &machine, &part, rotary);
                 free.extend((within && deepest < 0.0 && !swings).then_some(rotary));

@@ -3,10 +3,10 @@
 use super::super::elements::{Step, Track};
 use super::super::machine::{HeadBody, MachineBodies};
 use super::super::motions::Motion;
-use super::super::{CheckError, CheckSettings, Collision};
+use super::super::{CheckError, CheckSettings};
 use super::non_cutting::NonCuttingBody;
 use super::voxels::{BitLines, StockVoxels};
-use crate::machine::{Machine, MachineMotion, Side};
+use crate::machine::{Machine, Side};
 use crate::pose::Pose;
 
 /// The bodies of the head. Between two poses of the tool each is sampled as often as its own motion requires.
@@ -18,13 +18,13 @@ pub(super) struct Heads<'a> {
     step: f64,
 }
 
-/// On one motion.
-pub(super) struct HeadsOnTheWay<'h, 'a> {
-    heads: &'h mut Heads<'a>,
-    motion: &'h Motion<'h>,
-    way: Option<&'h MachineMotion<'h>>,
-    /// For each body: samples per pose of the tool, its movement between two samples, and what was found.
-    bodies: Vec<(u64, f64, Track)>,
+/// One of the bodies on a motion.
+pub(super) struct Samples {
+    /// Per pose of the tool.
+    each: u64,
+    /// Its movement between two of them.
+    length: f64,
+    pub(super) track: Track,
 }
 
 impl<'a> Heads<'a> {
@@ -53,44 +53,43 @@ impl<'a> Heads<'a> {
         self.bodies.iter_mut().for_each(|(_, non_cutting)| non_cutting.approach.forget());
     }
 
-    pub(super) fn begin<'h>(&'h mut self, motion: &'h Motion<'h>) -> HeadsOnTheWay<'h, 'a> {
+    /// Of each body, on a motion that begins.
+    pub(super) fn begin(&self, motion: &Motion<'_>) -> Vec<Samples> {
         let way = motion.by_machine();
         let table = self.machine.axes_of(Side::Table);
         let of_body = |(body, _): &(HeadBody, NonCuttingBody)| {
             let farthest = way.map_or(0.0, |way| way.motion_bound(&body.ball, table));
             let each = (farthest / self.step / motion.count as f64).ceil().max(1.0);
             let length = farthest / (each * motion.count as f64);
-            (each as u64, length, Track::default())
+            Samples { each: each as u64, length, track: Track::default() }
         };
-        let bodies = self.bodies.iter().map(of_body).collect();
-        HeadsOnTheWay { heads: self, motion, way, bodies }
+        self.bodies.iter().map(of_body).collect()
     }
-}
 
-impl HeadsOnTheWay<'_, '_> {
     /// On the way to one of the tool's poses, counted from 1.
-    pub(super) fn look(&mut self, stock: &StockVoxels, part: &BitLines, pose: u64) {
-        let (Some(way), count) = (self.way, self.motion.count) else { return };
-        let Heads { machine, bodies, to_machine, .. } = &mut *self.heads;
-        let table = machine.axes_of(Side::Table);
-        for ((body, non_cutting), (each, length, track)) in bodies.iter_mut().zip(&mut self.bodies) {
-            for part_way in 1..=*each {
-                let index = (pose - 1) * *each + part_way;
-                let fraction = index as f64 / (count * *each) as f64;
+    pub(super) fn look(
+        &mut self,
+        stock: &StockVoxels,
+        part: &BitLines,
+        motion: &Motion<'_>,
+        pose: u64,
+        samples: &mut [Samples],
+    ) {
+        let (Some(way), count) = (motion.by_machine(), motion.count) else { return };
+        let table = self.machine.axes_of(Side::Table);
+        for ((body, non_cutting), samples) in self.bodies.iter_mut().zip(samples) {
+            let Samples { each, length, ref mut track } = *samples;
+            for part_way in 1..=each {
+                let index = (pose - 1) * each + part_way;
+                let fraction = index as f64 / (count * each) as f64;
                 let place = way.placement(fraction);
                 let head = place.head[body.ball.level].of_pose(&body.frame);
                 let in_machine = place.table[table].inverse().of_pose(&head);
-                let at = to_machine.inverse().of_pose(&in_machine);
-                let step = Step { index, fraction, is_last: index == count * *each, length: *length };
+                let at = self.to_machine.inverse().of_pose(&in_machine);
+                let step = Step { index, fraction, is_last: index == count * each, length };
                 non_cutting.look(stock, part, &step, &at, track);
             }
         }
-    }
-
-    /// The collisions found, with the current tool.
-    pub(super) fn finish(self) -> Vec<Collision> {
-        let tracks = self.bodies.into_iter().map(|(.., track)| track);
-        tracks.filter_map(Track::finish).map(|hit| self.motion.with_tool(hit)).collect()
     }
 }
 

@@ -1,14 +1,14 @@
 //! One tool among the stock: what its cutter removes, and its bodies that must not touch.
 
-use super::super::elements::{DepthElement, Shape, Step, Track};
+use super::super::elements::{DepthElement, Step, Track};
 use super::super::motions::Motion;
 use super::super::{CheckError, CheckSettings, Collision};
-use super::head::{Heads, HeadsOnTheWay};
+use super::head::Heads;
 use super::non_cutting::{Approach, NonCuttingBody};
 use super::voxels::{BitLines, StockRemover, StockVoxels};
 use crate::field::solid::BodyLines;
 use crate::pose::Pose;
-use crate::tool::{Element, ElementKind, Tool, ToolShape};
+use crate::tool::{Element, ElementKind, Tool};
 
 /// Maximum number of poses of a motion whose voxels are removed together: poses farther apart share few lines.
 const TOGETHER: usize = 16;
@@ -36,9 +36,9 @@ impl<'a> StockTool<'a> {
         settings: &CheckSettings,
         pitch: f64,
     ) -> Result<Self, CheckError> {
-        let ToolShape::Revolved(elements) = &tool.shape else {
+        if tool.mesh().is_some() {
             return Err(CheckError::StockMesh(tool.name.clone()));
-        };
+        }
         let intricate = || CheckError::Outline(tool.name.clone());
         let accepted = settings.accepted_in_stock();
         let whole = tool.cutter();
@@ -50,19 +50,17 @@ impl<'a> StockTool<'a> {
                 .ok_or_else(|| CheckError::Contact { tool: tool.name.clone(), contact })?;
             let lines = BodyLines::new(&element, pitch).ok_or_else(intricate)?;
             let approach = Approach::new(&element, pitch);
-            let shape = Shape::Revolved(vec![(element, exposed)]);
-            let measured = DepthElement { name: ElementKind::Cutter.to_string(), clearance: 0.0, shape };
+            let measured = DepthElement::new(element, exposed, 0.0);
             let rapid = NonCuttingBody::new(measured, &deep, None, pitch).ok_or_else(intricate)?;
             Ok::<_, CheckError>(Cutter { lines, approach, rapid })
         };
         let offset = tool.offset_elements(&settings.clearance)?;
-        let stay_out = elements.iter().zip(offset).filter(|(own, _)| own.kind != ElementKind::Cutter);
-        let one = |(own, element): (&Element, Element)| {
-            let clearance = settings.clearance.of(own.kind);
-            let rubs = widest.filter(|_| own.kind == ElementKind::Shank && clearance == 0.0);
+        let stay_out = offset.into_iter().filter(|element| element.kind != ElementKind::Cutter);
+        let one = |element: Element| {
+            let clearance = settings.clearance.of(element.kind);
+            let rubs = widest.filter(|_| element.kind == ElementKind::Shank && clearance == 0.0);
             let rubs = rubs.map(|widest| (widest - accepted, widest + settings.contact));
-            let shape = Shape::Revolved(vec![(element.clone(), true)]);
-            let measured = DepthElement { name: own.kind.to_string(), clearance, shape };
+            let measured = DepthElement::new(element.clone(), true, clearance);
             NonCuttingBody::new(measured, &element, rubs, pitch).ok_or_else(intricate)
         };
         Ok(Self {
@@ -109,7 +107,7 @@ impl<'a> StockTool<'a> {
         taken: &mut impl FnMut(usize, u64),
     ) -> Vec<Collision> {
         let mut tracks: Vec<Track> = self.non_cutting.iter().map(|_| Track::default()).collect();
-        let mut heads = self.heads.as_mut().map(|heads| heads.begin(motion));
+        let mut on_head = self.heads.as_ref().map_or_else(Vec::new, |heads| heads.begin(motion));
         let (lines, mut approach) = match &mut self.cutter {
             Some(Cutter { lines, approach, .. }) => (Some(&*lines), Some(approach)),
             None => (None, None),
@@ -132,9 +130,9 @@ impl<'a> StockTool<'a> {
                     one.look_closely(stock, part, &step, &pose, track);
                 }
             }
-            if let Some(heads) = &mut heads {
+            if let Some(heads) = &mut self.heads {
                 take(stock, &mut waiting);
-                heads.look(stock, part, index);
+                heads.look(stock, part, motion, index, &mut on_head);
             }
             if approach.as_mut().is_some_and(|approach| !approach.is_away(stock, &pose, motion.step)) {
                 waiting.push(pose);
@@ -144,7 +142,8 @@ impl<'a> StockTool<'a> {
             }
         }
         let mut found: Vec<_> = tracks.into_iter().filter_map(Track::finish).collect();
-        found.extend(heads.into_iter().flat_map(HeadsOnTheWay::finish));
+        let on_head = on_head.into_iter().filter_map(|samples| samples.track.finish());
+        found.extend(on_head.map(|hit| motion.with_tool(hit)));
         found
     }
 }
