@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use imf_core::check::CheckError;
+use imf_core::check::{CheckError, LineFault};
 use imf_core::orientation::OrientationSetError;
 use imf_core::scene::SceneError;
 use imf_core::toolpath::ToolpathError;
@@ -111,7 +111,10 @@ fn remedy(cause: &(dyn std::error::Error + 'static)) -> Option<&'static str> {
         _ => {}
     }
     match cause.downcast_ref() {
-        Some(CheckError::ToolChange { .. } | CheckError::NoTool { .. } | CheckError::Tools(_)) => {
+        Some(
+            CheckError::Tools(_)
+            | CheckError::Line { fault: LineFault::ToolChange { .. } | LineFault::NoTool { .. }, .. },
+        ) => {
             return Some("--tool NUMBER=FILE");
         }
         Some(CheckError::Contact { .. }) => return Some("--contact, --pitch"),

@@ -23,7 +23,7 @@ mod report;
 mod stick_out;
 mod stock;
 
-pub use error::CheckError;
+pub use error::{CheckError, LineFault};
 pub use machine::{MachineBodies, MachineFault, MachineReach, machine_remarks};
 pub use report::{CheckReport, Collision, HitBody, LineCollisions, TravelFault};
 pub use stick_out::{PathStickOut, shortest_stick_outs};
@@ -184,8 +184,8 @@ pub fn check_toolpath(
             let mut collisions = elements.collisions(motion);
             let mut beyond = Vec::new();
             if let Some(pairs) = &pairs {
-                collisions.extend(pairs.follow(motion, line)?);
-                beyond = pairs.beyond(motion, line)?;
+                collisions.extend(pairs.follow(motion).map_err(|fault| fault.on_line(line))?);
+                beyond = pairs.beyond(motion, line).map_err(|fault| fault.on_line(line))?;
             }
             motion.with_joints(&mut collisions);
             (control.progress)(1);

@@ -238,9 +238,7 @@ impl Machine {
     /// The linear axes that bring the tip to a position in the part's frame at given angles.
     #[must_use]
     pub fn linear(&self, tip: DVec3, rotary: &[f64; 2], length: f64) -> DVec3 {
-        let head = self.placements(Side::Head, rotary)[2];
-        let table = self.placements(Side::Table, rotary)[2];
-        table.of_point(tip + self.part_zero()) - head.of_point(DVec3::new(0.0, 0.0, -length))
+        Placement::turned(self, rotary).linear(tip + self.part_zero(), length)
     }
 
     /// The first axis that is beyond its range, linear ones first.

@@ -177,7 +177,7 @@ fn with_remedy(error: ToolpathError) -> anyhow::Error {
 
 /// The error, with the toolpath's name where it is about a line.
 fn in_toolpath(error: CheckError, arguments: &CheckArguments) -> anyhow::Error {
-    let path = error.line().map(|_| arguments.toolpath.display().to_string());
+    let path = matches!(error, CheckError::Line { .. }).then(|| arguments.toolpath.display().to_string());
     let error = anyhow::Error::from(error);
     path.into_iter().fold(error, anyhow::Error::context)
 }

@@ -5,7 +5,7 @@ use std::sync::{Arc, OnceLock};
 
 use glam::DVec3;
 
-use super::motions::{Motion, look_at_poses};
+use super::motions::{Motion, Step, look_at_poses};
 use super::{CheckError, CheckSettings, Collision, HitBody};
 use crate::distance::squared_depths;
 use crate::field::solid::{SolidField, SolidVoxels};
@@ -199,16 +199,6 @@ impl Elements {
         }
         found
     }
-}
-
-/// One of the poses of a motion.
-pub(super) struct Step {
-    /// From 1.
-    pub(super) index: u64,
-    pub(super) fraction: f64,
-    pub(super) is_last: bool,
-    /// Farthest that anything moves from one to the next.
-    pub(super) length: f64,
 }
 
 impl Group {

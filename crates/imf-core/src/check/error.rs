@@ -18,78 +18,13 @@ pub enum CheckError {
     /// The tool cannot be offset.
     #[error(transparent)]
     Clearance(#[from] ClearanceError),
-    /// Which way the tool turns is not defined.
-    #[error(
-        "line {line}: the tool axis turns to its opposite in one step; which way is not said, so add a line between"
-    )]
-    Opposite {
-        /// The line the motion ends on.
+    /// A line of the toolpath cannot be followed.
+    #[error("line {line}: {fault}")]
+    Line {
+        /// Line of the toolpath's file.
         line: usize,
-    },
-    /// Which way the tool rolls is not defined.
-    #[error(
-        "line {line}: the tool rolls about its axis by half a turn in one step; which way is not said, so add a line between"
-    )]
-    RollsOver {
-        /// The line the motion ends on.
-        line: usize,
-    },
-    /// The tool is not round, and the path does not say how it is rolled.
-    #[error(
-        "line {line}: the tool '{tool}' is not round, and the toolpath does not say how it is rolled about its axis: add a \
-         column roll, in degrees (APT files have none)"
-    )]
-    NoRoll {
-        /// The line.
-        line: usize,
-        /// The tool's name.
-        tool: String,
-    },
-    /// A tool number that none of the tools has.
-    #[error("line {line}: {}, and the tools that are given have the numbers {given}", number_text(*.number))]
-    NoTool {
-        /// The line.
-        line: usize,
-        /// The number that it has.
-        number: Option<u32>,
-        /// The numbers that there are.
-        given: String,
-    },
-    /// The path was made for another cutter.
-    #[error(
-        "line {line}: the path is made for a cutter with a {what} of {said}, and that of '{tool}' is {given}: give the tool \
-         that the path was made for, or take the line out if it means another one"
-    )]
-    OtherCutter {
-        /// The line.
-        line: usize,
-        /// Which length.
-        what: &'static str,
-        /// What the file says, in the path's unit.
-        said: f64,
-        /// What the tool has.
-        given: f64,
-        /// The tool's name.
-        tool: String,
-    },
-    /// Several tools on the path, and one without a number.
-    #[error(
-        "line {line}: the tool changes, from {} to {}, and one tool is given for both: give each tool its number",
-        number_text(*.from), number_text(*.to)
-    )]
-    ToolChange {
-        /// The line.
-        line: usize,
-        /// The number before.
-        from: Option<u32>,
-        /// The number after.
-        to: Option<u32>,
-    },
-    /// The path is for a machine that is not given, or for none.
-    #[error("line {line}: the toolpath was not read for the machine that is to follow it")]
-    Machine {
-        /// The line.
-        line: usize,
+        /// Why.
+        fault: LineFault,
     },
     /// A mesh cannot be offset.
     #[error(
@@ -154,18 +89,6 @@ pub enum CheckError {
         /// What it is.
         value: f64,
     },
-    /// A motion would need too many poses.
-    #[error(
-        "line {line}: {poses:.1e} poses at steps of {step}; use larger ones, or check the toolpath's unit"
-    )]
-    TooLong {
-        /// The line the motion ends on.
-        line: usize,
-        /// Poses it would need.
-        poses: f64,
-        /// The step.
-        step: f64,
-    },
     /// The elements of an outline that bends inwards cannot be counted by themselves.
     #[error(
         "the tool '{0}' has an arc around a centre beyond its axis, which cannot be checked with a clearance or among stock"
@@ -179,15 +102,6 @@ pub enum CheckError {
     /// The stock lies between the part's voxels.
     #[error("the voxels of the stock are not those of the part and the fixtures")]
     StockGrid,
-    /// The tip's place depends on the tool's length.
-    #[error(
-        "line {line}: the head is tilted and no centre point is kept, so that the tip moves with the tool's length: no stick-out \
-         can be found for such a path; write it with the centre point kept (G43.4)"
-    )]
-    TipMoves {
-        /// The line.
-        line: usize,
-    },
     /// No stick-out can be found for the tool.
     #[error(transparent)]
     StickOut(#[from] SurfaceError),
@@ -196,22 +110,83 @@ pub enum CheckError {
     Cancelled(#[from] Cancelled),
 }
 
-impl CheckError {
-    /// The line of the toolpath that it is about.
-    #[must_use]
-    pub fn line(&self) -> Option<usize> {
-        match *self {
-            Self::Opposite { line }
-            | Self::RollsOver { line }
-            | Self::NoRoll { line, .. }
-            | Self::NoTool { line, .. }
-            | Self::OtherCutter { line, .. }
-            | Self::ToolChange { line, .. }
-            | Self::Machine { line }
-            | Self::TooLong { line, .. }
-            | Self::TipMoves { line } => Some(line),
-            _ => None,
-        }
+/// Why a line of a toolpath, or the motion that ends on it, cannot be followed.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum LineFault {
+    /// Which way the tool turns is not defined.
+    #[error("the tool axis turns to its opposite in one step; which way is not said, so add a line between")]
+    Opposite,
+    /// Which way the tool rolls is not defined.
+    #[error(
+        "the tool rolls about its axis by half a turn in one step; which way is not said, so add a line between"
+    )]
+    RollsOver,
+    /// The tool is not round, and the path does not say how it is rolled.
+    #[error(
+        "the tool '{tool}' is not round, and the toolpath does not say how it is rolled about its axis: add a \
+         column roll, in degrees (APT files have none)"
+    )]
+    NoRoll {
+        /// The tool's name.
+        tool: String,
+    },
+    /// A tool number that none of the tools has.
+    #[error("{}, and the tools that are given have the numbers {given}", number_text(*.number))]
+    NoTool {
+        /// The number that it has.
+        number: Option<u32>,
+        /// The numbers that there are.
+        given: String,
+    },
+    /// The path was made for another cutter.
+    #[error(
+        "the path is made for a cutter with a {what} of {said}, and that of '{tool}' is {given}: give the tool \
+         that the path was made for, or take the line out if it means another one"
+    )]
+    OtherCutter {
+        /// Which length.
+        what: &'static str,
+        /// What the file says, in the path's unit.
+        said: f64,
+        /// What the tool has.
+        given: f64,
+        /// The tool's name.
+        tool: String,
+    },
+    /// Several tools on the path, and one without a number.
+    #[error(
+        "the tool changes, from {} to {}, and one tool is given for both: give each tool its number",
+        number_text(*.from), number_text(*.to)
+    )]
+    ToolChange {
+        /// The number before.
+        from: Option<u32>,
+        /// The number after.
+        to: Option<u32>,
+    },
+    /// The path is for a machine that is not given, or for none.
+    #[error("the toolpath was not read for the machine that is to follow it")]
+    Machine,
+    /// A motion would need too many poses.
+    #[error("{poses:.1e} poses at steps of {step}; use larger ones, or check the toolpath's unit")]
+    TooLong {
+        /// Poses it would need.
+        poses: f64,
+        /// The step.
+        step: f64,
+    },
+    /// The tip's place depends on the tool's length.
+    #[error(
+        "the head is tilted and no centre point is kept, so that the tip moves with the tool's length: no stick-out \
+         can be found for such a path; write it with the centre point kept (G43.4)"
+    )]
+    TipMoves,
+}
+
+impl LineFault {
+    pub(super) fn on_line(self, line: usize) -> CheckError {
+        CheckError::Line { line, fault: self }
     }
 }
 

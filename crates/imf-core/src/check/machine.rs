@@ -20,9 +20,9 @@ use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
 
-use super::elements::{Body, DepthElement, Group, Step, Track, room};
-use super::motions::{Motion, look_at_poses, poses_needed};
-use super::{CheckError, CheckSettings, Collision, HitBody, TravelFault};
+use super::elements::{Body, DepthElement, Group, Track, room};
+use super::motions::{Motion, Step, look_at_poses, poses_needed};
+use super::{CheckError, CheckSettings, Collision, HitBody, LineFault, TravelFault};
 use crate::control::Control;
 use crate::field::solid::SolidField;
 use crate::machine::{Ball, Machine, Placement, Side, SolidShape};
@@ -219,13 +219,13 @@ impl MachinePairs {
     }
 
     /// What collides on a motion.
-    pub(super) fn follow(&self, motion: &Motion<'_>, line: usize) -> Result<Vec<Collision>, CheckError> {
+    pub(super) fn follow(&self, motion: &Motion<'_>) -> Result<Vec<Collision>, LineFault> {
         let Some(way) = motion.by_machine() else { return Ok(Vec::new()) };
         let half = way.placement(0.5);
         let mut found = Vec::new();
         for group in self.groups.iter() {
             let farthest = way.motion_bound(&group.ball, group.level);
-            let count = poses_needed(farthest, self.step, line)?;
+            let count = poses_needed(farthest, self.step)?;
             let half = self.in_body(group, &half);
             for near in &group.pairs {
                 if near.ball_room(&group.ball, &half) <= 0.5 * farthest {
@@ -238,15 +238,15 @@ impl MachinePairs {
                 }
             }
         }
-        found.extend(self.on_table.follow(motion, way, self.step, line)?);
+        found.extend(self.on_table.follow(motion, way, self.step)?);
         Ok(found)
     }
 
     /// The axes that leave their ranges on a motion.
-    pub(super) fn beyond(&self, motion: &Motion<'_>, line: usize) -> Result<Vec<TravelFault>, CheckError> {
+    pub(super) fn beyond(&self, motion: &Motion<'_>, line: usize) -> Result<Vec<TravelFault>, LineFault> {
         let Some(way) = motion.by_machine() else { return Ok(Vec::new()) };
         let farthest = way.linear_way();
-        let count = poses_needed(farthest, self.step, line)?;
+        let count = poses_needed(farthest, self.step)?;
         let mut found = Vec::new();
         let turns_within_range = way.turns_within_range();
         if turns_within_range && self.machine.room_in_travel(way.joints(0.5).linear) > 0.5 * farthest {

@@ -340,6 +340,6 @@ fn a_head_keeps_its_clearance_and_a_mesh_or_thin_solid_says_what_it_cannot() {
     let bodies = MachineBodies::new(machines()[0].clone(), 1.0, Control::quiet()).unwrap();
     assert!(matches!(
         check_path(&part, &bodies, &other, &strict(0.25)),
-        Err(CheckError::Machine { line: 2 })
+        Err(CheckError::Line { line: 2, fault: LineFault::Machine })
     ));
 }

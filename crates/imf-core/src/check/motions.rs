@@ -2,7 +2,7 @@
 
 use glam::{DMat4, DVec3};
 
-use super::{CheckError, CheckSettings, Collision};
+use super::{CheckError, CheckSettings, Collision, LineFault};
 use crate::machine::{Machine, MachineMotion};
 use crate::occupancy::Occupancy;
 use crate::pose::{Pose, StraightMotion};
@@ -11,6 +11,16 @@ use crate::toolpath::{CutterStatement, Location, MoveKind, Toolpath};
 
 /// More poses than this on one motion are a slip of units.
 const MAX_POSES: f64 = 1e8;
+
+/// One of the poses of a motion.
+pub(super) struct Step {
+    /// From 1.
+    pub(super) index: u64,
+    pub(super) fraction: f64,
+    pub(super) is_last: bool,
+    /// Farthest that anything moves from one to the next.
+    pub(super) length: f64,
+}
 
 /// How the tool gets from one location to the next.
 enum Way<'a> {
@@ -30,11 +40,12 @@ pub(super) struct Motion<'a> {
 }
 
 impl Motion<'_> {
-    /// Every pose, and how far on the way it is.
-    pub(super) fn poses(&self) -> impl Iterator<Item = (f64, Pose)> {
-        (1..=self.count).map(|step| {
-            let fraction = step as f64 / self.count as f64;
-            (fraction, self.at(fraction))
+    /// Every pose.
+    pub(super) fn poses(&self) -> impl Iterator<Item = (Step, Pose)> {
+        (1..=self.count).map(|index| {
+            let fraction = index as f64 / self.count as f64;
+            let step = Step { index, fraction, is_last: index == self.count, length: self.step };
+            (step, self.at(fraction))
         })
     }
 
@@ -85,9 +96,9 @@ pub(super) fn rigid(motion: &DMat4) -> Pose {
 }
 
 /// Number of poses such that nothing moves farther than the step from one to the next.
-pub(super) fn poses_needed(farthest: f64, step: f64, line: usize) -> Result<u64, CheckError> {
+pub(super) fn poses_needed(farthest: f64, step: f64) -> Result<u64, LineFault> {
     let poses = (farthest / step - 1e-9).ceil().max(1.0);
-    if poses <= MAX_POSES { Ok(poses as u64) } else { Err(CheckError::TooLong { line, poses, step }) }
+    if poses <= MAX_POSES { Ok(poses as u64) } else { Err(LineFault::TooLong { poses, step }) }
 }
 
 /// Visits the poses of a motion in order, numbered from 1, and skips those that an earlier one decides: `look` checks
@@ -133,7 +144,7 @@ pub(super) fn motions<'a>(
     for statement in &toolpath.cutters {
         let own = tools.iter().find(|(number, _)| number.is_none() || *number == statement.tool);
         if let Some((_, tool)) = own {
-            same_cutter(statement, tool)?;
+            same_cutter(statement, tool).map_err(|fault| fault.on_line(statement.line))?;
         }
     }
     let clearance = &settings.clearance;
@@ -147,7 +158,7 @@ pub(super) fn motions<'a>(
         let from = if to.kind == MoveKind::Start || index == 0 { to } else { &locations[index - 1] };
         let (reach, radius) = sizes[chosen[index]];
         if radius > 0.0 && !to.rolled {
-            return Err(CheckError::NoRoll { line: to.line, tool: tools[chosen[index]].1.name.clone() });
+            return Err(LineFault::NoRoll { tool: tools[chosen[index]].1.name.clone() });
         }
         let (way, farthest) = match (machine, from.machine, to.machine) {
             (Some(machine), Some(before), Some(after)) => {
@@ -158,21 +169,23 @@ pub(super) fn motions<'a>(
             }
             (None, None, None) => {
                 let way = StraightMotion::new(&from.pose, &to.pose);
-                let way = way.ok_or(CheckError::Opposite { line: to.line })?;
+                let way = way.ok_or(LineFault::Opposite)?;
                 if radius > 0.0 && way.rolls_over() {
-                    return Err(CheckError::RollsOver { line: to.line });
+                    return Err(LineFault::RollsOver);
                 }
                 let all = way.motion_bound(reach, radius);
                 let of_round = |own: &Round| way.round_motion_bound(own.heights, own.radius);
                 let farthest = rounds[chosen[index]].iter().map(of_round).reduce(f64::max);
                 (Way::Straight(way), farthest.map_or(all, |farthest| farthest.min(all)))
             }
-            _ => return Err(CheckError::Machine { line: to.line }),
+            _ => return Err(LineFault::Machine),
         };
-        let count = poses_needed(farthest, settings.step, to.line)?;
+        let count = poses_needed(farthest, settings.step)?;
         Ok(Motion { way, tool: chosen[index], count, step: farthest / count as f64 })
     };
-    (0..locations.len()).map(motion).collect()
+    (0..locations.len())
+        .map(|index| motion(index).map_err(|fault| fault.on_line(locations[index].line)))
+        .collect()
 }
 
 /// Lengths of files have four digits behind the point, or come from inches.
@@ -180,13 +193,11 @@ const SAME: f64 = 1e-3;
 
 /// A file's cutter and the one that is given must have one size; the corner of a taper is compared alone, since programs
 /// measure its diameter at different heights. A mesh has neither.
-fn same_cutter(statement: &CutterStatement, tool: &Tool) -> Result<(), CheckError> {
+fn same_cutter(statement: &CutterStatement, tool: &Tool) -> Result<(), LineFault> {
     let Some((diameter, corner)) = tool.cutter_size() else { return Ok(()) };
     let differ = |said: f64, own: f64| (said - own).abs() > SAME * own.abs().max(said.abs()).max(1e-9);
-    let refuse = |what, said, given| {
-        let (line, tool) = (statement.line, tool.name.clone());
-        Err(CheckError::OtherCutter { line, what, said, given, tool })
-    };
+    let refuse =
+        |what, said, given| Err(LineFault::OtherCutter { what, said, given, tool: tool.name.clone() });
     match (diameter, statement.corner_radius) {
         (Some(own), _) if differ(statement.diameter, own) => refuse("diameter", statement.diameter, own),
         (_, Some(said)) if differ(said, corner) => refuse("corner radius", said, corner),
@@ -248,21 +259,17 @@ fn choose(toolpath: &Toolpath, tools: &[(Option<u32>, &Tool)]) -> Result<Vec<usi
     if let Some(wrong) = wrong {
         return Err(CheckError::Tools(wrong.into()));
     }
-    let place = |location: &Location| -> Result<usize, CheckError> {
-        let (line, number) = (location.line, location.tool);
+    let place = |location: &Location| -> Result<usize, LineFault> {
+        let number = location.tool;
         if numbers == [None] {
             let from = toolpath.locations[0].tool;
-            return if number == from {
-                Ok(0)
-            } else {
-                Err(CheckError::ToolChange { line, from, to: number })
-            };
+            return if number == from { Ok(0) } else { Err(LineFault::ToolChange { from, to: number }) };
         }
         let found = number.and_then(|number| numbers.iter().position(|own| *own == Some(number)));
         found.ok_or_else(|| {
             let given: Vec<String> = numbers.iter().flatten().map(u32::to_string).collect();
-            CheckError::NoTool { line, number, given: given.join(", ") }
+            LineFault::NoTool { number, given: given.join(", ") }
         })
     };
-    toolpath.locations.iter().map(place).collect()
+    toolpath.locations.iter().map(|own| place(own).map_err(|fault| fault.on_line(own.line))).collect()
 }

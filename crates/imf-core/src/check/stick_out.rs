@@ -9,7 +9,7 @@ use glam::DVec3;
 use serde::Serialize;
 
 use super::motions::{Motion, motions};
-use super::{CheckError, CheckSettings};
+use super::{CheckError, CheckSettings, LineFault};
 use crate::control::Control;
 use crate::machine::{Machine, Side};
 use crate::occupancy::Occupancy;
@@ -67,7 +67,7 @@ pub fn shortest_stick_outs(
         })
     };
     if let Some(location) = toolpath.locations.iter().find(moves) {
-        return Err(CheckError::TipMoves { line: location.line });
+        return Err(LineFault::TipMoves.on_line(location.line));
     }
     let grid = obstacle.grid;
     let environment = CollisionEnvironment::new(&obstacle.clone().into(), &[]);

@@ -254,19 +254,14 @@ fn stretches_that_a_pose_proves_free_hold_nothing() {
     }
 }
 
-/// A ball-end mill of radius 1, and a part of one voxel around (½, ½, ½) that a vertex of the mesh touches at (1, 1, 1).
-fn mill_and_voxel() -> (Tool, Occupancy) {
+#[test]
+fn the_mesh_itself_is_safe_between_poses_only_with_half_the_step_more() {
+    // A ball-end mill of radius 1, and a part of one voxel around (½, ½, ½) that a vertex of the mesh touches at (1, 1, 1).
     let mill = vec![Segment::ball_end(1.0), Segment::cylinder(1.0, 6.0, 1.0)];
     let tool = revolved([(ElementKind::Cutter, mill)]);
     let grid = Grid { origin: DVec3::splat(-3.0), pitch: 1.0, dims: [7; 3] };
     let mut part = Occupancy::empty(grid);
     part.solid[grid.index([3; 3])] = 1;
-    (tool, part)
-}
-
-#[test]
-fn the_mesh_itself_is_safe_between_poses_only_with_half_the_step_more() {
-    let (tool, part) = mill_and_voxel();
     let (bodies, step) = (CheckBodies { part: &part, fixtures: &[], machine: None }, 1.0);
     let (out, centre, vertex) = (DVec3::ONE.normalize(), DVec3::splat(0.5), DVec3::ONE);
     let across = out.any_orthonormal_vector();

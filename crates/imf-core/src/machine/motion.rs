@@ -31,6 +31,11 @@ impl Placement {
         Self { table: machine.placements(Side::Table, rotary), head: machine.placements(Side::Head, rotary) }
     }
 
+    /// Of one with the linear axes at 0: where they bring the tip to a point of the part, given where it is with all axes at 0.
+    pub(crate) fn linear(&self, tip: DVec3, length: f64) -> DVec3 {
+        self.table[2].of_point(tip) - self.head[2].of_point(DVec3::new(0.0, 0.0, -length))
+    }
+
     /// With the linear axes there.
     pub(crate) fn moved(&self, linear: DVec3) -> Self {
         let moved = |pose: Pose| Pose { position: pose.position + linear, ..pose };

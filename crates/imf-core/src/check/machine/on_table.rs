@@ -12,7 +12,7 @@ use glam::DVec3;
 use super::TableSolid;
 use crate::check::elements::Body;
 use crate::check::motions::{Motion, look_at_poses, poses_needed};
-use crate::check::{CheckError, Collision, HitBody};
+use crate::check::{Collision, HitBody, LineFault};
 use crate::machine::{MachineMotion, Placement};
 use crate::pose::Pose;
 
@@ -119,14 +119,18 @@ impl TablePair {
         Some(((depth - off).max(0.0), depth > grid.pitch))
     }
 
+    /// Blocks that may hold a point in a voxel of the solid.
+    fn near_blocks(&self, moved: &Pose) -> impl Iterator<Item = &Block> {
+        let blocks = self.body.blocks.iter();
+        blocks.filter(|block| self.room_of(moved.of_point(block.middle), block.radius) <= 0.0)
+    }
+
     /// True where they overlap; of a pair that touches, by more than the solid's outermost voxels.
     fn collides(&self, moved: &Pose, touches: bool) -> bool {
         if self.ball_room(moved) > 0.0 {
             return false;
         }
-        let near = self.body.blocks.iter();
-        let near = near.filter(|block| self.room_of(moved.of_point(block.middle), block.radius) <= 0.0);
-        let mut points = near.flat_map(|block| &self.body.points[block.points.clone()]);
+        let mut points = self.near_blocks(moved).flat_map(|block| &self.body.points[block.points.clone()]);
         points.any(|&point| self.depth(moved.of_point(point)).is_some_and(|(_, deep)| deep || !touches))
     }
 
@@ -185,9 +189,7 @@ impl TablePair {
     fn collision(&self, (depth, point): Deepest, fraction: f64, poses: u64, moved: &Pose) -> Collision {
         let [element, against] = self.bodies();
         let own = self.body.body.voxels.occupancy();
-        let near = self.body.blocks.iter();
-        let near = near.filter(|block| self.room_of(moved.of_point(block.middle), block.radius) <= 0.0);
-        let voxels = near.flat_map(|block| {
+        let voxels = self.near_blocks(moved).flat_map(|block| {
             (0..BLOCK.pow(3)).filter_map(|step| {
                 let steps = [step / BLOCK / BLOCK, step / BLOCK % BLOCK, step % BLOCK];
                 let voxel: [usize; 3] = std::array::from_fn(|axis| block.first[axis] + steps[axis]);
@@ -273,8 +275,7 @@ impl TablePairs {
         motion: &Motion<'_>,
         way: &MachineMotion<'_>,
         step: f64,
-        line: usize,
-    ) -> Result<Vec<Collision>, CheckError> {
+    ) -> Result<Vec<Collision>, LineFault> {
         let mut found = Vec::new();
         for (index, (pair, &touches)) in self.pairs.iter().zip(&self.touches).enumerate() {
             let middle = self.to_machine.of_point(pair.body.middle);
@@ -285,7 +286,7 @@ impl TablePairs {
                 let angles = (index, way.joints(1.0).rotary.map(f64::to_bits));
                 (self.while_standing(angles, || pair.follow(touches, 1, 0.0, at)), 1)
             } else if pair.ball_room(&at(0.5)) <= 0.5 * farthest {
-                let count = poses_needed(farthest, step, line)?;
+                let count = poses_needed(farthest, step)?;
                 (pair.follow(touches, count, farthest, at), count)
             } else {
                 continue;

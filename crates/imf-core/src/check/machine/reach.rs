@@ -177,9 +177,7 @@ impl MachineReach {
 
     fn fault_at(&self, tip: DVec3, turned: &RotarySolution) -> Option<MachineFault> {
         let RotarySolution { rotary, place, on_table } = turned;
-        let head = place.head[2].of_point(DVec3::new(0.0, 0.0, -self.length));
-        let linear =
-            place.table[2].of_point(self.place.of_point(tip) + self.pairs.machine.part_zero()) - head;
+        let linear = place.linear(self.place.of_point(tip) + self.pairs.machine.part_zero(), self.length);
         let joints = Joints { linear, rotary: *rotary };
         if let Some(out) = self.pairs.machine.out_of_travel(&joints) {
             return Some(MachineFault::OutOfTravel(out));

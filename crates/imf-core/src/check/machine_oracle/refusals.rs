@@ -46,7 +46,8 @@ fn no_stick_out_is_found_where_the_tip_moves_with_the_length() {
         let locations = vec![location(&machine, 7, joints, MoveKind::Start, straight)];
         least(locations)
     };
-    assert!(matches!(found(40.0, false), Err(CheckError::TipMoves { line: 7 })));
+    let moves = |found| matches!(found, Err(CheckError::Line { line: 7, fault: LineFault::TipMoves }));
+    assert!(moves(found(40.0, false)));
     assert!(found(40.0, true).is_ok() && found(0.0, false).is_ok());
     // By the machine's own coordinates the tip moves with the length too: these motions are left out.
     let spindle = |mut own: Location| {

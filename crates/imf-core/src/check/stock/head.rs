@@ -1,8 +1,8 @@
 //! What a machine's head carries beside the tool, among the stock.
 
-use super::super::elements::{Step, Track};
+use super::super::elements::Track;
 use super::super::machine::{HeadBody, MachineBodies};
-use super::super::motions::Motion;
+use super::super::motions::{Motion, Step};
 use super::super::{CheckError, CheckSettings};
 use super::non_cutting::NonCuttingBody;
 use super::voxels::{BitLines, StockVoxels};

@@ -1,6 +1,6 @@
 //! One tool among the stock: what its cutter removes, and its bodies that must not touch.
 
-use super::super::elements::{DepthElement, Step, Track};
+use super::super::elements::{DepthElement, Track};
 use super::super::motions::Motion;
 use super::super::{CheckError, CheckSettings, Collision};
 use super::head::Heads;
@@ -91,8 +91,7 @@ impl<'a> StockTool<'a> {
             rapid.approach.forget();
         }
         let mut track = Track::default();
-        for (index, (fraction, pose)) in (1..).zip(motion.poses()) {
-            let step = Step { index, fraction, is_last: index == motion.count, length: motion.step };
+        for (step, pose) in motion.poses() {
             rapid.look(stock, part, &step, &pose, &mut track);
         }
         track.finish()
@@ -121,8 +120,7 @@ impl<'a> StockTool<'a> {
             }
             waiting.clear();
         };
-        for (index, (fraction, pose)) in (1..).zip(motion.poses()) {
-            let step = Step { index, fraction, is_last: index == motion.count, length: motion.step };
+        for (step, pose) in motion.poses() {
             for (one, track) in self.non_cutting.iter_mut().zip(&mut tracks) {
                 // Stock that is still to be removed may make it seem nearer than it is.
                 if !one.approach.is_away(stock, &pose, step.length) {
@@ -132,12 +130,12 @@ impl<'a> StockTool<'a> {
             }
             if let Some(heads) = &mut self.heads {
                 take(stock, &mut waiting);
-                heads.look(stock, part, motion, index, &mut on_head);
+                heads.look(stock, part, motion, step.index, &mut on_head);
             }
             if approach.as_mut().is_some_and(|approach| !approach.is_away(stock, &pose, motion.step)) {
                 waiting.push(pose);
             }
-            if waiting.len() == TOGETHER || index == motion.count {
+            if waiting.len() == TOGETHER || step.is_last {
                 take(stock, &mut waiting);
             }
         }

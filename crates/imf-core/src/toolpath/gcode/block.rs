@@ -10,7 +10,6 @@ use super::Motion;
 use crate::machine::Machine;
 use crate::toolpath::error::Fault;
 
-/// A word.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Word<'a> {
     /// In upper case.
@@ -311,14 +310,13 @@ impl Block {
         if self.length_number == Some(0) {
             return Err("H0 is not a tool's length: write G49 to end one".into());
         }
-        if (self.goes_home || self.in_machine_coordinates)
-            && !self.linear.iter().chain(&self.rotary).any(Option::is_some)
-        {
-            return Err("it does not say which axes move: name them, such as Z0.".into());
-        }
-        if (self.goes_home || self.in_machine_coordinates) && (self.centre.is_some() || self.radius.is_some())
-        {
-            return Err("an arc does not go by the machine's coordinates".into());
+        if self.goes_home || self.in_machine_coordinates {
+            if !self.linear.iter().chain(&self.rotary).any(Option::is_some) {
+                return Err("it does not say which axes move: name them, such as Z0.".into());
+            }
+            if self.centre.is_some() || self.radius.is_some() {
+                return Err("an arc does not go by the machine's coordinates".into());
+            }
         }
         Ok(())
     }
