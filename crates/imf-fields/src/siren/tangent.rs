@@ -39,56 +39,27 @@ macro_rules! unrolled {
 
 /// Registers of neurons taken together: with four rows their sums hide the latency of a product.
 const TOGETHER: usize = 4;
-/// With one row it takes two sums a register: over every other input.
-const SPLIT: usize = 2;
 
 impl<const ROWS: usize> PanelOfPoint<'_, ROWS> {
-    /// Adds what one input brings. Not a closure: one that the compiler does not inline knows no vector instructions, and
-    /// takes ten times as long.
     #[inline(always)]
-    fn add<S: Simd, const N: usize>(
-        &self,
-        simd: S,
-        sums: &mut [[S::f32s; N]; ROWS],
-        weights: &[f32],
-        at: usize,
-        input: usize,
-    ) {
-        unrolled!(place < N, {
-            let weights = load(simd, weights, at + place * S::F32_LANES);
-            unrolled!(row < ROWS, {
-                let signal = simd.splat_f32s(self.signal[row][input]);
-                sums[row][place] = simd.mul_add_e_f32s(signal, weights, sums[row][place]);
-            });
-        });
-    }
-
-    #[inline(always)]
-    fn registers<S: Simd, const N: usize, const SUMS: usize>(&mut self, simd: S, at: usize) {
-        const { assert!(SUMS <= 2) };
+    fn registers<S: Simd, const N: usize>(&mut self, simd: S, at: usize) {
         let columns = self.biases.len();
-        let mut sums = [[[simd.splat_f32s(0.0); N]; ROWS]; SUMS];
-        let mut groups = self.panel.chunks_exact(SUMS * columns);
-        let mut input = 0;
-        for group in groups.by_ref() {
-            unrolled!(sum < SUMS, {
-                let weights = &group[sum * columns..][..columns];
-                self.add(simd, &mut sums[sum], weights, at, input + sum);
+        let mut sums = [[simd.splat_f32s(0.0); N]; ROWS];
+        for (input, weights) in self.panel.chunks_exact(columns).enumerate() {
+            // Not a closure: one that the compiler does not inline knows no vector instructions, and takes ten times as long.
+            unrolled!(place < N, {
+                let weights = load(simd, weights, at + place * S::F32_LANES);
+                unrolled!(row < ROWS, {
+                    let signal = simd.splat_f32s(self.signal[row][input]);
+                    sums[row][place] = simd.mul_add_e_f32s(signal, weights, sums[row][place]);
+                });
             });
-            input += SUMS;
-        }
-        for weights in groups.remainder().chunks_exact(columns) {
-            self.add(simd, &mut sums[0], weights, at, input);
-            input += 1;
         }
         unrolled!(place < N, {
             let at = at + place * S::F32_LANES;
             let mut values = [simd.splat_f32s(0.0); ROWS];
             unrolled!(row < ROWS, {
-                values[row] = sums[0][row][place];
-                if SUMS == 2 {
-                    values[row] = simd.add_f32s(values[row], sums[SUMS - 1][row][place]);
-                }
+                values[row] = sums[row][place];
             });
             values[0] = simd.add_f32s(values[0], load(simd, self.biases, at));
             if let Some(omega) = self.omega {
@@ -105,33 +76,21 @@ impl<const ROWS: usize> PanelOfPoint<'_, ROWS> {
             });
         });
     }
-
-    /// The sums that one row needs, or several.
-    #[inline(always)]
-    fn group<S: Simd, const N: usize>(&mut self, simd: S, at: usize) {
-        if ROWS == 1 { self.registers::<S, N, SPLIT>(simd, at) } else { self.registers::<S, N, 1>(simd, at) }
-    }
-
-    /// The whole panel.
-    #[inline(always)]
-    pub(super) fn run<S: Simd>(mut self, simd: S) {
-        let columns = self.biases.len();
-        let mut at = 0;
-        while at + TOGETHER * S::F32_LANES <= columns {
-            self.group::<S, TOGETHER>(simd, at);
-            at += TOGETHER * S::F32_LANES;
-        }
-        while at < columns {
-            self.group::<S, 1>(simd, at);
-            at += S::F32_LANES;
-        }
-    }
 }
 
 impl<const ROWS: usize> WithSimd for PanelOfPoint<'_, ROWS> {
     type Output = ();
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        self.run(simd);
+    fn with_simd<S: Simd>(mut self, simd: S) {
+        let columns = self.biases.len();
+        let mut at = 0;
+        while at + TOGETHER * S::F32_LANES <= columns {
+            self.registers::<S, TOGETHER>(simd, at);
+            at += TOGETHER * S::F32_LANES;
+        }
+        while at < columns {
+            self.registers::<S, 1>(simd, at);
+            at += S::F32_LANES;
+        }
     }
 }
