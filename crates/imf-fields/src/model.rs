@@ -164,31 +164,24 @@ impl Model {
     /// A file that cannot be written.
     #[cfg(feature = "fit")]
     pub fn write(&self, path: &Path) -> Result<(), FieldFileError> {
-        FORMAT.write(path, self.contents())
-    }
-
-    #[cfg(feature = "fit")]
-    fn contents(&self) -> crate::tensor_file::Contents<'_, Description> {
-        use crate::tensor_file::{Contents, Tensor, little_endian};
-        fn numbers(name: String, shape: Vec<usize>, values: &[f32]) -> Tensor<'_> {
-            (name.into(), safetensors::tensor::Dtype::F32, shape, little_endian(values))
-        }
+        use crate::tensor_file::{Contents, tensor};
         let TrainingState { parameters, first_moment, second_moment, step, .. } = &self.state;
         let mut tensors = Vec::new();
         for (index, layer) in self.shape.layers().iter().enumerate() {
             let (weights, biases) = (layer.weights..layer.biases, layer.biases..layer.biases + layer.outputs);
-            let shape = vec![layer.outputs, layer.inputs];
-            tensors.push(numbers(format!("layers.{index}.weight"), shape, &parameters[weights]));
-            tensors.push(numbers(format!("layers.{index}.bias"), vec![layer.outputs], &parameters[biases]));
+            let shape = [layer.outputs, layer.inputs];
+            tensors.push(tensor(format!("layers.{index}.weight"), &shape, &parameters[weights]));
+            tensors.push(tensor(format!("layers.{index}.bias"), &shape[..1], &parameters[biases]));
         }
         if self.is_resumable() {
             for (name, moment) in [("adam.first", first_moment), ("adam.second", second_moment)] {
-                tensors.push(numbers(name.into(), vec![moment.len()], moment));
+                tensors.push(tensor(name, &[moment.len()], moment));
             }
         }
         let description =
             Description { network: self.shape, training: self.record.clone(), optimiser_step: *step };
-        Contents { scene: &self.scene, calibration: self.calibration, description, tensors }
+        FORMAT
+            .write(path, Contents { scene: &self.scene, calibration: self.calibration, description, tensors })
     }
 
     /// Reads and checks a model.

@@ -273,7 +273,7 @@ pub(crate) fn halves(bytes: &[u8]) -> Vec<f16> {
 }
 
 #[cfg(feature = "fit")]
-pub(crate) use writing::{Contents, Tensor};
+pub(crate) use writing::{Contents, tensor};
 
 #[cfg(feature = "fit")]
 mod writing;
@@ -299,7 +299,7 @@ mod tests {
         let path = folder.path().join("one.safetensors");
         let values = [1.5f32, -2.0, 0.0];
         let write = |shape: &[usize]| {
-            let tensors = vec![("values".into(), Dtype::F32, shape.to_vec(), little_endian(&values))];
+            let tensors = vec![tensor("values", shape, &values)];
             let contents =
                 Contents { scene: &scene, calibration: None, description: Answer { answer: 42 }, tensors };
             FORMAT.write(&path, contents)

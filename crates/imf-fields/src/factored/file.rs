@@ -130,40 +130,33 @@ impl FactoredFile {
     /// A file that cannot be written.
     #[cfg(feature = "fit")]
     pub fn write(&self, path: &Path) -> Result<(), FieldFileError> {
-        use crate::tensor_file::{Contents, Tensor, little_endian, little_endian_halves};
+        use crate::tensor_file::{Contents, little_endian_halves, tensor};
         use safetensors::tensor::Dtype;
-        fn numbers<'a>(
-            name: &'static str,
-            shape: &[usize],
-            values: &'a [f32],
-            precision: StoragePrecision,
-        ) -> Tensor<'a> {
-            let (kind, bytes) = match precision {
-                StoragePrecision::F32 => (Dtype::F32, little_endian(values)),
-                StoragePrecision::F16 => {
-                    let halves: Vec<f16> = values.iter().map(|&value| f16::from_f32(value)).collect();
-                    (Dtype::F16, little_endian_halves(&halves).into_owned().into())
-                }
-            };
-            (name.into(), kind, shape.to_vec(), bytes)
-        }
+        let in_half = |name: &'static str, shape: &[usize], values: &[f32]| {
+            let halves: Vec<f16> = values.iter().map(|&value| f16::from_f32(value)).collect();
+            (name.into(), Dtype::F16, shape.to_vec(), little_endian_halves(&halves).into_owned().into())
+        };
+        let numbers = |name, shape: &[usize], values, precision| match precision {
+            StoragePrecision::F32 => tensor(name, shape, values),
+            StoragePrecision::F16 => in_half(name, shape, values),
+        };
         let (field, state) = (&self.field, self.state.as_ref());
         let (functions, count) = (field.basis.len(), field.parameters.len());
         let of_components = precision_of_components(self.precision, field.shape.folded);
         let mut tensors = vec![
             numbers("components", &[functions, field.shape.components], &field.components, of_components),
-            numbers("mean", &[functions], &field.mean, StoragePrecision::F32),
+            tensor("mean", &[functions], &field.mean),
             numbers("parameters", &[count], &field.parameters, self.precision),
         ];
         let arrays = state.map(|FactoredState { training, .. }| {
             [&training.parameters[..], &training.first_moment, &training.second_moment].concat()
         });
         if let Some(arrays) = &arrays {
-            tensors.push(numbers("state", &[STATE, count], arrays, StoragePrecision::F32));
+            tensors.push(tensor("state", &[STATE, count], arrays));
         }
         let kept = state.map_or(&[][..], |state| &state.training.preconditioners);
         if !kept.is_empty() {
-            tensors.push(numbers("preconditioners", &[kept.len()], kept, StoragePrecision::F32));
+            tensors.push(tensor("preconditioners", &[kept.len()], kept));
         }
         let description = Description {
             domain: field.basis.domain(),

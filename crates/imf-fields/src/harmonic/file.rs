@@ -54,7 +54,7 @@ impl HarmonicFile {
     /// A file that cannot be written.
     #[cfg(feature = "fit")]
     pub fn write(&self, path: &Path) -> Result<(), FieldFileError> {
-        use crate::tensor_file::{Contents, little_endian, little_endian_halves};
+        use crate::tensor_file::{Contents, little_endian, little_endian_halves, tensor};
         let field = &self.field;
         let ([nx, ny, nz], functions, components) =
             (field.grid.dims, field.basis.len(), field.component_count());
@@ -68,19 +68,14 @@ impl HarmonicFile {
             calibration: self.calibration,
             description: Description { domain, settings, report },
             tensors: vec![
-                (
-                    "components".into(),
-                    Dtype::F32,
-                    vec![functions, components],
-                    little_endian(&field.components),
-                ),
+                tensor("components", &[functions, components], &field.components),
                 (
                     "coefficients".into(),
                     kind(field.coefficients.precision()),
                     vec![nx, ny, nz, components],
                     coefficients,
                 ),
-                ("mean".into(), Dtype::F32, vec![functions], little_endian(&field.mean)),
+                tensor("mean", &[functions], &field.mean),
             ],
         };
         FORMAT.write(path, contents)

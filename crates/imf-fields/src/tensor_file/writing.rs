@@ -11,6 +11,15 @@ use super::*;
 /// A tensor to be written: name, kind, shape and little-endian bytes.
 pub(crate) type Tensor<'a> = (Cow<'static, str>, Dtype, Vec<usize>, Cow<'a, [u8]>);
 
+/// A tensor in f32.
+pub(crate) fn tensor<'a>(
+    name: impl Into<Cow<'static, str>>,
+    shape: &[usize],
+    values: &'a [f32],
+) -> Tensor<'a> {
+    (name.into(), Dtype::F32, shape.to_vec(), little_endian(values))
+}
+
 /// What a family writes.
 pub(crate) struct Contents<'a, T> {
     pub(crate) scene: &'a Scene,
