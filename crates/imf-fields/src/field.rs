@@ -4,7 +4,6 @@
 pub mod calibrate;
 mod families;
 mod fitted;
-mod grid;
 mod planner;
 
 #[cfg(test)]

@@ -7,18 +7,22 @@ use glam::{DQuat, DVec3};
 
 use crate::calibration::Calibration;
 use crate::field::LoadError;
-use crate::field::families::{Family, Scratch};
+use crate::field::families::{Family, Kind, Scratch};
 use crate::file::FieldFile;
 use crate::harmonic::coefficients::StoragePrecision;
 use crate::harmonic::file::HarmonicFile;
-use crate::harmonic::{FitReport, FitSettings};
+use crate::harmonic::{FitReport, FitSettings, minimum_over, sections_of};
 use crate::siren::evaluator::CpuEvaluator;
 use crate::siren::matrix::prefer_unpacked;
+use crate::siren::over_grid;
+use imf_core::control::Control;
 use imf_core::field::minimum::{BLOCK, check_minimum, minimum_pose_by_pose};
-use imf_core::field::{Best, Decision, FieldError, Gradient, PoseField, check_lengths};
+use imf_core::field::{Best, Decision, FieldError, Gradient, GridField, PoseField, check_lengths};
+use imf_core::grid::Grid;
+use imf_core::orientation::Orientation;
 use imf_core::pose::Pose;
 use imf_core::scene::Scene;
-use imf_core::section::Quantity;
+use imf_core::section::{Imf, Quantity};
 use imf_core::workspaces::Workspaces;
 
 /// A field of every direction at once: a network of the paper's kind, a harmonic field, or a factored one.
@@ -29,7 +33,8 @@ pub struct Field {
     family: Family,
     scene: Scene,
     calibration: Option<Calibration>,
-    sharp_points: Vec<DVec3>,
+    /// The points at which the tool cuts, in its frame.
+    pub(super) sharp_points: Vec<DVec3>,
     scratch: Workspaces<Scratch>,
 }
 
@@ -90,10 +95,6 @@ impl Field {
         &self.scene
     }
 
-    pub(super) fn family(&self) -> &Family {
-        &self.family
-    }
-
     /// The same field with a factored field's coefficients of every voxel held in memory, 4 bytes a coefficient and
     /// voxel: for many calls over the whole grid. Other families are unchanged.
     #[must_use]
@@ -108,11 +109,6 @@ impl Field {
     /// The calibration of its decisions, where measured.
     pub fn calibration(&self) -> Option<&Calibration> {
         self.calibration.as_ref()
-    }
-
-    /// The points at which the tool cuts, in its frame.
-    pub(super) fn sharp_points(&self) -> &[DVec3] {
-        &self.sharp_points
     }
 
     /// Decides by other thresholds.
@@ -137,6 +133,20 @@ impl Field {
             if !pose.is_valid() {
                 *value = f32::NAN;
             }
+        }
+        Ok(())
+    }
+
+    /// [`Field::values_unclipped`], and what is decided by them.
+    fn values_and_decisions(
+        &self,
+        poses: &[Pose],
+        values: &mut [f32],
+        decisions: &mut [Decision],
+    ) -> Result<(), FieldError> {
+        self.values_unclipped(poses, values)?;
+        for ((pose, value), decision) in poses.iter().zip(values).zip(decisions) {
+            *decision = self.decide(pose.position, *value);
         }
         Ok(())
     }
@@ -188,11 +198,7 @@ impl PoseField for Field {
         check_lengths(poses.len(), decisions.len())?;
         let mut values = [0.0; BLOCK];
         for (poses, decisions) in poses.chunks(BLOCK).zip(decisions.chunks_mut(BLOCK)) {
-            let values = &mut values[..poses.len()];
-            self.values_unclipped(poses, values)?;
-            for ((pose, value), decision) in poses.iter().zip(values).zip(decisions) {
-                *decision = self.decide(pose.position, *value);
-            }
+            self.values_and_decisions(poses, &mut values[..poses.len()], decisions)?;
         }
         Ok(())
     }
@@ -207,14 +213,44 @@ impl PoseField for Field {
             });
         if !by_products {
             minimum_pose_by_pose(points, rotations, &self.sharp_points, best, |poses, values, decisions| {
-                self.values_unclipped(poses, values)?;
-                for ((pose, value), decision) in poses.iter().zip(values.iter()).zip(decisions) {
-                    *decision = self.decide(pose.position, *value);
-                }
-                Ok(())
+                self.values_and_decisions(poses, values, decisions)
             })?;
         }
         self.hold(best);
         Ok(())
+    }
+}
+
+/// A factored field's network runs at every voxel for each call; for many calls expand it first ([`Field::expanded`]).
+impl GridField for Field {
+    fn grid(&self) -> &Grid {
+        &self.scene.record.grid
+    }
+
+    fn sections(&self, orientations: &[Orientation], values: &mut [f32]) -> Result<(), FieldError> {
+        let voxels = self.grid().len();
+        assert_eq!(values.len(), voxels * orientations.len(), "one section for each orientation");
+        match self.family.kind() {
+            Kind::Sum(source, _) => sections_of(source, &source.direction_weights(orientations), values),
+            Kind::Network(mut network) => {
+                for (orientation, section) in orientations.iter().zip(values.chunks_exact_mut(voxels)) {
+                    over_grid::section(&mut network, self.grid(), orientation.angles(), section)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn minimum(&self, orientations: &[Orientation], control: Control<'_>) -> Result<Imf, FieldError> {
+        if orientations.is_empty() {
+            return Err(FieldError::Orientations(0));
+        }
+        match self.family.kind() {
+            Kind::Sum(source, _) => minimum_over(source, orientations, control),
+            Kind::Network(mut network) => {
+                let directions: Vec<[f32; 2]> = orientations.iter().map(Orientation::angles).collect();
+                over_grid::minimum(&mut network, self.grid(), &directions, control)
+            }
+        }
     }
 }

@@ -75,7 +75,7 @@ impl PoseField for Planner {
     /// Of the rotations proven free the one with the model's minimum; where none is free, the minimum of all.
     fn best(&self, points: &[DVec3], rotations: &[DQuat], best: &mut [Best]) -> Result<(), FieldError> {
         check_lengths(points.len(), best.len())?;
-        let sharp_points = self.model.sharp_points();
+        let sharp_points = &self.model.sharp_points;
         minimum_pose_by_pose(points, rotations, sharp_points, best, |poses, values, decisions| {
             self.model.values_unclipped(poses, values)?;
             self.classify(poses, decisions)

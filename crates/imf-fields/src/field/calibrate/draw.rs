@@ -112,7 +112,7 @@ impl<'a> Truth<'a> {
             })
             .collect::<Result<_, CalibrationError>>()?;
         let mut seen = Vec::with_capacity(count);
-        chunks.into_iter().for_each(|chunk| seen.extend(chunk));
+        seen.extend(chunks.into_iter().flatten());
         Ok(seen)
     }
 
