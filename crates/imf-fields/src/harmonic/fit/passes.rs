@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use pulp::Arch;
 
 use super::quadrature::{ClassWeights, class_order};
-use super::sample::Sample;
+use super::sample::{Sample, gather};
 use super::sections::{CACHE_BLOCK, CachedSections, Parts};
 use super::solve::{NormalMatrix, SampleSolution, keep_even, principal_components};
 use super::source::{Source, SourceScratch};
@@ -76,7 +76,7 @@ impl Start {
         source: &Source<'_>,
         control: Control<'_>,
     ) -> Result<(SampleSolution, DMatrix<f64>, FitReport), HarmonicError> {
-        let own = self.sample.gather(source, &self.set, control)?;
+        let own = gather(source, &self.set, &self.sample.places, control)?;
         let solved = self.solved(&own, dense, control)?;
         let (components, report) = self.components_of(&solved);
         Ok((solved, components, report))
@@ -89,8 +89,8 @@ impl Start {
         dense: &Dense,
         control: Control<'_>,
     ) -> Result<SampleSolution, HarmonicError> {
-        let solved = self.sample.moments(own, &dense.values).solve(&dense.normal, control)?;
-        Ok(solved.of_both_sides(&self.parities))
+        let right = self.sample.right(own, &dense.values);
+        Ok(SampleSolution::new(&right, &dense.normal, control)?.of_both_sides(&self.parities))
     }
 
     /// The parities of axes.
@@ -141,8 +141,7 @@ impl Start {
             });
         };
         let mut coefficients = Coefficients::zeros(source.grid().len() * functions, precision);
-        let mut at_sample =
-            Coefficients::zeros(self.sample.places().len() * functions, StoragePrecision::F32);
+        let mut at_sample = Coefficients::zeros(self.sample.places.len() * functions, StoragePrecision::F32);
         let mut sampled = 0;
         let mut parts = Parts::new(source, &self.set, control)?;
         while let Some((first, sections)) = parts.next(control)? {
@@ -175,7 +174,7 @@ impl Start {
     ) -> Result<FitResult, HarmonicError> {
         let dense = self.dense()?;
         let sections = CachedSections::count(source, &self.set, control)?;
-        let of_sample = sections.at(self.sample.places());
+        let of_sample = sections.at(&self.sample.places);
         let mut own = Vec::new();
         of_sample.read(Arch::new(), 0..of_sample.voxels.div_ceil(CACHE_BLOCK), &mut own);
         let solved = self.solved(&own, &dense, control)?;

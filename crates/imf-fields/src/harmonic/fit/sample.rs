@@ -4,7 +4,7 @@ use crate::parallel::*;
 use nalgebra::DMatrix;
 
 use super::BLOCK;
-use super::solve::{Moments, NormalMatrix, column_means, gram};
+use super::solve::NormalMatrix;
 use super::source::{Source, SourceScratch};
 use crate::harmonic::HarmonicError;
 use crate::harmonic::basis::Basis;
@@ -19,7 +19,7 @@ use imf_core::section::{Quantity, SectionError};
 /// Voxels of a sample, and exact values there at orientations that are not fitted.
 pub(super) struct Sample {
     /// In rising order.
-    places: Vec<usize>,
+    pub(super) places: Vec<usize>,
     held_out: Vec<Orientation>,
     /// `[held-out orientation][voxel]`.
     judged: Vec<f32>,
@@ -55,21 +55,6 @@ impl Sample {
         Ok(Self { places, held_out, judged, quantity: settings.quantity, pitch: source.grid().pitch })
     }
 
-    /// Exact values of some orientations at the sample's voxels, `[orientation][voxel]`.
-    pub(super) fn gather(
-        &self,
-        source: &Source<'_>,
-        set: &[Orientation],
-        control: Control<'_>,
-    ) -> Result<Vec<f32>, SectionError> {
-        gather(source, set, &self.places, control)
-    }
-
-    /// The sample's voxels.
-    pub(super) fn places(&self) -> &[usize] {
-        &self.places
-    }
-
     /// Those from voxel `first` on, `count` voxels' worth, counted from `first`.
     pub(super) fn places_in(&self, first: usize, count: usize) -> Vec<usize> {
         let place = |voxel| self.places.partition_point(|&place| place < voxel);
@@ -92,9 +77,8 @@ impl Sample {
         Ok(means.iter().copied().collect())
     }
 
-    /// `Bᵀ S` of the sections that are fitted, `[orientation][voxel]` at the sample's voxels, with its mean over voxels and
-    /// its second moments.
-    pub(super) fn moments(&self, fitted: &[f32], values: &[f32]) -> Moments {
+    /// `Bᵀ S` of the sections that are fitted, `[orientation][voxel]` at the sample's voxels: `[voxel][function]`.
+    pub(super) fn right(&self, fitted: &[f32], values: &[f32]) -> Vec<f32> {
         let voxels = self.places.len();
         let sections = fitted.len() / voxels;
         let functions = values.len() / sections;
@@ -103,12 +87,9 @@ impl Sample {
         right.par_chunks_mut(BLOCK * functions).enumerate().for_each(|(block, out)| {
             let count = out.len() / functions;
             let own = Matrix::row_major(&fitted[block * BLOCK..], sections, count, voxels);
-            let values = Matrix::row_major(values, sections, functions, functions);
-            multiply(out, functions, own.transposed(), values, false);
+            multiply(out, functions, own.transposed(), Matrix::dense(values, functions), false);
         });
-        let mean = column_means(&right, functions);
-        let second = gram(&right, functions) / voxels as f64;
-        Moments { right, mean, second }
+        right
     }
 
     /// The errors of the sample's coefficients, `[voxel][function]`, where they were not fitted; `dropped` by the axes left
@@ -147,7 +128,7 @@ pub(super) fn section_error(values: impl Iterator<Item = f32>, exact: &[f32]) ->
 }
 
 /// Exact values of some orientations at some voxels, `[orientation][voxel]`.
-fn gather(
+pub(super) fn gather(
     source: &Source<'_>,
     set: &[Orientation],
     places: &[usize],

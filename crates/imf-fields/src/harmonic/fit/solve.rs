@@ -144,14 +144,6 @@ pub(super) fn gram(values: &[f32], columns: usize) -> DMatrix<f64> {
     sum
 }
 
-/// Sums over a sample of voxels.
-pub(super) struct Moments {
-    /// Bᵀs of every voxel of the sample, `[voxel][function]`.
-    pub(super) right: Vec<f32>,
-    pub mean: DVector<f64>,
-    pub(super) second: DMatrix<f64>,
-}
-
 /// Statistics of the coefficients from a sample.
 pub(super) struct SampleSolution {
     pub mean: DVector<f64>,
@@ -160,33 +152,33 @@ pub(super) struct SampleSolution {
     pub(super) coefficients: Vec<f32>,
 }
 
-impl Moments {
+impl SampleSolution {
+    /// That of a sample's `right`, `[voxel][function]`: Bᵀs of every voxel.
+    ///
     /// # Errors
     /// Cancellation.
-    pub(super) fn solve(
-        self,
+    pub(super) fn new(
+        right: &[f32],
         normal: &NormalMatrix,
         control: Control<'_>,
-    ) -> Result<SampleSolution, HarmonicError> {
-        let functions = self.mean.len();
-        let mean = normal.0.solve(&self.mean);
-        let half = normal.solve(self.second, control)?;
+    ) -> Result<Self, HarmonicError> {
+        let functions = normal.0.l_dirty().nrows();
+        let mean = normal.0.solve(&column_means(right, functions));
+        let second = gram(right, functions) / (right.len() / functions) as f64;
+        let half = normal.solve(second, control)?;
         let mut covariance = normal.solve(half.transpose(), control)?;
         drop(half);
         covariance.ger(-1.0, &mean, &mean, 1.0);
         let inverse = row_major(&normal.solve(DMatrix::identity(functions, functions), control)?);
-        let mut coefficients = vec![0.0; self.right.len()];
-        coefficients.par_chunks_mut(BLOCK * functions).enumerate().for_each(|(block, out)| {
-            let count = out.len() / functions;
-            let right = &self.right[block * BLOCK * functions..];
-            let right = Matrix::row_major(right, count, functions, functions);
-            multiply(out, functions, right, Matrix::dense(&inverse, functions), false);
+        let mut coefficients = vec![0.0; right.len()];
+        let blocks = right.par_chunks(BLOCK * functions).zip(coefficients.par_chunks_mut(BLOCK * functions));
+        blocks.for_each(|(right, out)| {
+            let (right, inverse) = (Matrix::dense(right, functions), Matrix::dense(&inverse, functions));
+            multiply(out, functions, right, inverse, false);
         });
-        Ok(SampleSolution { mean, covariance, coefficients })
+        Ok(Self { mean, covariance, coefficients })
     }
-}
 
-impl SampleSolution {
     /// Statistics of both sides from a sample of one: the covariance has nothing between even and odd functions, and
     /// the mean nothing of the odd ones (voxels on the plane, which are their own images, are taken for either
     /// side's).
@@ -214,7 +206,7 @@ pub(super) fn keep_even(mean: &DVector<f64>, parities: &[Parity]) -> DVector<f64
 }
 
 /// Means of the columns of a row-major matrix.
-pub(super) fn column_means(values: &[f32], columns: usize) -> DVector<f64> {
+fn column_means(values: &[f32], columns: usize) -> DVector<f64> {
     let mut mean = DVector::zeros(columns);
     for row in values.chunks_exact(columns) {
         mean.iter_mut().zip(row).for_each(|(mean, &v)| *mean += f64::from(v));
