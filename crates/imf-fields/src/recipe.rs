@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::siren::SirenShape;
-use schedule::Schedule;
+use schedule::{Schedule, is_default};
 
 /// A setting of a training that is out of range, by name.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -200,11 +200,6 @@ pub struct TrainingPlan {
     pub seed: u64,
     /// Steps between two reports.
     pub report_every: u64,
-}
-
-/// What stands in no file unless it was chosen.
-fn is_default(precision: &Precision) -> bool {
-    *precision == Precision::default()
 }
 
 impl Default for TrainingPlan {

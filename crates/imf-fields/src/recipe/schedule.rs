@@ -13,7 +13,7 @@ pub enum Schedule {
         /// Factor from one epoch to the next.
         factor: f32,
         /// Steps of the rise; the first of them has `1 / warmup` of its rate.
-        #[serde(default, skip_serializing_if = "is_zero")]
+        #[serde(default, skip_serializing_if = "is_default")]
         warmup: u64,
     },
     /// Half a cosine over all steps from `initial` to `last`, after a straight rise from 0 over `warmup` steps.
@@ -37,7 +37,7 @@ pub enum Schedule {
         /// How fast the rate falls in longer runs.
         power: f32,
         /// How fast it falls in shorter ones; 0 where it is the same for all of them.
-        #[serde(default, skip_serializing_if = "is_zero")]
+        #[serde(default, skip_serializing_if = "is_default")]
         shorter: f32,
         /// Steps of the rise.
         #[serde(default)]
@@ -64,7 +64,8 @@ impl Schedule {
     }
 }
 
-fn is_zero<T: Default + PartialEq>(value: &T) -> bool {
+/// What stands in no file unless it was chosen.
+pub(super) fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
 }
 
@@ -102,25 +103,18 @@ impl RateRule {
 
     /// The schedule for a batch. A rate that is raised begins with a rise of at least [`Self::WARMUP`] steps.
     #[must_use]
-    pub fn apply(self, schedule: Schedule, batch: usize) -> Schedule {
+    pub fn apply(self, mut schedule: Schedule, batch: usize) -> Schedule {
         let factor = self.factor(batch);
-        let scaled = |rate: f32| (f64::from(rate) * factor) as f32;
-        let least = if factor > 1.0 { Self::WARMUP } else { 0 };
-        match schedule {
-            Schedule::Exponential { initial, factor, warmup } => {
-                Schedule::Exponential { initial: scaled(initial), factor, warmup: warmup.max(least) }
-            }
-            Schedule::Cosine { initial, last, warmup } => {
-                Schedule::Cosine { initial: scaled(initial), last: scaled(last), warmup: warmup.max(least) }
-            }
-            Schedule::Length { initial, steps, power, shorter, warmup } => Schedule::Length {
-                initial: scaled(initial),
-                steps,
-                power,
-                shorter,
-                warmup: warmup.max(least),
-            },
+        let scale = |rate: &mut f32| *rate = (f64::from(*rate) * factor) as f32;
+        if let Schedule::Cosine { last, .. } = &mut schedule {
+            scale(last);
         }
+        let (Schedule::Exponential { initial, warmup, .. }
+        | Schedule::Cosine { initial, warmup, .. }
+        | Schedule::Length { initial, warmup, .. }) = &mut schedule;
+        scale(initial);
+        *warmup = (*warmup).max(if factor > 1.0 { Self::WARMUP } else { 0 });
+        schedule
     }
 }
 
