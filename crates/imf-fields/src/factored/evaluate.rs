@@ -122,36 +122,30 @@ impl FactoredEvaluator<'_> {
 
     /// The coefficients at up to a block's points (world frame) of a larger call, into `z` as `[point][coefficient]`.
     pub(crate) fn block(&self, points: impl Iterator<Item = DVec3>, asked: usize, z: &mut [f32]) {
-        let symmetry = &self.field.shape.symmetry;
+        let field = &*self.field;
         self.places.with(|places| {
             places.clear();
-            places.extend(points.map(|point| symmetry.place(point)));
-            self.block_at(places, asked, z);
-        });
-    }
-
-    /// As [`Self::block`].
-    fn block_at(&self, places: &[Place], asked: usize, z: &mut [f32]) {
-        let field = &*self.field;
-        let Some(Local { harmonics, functions, outputs }) = &self.local else {
-            return self.outputs_at(places, asked, z);
-        };
-        let (rows, components, count) = (places.len(), field.shape.components, harmonics.len());
-        outputs.with(|outputs| {
-            let outputs = &mut outputs[..rows * components];
-            self.outputs_at(places, asked, outputs);
-            z.chunks_exact_mut(count).for_each(|row| row.copy_from_slice(&field.mean));
-            match where_many(self.split_functions.as_ref(), asked) {
-                Some(split) => split.multiply(|of| &of.transposed, (outputs, rows, components), z, true),
-                None => {
-                    let outputs = Matrix::row_major(outputs, rows, components, components);
-                    multiply(z, count, outputs, Matrix::row_major(functions, components, count, count), true);
+            places.extend(points.map(|point| field.shape.symmetry.place(point)));
+            let Some(Local { harmonics, functions, outputs }) = &self.local else {
+                return self.outputs_at(places, asked, z);
+            };
+            let (rows, components, count) = (places.len(), field.shape.components, harmonics.len());
+            outputs.with(|outputs| {
+                let outputs = &mut outputs[..rows * components];
+                self.outputs_at(places, asked, outputs);
+                z.chunks_exact_mut(count).for_each(|row| row.copy_from_slice(&field.mean));
+                match where_many(self.split_functions.as_ref(), asked) {
+                    Some(split) => split.multiply(|of| &of.transposed, (outputs, rows, components), z, true),
+                    None => {
+                        let outputs = Matrix::dense(outputs, components);
+                        multiply(z, count, outputs, Matrix::dense(functions, count), true);
+                    }
                 }
+            });
+            for (row, place) in z.chunks_exact_mut(count).zip(places) {
+                harmonics.to_world(place, row);
             }
         });
-        for (row, place) in z.chunks_exact_mut(count).zip(places) {
-            harmonics.to_world(place, row);
-        }
     }
 
     /// The network's outputs at up to a block's places, scaled, into `z` as `[place][components]`.

@@ -3,7 +3,6 @@
 use std::borrow::Cow;
 
 use crate::parallel::*;
-use glam::DVec3;
 use pulp::Arch;
 
 use super::symmetry::{LocalHarmonics, Symmetry};
@@ -139,14 +138,11 @@ impl<'a> Targets<'a> {
                 world.resize(out.len(), 0.0);
                 all.read(voxel, halves, world);
                 harmonics.in_order(world, out);
-                harmonics.to_local(&self.symmetry.place(self.centre(voxel)), out);
+                let centre = self.teacher.grid.centre(self.teacher.grid.voxel(voxel));
+                harmonics.to_local(&self.symmetry.place(centre), out);
             }
         }
         out.iter_mut().for_each(|target| *target /= self.scale);
-    }
-
-    fn centre(&self, voxel: usize) -> DVec3 {
-        self.teacher.grid.centre(self.teacher.grid.voxel(voxel))
     }
 
     /// Outputs of the network.

@@ -122,7 +122,10 @@ impl Basis {
     /// # Panics
     /// If `values` has not the length [`Basis::len`].
     pub fn values(&self, orientation: &Orientation, values: &mut [f64]) {
-        self.values_facing(self.facing_at(orientation), values);
+        match self {
+            Self::Directions(_) => self.values_of_direction(orientation.direction(), values),
+            Self::Rotations(rotations) => rotations.values(orientation.quaternion(), values),
+        }
     }
 
     /// B: all functions at some orientations, `[orientation][function]`.
@@ -218,14 +221,6 @@ impl Basis {
             (Self::Rotations(_), Facing::Direction(_)) => return None,
         };
         Some(facing)
-    }
-
-    /// What these functions read of an orientation.
-    pub fn facing_at(&self, orientation: &Orientation) -> Facing {
-        match self {
-            Self::Directions(_) => Facing::Direction(orientation.direction()),
-            Self::Rotations(_) => Facing::Rotation(orientation.quaternion()),
-        }
     }
 
     fn sphere(&self) -> &SphereBasis {

@@ -75,8 +75,12 @@ impl Functions<'_> {
     ) -> Gradient {
         scratch.functions.resize(self.basis.len(), 0.0);
         self.basis.values_facing(facing, &mut scratch.functions);
-        self.weigh(z, scratch);
-        let TurnScratch { functions, weights, along, .. } = scratch;
+        let TurnScratch { functions, narrow, weights, along } = scratch;
+        narrow.clear();
+        narrow.extend(functions.iter().map(|&value| value as f32));
+        weights.resize(functions.len(), 0.0);
+        along.resize(z.len(), 0.0);
+        product_and_adjoint(self.arch, self.components, z, narrow, weights, along);
         let (value, direction, rotation) = match facing {
             Facing::Direction(direction) => {
                 let weight = |place: usize| f64::from(weights[place] + self.mean[place]);
@@ -98,16 +102,6 @@ impl Functions<'_> {
             }
         });
         Gradient { value: value as f32, position: position.into(), direction, rotation }
-    }
-
-    /// Fills `weights` and `along` for the functions' values.
-    fn weigh(self, z: &[f32], scratch: &mut TurnScratch) {
-        let TurnScratch { functions, narrow, weights, along, .. } = scratch;
-        narrow.clear();
-        narrow.extend(functions.iter().map(|&value| value as f32));
-        weights.resize(functions.len(), 0.0);
-        along.resize(z.len(), 0.0);
-        product_and_adjoint(self.arch, self.components, z, narrow, weights, along);
     }
 }
 

@@ -49,11 +49,7 @@ pub(super) fn coefficients(
     for corner in 0..8 {
         let side = [corner >> 2 & 1, corner >> 1 & 1, corner & 1];
         // A grid of one voxel along an axis has no other side; its weight is 0.
-        let offset: usize = (0..3)
-            .map(|axis| {
-                side[axis].min(grid.dims[axis] - 1) * [grid.dims[1] * grid.dims[2], grid.dims[2], 1][axis]
-            })
-            .sum();
+        let offset = grid.index([0, 1, 2].map(|axis| side[axis].min(grid.dims[axis] - 1)));
         let offset = graph.integers(&[1], &[offset as i64]);
         let voxel = graph.add(&base, &offset);
         let flat = graph.integers(&[1], &[-1]);

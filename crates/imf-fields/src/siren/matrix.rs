@@ -173,15 +173,9 @@ mod tests {
         let (a, b) = (filled(rows * inner, 1), filled(inner * columns, 2));
         let (at, bt) = (filled(inner * rows, 1), filled(columns * inner, 2));
         for (left, right) in [
-            (Matrix::row_major(&a, rows, inner, inner), Matrix::row_major(&b, inner, columns, columns)),
-            (
-                Matrix::row_major(&at, inner, rows, rows).transposed(),
-                Matrix::row_major(&b, inner, columns, columns),
-            ),
-            (
-                Matrix::row_major(&a, rows, inner, inner),
-                Matrix::row_major(&bt, columns, inner, inner).transposed(),
-            ),
+            (Matrix::dense(&a, inner), Matrix::dense(&b, columns)),
+            (Matrix::dense(&at, rows).transposed(), Matrix::dense(&b, columns)),
+            (Matrix::dense(&a, inner), Matrix::dense(&bt, inner).transposed()),
         ] {
             for accumulate in [false, true] {
                 let mut out = vec![0.5; rows * stride];
@@ -210,10 +204,7 @@ mod tests {
     fn rows_and_factors_are_those_of_the_whole_product() {
         let (rows, inner, columns) = (2 * ROWS + 5, 6, 4);
         let (a, b) = (filled(inner * rows, 3), filled(inner * columns, 4));
-        let (a, b) = (
-            Matrix::row_major(&a, inner, rows, rows).transposed(),
-            Matrix::row_major(&b, inner, columns, columns),
-        );
+        let (a, b) = (Matrix::dense(&a, rows).transposed(), Matrix::dense(&b, columns));
         let mut product = vec![f32::NAN; rows * columns];
         multiply(&mut product, columns, a, b, false);
         let mut some = vec![f32::NAN; 3 * columns];
