@@ -9,7 +9,6 @@ use super::FactoredEvaluator;
 use super::symmetry::Place;
 use crate::harmonic::basis::Facing;
 use crate::harmonic::{Functions, Gradient, TurnScratch};
-use crate::siren::tangent::PanelOfPoint;
 
 /// A point and its three tangents.
 const ROWS: usize = 4;
@@ -72,18 +71,9 @@ impl FactoredEvaluator<'_> {
             row[axis] = 1.0;
             row[3..].iter_mut().zip(angle).for_each(|(input, slope)| *input = slope as f32);
         }
-        for (index, layer) in self.plan.layers.iter().enumerate() {
-            for neurons in self.plan.panels(index) {
-                self.arch.dispatch(PanelOfPoint::<ROWS> {
-                    panel: &self.panels[self.plan.panel_range(index, &neurons)],
-                    biases: &field.parameters[layer.biases + neurons.start..][..neurons.len()],
-                    signal: std::array::from_fn(|row| &signal[row * widest..][..layer.inputs]),
-                    out: next,
-                    widest,
-                    first: neurons.start,
-                    omega: (index < stack.hidden).then_some(stack.omega),
-                });
-            }
+        let network = self.network(1);
+        for layer in 0..self.plan.layers.len() {
+            network.layer_of_point::<ROWS>(layer, widest, signal, next);
             std::mem::swap(signal, next);
         }
         let components = stack.outputs;

@@ -11,7 +11,6 @@ use super::output::Output;
 use super::plan::{BLOCK, Plan, transpose_all};
 use super::scratch::{ScratchPool, describe};
 use super::split::{GRID, SplitWeights, where_many};
-use super::tangent::PanelOfPoint;
 use crate::siren::EvaluationEngine;
 use crate::siren::{INPUTS, SirenShape, features};
 use imf_core::field::EngineError;
@@ -82,9 +81,6 @@ impl CpuEvaluator {
     }
 
     /// Values of any number of samples on the calling thread alone; nothing is allocated but a thread's first buffer.
-    ///
-    /// # Panics
-    /// If there are not as many values as inputs need.
     pub(crate) fn evaluate_here(&self, inputs: &[f32], outputs: &mut [f32]) {
         assert_eq!(inputs.len(), outputs.len() * INPUTS, "{INPUTS} inputs for each value");
         let asked = outputs.len();
@@ -102,7 +98,7 @@ impl CpuEvaluator {
         input: &[f32; INPUTS],
         scratch: &mut TangentScratch,
     ) -> [f32; ROWS] {
-        let stack = self.plan.stack;
+        let (stack, network) = (self.plan.stack, self.network(1));
         let TangentScratch { signal, next } = scratch;
         let widest = stack.width + INPUTS;
         signal.resize(widest * ROWS, 0.0);
@@ -116,21 +112,10 @@ impl CpuEvaluator {
         };
         write(signal, 0);
         for index in 0..stack.hidden {
-            let layer = &self.plan.layers[index];
-            if layer.skip {
+            if self.plan.layers[index].skip {
                 write(signal, stack.width);
             }
-            for neurons in self.plan.panels(index) {
-                self.arch.dispatch(PanelOfPoint::<ROWS> {
-                    panel: &self.panels[self.plan.panel_range(index, &neurons)],
-                    biases: &self.parameters[layer.biases + neurons.start..][..neurons.len()],
-                    signal: std::array::from_fn(|row| &signal[row * widest..][..layer.inputs]),
-                    out: next,
-                    widest,
-                    first: neurons.start,
-                    omega: Some(stack.omega),
-                });
-            }
+            network.layer_of_point::<ROWS>(index, widest, signal, next);
             std::mem::swap(signal, next);
         }
         let last = &self.plan.layers[stack.hidden];

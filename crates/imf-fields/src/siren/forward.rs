@@ -33,9 +33,7 @@ impl<'a> Network<'a> {
     pub fn new(arch: Arch, plan: &'a Plan, parameters: &'a [f32], panels: &'a [f32]) -> Self {
         Self { arch, plan, parameters, panels, split: None }
     }
-}
 
-impl Network<'_> {
     /// One hidden layer for one block: `sums [rows][stride]` becomes `sin(ω(W·a + b))` and, if wanted,
     /// `slopes [rows][stride]` its derivative `ω·cos(ω(W·a + b))` by the sum `W·a + b`.
     ///

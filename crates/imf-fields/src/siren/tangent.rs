@@ -3,22 +3,47 @@
 
 use pulp::{Simd, WithSimd};
 
+use super::forward::Network;
 use super::lanes::{load, store};
 use super::sine::sine_cosine;
 
-/// One panel of neurons for one point, its tangents beside it: `out [ROWS][neuron]`, rows `widest` apart.
-pub(crate) struct PanelOfPoint<'a, const ROWS: usize> {
+impl Network<'_> {
+    /// A layer for one point, its tangents beside it: from `signal [ROWS][input]` to `out [ROWS][neuron]`, rows `widest` apart.
+    pub(crate) fn layer_of_point<const ROWS: usize>(
+        &self,
+        index: usize,
+        widest: usize,
+        signal: &[f32],
+        out: &mut [f32],
+    ) {
+        let (plan, layer) = (self.plan, &self.plan.layers[index]);
+        for neurons in plan.panels(index) {
+            self.arch.dispatch(PanelOfPoint::<ROWS> {
+                panel: &self.panels[plan.panel_range(index, &neurons)],
+                biases: &self.parameters[layer.biases + neurons.start..][..neurons.len()],
+                signal: std::array::from_fn(|row| &signal[row * widest..][..layer.inputs]),
+                out,
+                widest,
+                first: neurons.start,
+                omega: (index < plan.stack.hidden).then_some(plan.stack.omega),
+            });
+        }
+    }
+}
+
+/// One panel of neurons for one point.
+struct PanelOfPoint<'a, const ROWS: usize> {
     /// `[inputs][neurons]`.
-    pub(crate) panel: &'a [f32],
-    pub(crate) biases: &'a [f32],
+    panel: &'a [f32],
+    biases: &'a [f32],
     /// `[ROWS][inputs]`.
-    pub(crate) signal: [&'a [f32]; ROWS],
-    pub(crate) out: &'a mut [f32],
-    pub(crate) widest: usize,
+    signal: [&'a [f32]; ROWS],
+    out: &'a mut [f32],
+    widest: usize,
     /// The panel's first neuron.
-    pub(crate) first: usize,
+    first: usize,
     /// `None` for the linear layer.
-    pub(crate) omega: Option<f32>,
+    omega: Option<f32>,
 }
 
 /// Runs a body for every number below a constant of at most six, each a constant in its turn. Sums that the numbers pick are
