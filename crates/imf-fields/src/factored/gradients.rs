@@ -31,9 +31,6 @@ pub(crate) struct GradientScratch {
 
 impl FactoredEvaluator<'_> {
     /// [`FactoredEvaluator::overlap_with_gradient`] of up to [`ROWS`] positions within the box and directions of length 1, to the rounding of `f32`.
-    ///
-    /// # Panics
-    /// Of a field over rotations, for more poses, or if there is not a gradient for each.
     pub(crate) fn overlaps_with_gradients(
         &self,
         poses: &[(DVec3, DVec3)],
@@ -110,7 +107,7 @@ impl FactoredEvaluator<'_> {
 mod tests {
     use super::*;
     use crate::factored::{Axis, PointScratch, Symmetry};
-    use crate::field::scenes::{factored_file, poses, scene, with_symmetry};
+    use crate::field::scenes::{assert_gradients_agree, factored_file, scene, with_symmetry};
     use imf_core::tool::Tool;
 
     #[test]
@@ -120,28 +117,14 @@ mod tests {
         let axis = Some(Axis { along: 0, through });
         let turned = with_symmetry(&scene, Symmetry { mirrors: [None, Some(through.y), None], axis });
         let plain = factored_file(&scene);
-        let [low, high] = scene.record.grid.box_of_centres();
         for field in [plain.field.clone(), plain.field.folded(), turned.field.clone(), turned.field.fold()] {
             let evaluator = field.evaluator();
-            let mut scratch = (GradientScratch::default(), PointScratch::default());
-            for count in [ROWS, 1, 7] {
-                let pose =
-                    |pose: imf_core::pose::Pose| (pose.position.clamp(low, high), pose.axis().unwrap());
-                let asked: Vec<_> = poses(&scene, count, 5).into_iter().map(pose).collect();
-                let mut found = vec![Gradient::ZERO; count];
-                evaluator.overlaps_with_gradients(&asked, &mut found, &mut scratch.0);
-                for (&(position, direction), found) in asked.iter().zip(found) {
-                    let one = evaluator.overlap_with_gradient(position, direction, &mut scratch.1).unwrap();
-                    assert!((one.value - found.value).abs() < 1e-5, "{} {}", one.value, found.value);
-                    for (one, found) in [
-                        (one.position, found.position),
-                        (one.direction, found.direction),
-                        (one.rotation, found.rotation),
-                    ] {
-                        assert!((one - found).length() < 1e-4 * (1.0 + one.length()), "{one} {found}");
-                    }
-                }
-            }
+            let (mut scratch, mut of_point) = (GradientScratch::default(), PointScratch::default());
+            assert_gradients_agree(
+                &scene,
+                |poses, found| evaluator.overlaps_with_gradients(poses, found, &mut scratch),
+                |at, facing| evaluator.overlap_with_gradient(at, facing, &mut of_point).unwrap(),
+            );
         }
     }
 }

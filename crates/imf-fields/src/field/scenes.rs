@@ -15,7 +15,7 @@ use crate::file::FieldFile;
 use crate::harmonic::basis::Domain;
 use crate::harmonic::coefficients::{Coefficients, StoragePrecision};
 use crate::harmonic::file::HarmonicFile;
-use crate::harmonic::{FitSettings, fit};
+use crate::harmonic::{FitSettings, Gradient, fit};
 use crate::model::{Model, TrainingRecord};
 use crate::recipe::TrainingState;
 use crate::siren::SirenShape;
@@ -119,6 +119,32 @@ pub(crate) fn calibration(free: f32, colliding: f32) -> Calibration {
 
 pub(crate) fn siren(scene: &Scene) -> Field {
     Field::new(FieldFile::Siren(Box::new(siren_model(scene)))).unwrap()
+}
+
+/// Asserts that gradients of some poses together are those of each by itself, to the rounding of `f32`.
+pub(crate) fn assert_gradients_agree(
+    scene: &Scene,
+    mut together: impl FnMut(&[(DVec3, DVec3)], &mut [Gradient]),
+    mut alone: impl FnMut(DVec3, DVec3) -> Gradient,
+) {
+    let [low, high] = scene.record.grid.box_of_centres();
+    for count in [64, 1, 7] {
+        let pose = |pose: Pose| (pose.position.clamp(low, high), pose.axis().unwrap());
+        let asked: Vec<_> = poses(scene, count, 5).into_iter().map(pose).collect();
+        let mut found = vec![Gradient::ZERO; count];
+        together(&asked, &mut found);
+        for (&(position, direction), found) in asked.iter().zip(found) {
+            let one = alone(position, direction);
+            assert!((one.value - found.value).abs() < 1e-5, "{} {}", one.value, found.value);
+            for (one, found) in [
+                (one.position, found.position),
+                (one.direction, found.direction),
+                (one.rotation, found.rotation),
+            ] {
+                assert!((one - found).length() < 1e-4 * (1.0 + one.length()), "{one} {found}");
+            }
+        }
+    }
 }
 
 /// Uniform positions in the box of the voxel centres, uniform axes.

@@ -62,9 +62,15 @@ fn all() -> Vec<FieldFile> {
     ]
 }
 
-fn bytes_of(file: &FieldFile) -> Vec<u8> {
+/// A place for a field; the folder is there as long as its handle is.
+fn place() -> (tempfile::TempDir, std::path::PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("field.safetensors");
+    (folder, path)
+}
+
+fn bytes_of(file: &FieldFile) -> Vec<u8> {
+    let (_folder, path) = place();
     file.write(&path).unwrap();
     let bytes = std::fs::read(&path).unwrap();
     file.write(&path).unwrap();
@@ -136,8 +142,7 @@ fn damage_is_named() {
     assert!(refused(&foreign).to_string().contains("not one of imf's"));
     let mut broken = siren_model(&scene(&Tool::paper(), 0.0));
     broken.state.parameters[5] = f32::NAN;
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("broken.safetensors");
+    let (_folder, path) = place();
     broken.write(&path).unwrap();
     assert!(FieldFile::read(&path).unwrap_err().to_string().contains("finite"));
     for error in [
@@ -163,8 +168,7 @@ fn every_family_keeps_its_calibration() {
         assert_eq!(field.calibration(), Some(&calibration));
         // Thresholds that cannot be.
         file.set_calibration(Calibration { free_up_to: Some(0.5), ..calibration });
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("field.safetensors");
+        let (_folder, path) = place();
         file.write(&path).unwrap();
         let error = FieldFile::read(&path).unwrap_err().to_string();
         assert!(error.contains("thresholds cross"), "{error}");

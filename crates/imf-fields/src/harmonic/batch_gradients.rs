@@ -28,9 +28,6 @@ pub(crate) struct BatchScratch {
 impl HarmonicField {
     /// [`HarmonicField::overlap_with_gradient`] of positions within the box and directions of length 1, to the rounding of `f32`;
     /// `split` is of the functions' axes.
-    ///
-    /// # Panics
-    /// Of a field over rotations, or if there is not a gradient for each pose.
     pub(crate) fn overlaps_with_gradients(
         &self,
         split: Option<&SplitBoth>,
@@ -107,32 +104,18 @@ pub(crate) fn add_both_products(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::field::scenes::{harmonic_file, poses, scene};
+    use crate::field::scenes::{assert_gradients_agree, harmonic_file, scene};
     use imf_core::tool::Tool;
 
     #[test]
     fn gradients_of_many_poses_are_those_of_each_by_itself() {
         let scene = scene(&Tool::paper(), 0.0);
         let field = harmonic_file(&scene, 8).field;
-        let [low, high] = scene.record.grid.box_of_centres();
-        let mut scratch = (BatchScratch::default(), PointScratch::default());
-        for count in [64, 1, 7] {
-            let pose = |pose: imf_core::pose::Pose| (pose.position.clamp(low, high), pose.axis().unwrap());
-            let asked: Vec<_> = poses(&scene, count, 5).into_iter().map(pose).collect();
-            let mut found = vec![Gradient::ZERO; count];
-            field.overlaps_with_gradients(None, &asked, &mut found, &mut scratch.0);
-            for (&(position, direction), found) in asked.iter().zip(found) {
-                let one = field.overlap_with_gradient(position, direction, &mut scratch.1).unwrap();
-                assert!((one.value - found.value).abs() < 1e-5, "{} {}", one.value, found.value);
-                let both = [
-                    (one.position, found.position),
-                    (one.direction, found.direction),
-                    (one.rotation, found.rotation),
-                ];
-                for (one, found) in both {
-                    assert!((one - found).length() < 1e-4 * (1.0 + one.length()), "{one} {found}");
-                }
-            }
-        }
+        let (mut scratch, mut of_point) = (BatchScratch::default(), PointScratch::default());
+        assert_gradients_agree(
+            &scene,
+            |poses, found| field.overlaps_with_gradients(None, poses, found, &mut scratch),
+            |at, facing| field.overlap_with_gradient(at, facing, &mut of_point).unwrap(),
+        );
     }
 }

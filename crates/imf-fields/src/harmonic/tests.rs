@@ -32,7 +32,7 @@ fn plan() -> SectionPlan {
 }
 
 /// Sections of a field, `[orientation][voxel]`.
-fn values(field: &HarmonicField, set: &[Orientation]) -> Vec<f32> {
+pub(super) fn values(field: &HarmonicField, set: &[Orientation]) -> Vec<f32> {
     let mut values = vec![f32::NAN; field.grid.len() * set.len()];
     field.sections(&field.direction_weights(set), &mut values);
     values
@@ -49,7 +49,7 @@ fn settings() -> FitSettings {
     }
 }
 
-fn made(plan: &SectionPlan, settings: &FitSettings) -> HarmonicField {
+pub(super) fn made(plan: &SectionPlan, settings: &FitSettings) -> HarmonicField {
     fit(plan, Domain::Directions, settings, Control::quiet()).unwrap()
 }
 

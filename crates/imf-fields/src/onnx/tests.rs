@@ -18,6 +18,7 @@ use crate::field::scenes::{
 use imf_core::field::PoseField;
 use imf_core::orientation::Orientation;
 use imf_core::pose::{Pose, axis_of};
+use imf_core::scene::Scene;
 use imf_core::tool::{Tool, ToolShape};
 
 /// A row-major array of up to two dimensions.
@@ -181,6 +182,15 @@ fn answers(model: &ModelProto, poses: &[Pose]) -> Vec<f64> {
     answer.data.clone()
 }
 
+/// A field of each family.
+fn one_of_each(scene: &Scene, factored: FactoredFile) -> [FieldFile; 3] {
+    [
+        FieldFile::Siren(Box::new(siren_model(scene))),
+        FieldFile::Harmonic(Arc::new(harmonic_file(scene, 4))),
+        FieldFile::Factored(Box::new(factored)),
+    ]
+}
+
 /// The field evaluates in single precision, its networks with sums of some tens of products.
 const ROUNDING: f64 = 2e-5;
 
@@ -285,13 +295,8 @@ fn positions_outside_are_answered_by_every_graph_as_at_the_nearest_inside() {
         let (axis, room) = (index % 3, [0.4 * grid.pitch, 1e4][index / 3 % 2]);
         pose.position[axis] = if index % 4 < 2 { low[axis] - room } else { high[axis] + room };
     }
-    for saved in [
-        FieldFile::Siren(Box::new(siren_model(&scene))),
-        FieldFile::Harmonic(Arc::new(harmonic_file(&scene, 4))),
-        FieldFile::Factored(Box::new(factored_file(&scene))),
-        FieldFile::Factored(Box::new(deep)),
-        FieldFile::Factored(Box::new(reduced)),
-    ] {
+    let more = [deep, reduced].map(|file| FieldFile::Factored(Box::new(file)));
+    for saved in one_of_each(&scene, factored_file(&scene)).into_iter().chain(more) {
         let graph = model(&saved).unwrap();
         let name = graph.graph.as_ref().unwrap().name.clone();
         let nearest: Vec<Pose> =
@@ -310,11 +315,7 @@ fn positions_outside_are_answered_by_every_graph_as_at_the_nearest_inside() {
 #[test]
 fn an_invalid_position_is_nan_in_its_own_row_alone() {
     let scene = scene(&Tool::paper(), 0.0);
-    for saved in [
-        FieldFile::Siren(Box::new(siren_model(&scene))),
-        FieldFile::Harmonic(Arc::new(harmonic_file(&scene, 4))),
-        FieldFile::Factored(Box::new(factored_file(&scene))),
-    ] {
+    for saved in one_of_each(&scene, factored_file(&scene)) {
         let graph = model(&saved).unwrap();
         let name = graph.graph.as_ref().unwrap().name.clone();
         let mut asked = poses(&scene, 9, 25);
@@ -358,11 +359,7 @@ fn a_part_far_from_zero_loses_no_digits() {
     let asked = poses(&near, 60, 26);
     let there: Vec<Pose> =
         asked.iter().map(|pose| Pose { position: pose.position + away, ..*pose }).collect();
-    for saved in [
-        FieldFile::Siren(Box::new(siren_model(&near))),
-        FieldFile::Harmonic(Arc::new(harmonic_file(&near, 4))),
-        FieldFile::Factored(Box::new(with_symmetry(&near, symmetry))),
-    ] {
+    for saved in one_of_each(&near, with_symmetry(&near, symmetry)) {
         let expected = answers(&model(&saved).unwrap(), &asked);
         let graph = model(&moved(saved)).unwrap();
         let name = graph.graph.as_ref().unwrap().name.clone();

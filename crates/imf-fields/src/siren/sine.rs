@@ -70,44 +70,28 @@ mod tests {
     use pulp::{Arch, WithSimd};
 
     use super::*;
-    use crate::siren::lanes::archs;
+    use crate::siren::lanes::{archs, load, store};
 
-    /// Replaces every value by its sine.
-    fn sine_in_place(arch: Arch, values: &mut [f32]) {
-        struct Pass<'a>(&'a mut [f32]);
+    /// Values with their sines by themselves, and with their sines and cosines together.
+    fn sines_and_cosines(arch: Arch, values: &[f32]) -> [Vec<f32>; 3] {
+        struct Pass<'a>(&'a [f32], &'a mut [Vec<f32>; 3]);
         impl WithSimd for Pass<'_> {
             type Output = ();
             #[inline(always)]
             fn with_simd<S: Simd>(self, simd: S) {
-                let (body, tail) = S::as_mut_simd_f32s(self.0);
-                for value in body {
-                    *value = sine(simd, *value);
+                let Self(values, [alone, sines, cosines]) = self;
+                for at in (0..values.len()).step_by(S::F32_LANES) {
+                    let value = load(simd, values, at);
+                    let (both, cosine) = sine_cosine(simd, value);
+                    store(simd, alone, at, sine(simd, value));
+                    store(simd, sines, at, both);
+                    store(simd, cosines, at, cosine);
                 }
-                let rest = sine(simd, simd.partial_load_f32s(tail));
-                simd.partial_store_f32s(tail, rest);
             }
         }
-        arch.dispatch(Pass(values));
-    }
-
-    /// Replaces every value by its sine and writes its cosine.
-    fn sine_cosine_in_place(arch: Arch, values: &mut [f32], cosines: &mut [f32]) {
-        struct Pass<'a>(&'a mut [f32], &'a mut [f32]);
-        impl WithSimd for Pass<'_> {
-            type Output = ();
-            #[inline(always)]
-            fn with_simd<S: Simd>(self, simd: S) {
-                let (body, tail) = S::as_mut_simd_f32s(self.0);
-                let (cosine_body, cosine_tail) = S::as_mut_simd_f32s(self.1);
-                for (value, cosine) in body.iter_mut().zip(cosine_body) {
-                    (*value, *cosine) = sine_cosine(simd, *value);
-                }
-                let (sine, cosine) = sine_cosine(simd, simd.partial_load_f32s(tail));
-                simd.partial_store_f32s(tail, sine);
-                simd.partial_store_f32s(cosine_tail, cosine);
-            }
-        }
-        arch.dispatch(Pass(values, cosines));
+        let mut found = [0, 1, 2].map(|_| vec![7.0; values.len()]);
+        arch.dispatch(Pass(values, &mut found));
+        found
     }
 
     /// Half a unit in the last place of the reduced argument and of the result, and the polynomials' own error.
@@ -119,10 +103,7 @@ mod tests {
         let mut arguments: Vec<f32> = (0..200_003).map(|i| (i as f32 / 200_003.0 - 0.5) * 2000.0).collect();
         arguments.extend((-600..=600).map(|i| i as f32 * std::f32::consts::FRAC_PI_2));
         for arch in archs() {
-            let (mut both, mut cosines) = (arguments.clone(), vec![7.0; arguments.len()]);
-            sine_cosine_in_place(arch, &mut both, &mut cosines);
-            let mut alone = arguments.clone();
-            sine_in_place(arch, &mut alone);
+            let [alone, both, cosines] = sines_and_cosines(arch, &arguments);
             assert_eq!(alone, both, "the sine does not depend on whether the cosine is wanted");
             for ((&x, &s), &c) in arguments.iter().zip(&both).zip(&cosines) {
                 let (sine, cosine) = f64::from(x).sin_cos();
@@ -135,9 +116,8 @@ mod tests {
     #[test]
     fn what_is_not_finite_gives_nan_and_zero_keeps_its_value() {
         for arch in archs() {
-            let mut values = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 0.0, -0.0];
-            let mut cosines = [0.0; 5];
-            sine_cosine_in_place(arch, &mut values, &mut cosines);
+            let values = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 0.0, -0.0];
+            let [_, values, cosines] = sines_and_cosines(arch, &values);
             assert!(values[..3].iter().chain(&cosines[..3]).all(|v| v.is_nan()));
             assert_eq!((values[3], values[4], cosines[3]), (0.0, 0.0, 1.0));
         }

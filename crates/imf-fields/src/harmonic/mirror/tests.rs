@@ -6,7 +6,8 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use super::*;
 use crate::harmonic::coefficients::StoragePrecision;
 use crate::harmonic::evaluate::{DIRECTIONS_AT_ONCE, MANY, lower_to_whole, whole_sections};
-use crate::harmonic::{FitSettings, fit, minimum_of, minimum_over, outline, sections_of};
+use crate::harmonic::tests::{made, values};
+use crate::harmonic::{FitSettings, minimum_of, minimum_over, outline, sections_of};
 use imf_core::control::Control;
 use imf_core::field::FieldError;
 use imf_core::obstacle::Obstacle;
@@ -44,23 +45,17 @@ fn obstacle(beyond: usize) -> Occupancy {
     obstacle
 }
 
-fn plan(beyond: usize) -> SectionPlan {
-    SectionPlan::new(obstacle(beyond), small_tool(), ToolPoints::SharpPoints).unwrap()
+fn plan_of(obstacle: impl Into<Obstacle>) -> SectionPlan {
+    SectionPlan::new(obstacle, small_tool(), ToolPoints::SharpPoints).unwrap()
 }
 
-fn made(plan: &SectionPlan, settings: &FitSettings) -> HarmonicField {
-    fit(plan, Domain::Directions, settings, Control::quiet()).unwrap()
+fn plan(beyond: usize) -> SectionPlan {
+    plan_of(obstacle(beyond))
 }
 
 fn across(plan: &SectionPlan) -> [bool; 3] {
     let planes = Planes::of_plan(plan, Domain::Directions, Quantity::Overlap);
     [0, 1, 2].map(|axis| planes.is_across(axis))
-}
-
-fn values(field: &HarmonicField, set: &[Orientation]) -> Vec<f32> {
-    let mut values = vec![f32::NAN; field.grid.len() * set.len()];
-    field.sections(&field.direction_weights(set), &mut values);
-    values
 }
 
 #[test]
@@ -70,14 +65,13 @@ fn planes_are_those_across_which_every_voxel_has_its_image() {
     let mut dented = obstacle(0);
     let place = dented.grid.index([2, 5, 4]);
     dented.solid[place] = 0;
-    let tool = small_tool();
-    assert_eq!(across(&SectionPlan::new(&dented, &tool, ToolPoints::SharpPoints).unwrap()), [false; 3]);
+    assert_eq!(across(&plan_of(&dented)), [false; 3]);
     // With the voxel's image across x, and with that across z.
     for (image, expected) in [([12, 5, 4], [true, false, false]), ([2, 5, 9], [false, false, true])] {
         let mut dented = dented.clone();
         let place = dented.grid.index(image);
         dented.solid[place] = 0;
-        assert_eq!(across(&SectionPlan::new(&dented, &tool, ToolPoints::SharpPoints).unwrap()), expected);
+        assert_eq!(across(&plan_of(&dented)), expected);
     }
     assert!(Planes::of_plan(&plan(0), Domain::Rotations, Quantity::Overlap).is_empty());
     assert!(Planes::of_plan(&plan(0), Domain::Directions, Quantity::Depth).is_empty());
@@ -93,8 +87,7 @@ fn a_layer_that_the_cutter_may_enter_is_mirrored_as_well_or_nothing_is() {
         voxels.solid[place] = 1;
         let obstacle =
             Obstacle { forbidden: Arc::new(solid.clone()), cuttable: Some(Arc::new(voxels.clone())) };
-        let plan = SectionPlan::new(obstacle, small_tool(), ToolPoints::SharpPoints).unwrap();
-        assert_eq!(across(&plan), expected);
+        assert_eq!(across(&plan_of(obstacle)), expected);
     }
 }
 
@@ -305,7 +298,7 @@ fn three_planes_leave_an_eighth() {
         let bar = inside(1, x, 8) && inside(3, y, 7) && inside(3, z, 10);
         cross.solid[place] = u8::from(bar || inside(3, x, 8) && inside(2, y, 7) && inside(4, z, 10));
     }
-    let plan = SectionPlan::new(&cross, small_tool(), ToolPoints::SharpPoints).unwrap();
+    let plan = plan_of(&cross);
     let settings =
         FitSettings { degree: 5, components: 36, precision: StoragePrecision::F32, ..four_sections() };
     let field = made(&plan, &settings);

@@ -4,6 +4,10 @@ use super::*;
 use imf_core::orientation::{Orientation, OrientationSet};
 use std::f64::consts::PI;
 
+fn directions(set: &str) -> Vec<DVec3> {
+    OrientationSet::parse(set).unwrap().orientations.iter().map(Orientation::direction).collect()
+}
+
 /// The sum of all functions by their weights, and its gradient.
 fn weighted(basis: &SphereBasis, direction: DVec3, weight: impl Fn(usize) -> f64) -> (f64, DVec3) {
     let [found] = basis.sums_with_gradients(&[direction], |place| [weight(place)]);
@@ -39,8 +43,7 @@ fn directions_side_by_side_have_the_values_of_each() {
     let basis = SphereBasis::new(9);
     let scratch = &mut Vec::new();
     for count in [1, TOGETHER, 21] {
-        let set = OrientationSet::parse(&format!("random:{count}:5")).unwrap();
-        let directions: Vec<_> = set.orientations.iter().map(Orientation::direction).collect();
+        let directions = directions(&format!("random:{count}:5"));
         let mut all = vec![f32::NAN; count * basis.len()];
         basis.values_of_all(&directions, 3.0, &mut all, scratch);
         let mut values = vec![0.0; basis.len()];
@@ -66,12 +69,7 @@ fn squares_of_a_degree_add_up_at_every_direction_also_at_the_poles() {
     let degree = 40;
     let basis = SphereBasis::new(degree);
     let mut values = vec![0.0; basis.len()];
-    let mut directions: Vec<DVec3> = OrientationSet::parse("random:20:3")
-        .unwrap()
-        .orientations
-        .iter()
-        .map(Orientation::direction)
-        .collect();
+    let mut directions = directions("random:20:3");
     directions.extend([DVec3::Z, -DVec3::Z, DVec3::X, -DVec3::Y]);
     for d in directions {
         basis.values(d.normalize(), &mut values);
@@ -87,11 +85,10 @@ fn squares_of_a_degree_add_up_at_every_direction_also_at_the_poles() {
 fn the_functions_are_orthonormal() {
     let basis = SphereBasis::new(6);
     let n = 20_000;
-    let set = OrientationSet::parse(&format!("fibonacci:{n}")).unwrap();
     let mut gram = vec![0.0; basis.len() * basis.len()];
     let mut values = vec![0.0; basis.len()];
-    for o in &set.orientations {
-        basis.values(o.direction(), &mut values);
+    for direction in directions(&format!("fibonacci:{n}")) {
+        basis.values(direction, &mut values);
         for i in 0..basis.len() {
             for j in 0..basis.len() {
                 gram[i * basis.len() + j] += values[i] * values[j] * 4.0 * PI / f64::from(n);
