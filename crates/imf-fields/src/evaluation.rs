@@ -12,7 +12,7 @@ use crate::metrics::{ErrorReport, Errors, Validation};
 use imf_core::control::Control;
 use imf_core::field::{FieldError, GridField};
 use imf_core::orientation::Orientation;
-use imf_core::section::{Imf, SectionError, SectionPlan, imf};
+use imf_core::section::{Imf, SectionError, SectionPlan, imf, sections};
 
 /// Sections held in memory at a time, exact ones and as many learnt ones.
 const AT_ONCE: usize = 8;
@@ -191,11 +191,12 @@ fn compare(
     let mut values = vec![0.0; voxels * orientations.len().min(AT_ONCE)];
     for (chunk, part) in orientations.chunks(AT_ONCE).enumerate() {
         let quiet = Control { progress: &|_| {}, ..control };
-        let (own, bare) = (exact.sections(part, quiet)?, exact.collisions(part, quiet)?);
+        let own = exact.sections(part, quiet)?;
+        let bare = exact.bare.map(|plan| sections(plan, part, quiet)).transpose()?;
         let values = &mut values[..voxels * part.len()];
         field(chunk * AT_ONCE, part, values)?;
-        let sections = own.iter().zip(bare.as_ref().unwrap_or(&own));
-        for ((section, bare), values) in sections.zip(values.chunks_exact(voxels)) {
+        let pairs = own.iter().zip(bare.as_ref().unwrap_or(&own));
+        for ((section, bare), values) in pairs.zip(values.chunks_exact(voxels)) {
             let mut errors = Errors::default();
             errors.add_beside(section, bare, values, threshold);
             overall.merge(&errors);
@@ -217,16 +218,17 @@ mod tests {
     use imf_core::section::ToolPoints;
     use imf_core::tool::Tool;
 
-    fn plan() -> SectionPlan {
+    fn plan_and_set() -> (SectionPlan, Vec<Orientation>) {
         let grid = Grid { origin: DVec3::ZERO, pitch: 8.0, dims: [9, 10, 11] };
         let solid = (0..grid.len()).map(|i| u8::from(i % 7 < 3)).collect();
-        SectionPlan::new(&Occupancy { grid, solid }, Tool::paper(), ToolPoints::SharpPoints).unwrap()
+        let set = OrientationSet::parse("fibonacci:11").unwrap().orientations;
+        let plan = SectionPlan::new(&Occupancy { grid, solid }, Tool::paper(), ToolPoints::SharpPoints);
+        (plan.unwrap(), set)
     }
 
     #[test]
     fn a_constants_error_follows_from_mean_and_variance() {
-        let plan = plan();
-        let set = OrientationSet::parse("fibonacci:11").unwrap().orientations;
+        let (plan, set) = plan_and_set();
         let zero = field_sections(&plan, &set, 0.01, Control::quiet(), |_, out| out.fill(0.0)).unwrap();
         assert_eq!(zero.sections.len(), 11);
         assert_eq!((zero.overall.false_free, zero.overall.false_colliding), (1.0, 0.0));
@@ -240,8 +242,7 @@ mod tests {
 
     #[test]
     fn the_nearest_section_of_a_seen_orientation_is_itself() {
-        let plan = plan();
-        let set = OrientationSet::parse("fibonacci:11").unwrap().orientations;
+        let (plan, set) = plan_and_set();
         let seen = nearest_sections(&(&plan).into(), &set, &set, 0.0, Control::quiet()).unwrap();
         assert_eq!(seen.overall.mpe, 0.0);
         assert_eq!(seen.overall.iou, 1.0);
@@ -256,8 +257,7 @@ mod tests {
 
     #[test]
     fn a_field_of_exact_sections_has_no_error() {
-        let plan = plan();
-        let set = OrientationSet::parse("fibonacci:11").unwrap().orientations;
+        let (plan, set) = plan_and_set();
         let mut scratch = imf_core::section::SectionScratch::default();
         let mut exact = |o: &Orientation, values: &mut [f32]| plan.cmf(o, &mut scratch, values).unwrap();
         let same = field_sections(&plan, &set, 0.0, Control::quiet(), &mut exact).unwrap();
@@ -271,8 +271,7 @@ mod tests {
 
     #[test]
     fn the_imf_is_compared_with_the_exact_one() {
-        let plan = plan();
-        let set = OrientationSet::parse("fibonacci:11").unwrap().orientations;
+        let (plan, set) = plan_and_set();
         // The exact field itself, and one whose obstacle is empty.
         let tool = Tool::paper().with_tip_only();
         let same = ExactField::new(plan.obstacle(), &tool);

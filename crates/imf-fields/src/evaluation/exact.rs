@@ -11,6 +11,7 @@ use imf_core::section::{DepthPlan, DepthScratch, Imf, Quantity, SectionError, Se
 pub struct ExactReference<'a> {
     pub(super) plan: &'a SectionPlan,
     depth: Option<DepthPlan>,
+    /// Says where the bare tool collides, where the values themselves do not.
     pub(super) bare: Option<&'a SectionPlan>,
 }
 
@@ -50,16 +51,6 @@ impl<'a> ExactReference<'a> {
             Ok(values)
         };
         set.par_iter().map_init(DepthScratch::default, section).collect()
-    }
-
-    /// Where the bare tool collides: its overlaps, or `None` where the values themselves give it.
-    pub(super) fn collisions(
-        &self,
-        set: &[Orientation],
-        control: Control<'_>,
-    ) -> Result<Option<Vec<Vec<f32>>>, SectionError> {
-        let quiet = Control { progress: &|_| {}, ..control };
-        self.bare.map(|plan| sections(plan, set, quiet)).transpose()
     }
 
     /// The minimum of the values over some orientations. One unit of progress is one orientation.

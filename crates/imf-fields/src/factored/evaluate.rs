@@ -111,9 +111,7 @@ impl<'a> FactoredEvaluator<'a> {
     pub fn field(&self) -> &FactoredField {
         &self.field
     }
-}
 
-impl FactoredEvaluator<'_> {
     /// For a call with the given number of points.
     pub(super) fn network(&self, asked: usize) -> Network<'_> {
         let network = Network::new(self.arch, &self.plan, &self.field.parameters, &self.panels);

@@ -5,9 +5,6 @@ use pulp::{Arch, Simd, WithSimd};
 use crate::siren::lanes::{load, store};
 
 /// `weights = U z` and `along = Uᵀ b` of `u` `[functions][components]`.
-///
-/// # Panics
-/// If a length does not fit.
 pub(crate) fn product_and_adjoint(
     arch: Arch,
     u: &[f32],

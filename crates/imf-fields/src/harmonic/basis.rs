@@ -175,9 +175,6 @@ impl Basis {
     }
 
     /// The same of any number of directions, by `weights [direction][function]`; `scratch` is working memory.
-    ///
-    /// # Panics
-    /// If the functions are of rotations, or there are not as many weights.
     pub(crate) fn sums_with_gradients(
         &self,
         directions: &[DVec3],
@@ -191,9 +188,6 @@ impl Basis {
     }
 
     /// All functions at what [`Basis::facing`] gave.
-    ///
-    /// # Panics
-    /// If `values` has not the length [`Basis::len`], or the functions are of something else.
     pub(crate) fn values_facing(&self, facing: Facing, values: &mut [f64]) {
         match (self, facing) {
             (Self::Directions(_), Facing::Direction(direction)) => {
@@ -253,15 +247,9 @@ impl Basis {
     }
 
     /// Nearly `count` sections, as many as a set of this domain can have; no fewer than `least`.
-    pub(super) const fn fitted_count(domain: Domain, count: usize, least: usize) -> usize {
+    pub(super) fn fitted_count(domain: Domain, count: usize, least: usize) -> usize {
         match domain {
-            Domain::Rotations => {
-                if count < least {
-                    least
-                } else {
-                    count
-                }
-            }
+            Domain::Rotations => count.max(least),
             Domain::Directions => {
                 let below = count / IMAGES * IMAGES;
                 if below < least { least.next_multiple_of(IMAGES) } else { below }

@@ -128,31 +128,21 @@ impl HarmonicField {
 
     /// Fills `mixed` with four rows: the mean coefficients at a position and their differences along the axes.
     pub(super) fn mix(&self, position: DVec3, scratch: &mut PointScratch) -> Option<()> {
-        let cell = self.cell(position)?;
         let PointScratch { mixed, corner, .. } = scratch;
-        mixed.clear();
         mixed.resize(4 * self.component_count(), 0.0);
-        self.add_corners(&cell, mixed, corner);
-        Some(())
+        self.coefficients_at(position, mixed, corner)
     }
 
-    /// The coefficients z at a position, `[components]`; `corner` is working memory. `None` outside the box of the voxel
-    /// centres.
-    pub(crate) fn coefficients_at(
+    /// The coefficients at a position, `[components]`, and by as many of the weights' derivatives as `mixed` has further rows;
+    /// `corner` is working memory. `None` outside the box of the voxel centres.
+    pub(super) fn coefficients_at(
         &self,
         position: DVec3,
-        z: &mut [f32],
+        mixed: &mut [f32],
         corner: &mut Vec<f32>,
     ) -> Option<()> {
         let cell = self.cell(position)?;
-        z.fill(0.0);
-        self.add_corners(&cell, z, corner);
-        Some(())
-    }
-
-    /// Adds the eight corners' coefficients by their weights, and by as many of the weights' derivatives as `mixed`
-    /// has further rows.
-    fn add_corners(&self, cell: &Cell, mixed: &mut [f32], corner: &mut Vec<f32>) {
+        mixed.fill(0.0);
         let (components, arch) = (self.component_count(), Arch::new());
         let rows = mixed.len() / components;
         // Corner by corner memory would be waited for several times.
@@ -174,6 +164,7 @@ impl HarmonicField {
                 }
             });
         }
+        Some(())
     }
 
     /// `None` outside the box of the voxel centres, and for positions that are not finite.

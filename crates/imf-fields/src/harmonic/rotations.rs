@@ -63,12 +63,10 @@ impl Step {
     fn first(m: usize, n: usize) -> Self {
         let binomial: f64 = (1..=m - n).map(|k| (m + n + k) as f64 / k as f64).product();
         // Two functions of four where one number is 0, one where both are; f and g are the same there, and add up.
-        let share = if m == 0 {
-            0.25
-        } else if n == 0 {
-            0.5
-        } else {
-            1.0
+        let share = match (m, n) {
+            (0, _) => 0.25,
+            (_, 0) => 0.5,
+            _ => 1.0,
         };
         Self { a: ((2 * m + 1) as f64 * binomial * share).sqrt(), b: 0.0, e: 0.0 }
     }

@@ -147,9 +147,6 @@ impl SphereBasis {
     }
 
     /// [`SphereBasis::values`] times a factor of any number of unit vectors, `[direction][function]`; `scratch` is working memory.
-    ///
-    /// # Panics
-    /// If `values` has another length.
     pub(crate) fn values_of_all(
         &self,
         directions: &[DVec3],
@@ -242,9 +239,6 @@ impl SphereBasis {
 
     /// [`SphereBasis::sums_with_gradients`] of any number of unit vectors, by `weights [direction][function]`; `scratch` is working
     /// memory.
-    ///
-    /// # Panics
-    /// If there are not as many weights.
     pub(crate) fn sums_of_all(
         &self,
         directions: &[DVec3],

@@ -73,9 +73,6 @@ impl NormalMatrix {
     }
 
     /// `(G + R)⁻¹` times a matrix, some columns at a time on every thread.
-    ///
-    /// # Errors
-    /// Cancellation.
     pub(super) fn solve(
         &self,
         mut right: DMatrix<f64>,
@@ -111,9 +108,6 @@ impl NormalMatrix {
     }
 
     /// `B (G + R)⁻¹ U`: what a section's value adds to every coefficient along `components`, `[orientation][axis]`.
-    ///
-    /// # Errors
-    /// Cancellation.
     pub(super) fn weights(
         &self,
         values: &[f32],
@@ -154,9 +148,6 @@ pub(super) struct SampleSolution {
 
 impl SampleSolution {
     /// That of a sample's `right`, `[voxel][function]`: Bᵀs of every voxel.
-    ///
-    /// # Errors
-    /// Cancellation.
     pub(super) fn new(
         right: &[f32],
         normal: &NormalMatrix,
