@@ -26,7 +26,6 @@ mod point;
 #[doc(hidden)]
 pub mod reference;
 mod settings;
-mod state;
 mod symmetry;
 #[doc(hidden)]
 pub mod targets;
@@ -34,8 +33,7 @@ pub mod targets;
 pub use evaluate::FactoredEvaluator;
 pub(crate) use gradients::{GradientScratch, ROWS};
 pub use point::PointScratch;
-pub use settings::DistillSettings;
-pub use state::FactoredState;
+pub use settings::{DistillSettings, FactoredState};
 pub use symmetry::{Axis, Symmetry};
 // For the trainer and the GPU twin.
 #[doc(hidden)]

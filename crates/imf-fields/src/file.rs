@@ -67,11 +67,7 @@ impl FieldFile {
 
     /// The calibration of its decisions, where measured.
     pub fn calibration(&self) -> Option<&Calibration> {
-        match self {
-            Self::Siren(model) => model.calibration.as_ref(),
-            Self::Harmonic(file) => file.calibration.as_ref(),
-            Self::Factored(file) => file.calibration.as_ref(),
-        }
+        self.scene_and_calibration().1
     }
 
     /// Saves the measured rates of its decisions.
@@ -109,37 +105,42 @@ impl FieldFile {
     /// Coefficients of a voxel; none of the paper's network.
     #[must_use]
     pub fn coefficient_count(&self) -> usize {
-        match self {
-            Self::Siren(_) => 0,
-            Self::Harmonic(file) => file.field.component_count(),
-            Self::Factored(file) => file.field.coefficient_count(),
-        }
+        self.sum().map_or(0, |(_, _, coefficients)| coefficients)
     }
 
     /// What its values are.
     pub fn quantity(&self) -> Quantity {
-        match self {
-            Self::Siren(_) => Quantity::Overlap,
-            Self::Harmonic(file) => file.field.quantity,
-            Self::Factored(file) => file.field.quantity,
-        }
+        self.sum().map_or(Quantity::Overlap, |(quantity, ..)| quantity)
     }
 
     /// The functions of an orientation that it is a sum of; none of the paper's network.
     pub fn basis(&self) -> Option<&Basis> {
-        match self {
-            Self::Siren(_) => None,
-            Self::Harmonic(file) => Some(&file.field.basis),
-            Self::Factored(file) => Some(&file.field.basis),
-        }
+        self.sum().map(|(_, basis, _)| basis)
     }
 
     /// What the field is of.
     pub fn scene(&self) -> &Scene {
+        self.scene_and_calibration().0
+    }
+
+    fn scene_and_calibration(&self) -> (&Scene, Option<&Calibration>) {
         match self {
-            Self::Siren(model) => &model.scene,
-            Self::Harmonic(file) => &file.scene,
-            Self::Factored(file) => &file.scene,
+            Self::Siren(model) => (&model.scene, model.calibration.as_ref()),
+            Self::Harmonic(file) => (&file.scene, file.calibration.as_ref()),
+            Self::Factored(file) => (&file.scene, file.calibration.as_ref()),
+        }
+    }
+
+    /// Quantity, functions and coefficients of a voxel of what is a sum of functions.
+    fn sum(&self) -> Option<(Quantity, &Basis, usize)> {
+        match self {
+            Self::Siren(_) => None,
+            Self::Harmonic(file) => {
+                Some((file.field.quantity, &file.field.basis, file.field.component_count()))
+            }
+            Self::Factored(file) => {
+                Some((file.field.quantity, &file.field.basis, file.field.coefficient_count()))
+            }
         }
     }
 }

@@ -18,7 +18,6 @@
 //! Source: Harabin, Mirzendehdel, Behandish, arXiv 2409.02115 (network); Sitzmann et al. 2020 (initialisation).
 
 pub(crate) mod adjoint;
-mod evaluation;
 pub mod evaluator;
 #[doc(hidden)]
 pub mod over_grid;
@@ -50,7 +49,7 @@ pub mod stack;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-pub use evaluation::EvaluationEngine;
+pub use over_grid::EvaluationEngine;
 use stack::{Ending, Stack};
 
 /// Number of inputs of the network: three for the point, two for the tool's direction.

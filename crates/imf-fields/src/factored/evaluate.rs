@@ -165,14 +165,20 @@ impl<'a> FactoredEvaluator<'a> {
 
     /// The network's own outputs, not scaled, `[sample][components]` into `out`, of `[sample][input]`.
     pub fn outputs(&self, inputs: &[f32], out: &mut [f32]) {
-        let (stride, components) = (self.plan.stride(), self.field.shape.components);
+        self.outputs_and(inputs, out, |_, _| ());
+    }
+
+    /// As [`Self::outputs`]; `last_layer` gets each block's first sample and its last hidden layer, `[sample][stride]`.
+    fn outputs_and(&self, inputs: &[f32], out: &mut [f32], mut last_layer: impl FnMut(usize, &[f32])) {
         let network = self.network(GRID);
         self.layers.with(|layers| {
-            let (first, second) = layers.split_at_mut(BLOCK * stride);
-            for (inputs, out) in
-                inputs.chunks(BLOCK * self.plan.stack.inputs).zip(out.chunks_mut(BLOCK * components))
-            {
-                network.outputs(network.hidden_layers(inputs, first, second), out);
+            let (first, second) = layers.split_at_mut(BLOCK * self.plan.stride());
+            let out = out.chunks_mut(BLOCK * self.field.shape.components);
+            let blocks = inputs.chunks(BLOCK * self.plan.stack.inputs).zip(out);
+            for (block, (inputs, out)) in blocks.enumerate() {
+                let hidden = network.hidden_layers(inputs, first, second);
+                network.outputs(hidden, out);
+                last_layer(block * BLOCK, hidden);
             }
         });
     }
@@ -185,21 +191,14 @@ impl<'a> FactoredEvaluator<'a> {
         last: &mut [f32],
         outputs: &mut [f32],
     ) {
-        let (width, stride, components) =
-            (self.plan.stack.width, self.plan.stride(), self.field.shape.components);
+        let (width, stride) = (self.plan.stack.width, self.plan.stride());
         let mut inputs = Vec::with_capacity(points.size_hint().0 * self.field.shape.symmetry.inputs());
         points.for_each(|point| inputs.extend_from_slice(&self.field.input(point)));
-        let network = self.network(GRID);
-        self.layers.with(|layers| {
-            let (first, second) = layers.split_at_mut(BLOCK * stride);
-            let blocks = last.chunks_mut(BLOCK * (width + 1)).zip(outputs.chunks_mut(BLOCK * components));
-            for (inputs, (last, outputs)) in inputs.chunks(BLOCK * self.plan.stack.inputs).zip(blocks) {
-                let hidden = network.hidden_layers(inputs, first, second);
-                network.outputs(hidden, outputs);
-                for (last, hidden) in last.chunks_exact_mut(width + 1).zip(hidden.chunks_exact(stride)) {
-                    last[..width].copy_from_slice(&hidden[..width]);
-                    last[width] = 1.0;
-                }
+        self.outputs_and(&inputs, outputs, |first, hidden| {
+            let rows = last.chunks_exact_mut(width + 1).skip(first);
+            for (last, hidden) in rows.zip(hidden.chunks_exact(stride)) {
+                last[..width].copy_from_slice(&hidden[..width]);
+                last[width] = 1.0;
             }
         });
     }

@@ -1,12 +1,14 @@
-//! How a network of the point is distilled.
+//! How a network of the point is distilled, and what that changes.
 
 use serde::{Deserialize, Serialize};
 
-use super::{FactoredShape, FactoredState, Symmetry};
+use super::{FactoredShape, Symmetry};
 use crate::harmonic::HarmonicField;
+use crate::recipe::divergence::Watch;
 use crate::recipe::schedule::Schedule;
 use crate::recipe::{
-    AdamConfig, Loss, OnlineSettings, Optimiser, RecipeError, SoapConfig, TrainingLength, TrainingPlan,
+    AdamConfig, Cursor, Loss, OnlineSettings, Optimiser, RecipeError, SoapConfig, TrainingLength,
+    TrainingPlan, TrainingState,
 };
 use crate::siren::ShapeError;
 
@@ -145,5 +147,34 @@ impl DistillSettings {
             return Err(RecipeError(ShapeError::Symmetry.to_string()));
         }
         self.shape(1).check().map_err(|error| RecipeError(error.to_string()))
+    }
+}
+
+/// Everything that training changes: enough to go on to the same bits.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FactoredState {
+    /// Weights, moments and steps.
+    pub training: TrainingState,
+    /// Where the plan stands.
+    pub cursor: Cursor,
+    /// Watches the losses for divergence.
+    pub watch: Watch,
+}
+
+impl FactoredState {
+    /// Random starting weights.
+    #[must_use]
+    pub fn new(shape: &FactoredShape, seed: u64) -> Self {
+        Self::from_parameters(shape.initial_parameters(seed))
+    }
+
+    /// Given weights.
+    #[must_use]
+    pub fn from_parameters(parameters: Vec<f32>) -> Self {
+        Self {
+            training: TrainingState::from_parameters(parameters),
+            cursor: Cursor::default(),
+            watch: Watch::default(),
+        }
     }
 }

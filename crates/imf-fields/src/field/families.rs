@@ -82,10 +82,9 @@ impl Family {
 
     /// What its values are.
     pub(super) fn quantity(&self) -> Quantity {
-        match self {
-            Self::Siren(_) => Quantity::Overlap,
-            Self::Harmonic(file, _) => file.field.quantity,
-            Self::Factored(evaluator) => evaluator.field().quantity,
+        match self.kind() {
+            Kind::Network(_) => Quantity::Overlap,
+            Kind::Sum(source, _) => source.quantity(),
         }
     }
 
@@ -120,10 +119,9 @@ impl Family {
         found: &mut [Gradient],
         scratch: &mut Scratch,
     ) {
-        let together = match self {
-            Self::Siren(_) => true,
-            Self::Harmonic(file, _) => matches!(file.field.basis, Basis::Directions(_)),
-            Self::Factored(evaluator) => matches!(evaluator.field().basis, Basis::Directions(_)),
+        let together = match self.kind() {
+            Kind::Network(_) => true,
+            Kind::Sum(source, _) => matches!(source.functions().0, Basis::Directions(_)),
         };
         for (poses, found) in poses.chunks(factored::ROWS).zip(found.chunks_mut(factored::ROWS)) {
             if together && poses.len() >= FEW && poses.iter().all(Pose::is_valid) {

@@ -19,10 +19,8 @@ const EDGE: f64 = 1e-12;
 const SAMPLES: usize = 4096;
 
 /// The tool's angular profile at radius `r`: `t_l(r)` for l = 0 to `degree`, from the tool's geometry.
-///
-/// `None` for a tool that is a mesh.
-pub(super) fn radial_profile(tool: &Tool, radius: f64, degree: usize) -> Option<Vec<f64>> {
-    let ToolShape::Revolved(elements) = &tool.shape else { return None };
+fn radial_profile(tool: &Tool, radius: f64, degree: usize) -> Vec<f64> {
+    let ToolShape::Revolved(elements) = &tool.shape else { panic!("a mesh has no radial profile") };
     let inside = |u: f64| {
         let height = radius * u;
         let flat = radius * (1.0 - u * u).max(0.0).sqrt();
@@ -53,7 +51,7 @@ pub(super) fn radial_profile(tool: &Tool, radius: f64, degree: usize) -> Option<
     if was {
         add_interval(&mut profile, start, 1.0);
     }
-    Some(profile)
+    profile
 }
 
 /// Adds (2l+1)/2 ∫ P_l over [from, to]: `(2l+1) ∫ P_l = P_(l+1) − P_(l−1)`.
@@ -71,14 +69,12 @@ fn add_interval(profile: &mut [f64], from: f64, to: f64) {
 }
 
 /// The coefficients `c_lm` at a world position by the direct sum over all solid voxel centres: slow, and the definition.
-///
-/// `None` for a tool that is a mesh.
 pub(super) fn direct_coefficients(
     obstacle: &Occupancy,
     tool: &Tool,
     position: DVec3,
     degree: usize,
-) -> Option<Vec<f64>> {
+) -> Vec<f64> {
     let basis = SphereBasis::new(degree);
     let mut values = vec![0.0; basis.len()];
     let mut coefficients = vec![0.0; basis.len()];
@@ -92,7 +88,7 @@ pub(super) fn direct_coefficients(
         }
         // At the tip itself every direction is the same.
         basis.values(offset.try_normalize().unwrap_or(DVec3::Z), &mut values);
-        let profile = radial_profile(tool, radius, degree)?;
+        let profile = radial_profile(tool, radius, degree);
         for l in 0..=degree {
             let degree_share = 4.0 * PI / (2 * l + 1) as f64 * profile[l];
             for place in l * l..(l + 1) * (l + 1) {
@@ -102,7 +98,7 @@ pub(super) fn direct_coefficients(
     }
     let share = grid.voxel_volume() / tool.volume();
     coefficients.iter_mut().for_each(|c| *c *= share);
-    Some(coefficients)
+    coefficients
 }
 
 #[cfg(test)]
@@ -127,7 +123,7 @@ mod tests {
         let tool = Tool::paper();
         let degree = 200;
         // Inside the cutter's ball only near the axis: u from 0.6 on, by r = 6 and radius 5 around height 5.
-        let profile = radial_profile(&tool, 6.0, degree).unwrap();
+        let profile = radial_profile(&tool, 6.0, degree);
         let edge = 36.0 / (2.0 * 5.0 * 6.0);
         for (u, expected) in [(1.0, 1.0), (0.9, 1.0), (edge - 0.15, 0.0), (-0.5, 0.0), (-1.0, 0.0)] {
             let sum: f64 = (0..=degree).map(|l| profile[l] * legendre(l, u)).sum();
@@ -143,7 +139,7 @@ mod tests {
         let mut tool = Tool::paper();
         tool.shape = ToolShape::Revolved(vec![Element { kind: ElementKind::Cutter, profile: vec![cone] }]);
         let edge = 0.5f64.sqrt();
-        let profile = radial_profile(&tool, 3.0, 3).unwrap();
+        let profile = radial_profile(&tool, 3.0, 3);
         let expected = [
             0.5 * (1.0 - edge),
             0.75 * (1.0 - edge * edge),

@@ -23,20 +23,10 @@ pub const fn function_count(degree: usize) -> usize {
     (degree + 1) * (degree + 1)
 }
 
-/// Whether the functions of `cos mφ` and of `sin mφ` of a degree change their sign where these of x, y and z change theirs.
-pub(crate) const fn change_sign(l: usize, m: usize, [x, y, z]: [bool; 3]) -> (bool, bool) {
-    let by_x = x && m % 2 == 1;
-    let by_z = z && (l + m) % 2 == 1;
-    (by_x ^ by_z, x ^ by_x ^ y ^ by_z)
-}
-
-/// The same of every function up to a degree, in their order.
-pub(crate) fn all_that_change_sign(degree: usize, coordinates: [bool; 3]) -> impl Iterator<Item = bool> {
-    let of = move |l: usize, m: i64| {
-        let (cosine, sine) = change_sign(l, m.unsigned_abs() as usize, coordinates);
-        if m < 0 { sine } else { cosine }
-    };
-    (0..=degree).flat_map(move |l| (-(l as i64)..=l as i64).map(move |m| of(l, m)))
+/// Whether each function up to a degree, in their order, changes its sign where these of x, y and z change theirs.
+pub(crate) fn all_that_change_sign(degree: usize, [x, y, z]: [bool; 3]) -> impl Iterator<Item = bool> {
+    let of = move |l: i64, m: i64| (x && m % 2 != 0) ^ (z && (l + m) % 2 != 0) ^ (m < 0 && x != y);
+    (0..=degree as i64).flat_map(move |l| (-l..=l).map(move |m| of(l, m)))
 }
 
 /// The harmonics up to a degree, with the constants of their recurrence.
