@@ -19,6 +19,7 @@ use crate::siren::matrix::{Matrix, multiply, prefer_unpacked};
 use crate::siren::plan::{Plan, transpose, transpose_all};
 use crate::siren::scratch::ScratchPool;
 use crate::siren::split::{GRID, SplitBoth, SplitWeights, where_many};
+use imf_core::grid::Grid;
 use imf_core::section::{Imf, Quantity};
 use imf_core::workspaces::Workspaces;
 
@@ -244,12 +245,8 @@ impl VoxelCoefficients for FactoredEvaluator<'_> {
         self.field.quantity
     }
 
-    fn pitch(&self) -> f64 {
-        self.field.grid.pitch
-    }
-
-    fn dims(&self) -> [usize; 3] {
-        self.field.grid.dims
+    fn grid(&self) -> &Grid {
+        &self.field.grid
     }
 
     fn components(&self) -> usize {

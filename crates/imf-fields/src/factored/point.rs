@@ -5,8 +5,8 @@
 
 use glam::DVec3;
 
-use super::FactoredEvaluator;
 use super::symmetry::Place;
+use super::{FactoredEvaluator, FactoredField};
 use crate::harmonic::basis::Facing;
 use crate::harmonic::{Functions, Gradient, TurnScratch};
 
@@ -38,12 +38,14 @@ impl FactoredEvaluator<'_> {
         let place = self.pass(position, scratch)?;
         let PointScratch { z, turns, .. } = scratch;
         let (z, slopes) = z.split_at(self.plan.stack.outputs);
+        let FactoredField { basis, components, mean, .. } = field;
+        let functions = Functions { arch: self.arch, basis, components, mean };
         let Facing::Direction(direction) = facing else {
             // Fields over rotations know no symmetry: the place's frame is the world's.
-            return Some(self.functions().gradient(facing, z, slopes, turns));
+            return Some(functions.gradient(facing, z, slopes, turns));
         };
         let local = place.to_local(direction);
-        let found = self.functions().gradient(Facing::Direction(local), z, slopes, turns);
+        let found = functions.gradient(Facing::Direction(local), z, slopes, turns);
         let [position, turn] = place.slopes_in_world(local, found.position, found.direction, field.blunt());
         Some(Gradient { position, direction: turn, rotation: direction.cross(turn), ..found })
     }
@@ -85,10 +87,5 @@ impl FactoredEvaluator<'_> {
             z.iter_mut().zip(signal).for_each(|(z, &value)| *z = value * scale);
         }
         Some(place)
-    }
-
-    fn functions(&self) -> Functions<'_> {
-        let field = &*self.field;
-        Functions { arch: self.arch, basis: &field.basis, components: &field.components, mean: &field.mean }
     }
 }

@@ -14,7 +14,7 @@ mod draw;
 
 use thiserror::Error;
 
-use draw::{Draw, Kind, SampledPose, Truth};
+use draw::{Kind, SampledPose, Truth};
 
 use crate::calibration::{Calibration, DecisionRates, Goals, Rate, most_errors};
 use crate::field::Field;
@@ -146,7 +146,7 @@ pub fn calibrate(
     settings.check()?;
     let goals = settings.goals;
     let truth = Truth::new(field)?;
-    let seen = truth.seen(Draw::Uniform, settings.uniform, 0, settings.seed, 0, control)?;
+    let seen = truth.seen(Truth::uniform, settings.uniform, 0, settings.seed, 0, control)?;
     if seen.iter().any(|seen| !seen.value.is_finite()) {
         return Err(CalibrationError::NotFinite);
     }
@@ -207,8 +207,8 @@ impl Calibration {
         control: Control<'_>,
     ) -> Result<[DecisionRates; 2], CalibrationError> {
         let CalibrationSettings { uniform, boundary, errors, seed, .. } = *settings;
-        let uniform = truth.seen(Draw::Uniform, uniform, errors, seed, 1, control)?;
-        let boundary = truth.seen(Draw::Boundary, boundary, errors, seed, 2, control)?;
+        let uniform = truth.seen(Truth::uniform, uniform, errors, seed, 1, control)?;
+        let boundary = truth.seen(Truth::boundary, boundary, errors, seed, 2, control)?;
         Ok([self.decision_rates(&uniform), self.decision_rates(&boundary)])
     }
 

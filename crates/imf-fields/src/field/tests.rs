@@ -40,6 +40,12 @@ fn fields_are_shared_by_threads() {
     shared::<Box<dyn GridField>>();
 }
 
+fn unclipped(field: &Field, pose: Pose) -> f32 {
+    let mut value = [0.0];
+    field.values_unclipped(&[pose], &mut value).unwrap();
+    value[0]
+}
+
 /// Single precision in another order of addition, and directions rounded to it: relative to waves of degree 8.
 pub(super) const ROUNDING: f32 = 1e-4;
 
@@ -181,11 +187,7 @@ fn gradients_are_central_differences_also_across_the_seam_and_at_the_poles() {
         field.gradients(&asked, &mut found).unwrap();
         let mut failures = Vec::new();
         for (pose, found) in asked.iter().zip(&found) {
-            let value = |pose: Pose| {
-                let mut value = [0.0];
-                field.values_unclipped(&[pose], &mut value).unwrap();
-                value[0]
-            };
+            let value = |pose: Pose| unclipped(&field, pose);
             assert!((value(*pose) - found.value).abs() < ROUNDING, "{name} {pose:?}");
             let mut check = |what: &str, slope: f32, expected: f32, width: f32| {
                 // Rounding of the two values, and what the third derivative adds over the width.
@@ -337,11 +339,7 @@ fn tools_that_turn_have_values_and_gradients_too() {
         inside_cells(&scene, &mut asked);
         let mut found = vec![Gradient::NAN; asked.len()];
         field.gradients(&asked, &mut found).unwrap();
-        let value = |pose: &Pose| {
-            let mut value = [0.0];
-            field.values_unclipped(std::slice::from_ref(pose), &mut value).unwrap();
-            value[0]
-        };
+        let value = |pose: &Pose| unclipped(&field, *pose);
         let (mut steepest, mut rolled): (f32, f32) = (0.0, 0.0);
         for (pose, found) in asked.iter().zip(&found) {
             assert!((value(pose) - found.value).abs() < 2e-6, "{name}");

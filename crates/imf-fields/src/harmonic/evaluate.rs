@@ -12,6 +12,7 @@ use super::mirror::{Mirrors, one_side};
 use crate::siren::matrix::{Matrix, multiply, product};
 use imf_core::control::{Cancelled, Control};
 use imf_core::field::FieldError;
+use imf_core::grid::Grid;
 use imf_core::orientation::Orientation;
 use imf_core::section::{Imf, Quantity};
 use imf_core::vectorised::vectorised;
@@ -103,16 +104,10 @@ impl DirectionWeights {
 
 /// Where coefficients come from: an array, or a network.
 pub trait VoxelCoefficients: Sync {
-    /// Voxels of the grid along each axis.
-    fn dims(&self) -> [usize; 3];
-    /// Voxels of the grid.
-    fn voxels(&self) -> usize {
-        self.dims().iter().product()
-    }
+    /// Where the voxels are.
+    fn grid(&self) -> &Grid;
     /// What the values are.
     fn quantity(&self) -> Quantity;
-    /// Of the grid.
-    fn pitch(&self) -> f64;
     /// Coefficients of a voxel.
     fn components(&self) -> usize;
     /// The planes across which they are their own mirror images, if finding them pays for this number of orientations.
@@ -174,12 +169,8 @@ impl VoxelCoefficients for HarmonicField {
         self.quantity
     }
 
-    fn pitch(&self) -> f64 {
-        self.grid.pitch
-    }
-
-    fn dims(&self) -> [usize; 3] {
-        self.grid.dims
+    fn grid(&self) -> &Grid {
+        &self.grid
     }
 
     fn components(&self) -> usize {
@@ -211,7 +202,11 @@ impl VoxelCoefficients for HarmonicField {
 
 /// [`HarmonicField::sections`] of coefficients from anywhere.
 pub(crate) fn sections_of(source: &dyn VoxelCoefficients, weights: &DirectionWeights, sections: &mut [f32]) {
-    assert_eq!(sections.len(), source.voxels() * weights.len(), "one value for each orientation and voxel");
+    assert_eq!(
+        sections.len(),
+        source.grid().len() * weights.len(),
+        "one value for each orientation and voxel"
+    );
     match source.mirrors(weights.len()) {
         Some(mirrors) => one_side::sections_of(source, &mirrors, weights, sections),
         None => whole_sections(source, weights, sections),
@@ -220,9 +215,9 @@ pub(crate) fn sections_of(source: &dyn VoxelCoefficients, weights: &DirectionWei
 
 /// [`HarmonicField::minimum`] of coefficients from anywhere.
 pub(crate) fn minimum_of(source: &dyn VoxelCoefficients, weights: &DirectionWeights) -> Imf {
-    let mut least = Imf::new(source.voxels());
+    let mut least = Imf::new(source.grid().len());
     lower_to(source, weights, 0, &mut least, Control::quiet());
-    least.clamp(source.quantity(), source.pitch());
+    least.clamp(source.quantity(), source.grid().pitch);
     least
 }
 
@@ -232,7 +227,7 @@ pub(crate) fn minimum_over(
     orientations: &[Orientation],
     control: Control<'_>,
 ) -> Result<Imf, FieldError> {
-    let mut least = Imf::new(source.voxels());
+    let mut least = Imf::new(source.grid().len());
     for (batch, orientations) in orientations.chunks(DIRECTIONS_AT_ONCE).enumerate() {
         if !lower_to(
             source,
@@ -244,7 +239,7 @@ pub(crate) fn minimum_over(
             return Err(Cancelled.into());
         }
     }
-    least.clamp(source.quantity(), source.pitch());
+    least.clamp(source.quantity(), source.grid().pitch);
     Ok(least)
 }
 
@@ -269,8 +264,8 @@ pub(super) fn whole_sections(
     weights: &DirectionWeights,
     sections: &mut [f32],
 ) {
-    let (voxels, components) = (source.voxels(), source.components());
-    let (quantity, pitch) = (source.quantity(), source.pitch());
+    let (voxels, components) = (source.grid().len(), source.components());
+    let (quantity, pitch) = (source.quantity(), source.grid().pitch);
     // The same array by blocks of voxels: one piece of each section.
     let blocks = voxels.div_ceil(HarmonicField::BLOCK);
     let mut pieces: Vec<Vec<&mut [f32]>> = (0..blocks).map(|_| Vec::with_capacity(weights.len())).collect();

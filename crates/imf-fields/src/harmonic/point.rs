@@ -106,10 +106,6 @@ impl Functions<'_> {
 }
 
 impl HarmonicField {
-    fn functions(&self) -> Functions<'_> {
-        Functions { arch: Arch::new(), basis: &self.basis, components: &self.components, mean: &self.mean }
-    }
-
     /// The overlap with its gradients in position and in how the tool stands. One-sided where a position lies on a voxel
     /// centre's plane: the slope of the cell towards higher indices. `None` outside the box of the voxel centres, and for a
     /// direction alone where the field is over rotations.
@@ -122,7 +118,9 @@ impl HarmonicField {
         let facing = self.basis.facing(facing)?;
         self.mix(position, scratch)?;
         let (z, slopes) = scratch.mixed.split_at(self.component_count());
-        let found = self.functions().gradient(facing, z, slopes, &mut scratch.turns);
+        let Self { basis, components, mean, .. } = self;
+        let functions = Functions { arch: Arch::new(), basis, components, mean };
+        let found = functions.gradient(facing, z, slopes, &mut scratch.turns);
         Some(Gradient { position: found.position / self.grid.pitch, ..found })
     }
 

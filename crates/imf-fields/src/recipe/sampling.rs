@@ -39,19 +39,12 @@ impl Sampling {
     /// # Errors
     /// The fraction that is out of range.
     pub fn check(&self) -> Result<(), SamplingError> {
+        let refuse = |name, range, value| Err(SamplingError { name, range, value });
         if !(self.density > 0.0 && self.density <= 1.0) {
-            return Err(SamplingError {
-                name: "density",
-                range: "above 0 and at most 1",
-                value: self.density,
-            });
+            return refuse("density", "above 0 and at most 1", self.density);
         }
         if !(0.0..=1.0).contains(&self.positive_fraction) {
-            return Err(SamplingError {
-                name: "positive fraction",
-                range: "from 0 to 1",
-                value: self.positive_fraction,
-            });
+            return refuse("positive fraction", "from 0 to 1", self.positive_fraction);
         }
         Ok(())
     }

@@ -1,6 +1,8 @@
 //! The CPU evaluation engine: values of a network at any number of poses, and minima over directions, on the current
 //! rayon pool. A block of samples at a time, so that memory does not grow with the number of poses.
 
+use std::borrow::Borrow;
+
 use crate::parallel::*;
 use pulp::Arch;
 
@@ -204,12 +206,14 @@ impl CpuEvaluator {
     }
 }
 
-impl EvaluationEngine for &CpuEvaluator {
+/// An evaluator, or a reference to one.
+impl<E: Borrow<CpuEvaluator>> EvaluationEngine for E {
     fn describe(&self) -> String {
-        describe(self.arch)
+        describe((*self).borrow().arch)
     }
 
     fn evaluate(&mut self, inputs: &[f32], outputs: &mut [f32]) -> Result<(), EngineError> {
+        let network = (*self).borrow();
         if inputs.len() != outputs.len() * INPUTS {
             let (inputs, outputs) = (inputs.len(), outputs.len());
             return Err(EngineError::Shape(format!(
@@ -218,7 +222,7 @@ impl EvaluationEngine for &CpuEvaluator {
         }
         let blocks = inputs.par_chunks(BLOCK * INPUTS).zip(outputs.par_chunks_mut(BLOCK));
         blocks.for_each(|(inputs, outputs)| {
-            self.scratch.with(|scratch| self.block(inputs, outputs, GRID, scratch));
+            network.scratch.with(|scratch| network.block(inputs, outputs, GRID, scratch));
         });
         Ok(())
     }
@@ -242,33 +246,16 @@ impl EvaluationEngine for &CpuEvaluator {
                 "a minimum over {count} directions; it takes 1 to 2^32 − 1"
             )));
         }
+        let network = (*self).borrow();
         let group = MINIMUM_SAMPLES.div_ceil(directions.len());
         points.par_chunks(group).zip(least.par_chunks_mut(group)).zip(best.par_chunks_mut(group)).for_each(
             |((points, least), best)| {
-                self.scratch.with(|scratch| self.block_minimum(points, directions, least, best, scratch));
+                network
+                    .scratch
+                    .with(|scratch| network.block_minimum(points, directions, least, best, scratch));
             },
         );
         Ok(())
-    }
-}
-
-impl EvaluationEngine for CpuEvaluator {
-    fn describe(&self) -> String {
-        describe(self.arch)
-    }
-
-    fn evaluate(&mut self, inputs: &[f32], outputs: &mut [f32]) -> Result<(), EngineError> {
-        (&*self).evaluate(inputs, outputs)
-    }
-
-    fn minimum(
-        &mut self,
-        points: &[[f32; 3]],
-        directions: &[[f32; 2]],
-        least: &mut [f32],
-        best: &mut [u32],
-    ) -> Result<(), EngineError> {
-        (&*self).minimum(points, directions, least, best)
     }
 }
 

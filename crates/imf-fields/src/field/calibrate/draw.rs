@@ -32,13 +32,6 @@ pub(super) enum Kind {
     Clear,
 }
 
-/// Which poses are drawn.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum Draw {
-    Uniform,
-    Boundary,
-}
-
 /// A pose with the field's value.
 pub(super) struct SampledPose {
     pub(super) value: f32,
@@ -70,10 +63,10 @@ impl<'a> Truth<'a> {
         Ok(Self { field, bare, offset, room: if room.is_finite() { room } else { 0.0 } })
     }
 
-    /// `poses` poses, the first `errors` of them compared with the exact value. `part` separates draws of one seed.
+    /// As many poses as `draw` makes one by one, the first `errors` of them compared with the exact value. `part` separates draws of one seed.
     pub(super) fn seen(
         &self,
-        draw: Draw,
+        draw: impl Fn(&Self, &mut ChaCha8Rng) -> Pose + Sync,
         count: usize,
         errors: usize,
         seed: u64,
@@ -88,7 +81,7 @@ impl<'a> Truth<'a> {
                 let wanted = CHUNK.min(count - first);
                 let mut random = ChaCha8Rng::seed_from_u64(seed ^ SEED_MARK);
                 random.set_stream(part << 48 | chunk as u64);
-                let poses: Vec<Pose> = (0..wanted).map(|_| self.pose(draw, &mut random)).collect();
+                let poses: Vec<Pose> = (0..wanted).map(|_| draw(self, &mut random)).collect();
                 let mut values = vec![0.0; wanted];
                 self.field.values_unclipped(&poses, &mut values)?;
                 let each = poses.iter().zip(values).enumerate().map(|(place, (pose, value))| {
@@ -127,18 +120,12 @@ impl<'a> Truth<'a> {
         wrong.max(0.0)
     }
 
-    fn pose(&self, draw: Draw, random: &mut ChaCha8Rng) -> Pose {
-        match draw {
-            Draw::Uniform => self.uniform(random),
-            Draw::Boundary => {
-                // A part with no free or no colliding pose has no boundary: uniform poses must do.
-                let found = (0..TRIES).find_map(|_| self.near_contact(random));
-                found.unwrap_or_else(|| self.uniform(random))
-            }
-        }
+    /// A part with no free or no colliding pose has no boundary: uniform poses must do.
+    pub(super) fn boundary(&self, random: &mut ChaCha8Rng) -> Pose {
+        (0..TRIES).find_map(|_| self.near_contact(random)).unwrap_or_else(|| self.uniform(random))
     }
 
-    fn uniform(&self, random: &mut ChaCha8Rng) -> Pose {
+    pub(super) fn uniform(&self, random: &mut ChaCha8Rng) -> Pose {
         let grid = &self.field.scene().record.grid;
         let (low, high) = (grid.centre([0; 3]), grid.centre(grid.dims.map(|n| n - 1)));
         // A hair inside, so that single precision does not step over a face.

@@ -25,10 +25,10 @@ pub(in crate::harmonic) fn sections_of(
     sections: &mut [f32],
 ) {
     let side = OneSide::new(source, mirrors, weights);
-    let (count, quantity, pitch) = (weights.len(), source.quantity(), source.pitch());
+    let (count, quantity, pitch) = (weights.len(), source.quantity(), source.grid().pitch);
     let mut slabs: Vec<Vec<&mut [f32]>> =
         (0..side.planes.dims[0]).map(|_| Vec::with_capacity(count)).collect();
-    for section in sections.chunks_exact_mut(source.voxels()) {
+    for section in sections.chunks_exact_mut(source.grid().len()) {
         for (slab, piece) in section.chunks_exact_mut(side.slab()).enumerate() {
             slabs[slab].push(piece);
         }
