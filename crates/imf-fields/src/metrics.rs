@@ -94,6 +94,7 @@ impl Errors {
         let share = |part: u64, whole: u64| if whole == 0 { 0.0 } else { part as f64 / whole as f64 };
         let mean = self.exact_sum / n;
         let both = self.colliding - self.false_free;
+        let either = both + self.false_free + self.false_colliding;
         ErrorReport {
             count: self.count,
             mse: self.squared / n,
@@ -103,11 +104,7 @@ impl Errors {
             threshold,
             false_free: share(self.false_free, self.colliding),
             false_colliding: share(self.false_colliding, self.free),
-            iou: if both + self.false_free + self.false_colliding == 0 {
-                1.0
-            } else {
-                share(both, both + self.false_free + self.false_colliding)
-            },
+            iou: if either == 0 { 1.0 } else { share(both, either) },
         }
     }
 }

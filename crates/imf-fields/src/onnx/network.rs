@@ -4,41 +4,31 @@ use super::graph::{Graph, Value};
 use super::place::Place;
 use crate::factored::FactoredField;
 use crate::siren::output::STRETCH;
+use crate::siren::stack::Stack;
 use crate::siren::{Layer, SirenShape};
 use imf_core::grid::Grid;
 
-/// What a layer's input is multiplied by before the sine; the layers are as they are trained.
-struct Sines<'a> {
-    layers: &'a [Layer],
-    /// The last one has no sines.
-    is_linear: bool,
-    omega: f32,
-    parameters: &'a [f32],
-}
-
-impl Sines<'_> {
-    /// The outputs of the last layer, which is linear, or whose sines they are.
-    fn outputs(&self, graph: &mut Graph, input: &Value) -> Value {
-        let omega = graph.number(f64::from(self.omega));
-        let mut signal = input.clone();
-        for (index, layer) in self.layers.iter().enumerate() {
-            if layer.skip {
-                signal = graph.op_with("Concat", &[&signal, input], &[("axis", 1)]);
-            }
-            let Layer { inputs, outputs, weights, biases, .. } = *layer;
-            let matrix = &self.parameters[weights..weights + inputs * outputs];
-            let matrix = graph.weights(&format!("layers.{index}.weight"), &[outputs, inputs], matrix);
-            let bias = &self.parameters[biases..biases + outputs];
-            let bias = graph.weights(&format!("layers.{index}.bias"), &[outputs], bias);
-            let sum = graph.op_with("Gemm", &[&signal, &matrix, &bias], &[("transB", 1)]);
-            if self.is_linear && index + 1 == self.layers.len() {
-                return sum;
-            }
-            let scaled = graph.mul(&sum, &omega);
-            signal = graph.op("Sin", &[&scaled]);
+/// The last sums of a stack, or its last sines where there is no layer behind them.
+fn outputs(graph: &mut Graph, stack: Stack, parameters: &[f32], input: &Value) -> Value {
+    let omega = graph.number(f64::from(stack.omega));
+    let mut signal = input.clone();
+    for (index, layer) in stack.layers().into_iter().enumerate() {
+        if layer.skip {
+            signal = graph.op_with("Concat", &[&signal, input], &[("axis", 1)]);
         }
-        signal
+        let Layer { inputs, outputs, weights, biases, .. } = layer;
+        let matrix = &parameters[weights..weights + inputs * outputs];
+        let matrix = graph.weights(&format!("layers.{index}.weight"), &[outputs, inputs], matrix);
+        let bias = &parameters[biases..biases + outputs];
+        let bias = graph.weights(&format!("layers.{index}.bias"), &[outputs], bias);
+        let sum = graph.op_with("Gemm", &[&signal, &matrix, &bias], &[("transB", 1)]);
+        if index == stack.hidden {
+            return sum;
+        }
+        let scaled = graph.mul(&sum, &omega);
+        signal = graph.op("Sin", &[&scaled]);
     }
+    signal
 }
 
 /// The nearest positions in the box of the voxels' centres, beyond which nothing was learnt.
@@ -67,9 +57,7 @@ pub(super) fn siren(
     let turns = graph.mul(angles, &degrees);
     let both = graph.op_with("Concat", &[&unit, &turns], &[("axis", 1)]);
     let input = graph.sub(&both, &one);
-    let layers = shape.layers();
-    let sines = Sines { layers: &layers, is_linear: true, omega: shape.omega, parameters };
-    let output = sines.outputs(graph, &input);
+    let output = outputs(graph, shape.stack(), parameters, &input);
     let sigmoid = graph.op("Sigmoid", &[&output]);
     let (stretch, below) = (graph.number(1.0 + STRETCH), graph.number(STRETCH));
     let stretched = graph.mul(&sigmoid, &stretch);
@@ -86,14 +74,7 @@ pub(super) fn coefficients(graph: &mut Graph, field: &FactoredField, grid: &Grid
     let from_middle = graph.sub(&place.position, &middle);
     let scaled = graph.mul(&from_middle, &scale);
     let input = place.inputs(graph, scaled);
-    let layers = field.shape.layers();
-    let sines = Sines {
-        layers: &layers,
-        is_linear: !field.shape.folded,
-        omega: field.shape.omega,
-        parameters: &field.parameters,
-    };
-    let outputs = sines.outputs(graph, &input);
+    let outputs = outputs(graph, field.shape.stack(), &field.parameters, &input);
     let scale = graph.number(f64::from(field.scale));
     graph.mul(&outputs, &scale)
 }
