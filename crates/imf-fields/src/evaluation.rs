@@ -1,18 +1,15 @@
 //! A field of any family against the exact one: sections, the inaccessibility measure, and the baseline that any field must
 //! beat, the nearest section that it was made from.
 
-mod exact;
-
-pub use exact::ExactReference;
-
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::metrics::{ErrorReport, Errors, Validation};
+use crate::parallel::*;
 use imf_core::control::Control;
 use imf_core::field::{FieldError, GridField};
 use imf_core::orientation::Orientation;
-use imf_core::section::{Imf, SectionError, SectionPlan, imf, sections};
+use imf_core::section::{DepthPlan, DepthScratch, Imf, Quantity, SectionError, SectionPlan, imf, sections};
 
 /// Sections held in memory at a time, exact ones and as many learnt ones.
 const AT_ONCE: usize = 8;
@@ -30,6 +27,71 @@ pub enum EvaluationError {
     /// A comparison with the nearest section needs sections.
     #[error("no training orientation to compare with")]
     NoTraining,
+}
+
+/// The exact reference of a field: overlaps or depths of the tool that it was made for, and where the bare tool
+/// collides.
+pub struct ExactReference<'a> {
+    plan: &'a SectionPlan,
+    depth: Option<DepthPlan>,
+    /// Says where the bare tool collides, where the values themselves do not.
+    bare: Option<&'a SectionPlan>,
+}
+
+impl<'a> From<&'a SectionPlan> for ExactReference<'a> {
+    /// Overlaps of a tool, which decisions are about too.
+    fn from(plan: &'a SectionPlan) -> Self {
+        Self { plan, depth: None, bare: None }
+    }
+}
+
+impl<'a> ExactReference<'a> {
+    /// Exact values of `quantity` for `plan`'s tool. Where that tool is offset by a clearance, `bare` is the plan of
+    /// the true tool, by which decisions are counted.
+    ///
+    /// # Errors
+    /// A tool that depths cannot be made of.
+    pub fn new(
+        plan: &'a SectionPlan,
+        quantity: Quantity,
+        bare: Option<&'a SectionPlan>,
+    ) -> Result<Self, SectionError> {
+        let depth = if quantity.is_overlap() { None } else { Some(DepthPlan::of(plan)?) };
+        Ok(Self { plan, depth, bare })
+    }
+
+    /// The exact values of some orientations.
+    ///
+    /// # Errors
+    /// A section that failed, or cancellation.
+    pub fn sections(&self, set: &[Orientation], control: Control<'_>) -> Result<Vec<Vec<f32>>, SectionError> {
+        let Some(depth) = &self.depth else { return sections(self.plan, set, control) };
+        let section = |scratch: &mut DepthScratch, orientation: &Orientation| {
+            control.check()?;
+            let mut values = vec![0.0; depth.grid().len()];
+            depth.depths(orientation, scratch, &mut values)?;
+            (control.progress)(1);
+            Ok(values)
+        };
+        set.par_iter().map_init(DepthScratch::default, section).collect()
+    }
+
+    /// The minimum of the values over some orientations. One unit of progress is one orientation.
+    ///
+    /// # Errors
+    /// As [`ExactReference::sections`].
+    pub fn minimum(&self, set: &[Orientation], control: Control<'_>) -> Result<Imf, SectionError> {
+        if self.depth.is_none() {
+            return imf(self.plan, set, control);
+        }
+        let mut least = Imf::new(self.plan.grid().len());
+        for (chunk, part) in set.chunks(AT_ONCE).enumerate() {
+            for (place, section) in self.sections(part, control)?.iter().enumerate() {
+                least.lower_to(chunk * AT_ONCE + place, section);
+            }
+        }
+        Ok(least)
+    }
 }
 
 /// Errors over a set of sections.

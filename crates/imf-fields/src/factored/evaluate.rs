@@ -75,7 +75,7 @@ impl<'a> FactoredEvaluator<'a> {
         let plan = Plan::new(field.shape.stack());
         let mut panels = vec![0.0; field.parameters.len()];
         transpose_all(&plan, &field.parameters, &mut panels);
-        let layers = ScratchPool::new(2 * BLOCK * plan.stride());
+        let (layers, places) = (ScratchPool::new(2 * BLOCK * plan.stride()), Workspaces::default());
         let arch = Arch::new();
         let split = SplitWeights::new(&plan, &field.parameters);
         let split_functions = SplitBoth::new(&field.components, field.basis.len(), field.shape.components);
@@ -84,17 +84,7 @@ impl<'a> FactoredEvaluator<'a> {
             transpose(&field.components, harmonics.len(), components, &mut functions);
             Local { harmonics, functions, outputs: ScratchPool::new(BLOCK * components) }
         });
-        FactoredEvaluator {
-            field,
-            arch,
-            plan,
-            panels,
-            split,
-            split_functions,
-            layers,
-            places: Workspaces::default(),
-            local,
-        }
+        FactoredEvaluator { field, arch, plan, panels, split, split_functions, layers, places, local }
     }
 
     /// Replaces the weights by others of the same shape; the layout stays.

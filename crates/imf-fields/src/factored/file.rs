@@ -212,11 +212,8 @@ impl FactoredFile {
             StoragePrecision::F16 => file.widened(name, shape),
         };
         // The tables of the basis are made once the file is known to have weights for all of it.
-        let components = numbers(
-            "components",
-            &[sizes.functions, shape.components],
-            precision_of_components(precision, folded),
-        )?;
+        let of_components = precision_of_components(precision, folded);
+        let components = numbers("components", &[sizes.functions, shape.components], of_components)?;
         let field = FactoredField {
             quantity: fit.quantity,
             grid,

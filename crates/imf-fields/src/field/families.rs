@@ -335,13 +335,8 @@ fn minimum_at(
         for ((points, best), z) in blocks.zip(coefficients.chunks(BLOCK * components)) {
             products.resize(points.len() * columns, 0.0);
             products.chunks_exact_mut(columns).for_each(|row| row.copy_from_slice(constants));
-            multiply(
-                products,
-                columns,
-                Matrix::dense(z, components),
-                Matrix::dense(weights, components).transposed(),
-                true,
-            );
+            let weights = Matrix::dense(weights, components).transposed();
+            multiply(products, columns, Matrix::dense(z, components), weights, true);
             for ((best, &point), row) in best.iter_mut().zip(points).zip(products.chunks_exact(columns)) {
                 if !point.is_finite() {
                     continue;

@@ -229,13 +229,8 @@ pub(crate) fn minimum_over(
 ) -> Result<Imf, FieldError> {
     let mut least = Imf::new(source.grid().len());
     for (batch, orientations) in orientations.chunks(DIRECTIONS_AT_ONCE).enumerate() {
-        if !lower_to(
-            source,
-            &source.direction_weights(orientations),
-            batch * DIRECTIONS_AT_ONCE,
-            &mut least,
-            control,
-        ) {
+        let weights = source.direction_weights(orientations);
+        if !lower_to(source, &weights, batch * DIRECTIONS_AT_ONCE, &mut least, control) {
             return Err(Cancelled.into());
         }
     }

@@ -16,14 +16,8 @@ use imf_core::section::{Imf, SectionPlan, ToolPoints, sections};
 use imf_core::tool::Tool;
 
 fn scene() -> Scene {
-    SceneSpec::of_reference(
-        ReferencePart::Teapot,
-        &ReferencePart::Teapot.mesh(),
-        [15, 19, 31],
-        &Tool::paper(),
-    )
-    .scene()
-    .unwrap()
+    let mesh = ReferencePart::Teapot.mesh();
+    SceneSpec::of_reference(ReferencePart::Teapot, &mesh, [15, 19, 31], &Tool::paper()).scene().unwrap()
 }
 
 fn plan() -> SectionPlan {
@@ -156,11 +150,8 @@ fn as_many_sections_as_functions_make_a_field_that_is_no_worse_than_a_lower_degr
     let plan = plan();
     let unseen = OrientationSet::parse("random:40:5").unwrap().orientations;
     let error = |degree, sections_per_function| {
-        mean_squared(
-            &plan,
-            &made(&plan, &FitSettings { degree, sections_per_function, ..settings() }),
-            &unseen,
-        )
+        let field = made(&plan, &FitSettings { degree, sections_per_function, ..settings() });
+        mean_squared(&plan, &field, &unseen)
     };
     // 84 sections: all of degree 8's functions, or 1.71 times those of degree 6.
     let (full, lower) = (error(8, 1.0), error(6, 84.0 / 49.0));

@@ -49,13 +49,8 @@ impl Network<'_> {
             if plan.sees_input(layer) {
                 let by_sums = Matrix::row_major(here, rows, width, stride);
                 let of_inputs = &weights[plan.neurons_in(layer)..];
-                multiply(
-                    by_inputs,
-                    axes,
-                    by_sums,
-                    Matrix::row_major(of_inputs, width, axes, shape.inputs),
-                    true,
-                );
+                let of_inputs = Matrix::row_major(of_inputs, width, axes, shape.inputs);
+                multiply(by_inputs, axes, by_sums, of_inputs, true);
             }
             if layer > 0 {
                 self.products_backwards(layer, (here, rows, stride), other);

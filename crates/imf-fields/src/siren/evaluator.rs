@@ -216,9 +216,8 @@ impl<E: Borrow<CpuEvaluator>> EvaluationEngine for E {
         let network = (*self).borrow();
         if inputs.len() != outputs.len() * INPUTS {
             let (inputs, outputs) = (inputs.len(), outputs.len());
-            return Err(EngineError::Shape(format!(
-                "{inputs} inputs for {outputs} values; {INPUTS} belong to each"
-            )));
+            let what = format!("{inputs} inputs for {outputs} values; {INPUTS} belong to each");
+            return Err(EngineError::Shape(what));
         }
         let blocks = inputs.par_chunks(BLOCK * INPUTS).zip(outputs.par_chunks_mut(BLOCK));
         blocks.for_each(|(inputs, outputs)| {
@@ -236,15 +235,12 @@ impl<E: Borrow<CpuEvaluator>> EvaluationEngine for E {
     ) -> Result<(), EngineError> {
         if least.len() != points.len() || best.len() != points.len() {
             let (points, least, best) = (points.len(), least.len(), best.len());
-            return Err(EngineError::Shape(format!(
-                "{points} points, but room for {least} minima and {best} indices"
-            )));
+            let what = format!("{points} points, but room for {least} minima and {best} indices");
+            return Err(EngineError::Shape(what));
         }
         if directions.is_empty() || u32::try_from(directions.len()).is_err() {
-            let count = directions.len();
-            return Err(EngineError::Shape(format!(
-                "a minimum over {count} directions; it takes 1 to 2^32 − 1"
-            )));
+            let what = format!("a minimum over {} directions; it takes 1 to 2^32 − 1", directions.len());
+            return Err(EngineError::Shape(what));
         }
         let network = (*self).borrow();
         let group = MINIMUM_SAMPLES.div_ceil(directions.len());

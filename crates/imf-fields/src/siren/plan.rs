@@ -218,13 +218,8 @@ fn exchange<const BY: usize>(tile: &mut [[f32; TILE]; TILE]) {
 pub fn transpose_all(plan: &Plan, parameters: &[f32], panels: &mut [f32]) {
     for piece in &plan.pieces {
         if let Part::Panel(neurons) = &piece.part {
-            let inputs = plan.layers[piece.layer].inputs;
-            transpose(
-                &parameters[piece.range.clone()],
-                neurons.len(),
-                inputs,
-                &mut panels[piece.range.clone()],
-            );
+            let (inputs, range) = (plan.layers[piece.layer].inputs, piece.range.clone());
+            transpose(&parameters[range.clone()], neurons.len(), inputs, &mut panels[range]);
         }
     }
 }
@@ -236,15 +231,18 @@ mod tests {
 
     #[test]
     fn pieces_tile_the_parameters_in_order() {
-        for width in [1, 37, 64, 130, 512] {
-            let sigmoid = SirenShape { width, ..SirenShape::paper() }.stack();
+        let skips = [None, Some(1), Some(2), Some(3), Some(9)];
+        for (width, skip_after) in
+            [1, 7, 37, 64, 130, 512].into_iter().flat_map(|w| skips.map(|skip| (w, skip)))
+        {
+            let sigmoid = SirenShape { width, skip_after, ..SirenShape::paper() }.stack();
             let linear = Stack { inputs: 3, outputs: 99, ending: Ending::Linear, ..sigmoid };
             let sines = Stack { outputs: width, ending: Ending::Sines, ..linear };
             for stack in [sigmoid, linear, sines] {
                 let plan = Plan::new(stack);
                 let mut end = 0;
                 for piece in &plan.pieces {
-                    assert_eq!(piece.range.start, end, "width {width}");
+                    assert_eq!(piece.range.start, end, "width {width}, {skip_after:?}");
                     end = piece.range.end;
                 }
                 assert_eq!(end, stack.parameter_count());

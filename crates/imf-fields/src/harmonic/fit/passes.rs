@@ -154,13 +154,8 @@ impl Start {
         }
         drop(parts);
         let mut scratch = Vec::new();
-        let report = self.sample.report(
-            at_sample.read(0, at_sample.len(), &mut scratch),
-            &self.basis,
-            |place| order[place],
-            self.sizes.sections,
-            0.0,
-        );
+        let sampled = at_sample.read(0, at_sample.len(), &mut scratch);
+        let report = self.sample.report(sampled, &self.basis, |place| order[place], self.sizes.sections, 0.0);
         Ok(FitResult { components, mean, coefficients, report })
     }
 

@@ -53,18 +53,13 @@ impl CachedSections {
     ) -> Result<Self, SectionError> {
         let voxels = source.grid().len();
         let mut kept = Self::new(source, set.len(), voxels);
+        let make = |orientation: &mut &Orientation, scratch: &mut SourceScratch, section: &mut [u16]| {
+            source.kept(orientation, scratch, section)?;
+            (control.progress)(1);
+            Ok(())
+        };
         let mut orientations: Vec<_> = set.iter().collect();
-        kept.fill(
-            voxels,
-            &mut orientations,
-            &Workspaces::default(),
-            control,
-            |orientation, scratch, section| {
-                source.kept(orientation, scratch, section)?;
-                (control.progress)(1);
-                Ok(())
-            },
-        )?;
+        kept.fill(voxels, &mut orientations, &Workspaces::default(), control, make)?;
         Ok(kept)
     }
 

@@ -184,12 +184,8 @@ impl<'a> OneSide<'a> {
                 for chunk in self.weights.chunks() {
                     self.values(&voxels, &chunk, scratch);
                     for crossed in self.planes.choices() {
-                        on_values(
-                            chunk.clone(),
-                            voxels.clone(),
-                            crossed,
-                            &scratch.values[usize::from(crossed)],
-                        );
+                        let values = &scratch.values[usize::from(crossed)];
+                        on_values(chunk.clone(), voxels.clone(), crossed, values);
                     }
                 }
             }

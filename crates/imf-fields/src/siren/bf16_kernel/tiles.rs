@@ -75,13 +75,8 @@ impl Proof {
                         stride: result.stride,
                     };
                     let out = &mut out[first_row * result.stride + first_column..];
-                    multiply_square(
-                        &tiles,
-                        out,
-                        square,
-                        Product { right, ..part },
-                        accumulate || first_pair > 0,
-                    );
+                    let accumulate = accumulate || first_pair > 0;
+                    multiply_square(&tiles, out, square, Product { right, ..part }, accumulate);
                 }
             }
         }
