@@ -45,6 +45,7 @@ use imf_core::atomic_file::{AtomicFileError, write_atomically};
 use imf_core::grid::Grid;
 use imf_core::scene::SceneRecord;
 use imf_core::section::Quantity;
+use imf_core::tool::Clearance;
 use messages::{GraphProto, ModelProto, OperatorSetIdProto, StringStringEntryProto};
 use place::Place;
 
@@ -187,9 +188,14 @@ fn answering(
     let [low, high] = quantity.bounds(pitch);
     let clamped = graph.clip(value, low, high);
     let answer = graph.with_invalid(&clamped, invalid);
+    let (name, meaning) = name_and_meaning(quantity);
+    graph.answering(family, name, &answer, meaning)
+}
+
+fn name_and_meaning(quantity: Quantity) -> (&'static str, &'static str) {
     match quantity {
-        Quantity::Overlap => graph.answering(family, "overlap", &answer, OVERLAP),
-        Quantity::Depth => graph.answering(family, "depth", &answer, DEPTH),
+        Quantity::Overlap => ("overlap", OVERLAP),
+        Quantity::Depth => ("depth", DEPTH),
     }
 }
 
@@ -208,16 +214,10 @@ fn metadata(
         let [x, y, z] = record.grid.centre(voxel).to_array();
         format!("{x} {y} {z}")
     };
-    let clearance = record.clearance;
+    let Clearance { holder, shank, cutter } = record.clearance;
     let [x, y, z] = record.grid.origin.to_array();
     let entries = [
-        (
-            "imf.quantity",
-            match quantity {
-                Quantity::Overlap => "overlap".to_owned(),
-                Quantity::Depth => "depth".to_owned(),
-            },
-        ),
+        ("imf.quantity", name_and_meaning(quantity).0.to_owned()),
         ("imf.part", record.part.clone()),
         ("imf.tool", record.tool.name.clone()),
         ("imf.unit", record.unit.to_string()),
@@ -225,10 +225,7 @@ fn metadata(
         ("imf.origin", format!("{x} {y} {z}")),
         ("imf.box_lower", corner([0; 3])),
         ("imf.box_upper", corner(dims.map(|n| n - 1))),
-        (
-            "imf.clearance_holder_shank_cutter",
-            format!("{} {} {}", clearance.holder, clearance.shank, clearance.cutter),
-        ),
+        ("imf.clearance_holder_shank_cutter", format!("{holder} {shank} {cutter}")),
     ];
     let thresholds = calibration.into_iter().flat_map(|known| {
         [("imf.free_up_to", known.free_up_to), ("imf.colliding_from", known.colliding_from)]

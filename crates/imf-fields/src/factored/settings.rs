@@ -135,16 +135,15 @@ impl DistillSettings {
     pub fn check(&self) -> Result<(), RecipeError> {
         self.plan.check()?;
         self.online.map_or(Ok(()), |online| online.check())?;
+        let refuse = |what: String| Err(RecipeError(what));
         if self.plan.loss == Loss::L1Small {
-            return Err(RecipeError(
-                "loss l1-small is for the paper's network, whose outputs are shares".into(),
-            ));
+            return refuse("loss l1-small is for the paper's network, whose outputs are shares".into());
         }
         if let Some(fault) = self.symmetry.fault() {
-            return Err(RecipeError(fault));
+            return refuse(fault);
         }
         if self.online.is_some() && !self.symmetry.is_none() {
-            return Err(RecipeError(ShapeError::Symmetry.to_string()));
+            return refuse(ShapeError::Symmetry.to_string());
         }
         self.shape(1).check().map_err(|error| RecipeError(error.to_string()))
     }

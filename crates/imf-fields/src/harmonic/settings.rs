@@ -122,11 +122,9 @@ impl FitSettings {
         if self.degree > MOST_DEGREE {
             return refuse(format!("a degree of {} is above {MOST_DEGREE}", self.degree));
         }
-        if !(1.0..=100.0).contains(&self.sections_per_function) {
-            return refuse(format!(
-                "sections_per_function must be from 1 to 100, not {}",
-                self.sections_per_function
-            ));
+        let sections = self.sections_per_function;
+        if !(1.0..=100.0).contains(&sections) {
+            return refuse(format!("sections_per_function must be from 1 to 100, not {sections}"));
         }
         if self.components == 0 || self.sample == 0 || self.held_out == 0 {
             return refuse("components, sample and held_out must be at least 1".into());
