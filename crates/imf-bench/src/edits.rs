@@ -198,7 +198,7 @@ impl Lab {
             },
             ..TrainingPlan::default()
         };
-        let mut engine = CpuTrainer::new(self.shape, plan.adam, plan.loss, plan.batch, state)?
+        let mut engine = CpuTrainer::new(self.shape.stack(), plan.adam, plan.loss, plan.batch, state)?
             .with_precision(self.precision)?;
         train(&plan, samples, &mut engine, Cursor::default(), &mut |_, _| ControlFlow::Continue(()))?;
         let weights = engine.weights()?;

@@ -171,7 +171,8 @@ impl Device {
         self.require_precision(plan.precision)?;
         Ok(match self {
             Self::Cpu => {
-                let cpu = CpuTrainer::new(shape, plan.adam, plan.loss, rank.most_rows(batch), state)?;
+                let (stack, rows) = (shape.stack(), rank.most_rows(batch));
+                let cpu = CpuTrainer::new(stack, plan.adam, plan.loss, rows, state)?;
                 rank.trainer(cpu.with_precision(plan.precision)?)
             }
             Self::Gpu(gpu) => {

@@ -159,6 +159,12 @@ pub enum ShapeError {
     OtherSymmetry(String),
 }
 
+impl From<ShapeError> for imf_core::field::EngineError {
+    fn from(error: ShapeError) -> Self {
+        Self::Shape(error.to_string())
+    }
+}
+
 impl SirenShape {
     /// The network as a stack of layers.
     pub fn stack(&self) -> Stack {

@@ -51,7 +51,7 @@ impl GpuEvaluator {
     /// adapter's limits (with the estimate), too little memory, or a device that failed.
     pub fn new(gpu: &Gpu, shape: SirenShape, parameters: &[f32]) -> Result<Self, EngineError> {
         let layout = layout_for(gpu, shape.stack())?;
-        shape.check_parameters(parameters).map_err(|error| EngineError::Shape(error.to_string()))?;
+        shape.check_parameters(parameters)?;
         let columns = layout.layers.iter().map(|layer| layer.inputs).max().unwrap_or(1);
         let part_rows =
             rows_per_pass(&layout, gpu.limits(), (SIGNAL_ELEMENTS / columns).clamp(1024, 1 << 16));

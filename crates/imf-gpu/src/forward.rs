@@ -22,7 +22,7 @@ pub(crate) struct Network {
 
 /// Layout of a network on a device, after its shape was checked.
 pub(crate) fn layout_for(gpu: &Gpu, stack: Stack) -> Result<PaddedLayout, EngineError> {
-    stack.check().map_err(|error| EngineError::Shape(error.to_string()))?;
+    stack.check()?;
     let layout = PaddedLayout::new(stack, gpu.matrix_kernel().padding());
     let columns = layout.layers.iter().map(|layer| layer.inputs.max(layer.outputs)).max().unwrap_or(0);
     let groups = columns.div_ceil(TILE as usize);

@@ -326,7 +326,7 @@ impl GpuTrainer {
 
 /// Refuses a state that does not fit the network.
 fn check_state(stack: &Stack, state: &TrainingState) -> Result<(), EngineError> {
-    stack.trained_ending().map_err(|error| EngineError::Shape(error.to_string()))?;
+    stack.trained_ending()?;
     for (name, values) in [
         ("parameters", &state.parameters),
         ("first moments", &state.first_moment),
@@ -388,8 +388,7 @@ impl TrainingEngine for GpuTrainer {
     }
 
     fn replace_parameters(&mut self, parameters: &[f32]) -> Result<(), EngineError> {
-        let refused = |error: imf_fields::siren::ShapeError| EngineError::Shape(error.to_string());
-        self.network.layout.stack.check_parameters(parameters).map_err(refused)?;
+        self.network.layout.stack.check_parameters(parameters)?;
         // Steps that were recorded see the weights before.
         self.recorder.submit()?;
         self.network.write_parameters(&self.gpu, parameters);

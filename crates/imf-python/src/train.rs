@@ -228,7 +228,7 @@ impl Training<'_> {
             let state = TrainingState::new(&shape, self.seed);
             let mut model =
                 manifest.fresh_model(scene, samples.len() as u64, shape, plan, state.clone(), None);
-            let mut engine = CpuTrainer::new(shape, plan.adam, plan.loss, plan.batch, state)?;
+            let mut engine = CpuTrainer::new(shape.stack(), plan.adam, plan.loss, plan.batch, state)?;
             let mut losses = Vec::new();
             let mut done = 0;
             let outcome = train_on(&plan, &samples, &mut engine, Start::default(), &mut |report, _| {

@@ -13,7 +13,6 @@
 //! interrupted goes on where it stopped. Each section's samples depend on the seed and the section alone, so parts of
 //! a dataset can be made on any machines ([`Layout::partition`]) and joined ([`merge`]).
 
-mod fresh_model;
 mod manifest;
 mod merge;
 mod obstacle;
@@ -39,7 +38,7 @@ use imf_core::section::{SectionPlan, ToolPoints, stream_sections};
 use imf_fields::recipe::Sampling;
 
 /// What [`generate`] did.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct GenerateSummary {
     /// Shards that were there already and were reused.
     pub kept: usize,
@@ -84,13 +83,8 @@ pub fn generate_partition(
     let (mut manifest, otherwise) = Manifest::start(folder, scene, set, sampling, layout)?;
     // A learnt field is made for the tip, and serves every sharp point k when read at x − R k.
     let plan = SectionPlan::of_scene(scene, ToolPoints::Tip)?;
-    let mut done = GenerateSummary {
-        kept: 0,
-        made: 0,
-        others: 0,
-        samples: 0,
-        otherwise_cut: otherwise.then_some(manifest.sections_per_shard),
-    };
+    let otherwise_cut = otherwise.then_some(manifest.sections_per_shard);
+    let mut done = GenerateSummary { otherwise_cut, ..GenerateSummary::default() };
     for index in 0..manifest.shard_count() {
         let sections = manifest.sections_of(index);
         if layout.partition.is_some_and(|partition| !partition.holds(index)) {
@@ -115,8 +109,8 @@ pub fn generate_partition(
             for (local, voxels, values) in drawn {
                 samples.push_section(orientations[local].angles(), &voxels, &values);
             }
-            let record = shard::write(folder, index, &samples)?;
-            manifest.finish_shard(folder, index, record)?;
+            manifest.shards[index] = Some(shard::write(folder, index, &samples)?);
+            manifest.write(folder)?;
             done.made += 1;
         }
         done.samples += manifest.shards[index].as_ref().map_or(0, |s| s.samples);
@@ -130,9 +124,9 @@ pub fn generate_partition(
 /// A missing, foreign, newer, damaged or unfinished dataset; the message names the file.
 pub fn load(folder: &Path) -> Result<(Manifest, Scene, Samples), DatasetError> {
     let shards = Shards::open(folder)?;
-    let scene = shards.manifest().scene(folder)?;
+    let scene = shards.manifest.scene(folder)?;
     let samples = shards.read_all(&AtomicBool::new(false))?;
-    Ok((shards.into_manifest(), scene, samples))
+    Ok((shards.manifest, scene, samples))
 }
 
 #[cfg(test)]

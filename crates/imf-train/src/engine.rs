@@ -107,30 +107,15 @@ impl CpuTrainer {
     /// # Errors
     /// A shape out of range, a batch of zero, or a state whose arrays do not fit the shape.
     pub fn new(
-        shape: SirenShape,
-        adam: AdamConfig,
-        loss: Loss,
-        max_batch: usize,
-        state: TrainingState,
-    ) -> Result<Self, EngineError> {
-        Self::of_stack(shape.stack(), adam, loss, max_batch, state)
-    }
-
-    /// As [`CpuTrainer::new`], of any stack.
-    ///
-    /// # Errors
-    /// As [`CpuTrainer::new`].
-    pub fn of_stack(
         stack: Stack,
         adam: AdamConfig,
         loss: Loss,
         max_batch: usize,
         state: TrainingState,
     ) -> Result<Self, EngineError> {
-        let refused = |error: imf_fields::siren::ShapeError| EngineError::Shape(error.to_string());
-        let ending = stack.trained_ending().map_err(refused)?;
+        let ending = stack.trained_ending()?;
         for array in [&state.parameters, &state.first_moment, &state.second_moment] {
-            stack.check_parameters(array).map_err(refused)?;
+            stack.check_parameters(array)?;
         }
         if max_batch == 0 {
             return Err(EngineError::Shape("a batch needs at least one sample".into()));
@@ -184,19 +169,17 @@ impl CpuTrainer {
     /// It has not.
     pub fn check_precision(precision: Precision) -> Result<(), EngineError> {
         let why = match precision {
-            Precision::Bf16 if Kernel::of_this_machine().is_none() => {
-                "this CPU has no bfloat16 products (AVX-512 BF16)"
+            Precision::F32 => return Ok(()),
+            Precision::Bf16 if Kernel::of_this_machine().is_some() => return Ok(()),
+            Precision::Bf16 => {
+                "this CPU has no bfloat16 products (AVX-512 BF16); train with precision f32"
             }
             Precision::F16 => {
-                return Err(EngineError::Device(
-                    "precision f16 is computed on GPUs alone: train on one, as a resumed training keeps its precision, or \
-                     begin a training with precision f32"
-                        .to_owned(),
-                ));
+                "precision f16 is computed on GPUs alone: train on one, as a resumed training keeps its precision, or \
+                 begin a training with precision f32"
             }
-            Precision::F32 | Precision::Bf16 => return Ok(()),
         };
-        Err(EngineError::Device(format!("{why}; train with precision f32")))
+        Err(EngineError::Device(why.to_owned()))
     }
 
     /// As [`Self::with_precision`], by a kernel that is there.
@@ -224,10 +207,9 @@ impl CpuTrainer {
     /// What the matrices' own optimiser does of a step, once the gradient is whole.
     fn step_matrices(&mut self, learning_rate: f32) {
         let Some(matrices) = &mut self.matrices else { return };
-        let TrainingState { parameters, first_moment, second_moment, step, .. } = &mut self.state;
-        let (gradient, panels) = (&mut self.gradient, &mut self.panels);
-        let arrays = Arrays { parameters, first_moment, second_moment, gradient, panels };
-        matrices.step(&self.plan, *step, learning_rate, arrays);
+        let step = self.state.step;
+        let arrays = Arrays::of(&mut self.state, &mut self.gradient, &mut self.panels);
+        matrices.step(&self.plan, step, learning_rate, arrays);
     }
 
     /// The weights as they are now, in the layout of the network's layers.
@@ -262,16 +244,7 @@ impl CpuTrainer {
         let factors = AdamFactors::new(self.adam, learning_rate, self.state.step);
         let spare_matrices = self.matrices.is_some();
         let step = Step { arch: self.arch, plan: &self.plan, factors, spare_matrices };
-        step.run(
-            &self.plan.pieces,
-            Arrays {
-                parameters: &mut self.state.parameters,
-                first_moment: &mut self.state.first_moment,
-                second_moment: &mut self.state.second_moment,
-                gradient: &mut self.gradient,
-                panels: &mut self.panels,
-            },
-        );
+        step.run(Arrays::of(&mut self.state, &mut self.gradient, &mut self.panels));
         self.step_matrices(learning_rate);
     }
 
@@ -332,16 +305,7 @@ impl CpuTrainer {
                 factors: factors.filter(|_| index + 1 == windows),
                 spare_matrices: self.matrices.is_some(),
             };
-            update.run(
-                &self.plan.pieces,
-                Arrays {
-                    parameters: &mut self.state.parameters,
-                    first_moment: &mut self.state.first_moment,
-                    second_moment: &mut self.state.second_moment,
-                    gradient: &mut self.gradient,
-                    panels: &mut self.panels,
-                },
-            );
+            update.run(Arrays::of(&mut self.state, &mut self.gradient, &mut self.panels));
         }
         total
     }

@@ -30,7 +30,8 @@ fn a_small_network_beats_the_nearest_section_and_a_tenth_of_the_variance() {
         ..TrainingPlan::default()
     };
     let start = TrainingState::new(&shape, 0);
-    let mut engine = CpuTrainer::new(shape, settings.adam, settings.loss, settings.batch, start).unwrap();
+    let TrainingPlan { adam, loss, batch, .. } = settings;
+    let mut engine = CpuTrainer::new(shape.stack(), adam, loss, batch, start).unwrap();
     let outcome =
         train(&settings, &samples, &mut engine, Cursor::default(), &mut |_, _| ControlFlow::Continue(()));
     assert_eq!(outcome.unwrap(), Outcome::Finished);

@@ -40,10 +40,10 @@ impl Data {
     /// Opens a dataset's folder.
     pub fn open(folder: &Path) -> Result<Self> {
         let shards = Shards::open(folder)?;
-        let scene = shards.manifest().scene(folder)?;
+        let scene = shards.manifest.scene(folder)?;
         // Samples are of the tip: where other sharp points lie makes no difference.
         if !scene.record.bare_tool().with_tip_only().is_axisymmetric()
-            && shards.manifest().orientations.orientations.iter().any(|o| o.roll != 0.0)
+            && shards.manifest.orientations.orientations.iter().any(|o| o.roll != 0.0)
         {
             bail!(
                 "{}: its orientations roll the tool about its own axis, which siren5's five inputs cannot express; \
@@ -55,7 +55,7 @@ impl Data {
     }
 
     pub(crate) fn manifest(&self) -> &Manifest {
-        self.shards.manifest()
+        &self.shards.manifest
     }
 
     /// Where the samples of `model`'s training are, beside all else that it takes; a fresh one's record says it from now
@@ -93,7 +93,7 @@ impl Data {
             "{} samples take {} of memory, so {} is read in {groups} groups an epoch, {} at a time",
             shards.samples(),
             show_bytes(shards.memory_whole()),
-            shards.folder().display(),
+            shards.folder.display(),
             show_bytes(shards.memory_in_groups(groups)),
         ));
         Ok(Source::Groups(groups))
@@ -107,7 +107,7 @@ impl Data {
     /// What takes the memory, and what can be done.
     fn refusal(&self, footprint: &Footprint, fresh: bool, recorded: Option<usize>) -> String {
         let shards = &self.shards;
-        let folder = shards.folder().display();
+        let folder = shards.folder.display();
         let samples = format!(
             "the {} samples of {folder} take {} at {} bytes each",
             shards.samples(),

@@ -37,7 +37,7 @@ impl TwoWay {
         columns: usize,
     ) -> Result<Self, EngineError> {
         let layout = layout_for(gpu, stack)?;
-        stack.check_parameters(parameters).map_err(|error| EngineError::Shape(error.to_string()))?;
+        stack.check_parameters(parameters)?;
         let limits = gpu.limits();
         let rows = rows_per_pass(&layout, limits, ROWS.min(limits.elements() / columns.max(1)));
         let mut plan = Plan::default();

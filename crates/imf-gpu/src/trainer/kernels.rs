@@ -25,7 +25,7 @@ pub(super) fn gradient(
     let inputs = kernel(Shader::Inputs)?;
     let hidden = LayerKernels::new(gpu, Shader::HiddenTrain, half)?;
     let mut pass = network.forward(gpu, &hidden, (&inputs, &[&buffers.samples]), signals, results, deltas)?;
-    let ending = layout.stack.trained_ending().map_err(|error| EngineError::Shape(error.to_string()))?;
+    let ending = layout.stack.trained_ending()?;
     let loss = kernel(match ending {
         TrainedEnding::Sigmoid => Shader::Loss,
         TrainedEnding::Linear => Shader::LossLinear,

@@ -105,7 +105,7 @@ impl Course {
     fn on_cpu(&self, state: &TrainingState, steps: std::ops::Range<usize>) -> TrainingState {
         let TrainerSettings { adam, loss, .. } = settings(self.optimiser);
         let mut engine =
-            CpuTrainer::of_stack(self.stack, adam, loss, self.batch, state.clone()).expect("an engine");
+            CpuTrainer::new(self.stack, adam, loss, self.batch, state.clone()).expect("an engine");
         match self.optimiser {
             Optimiser::Adam => {}
             Optimiser::Soap(config) => engine.use_soap(config).expect("means and axes"),

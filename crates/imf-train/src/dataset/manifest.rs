@@ -15,7 +15,9 @@ use imf_core::atomic_file::{AtomicFileError, write_atomically};
 use imf_core::orientation::OrientationSet;
 use imf_core::scene::{Scene, SceneRecord};
 use imf_core::section::SectionError;
-use imf_fields::recipe::{Sampling, SamplingError};
+use imf_fields::model::{Model, TrainingRecord};
+use imf_fields::recipe::{Sampling, SamplingError, TrainingPlan, TrainingState};
+use imf_fields::siren::SirenShape;
 
 const FORMAT: &str = "imf-dataset";
 const VERSION: u32 = 1;
@@ -182,8 +184,7 @@ impl Manifest {
         sampling: &Sampling,
         layout: &Layout,
     ) -> Result<(Self, bool), DatasetError> {
-        std::fs::create_dir_all(folder)
-            .map_err(|source| DatasetError::Folder { path: folder.display().to_string(), source })?;
+        create_folder(folder)?;
         let per_section = scene.record.grid.len() as f64 * sampling.density;
         let most = layout.shard_samples.unwrap_or(SHARD_SAMPLES) as f64 / per_section;
         let sections_per_shard = (most as usize).clamp(1, set.len().max(1));
@@ -240,10 +241,8 @@ impl Manifest {
     pub fn read(folder: &Path) -> Result<Self, DatasetError> {
         let partitions = partition_manifests(folder).len();
         if partitions > 0 && !folder.join(MANIFEST).exists() {
-            return Err(DatasetError::Partitions {
-                path: folder.display().to_string(),
-                manifests: partitions,
-            });
+            let path = folder.display().to_string();
+            return Err(DatasetError::Partitions { path, manifests: partitions });
         }
         Self::read_named(folder, MANIFEST)
     }
@@ -350,6 +349,28 @@ impl Manifest {
         hasher.finalize()
     }
 
+    /// An untrained model of this dataset's `scene` and `samples` samples.
+    #[must_use]
+    pub fn fresh_model(
+        &self,
+        scene: Scene,
+        samples: u64,
+        shape: SirenShape,
+        plan: TrainingPlan,
+        state: TrainingState,
+        fine_tuned_from: Option<String>,
+    ) -> Model {
+        let record = TrainingRecord {
+            plan,
+            sampling: self.sampling,
+            samples,
+            dataset_crc32: self.fingerprint(),
+            fine_tuned_from,
+            ..TrainingRecord::untrained(self.orientations.clone())
+        };
+        Model { shape, scene, record, state, calibration: None }
+    }
+
     /// True where the manifest names a shard and its file is there unharmed.
     pub(super) fn is_intact(&self, folder: &Path, shard: usize) -> bool {
         self.shards[shard].as_ref().is_some_and(|record| {
@@ -358,15 +379,6 @@ impl Manifest {
         })
     }
 
-    pub(super) fn finish_shard(
-        &mut self,
-        folder: &Path,
-        shard: usize,
-        record: ShardRecord,
-    ) -> Result<(), DatasetError> {
-        self.shards[shard] = Some(record);
-        self.write(folder)
-    }
 }
 
 /// Names of the manifests of partitions in a folder, sorted.
@@ -376,6 +388,12 @@ fn partition_manifests(folder: &Path) -> Vec<String> {
     let mut names: Vec<String> = names.filter(|name| Partition::is_manifest_name(name)).collect();
     names.sort();
     names
+}
+
+/// Makes a folder, if it is not there; errors name it.
+pub(super) fn create_folder(folder: &Path) -> Result<(), DatasetError> {
+    std::fs::create_dir_all(folder)
+        .map_err(|source| DatasetError::Folder { path: folder.display().to_string(), source })
 }
 
 /// Reads a file; errors name it.

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use super::manifest::{DatasetError, Manifest, ShardRecord, read_file};
+use super::manifest::{DatasetError, Manifest, ShardRecord, create_folder, read_file};
 use super::shard;
 use crate::samples::Samples;
 use imf_core::atomic_file::write_atomically;
@@ -87,8 +87,7 @@ pub fn merge(out: &Path, folders: &[PathBuf], control: Control<'_>) -> Result<Me
 
 /// An empty manifest in `out`, and the obstacle beside it.
 fn joined(sources: &[Source], out: &Path, damaged: &mut BTreeSet<String>) -> Result<Manifest, DatasetError> {
-    std::fs::create_dir_all(out)
-        .map_err(|source| DatasetError::Folder { path: out.display().to_string(), source })?;
+    create_folder(out)?;
     let mut failure = DatasetError::NoPartitions;
     for source in sources {
         match source.manifest.scene(&source.folder) {

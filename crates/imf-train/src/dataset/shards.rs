@@ -17,8 +17,10 @@ use imf_core::section::SectionError;
 /// The shards of a complete dataset.
 #[derive(Clone, Debug)]
 pub struct Shards {
-    folder: PathBuf,
-    manifest: Manifest,
+    /// The folder.
+    pub folder: PathBuf,
+    /// What the dataset is.
+    pub manifest: Manifest,
     /// The grid whose unit coordinates the network's inputs are ([`Samples::frame`]); the dataset's own at first.
     pub frame: Grid,
 }
@@ -44,33 +46,13 @@ impl Shards {
         Ok(Self { folder: folder.to_owned(), frame: manifest.scene.grid, manifest })
     }
 
-    /// What the dataset is.
-    #[must_use]
-    pub fn manifest(&self) -> &Manifest {
-        &self.manifest
-    }
-
-    /// What the dataset is, alone.
-    #[must_use]
-    pub fn into_manifest(self) -> Manifest {
-        self.manifest
-    }
-
-    /// The folder.
-    #[must_use]
-    pub fn folder(&self) -> &Path {
-        &self.folder
-    }
-
     /// Number of shards.
-    #[must_use]
-    pub fn count(&self) -> usize {
+    pub(crate) fn count(&self) -> usize {
         self.manifest.shards.len()
     }
 
     /// Samples of one shard.
-    #[must_use]
-    pub fn samples_of(&self, shard: usize) -> usize {
+    pub(crate) fn samples_of(&self, shard: usize) -> usize {
         self.manifest.shards[shard].as_ref().map_or(0, |record| record.samples as usize)
     }
 
@@ -86,8 +68,7 @@ impl Shards {
     }
 
     /// Samples that a group has at most where every shard's are dealt to `groups` groups.
-    #[must_use]
-    pub fn most_of_group(&self, groups: usize) -> usize {
+    fn most_of_group(&self, groups: usize) -> usize {
         (0..self.count()).map(|shard| self.samples_of(shard).div_ceil(groups.max(1))).sum()
     }
 
@@ -134,7 +115,7 @@ impl Shards {
     ///
     /// # Errors
     /// A damaged shard, or cancellation between two shards once `cancelled` is set.
-    pub fn read_into(
+    pub(crate) fn read_into(
         &self,
         file: &mut Vec<u8>,
         into: &mut Samples,
@@ -152,8 +133,7 @@ impl Shards {
     }
 
     /// Room for the samples of any of `groups` groups.
-    #[must_use]
-    pub fn room_for(&self, groups: usize) -> Samples {
+    pub(crate) fn room_for(&self, groups: usize) -> Samples {
         let sections = self.manifest.orientations.len();
         let room = Samples::with_capacity(self.manifest.scene.grid, sections, self.most_of_group(groups));
         Samples { frame: self.frame, ..room }

@@ -143,7 +143,7 @@ impl<'a> SectionSource<'a> {
         let last = plan.total_steps(grid.len()).saturating_sub(1);
         let source = Source::new(self.plan, self.quantity)?;
         let field = self.field(settings.shape(self.component_count()), engine.weights()?);
-        let field = field.map_err(|error| EngineError::Shape(error.to_string()))?;
+        let field = field.map_err(EngineError::from)?;
         // A loss in units of the field; what watches the training sees it over the scale.
         let squared = f64::from(field.scale).powi(2);
         let mut corrected = SectionEngine::new(engine, self, online, field, first);

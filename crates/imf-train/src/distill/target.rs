@@ -3,11 +3,11 @@
 
 use std::ops::{ControlFlow, Range};
 
-use super::engine::cpu_engine;
 use super::output_layer::ClosedForm;
 use super::sections::SectionSource;
 use super::voxels::Voxels;
 use crate::engine::CpuTrainer;
+use crate::engine::soap::Soap;
 use crate::training::TrainingEngine;
 use crate::training::run::{Observer, Outcome, Report, Start, TrainError, train_by};
 use imf_core::control::Control;
@@ -17,8 +17,8 @@ use imf_core::section::SectionError;
 use imf_fields::factored::targets::Targets;
 use imf_fields::factored::{DistillSettings, FactoredField, FactoredShape, FactoredState};
 use imf_fields::harmonic::HarmonicField;
-use imf_fields::recipe::{Cursor, Loss, RecipeError};
-use imf_fields::siren::ShapeError;
+use imf_fields::recipe::{Cursor, Loss, Optimiser, RecipeError};
+use imf_fields::siren::{Layer, ShapeError};
 
 /// What a network of the point is trained to.
 #[derive(Clone, Copy)]
@@ -81,7 +81,7 @@ impl Target<'_> {
         }
     }
 
-    /// The engine of the CPU that continues from `state`.
+    /// The engine of the CPU that continues from `state`; it runs on the rayon pool that its steps are called in.
     ///
     /// # Errors
     /// A shape out of range, or a state that does not fit.
@@ -90,8 +90,14 @@ impl Target<'_> {
         settings: &DistillSettings,
         state: &FactoredState,
     ) -> Result<CpuTrainer, EngineError> {
-        let DistillSettings { plan, optimiser, .. } = settings;
-        cpu_engine(self.shape(settings), plan, *optimiser, self.batch(settings), state)
+        let (stack, plan) = (self.shape(settings).stack(), &settings.plan);
+        let (batch, state) = (self.batch(settings), state.training.clone());
+        let mut engine = CpuTrainer::new(stack, plan.adam, plan.loss, batch, state)?;
+        match settings.optimiser {
+            Optimiser::Adam => {}
+            Optimiser::Soap(config) => engine.use_soap(config)?,
+        }
+        Ok(engine)
     }
 
     /// Trains `engine` from `start` to the plan's end, or until the observer breaks. The engine is made for the stack of
@@ -116,6 +122,20 @@ impl Target<'_> {
             Self::Sections(source) => source.train(settings, engine, start, stop, observer),
         }
     }
+}
+
+/// Bytes that an optimiser takes beside weights and moments: working memory, and its state in the engine, in the last
+/// stop's copy and in its file.
+#[must_use]
+pub fn optimiser_bytes(optimiser: Optimiser, shape: FactoredShape) -> u64 {
+    let of_matrix = |layer: Layer| {
+        let working = match optimiser {
+            Optimiser::Adam => 0,
+            Optimiser::Soap(_) => Soap::bytes(layer.outputs, layer.inputs),
+        };
+        working + 2 * 4 * optimiser.state_count(layer.outputs, layer.inputs) as u64
+    };
+    shape.between().map(of_matrix).sum()
 }
 
 /// Steps of the plan over `voxels` voxels before a cursor.

@@ -18,8 +18,7 @@ fn between(plan: &Plan) -> &[Layer] {
 impl Matrices {
     /// Goes on from the state saved after `step` steps.
     pub(super) fn new(config: SoapConfig, plan: &Plan, step: u64, kept: &[f32]) -> Result<Self, EngineError> {
-        let kept =
-            state_of(&plan.stack, step, kept).map_err(|error| EngineError::Shape(error.to_string()))?;
+        let kept = state_of(&plan.stack, step, kept)?;
         let rules = between(plan).iter().zip(kept).map(|(layer, kept)| {
             let mut soap = Soap::new(config, layer.outputs, layer.inputs);
             if !kept.is_empty() {

@@ -59,8 +59,7 @@ impl TrainingEngine for CpuTrainer {
     }
 
     fn replace_parameters(&mut self, parameters: &[f32]) -> Result<(), EngineError> {
-        let refused = |error: imf_fields::siren::ShapeError| EngineError::Shape(error.to_string());
-        self.plan.stack.check_parameters(parameters).map_err(refused)?;
+        self.plan.stack.check_parameters(parameters)?;
         self.state.parameters.copy_from_slice(parameters);
         transpose_all(&self.plan, parameters, &mut self.panels);
         Ok(())

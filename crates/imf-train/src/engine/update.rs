@@ -5,20 +5,26 @@ use pulp::Arch;
 
 use crate::engine::adam::AdamFactors;
 use crate::engine::bf16::Pairs;
+use imf_fields::recipe::TrainingState;
 use imf_fields::siren::matrix::{Matrix, multiply};
 use imf_fields::siren::plan::{BLOCK, Part, Piece, Plan, transpose};
 use imf_fields::siren::scratch::ScratchPool;
 
 /// What the update writes, all in the layout of the flat parameters.
 pub(super) struct Arrays<'a> {
-    pub parameters: &'a mut [f32],
+    pub(super) parameters: &'a mut [f32],
     pub(super) first_moment: &'a mut [f32],
     pub(super) second_moment: &'a mut [f32],
     pub(super) gradient: &'a mut [f32],
-    pub panels: &'a mut [f32],
+    pub(super) panels: &'a mut [f32],
 }
 
 impl<'a> Arrays<'a> {
+    pub(super) fn of(state: &'a mut TrainingState, gradient: &'a mut [f32], panels: &'a mut [f32]) -> Self {
+        let TrainingState { parameters, first_moment, second_moment, .. } = state;
+        Self { parameters, first_moment, second_moment, gradient, panels }
+    }
+
     /// Runs `piece` for every piece, on all threads, with what it writes.
     fn each(self, pieces: &[Piece], piece: &(impl Fn(&Piece, Arrays<'_>) + Sync)) {
         if let [only] = pieces {
@@ -30,34 +36,20 @@ impl<'a> Arrays<'a> {
     }
 
     pub(super) fn split(self, middle: usize) -> (Self, Self) {
-        let parameters = self.parameters.split_at_mut(middle);
-        let first_moment = self.first_moment.split_at_mut(middle);
-        let second_moment = self.second_moment.split_at_mut(middle);
-        let gradient = self.gradient.split_at_mut(middle);
-        let panels = self.panels.split_at_mut(middle);
-        (
-            Arrays {
-                parameters: parameters.0,
-                first_moment: first_moment.0,
-                second_moment: second_moment.0,
-                gradient: gradient.0,
-                panels: panels.0,
-            },
-            Arrays {
-                parameters: parameters.1,
-                first_moment: first_moment.1,
-                second_moment: second_moment.1,
-                gradient: gradient.1,
-                panels: panels.1,
-            },
-        )
+        let (w, parameters) = self.parameters.split_at_mut(middle);
+        let (m, first_moment) = self.first_moment.split_at_mut(middle);
+        let (v, second_moment) = self.second_moment.split_at_mut(middle);
+        let (g, gradient) = self.gradient.split_at_mut(middle);
+        let (p, panels) = self.panels.split_at_mut(middle);
+        let head = Self { parameters: w, first_moment: m, second_moment: v, gradient: g, panels: p };
+        (head, Self { parameters, first_moment, second_moment, gradient, panels })
     }
 }
 
 /// Gradient of one window and, in the batch's last one, the Adam step.
 pub(super) struct Update<'a> {
-    pub arch: Arch,
-    pub plan: &'a Plan,
+    pub(super) arch: Arch,
+    pub(super) plan: &'a Plan,
     pub(super) samples: usize,
     /// Values of one layer in `activations` and `deltas`.
     pub(super) layer_length: usize,
@@ -78,8 +70,8 @@ pub(super) struct Update<'a> {
 }
 
 impl Update<'_> {
-    pub(super) fn run(&self, pieces: &[Piece], arrays: Arrays<'_>) {
-        arrays.each(pieces, &|piece, arrays| self.piece(piece, arrays));
+    pub(super) fn run(&self, arrays: Arrays<'_>) {
+        arrays.each(&self.plan.pieces, &|piece, arrays| self.piece(piece, arrays));
     }
 
     fn piece(&self, piece: &Piece, arrays: Arrays<'_>) {
@@ -145,16 +137,16 @@ impl Update<'_> {
 
 /// The Adam step by a gradient that is whole.
 pub(super) struct Step<'a> {
-    pub arch: Arch,
-    pub plan: &'a Plan,
+    pub(super) arch: Arch,
+    pub(super) plan: &'a Plan,
     pub(super) factors: AdamFactors,
     /// Leave the matrices between hidden layers as they are.
     pub(super) spare_matrices: bool,
 }
 
 impl Step<'_> {
-    pub(super) fn run(&self, pieces: &[Piece], arrays: Arrays<'_>) {
-        arrays.each(pieces, &|piece, arrays| self.piece(piece, arrays));
+    pub(super) fn run(&self, arrays: Arrays<'_>) {
+        arrays.each(&self.plan.pieces, &|piece, arrays| self.piece(piece, arrays));
     }
 
     fn piece(&self, piece: &Piece, arrays: Arrays<'_>) {

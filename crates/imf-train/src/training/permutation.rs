@@ -37,18 +37,6 @@ impl Permutation {
         }
     }
 
-    /// Number of samples.
-    #[must_use]
-    pub fn len(&self) -> usize {
-        self.len as usize
-    }
-
-    /// True without samples.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.len == 0
-    }
-
     /// The sample at place `place` of the order.
     ///
     /// # Panics
@@ -99,7 +87,6 @@ mod tests {
             sorted.sort_unstable();
             assert!(sorted.iter().copied().eq(0..len), "length {len}");
         }
-        assert!(Permutation::new(0, 1, 1).is_empty());
     }
 
     #[test]

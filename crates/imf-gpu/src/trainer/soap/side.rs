@@ -116,8 +116,7 @@ impl Numbers {
         strides: [usize; 2],
         state: &TrainingState,
     ) -> Result<[Self; 2], EngineError> {
-        let matrices = state_of(&layout.stack, state.step, &state.preconditioners)
-            .map_err(|error| EngineError::Shape(error.to_string()))?;
+        let matrices = state_of(&layout.stack, state.step, &state.preconditioners)?;
         let mut numbers = strides.map(|stride| {
             let zeros = vec![0.0; matrices.len() * stride * stride];
             Self { stride, table: Vec::new(), mean: zeros.clone(), axes: zeros }

@@ -135,7 +135,7 @@ fn where_it_cannot_be_it_is_refused() {
     let paper = shape(8, 2, None).stack();
     let linear = Stack { outputs: 3, ending: Ending::Linear, ..paper };
     let state = TrainingState::from_parameters(vec![0.0; linear.parameter_count()]);
-    let engine = CpuTrainer::of_stack(linear, AdamConfig::default(), Loss::L2, 4, state).unwrap();
+    let engine = CpuTrainer::new(linear, AdamConfig::default(), Loss::L2, 4, state).unwrap();
     assert!(
         matches!(engine.with_kernel(Kernel::Twin), Err(EngineError::Shape(why)) if why.contains("bfloat16"))
     );
