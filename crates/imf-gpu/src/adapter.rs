@@ -8,7 +8,6 @@ use std::fmt;
 use std::str::FromStr;
 
 use imf_core::field::EngineError;
-use thiserror::Error;
 use wgpu::DeviceType;
 
 /// Which adapter is wanted.
@@ -124,38 +123,6 @@ impl fmt::Display for AdapterSummary {
     }
 }
 
-/// Why no adapter was chosen; the text names cause and remedy.
-#[derive(Clone, Debug, Error, PartialEq)]
-pub enum MissingAdapter {
-    /// The machine has no adapter at all, or no graphics loader.
-    #[error(
-        "no GPU adapter was found: there is no graphics driver, or no Vulkan loader (on Linux). Install the GPU's \
-         driver, or Mesa's software Vulkan (Debian and Ubuntu: `apt install mesa-vulkan-drivers libvulkan1`), or use \
-         the CPU engine"
-    )]
-    None,
-    /// Only software adapters are there and none was requested.
-    #[error(
-        "only a software adapter was found ({0}), which is slower than the CPU engine. Use the CPU engine, or ask for \
-         it with `software`, its name or its index"
-    )]
-    OnlySoftware(String),
-    /// No adapter has the wanted name, index or kind.
-    #[error("no adapter is `{wanted}`; the adapters are [{}]: choose one of them by name or index", found.join("; "))]
-    Wanted {
-        /// What was requested.
-        wanted: String,
-        /// What there is.
-        found: Vec<String>,
-    },
-}
-
-impl From<MissingAdapter> for EngineError {
-    fn from(error: MissingAdapter) -> Self {
-        Self::Device(error.to_string())
-    }
-}
-
 /// All adapters of the machine, in the order that [`DeviceChoice::Index`] counts. Empty without a driver or loader.
 #[must_use]
 pub fn adapters() -> Vec<AdapterSummary> {
@@ -176,32 +143,41 @@ fn enumerate() -> Vec<(AdapterSummary, wgpu::Adapter)> {
 }
 
 /// The adapter that a choice means on this machine.
-pub(crate) fn choose(choice: &DeviceChoice) -> Result<(AdapterSummary, wgpu::Adapter), MissingAdapter> {
+pub(crate) fn choose(choice: &DeviceChoice) -> Result<(AdapterSummary, wgpu::Adapter), EngineError> {
     let mut found = enumerate();
     let summaries: Vec<AdapterSummary> = found.iter().map(|(summary, _)| summary.clone()).collect();
-    let position = pick(choice, &summaries)?;
+    let position = pick(choice, &summaries).map_err(EngineError::Device)?;
     Ok(found.swap_remove(position))
 }
 
-/// Position of the adapter that a choice means in a list.
-fn pick(choice: &DeviceChoice, found: &[AdapterSummary]) -> Result<usize, MissingAdapter> {
-    if found.is_empty() {
-        return Err(MissingAdapter::None);
-    }
+/// Position of the adapter that a choice means in a list; else cause and remedy.
+fn pick(choice: &DeviceChoice, found: &[AdapterSummary]) -> Result<usize, String> {
+    let Some(first) = found.first() else {
+        return Err("no GPU adapter was found: there is no graphics driver, or no Vulkan loader (on Linux). Install the \
+                    GPU's driver, or Mesa's software Vulkan (Debian and Ubuntu: `apt install mesa-vulkan-drivers \
+                    libvulkan1`), or use the CPU engine"
+            .into());
+    };
     let of_kind = |kind: DeviceType| found.iter().position(|adapter| adapter.kind == kind);
     let hardware = || {
         [DeviceType::DiscreteGpu, DeviceType::IntegratedGpu, DeviceType::VirtualGpu, DeviceType::Other]
             .into_iter()
             .find_map(of_kind)
     };
-    let wanted = |text: &str| MissingAdapter::Wanted {
-        wanted: text.to_owned(),
-        found: found.iter().map(|adapter| format!("{}: {}", adapter.index, adapter.name)).collect(),
+    let wanted = |text: &str| {
+        let found: Vec<String> =
+            found.iter().map(|adapter| format!("{}: {}", adapter.index, adapter.name)).collect();
+        let found = found.join("; ");
+        format!("no adapter is `{text}`; the adapters are [{found}]: choose one of them by name or index")
     };
     match choice {
-        DeviceChoice::Automatic => {
-            hardware().ok_or_else(|| MissingAdapter::OnlySoftware(found[0].name.clone()))
-        }
+        DeviceChoice::Automatic => hardware().ok_or_else(|| {
+            format!(
+                "only a software adapter was found ({}), which is slower than the CPU engine. Use the CPU engine, or \
+                 ask for it with `software`, its name or its index",
+                first.name
+            )
+        }),
         DeviceChoice::Software => of_kind(DeviceType::Cpu).ok_or_else(|| wanted("software")),
         DeviceChoice::Any => Ok(hardware().unwrap_or(0)),
         DeviceChoice::Index(index) => {
@@ -246,10 +222,8 @@ mod tests {
         );
         assert_eq!(pick(&DeviceChoice::Automatic, &machine(&[soft, inner, card])), Ok(2));
         assert_eq!(pick(&DeviceChoice::Automatic, &machine(&[soft, inner])), Ok(1));
-        assert_eq!(
-            pick(&DeviceChoice::Automatic, &machine(&[soft])),
-            Err(MissingAdapter::OnlySoftware("llvmpipe".to_owned()))
-        );
+        let message = pick(&DeviceChoice::Automatic, &machine(&[soft])).unwrap_err();
+        assert!(message.contains("only a software adapter was found (llvmpipe)"), "{message}");
         assert_eq!(pick(&DeviceChoice::Any, &machine(&[soft])), Ok(0));
         assert_eq!(pick(&DeviceChoice::Software, &machine(&[card, soft])), Ok(1));
         assert!(pick(&DeviceChoice::Software, &machine(&[card])).is_err());
@@ -261,14 +235,14 @@ mod tests {
             machine(&[("Iris", DeviceType::IntegratedGpu), ("GeForce RTX", DeviceType::DiscreteGpu)]);
         assert_eq!(pick(&"geforce".parse().unwrap(), &machine), Ok(1));
         assert_eq!(pick(&"0".parse().unwrap(), &machine), Ok(0));
-        let message = pick(&"7".parse().unwrap(), &machine).unwrap_err().to_string();
+        let message = pick(&"7".parse().unwrap(), &machine).unwrap_err();
         assert!(message.contains("`7`") && message.contains("1: GeForce RTX"), "{message}");
     }
 
     #[test]
     fn a_machine_without_adapters_names_the_remedy() {
         for choice in ["auto", "software", "any", "0", "x"] {
-            let message = pick(&choice.parse().unwrap(), &[]).unwrap_err().to_string();
+            let message = pick(&choice.parse().unwrap(), &[]).unwrap_err();
             assert!(message.contains("mesa-vulkan-drivers"), "{message}");
         }
     }

@@ -123,7 +123,7 @@ impl GpuField {
         values: &wgpu::Buffer,
         count: usize,
     ) -> Result<(), EngineError> {
-        self.with(|kernels| kernels.submit(Call { poses, values, gradients: None }, count))
+        self.with(|kernels| kernels.submit(&Call::new(poses, values, None), count))
     }
 
     /// As [`Self::values_on_device`], with a [`DeviceGradient`] each as well.
@@ -137,7 +137,7 @@ impl GpuField {
         gradients: &wgpu::Buffer,
         count: usize,
     ) -> Result<(), EngineError> {
-        self.with(|kernels| kernels.submit(Call { poses, values, gradients: Some(gradients) }, count))
+        self.with(|kernels| kernels.submit(&Call::new(poses, values, Some(gradients)), count))
     }
 
     /// As [`Self::values_on_device`], with a decision each as well, a `u32` that [`decision_of`] reads. A value that
@@ -154,8 +154,9 @@ impl GpuField {
     ) -> Result<(), EngineError> {
         self.with(|kernels| {
             check_size("decisions", decisions, count, size_of::<u32>())?;
-            kernels.submit(Call { poses, values, gradients: None }, count)?;
-            kernels.decide(poses, values, decisions, count)
+            let call = Call::new(poses, values, None);
+            kernels.submit(&call, count)?;
+            kernels.decide(&call, decisions, count)
         })
     }
 

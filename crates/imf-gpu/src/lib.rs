@@ -52,7 +52,7 @@ mod trainer;
 mod transfer;
 mod uniforms;
 
-pub use adapter::{AdapterSummary, DeviceChoice, MissingAdapter, adapters};
+pub use adapter::{AdapterSummary, DeviceChoice, adapters};
 pub use device::{Gpu, GpuLimits};
 pub use evaluator::GpuEvaluator;
 pub use field::{DeviceGradient, DevicePose, GpuField, decision_of};

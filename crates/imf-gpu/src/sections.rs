@@ -116,12 +116,9 @@ impl<'a> GpuSections<'a> {
     }
 
     fn prepare(&self, orientations: &[Orientation], first: usize) -> Result<Round, GpuSectionError> {
-        let cuttable =
-            self.cuttable.as_ref().map(|layer| layer.prepare(orientations, first, &[])).transpose()?;
-        Ok(Round {
-            whole: self.whole.prepare(orientations, first, &[])?,
-            cuttable: cuttable.unwrap_or_default(),
-        })
+        let of_layer = |layer: &Layer<'_>| layer.prepare(orientations, first, &[]);
+        let cuttable = self.cuttable.as_ref().map(of_layer).transpose()?.unwrap_or_default();
+        Ok(Round { whole: of_layer(&self.whole)?, cuttable })
     }
 
     /// As [`imf_core::section::stream_sections`]: computes the sections of `orientations` and shows each to `visit`
@@ -140,10 +137,7 @@ impl<'a> GpuSections<'a> {
     ) -> Result<Vec<V>, GpuSectionError> {
         let size = self.round(true);
         let mut rounds = orientations.chunks(size).zip((0..).step_by(size));
-        let mut round = match rounds.next() {
-            Some((part, first)) => Some(self.prepare(part, first)?),
-            None => None,
-        };
+        let mut round = rounds.next().map(|(part, first)| self.prepare(part, first)).transpose()?;
         let plan = self.plan;
         let idle: Mutex<Vec<(V, Vec<f32>)>> = Mutex::new(Vec::new());
         let lock = || idle.lock().unwrap_or_else(PoisonError::into_inner);
@@ -151,10 +145,7 @@ impl<'a> GpuSections<'a> {
             let begun = self.whole.begin(&whole)?;
             let begun_cuttable = self.cuttable.as_mut().map(|layer| layer.begin(&cuttable)).transpose()?;
             // While the device is at work.
-            round = match rounds.next() {
-                Some((part, first)) => Some(self.prepare(part, first)?),
-                None => None,
-            };
+            round = rounds.next().map(|(part, first)| self.prepare(part, first)).transpose()?;
             let counts = self.whole.finish(begun, whole.len())?;
             let counts_cuttable = match (&self.cuttable, begun_cuttable) {
                 (Some(layer), Some(begun)) => layer.finish(begun, cuttable.len())?,

@@ -107,22 +107,11 @@ impl GpuTrainer {
             return Err(EngineError::Shape(format!("Adam's epsilon must be positive, not {}", adam.epsilon)));
         }
         let (plan, part_rows, max_slices) = plan(&layout, gpu.limits(), max_batch);
-        let mut allocated = plan.allocate(gpu)?;
-        let deltas = allocated.split_off(allocated.len() - layout.layers.len());
-        let signals = allocated.split_off(allocated.len() - layout.layers.len());
-        let [
-            parameters,
-            first_moment,
-            second_moment,
-            gradient,
-            partials,
-            upload,
-            samples,
-            targets,
-            row_losses,
-            losses,
-            results,
-        ] = <[wgpu::Buffer; 11]>::try_from(allocated).expect("as many as are planned");
+        let mut allocated = plan.allocate(gpu)?.into_iter();
+        let mut next = || allocated.next().expect("as many as are planned");
+        let [parameters, first_moment, second_moment, gradient, partials, upload] = [(); 6].map(|()| next());
+        let [samples, targets, row_losses, losses, results] = [(); 5].map(|()| next());
+        let [signals, deltas] = [(); 2].map(|()| layout.layers.iter().map(|_| next()).collect());
         let step = uniform(gpu, "step", &Step::default())?;
         let buffers = Buffers {
             step,
@@ -238,10 +227,8 @@ impl GpuTrainer {
             )));
         }
         if !(1..=self.max_batch).contains(&count) {
-            return Err(EngineError::Shape(format!(
-                "a batch has 1 to {} samples, not {count}",
-                self.max_batch
-            )));
+            let most = self.max_batch;
+            return Err(EngineError::Shape(format!("a batch has 1 to {most} samples, not {count}")));
         }
         self.gpu.check()?;
         let mut step = self.step_uniform(count, rate.unwrap_or(0.0));

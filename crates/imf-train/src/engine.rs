@@ -171,9 +171,7 @@ impl CpuTrainer {
         let why = match precision {
             Precision::F32 => return Ok(()),
             Precision::Bf16 if Kernel::of_this_machine().is_some() => return Ok(()),
-            Precision::Bf16 => {
-                "this CPU has no bfloat16 products (AVX-512 BF16); train with precision f32"
-            }
+            Precision::Bf16 => "this CPU has no bfloat16 products (AVX-512 BF16); train with precision f32",
             Precision::F16 => {
                 "precision f16 is computed on GPUs alone: train on one, as a resumed training keeps its precision, or \
                  begin a training with precision f32"

@@ -19,19 +19,6 @@ pub(super) struct HostBuffers {
     gradients: Room,
 }
 
-/// The buffers of a call.
-pub(super) struct PoseBuffers {
-    poses: wgpu::Buffer,
-    pub(super) values: wgpu::Buffer,
-    pub(super) gradients: Option<wgpu::Buffer>,
-}
-
-impl PoseBuffers {
-    pub(super) fn call(&self) -> Call<'_> {
-        Call { poses: &self.poses, values: &self.values, gradients: self.gradients.as_ref() }
-    }
-}
-
 impl HostBuffers {
     pub(super) fn new() -> Self {
         Self {
@@ -48,7 +35,7 @@ impl HostBuffers {
         gpu: &Gpu,
         poses: &[Pose],
         with_gradients: bool,
-    ) -> Result<PoseBuffers, EngineError> {
+    ) -> Result<Call, EngineError> {
         let elements = |bytes: usize| poses.len() * bytes / 4;
         let uploaded = self.poses.fit(gpu, elements(size_of::<DevicePose>()))?;
         for (piece, poses) in poses.chunks(PIECE).enumerate() {
@@ -57,11 +44,8 @@ impl HostBuffers {
             let offset = (piece * PIECE * size_of::<DevicePose>()) as u64;
             gpu.queue().write_buffer(&uploaded, offset, bytemuck::cast_slice(&self.staged));
         }
-        let gradients = match with_gradients {
-            true => Some(self.gradients.fit(gpu, elements(size_of::<DeviceGradient>()))?),
-            false => None,
-        };
-        Ok(PoseBuffers { poses: uploaded, values: self.values.fit(gpu, poses.len())?, gradients })
+        let room = with_gradients.then(|| self.gradients.fit(gpu, elements(size_of::<DeviceGradient>())));
+        Ok(Call { poses: uploaded, values: self.values.fit(gpu, poses.len())?, gradients: room.transpose()? })
     }
 }
 

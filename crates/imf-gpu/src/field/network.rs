@@ -45,14 +45,13 @@ impl TwoWay {
         plan.add("samples", rows * stack.inputs);
         plan.add("results", rows * layout.layers.last().map_or(0, |layer| layer.outputs));
         plan.add_layers(&layout, rows);
-        let mut buffers = plan.allocate(gpu)?;
-        let deltas = buffers.split_off(buffers.len() - layout.layers.len());
-        let signals = buffers.split_off(buffers.len() - layout.layers.len());
-        let [weights, samples, results] = [0, 1, 2].map(|place| buffers[place].clone());
+        let mut buffers = plan.allocate(gpu)?.into_iter();
+        let mut next = || buffers.next().expect("as many as are planned");
+        let [weights, samples, results] = [(); 3].map(|()| next());
+        let [signals, deltas]: [Vec<_>; 2] = [(); 2].map(|()| layout.layers.iter().map(|_| next()).collect());
         let network = Network::new(gpu, layout, weights, parameters)?;
-        let (kernels, inputs) =
-            (LayerKernels::new(gpu, Shader::HiddenTrain, false)?, Kernel::new(gpu, Shader::Inputs)?);
-        let inputs = (&inputs, &[&samples][..]);
+        let kernels = LayerKernels::new(gpu, Shader::HiddenTrain, false)?;
+        let inputs = (&Kernel::new(gpu, Shader::Inputs)?, &[&samples][..]);
         Ok(Self {
             forward: network.forward(gpu, &kernels, inputs, &signals, &results, &deltas)?,
             backward: network.backward(gpu, &deltas, false)?,

@@ -41,11 +41,16 @@ impl Frame {
 }
 
 /// Buffers of a call.
-#[derive(Clone, Copy)]
-pub(super) struct Call<'a> {
-    pub(super) poses: &'a wgpu::Buffer,
-    pub(super) values: &'a wgpu::Buffer,
-    pub(super) gradients: Option<&'a wgpu::Buffer>,
+pub(super) struct Call {
+    pub(super) poses: wgpu::Buffer,
+    pub(super) values: wgpu::Buffer,
+    pub(super) gradients: Option<wgpu::Buffer>,
+}
+
+impl Call {
+    pub(super) fn new(poses: &wgpu::Buffer, values: &wgpu::Buffer, gradients: Option<&wgpu::Buffer>) -> Self {
+        Self { poses: poses.clone(), values: values.clone(), gradients: gradients.cloned() }
+    }
 }
 
 /// A buffer of a kernel: its own, or one of a call.
@@ -80,12 +85,12 @@ impl CallKernel {
         Ok(Self { kernel: Kernel::new(gpu, shader)?, extent, slots })
     }
 
-    pub(super) fn bind(&self, call: Call<'_>) -> Dispatch {
+    pub(super) fn bind(&self, call: &Call) -> Dispatch {
         let buffers = self.slots.iter().filter_map(|slot| match slot {
             Slot::Own(buffer) => Some(buffer),
-            Slot::Poses => Some(call.poses),
-            Slot::Values => Some(call.values),
-            Slot::Gradients => call.gradients,
+            Slot::Poses => Some(&call.poses),
+            Slot::Values => Some(&call.values),
+            Slot::Gradients => call.gradients.as_ref(),
         });
         self.kernel.bind(self.extent, &buffers.collect::<Vec<_>>())
     }
@@ -111,11 +116,11 @@ pub(super) struct Passes {
 
 impl Passes {
     /// Submits `count` poses, as many at a time as there is room for.
-    pub(super) fn submit(&self, frame: &Frame, call: Call<'_>, count: usize) -> Result<(), EngineError> {
-        check_size("poses", call.poses, count, size_of::<DevicePose>())?;
-        check_size("values", call.values, count, size_of::<f32>())?;
+    pub(super) fn submit(&self, frame: &Frame, call: &Call, count: usize) -> Result<(), EngineError> {
+        check_size("poses", &call.poses, count, size_of::<DevicePose>())?;
+        check_size("values", &call.values, count, size_of::<f32>())?;
         let points = self.points.bind(call);
-        let (values, gradients) = match call.gradients {
+        let (values, gradients) = match &call.gradients {
             None => (self.values.bind(call), None),
             Some(gradients) => {
                 check_size("gradients", gradients, count, size_of::<DeviceGradient>())?;

@@ -16,7 +16,7 @@ use imf_fields::harmonic::file::HarmonicFile;
 use imf_fields::siren::EvaluationEngine;
 
 use super::coefficients::PointCoefficients;
-use super::host::{HostBuffers, PoseBuffers};
+use super::host::HostBuffers;
 use super::passes::{Call, Frame, Passes};
 use super::{factored, harmonic, siren};
 use crate::device::Gpu;
@@ -85,22 +85,21 @@ impl PoseKernels {
     }
 
     /// Submits the poses of a buffer in parts.
-    pub(super) fn submit(&self, call: Call<'_>, count: usize) -> Result<(), EngineError> {
+    pub(super) fn submit(&self, call: &Call, count: usize) -> Result<(), EngineError> {
         self.passes.submit(&self.frame, call, count)
     }
 
     /// Uploads poses and submits them; returns the buffers of their values and gradients.
-    pub(super) fn ask(&mut self, poses: &[Pose], with_gradients: bool) -> Result<PoseBuffers, EngineError> {
-        let buffers = self.host.upload(&self.frame.gpu, poses, with_gradients)?;
-        self.submit(buffers.call(), poses.len())?;
-        Ok(buffers)
+    pub(super) fn ask(&mut self, poses: &[Pose], with_gradients: bool) -> Result<Call, EngineError> {
+        let call = self.host.upload(&self.frame.gpu, poses, with_gradients)?;
+        self.submit(&call, poses.len())?;
+        Ok(call)
     }
 
-    /// Submits what is decided of poses by values that were computed before.
+    /// Submits what is decided of a call's poses by its values, which were computed before.
     pub(super) fn decide(
         &self,
-        poses: &wgpu::Buffer,
-        values: &wgpu::Buffer,
+        Call { poses, values, .. }: &Call,
         decisions: &wgpu::Buffer,
         count: usize,
     ) -> Result<(), EngineError> {
@@ -133,7 +132,7 @@ impl PoseKernels {
                     let at = |point: &DVec3| Pose::new(*point, DQuat::IDENTITY);
                     let poses: Vec<Pose> = points[part].iter().map(at).collect();
                     let uploaded = host.upload(gpu, &poses, false)?;
-                    let points = passes.points.bind(uploaded.call());
+                    let points = passes.points.bind(&uploaded);
                     rows.hold(gpu, poses.len());
                     gpu.run([&points], Batch::of_rows(poses.len(), passes.padding))?;
                     Ok(coefficients.clone())

@@ -18,7 +18,7 @@ pub(super) struct BitLayout {
     pub(super) lead: u32,
     pub(super) plane: u32,
     pub(super) line: u32,
-    words: usize,
+    pub(super) words: usize,
 }
 
 impl BitLayout {
@@ -39,17 +39,8 @@ impl BitLayout {
                 bits >> 23
             )));
         }
-        Ok(Self {
-            lead: lead as u32,
-            plane: plane as u32,
-            line: line as u32,
-            words: bits.div_ceil(32) as usize,
-        })
-    }
-
-    /// Words of [`Self::bits`].
-    pub(super) fn words(&self) -> usize {
-        self.words
+        let words = bits.div_ceil(32) as usize;
+        Ok(Self { lead: lead as u32, plane: plane as u32, line: line as u32, words })
     }
 
     /// The obstacle.

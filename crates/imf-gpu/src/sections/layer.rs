@@ -133,7 +133,7 @@ impl<'a> Layer<'a> {
     pub(super) fn host_bytes(&self, round: u64) -> u64 {
         let reach = 2.0 * self.tool.reach() / self.grid().pitch + 3.0;
         let tool = reach.powi(3).min(1e18) as u64;
-        4 * self.layout.words() as u64 + (round + MOST_JOBS as u64) * tool
+        4 * self.layout.words as u64 + (round + MOST_JOBS as u64) * tool
     }
 
     /// Turns and voxelises the tool and lists its run-length differences, for orientations from `first` on.
@@ -147,12 +147,8 @@ impl<'a> Layer<'a> {
             let index = first + place;
             let rotated = match ToolVoxels::new(self.tool, &orientations[place], self.grid().pitch) {
                 Err(ToolError::TooSmall { .. }) if self.may_be_thin => {
-                    return Ok(OrientedTool {
-                        index,
-                        rotated: None,
-                        jobs: Vec::new(),
-                        watched: vec![0; watched.len()],
-                    });
+                    let watched = vec![0; watched.len()];
+                    return Ok(OrientedTool { index, rotated: None, jobs: Vec::new(), watched });
                 }
                 other => other.map_err(SectionError::from)?,
             };
@@ -249,12 +245,8 @@ impl<'a> Layer<'a> {
                 let (bound, sections, elements) = self.bind_sections(&batch, slab)?;
                 self.submit(&bound)?;
                 let first = turned.len() - rest.len() - batch.jobs.len();
-                begun.push(BatchReading {
-                    first,
-                    from,
-                    voxels,
-                    reading: self.gpu.begin_read(&sections, elements)?,
-                });
+                let reading = self.gpu.begin_read(&sections, elements)?;
+                begun.push(BatchReading { first, from, voxels, reading });
             }
             from += voxels;
         }

@@ -378,7 +378,6 @@ impl Manifest {
                 .is_ok_and(|bytes| crc32fast::hash(&bytes) == record.crc32)
         })
     }
-
 }
 
 /// Names of the manifests of partitions in a folder, sorted.
