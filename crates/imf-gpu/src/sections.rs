@@ -90,13 +90,6 @@ impl<'a> GpuSections<'a> {
         Ok(Self { gpu: gpu.clone(), plan, whole: Layer::new(gpu, plan.layer(), query, false)?, cuttable })
     }
 
-    /// One line for people: how sections are computed.
-    #[must_use]
-    pub fn describe(&self) -> String {
-        let adapter = self.gpu.adapter();
-        format!("run-length differences on {} ({})", adapter.name, adapter.backend)
-    }
-
     /// Bytes on the host beside the plan's own, about: tools, lists and counts of one round of orientations.
     #[must_use]
     pub fn host_bytes(&self) -> u64 {

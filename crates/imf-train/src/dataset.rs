@@ -21,9 +21,9 @@ mod sampling;
 mod shard;
 mod shards;
 
-pub use manifest::{DatasetError, Layout, Manifest, ShardRecord};
+pub use manifest::{DatasetError, Manifest, ShardRecord};
 pub use merge::{MergeSummary, merge};
-pub use partition::{Partition, PartitionError};
+pub use partition::{Layout, Partition, PartitionError};
 pub use sampling::draw;
 pub use shards::Shards;
 

@@ -1,4 +1,5 @@
-//! What several tests are made with: a small scene, samples of a smooth field, an engine that records its batches.
+//! What several tests are made with: a small scene, samples of a smooth field, a plan to train by, an engine that records its
+//! batches, and comparison with definitions in f64.
 
 use std::ops::ControlFlow;
 
@@ -9,9 +10,10 @@ use imf_core::occupancy::Occupancy;
 use imf_core::scene::{Scene, SceneRecord};
 use imf_core::tool::{Clearance, Tool};
 use imf_core::unit::LengthUnit;
-use imf_fields::recipe::TrainingState;
-use imf_fields::siren::INPUTS;
+use imf_fields::recipe::{TrainingLength, TrainingPlan, TrainingState};
+use imf_fields::siren::{INPUTS, SirenShape};
 
+use crate::engine::CpuTrainer;
 use crate::samples::Samples;
 use crate::training::TrainingEngine;
 use crate::training::run::Report;
@@ -55,6 +57,65 @@ pub(crate) fn samples() -> Samples {
     samples
 }
 
+/// The bits of every sample, inputs and target.
+pub(crate) fn bits(samples: &Samples) -> Vec<[u32; INPUTS + 1]> {
+    let sample = |index| {
+        let (input, target) = samples.sample(index);
+        bits_of(&input, target)
+    };
+    (0..samples.len()).map(sample).collect()
+}
+
+fn bits_of(input: &[f32], target: f32) -> [u32; INPUTS + 1] {
+    std::array::from_fn(|i| input.get(i).unwrap_or(&target).to_bits())
+}
+
+/// Some epochs of batches that do not divide the samples.
+pub(crate) fn plan(epochs: u64) -> TrainingPlan {
+    TrainingPlan {
+        length: TrainingLength::Epochs(epochs),
+        batch: 150,
+        report_every: 4,
+        seed: 9,
+        ..TrainingPlan::default()
+    }
+}
+
+/// The CPU's engine for a plan's batches.
+pub(crate) fn engine(shape: SirenShape, plan: &TrainingPlan, state: TrainingState) -> CpuTrainer {
+    CpuTrainer::new(shape.stack(), plan.adam, plan.loss, plan.batch, state).unwrap()
+}
+
+/// Seeded numbers in ±1 without pattern: the starting weights of a first layer of five inputs, which are in ±1/5.
+pub(crate) fn numbers(count: usize, seed: u64) -> Vec<f32> {
+    let shape = SirenShape { width: count, hidden: 1, skip_after: None, omega: 1.0 };
+    shape.initial_parameters(seed)[..count].iter().map(|v| v * 5.0).collect()
+}
+
+pub(crate) fn as_f64(values: &[f32]) -> Vec<f64> {
+    values.iter().map(|&v| f64::from(v)).collect()
+}
+
+/// Rows of so many numbers.
+pub(crate) fn rows<const N: usize>(values: &[f32]) -> Vec<[f64; N]> {
+    values.chunks_exact(N).map(|row| std::array::from_fn(|i| f64::from(row[i]))).collect()
+}
+
+/// A gradient is off by no more than so much of its largest entry: single ones are smaller.
+pub(crate) fn assert_gradient(found: &[f32], expected: &[f64], tolerance: f64, name: &str) {
+    assert_eq!(found.len(), expected.len(), "{name}");
+    let scale = expected.iter().fold(0.0f64, |top, g| top.max(g.abs()));
+    for (index, (&found, &expected)) in found.iter().zip(expected).enumerate() {
+        let error = (f64::from(found) - expected).abs();
+        assert!(error <= tolerance * scale, "{name}, {index}: {found}, not {expected}");
+    }
+}
+
+/// What `work` returns on a pool of so many threads.
+pub(crate) fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(work)
+}
+
 /// Stops nothing.
 pub(crate) fn go_on(_: &Report, _: &mut dyn TrainingEngine) -> ControlFlow<()> {
     ControlFlow::Continue(())
@@ -86,11 +147,9 @@ impl Default for Recorder {
 impl Recorder {
     /// The bits of every sample, batch after batch.
     pub(crate) fn rows(&self) -> Vec<Vec<[u32; INPUTS + 1]>> {
-        let row = |(input, target): (&[f32], &f32)| {
-            std::array::from_fn(|i| input.get(i).unwrap_or(target).to_bits())
+        let batch = |(inputs, targets): &(Vec<f32>, Vec<f32>)| {
+            inputs.chunks(INPUTS).zip(targets).map(|(input, &target)| bits_of(input, target)).collect()
         };
-        let batch =
-            |(inputs, targets): &(Vec<f32>, Vec<f32>)| inputs.chunks(INPUTS).zip(targets).map(row).collect();
         self.batches.iter().map(batch).collect()
     }
 }

@@ -28,7 +28,7 @@ impl Samples {
     /// Memory of a sample: its voxel and its value.
     pub const BYTES_PER_SAMPLE: u64 = (size_of::<u32>() + size_of::<f32>()) as u64;
     /// Memory of a section beside its samples: its angles, and where it starts.
-    pub const BYTES_PER_SECTION: u64 = (size_of::<[f32; 2]>() + size_of::<usize>()) as u64;
+    const BYTES_PER_SECTION: u64 = (size_of::<[f32; 2]>() + size_of::<usize>()) as u64;
 
     /// No samples yet.
     #[must_use]
@@ -37,8 +37,7 @@ impl Samples {
     }
 
     /// No samples yet, and room for `sections` sections and `samples` samples.
-    #[must_use]
-    pub fn with_capacity(grid: Grid, sections: usize, samples: usize) -> Self {
+    pub(crate) fn with_capacity(grid: Grid, sections: usize, samples: usize) -> Self {
         let mut starts = Vec::with_capacity(sections + 1);
         starts.push(0);
         Self {
@@ -52,14 +51,13 @@ impl Samples {
     }
 
     /// Bytes of `sections` sections with `samples` samples in all.
-    #[must_use]
-    pub fn memory_bytes(sections: u64, samples: u64) -> u64 {
+    pub(crate) fn memory_bytes(sections: u64, samples: u64) -> u64 {
         let samples = samples.saturating_mul(Self::BYTES_PER_SAMPLE);
         samples.saturating_add(sections.saturating_mul(Self::BYTES_PER_SECTION))
     }
 
     /// Takes all samples out; the room stays.
-    pub fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.angles.clear();
         self.starts.truncate(1);
         self.voxels.clear();

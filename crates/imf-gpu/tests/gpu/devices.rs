@@ -26,6 +26,22 @@ pub(crate) fn number(place: usize, step: f64) -> f32 {
     ((place as f64 * step).fract() * 2.0 - 1.0) as f32
 }
 
+/// The largest difference; NaN where there is one.
+pub(crate) fn apart(a: &[f32], b: &[f32]) -> f32 {
+    let differences = a.iter().zip(b).map(|(a, b)| (a - b).abs());
+    differences.fold(0.0, |most, apart| if apart > most || apart.is_nan() { apart } else { most })
+}
+
+/// The largest |found − expected| in units of atol + rtol·scale, scale being the largest |expected|.
+pub(crate) fn worst(found: &[f32], expected: &[f64], absolute: f64, relative: f64) -> f64 {
+    assert_eq!(found.len(), expected.len());
+    let scale = expected.iter().fold(0.0f64, |most, value| most.max(value.abs()));
+    let error = |(&found, expected): (&f32, &f64)| (f64::from(found) - expected).abs();
+    let errors = found.iter().zip(expected).map(error);
+    errors.fold(0.0, |most, error| if error > most || error.is_nan() { error } else { most })
+        / (absolute + relative * scale)
+}
+
 pub(crate) fn wide(values: &[f32]) -> Vec<f64> {
     values.iter().map(|&value| f64::from(value)).collect()
 }

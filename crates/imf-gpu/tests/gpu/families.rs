@@ -1,6 +1,8 @@
 //! Poses answered on the adapter for factored and harmonic fields against the same field on the CPU, as `planner.rs` does for
 //! the paper's network.
 
+use std::sync::Arc;
+
 use glam::DVec3;
 use imf_core::field::{Best, PoseField as _};
 use imf_core::orientation::{Orientation, OrientationSet};
@@ -9,6 +11,7 @@ use imf_core::section::Quantity;
 use imf_fields::file::FieldFile;
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::coefficients::StoragePrecision;
+use imf_fields::harmonic::file::HarmonicFile;
 use imf_gpu::{Gpu, GpuField};
 use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;
@@ -28,14 +31,28 @@ fn specs() -> [Spec; 2] {
     [Spec::new(directions, 7, 21, Quantity::Overlap), Spec::new(directions, 16, 70, Quantity::Depth)]
 }
 
-#[test]
-#[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
-fn values_gradients_and_decisions_are_the_twins_also_at_the_poles() {
-    for spec in specs() {
+/// Values, gradients and decisions, also at the poles; minima over a set; and the same from buffers of the device.
+fn compare_all(set: &str, factored: &[FieldFile], harmonic: &[Arc<HarmonicFile>]) {
+    let harmonic = harmonic.iter().map(|file| FieldFile::Harmonic(file.clone()));
+    for file in factored.iter().cloned().chain(harmonic) {
         for gpu in every_device() {
-            compare(&made(&gpu, spec.factored_file(true)), &WITHIN);
+            let field = made(&gpu, file.clone());
+            compare(&field, &WITHIN);
+            compare_on_device(&gpu, &field);
+            compare_minima_of(&field, &WITHIN, 300, set);
         }
     }
+}
+
+#[test]
+#[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
+fn fields_over_directions_are_answered_as_on_the_cpu() {
+    let spec = |degree, components, quantity| Spec::new(Domain::Directions, degree, components, quantity);
+    let harmonic = [
+        spec(7, 21, Quantity::Overlap).harmonic(StoragePrecision::F16),
+        spec(9, 70, Quantity::Depth).harmonic(StoragePrecision::F32),
+    ];
+    compare_all("fibonacci:40", &specs().map(|spec| spec.factored_file(true)), &harmonic);
 }
 
 /// A point a little off the middle of the grid, in what single precision holds: device and CPU then agree about which side of
@@ -74,40 +91,6 @@ fn fields_with_symmetry_are_answered_as_on_the_cpu() {
 
 #[test]
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
-fn harmonic_fields_are_answered_as_on_the_cpu() {
-    let directions = Domain::Directions;
-    for file in [
-        Spec::new(directions, 7, 21, Quantity::Overlap).harmonic(StoragePrecision::F16),
-        Spec::new(directions, 9, 70, Quantity::Depth).harmonic(StoragePrecision::F32),
-    ] {
-        for gpu in every_device() {
-            let field = made(&gpu, FieldFile::Harmonic(file.clone()));
-            compare(&field, &WITHIN);
-            compare_on_device(&gpu, &field);
-            compare_minima(&field, &WITHIN);
-        }
-    }
-}
-
-#[test]
-#[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
-fn minima_are_the_twins_and_lengths_are_checked() {
-    for quantity in [Quantity::Overlap, Quantity::Depth] {
-        let file = Spec::new(Domain::Directions, 7, 21, quantity).factored_file(true);
-        compare_minima(&made(&open(), file), &WITHIN);
-    }
-}
-
-#[test]
-#[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
-fn buffers_of_the_device_are_answered_in_place() {
-    let gpu = open();
-    let file = Spec::new(Domain::Directions, 9, 30, Quantity::Overlap).factored_file(true);
-    compare_on_device(&gpu, &made(&gpu, file));
-}
-
-#[test]
-#[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
 fn fields_over_rotations_are_answered_as_on_the_cpu() {
     let spec = |degree, components, quantity| Spec::new(Domain::Rotations, degree, components, quantity);
     // 10, 455, 84 and 165 functions.
@@ -116,16 +99,7 @@ fn fields_over_rotations_are_answered_as_on_the_cpu() {
         spec(3, 21, Quantity::Overlap).harmonic(StoragePrecision::F16),
         spec(4, 70, Quantity::Overlap).harmonic(StoragePrecision::F32),
     ];
-    for gpu in every_device() {
-        let factored = factored.iter().map(|spec| spec.factored_file(false));
-        let harmonic = harmonic.iter().map(|file| FieldFile::Harmonic(file.clone()));
-        for file in factored.chain(harmonic) {
-            let field = made(&gpu, file);
-            compare(&field, &WITHIN);
-            compare_on_device(&gpu, &field);
-            compare_minima_of(&field, &WITHIN, 300, "so3:40");
-        }
-    }
+    compare_all("so3:40", &factored.map(|spec| spec.factored_file(false)), &harmonic);
 }
 
 /// More threads than there may be cores: one of them holds the field while it is made, and the others ask for it.

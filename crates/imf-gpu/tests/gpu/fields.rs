@@ -73,14 +73,15 @@ impl Spec {
             parameters: shape.initial_parameters(3),
             scale,
         };
-        let (functions, fit) = (field.basis.len(), self.fit());
+        let functions = field.basis.len();
+        let precision = StoragePrecision::F32;
         let file = FactoredFile {
             field,
             scene,
-            fit,
+            fit: FitSettings { quantity, degree, components, precision, ..FitSettings::default() },
             report: FitReport { functions, ..FitReport::default() },
             settings: DistillSettings::default(),
-            precision: StoragePrecision::F32,
+            precision,
             state: None,
             calibration: None,
         };
@@ -101,21 +102,6 @@ impl Spec {
             file.field = file.field.folded();
         }
         FieldFile::Factored(Box::new(file))
-    }
-
-    fn fit(self) -> FitSettings {
-        let Self { degree, components, quantity, .. } = self;
-        FitSettings {
-            quantity,
-            degree,
-            sections_per_function: 2.0,
-            components,
-            precision: StoragePrecision::F32,
-            sample: 0,
-            held_out: 0,
-            seed: 0,
-            one_pass: true,
-        }
     }
 
     /// The same functions with random coefficients at every voxel.

@@ -42,7 +42,7 @@ fn the_gradient_is_that_of_the_definition_within_the_rounding_of_factors() {
             *target += if (*target - value).abs() < 0.02 { 0.05 } else { 0.0 };
         }
         let (loss, expected) =
-            loss_and_gradient(&SHAPE, &parameters, &rows::<INPUTS>(&inputs), &wide(&targets), Loss::L1);
+            loss_and_gradient(&SHAPE, &parameters, &rows(&inputs), &wide(&targets), Loss::L1);
         for gpu in every_device() {
             let mut trainer = trainer(&gpu, Precision::F16, count + 5).unwrap();
             trainer.fill_scratch(f32::NAN).unwrap();

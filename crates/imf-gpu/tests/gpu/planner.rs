@@ -12,7 +12,7 @@ use imf_fields::siren::output::move_to_the_foot;
 use imf_fields::siren::{EvaluationEngine as _, features};
 use imf_gpu::{Gpu, GpuEvaluator, GpuField};
 
-use crate::devices::{every_device, open};
+use crate::devices::{apart, every_device, open};
 use crate::fields::{calibration, model};
 use crate::queries::{compare, compare_at, compare_minima, compare_on_device, poses};
 use crate::tolerances::SIREN as WITHIN;
@@ -23,10 +23,13 @@ fn field(gpu: &Gpu, skip_after: Option<usize>) -> GpuField {
 
 #[test]
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
-fn values_gradients_and_decisions_are_the_twins() {
+fn poses_are_answered_as_on_the_cpu_and_in_place_from_buffers_of_the_device() {
     for skip in [None, Some(1)] {
         for gpu in every_device() {
-            compare(&field(&gpu, skip), &WITHIN);
+            let field = field(&gpu, skip);
+            compare(&field, &WITHIN);
+            compare_minima(&field, &WITHIN);
+            compare_on_device(&gpu, &field);
         }
     }
 }
@@ -42,25 +45,9 @@ fn clamped_values_are_the_twins_and_have_no_slope() {
     field.gradients(&poses, &mut gradients).expect("answers");
     let clamped: Vec<&Gradient> = gradients.iter().filter(|gradient| gradient.value == 0.0).collect();
     assert!(100 < clamped.len() && clamped.len() < 900, "{} of them", clamped.len());
-    assert!(
-        clamped
-            .iter()
-            .all(|gradient| gradient.position.length() == 0.0 && gradient.direction.length() == 0.0)
-    );
+    let is_flat = |found: &&Gradient| found.position.length() == 0.0 && found.direction.length() == 0.0;
+    assert!(clamped.iter().all(is_flat));
     compare_at(&field, &WITHIN, &poses);
-}
-
-#[test]
-#[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
-fn minima_are_the_twins_and_lengths_are_checked() {
-    compare_minima(&field(&open(), Some(1)), &WITHIN);
-}
-
-#[test]
-#[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
-fn buffers_of_the_device_are_answered_in_place() {
-    let gpu = open();
-    compare_on_device(&gpu, &field(&gpu, Some(1)));
 }
 
 #[test]
@@ -107,7 +94,6 @@ fn grids_are_the_twins_and_at_the_poles_theta_is_that_of_the_orientation() {
     let [mut found, mut expected] = [0; 2].map(|_| vec![f32::NAN; voxels * set.len()]);
     device.sections(&set, &mut found).expect("sections");
     twin.sections(&set, &mut expected).expect("sections");
-    let apart = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
     assert!(apart(&found, &expected) < WITHIN.value);
     for (orientation, section) in set.iter().zip(found.chunks(voxels)) {
         let at = |voxel| Pose::oriented(twin.grid().centre(twin.grid().voxel(voxel)), orientation);

@@ -188,12 +188,8 @@ fn a_layer_that_only_the_cutter_may_enter_is_counted_for_the_rest() {
 fn nothing_and_everything_solid_agree() {
     let grid = grid(4.0, [9, 14, 12]);
     for obstacle in [Occupancy::empty(grid), Occupancy { grid, solid: vec![1; grid.len()] }] {
-        agree(
-            &SectionPlan::new(&obstacle, Tool::paper(), ToolPoints::SharpPoints).unwrap(),
-            &orientations(),
-            40_000,
-        )
-        .unwrap();
+        let plan = SectionPlan::new(&obstacle, Tool::paper(), ToolPoints::SharpPoints).unwrap();
+        agree(&plan, &orientations(), 40_000).unwrap();
     }
 }
 

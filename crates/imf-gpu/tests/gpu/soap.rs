@@ -7,7 +7,7 @@ use imf_train::engine::CpuTrainer;
 use imf_train::engine::soap::state_of;
 use imf_train::training::TrainingEngine;
 
-use crate::devices::{every_device, numbers};
+use crate::devices::{self, every_device, numbers};
 use crate::tolerances::SOAP as APART;
 
 /// With looks between the places where trainings stop, and behind them.
@@ -50,8 +50,7 @@ fn mean(size: usize) -> Vec<f32> {
 /// Largest difference of weights in units of the learning rate.
 fn apart(found: &TrainingState, expected: &TrainingState) -> f32 {
     assert_eq!(found.step, expected.step);
-    let pairs = found.parameters.iter().zip(&expected.parameters);
-    pairs.fold(0.0f32, |most, (a, b)| most.max((a - b).abs())) / RATE
+    devices::apart(&found.parameters, &expected.parameters) / RATE
 }
 
 /// A stretch of training on either engine.
@@ -178,8 +177,7 @@ fn the_first_gradient_begins_soaps_means_and_axes_and_moves_no_matrix() {
             for (found, expected) in squares(stack, &state).iter().zip(&expected) {
                 let name = format!("{}, {}", found.size, gpu.matrix_kernel().name());
                 let largest = expected.mean.iter().fold(0.0f32, |most, v| most.max(v.abs()));
-                let pairs = found.mean.iter().zip(&expected.mean);
-                let off = pairs.fold(0.0f32, |most, (a, b)| most.max((a - b).abs()));
+                let off = devices::apart(&found.mean, &expected.mean);
                 // Gradients that differ by the rounding of sums of 90 samples, squared.
                 assert!(largest > 0.0 && off < 1e-5 * largest, "{name}: {off} of {largest}");
                 let size = found.size;

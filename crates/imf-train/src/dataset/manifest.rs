@@ -9,7 +9,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::partition::Partition;
+use super::partition::{Layout, Partition};
 use super::{obstacle, shard};
 use imf_core::atomic_file::{AtomicFileError, write_atomically};
 use imf_core::orientation::OrientationSet;
@@ -24,16 +24,6 @@ const VERSION: u32 = 1;
 const MANIFEST: &str = "manifest.json";
 /// Samples that a shard holds at most by default, unless one section has more: 8 bytes each.
 const SHARD_SAMPLES: u64 = 4_000_000;
-
-/// How a dataset is cut up, and which part of it is made here.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Layout {
-    /// Maximum number of samples of a shard of a new dataset, unless one section has more; 4,000,000 by default. An
-    /// existing dataset stays cut up as it is.
-    pub shard_samples: Option<u64>,
-    /// The partition to make; `None` makes all of it.
-    pub partition: Option<Partition>,
-}
 
 /// Why a dataset cannot be made or read. Every message names the file.
 #[derive(Debug, Error)]

@@ -5,6 +5,16 @@ use std::str::FromStr;
 
 use thiserror::Error;
 
+/// How a dataset is cut up, and which part of it is made here.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Layout {
+    /// Maximum number of samples of a shard of a new dataset, unless one section has more; 4,000,000 by default. An
+    /// existing dataset stays cut up as it is.
+    pub shard_samples: Option<u64>,
+    /// The partition to make; `None` makes all of it.
+    pub partition: Option<Partition>,
+}
+
 /// Share `index` (from 1) of `of`: every `of`-th shard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Partition {

@@ -4,17 +4,12 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use super::*;
-use crate::fixtures::scene;
+use crate::fixtures::{on_threads, scene};
 use imf_core::section::sections;
 
 fn make(folder: &Path) -> Result<GenerateSummary, DatasetError> {
-    generate(
-        folder,
-        &scene(),
-        &OrientationSet::parse("fibonacci:12").unwrap(),
-        &Sampling::default(),
-        Control::quiet(),
-    )
+    let set = OrientationSet::parse("fibonacci:12").unwrap();
+    generate(folder, &scene(), &set, &Sampling::default(), Control::quiet())
 }
 
 #[test]
@@ -42,13 +37,8 @@ fn samples_are_values_of_the_exact_sections() {
 fn threads_change_no_byte() {
     let files = |threads: usize| {
         let folder = tempfile::tempdir().unwrap();
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| make(folder.path())).unwrap();
-        let entries = std::fs::read_dir(folder.path()).unwrap().map(Result::unwrap);
-        let mut files: Vec<_> =
-            entries.map(|entry| (entry.file_name(), std::fs::read(entry.path()).unwrap())).collect();
-        files.sort();
-        files
+        on_threads(threads, || make(folder.path())).unwrap();
+        contents(folder.path())
     };
     let one = files(1);
     assert_eq!(one.len(), 3, "manifest, obstacle, one shard");

@@ -8,6 +8,8 @@ use glam::DVec3;
 use super::output_layer::{SOLVED_FIRST, solve_output_layer};
 use super::warm_start::parameters_for;
 use super::*;
+use crate::engine::CpuTrainer;
+use crate::fixtures::{as_f64, assert_gradient, numbers, on_threads, rows};
 use crate::training::TrainingEngine;
 use crate::training::run::{Outcome, TrainError};
 use imf_core::control::Control;
@@ -25,22 +27,20 @@ use imf_fields::factored::{
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::coefficients::StoragePrecision;
 use imf_fields::harmonic::{FitSettings, HarmonicField, fit};
-use imf_fields::recipe::Loss;
-use imf_fields::recipe::Optimiser;
-use imf_fields::recipe::SoapConfig;
 use imf_fields::recipe::schedule::Schedule;
-use imf_fields::recipe::{Cursor, TrainingLength, TrainingPlan};
+use imf_fields::recipe::{
+    AdamConfig, Cursor, Loss, Optimiser, SoapConfig, TrainingLength, TrainingPlan, TrainingState,
+};
 use imf_fields::siren::lanes::archs;
 
+/// A coarse teapot.
 fn scene() -> Scene {
-    SceneSpec::of_reference(
-        ReferencePart::Teapot,
-        &ReferencePart::Teapot.mesh(),
-        [15, 19, 31],
-        &Tool::paper(),
-    )
-    .scene()
-    .unwrap()
+    let (mesh, tool) = (ReferencePart::Teapot.mesh(), Tool::paper());
+    SceneSpec::of_reference(ReferencePart::Teapot, &mesh, [15, 19, 31], &tool).scene().unwrap()
+}
+
+fn plan(scene: &Scene) -> SectionPlan {
+    SectionPlan::new(&scene.obstacle, &scene.record.tool, ToolPoints::SharpPoints).unwrap()
 }
 
 const FIT: FitSettings = FitSettings {
@@ -55,9 +55,8 @@ const FIT: FitSettings = FitSettings {
     one_pass: true,
 };
 
-fn harmonic(scene: &Scene) -> HarmonicField {
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, ToolPoints::SharpPoints).unwrap();
-    fit(&plan, Domain::Directions, &FIT, Control::quiet()).unwrap()
+fn harmonic() -> HarmonicField {
+    fit(&plan(&scene()), Domain::Directions, &FIT, Control::quiet()).unwrap()
 }
 
 /// Every one, SOAP with looks between the places where tests stop it.
@@ -81,25 +80,18 @@ fn settings(steps: u64) -> DistillSettings {
     }
 }
 
-/// Seeded numbers in ±1 without pattern: the starting weights of a first layer of three inputs, which are in ±1/3.
-fn numbers(count: usize, seed: u64) -> Vec<f32> {
-    let shape = FactoredShape {
-        width: count,
-        hidden: 1,
-        omega: 1.0,
-        components: 1,
-        folded: false,
-        symmetry: Symmetry::default(),
-    };
-    shape.initial_parameters(seed)[..count].iter().map(|v| v * 3.0).collect()
+fn shape(width: usize, hidden: usize, omega: f32, components: usize) -> FactoredShape {
+    FactoredShape { width, hidden, omega, components, folded: false, symmetry: Symmetry::default() }
 }
 
-fn as_f64(values: &[f32]) -> Vec<f64> {
-    values.iter().map(|&v| f64::from(v)).collect()
+/// The largest difference.
+fn apart(a: &[f32], b: &[f32]) -> f32 {
+    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
 }
 
-fn rows(inputs: &[f32]) -> Vec<[f64; INPUTS]> {
-    inputs.chunks_exact(INPUTS).map(|row| std::array::from_fn(|axis| f64::from(row[axis]))).collect()
+/// The mean square of the differences.
+fn mean_square<'a>(a: &[f32], b: impl IntoIterator<Item = &'a f32>) -> f64 {
+    a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>() / a.len() as f64
 }
 
 /// As of the engine of the paper's network: some 100 units in the last place of the largest gradient.
@@ -110,31 +102,17 @@ fn the_gradient_is_the_definitions() {
     for (width, hidden, components, count) in
         [(37, 3, 21, 77), (70, 2, 130, 300), (9, 1, 1, 5), (300, 2, 64, 130)]
     {
-        let shape = FactoredShape {
-            width,
-            hidden,
-            omega: 20.0,
-            components,
-            folded: false,
-            symmetry: Symmetry::default(),
-        };
+        let shape = shape(width, hidden, 20.0, components);
         for loss in [Loss::L1, Loss::L2] {
-            let state = FactoredState::new(&shape, 5);
-            let plan = TrainingPlan { loss, ..TrainingPlan::default() };
-            let mut trainer = engine::cpu_engine(shape, &plan, Optimiser::Adam, count, &state).unwrap();
+            let state = TrainingState::from_parameters(shape.initial_parameters(5));
+            let weights = as_f64(&state.parameters);
+            let adam = AdamConfig::default();
+            let mut trainer = CpuTrainer::new(shape.stack(), adam, loss, count, state).unwrap();
             let (inputs, targets) = (numbers(count * INPUTS, 1), numbers(count * components, 2));
-            let weights = as_f64(&state.training.parameters);
             let (value, gradient) =
                 reference::loss_and_gradient(&shape, &weights, &rows(&inputs), &as_f64(&targets), loss);
-            let scale = gradient.iter().fold(0.0f64, |top, g| top.max(g.abs()));
             let (_, found) = trainer.gradient(&inputs, &targets, count).unwrap();
-            for (index, (&mut found, &expected)) in found.iter_mut().zip(&gradient).enumerate() {
-                let error = (f64::from(found) - expected).abs();
-                assert!(
-                    error <= GRADIENT_TOLERANCE * scale,
-                    "{shape:?} {loss:?} {index}: {found}, not {expected}"
-                );
-            }
+            assert_gradient(found, &gradient, GRADIENT_TOLERANCE, &format!("{shape:?} {loss:?}"));
             trainer.step(&inputs, &targets, 1e-4).unwrap();
             let found = trainer.take_mean_loss().unwrap();
             assert!((found - value).abs() <= 1e-5 * value, "{shape:?} {loss:?}: loss {found}, not {value}");
@@ -144,14 +122,7 @@ fn the_gradient_is_the_definitions() {
 
 #[test]
 fn the_definitions_gradient_and_jacobian_are_central_differences() {
-    let shape = FactoredShape {
-        width: 6,
-        hidden: 3,
-        omega: 3.0,
-        components: 4,
-        folded: false,
-        symmetry: Symmetry::default(),
-    };
+    let shape = shape(6, 3, 3.0, 4);
     let weights = as_f64(&shape.initial_parameters(3));
     let (inputs, targets) = ([[0.3, -0.2, 0.7], [0.9, 0.4, -0.6]], as_f64(&numbers(8, 4)));
     let value = |w: &[f64]| reference::loss_and_gradient(&shape, w, &inputs, &targets, Loss::L2).0;
@@ -182,14 +153,7 @@ fn the_definitions_gradient_and_jacobian_are_central_differences() {
 
 /// A state of random weights whose field is not a constant.
 fn field(harmonic: &HarmonicField, width: usize) -> FactoredField {
-    let shape = FactoredShape {
-        width,
-        hidden: 3,
-        omega: 8.0,
-        components: harmonic.component_count(),
-        folded: false,
-        symmetry: Symmetry::default(),
-    };
+    let shape = shape(width, 3, 8.0, harmonic.component_count());
     FactoredField::new(harmonic, shape, shape.initial_parameters(2)).unwrap()
 }
 
@@ -207,18 +171,14 @@ fn defined(field: &FactoredField, z: &[f64], functions: &[f64]) -> f64 {
 fn error(field: &FactoredField, harmonic: &HarmonicField) -> f64 {
     let expanded = field.evaluator().expanded(StoragePrecision::F32, harmonic.report);
     let (mut a, mut b) = (Vec::new(), Vec::new());
-    let (found, distilled) = (
-        expanded.coefficients.read(0, expanded.coefficients.len(), &mut a),
-        harmonic.coefficients.read(0, harmonic.coefficients.len(), &mut b),
-    );
-    let sum: f64 = found.iter().zip(distilled).map(|(&f, &t)| f64::from(f - t).powi(2)).sum();
-    sum / harmonic.grid.len() as f64
+    let found = expanded.coefficients.read(0, expanded.coefficients.len(), &mut a);
+    let distilled = harmonic.coefficients.read(0, harmonic.coefficients.len(), &mut b);
+    mean_square(found, distilled) * harmonic.component_count() as f64
 }
 
 #[test]
 fn distillation_brings_the_field_to_the_harmonic_one_with_every_optimiser() {
-    let scene = scene();
-    let harmonic = harmonic(&scene);
+    let harmonic = harmonic();
     let components = harmonic.component_count();
     let constant =
         f64::from(Targets::new(&harmonic, Symmetry::default()).unwrap().scale).powi(2) * components as f64;
@@ -238,17 +198,14 @@ fn distillation_brings_the_field_to_the_harmonic_one_with_every_optimiser() {
         let found = error(&field, &harmonic);
         assert!(found < 0.02 * constant, "{optimiser:?}: {found} of {constant}");
         // The loss of the last steps' batches is that of all voxels, nearly.
-        assert!(
-            (0.5..2.0).contains(&(reported / found)),
-            "{optimiser:?}: reported {reported}, found {found}"
-        );
+        let ratio = reported / found;
+        assert!((0.5..2.0).contains(&ratio), "{optimiser:?}: reported {reported}, found {found}");
     }
 }
 
 #[test]
 fn the_closed_form_output_layer_is_that_of_least_squares() {
-    let scene = scene();
-    let harmonic = harmonic(&scene);
+    let harmonic = harmonic();
     let components = harmonic.component_count();
     let mut field = field(&harmonic, 17);
     let shape = field.shape;
@@ -276,8 +233,7 @@ fn the_closed_form_output_layer_is_that_of_least_squares() {
 
 #[test]
 fn solving_now_and_then_learns_more_in_as_many_steps() {
-    let scene = scene();
-    let harmonic = harmonic(&scene);
+    let harmonic = harmonic();
     let components = harmonic.component_count();
     let after = |solve_every: u64| {
         let optimiser = Optimiser::Soap(SoapConfig::default());
@@ -294,8 +250,7 @@ fn solving_now_and_then_learns_more_in_as_many_steps() {
 
 #[test]
 fn short_trainings_begin_with_a_closed_form_output_layer() {
-    let scene = scene();
-    let harmonic = harmonic(&scene);
+    let harmonic = harmonic();
     let components = harmonic.component_count();
     let first_loss = |steps: u64, solve_every: u64| {
         let settings = settings(steps);
@@ -319,15 +274,13 @@ fn short_trainings_begin_with_a_closed_form_output_layer() {
 
 #[test]
 fn threads_and_interruptions_change_no_bit() {
-    let scene = scene();
-    let harmonic = harmonic(&scene);
+    let harmonic = harmonic();
     let components = harmonic.component_count();
     for optimiser in OPTIMISERS {
         // Across the end of an epoch of 30 steps, whose last batch is smaller.
         let settings = DistillSettings { optimiser, ..settings(50) };
         let run = |threads: usize, stop: bool| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| {
+            on_threads(threads, || {
                 let mut state = settings.start(components);
                 if stop {
                     let cancelled = AtomicBool::new(true);
@@ -353,8 +306,7 @@ fn threads_and_interruptions_change_no_bit() {
 
 #[test]
 fn what_does_not_fit_is_refused_by_name() {
-    let scene = scene();
-    let harmonic = harmonic(&scene);
+    let harmonic = harmonic();
     let components = harmonic.component_count();
     let start = settings(5).start(components);
     let refused = |settings: DistillSettings, words: &str| {
@@ -374,16 +326,10 @@ fn what_does_not_fit_is_refused_by_name() {
         let error = distil(&harmonic, &soap, &mut state, Control::quiet(), &mut |_| {}).unwrap_err();
         assert!(error.to_string().contains("SOAP's means and axes"), "{error}");
     }
-    let mut plan = settings(2000).plan;
-    plan.schedule = Schedule::Exponential { initial: 1e30, factor: 1.0, warmup: 0 };
-    let mut state = settings(5).start(components);
-    let result = distil(
-        &harmonic,
-        &DistillSettings { plan, ..settings(5) },
-        &mut state,
-        Control::quiet(),
-        &mut |_| {},
-    );
+    let schedule = Schedule::Exponential { initial: 1e30, factor: 1.0, warmup: 0 };
+    let plan = TrainingPlan { schedule, ..settings(2000).plan };
+    let (steep, mut state) = (DistillSettings { plan, ..settings(5) }, start);
+    let result = distil(&harmonic, &steep, &mut state, Control::quiet(), &mut |_| {});
     assert!(result.as_ref().is_err_and(TrainError::is_divergence), "{result:?}");
     let shape = settings(5).shape(components + 1);
     assert!(FactoredField::new(&harmonic, shape, shape.initial_parameters(1)).is_err());

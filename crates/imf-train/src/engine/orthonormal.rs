@@ -123,16 +123,11 @@ fn scale(values: &mut [f32], factor: f32) {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+mod tests {
     use super::*;
+    use crate::fixtures::numbers;
     use imf_fields::siren::lanes::archs;
     use nalgebra::DMatrix;
-
-    /// Seeded numbers in ±1.
-    pub(in crate::engine) fn numbers(count: usize, seed: u64) -> Vec<f32> {
-        let shape = imf_fields::siren::SirenShape { width: count, hidden: 1, skip_after: None, omega: 1.0 };
-        shape.initial_parameters(seed)[..count].iter().map(|v| v * 5.0).collect()
-    }
 
     fn orthonormal(rows: &[f32], size: usize, arch: Arch) -> DMatrix<f64> {
         let mut out = vec![f32::NAN; size * size];

@@ -1,6 +1,7 @@
 //! The CPU engine against the f64 definition, and its guarantee that threads change nothing.
 
 use crate::engine::*;
+use crate::fixtures::{as_f64, assert_gradient, on_threads, rows};
 use crate::training::TrainingEngine as _;
 use imf_fields::siren::EvaluationEngine;
 use imf_fields::siren::INPUTS;
@@ -18,16 +19,19 @@ pub(super) fn batch(count: usize, seed: u64) -> (Vec<f32>, Vec<f32>) {
     (inputs, targets)
 }
 
-pub(super) fn as_f64(values: &[f32]) -> Vec<f64> {
-    values.iter().map(|&v| f64::from(v)).collect()
-}
-
-pub(super) fn samples_f64(inputs: &[f32]) -> Vec<[f64; INPUTS]> {
-    inputs.chunks_exact(INPUTS).map(|s| std::array::from_fn(|axis| f64::from(s[axis]))).collect()
-}
-
 pub(super) fn engine(shape: SirenShape, loss: Loss, max_batch: usize, seed: u64) -> CpuTrainer {
-    CpuTrainer::new(shape, AdamConfig::default(), loss, max_batch, TrainingState::new(&shape, seed)).unwrap()
+    let state = TrainingState::new(&shape, seed);
+    CpuTrainer::new(shape.stack(), AdamConfig::default(), loss, max_batch, state).unwrap()
+}
+
+/// Loss and gradient by the definition.
+pub(super) fn defined(
+    shape: &SirenShape,
+    weights: &[f64],
+    (inputs, targets): (&[f32], &[f32]),
+    loss: Loss,
+) -> (f64, Vec<f64>) {
+    reference::loss_and_gradient(shape, weights, &rows(inputs), &as_f64(targets), loss)
 }
 
 pub(super) fn shape(width: usize, hidden: usize, skip_after: Option<usize>) -> SirenShape {
@@ -60,28 +64,13 @@ fn the_gradient_is_the_definitions() {
             }
             let weights = as_f64(engine.parameters());
             let clamped = |sample: &[f64; INPUTS]| reference::forward(&shape, &weights, sample) == 0.0;
-            let clamped = samples_f64(&inputs).iter().filter(|sample| clamped(sample)).count();
-            assert!(
-                if at_foot { 0 < clamped && clamped < count } else { clamped == 0 },
-                "{clamped} of {count}"
-            );
-            let (value, gradient) = reference::loss_and_gradient(
-                &shape,
-                &weights,
-                &samples_f64(&inputs),
-                &as_f64(&targets),
-                loss,
-            );
+            let clamped = rows(&inputs).iter().filter(|sample| clamped(sample)).count();
+            let expected = if at_foot { 1..count } else { 0..1 };
+            assert!(expected.contains(&clamped), "{clamped} of {count}");
+            let (value, gradient) = defined(&shape, &weights, (&inputs, &targets), loss);
             engine.gradient.fill(f32::NAN);
-            let scale = gradient.iter().fold(0.0f64, |top, g| top.max(g.abs()));
             let (_, found) = engine.gradient(&inputs, &targets, count).unwrap();
-            for (index, (&mut found, &expected)) in found.iter_mut().zip(&gradient).enumerate() {
-                let error = (f64::from(found) - expected).abs();
-                assert!(
-                    error <= GRADIENT_TOLERANCE * scale,
-                    "{shape:?} {loss:?} {index}: {found}, not {expected}"
-                );
-            }
+            assert_gradient(found, &gradient, GRADIENT_TOLERANCE, &format!("{shape:?} {loss:?}"));
             engine.step(&inputs, &targets, 1e-4).unwrap();
             let found = engine.take_mean_loss().unwrap();
             assert!((found - value).abs() <= 1e-5, "{shape:?} {loss:?}: loss {found}, not {value}");
@@ -95,51 +84,29 @@ fn the_gradient_is_the_definitions() {
 #[test]
 fn ten_steps_stay_with_the_definition() {
     let shape = shape(37, 5, Some(2));
-    let rate = 1e-4;
+    let rate = f64::from(1e-4f32);
     let mut engine = engine(shape, Loss::L1, 128, 3);
     let mut weights = as_f64(engine.parameters());
-    let (mut first, mut second) = (vec![0.0; weights.len()], vec![0.0; weights.len()]);
+    let mut moments = [0; 2].map(|_| vec![0.0; weights.len()]);
     for step in 1..=10u64 {
         let (inputs, targets) = batch(if step % 3 == 0 { 50 } else { 77 }, 100 + step);
-        let (_, gradient) = reference::loss_and_gradient(
-            &shape,
-            &weights,
-            &samples_f64(&inputs),
-            &as_f64(&targets),
-            Loss::L1,
-        );
-        let config = AdamConfig::default();
-        reference::adam_step(
-            &config,
-            f64::from(rate),
-            step,
-            &mut weights,
-            &gradient,
-            &mut first,
-            &mut second,
-        );
-        engine.step(&inputs, &targets, rate).unwrap();
+        let (_, gradient) = defined(&shape, &weights, (&inputs, &targets), Loss::L1);
+        let [first, second] = &mut moments;
+        reference::adam_step(&AdamConfig::default(), rate, step, &mut weights, &gradient, first, second);
+        engine.step(&inputs, &targets, rate as f32).unwrap();
     }
-    let rate = f64::from(rate);
-    let errors: Vec<f64> = engine
-        .parameters()
-        .iter()
-        .zip(&weights)
-        .map(|(&found, expected)| (f64::from(found) - expected).abs())
-        .collect();
+    let pairs = engine.parameters().iter().zip(&weights);
+    let errors: Vec<f64> = pairs.map(|(&found, expected)| (f64::from(found) - expected).abs()).collect();
     let largest = errors.iter().copied().fold(0.0, f64::max);
     let loose = errors.iter().filter(|&&error| error > 0.01 * rate).count();
     assert!(largest <= 2.0 * rate, "a weight is {largest} off");
-    assert!(
-        loose * 200 <= errors.len(),
-        "{loose} of {} weights are off by more than 1 % of a step",
-        errors.len()
-    );
+    let all = errors.len();
+    assert!(loose * 200 <= all, "{loose} of {all} weights are off by more than 1 % of a step");
     assert_eq!(engine.state().unwrap().step, 10);
     let (probes, _) = batch(40, 77);
     let mut outputs = vec![f32::NAN; 40];
     CpuEvaluator::new(shape, engine.parameters()).unwrap().evaluate(&probes, &mut outputs).unwrap();
-    for (probe, &found) in samples_f64(&probes).iter().zip(&outputs) {
+    for (probe, &found) in rows(&probes).iter().zip(&outputs) {
         let expected = reference::forward(&shape, &weights, probe);
         assert!((f64::from(found) - expected).abs() <= 1e-5, "{found}, not {expected}");
     }
@@ -152,8 +119,7 @@ fn threads_and_room_for_larger_batches_change_no_bit() {
     let count = WINDOW + 333;
     let (inputs, targets) = batch(count, 1);
     let train = |threads: usize, max_batch: usize| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| {
+        on_threads(threads, || {
             let mut engine = engine(shape, Loss::L1, max_batch, 2);
             for count in [count, 77, 128] {
                 engine.step(&inputs[..count * INPUTS], &targets[..count], 1e-4).unwrap();
@@ -170,17 +136,13 @@ fn threads_and_room_for_larger_batches_change_no_bit() {
 #[test]
 fn windows_add_up_to_the_batch() {
     let shape = shape(400, 2, Some(1));
-    let window = WINDOW;
-    let (inputs, targets) = batch(window + 200, 4);
-    let mut engine = engine(shape, Loss::L2, window + 200, 6);
+    let count = WINDOW + 200;
+    let (inputs, targets) = batch(count, 4);
+    let mut engine = engine(shape, Loss::L2, count, 6);
     let weights = as_f64(engine.parameters());
-    let (_, found) = engine.gradient(&inputs, &targets, window + 200).unwrap();
-    let (_, gradient) =
-        reference::loss_and_gradient(&shape, &weights, &samples_f64(&inputs), &as_f64(&targets), Loss::L2);
-    let scale = gradient.iter().fold(0.0f64, |top, g| top.max(g.abs()));
-    for (&mut found, &expected) in found.iter_mut().zip(&gradient) {
-        assert!((f64::from(found) - expected).abs() <= GRADIENT_TOLERANCE * scale, "{found}, not {expected}");
-    }
+    let (_, found) = engine.gradient(&inputs, &targets, count).unwrap();
+    let (_, gradient) = defined(&shape, &weights, (&inputs, &targets), Loss::L2);
+    assert_gradient(found, &gradient, GRADIENT_TOLERANCE, "windows");
 }
 
 /// Gradients that Adam takes at once are elsewhere than those that the caller wants.
@@ -238,7 +200,8 @@ fn what_does_not_fit_is_refused_by_name() {
     refused(engine.step(&[0.0; 14], &[0.0; 3], 0.1), "14 inputs");
     let mut state = TrainingState::new(&shape, 1);
     state.first_moment.pop();
-    refused(CpuTrainer::new(shape, AdamConfig::default(), Loss::L1, 4, state).map(|_| ()), "parameters");
+    let short = CpuTrainer::new(shape.stack(), AdamConfig::default(), Loss::L1, 4, state);
+    refused(short.map(|_| ()), "parameters");
     let wide = SirenShape { width: 0, ..shape };
     refused(CpuEvaluator::new(wide, &[]).map(|_| ()), "hidden layers");
     let mut evaluator = CpuEvaluator::new(shape, engine.parameters()).unwrap();
@@ -260,12 +223,10 @@ fn evaluation_is_the_definitions_forward_pass() {
         let (inputs, _) = batch(count, 2);
         let mut outputs = vec![f32::NAN; count];
         evaluator.evaluate(&inputs, &mut outputs).unwrap();
-        for (sample, &found) in samples_f64(&inputs).iter().zip(&outputs) {
+        for (sample, &found) in rows(&inputs).iter().zip(&outputs) {
             let expected = reference::forward(&shape, &as_f64(&weights), sample);
-            assert!(
-                (f64::from(found) - expected).abs() <= VALUE_TOLERANCE,
-                "{shape:?}: {found}, not {expected}"
-            );
+            let error = (f64::from(found) - expected).abs();
+            assert!(error <= VALUE_TOLERANCE, "{shape:?}: {found}, not {expected}");
         }
     }
 }

@@ -154,7 +154,7 @@ pub type Observer<'a> = dyn FnMut(&Report, &mut dyn TrainingEngine) -> ControlFl
 /// Fills rows of a step's batch: its cursor, its number from the run's beginning, which rows (all, or those of this
 /// process), their `inputs` and `targets` as [`TrainingEngine::step`] takes them. What a row holds must follow from
 /// cursor, step and row alone.
-pub type Feed<'a> =
+pub(crate) type Feed<'a> =
     dyn FnMut(Cursor, u64, Range<usize>, &mut [f32], &mut [f32]) -> Result<(), TrainError> + 'a;
 
 /// Trains `engine` on `samples` from `start` to the plan's end, or until the observer breaks.
@@ -190,7 +190,7 @@ pub fn train(
 ///
 /// # Errors
 /// As [`train`], and what `feed` reports.
-pub fn train_by(
+pub(crate) fn train_by(
     plan: &TrainingPlan,
     samples: usize,
     feed: &mut Feed<'_>,

@@ -5,8 +5,7 @@ use imf_core::orientation::Orientation;
 
 #[test]
 fn every_way_to_evaluate_is_the_definition() {
-    let scene = scene();
-    let harmonic = harmonic(&scene);
+    let harmonic = harmonic();
     let set = OrientationSet::parse("random:530:4").unwrap().orientations;
     let mut functions = vec![0.0; harmonic.basis.len()];
     let fields = [37, 130].map(|width| field(&harmonic, width));
@@ -37,7 +36,7 @@ fn every_way_to_evaluate_is_the_definition() {
                 assert_eq!(evaluator.overlap_with_gradient(points[point], direction, &mut scratch), None);
                 continue;
             }
-            let input: Vec<f64> = field.input(points[point]).iter().map(|&v| f64::from(v)).collect();
+            let input = as_f64(&field.input(points[point]));
             let z = reference::forward(&field.shape, &weights, &input);
             field.basis.values(&set[orientation], &mut functions);
             let defined = defined(&field, &z, &functions);
@@ -61,8 +60,7 @@ fn every_way_to_evaluate_is_the_definition() {
 
 #[test]
 fn gradients_of_single_poses_are_central_differences_on_every_instruction_set() {
-    let scene = scene();
-    let harmonic = harmonic(&scene);
+    let harmonic = harmonic();
     let field = field(&harmonic, 70);
     let folded = field.clone().fold();
     let grid = field.grid;
@@ -105,7 +103,7 @@ fn gradients_of_single_poses_are_central_differences_on_every_instruction_set() 
 
 #[test]
 fn an_evaluator_that_takes_over_other_weights_is_one_of_these() {
-    let harmonic = harmonic(&scene());
+    let harmonic = harmonic();
     let shape = settings(1).shape(harmonic.component_count());
     let field = |seed| FactoredField::new(&harmonic, shape, shape.initial_parameters(seed)).unwrap();
     let mut evaluator = field(3).into_evaluator();

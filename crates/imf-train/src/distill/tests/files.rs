@@ -8,13 +8,13 @@ fn targets(harmonic: &HarmonicField) -> Targets<'_> {
 
 #[test]
 fn a_folded_network_is_the_same_field_of_fewer_numbers() {
-    let scene = scene();
-    let plain = field(&harmonic(&scene), 40);
+    let harmonic = harmonic();
+    let plain = field(&harmonic, 40);
     let folded = plain.clone().folded();
     // 21 axes of 36 functions: 40·36 numbers in place of 21·(40 + 36), and 21 biases.
     assert_eq!(plain.parameter_count() - folded.parameter_count(), 21 * 76 + 21 - 40 * 36);
     assert_eq!(folded.clone().folded(), folded);
-    let wide = field(&harmonic(&scene), 60);
+    let wide = field(&harmonic, 60);
     assert_eq!(wide.clone().folded(), wide, "where it takes more it is left alone");
 
     let set = OrientationSet::parse("random:20:4").unwrap().orientations;
@@ -24,44 +24,39 @@ fn a_folded_network_is_the_same_field_of_fewer_numbers() {
         sections
     };
     let expected = sections(&plain);
-    let worst = |found: Vec<f32>| found.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
     assert!(expected.iter().any(|&v| v > 0.1));
     // Sums of some hundred products in f32.
-    assert!(worst(sections(&folded)) < 1e-5);
+    assert!(apart(&sections(&folded), &expected) < 1e-5);
     let unfolded = folded.unfolded().into_owned();
     assert!(!unfolded.shape.folded);
-    assert!(worst(sections(&unfolded)) < 1e-5);
+    assert!(apart(&sections(&unfolded), &expected) < 1e-5);
 }
 
 #[test]
 fn a_folded_network_is_not_trained() {
-    let scene = scene();
-    let folded = field(&harmonic(&scene), 40).fold();
-    let state = FactoredState::from_parameters(folded.parameters.clone());
-    let plan = TrainingPlan::default();
-    let Err(error) = engine::cpu_engine(folded.shape, &plan, Optimiser::Adam, 8, &state) else { panic!() };
+    let folded = field(&harmonic(), 40).fold();
+    let (stack, state) = (folded.shape.stack(), TrainingState::from_parameters(folded.parameters));
+    let Err(error) = CpuTrainer::new(stack, AdamConfig::default(), Loss::L2, 8, state) else { panic!() };
     assert!(error.to_string().contains("evaluated, not trained"), "{error}");
 }
 
 #[test]
 fn weights_turned_to_another_teacher_answer_as_before() {
-    let scene = scene();
-    let own = field(&harmonic(&scene), 40);
+    let harmonic = harmonic();
+    let own = field(&harmonic, 40);
     // Another grid, all axes, a higher degree: nothing is left out.
     let mesh = ReferencePart::Teapot.mesh();
     let tool = Tool::paper();
     let spec =
         SceneSpec { margin: 1, ..SceneSpec::of_reference(ReferencePart::Teapot, &mesh, [16, 22, 29], &tool) };
     let other = spec.scene().unwrap();
-    let plan = SectionPlan::new(&other.obstacle, &other.record.tool, ToolPoints::SharpPoints).unwrap();
     let richer = FitSettings { degree: 6, components: usize::MAX, ..FIT };
-    let richer = fit(&plan, Domain::Directions, &richer, Control::quiet()).unwrap();
+    let richer = fit(&plan(&other), Domain::Directions, &richer, Control::quiet()).unwrap();
     let shape = FactoredShape { components: richer.component_count(), ..own.shape };
-    let turned =
-        FactoredField::new(&richer, shape, parameters_for(&own, &richer, &targets(&richer)).unwrap())
-            .unwrap();
+    let parameters = parameters_for(&own, &richer, &targets(&richer)).unwrap();
+    let turned = FactoredField::new(&richer, shape, parameters).unwrap();
     let folded = parameters_for(&own.clone().fold(), &richer, &targets(&richer)).unwrap();
-    let worst = folded.iter().zip(&turned.parameters).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    let worst = apart(&folded, &turned.parameters);
     assert!(worst < 1e-5, "a folded network is turned as it was: {worst}");
     assert_ne!((turned.grid, turned.scale), (own.grid, own.scale));
     let (before, after) = (own.evaluator(), turned.evaluator());
@@ -86,10 +81,6 @@ fn weights_turned_to_another_teacher_answer_as_before() {
     let [solved, turned] = [&solved, &turned].map(|field| error(field, &richer));
     assert!(solved < 0.5 * turned, "with its best last layer {solved}, as it was {turned}");
     // With fewer axes it is what these leave of it: still closer than nothing.
-    let same = {
-        let harmonic = harmonic(&scene);
-        parameters_for(&own, &harmonic, &targets(&harmonic)).unwrap()
-    };
-    let worst = same.iter().zip(&own.parameters).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    let worst = apart(&parameters_for(&own, &harmonic, &targets(&harmonic)).unwrap(), &own.parameters);
     assert!(worst < 1e-4, "to its own harmonic nothing changes: {worst}");
 }

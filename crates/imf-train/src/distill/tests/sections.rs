@@ -6,27 +6,20 @@ use crate::distill::sections::SectionEngine;
 use crate::fixtures::Recorder;
 use crate::training::run::Report;
 use imf_fields::recipe::OnlineSettings;
-use imf_fields::recipe::TrainingState;
 use imf_fields::siren::ShapeError;
 
 const ONLINE: OnlineSettings = OnlineSettings { pool: 40, every: 1, seed: 3, lead: 4 };
 
-fn plan(scene: &Scene) -> SectionPlan {
-    SectionPlan::new(&scene.obstacle, &scene.record.tool, ToolPoints::SharpPoints).unwrap()
-}
-
 #[test]
 fn targets_are_the_coefficients_to_expect() {
-    let scene = scene();
-    let plan = plan(&scene);
+    let plan = plan(&scene());
     let harmonic = SectionSource::new(&plan, Domain::Directions, &FIT, Control::quiet()).unwrap();
     let shape = settings(1).shape(harmonic.component_count());
     let field = harmonic.field(shape, shape.initial_parameters(5)).unwrap();
     let other = FactoredShape { components: shape.components + 1, ..shape };
     let refused = harmonic.field(other, other.initial_parameters(5)).unwrap_err();
-    assert!(
-        matches!(refused, ShapeError::Parameters { expected, .. } if expected == shape.parameter_count())
-    );
+    let needed = shape.parameter_count();
+    assert!(matches!(refused, ShapeError::Parameters { expected, .. } if expected == needed));
     let state = TrainingState::from_parameters(field.parameters.clone());
     let mut recorder = Recorder { inputs: INPUTS, outputs: shape.components, state, ..Recorder::default() };
     // A step at which slots are not in the order of their numbers.
@@ -63,7 +56,7 @@ fn targets_are_the_coefficients_to_expect() {
     let inverse =
         (gram + nalgebra::DMatrix::identity(ONLINE.pool, ONLINE.pool) * ridge).try_inverse().unwrap();
     let mut squares = 0.0;
-    for (row, input) in rows(&inputs).iter().enumerate() {
+    for (row, input) in rows::<INPUTS>(&inputs).iter().enumerate() {
         let z = reference::forward(&shape, &weights, input);
         let z = nalgebra::DVector::from_vec(z);
         let left = nalgebra::DVector::from_fn(ONLINE.pool, |slot, _| {
@@ -89,14 +82,12 @@ fn error_of(field: &FactoredField, plan: &SectionPlan) -> f64 {
     let exact = imf_core::section::sections(plan, &set, Control::quiet()).unwrap();
     let mut found = vec![0.0; exact.len() * field.grid.len()];
     field.evaluator().sections(&field.direction_weights(&set), &mut found);
-    let pairs = found.iter().zip(exact.iter().flatten());
-    pairs.map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>() / found.len() as f64
+    mean_square(&found, exact.iter().flatten())
 }
 
 #[test]
 fn sections_alone_serve_as_a_harmonic_field_would() {
-    let scene = scene();
-    let plan = plan(&scene);
+    let plan = plan(&scene());
     let settings = DistillSettings { online: Some(ONLINE), ..settings(400) };
     // Degree 2 leaves out a third of the field by itself.
     for (domain, degree, left) in [(Domain::Directions, 5, 0.25), (Domain::Rotations, 2, 0.5)] {
@@ -115,13 +106,11 @@ fn sections_alone_serve_as_a_harmonic_field_would() {
 
 #[test]
 fn a_stop_and_the_number_of_threads_change_no_bit() {
-    let scene = scene();
-    let plan = plan(&scene);
+    let plan = plan(&scene());
     let harmonic = SectionSource::new(&plan, Domain::Directions, &FIT, Control::quiet()).unwrap();
     let settings = DistillSettings { online: Some(ONLINE), ..settings(30) };
     let run = |threads: usize, stop: bool| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| {
+        on_threads(threads, || {
             let mut state = settings.start(harmonic.component_count());
             if stop {
                 let cancelled = AtomicBool::new(false);
@@ -141,8 +130,7 @@ fn a_stop_and_the_number_of_threads_change_no_bit() {
 
 #[test]
 fn a_pool_that_fills_is_given_up_and_training_goes_on_to_the_same_bits() {
-    let scene = scene();
-    let plan = plan(&scene);
+    let plan = plan(&scene());
     let harmonic = SectionSource::new(&plan, Domain::Directions, &FIT, Control::quiet()).unwrap();
     let settings = DistillSettings { online: Some(ONLINE), ..settings(40) };
     let trained = |state: &mut FactoredState, control: Control<'_>| {

@@ -86,7 +86,7 @@ fn coefficients_in_the_frame_of_a_place_are_of_the_same_values() {
                 assert!((found - expected).abs() < 2e-5, "{symmetry}: {found}, not {expected}");
             }
             harmonics.to_world(&place, &mut local);
-            let rest = local.iter().zip(&ordered).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+            let rest = apart(&local, &ordered);
             assert!(rest < 1e-5, "{symmetry}: back with {rest}");
         }
         assert!(scale > 1.0);
@@ -105,9 +105,8 @@ fn coefficients_in_the_frame_of_a_place_are_of_the_same_values() {
 
 /// A harmonic of all functions, whose grid the symmetries' planes and lines cross.
 fn all_functions(scene: &Scene) -> HarmonicField {
-    let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, ToolPoints::SharpPoints).unwrap();
     let settings = FitSettings { components: usize::MAX, ..FIT };
-    fit(&plan, Domain::Directions, &settings, Control::quiet()).unwrap()
+    fit(&plan(scene), Domain::Directions, &settings, Control::quiet()).unwrap()
 }
 
 /// The symmetries, moved so far from a grid's middle, in pitches.
@@ -144,12 +143,12 @@ fn fields_with_symmetry_are_their_network_in_the_frames_of_places() {
             let expanded = evaluator.expanded(StoragePrecision::F32, report);
             let mut from_array = vec![0.0; sections.len()];
             expanded.sections(&expanded.direction_weights(&set), &mut from_array);
-            let weights: Vec<f64> = field.parameters.iter().map(|&w| f64::from(w)).collect();
+            let weights = as_f64(&field.parameters);
             let mut functions = vec![0.0; field.basis.len()];
             let (mut scratch, mut spread) = (PointScratch::default(), 0.0f64);
             for voxel in (0..grid.len()).step_by(97) {
                 let point = grid.centre(grid.voxel(voxel));
-                let input: Vec<f64> = field.input(point).iter().map(|&v| f64::from(v)).collect();
+                let input = as_f64(&field.input(point));
                 let z = reference::forward(&field.shape, &weights, &input);
                 let place = symmetry.place(point);
                 for (number, orientation) in set.iter().enumerate() {
@@ -301,10 +300,8 @@ fn a_symmetry_reduced_network_learns_more_and_stays_what_it_is() {
     let harmonic = all_functions(&scene);
     let symmetry = Symmetry::of(&harmonic, &scene.obstacle);
     // The teapot's spout and handle lie in a plane, its body is turned about x.
-    assert!(
-        symmetry.mirrors[1].is_some() && symmetry.axis.is_some_and(|axis| axis.along == 0),
-        "{symmetry:?}"
-    );
+    let along_x = symmetry.axis.is_some_and(|axis| axis.along == 0);
+    assert!(symmetry.mirrors[1].is_some() && along_x, "{symmetry:?}");
     let set = OrientationSet::parse("random:40:6").unwrap().orientations;
     let mut exact = vec![0.0; harmonic.grid.len() * set.len()];
     harmonic.sections(&harmonic.direction_weights(&set), &mut exact);
@@ -318,8 +315,7 @@ fn a_symmetry_reduced_network_learns_more_and_stays_what_it_is() {
         let field = FactoredField::new(&harmonic, shape, state.training.parameters.clone()).unwrap();
         let mut sections = vec![0.0; exact.len()];
         field.evaluator().sections(&field.direction_weights(&set), &mut sections);
-        let squares = sections.iter().zip(&exact).map(|(a, b)| f64::from(a - b).powi(2));
-        errors.push(squares.sum::<f64>() / exact.len() as f64);
+        errors.push(mean_square(&sections, &exact));
 
         let file = FactoredFile {
             field: field.clone(),
@@ -348,14 +344,14 @@ fn a_symmetry_reduced_network_learns_more_and_stays_what_it_is() {
         // To its own harmonic nothing changes.
         let targets = Targets::new(&harmonic, symmetry).unwrap();
         let same = parameters_for(&field, &harmonic, &targets).unwrap();
-        let worst = same.iter().zip(&field.parameters).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        let worst = apart(&same, &field.parameters);
         assert!(worst < 1e-4, "{worst}");
     }
     // Full size gains a half and more; of this coarse teapot a quarter is enough to tell.
     assert!(errors[1] < 0.75 * errors[0], "{errors:?}");
 
     // A harmonic that keeps fewer axes tells of it as well: of all functions, as far as its axes go.
-    let few = super::harmonic(&scene);
+    let few = super::harmonic();
     assert!(few.component_count() < few.basis.len());
     assert_eq!(Symmetry::of(&few, &scene.obstacle).axis.map(|axis| axis.along), Some(0));
     let settings = DistillSettings { symmetry, ..settings(300) };
@@ -366,8 +362,7 @@ fn a_symmetry_reduced_network_learns_more_and_stays_what_it_is() {
     let (mut found, mut expected) = (vec![0.0; exact.len()], vec![0.0; exact.len()]);
     field.evaluator().sections(&field.direction_weights(&set), &mut found);
     few.sections(&few.direction_weights(&set), &mut expected);
-    let squares = found.iter().zip(&expected).map(|(a, b)| f64::from(a - b).powi(2));
-    assert!(squares.sum::<f64>() / (exact.len() as f64) < 1.5 * errors[1], "{errors:?}");
+    assert!(mean_square(&found, &expected) < 1.5 * errors[1], "{errors:?}");
 
     // Sections do not, nor do fields over rotations; files that say so are damaged.
     let online = DistillSettings { online: Some(OnlineSettings::default()), ..settings };

@@ -1,7 +1,8 @@
 //! Training in bfloat16 against the same training by the twin's products, and against the definition.
 
-use crate::engine::tests::{as_f64, batch, engine, samples_f64, shape};
+use crate::engine::tests::{batch, defined, engine, shape};
 use crate::engine::{CpuTrainer, WINDOW};
+use crate::fixtures::{as_f64, on_threads, rows};
 use crate::training::TrainingEngine;
 use imf_core::field::EngineError;
 use imf_fields::recipe::{AdamConfig, Loss, Precision, TrainingState};
@@ -21,7 +22,7 @@ fn apart(a: &[f32], b: &[f64]) -> f64 {
 fn off_the_corner(shape: SirenShape, count: usize) -> (Vec<f32>, Vec<f32>) {
     let (inputs, mut targets) = batch(count, 9);
     let weights = as_f64(&TrainingState::new(&shape, 5).parameters);
-    for (target, sample) in targets.iter_mut().zip(samples_f64(&inputs)) {
+    for (target, sample) in targets.iter_mut().zip(rows(&inputs)) {
         let value = reference::forward(&shape, &weights, &sample) as f32;
         *target += if (*target - value).abs() < 0.02 { 0.05 } else { 0.0 };
     }
@@ -59,14 +60,8 @@ fn the_gradient_is_the_twins_and_near_the_definitions() {
         let (twin, twin_loss) = gradient(Kernel::Twin, shape, count, omega);
         let rated = SirenShape { omega, ..shape };
         let (inputs, targets) = off_the_corner(rated, count);
-        let weights: Vec<f64> = as_f64(&TrainingState::new(&rated, 5).parameters);
-        let (loss, expected) = reference::loss_and_gradient(
-            &rated,
-            &weights,
-            &samples_f64(&inputs),
-            &as_f64(&targets),
-            Loss::L1,
-        );
+        let weights = as_f64(&TrainingState::new(&rated, 5).parameters);
+        let (loss, expected) = defined(&rated, &weights, (&inputs, &targets), Loss::L1);
         let rounded = apart(&twin, &expected);
         println!("{shape:?}: {rounded:.1e} from the definition, loss {:.1e}", twin_loss - loss);
         assert!(rounded <= ROUNDED, "{shape:?}: {rounded}");
@@ -90,8 +85,7 @@ fn threads_change_no_bit_and_steps_without_update_are_the_same() {
     let count = WINDOW + 333;
     let (inputs, targets) = batch(count, 1);
     let train = |threads: usize, max_batch: usize, apart: bool| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| {
+        on_threads(threads, || {
             let mut engine = engine(shape, Loss::L1, max_batch, 2).with_kernel(kernel).unwrap();
             for count in [count, 77, 128] {
                 let (inputs, targets) = (&inputs[..count * INPUTS], &targets[..count]);

@@ -1,7 +1,7 @@
 //! SOAP against its definition in f64.
 
 use super::*;
-use crate::engine::orthonormal::tests::numbers;
+use crate::fixtures::numbers;
 use nalgebra::DMatrix;
 
 const BETA: f64 = 0.95;

@@ -1,24 +1,19 @@
 use super::*;
 use crate::engine::CpuTrainer;
-use crate::fixtures::{Recorder, go_on, samples};
+use crate::fixtures::{self, Recorder, bits, go_on, samples};
 use imf_fields::recipe::schedule::Schedule;
 use imf_fields::recipe::{TrainingLength, TrainingState};
 use imf_fields::siren::SirenShape;
 
 const SHAPE: SirenShape = SirenShape { width: 24, hidden: 3, skip_after: Some(2), omega: 10.0 };
 
+/// Two epochs.
 fn plan() -> TrainingPlan {
-    TrainingPlan {
-        length: TrainingLength::Epochs(2),
-        batch: 150,
-        report_every: 4,
-        seed: 9,
-        ..TrainingPlan::default()
-    }
+    fixtures::plan(2)
 }
 
 fn engine(plan: &TrainingPlan, state: TrainingState) -> CpuTrainer {
-    CpuTrainer::new(SHAPE, plan.adam, plan.loss, plan.batch, state).unwrap()
+    fixtures::engine(SHAPE, plan, state)
 }
 
 #[test]
@@ -33,10 +28,8 @@ fn a_run_in_pieces_has_the_bits_of_one_in_one_go() {
         },
     ] {
         let mut whole = engine(&plan, TrainingState::new(&SHAPE, 1));
-        assert_eq!(
-            train(&plan, &samples, &mut whole, Cursor::default(), &mut go_on).unwrap(),
-            Outcome::Finished
-        );
+        let outcome = train(&plan, &samples, &mut whole, Cursor::default(), &mut go_on).unwrap();
+        assert_eq!(outcome, Outcome::Finished);
         let whole = whole.state().unwrap();
         assert_eq!(whole.step, plan.total_steps(samples.len()));
 
@@ -90,11 +83,7 @@ fn an_epoch_shows_every_sample_once() {
     let plan = TrainingPlan { length: TrainingLength::Epochs(1), ..plan() };
     let mut recorder = Recorder::default();
     train(&plan, &samples, &mut recorder, Cursor::default(), &mut go_on).unwrap();
-    let row = |index: usize| {
-        let (input, target) = samples.sample(index);
-        std::array::from_fn(|i| input.get(i).unwrap_or(&target).to_bits())
-    };
-    let mut expected: Vec<[u32; INPUTS + 1]> = (0..samples.len()).map(row).collect();
+    let mut expected = bits(&samples);
     let batches = recorder.rows();
     let (last, others) = batches.split_last().unwrap();
     assert!(others.iter().all(|batch| batch.len() == 150) && last.len() == samples.len() % 150);
@@ -187,10 +176,8 @@ fn a_loss_that_rises_for_good_stops_the_run() {
 #[test]
 fn plans_are_read_with_the_papers_values_for_what_is_left_out() {
     let plan: TrainingPlan = serde_json::from_str(r#"{"batch": 512, "length": {"steps": 10}}"#).unwrap();
-    assert_eq!(
-        plan,
-        TrainingPlan { batch: 512, length: TrainingLength::Steps(10), ..TrainingPlan::default() }
-    );
+    let expected = TrainingPlan { batch: 512, length: TrainingLength::Steps(10), ..TrainingPlan::default() };
+    assert_eq!(plan, expected);
     let text = serde_json::to_string(&plan).unwrap();
     assert_eq!(serde_json::from_str::<TrainingPlan>(&text).unwrap(), plan);
     assert!(serde_json::from_str::<TrainingPlan>(r#"{"bach": 512}"#).is_err());

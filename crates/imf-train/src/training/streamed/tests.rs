@@ -4,14 +4,11 @@ use std::path::Path;
 use super::*;
 use crate::dataset::{Layout, generate_partition, load};
 use crate::engine::CpuTrainer;
-use crate::fixtures::{Recorder, go_on, scene};
-use crate::training::run::Report;
-use crate::training::run::train;
+use crate::fixtures::{self, Recorder, bits, go_on, scene};
+use crate::training::run::{Report, train};
 use imf_core::control::Control;
 use imf_core::orientation::OrientationSet;
-use imf_fields::recipe::Sampling;
-use imf_fields::recipe::TrainingLength;
-use imf_fields::recipe::TrainingState;
+use imf_fields::recipe::{Sampling, TrainingLength, TrainingState};
 use imf_fields::siren::SirenShape;
 use std::ops::ControlFlow;
 
@@ -27,19 +24,13 @@ fn dataset(folder: &Path) -> Shards {
     shards
 }
 
+/// Three epochs. A group's samples are no multiple of a batch: batches straddle groups.
 fn plan() -> TrainingPlan {
-    // No multiple of a group's samples: batches straddle groups.
-    TrainingPlan {
-        length: TrainingLength::Epochs(3),
-        batch: 150,
-        report_every: 4,
-        seed: 9,
-        ..TrainingPlan::default()
-    }
+    fixtures::plan(3)
 }
 
 fn engine(plan: &TrainingPlan, state: TrainingState) -> CpuTrainer {
-    CpuTrainer::new(SHAPE, plan.adam, plan.loss, plan.batch, state).unwrap()
+    fixtures::engine(SHAPE, plan, state)
 }
 
 fn fed(shards: &Shards, groups: usize, plan: &TrainingPlan, start: Cursor) -> Vec<Vec<[u32; INPUTS + 1]>> {
@@ -71,19 +62,14 @@ fn one_group_has_the_bits_of_a_training_in_memory() {
 fn an_epoch_in_groups_has_every_sample_once_and_two_epochs_differ() {
     let folder = tempfile::tempdir().unwrap();
     let shards = dataset(folder.path());
-    let samples = load(folder.path()).unwrap().2;
-    let row = |index: usize| {
-        let (input, target) = samples.sample(index);
-        std::array::from_fn(|i| input.get(i).unwrap_or(&target).to_bits())
-    };
-    let mut expected: Vec<[u32; INPUTS + 1]> = (0..samples.len()).map(row).collect();
+    let mut expected = bits(&load(folder.path()).unwrap().2);
     expected.sort_unstable();
     let section_of = |row: &[u32; INPUTS + 1]| [row[3], row[4]];
     for groups in [1, 2, 3, 5, 8, 100] {
         for (epochs, batch) in [(2, 150), (2, 4000), (1, 1)] {
             let plan = TrainingPlan { length: TrainingLength::Epochs(epochs), batch, ..plan() };
             let batches = fed(&shards, groups, &plan, Cursor::default());
-            let per_epoch = plan.steps_per_epoch(samples.len()) as usize;
+            let per_epoch = plan.steps_per_epoch(expected.len()) as usize;
             assert_eq!(batches.len(), per_epoch * epochs as usize, "{groups} groups, batch {batch}");
             let orders: Vec<Vec<_>> =
                 batches.chunks(per_epoch).map(<[Vec<[u32; INPUTS + 1]>]>::concat).collect();
