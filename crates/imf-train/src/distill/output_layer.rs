@@ -5,8 +5,6 @@
 //! training that solves for them now and then needs a third of the steps (variable projection), and a network of
 //! another part starts from the best use of its hidden layers.
 
-use std::ops::Range;
-
 use nalgebra::{Cholesky, DMatrix};
 use rayon::prelude::*;
 
@@ -15,7 +13,6 @@ use imf_core::field::EngineError;
 use imf_fields::factored::targets::{ComponentBasis, TargetScratch, Targets};
 use imf_fields::factored::{DistillSettings, FactoredField};
 use imf_fields::harmonic::HarmonicField;
-use imf_fields::recipe::TrainingState;
 use imf_fields::siren::matrix::{Matrix, multiply};
 
 /// Voxels for each weight of an output while training goes on: their choice adds some 3 % to the squared error, until the next.
@@ -113,88 +110,47 @@ fn normal_equations(
 /// a long one the large weights that fit a field by random sines lead the hidden layers astray (both measured, in the record).
 pub(super) const SOLVED_FIRST: u64 = 400;
 
-/// An engine that solves the output layer in closed form after every fixed number of steps, and after the last; in a
-/// short training before the first too. Which ones those are depends on the plan alone, so that an interrupted
-/// training goes on to the same bits.
+/// Solves the output layer in closed form after every fixed number of steps, and after the last; in a short training
+/// before the first too. Which ones those are depends on the plan alone, so that an interrupted training goes on to the
+/// same bits.
 pub(super) struct ClosedForm<'a> {
-    engine: &'a mut dyn TrainingEngine,
     targets: &'a Targets<'a>,
     /// Of the engine's weights at the last solution.
     field: FactoredField,
     every: u64,
-    /// Steps of the plan done, and in all.
-    done: u64,
+    /// Steps of the plan.
     total: u64,
 }
 
 impl<'a> ClosedForm<'a> {
-    /// Goes on after `done` steps.
     pub(super) fn new(
-        engine: &'a mut dyn TrainingEngine,
         harmonic: &HarmonicField,
         targets: &'a Targets<'a>,
         settings: &DistillSettings,
-        done: u64,
     ) -> Self {
         let shape = settings.shape(settings.outputs(harmonic));
         let field = ComponentBasis::of(harmonic, targets).of_weights(shape, Vec::new());
         let total = settings.plan.total_steps(harmonic.grid.len());
-        Self { engine, targets, field, every: settings.solve_every, done, total }
+        Self { targets, field, every: settings.solve_every, total }
     }
 
-    fn solve(&mut self, voxels: usize) -> Result<(), EngineError> {
-        self.field.parameters = self.engine.weights()?;
+    /// Solves for an engine's output layer where that is due after `done` steps of the plan.
+    pub(super) fn solve_after(
+        &mut self,
+        done: u64,
+        engine: &mut dyn TrainingEngine,
+    ) -> Result<(), EngineError> {
+        let voxels = match self.every {
+            0 => return Ok(()),
+            _ if done == 0 && self.total > SOLVED_FIRST => return Ok(()),
+            _ if done == self.total => AT_THE_END,
+            every if done.is_multiple_of(every) => IN_TRAINING,
+            _ => return Ok(()),
+        };
+        self.field.parameters = engine.weights()?;
         // By the golden section no two solutions in a row see the same voxels.
-        let turn = (self.done as f64 * GOLDEN).fract();
+        let turn = (done as f64 * GOLDEN).fract();
         solve_output_layer(&mut self.field, self.targets, voxels, turn);
-        self.engine.replace_parameters(&self.field.parameters)
-    }
-}
-
-impl TrainingEngine for ClosedForm<'_> {
-    fn describe(&self) -> String {
-        self.engine.describe()
-    }
-
-    fn inputs(&self) -> usize {
-        self.engine.inputs()
-    }
-
-    fn outputs(&self) -> usize {
-        self.engine.outputs()
-    }
-
-    fn rows_of_batch(&mut self, batch: usize) -> Range<usize> {
-        self.engine.rows_of_batch(batch)
-    }
-
-    fn step(&mut self, inputs: &[f32], targets: &[f32], learning_rate: f32) -> Result<(), EngineError> {
-        if self.done == 0 && self.total <= SOLVED_FIRST && self.every > 0 {
-            self.solve(IN_TRAINING)?;
-        }
-        self.engine.step(inputs, targets, learning_rate)?;
-        self.done += 1;
-        match self.every {
-            0 => Ok(()),
-            _ if self.done == self.total => self.solve(AT_THE_END),
-            every if self.done.is_multiple_of(every) => self.solve(IN_TRAINING),
-            _ => Ok(()),
-        }
-    }
-
-    fn take_mean_loss(&mut self) -> Result<f64, EngineError> {
-        self.engine.take_mean_loss()
-    }
-
-    fn state(&mut self) -> Result<TrainingState, EngineError> {
-        self.engine.state()
-    }
-
-    fn weights(&mut self) -> Result<Vec<f32>, EngineError> {
-        self.engine.weights()
-    }
-
-    fn replace_parameters(&mut self, parameters: &[f32]) -> Result<(), EngineError> {
-        self.engine.replace_parameters(parameters)
+        engine.replace_parameters(&self.field.parameters)
     }
 }

@@ -166,9 +166,10 @@ impl<'a> SectionSource<'a> {
                     });
                     Ok(())
                 };
-            train_by(plan, grid.len(), &mut feed, &mut corrected, start, &mut |report, engine| {
+            let mut observe = |report: &Report, engine: &mut dyn TrainingEngine| {
                 observer(&Report { mean_loss: report.mean_loss * squared, ..*report }, engine)
-            })
+            };
+            train_by(plan, grid.len(), &mut feed, &mut |_, _| Ok(()), &mut corrected, start, &mut observe)
         })
     }
 }

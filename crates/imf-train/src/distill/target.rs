@@ -170,9 +170,9 @@ fn train_to_coefficients(
             });
             Ok(())
         };
-    let done = steps_before(settings, voxels, start.cursor);
-    let mut engine = ClosedForm::new(engine, field, &targets, settings, done);
-    train_by(plan, voxels, &mut feed, &mut engine, start, &mut |report, engine| {
+    let mut output_layer = ClosedForm::new(field, &targets, settings);
+    let mut settle = |done: u64, engine: &mut dyn TrainingEngine| output_layer.solve_after(done, engine);
+    train_by(plan, voxels, &mut feed, &mut settle, engine, start, &mut |report, engine| {
         observer(&Report { mean_loss: report.mean_loss * unit, ..*report }, engine)
     })
 }

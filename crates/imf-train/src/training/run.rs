@@ -183,17 +183,21 @@ pub fn train(
         gather(inputs, targets, |row| samples.sample(order.1.at(first + row)));
         Ok(())
     };
-    train_by(plan, samples.len(), &mut feed, engine, start, observer)
+    train_by(plan, samples.len(), &mut feed, &mut |_, _| Ok(()), engine, start, observer)
 }
+
+/// Changes the engine before the first step, when none is done, and after every one, by the number of steps done.
+pub(crate) type Settle<'a> = dyn FnMut(u64, &mut dyn TrainingEngine) -> Result<(), EngineError> + 'a;
 
 /// As [`train`], with batches from `feed`; an epoch is `samples` samples.
 ///
 /// # Errors
-/// As [`train`], and what `feed` reports.
+/// As [`train`], and what `feed` and `settle` report.
 pub(crate) fn train_by(
     plan: &TrainingPlan,
     samples: usize,
     feed: &mut Feed<'_>,
+    settle: &mut Settle<'_>,
     engine: &mut dyn TrainingEngine,
     start: impl Into<Start>,
     observer: &mut Observer<'_>,
@@ -220,9 +224,13 @@ pub(crate) fn train_by(
         let (inputs, targets) = (&mut inputs[..rows.len() * wide], &mut targets[..rows.len() * learnt]);
         feed(Cursor { epoch, step: step_in_epoch }, step, rows, inputs, targets)?;
         let learning_rate = plan.schedule.rate(epoch, step, total_steps);
+        if step == 0 {
+            settle(step, engine)?;
+        }
         engine.step(inputs, targets, learning_rate)?;
         since.samples += count;
         step += 1;
+        settle(step, engine)?;
         step_in_epoch += 1;
         let epoch_end = step_in_epoch == steps_per_epoch;
         if epoch_end {

@@ -241,7 +241,7 @@ pub fn train_streamed(
             |cursor: Cursor, _: u64, rows: Range<usize>, inputs: &mut [f32], targets: &mut [f32]| {
                 loaded.fill(cursor.epoch, cursor.step as usize * plan.batch + rows.start, inputs, targets)
             };
-        let outcome = train_by(plan, samples, &mut feed, engine, start, observer);
+        let outcome = train_by(plan, samples, &mut feed, &mut |_, _| Ok(()), engine, start, observer);
         let waited = loaded.waited;
         stopped.store(true, std::sync::atomic::Ordering::Relaxed);
         // With its channels closed a reader that still has work stops.
