@@ -3,15 +3,10 @@
 // host has made the value of every possible count, so that nothing is rounded here.
 //
 // One invocation computes every (invocations)-th voxel of the slab.
-//   jobs      [jobs]
-//   overlaps  [nx][ny][nz] for each job, over its own box
 //   shares    [count + 1] for each job, the value of every count
 //   least     [slab's nx][ny][nz], the minimum so far; all ones before the first
 //   best      [slab's nx][ny][nz], its orientation
 
-@group(0) @binding(0) var<uniform> counting: Counting;
-@group(0) @binding(1) var<storage, read> jobs: array<Job>;
-@group(0) @binding(2) var<storage, read> overlaps: array<u32>;
 @group(0) @binding(3) var<storage, read> shares: array<u32>;
 @group(0) @binding(4) var<storage, read_write> least: array<u32>;
 @group(0) @binding(5) var<storage, read_write> best: array<u32>;

@@ -1,4 +1,11 @@
-// Purpose: reads a job's overlap at a voxel of the slab. Wants `counting`, `jobs` and `overlaps` bound.
+// Purpose: reads a job's overlap at a voxel of the slab.
+//
+//   jobs      [jobs]
+//   overlaps  [nx][ny][nz] for each job, over its own box
+
+@group(0) @binding(0) var<uniform> counting: Counting;
+@group(0) @binding(1) var<storage, read> jobs: array<Job>;
+@group(0) @binding(2) var<storage, read> overlaps: array<u32>;
 
 /// A voxel of the slab in the obstacle's grid.
 fn slab_voxel(index: u32) -> vec3<i32> {

@@ -1,13 +1,8 @@
 // Purpose: the overlaps of every job over the slab, to be read back.
 //
 // One invocation computes every (invocations)-th value.
-//   jobs      [jobs]
-//   overlaps  [nx][ny][nz] for each job, over its own box
 //   sections  [jobs][slab's nx][ny][nz]
 
-@group(0) @binding(0) var<uniform> counting: Counting;
-@group(0) @binding(1) var<storage, read> jobs: array<Job>;
-@group(0) @binding(2) var<storage, read> overlaps: array<u32>;
 @group(0) @binding(3) var<storage, read_write> sections: array<u32>;
 
 @compute @workgroup_size(LINEAR_GROUP)

@@ -1,5 +1,15 @@
 // Purpose: the eight voxels around a point of a harmonic field, as `imf_fields::harmonic` has them: trilinear between voxel
-// centres, one-sided on a centre's plane. Shared by the kernels that bind `world` and `lattice`.
+// centres, one-sided on a centre's plane.
+//
+//   poses   from `sweep.base`
+//   voxels  [voxel][stride], as vec4
+
+@group(0) @binding(0) var<uniform> batch: Batch;
+@group(0) @binding(1) var<uniform> world: World;
+@group(0) @binding(2) var<uniform> sweep: Sweep;
+@group(0) @binding(3) var<uniform> lattice: Lattice;
+@group(0) @binding(4) var<storage, read> poses: array<Pose>;
+@group(0) @binding(5) var<storage, read> voxels: array<vec4<f32>>;
 
 struct Cell {
     low: vec3<u32>,

@@ -1,16 +1,8 @@
 // Purpose: a harmonic field's coefficients at the points of poses.
 //
 // One invocation computes every (invocations)-th vec4 of the coefficients.
-//   poses         from `sweep.base`
-//   voxels        [voxel][stride], as vec4
 //   coefficients  [rows][columns], zeros behind the axes
 
-@group(0) @binding(0) var<uniform> batch: Batch;
-@group(0) @binding(1) var<uniform> world: World;
-@group(0) @binding(2) var<uniform> sweep: Sweep;
-@group(0) @binding(3) var<uniform> lattice: Lattice;
-@group(0) @binding(4) var<storage, read> poses: array<Pose>;
-@group(0) @binding(5) var<storage, read> voxels: array<vec4<f32>>;
 @group(0) @binding(6) var<storage, read_write> coefficients: array<vec4<f32>>;
 
 @compute @workgroup_size(LINEAR_GROUP)

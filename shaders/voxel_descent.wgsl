@@ -1,17 +1,10 @@
 // Purpose: how a pose's value in a harmonic field changes with the tip's position, from its slopes by the coefficients.
 //
 // One invocation computes every (invocations)-th row.
-//   poses, values from `sweep.base`
-//   voxels      [voxel][stride], as vec4
+//   values      from `sweep.base`
 //   slopes      [padded_rows][columns], as vec4
 //   gradients   from `sweep.base`, two vec4 a pose, of which the first is written: value and ∂/∂x, ∂/∂y, ∂/∂z
 
-@group(0) @binding(0) var<uniform> batch: Batch;
-@group(0) @binding(1) var<uniform> world: World;
-@group(0) @binding(2) var<uniform> sweep: Sweep;
-@group(0) @binding(3) var<uniform> lattice: Lattice;
-@group(0) @binding(4) var<storage, read> poses: array<Pose>;
-@group(0) @binding(5) var<storage, read> voxels: array<vec4<f32>>;
 @group(0) @binding(6) var<storage, read> slopes: array<vec4<f32>>;
 @group(0) @binding(7) var<storage, read> values: array<f32>;
 @group(0) @binding(8) var<storage, read_write> gradients: array<vec4<f32>>;

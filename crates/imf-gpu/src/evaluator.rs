@@ -114,7 +114,7 @@ impl GpuEvaluator {
 
     /// Submits one part: its inputs are already written; its values go to `outputs` from `sweep.base`.
     fn part(&self, pass: &[Dispatch], rows: usize, sweep: Sweep) -> Result<(), EngineError> {
-        let batch = self.network.batch_of(rows);
+        let batch = self.gpu.batch_of(rows);
         self.gpu.write(&self.network.batch, &[batch]);
         self.gpu.write(&self.sweep, &[sweep]);
         self.gpu.run(pass, batch)

@@ -78,11 +78,6 @@ impl Network {
         gpu.write(&self.parameters, &self.layout.pad(parameters));
     }
 
-    /// A batch of `rows` rows, padded.
-    pub(crate) fn batch_of(&self, rows: usize) -> Batch {
-        Batch::of_rows(rows, self.layout.padding)
-    }
-
     /// The forward pass. Layer l reads `signals[l]` and writes `signals[l + 1]`, the last one `results`; where the
     /// kernels retain slopes, each hidden layer's go to `slopes[l]`. A layer's inputs, which `inputs` makes of its
     /// buffers, are written just before its activations, so that signals may share buffers in turns.

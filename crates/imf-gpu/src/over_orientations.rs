@@ -23,7 +23,7 @@ use crate::kernel::{Dispatch, Extent, Kernel, uniform};
 use crate::memory::{Room, allocate};
 use crate::shader::{Shader, TILE};
 use crate::transfer::Reading;
-use crate::uniforms::{Batch, Layer, Sweep};
+use crate::uniforms::{Layer, Sweep};
 
 /// Points whose coefficients lie together, at most.
 pub(crate) const ROWS: usize = 1 << 14;
@@ -35,7 +35,7 @@ const READINGS: usize = 4;
 /// How coefficients lie, `[rows][columns]`.
 #[derive(Clone, Debug)]
 pub(crate) struct CoefficientRows {
-    /// The [`Batch`] at hand.
+    /// The rows at hand.
     pub(crate) batch: wgpu::Buffer,
     /// Points, at most.
     pub(crate) rows: usize,
@@ -46,7 +46,7 @@ pub(crate) struct CoefficientRows {
 impl CoefficientRows {
     /// Says how many points lie there.
     pub(crate) fn hold(&self, gpu: &Gpu, rows: usize) {
-        gpu.write(&self.batch, &[Batch::of_rows(rows, gpu.matrix_kernel().padding())]);
+        gpu.write(&self.batch, &[gpu.batch_of(rows)]);
     }
 }
 
@@ -78,13 +78,6 @@ struct Chunk {
     orientations: Range<usize>,
     /// As many, and padding.
     columns: usize,
-}
-
-/// What values are reduced to.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Output {
-    Sections,
-    Minimum,
 }
 
 /// How many rows of coefficients a device takes at a time, `wanted` at most: as many as one binding holds beside a chunk's values.
@@ -138,7 +131,7 @@ impl OverOrientations {
         require(orientations)?;
         let mut found = Imf::new(points);
         for (batch, orientations) in orientations.chunks(self.batch).enumerate() {
-            let chunks = self.chunks(source, orientations, Output::Minimum)?;
+            let chunks = self.chunks(source, orientations, None)?;
             let first = (batch * self.batch) as u32;
             let gpu = self.gpu.clone();
             let mut readings = Readings::new(|(part, least, best): (Range<usize>, Reading, Reading)| {
@@ -180,16 +173,14 @@ impl OverOrientations {
         let (quantity, pitch) = source.quantity();
         let all = orientations.chunks(self.batch).zip(sections.chunks_mut((self.batch * points).max(1)));
         for (orientations, sections) in all {
-            let chunks = self.chunks(source, orientations, Output::Sections)?;
             let gpu = self.gpu.clone();
+            let room = self.sections.fit(&gpu, self.rows.rows * self.chunk.min(orientations.len()))?;
+            let chunks = self.chunks(source, orientations, Some(&room))?;
             let mut readings = Readings::new(|(part, of, reading): (Range<usize>, Range<usize>, Reading)| {
                 let values = gpu.finish_read::<f32>(reading)?;
                 for (orientation, values) in of.zip(values.chunks_exact(part.len())) {
-                    let section = &mut sections[orientation * points..][part.clone()];
-                    section
-                        .iter_mut()
-                        .zip(values)
-                        .for_each(|(out, &value)| *out = quantity.clamp(value, pitch));
+                    let section = sections[orientation * points..][part.clone()].iter_mut().zip(values);
+                    section.for_each(|(out, &value)| *out = quantity.clamp(value, pitch));
                 }
                 Ok(())
             });
@@ -199,8 +190,7 @@ impl OverOrientations {
                 for chunk in &chunks {
                     let of = chunk.orientations.clone();
                     self.submit(chunk, &coefficients, rows)?;
-                    let made = self.sections.fit(&gpu, rows * of.len())?;
-                    let reading = gpu.begin_read(&made, rows * of.len())?;
+                    let reading = gpu.begin_read(&room, rows * of.len())?;
                     readings.add((part.clone(), of, reading))?;
                 }
             }
@@ -215,19 +205,16 @@ impl OverOrientations {
         (0..points).step_by(rows).map(move |first| first..(first + rows).min(points))
     }
 
-    /// Uploads what orientations are multiplied with: `[column][components]` and their means, a chunk behind the other.
+    /// Uploads what orientations are multiplied with: `[column][components]` and their means, a chunk behind the other. Values
+    /// go to `sections`, or else lower the minimum.
     fn chunks(
-        &mut self,
+        &self,
         source: Source<'_>,
         orientations: &[Orientation],
-        made: Output,
+        sections: Option<&wgpu::Buffer>,
     ) -> Result<Vec<Chunk>, EngineError> {
         let (directions, scale) = source.direction_weights(orientations);
         let (count, components) = (directions.len(), directions.along().len() / directions.len());
-        let sections = match made {
-            Output::Sections => Some(self.sections.fit(&self.gpu, self.rows.rows * self.chunk.min(count))?),
-            Output::Minimum => None,
-        };
         let Self { gpu, rows: CoefficientRows { batch, columns: inputs, .. }, .. } = self;
         let mut weights = Vec::new();
         let mut places = Vec::new();
@@ -264,7 +251,7 @@ impl OverOrientations {
             };
             let sweep = uniform(gpu, "sweep", &sweep)?;
             let front = [batch, &layer, &sweep, &self.values];
-            let then = match &sections {
+            let then = match sections {
                 Some(sections) => {
                     let extent = Extent::Rows(orientations.len());
                     self.section.bind(extent, &[&front[..], &[sections]].concat())
@@ -284,7 +271,7 @@ impl OverOrientations {
         let Self { gpu, product, rows: CoefficientRows { batch, .. }, values, .. } = self;
         let buffers = [batch, &chunk.layer, &chunk.uploaded, coefficients, values];
         let product = product.bind(Extent::Product(chunk.columns), &buffers);
-        gpu.run([&product, &chunk.then], Batch::of_rows(rows, gpu.matrix_kernel().padding()))
+        gpu.run([&product, &chunk.then], gpu.batch_of(rows))
     }
 }
 

@@ -166,10 +166,10 @@ shaders! {
     PoseValues: "sigmoid" "pose_world" "pose_values";
     PoseGradient: "sine" "pose_world" "pose_gradient";
     PosePoints: "pose_world" "place" "pose_points";
-    HarmonicValues: "pose_world" "place" "harmonics" "harmonic_values";
-    HarmonicSlopes: "pose_world" "place" "harmonics" "turns" "harmonic_slopes";
-    RotationValues: "pose_world" "place" "rotations" "harmonic_values";
-    RotationSlopes: "pose_world" "place" "rotations" "turns" "harmonic_slopes";
+    HarmonicValues: "pose_world" "place" "harmonic_sums" "harmonics" "harmonic_values";
+    HarmonicSlopes: "pose_world" "place" "harmonic_sums" "harmonics" "turns" "harmonic_slopes";
+    RotationValues: "pose_world" "place" "harmonic_sums" "rotations" "harmonic_values";
+    RotationSlopes: "pose_world" "place" "harmonic_sums" "rotations" "turns" "harmonic_slopes";
     PoseDescent: "pose_world" "place" "pose_descent";
     VoxelCoefficients: "pose_world" "voxel_cell" "voxel_coefficients";
     VoxelDescent: "pose_world" "voxel_cell" "voxel_descent";

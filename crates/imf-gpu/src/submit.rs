@@ -15,6 +15,11 @@ const UNDER_WAY: usize = 8;
 pub(crate) const PASSES_AT_ONCE: usize = 32;
 
 impl Gpu {
+    /// A batch of `rows` rows, rounded up to what the matrix kernel works in.
+    pub(crate) fn batch_of(&self, rows: usize) -> Batch {
+        Batch::of_rows(rows, self.matrix_kernel().padding())
+    }
+
     /// Submits one pass of dispatches for the rows at hand.
     pub(crate) fn run<'a>(
         &self,

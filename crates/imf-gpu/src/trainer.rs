@@ -236,7 +236,7 @@ impl GpuTrainer {
         let last = count.div_ceil(self.part_rows) - 1;
         for (index, (inputs, targets)) in parts.enumerate() {
             let rows = targets.len() / learnt;
-            let batch = self.network.batch_of(rows);
+            let batch = self.gpu.batch_of(rows);
             let (slice_rows, slices) = slice(batch.padded_rows as usize, self.max_slices);
             let batch = Batch { slice_rows: slice_rows as u32, slices: slices as u32, ..batch };
             step.first = u32::from(index == 0);

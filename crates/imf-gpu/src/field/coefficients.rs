@@ -107,7 +107,7 @@ impl PointCoefficients {
             gpu.write(&self.frames, frames_up);
         }
         gpu.write(&self.samples, inputs_up);
-        let batch = self.network.batch_of(points.len());
+        let batch = gpu.batch_of(points.len());
         gpu.write(&self.network.batch, &[batch]);
         gpu.run(&self.pass, batch)?;
         Ok(self.coefficients.clone())

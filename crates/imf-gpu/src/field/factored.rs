@@ -39,7 +39,6 @@ pub(super) fn passes(frame: &Frame, field: &FactoredField) -> Result<Passes, Eng
     Ok(Passes {
         batch: batch.clone(),
         rows,
-        padding: network.layout.padding,
         points: CallKernel::new(gpu, Shader::PosePoints, Extent::Rows(1), points)?,
         forward,
         values: turns.values,

@@ -65,7 +65,6 @@ pub(super) fn passes(
     let passes = Passes {
         batch: batch.clone(),
         rows,
-        padding,
         points: CallKernel::new(gpu, Shader::VoxelCoefficients, Extent::Rows(components / 4), mixed)?,
         forward: vec![turns.weigh],
         values: turns.values,

@@ -13,7 +13,7 @@ use super::device_types::{DeviceGradient, DevicePose};
 use crate::device::Gpu;
 use crate::kernel::{Dispatch, Extent, Kernel, uniform};
 use crate::shader::Shader;
-use crate::uniforms::{Batch, Sweep, World};
+use crate::uniforms::{Sweep, World};
 
 /// Poses that pass through a field together, at most.
 pub(super) const ROWS: usize = 1 << 13;
@@ -98,11 +98,10 @@ impl CallKernel {
 
 /// The kernels of a field.
 pub(super) struct Passes {
-    /// The [`Batch`] at hand.
+    /// The rows at hand.
     pub(super) batch: wgpu::Buffer,
     /// Poses that pass together, at most.
     pub(super) rows: usize,
-    pub(super) padding: usize,
     /// From poses to what the way forward begins with.
     pub(super) points: CallKernel,
     pub(super) forward: Vec<Dispatch>,
@@ -132,7 +131,7 @@ impl Passes {
             pass.extend(self.backward.iter().chain([gradients]));
         }
         for base in (0..count).step_by(self.rows) {
-            let batch = Batch::of_rows(self.rows.min(count - base), self.padding);
+            let batch = frame.gpu.batch_of(self.rows.min(count - base));
             frame.gpu.write(&self.batch, &[batch]);
             frame.gpu.write(&frame.sweep, &[Sweep { base: base as u32, ..Sweep::default() }]);
             frame.gpu.run(pass.iter().copied(), batch)?;

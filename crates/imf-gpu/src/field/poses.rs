@@ -134,7 +134,7 @@ impl PoseKernels {
                     let uploaded = host.upload(gpu, &poses, false)?;
                     let points = passes.points.bind(&uploaded);
                     rows.hold(gpu, poses.len());
-                    gpu.run([&points], Batch::of_rows(poses.len(), passes.padding))?;
+                    gpu.run([&points], gpu.batch_of(poses.len()))?;
                     Ok(coefficients.clone())
                 })
             }

@@ -31,7 +31,6 @@ pub(super) fn passes(frame: &Frame, model: &Model) -> Result<Passes, EngineError
     Ok(Passes {
         batch: batch.clone(),
         rows,
-        padding: network.layout.padding,
         points: CallKernel::new(gpu, Shader::PoseInputs, Extent::Rows(1), inputs)?,
         forward,
         slopes: values.clone(),
