@@ -173,11 +173,8 @@ impl Gpu {
         &self.queue
     }
 
-    /// Returns an error of the device, if there was one.
-    ///
-    /// # Errors
-    /// [`EngineError::Device`] naming cause and remedy; it stays for good.
-    pub fn check(&self) -> Result<(), EngineError> {
+    /// Returns an error of the device, if there was one; it stays for good.
+    pub(crate) fn check(&self) -> Result<(), EngineError> {
         self.faults.check()
     }
 

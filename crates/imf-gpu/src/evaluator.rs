@@ -4,8 +4,7 @@
 //! points × directions.
 
 use imf_core::field::EngineError;
-use imf_fields::siren::EvaluationEngine;
-use imf_fields::siren::{INPUTS, SirenShape, features};
+use imf_fields::siren::{EvaluationEngine, INPUTS, SirenShape, features};
 
 use crate::device::Gpu;
 use crate::forward::{LayerKernels, Network, layout_for, rows_per_pass};

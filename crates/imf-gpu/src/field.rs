@@ -6,7 +6,6 @@
 //! the kernels of its family (`field/siren.rs`, `field/factored.rs`, `field/harmonic.rs`); whole grids stand in `field/grid.rs`.
 //! Buffers for slices of the host are reused from call to call.
 
-mod apart;
 mod coefficients;
 mod device_types;
 mod factored;
@@ -22,7 +21,8 @@ mod turns;
 pub use device_types::{DeviceGradient, DevicePose, decision_of};
 
 use std::path::Path;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, OnceLock, PoisonError};
+use std::thread;
 
 use glam::{DQuat, DVec3, Vec3};
 use imf_core::control::Control;
@@ -37,10 +37,10 @@ use imf_fields::field::{Field, LoadError};
 use imf_fields::file::FieldFile;
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::siren::over_grid;
+use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::device::Gpu;
 use crate::over_orientations::Source;
-use apart::apart;
 use grid::GridCoefficients;
 use passes::{Call, check_size};
 use poses::PoseKernels;
@@ -232,6 +232,24 @@ impl GpuField {
 fn turned(pose: &Pose, direction: Vec3, roll: f32) -> Vec3 {
     let axis = pose.axis().map_or(Vec3::NAN, DVec3::as_vec3);
     axis.cross(direction) + roll * axis
+}
+
+/// Does work that shares itself among threads, on threads that do nothing else, as many as there are here at the first call.
+///
+/// A thread of the caller's pool that holds a lock and shares its work waits for the others; while it waits it may be
+/// given work that needs the same lock, or the others may all wait for it. No lock is taken on these threads, and the
+/// caller waits for them without being given anything.
+fn apart<T: Send, E: From<EngineError> + Send>(work: impl FnOnce() -> Result<T, E> + Send) -> Result<T, E> {
+    static POOL: OnceLock<Result<ThreadPool, String>> = OnceLock::new();
+    let made = || {
+        let threads = rayon::current_num_threads();
+        ThreadPoolBuilder::new().num_threads(threads).build().map_err(|error| error.to_string())
+    };
+    let pool = POOL.get_or_init(made).as_ref().map_err(|error| EngineError::Device(error.clone()))?;
+    thread::scope(|scope| match scope.spawn(|| pool.install(work)).join() {
+        Ok(found) => found,
+        Err(panic) => std::panic::resume_unwind(panic),
+    })
 }
 
 /// Poses of the host that go up together.

@@ -44,7 +44,6 @@ impl Plan {
         }
     }
 
-    /// Allocates every buffer.
     pub(crate) fn allocate(&self, gpu: &Gpu) -> Result<Vec<wgpu::Buffer>, EngineError> {
         self.check(gpu.limits())?;
         gpu.in_error_scope(|| self.items.iter().map(|&(name, bytes)| storage(gpu, name, bytes)).collect())
@@ -81,7 +80,6 @@ pub(crate) struct Room {
 }
 
 impl Room {
-    /// Nothing yet.
     pub(crate) fn new(name: &'static str) -> Self {
         Self { name, buffer: None }
     }
@@ -117,7 +115,6 @@ impl Room {
         Ok(buffer)
     }
 
-    /// Overwrites everything.
     pub(crate) fn fill(&self, gpu: &Gpu, value: u32) {
         self.buffer.iter().for_each(|buffer| gpu.fill(buffer, value));
     }

@@ -13,8 +13,7 @@ mod plan;
 mod soap;
 
 use imf_core::field::EngineError;
-use imf_fields::recipe::Optimiser;
-use imf_fields::recipe::{AdamConfig, Loss, Precision, TrainingState};
+use imf_fields::recipe::{AdamConfig, Loss, Optimiser, Precision, TrainingState};
 use imf_fields::siren::SirenShape;
 use imf_fields::siren::stack::Stack;
 use imf_train::training::TrainingEngine;

@@ -20,10 +20,8 @@ mod update;
 use pulp::Arch;
 
 use crate::engine::adam::AdamFactors;
-use crate::engine::backward::scratch_length;
 use imf_core::field::EngineError;
-use imf_fields::recipe::SoapConfig;
-use imf_fields::recipe::{AdamConfig, Loss, Precision, TrainingState};
+use imf_fields::recipe::{AdamConfig, Loss, Precision, SoapConfig, TrainingState};
 use imf_fields::siren::SirenShape;
 use imf_fields::siren::bf16_kernel::Kernel;
 use imf_fields::siren::forward::Network;
@@ -92,7 +90,7 @@ impl CpuTrainer {
             // f16 is refused by `check_precision`.
             Precision::F32 | Precision::F16 => {
                 let layers = 2 * shape.hidden * window * plan.stride();
-                let scratch = rayon::current_num_threads() * scratch_length(plan.widest_panel());
+                let scratch = rayon::current_num_threads() * BLOCK * plan.widest_panel();
                 4 * (layers + scratch) as u64
             }
             Precision::Bf16 => Pairs::memory_bytes(&plan, blocks),
@@ -140,7 +138,7 @@ impl CpuTrainer {
             outputs: vec![0.0; window * stack.outputs],
             partials: vec![0.0; blocks * plan.partial_length()],
             losses: vec![0.0; blocks],
-            scratch: ScratchPool::new(scratch_length(plan.widest_panel())),
+            scratch: ScratchPool::new(BLOCK * plan.widest_panel()),
             gradients: ScratchPool::new(plan.longest_piece()),
             matrices: None,
             pairs: None,

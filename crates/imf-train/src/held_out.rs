@@ -13,8 +13,7 @@ use imf_core::scene::Scene;
 use imf_core::section::{SectionError, SectionPlan, ToolPoints, stream_sections};
 use imf_fields::metrics::{ErrorReport, Errors};
 use imf_fields::recipe::HeldOutChoice;
-use imf_fields::siren::EvaluationEngine;
-use imf_fields::siren::{INPUTS, features};
+use imf_fields::siren::{EvaluationEngine, INPUTS, features};
 
 /// Separates the orientations from those that `random:N:SEED` gives for small seeds.
 const SEED_MARK: u64 = 0x4845_4c44_5f4f_5554;

@@ -15,7 +15,6 @@ use super::turns::{Coefficients, Functions, Turns};
 use crate::kernel::{Extent, uniform};
 use crate::shader::Shader;
 
-/// The kernels of a factored field.
 pub(super) fn passes(frame: &Frame, field: &FactoredField) -> Result<Passes, EngineError> {
     let Frame { gpu, world, sweep } = frame;
     let field = &*field.unfolded();

@@ -40,7 +40,6 @@ impl Frame {
     }
 }
 
-/// Buffers of a call.
 pub(super) struct Call {
     pub(super) poses: wgpu::Buffer,
     pub(super) values: wgpu::Buffer,
@@ -62,7 +61,6 @@ pub(super) enum Slot {
     Gradients,
 }
 
-/// A kernel's own buffer.
 pub(super) fn own(buffer: &wgpu::Buffer) -> Slot {
     Slot::Own(buffer.clone())
 }
@@ -96,7 +94,6 @@ impl CallKernel {
     }
 }
 
-/// The kernels of a field.
 pub(super) struct Passes {
     /// The rows at hand.
     pub(super) batch: wgpu::Buffer,

@@ -13,7 +13,6 @@ use super::passes::{CallKernel, Frame, Passes, own};
 use crate::kernel::{Extent, uniform};
 use crate::shader::Shader;
 
-/// The kernels of a network.
 pub(super) fn passes(frame: &Frame, model: &Model) -> Result<Passes, EngineError> {
     let Frame { gpu, world, sweep } = frame;
     let two_way = TwoWay::new(gpu, model.shape.stack(), &model.state.parameters, 0)?;

@@ -50,7 +50,6 @@ pub(super) struct Coefficients<'a> {
     pub(super) slopes: &'a wgpu::Buffer,
 }
 
-/// The kernels.
 pub(super) struct Turns {
     /// From coefficients to weights of the functions, and from functions to slopes by the coefficients.
     pub(super) weigh: Dispatch,

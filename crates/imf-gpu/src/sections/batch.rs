@@ -56,7 +56,6 @@ impl SlabJob {
         x * (y * z.div_ceil(COUNT_PLACES)).div_ceil(LINEAR_GROUP)
     }
 
-    /// Lines along the axis.
     fn lines(&self) -> u32 {
         (self.steps() / self.tool.steps.dims[self.tool.axis].max(1)) as u32
     }

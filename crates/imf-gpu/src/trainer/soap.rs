@@ -16,8 +16,7 @@ mod side;
 mod update;
 
 use imf_core::field::EngineError;
-use imf_fields::recipe::SoapConfig;
-use imf_fields::recipe::TrainingState;
+use imf_fields::recipe::{SoapConfig, TrainingState};
 use imf_train::engine::soap::FIRST_UPDATES;
 
 use super::Buffers;

@@ -1,9 +1,8 @@
 //! Evaluation and the minimum over directions on the adapter against the f64 definition and a plain loop.
 
-use imf_fields::siren::EvaluationEngine;
 use imf_fields::siren::output::{Output, move_to_the_foot};
 use imf_fields::siren::reference::forward;
-use imf_fields::siren::{INPUTS, SirenShape, features};
+use imf_fields::siren::{EvaluationEngine, INPUTS, SirenShape, features};
 use imf_gpu::{Gpu, GpuEvaluator, GpuLimits, MatrixKernel};
 
 use crate::devices::{every_device, open, rows, wide};

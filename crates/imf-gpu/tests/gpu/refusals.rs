@@ -3,8 +3,7 @@
 
 use imf_core::field::EngineError;
 use imf_fields::recipe::TrainingState;
-use imf_fields::siren::EvaluationEngine;
-use imf_fields::siren::SirenShape;
+use imf_fields::siren::{EvaluationEngine, SirenShape};
 use imf_gpu::{DeviceChoice, Gpu, GpuEvaluator, GpuLimits, GpuTrainer, TrainerSettings, adapters, wgpu};
 use imf_train::training::TrainingEngine;
 

@@ -12,7 +12,6 @@ use imf_core::scene::{Scene, SceneRecord};
 
 const OBSTACLE: &str = "obstacle.safetensors";
 
-/// Writes the scene's solid voxels.
 pub(super) fn write(folder: &Path, scene: &Scene) -> Result<(), DatasetError> {
     let voxels = scene.packed_voxels();
     let path = folder.join(OBSTACLE);

@@ -46,12 +46,10 @@ impl Shards {
         Ok(Self { folder: folder.to_owned(), frame: manifest.scene.grid, manifest })
     }
 
-    /// Number of shards.
     pub(crate) fn count(&self) -> usize {
         self.manifest.shards.len()
     }
 
-    /// Samples of one shard.
     pub(crate) fn samples_of(&self, shard: usize) -> usize {
         self.manifest.shards[shard].as_ref().map_or(0, |record| record.samples as usize)
     }

@@ -30,10 +30,7 @@ use imf_fields::factored::targets::ComponentBasis;
 use imf_fields::factored::{DistillSettings, FactoredEvaluator, FactoredField, FactoredShape, INPUTS};
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::{FitReport, FitSettings, HarmonicError, Outline, Source, SourceScratch, outline};
-use imf_fields::recipe::Cursor;
-use imf_fields::recipe::OnlineSettings;
-use imf_fields::recipe::RecipeError;
-use imf_fields::recipe::TrainingState;
+use imf_fields::recipe::{Cursor, OnlineSettings, RecipeError, TrainingState};
 use imf_fields::siren::ShapeError;
 use imf_fields::siren::matrix::{Matrix, multiply};
 
@@ -111,7 +108,6 @@ impl<'a> SectionSource<'a> {
             .field(shape, parameters)
     }
 
-    /// The orientation of a section.
     fn orientation(&self, online: &OnlineSettings, number: u64) -> Orientation {
         match self.outline.basis.domain() {
             Domain::Directions => online.orientation(number),

@@ -8,9 +8,7 @@ use pulp::{Simd, WithSimd};
 use imf_fields::siren::forward::Network;
 use imf_fields::siren::lanes::{GROUP, load, store};
 use imf_fields::siren::matrix::{Matrix, multiply};
-use imf_fields::siren::plan::BLOCK;
 
-/// The backward pass through a network.
 #[derive(Clone, Copy)]
 pub(crate) struct Backward<'a>(pub(crate) &'a Network<'a>);
 
@@ -46,8 +44,8 @@ impl Backward<'_> {
         }
     }
 
-    /// δ of hidden layer `layer` from δ of the one behind it, `next [rows]` with [`imf_fields::siren::plan::Plan::row_stride`]. `scratch` holds one panel of a
-    /// block.
+    /// δ of hidden layer `layer` from δ of the one behind it, `next [rows]` with [`imf_fields::siren::plan::Plan::row_stride`]. `scratch` holds one panel of
+    /// all rows.
     pub(crate) fn hidden_backward(
         &self,
         layer: usize,
@@ -242,9 +240,4 @@ impl WithSimd for WeightedRows<'_> {
             store(simd, self.sums, at, sum);
         }
     }
-}
-
-/// Length of the scratch that a block's backward pass needs.
-pub(crate) fn scratch_length(widest_panel: usize) -> usize {
-    BLOCK * widest_panel
 }

@@ -4,22 +4,16 @@ use crate::engine::soap::{Soap, state_of};
 use crate::engine::update::Arrays;
 use imf_core::field::EngineError;
 use imf_fields::recipe::SoapConfig;
-use imf_fields::siren::Layer;
 use imf_fields::siren::plan::{Plan, transpose};
 
 /// What steps each matrix between hidden layers, in their order.
 pub(super) struct Matrices(Vec<Soap>);
 
-/// The layers whose matrices these are.
-fn between(plan: &Plan) -> &[Layer] {
-    &plan.layers[plan.stack.between()]
-}
-
 impl Matrices {
     /// Goes on from the state saved after `step` steps.
     pub(super) fn new(config: SoapConfig, plan: &Plan, step: u64, kept: &[f32]) -> Result<Self, EngineError> {
         let kept = state_of(&plan.stack, step, kept)?;
-        let rules = between(plan).iter().zip(kept).map(|(layer, kept)| {
+        let rules = plan.layers[plan.stack.between()].iter().zip(kept).map(|(layer, kept)| {
             let mut soap = Soap::new(config, layer.outputs, layer.inputs);
             if !kept.is_empty() {
                 soap.restore(kept);

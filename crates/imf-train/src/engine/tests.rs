@@ -3,11 +3,9 @@
 use crate::engine::*;
 use crate::fixtures::{as_f64, assert_gradient, on_threads, rows};
 use crate::training::TrainingEngine as _;
-use imf_fields::siren::EvaluationEngine;
-use imf_fields::siren::INPUTS;
 use imf_fields::siren::lanes::archs;
 use imf_fields::siren::output::{Output, move_to_the_foot};
-use imf_fields::siren::reference;
+use imf_fields::siren::{EvaluationEngine, INPUTS, reference};
 
 /// Samples without pattern; `count` of them, from a generator of their own.
 pub(super) fn batch(count: usize, seed: u64) -> (Vec<f32>, Vec<f32>) {

@@ -48,7 +48,6 @@ impl Deal {
         Self { groups, key: mix(mix(mix(seed) ^ DEAL_KEY) ^ epoch) }
     }
 
-    /// The group of a shard's sample.
     fn group_of(self, shard: usize, sample: usize) -> usize {
         let run = sample / self.groups;
         (sample % self.groups + self.turn(shard, run)) % self.groups
@@ -78,7 +77,6 @@ struct Group {
 }
 
 impl Group {
-    /// The groups of an epoch.
     fn of_epoch(shards: &Shards, groups: usize, seed: u64, epoch: u64) -> impl Iterator<Item = Self> {
         let deal = Deal::new(groups, seed, epoch);
         let mut start = 0;
@@ -91,7 +89,6 @@ impl Group {
         })
     }
 
-    /// The order of its samples.
     fn order(&self, seed: u64) -> Permutation {
         let seed = if self.number == 0 { seed } else { mix(mix(seed) ^ mix(self.number as u64)) };
         Permutation::new(self.places.len(), seed, self.epoch)

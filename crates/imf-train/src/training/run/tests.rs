@@ -16,6 +16,19 @@ fn engine(plan: &TrainingPlan, state: TrainingState) -> CpuTrainer {
     fixtures::engine(SHAPE, plan, state)
 }
 
+/// The reports of a training, and how it ends.
+fn reported(
+    plan: &TrainingPlan,
+    engine: &mut dyn TrainingEngine,
+) -> (Vec<Report>, Result<Outcome, TrainError>) {
+    let mut reports = Vec::new();
+    let ended = train(plan, &samples(), engine, Cursor::default(), &mut |report, _| {
+        reports.push(*report);
+        ControlFlow::Continue(())
+    });
+    (reports, ended)
+}
+
 #[test]
 fn a_run_in_pieces_has_the_bits_of_one_in_one_go() {
     let samples = samples();
@@ -56,12 +69,8 @@ fn a_run_in_pieces_has_the_bits_of_one_in_one_go() {
 fn reports_come_when_guaranteed_and_count_right() {
     let (samples, plan) = (samples(), plan());
     let mut engine = engine(&plan, TrainingState::new(&SHAPE, 1));
-    let mut reports = Vec::new();
-    let mut note = |report: &Report, _: &mut dyn TrainingEngine| {
-        reports.push(*report);
-        ControlFlow::Continue(())
-    };
-    train(&plan, &samples, &mut engine, Cursor::default(), &mut note).unwrap();
+    let (reports, ended) = reported(&plan, &mut engine);
+    assert_eq!(ended.unwrap(), Outcome::Finished);
     let per_epoch = plan.steps_per_epoch(samples.len());
     assert_eq!(per_epoch, samples.len().div_ceil(150) as u64);
     let expected: Vec<u64> = (1..=2 * per_epoch).filter(|s| s % 4 == 0 || s % per_epoch == 0).collect();
@@ -96,20 +105,15 @@ fn an_epoch_shows_every_sample_once() {
 
 #[test]
 fn training_lowers_the_loss() {
-    let samples = samples();
     let plan = TrainingPlan {
         length: TrainingLength::Steps(600),
         schedule: Schedule::Cosine { initial: 2e-3, last: 0.0, warmup: 0 },
         ..plan()
     };
     let mut engine = engine(&plan, TrainingState::new(&SHAPE, 1));
-    let mut losses = Vec::new();
-    let mut note = |report: &Report, _: &mut dyn TrainingEngine| {
-        losses.push(report.mean_loss);
-        ControlFlow::Continue(())
-    };
-    train(&plan, &samples, &mut engine, Cursor::default(), &mut note).unwrap();
-    let (first, last) = (losses[0], losses[losses.len() - 1]);
+    let (reports, ended) = reported(&plan, &mut engine);
+    assert_eq!(ended.unwrap(), Outcome::Finished);
+    let (first, last) = (reports[0].mean_loss, reports[reports.len() - 1].mean_loss);
     assert!(last < first / 20.0, "from {first} to {last}");
 }
 
@@ -143,12 +147,9 @@ fn a_loss_that_rises_for_good_stops_the_run() {
     let collapse = || Recorder { loss: |steps| if steps <= 600 { 0.01 } else { 0.2 }, ..Recorder::default() };
     let samples = samples();
     let plan = TrainingPlan { length: TrainingLength::Steps(4000), ..plan() };
-    let mut suspicious = Vec::new();
-    let mut note = |report: &Report, _: &mut dyn TrainingEngine| {
-        suspicious.push((report.step, report.watch.is_suspicious()));
-        ControlFlow::Continue(())
-    };
-    let error = train(&plan, &samples, &mut collapse(), Cursor::default(), &mut note).unwrap_err();
+    let suspicion = |report: &Report| (report.step, report.watch.is_suspicious());
+    let (reports, ended) = reported(&plan, &mut collapse());
+    let (suspicious, error): (Vec<_>, _) = (reports.iter().map(suspicion).collect(), ended.unwrap_err());
     let TrainError::Diverged { best_step, step, .. } = error else { panic!("{error}") };
 
     // Stopped and continued at every report, it ends as one that was not.
@@ -157,7 +158,7 @@ fn a_loss_that_rises_for_good_stops_the_run() {
     let ended = loop {
         let from = start;
         let mut stop = |report: &Report, _: &mut dyn TrainingEngine| {
-            again.push((report.step, report.watch.is_suspicious()));
+            again.push(suspicion(report));
             start = Start { cursor: report.cursor, watch: report.watch };
             ControlFlow::Break(())
         };
