@@ -17,7 +17,7 @@ pub(crate) mod orientations;
 pub(crate) mod quantity;
 pub(crate) mod saved;
 pub mod scene;
-mod settings;
+pub(crate) mod settings;
 pub(crate) mod train;
 pub(crate) mod transform;
 

@@ -4,7 +4,7 @@ pub(crate) mod access;
 pub(crate) mod calibrate;
 pub(crate) mod check;
 pub mod dataset;
-pub mod demo;
+pub(crate) mod demo;
 pub(crate) mod eval;
 pub(crate) mod export;
 pub(crate) mod field;

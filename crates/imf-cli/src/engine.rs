@@ -5,11 +5,9 @@ use imf_core::field::{Decision, FieldError, GridField, values_on_all_threads};
 use imf_core::pose::Pose;
 use imf_fields::field::Field;
 use imf_fields::file::FieldFile;
-use imf_fields::recipe::TrainingPlan;
-use imf_fields::recipe::{Precision, TrainingState};
-use imf_fields::siren::EvaluationEngine;
-use imf_fields::siren::SirenShape;
+use imf_fields::recipe::{Precision, TrainingPlan, TrainingState};
 use imf_fields::siren::evaluator::CpuEvaluator;
+use imf_fields::siren::{EvaluationEngine, SirenShape};
 use imf_gpu::{DeviceChoice, Gpu, GpuEvaluator, GpuField, GpuTrainer, TrainerSettings};
 use imf_train::engine::CpuTrainer;
 use imf_train::training::TrainingEngine;
@@ -69,7 +67,7 @@ pub enum Device {
 impl Device {
     /// Opens what `--device` names. `auto` takes a discrete or integrated GPU, else the CPU engine.
     pub fn open(name: &str, session: &Session) -> Result<Self> {
-        let alone = session.rank().size() == 1;
+        let alone = session.rank().size == 1;
         if name.eq_ignore_ascii_case("cpu") || (!alone && name.eq_ignore_ascii_case("auto")) {
             return Ok(Self::Cpu);
         }

@@ -53,7 +53,7 @@ pub fn code_of(joins_ranks: bool, work: impl FnOnce(Rank) -> anyhow::Result<()>)
         }
         Err(error) => {
             membership.let_the_first_speak();
-            let who = if rank.size() > 1 { format!(" of rank {}", rank.number()) } else { String::new() };
+            let who = if rank.size > 1 { format!(" of rank {}", rank.number) } else { String::new() };
             eprint_line(format_args!("imf: error{who}: {}", message(&error)));
             if is_bad_input(&error) { REFUSED } else { FAILED }
         }

@@ -39,6 +39,12 @@ pub fn is_cancelled(error: &anyhow::Error) -> bool {
 #[error("interrupted: {0}")]
 pub struct Interruption(pub String);
 
+/// An interruption where work was cancelled, with what is saved; other errors stay as they are.
+pub(crate) fn explained(error: impl Into<anyhow::Error>, saved: impl FnOnce() -> String) -> anyhow::Error {
+    let error = error.into();
+    if is_cancelled(&error) { Interruption(saved()).into() } else { error }
+}
+
 /// Starts listening for Ctrl-C and SIGTERM; `aloud` where this process prints a message.
 pub(crate) fn listen(aloud: bool) -> Result<()> {
     let mut first: Option<Instant> = None;
@@ -94,7 +100,7 @@ pub(crate) fn leave(words: Cow<'static, str>) {
 }
 
 /// Set once the user wants to stop.
-pub fn flag() -> &'static AtomicBool {
+pub(crate) fn flag() -> &'static AtomicBool {
     &INTERRUPTED
 }
 

@@ -19,7 +19,7 @@ pub use checkpoint::{Checkpoint, LatestCheckpoint, Progress, latest};
 pub(crate) use checkpoint::{is_unfinished, to_resume};
 pub(crate) use curve::loss_chart;
 pub use data::Data;
-pub use factored::{Distillation, DistillationSize, FactoredStart, Source};
+pub(crate) use factored::{Distillation, FactoredStart, Source, require_memory};
 pub use log::seconds_until;
 pub use memory::Footprint;
 pub use siren5::{continued, fresh_model, run};
@@ -71,7 +71,7 @@ pub struct Settings {
 }
 
 /// Runs a plan on an engine from a start, with samples of its own.
-pub(crate) type Loop<'a> = dyn FnMut(&TrainingPlan, &mut dyn TrainingEngine, Start, &mut Observer<'_>) -> Result<Outcome, TrainError>
+type Loop<'a> = dyn FnMut(&TrainingPlan, &mut dyn TrainingEngine, Start, &mut Observer<'_>) -> Result<Outcome, TrainError>
     + 'a;
 
 /// A training that is about to begin or to go on.

@@ -23,7 +23,7 @@ use crate::session::{Remarks, Session, remarks};
 /// A folder for results. It is made only when there is a result to put into it.
 #[derive(Debug)]
 pub struct OutputFolder {
-    path: PathBuf,
+    pub(crate) path: PathBuf,
 }
 
 impl OutputFolder {
@@ -74,11 +74,6 @@ impl OutputFolder {
     /// Path of a file in the folder.
     pub(crate) fn file(&self, name: &str) -> PathBuf {
         self.path.join(name)
-    }
-
-    /// The folder's own path.
-    pub(crate) fn path(&self) -> &Path {
-        &self.path
     }
 }
 
@@ -347,7 +342,7 @@ mod tests {
         let deep = OutputFolder::check(&folder.path().join("a/b")).unwrap();
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "only file.txt");
         deep.create().unwrap();
-        assert!(deep.path().is_dir());
+        assert!(deep.path.is_dir());
         assert!(OutputFolder::check(Path::new("no-such-folder-here")).is_ok(), "below the current one");
     }
 

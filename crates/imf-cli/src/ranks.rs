@@ -26,10 +26,12 @@ static AGREED: AtomicBool = AtomicBool::new(false);
 /// This process among those that train together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rank {
-    number: usize,
-    of: usize,
-    /// Ranks that share this machine's memory.
-    neighbours: usize,
+    /// From 0.
+    pub(crate) number: usize,
+    /// Processes that train together.
+    pub(crate) size: usize,
+    /// Those of them that share this machine's memory.
+    pub(crate) neighbours: usize,
 }
 
 /// Membership in MPI, for as long as the process takes part in it.
@@ -91,7 +93,7 @@ impl Membership {
 impl Rank {
     /// The only process.
     pub(crate) fn alone() -> Self {
-        Self { number: 0, of: 1, neighbours: 1 }
+        Self { number: 0, size: 1, neighbours: 1 }
     }
 
     /// True for the one that speaks and writes.
@@ -99,35 +101,20 @@ impl Rank {
         self.number == 0
     }
 
-    /// Number, from 0.
-    pub(crate) fn number(self) -> usize {
-        self.number
-    }
-
-    /// Processes that train together.
-    pub(crate) fn size(self) -> usize {
-        self.of
-    }
-
-    /// Those of them that share this machine's memory.
-    pub(crate) fn neighbours(self) -> usize {
-        self.neighbours
-    }
-
     /// Bytes beside the engine for each parameter.
     pub(crate) fn bytes_per_parameter(self) -> u64 {
-        if self.of == 1 { 0 } else { BYTES_PER_PARAMETER }
+        if self.size == 1 { 0 } else { BYTES_PER_PARAMETER }
     }
 
     /// Samples of a batch that this rank has at most.
     pub(crate) fn most_rows(self, batch: usize) -> usize {
-        most_rows(batch, self.of)
+        most_rows(batch, self.size)
     }
 
     /// Allgather of a number. Collective: all ranks must call it.
     fn all(self, number: u64) -> Result<Vec<u64>, EngineError> {
         #[cfg(feature = "mpi")]
-        if self.of > 1 {
+        if self.size > 1 {
             return imf_train::engine::ranks::Collectives::all_gather_number(
                 &mut world::MpiCollectives::new(self),
                 number,
@@ -162,7 +149,7 @@ impl Rank {
     /// The engine of this rank, for its part of every batch.
     pub(crate) fn trainer(self, cpu: CpuTrainer) -> Box<dyn TrainingEngine> {
         #[cfg(feature = "mpi")]
-        if self.of > 1 {
+        if self.size > 1 {
             let reach = world::MpiCollectives::new(self);
             return Box::new(imf_train::engine::ranks::RankTrainer::new(cpu, reach));
         }

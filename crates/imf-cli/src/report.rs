@@ -29,7 +29,7 @@ use crate::slices;
 use subject::Provenance;
 
 /// The threshold of overlaps that the paper compares by.
-pub const PAPER_THRESHOLD: f64 = 1e-3;
+pub(crate) const PAPER_THRESHOLD: f64 = 1e-3;
 
 /// Where the table's threshold comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]

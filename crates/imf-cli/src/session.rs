@@ -41,7 +41,8 @@ pub(crate) fn remarks() -> MutexGuard<'static, Remarks> {
 pub struct Session {
     rank: Rank,
     threads: usize,
-    memory_limit: u64,
+    /// Bytes that may be used.
+    pub(crate) memory_limit: u64,
     /// Results are JSON.
     pub json: bool,
     quiet: bool,
@@ -59,7 +60,7 @@ impl Session {
         pool.build_global().context("cannot start the threads")?;
         interrupt::listen(rank.is_first())?;
         // Where the system does not say, nothing is refused. Ranks on one machine share its memory.
-        let share = |free: u64| free / 5 * 4 / rank.neighbours() as u64;
+        let share = |free: u64| free / 5 * 4 / rank.neighbours as u64;
         let memory_limit = global.memory.unwrap_or_else(|| free_memory().map_or(u64::MAX, share));
         Ok(Self {
             rank,
@@ -91,11 +92,6 @@ impl Session {
     /// This process among those that train together.
     pub fn rank(&self) -> Rank {
         self.rank
-    }
-
-    /// Bytes that may be used.
-    pub(crate) fn memory_limit(&self) -> u64 {
-        self.memory_limit
     }
 
     /// Refuses work that would not fit; `what` names the work and the remedy.

@@ -45,7 +45,7 @@ impl Scenes {
             around: GridExtent::Part,
             clearance: ClearanceArguments::from(settings.clearance),
         };
-        let contact = ContactArguments::from(settings.contact);
+        let contact = ContactArguments { contact: settings.contact };
         let scene = arguments.scaled(session, settings.scale * resolution)?.scene_with(session, &contact)?;
         self.0.insert(key, scene.clone());
         Ok(scene)

@@ -134,7 +134,7 @@ impl Runner<'_> {
         let batch = plan.batch.min((stage.directions()?.len() * each).max(1));
         let (session, record) = (self.session, &full.record);
         Footprint::new(session, self.device, shape, &plan, record, batch, self.held_out)?
-            .require(session, 0)
+            .require(session)
             .context(
                 "--width and --batch are network.width and training.batch in a recipe, to be changed with --set",
             )

@@ -73,13 +73,7 @@ impl From<Clearance> for ClearanceArguments {
 pub struct ContactArguments {
     /// The cutter may reach this deep below the part's surface (in the part's unit); shank, holder and fixtures may not
     #[arg(long, value_name = "LENGTH", value_parser = parse_room)]
-    contact: Option<f64>,
-}
-
-impl From<Option<f64>> for ContactArguments {
-    fn from(contact: Option<f64>) -> Self {
-        Self { contact }
-    }
+    pub contact: Option<f64>,
 }
 
 impl ContactArguments {

@@ -6,7 +6,7 @@ use anyhow::{Result, ensure};
 use clap::{Args, Subcommand};
 use imf_core::orientation::OrientationSet;
 use imf_fields::recipe::Sampling;
-use imf_train::dataset::{Layout, Partition};
+use imf_train::dataset::Partition;
 
 use super::clearance;
 use super::either::Either;
@@ -65,7 +65,7 @@ pub(crate) struct DatasetMakeArguments {
     /// Samples in one file, about: it holds whole sections, and at least one; by default 4,000,000. A dataset that is there
     /// stays cut up as it is
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
-    shard_samples: Option<u64>,
+    pub(crate) shard_samples: Option<u64>,
     /// Make only partition I of N, on this machine or another; `imf dataset merge` joins them
     #[arg(long, value_name = "I/N")]
     pub(crate) shard: Option<Partition>,
@@ -80,11 +80,6 @@ impl DatasetMakeArguments {
         let sampling = Sampling { density: self.density, seed: self.seed, ..Sampling::default() };
         sampling.check().map_err(|error| WrongArgument(error.to_string()))?;
         Ok(sampling)
-    }
-
-    /// How the samples are cut up, and which are made.
-    pub(crate) fn layout(&self) -> Layout {
-        Layout { shard_samples: self.shard_samples, partition: self.shard }
     }
 }
 

@@ -4,6 +4,9 @@ use anyhow::{Result, bail};
 use clap::parser::ValueSource;
 use clap::{ArgMatches, Args, Command, FromArgMatches};
 
+use super::clearance::ContactArguments;
+use super::scene::SceneArguments;
+
 /// The names of the options given. It must precede the other arguments of a command, which consume their values.
 pub(crate) struct ExplicitOptions(Vec<String>);
 
@@ -14,7 +17,7 @@ impl ExplicitOptions {
     }
 
     /// Refuses the first option of a group that was given; `whose` says to what the group belongs, and why it cannot be.
-    pub(crate) fn refuse<T: Args>(&self, whose: &str) -> Result<()> {
+    fn refuse<T: Args>(&self, whose: &str) -> Result<()> {
         let group = T::augment_args(Command::new("group"));
         let mut given = group.get_arguments().filter(|option| self.has(option.get_id().as_str()));
         match given.find_map(|option| option.get_long()) {
@@ -23,12 +26,20 @@ impl ExplicitOptions {
         }
     }
 
-    /// Refuses an option by its name if it was given.
-    pub(crate) fn refuse_option(&self, name: &str, whose: &str) -> Result<()> {
-        match self.has(name) {
-            true => bail!("--{name} applies only to {whose}: leave it out"),
-            false => Ok(()),
+    /// Refuses the first of the options of these names that was given.
+    pub(crate) fn refuse_options(&self, names: &[&str], whose: &str) -> Result<()> {
+        match names.iter().find(|name| self.has(name)) {
+            Some(name) => bail!("--{name} applies only to {whose}: leave it out"),
+            None => Ok(()),
         }
+    }
+
+    /// Refuses what describes the scene and the quantity of a new field, and `others`.
+    pub(crate) fn refuse_scene(&self, others: &[&str], whose: &str) -> Result<()> {
+        self.refuse::<SceneArguments>(whose)?;
+        self.refuse::<ContactArguments>(whose)?;
+        self.refuse_options(&["quantity"], whose)?;
+        self.refuse_options(others, whose)
     }
 }
 

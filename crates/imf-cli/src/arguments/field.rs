@@ -52,33 +52,23 @@ pub(crate) struct FieldArguments {
     /// (software Vulkan), or a number or part of a name from `imf info`. Sections are counted by the CPU by default, in a few
     /// milliseconds each at most; of saved fields siren5 alone goes to a GPU by itself
     #[arg(long, value_name = "DEVICE")]
-    device: Option<String>,
+    pub(crate) device: Option<String>,
     /// Folder to write to
     #[arg(long, value_name = "DIR")]
     pub(crate) out: PathBuf,
 }
 
 impl FieldArguments {
-    /// The device's name, or that which is usual for its subject.
-    pub(crate) fn device_or<'a>(&'a self, usual: &'a str) -> &'a str {
-        self.device.as_deref().unwrap_or(usual)
-    }
-
     /// Refuses what is of a part beside a saved field, and the other way round.
     pub(crate) fn check(&self, is_saved: bool) -> Result<()> {
         if !is_saved {
             if self.quantity == Quantity::Depth {
                 let whose = "overlaps, and --quantity depth asks for lengths";
-                self.explicit.refuse_option("elements", whose)?;
-                self.explicit.refuse_option("check", whose)?;
+                self.explicit.refuse_options(&["elements", "check"], whose)?;
             }
             return Ok(());
         }
         let whose = format!("a part, and {} is a saved field, which was made with its own", self.scene.part);
-        self.explicit.refuse::<SceneArguments>(&whose)?;
-        self.explicit.refuse::<ContactArguments>(&whose)?;
-        self.explicit.refuse_option("quantity", &whose)?;
-        self.explicit.refuse_option("elements", &whose)?;
-        self.explicit.refuse_option("check", &whose)
+        self.explicit.refuse_scene(&["elements", "check"], &whose)
     }
 }

@@ -80,16 +80,6 @@ impl Part {
         }
         self
     }
-
-    /// What stands around a part in `unit`: scaled where its unit is known to be another.
-    pub(crate) fn around_part_in(mut self, unit: LengthUnit) -> Self {
-        if self.unit_is_known && self.unit != unit {
-            let factor = self.unit.in_mm() / unit.in_mm();
-            self = self.scaled(factor);
-            self.unit = unit;
-        }
-        self
-    }
 }
 
 /// What was typed of a fixture: `FILE` or `FILE@STEPS`.
@@ -99,6 +89,16 @@ pub struct FixtureArgument {
     /// The file's, where a step names it.
     unit: Option<LengthUnit>,
     transform: DMat4,
+}
+
+impl FixtureArgument {
+    /// What it is (`what` in messages) around a part in `unit`: scaled where its unit is known to be another.
+    fn read(&self, what: &str, unit: LengthUnit) -> Result<Part> {
+        let part = Part::read(&self.file, self.unit, Some(unit))
+            .with_context(|| format!("the {what} {} cannot be used", self.file))?;
+        let factor = if part.unit_is_known { part.unit.in_mm() / unit.in_mm() } else { 1.0 };
+        Ok(Part { unit, ..part.scaled(factor) })
+    }
 }
 
 /// The steps are those of a set-up, and `unit:UNIT` of the file.
@@ -149,14 +149,9 @@ pub(crate) struct FixtureMesh {
 
 impl FixtureMesh {
     /// Lengths are in the part's unit, `part_unit`, unless a step or the file says otherwise.
-    pub(crate) fn read(
-        FixtureArgument { file, unit, transform }: &FixtureArgument,
-        part_unit: LengthUnit,
-    ) -> Result<Self> {
-        let Part { name, mesh, repair, unit_is_known, .. } = Part::read(file, *unit, Some(part_unit))
-            .with_context(|| format!("the fixture {file} cannot be used"))?
-            .around_part_in(part_unit);
-        Ok(Self { name, mesh, transform: *transform, repair, unit_is_known })
+    pub(crate) fn read(argument: &FixtureArgument, part_unit: LengthUnit) -> Result<Self> {
+        let Part { name, mesh, repair, unit_is_known, .. } = argument.read("fixture", part_unit)?;
+        Ok(Self { name, mesh, transform: argument.transform, repair, unit_is_known })
     }
 
     /// As the scene takes it.
@@ -205,9 +200,7 @@ impl Stock {
             }
             StockArgument::File(argument) => argument,
         };
-        let file = Part::read(&argument.file, argument.unit, Some(part_unit))
-            .with_context(|| format!("the stock {} cannot be used", argument.file))?;
-        let file = file.around_part_in(part_unit);
+        let file = argument.read("stock", part_unit)?;
         let mesh = file.mesh.transformed(&(*transform * argument.transform));
         let left_by = left_by(Path::new(&argument.file));
         let left_by = left_by.map(|(pitch, unit)| pitch * unit.in_mm() / part_unit.in_mm());

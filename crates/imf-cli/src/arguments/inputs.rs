@@ -161,7 +161,7 @@ fn chosen(session: &Session, spec: &SceneSpec<'_>, inputs: &SceneInputs) -> Chos
             // Contact takes twice that, elements and results no more.
             4 * sections.max().unwrap_or_default() + 16 * grid.len() as u64
         };
-        grid.is_ok_and(|grid| needed(grid) <= session.memory_limit())
+        grid.is_ok_and(|grid| needed(grid) <= session.memory_limit)
     };
     // As the part is set up, which may scale it.
     let extents = spec.part_bounds().map_or(inputs.report.extents, |(lower, upper)| upper - lower);

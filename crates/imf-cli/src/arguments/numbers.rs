@@ -39,12 +39,12 @@ pub(super) fn three<T: FromStr>(text: &str, is: impl Fn(&T) -> bool, wanted: &st
 }
 
 /// A measure above which a pose counts as colliding.
-pub fn parse_threshold(text: &str) -> Result<f64, String> {
+pub(super) fn parse_threshold(text: &str) -> Result<f64, String> {
     number(text, |share| (0.0..1.0).contains(share), "a measure of at least 0 and below 1, such as 0.001")
 }
 
 /// A value of a field, which its quantity bounds.
-pub fn parse_value(text: &str) -> Result<f64, String> {
+pub(super) fn parse_value(text: &str) -> Result<f64, String> {
     number(text, |value: &f64| value.is_finite(), "a finite number, such as 0.001 or -0.5")
 }
 

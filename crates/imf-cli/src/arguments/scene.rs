@@ -2,7 +2,7 @@
 
 use anyhow::{Result, bail};
 use clap::Args;
-use clap::builder::{PossibleValuesParser, TypedValueParser as _};
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use glam::DMat4;
 use imf_core::grid::Grid;
 use imf_core::mesh::Mesh;
@@ -70,7 +70,7 @@ pub struct SceneArguments {
     pub clearance: ClearanceArguments,
 }
 
-fn around() -> impl clap::builder::TypedValueParser<Value = GridExtent> {
+fn around() -> impl TypedValueParser<Value = GridExtent> {
     PossibleValuesParser::new(["part", "all"])
         .map(|name| if name == "all" { GridExtent::All } else { GridExtent::Part })
 }
@@ -102,21 +102,10 @@ impl SceneArguments {
     /// may enter where it may enter one. Fixtures must lie within the grid: the scene is all that is kept. Remarks go to
     /// the session.
     pub fn scene_with(&self, session: &Session, contact: &ContactArguments) -> Result<Scene> {
-        self.with_spec(session, true, |spec, _| {
-            let grid = spec.grid()?;
-            let (tool, depth) = self.offset_tool(spec, contact)?;
-            require_memory_for_sections(session, &grid, &grid, &tool, depth.is_some(), false)?;
-            #[expect(
-                clippy::redundant_closure_for_method_calls,
-                reason = "the method's path is of one lifetime, and the spec with its progress has a shorter one"
-            )]
-            let (scene, bodies) = voxelise_with_progress(session, spec, &grid, |spec| spec.scene_alone())?;
-            let scene = self.announce(session, spec, scene, &bodies)?;
-            Ok(match depth {
-                Some(depth) => scene.with_contact(&bodies, depth),
-                None => scene,
-            })
-        })
+        let inputs = self.read(session, true)?;
+        let (scene, _) =
+            self.with_spec(session, &inputs, |spec| self.for_sections(session, spec, contact, None))?;
+        Ok(scene)
     }
 
     /// As [`Self::scene_with`] of what was read, for sections alone: fixtures may stick out of the scene's grid, and the bodies are all that
@@ -129,35 +118,57 @@ impl SceneArguments {
         elements: bool,
         quantity: Quantity,
     ) -> Result<(Scene, Bodies)> {
-        self.of_reading(session, inputs, |spec, _| {
-            let grid = spec.grid()?;
-            let (tool, depth) = self.offset_tool(spec, contact)?;
-            // Depths know poses around the grid as well.
-            let around = if quantity.is_overlap() { 0 } else { DEPTH_CAP as i64 };
-            let reach = tool.reach_from_sharp_points(grid.pitch) + around as f64 * grid.pitch;
-            let wide = spec.wide_grid(&grid, reach)?;
-            let query = grid.padded([around; 3], [around; 3])?;
-            require_memory_for_sections(session, &wide, &query, &tool, depth.is_some(), elements)?;
+        self.with_spec(session, inputs, |spec| {
+            self.for_sections(session, spec, contact, Some((elements, quantity)))
+        })
+    }
+
+    /// The scene and its bodies with room for sections; `among` of a scene out of whose grid fixtures may stick.
+    fn for_sections(
+        &self,
+        session: &Session,
+        spec: &SceneSpec<'_>,
+        contact: &ContactArguments,
+        among: Option<(bool, Quantity)>,
+    ) -> Result<(Scene, Bodies)> {
+        let grid = spec.grid()?;
+        let clearance = self.clearance.at(grid.pitch, spec.tool);
+        let tool = spec.tool.in_unit(spec.unit).with_clearance(&clearance)?;
+        let depth = contact.depth([spec.tool])?;
+        // Depths know poses around the grid as well.
+        let is_depth = among.is_some_and(|(_, quantity)| !quantity.is_overlap());
+        let around = if is_depth { DEPTH_CAP as i64 } else { 0 };
+        let reach = tool.reach_from_sharp_points(grid.pitch) + around as f64 * grid.pitch;
+        let wide = if among.is_some() { spec.wide_grid(&grid, reach)? } else { grid };
+        let query = grid.padded([around; 3], [around; 3])?;
+        let elements = among.is_some_and(|(elements, _)| elements);
+        require_memory_for_sections(session, &wide, &query, &tool, depth.is_some(), elements)?;
+        let make = |spec: &SceneSpec<'_>| match among {
+            Some(_) => spec.scene_and_bodies(reach),
+            None => spec.scene_alone(),
+        };
+        if among.is_some() {
             warn_of_fixtures_out_of_reach(session, spec, &wide)?;
-            let (scene, bodies) =
-                voxelise_with_progress(session, spec, &wide, |spec| spec.scene_and_bodies(reach))?;
-            let scene = self.announce(session, spec, scene, &bodies)?;
-            Ok(match depth {
-                Some(depth) => (scene.with_contact(&bodies, depth), bodies),
-                None => (scene, bodies),
-            })
+        }
+        let (scene, bodies) = voxelise_with_progress(session, spec, &wide, make)?;
+        let scene = self.announce(session, spec, scene, &bodies)?;
+        Ok(match depth {
+            Some(depth) => (scene.with_contact(&bodies, depth), bodies),
+            None => (scene, bodies),
         })
     }
 
     /// Part and fixtures on the grid, the mesh's report, and the unit: no tool is needed.
     pub(crate) fn voxels(&self, session: &Session) -> Result<(Bodies, MeshReport, LengthUnit, String)> {
-        self.with_spec(session, false, |spec, report| {
+        let inputs = self.read(session, false)?;
+        let bodies = self.with_spec(session, &inputs, |spec| {
             let grid = spec.grid()?;
             require_memory_for_voxels(session, spec, &grid, 0)?;
             let bodies = voxelise_with_progress(session, spec, &grid, |spec| spec.bodies_within(&grid))?;
             warn_of(session, &spec.warnings(&bodies)?);
-            Ok((bodies, report.clone(), spec.unit, spec.part.to_owned()))
-        })
+            Ok(bodies)
+        })?;
+        Ok((bodies, inputs.report, inputs.part.unit, inputs.part.name))
     }
 
     /// The scene as [`Self::scene_with`] makes it, with no room kept for sections and without contact, and part and fixtures apart on a
@@ -167,7 +178,7 @@ impl SceneArguments {
         session: &Session,
         others: impl IntoIterator<Item = &'a Tool>,
     ) -> Result<(Scene, Bodies, NamedMeshes)> {
-        self.with_spec(session, true, |spec, _| {
+        self.with_spec(session, &self.read(session, true)?, |spec| {
             let wide = spec.wide_grid(&spec.grid()?, f64::INFINITY)?;
             // Beside the voxels, counts and distances of the part and of the fixtures.
             require_memory_for_voxels(session, spec, &wide, 16)?;
@@ -192,27 +203,17 @@ impl SceneArguments {
         if scale == 1.0 {
             return Ok(self.clone());
         }
-        let grid = self.with_spec(session, true, |spec, _| Ok(spec.grid()?))?;
+        let grid = self.with_spec(session, &self.read(session, true)?, |spec| Ok(spec.grid()?))?;
         let margin = (self.margin as f64 * scale).ceil() as usize;
         Ok(Self { pitch: Some(grid.pitch / scale), dims: None, margin, ..self.clone() })
     }
 
-    /// Makes something of what a scene of the one tool is made from; `needs_tool` for a tool where none is given.
+    /// Makes something of what a scene of the one tool, or of none, is made from.
     fn with_spec<T>(
         &self,
         session: &Session,
-        needs_tool: bool,
-        make: impl FnOnce(&SceneSpec<'_>, &MeshReport) -> Result<T>,
-    ) -> Result<T> {
-        self.of_reading(session, &self.read(session, needs_tool)?, make)
-    }
-
-    /// As [`Self::with_spec`] of what was read.
-    fn of_reading<T>(
-        &self,
-        session: &Session,
         inputs: &SceneInputs,
-        make: impl FnOnce(&SceneSpec<'_>, &MeshReport) -> Result<T>,
+        make: impl FnOnce(&SceneSpec<'_>) -> Result<T>,
     ) -> Result<T> {
         let unused = Tool::paper();
         let tool = match inputs.tools.as_slice() {
@@ -222,14 +223,7 @@ impl SceneArguments {
                 "one --tool at a time: imf access takes several, and imf check several by their numbers"
             ),
         };
-        make(&self.spec(session, inputs, &inputs.fixtures(), tool), &inputs.report)
-    }
-
-    /// The tool in the part's unit, offset by its clearance, and how deep its cutter may touch.
-    fn offset_tool(&self, spec: &SceneSpec<'_>, contact: &ContactArguments) -> Result<(Tool, Option<f64>)> {
-        let clearance = self.clearance.at(spec.grid()?.pitch, spec.tool);
-        let tool = spec.tool.in_unit(spec.unit).with_clearance(&clearance)?;
-        Ok((tool, contact.depth([spec.tool])?))
+        make(&self.spec(session, inputs, &inputs.fixtures(), tool))
     }
 
     /// Offsets the tool and describes the scene.

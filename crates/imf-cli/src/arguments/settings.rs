@@ -21,7 +21,7 @@ pub(crate) struct FactoredSettings {
     pub(super) seed: Option<u64>,
     optimiser: Option<OptimiserName>,
     pub(crate) symmetry: Option<bool>,
-    checkpoint_every: Option<f64>,
+    pub(crate) checkpoint_every: Option<f64>,
 }
 
 #[derive(Clone, Copy, Deserialize)]
@@ -43,7 +43,7 @@ pub(crate) struct Siren5Settings {
     pub(super) rate_rule: Option<RateRule>,
     pub(super) held_out: Option<usize>,
     pub(crate) held_out_every: Option<u64>,
-    checkpoint_every: Option<f64>,
+    pub(crate) checkpoint_every: Option<f64>,
 }
 
 #[derive(Clone, Copy, Deserialize)]
@@ -53,10 +53,11 @@ pub(super) enum ScheduleName {
     Cosine,
 }
 
-/// Seconds between checkpoints.
+/// Seconds between checkpoints, where none were given.
 const CHECKPOINT_EVERY: f64 = 60.0;
 
-fn checkpoint_every(seconds: Option<f64>) -> Result<f64> {
+/// Seconds between checkpoints.
+pub(crate) fn checkpoint_every(seconds: Option<f64>) -> Result<f64> {
     let seconds = seconds.unwrap_or(CHECKPOINT_EVERY);
     if seconds < 0.0 {
         let wanted = format!("--set checkpoint_every={seconds}: give seconds, at least 0");
@@ -90,17 +91,5 @@ impl FactoredSettings {
             OptimiserName::Soap => Optimiser::Soap(SoapConfig::default()),
             OptimiserName::Adam => Optimiser::Adam,
         })
-    }
-
-    /// Seconds between checkpoints.
-    pub(crate) fn checkpoint_every(&self) -> Result<f64> {
-        checkpoint_every(self.checkpoint_every)
-    }
-}
-
-impl Siren5Settings {
-    /// Seconds between checkpoints.
-    pub(crate) fn checkpoint_every(&self) -> Result<f64> {
-        checkpoint_every(self.checkpoint_every)
     }
 }

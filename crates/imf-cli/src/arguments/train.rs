@@ -5,7 +5,6 @@ use std::path::PathBuf;
 use anyhow::Result;
 use clap::{Args, Subcommand};
 use imf_fields::factored::DistillSettings;
-use imf_fields::harmonic::coefficients::StoragePrecision;
 use imf_fields::recipe::schedule::Schedule;
 use imf_fields::recipe::{AdamConfig, HeldOutChoice, OnlineSettings, TrainingLength, TrainingPlan};
 use imf_fields::siren::SirenShape;
@@ -147,7 +146,7 @@ pub(crate) struct RunArguments {
     /// Where it is trained: auto (a discrete or integrated GPU, else the CPU), cpu, gpu, software (software Vulkan), or a
     /// number or part of a name from `imf info`; by default cpu for a factored field, auto for siren5
     #[arg(long, value_name = "DEVICE")]
-    device: Option<String>,
+    pub(crate) device: Option<String>,
     /// Leave out the calibration of the field's decisions (imf calibrate), which takes a few seconds
     #[arg(long)]
     pub(crate) no_calibrate: bool,
@@ -183,22 +182,12 @@ pub(crate) struct SampleArguments {
     pub(crate) mpi: bool,
 }
 
-impl RunArguments {
-    /// The device's name, or the family's own choice.
-    pub(crate) fn device_or<'a>(&'a self, usual: &'a str) -> &'a str {
-        self.device.as_deref().unwrap_or(usual)
-    }
-
-    fn length(&self, epochs: u64) -> TrainingLength {
-        self.steps.map_or(TrainingLength::Epochs(epochs), TrainingLength::Steps)
-    }
-}
-
 impl FactoredArguments {
     /// How the network is trained but for its symmetry, with the settings that were given.
     pub(crate) fn settings(&self) -> Result<(DistillSettings, FactoredSettings)> {
         let set: FactoredSettings = read_settings(&self.run.set)?;
-        let length = self.run.length(set.epochs.unwrap_or(DistillSettings::EPOCHS));
+        let epochs = set.epochs.unwrap_or(DistillSettings::EPOCHS);
+        let length = self.run.steps.map_or(TrainingLength::Epochs(epochs), TrainingLength::Steps);
         let seed = set.seed.unwrap_or(0);
         let usual = match self.online {
             Some(pool) => {
@@ -219,11 +208,6 @@ impl FactoredArguments {
         let settings = DistillSettings { width, hidden, omega: omega.unwrap_or(usual.omega), plan, ..usual };
         settings.check().map_err(|error| WrongArgument(error.to_string()))?;
         Ok((settings, set))
-    }
-
-    /// How the finished weights are saved.
-    pub(crate) fn precision(&self) -> StoragePrecision {
-        if self.half { StoragePrecision::F16 } else { StoragePrecision::F32 }
     }
 }
 
@@ -288,25 +272,13 @@ impl<'a> Siren5Training<'a> {
         self.set.held_out.unwrap_or(HeldOutChoice::default().poses)
     }
 
-    /// Seconds between checkpoints.
-    pub(crate) fn checkpoint_every(&self) -> Result<f64> {
-        self.set.checkpoint_every()
-    }
-
-    /// Whether a setting was given by `--set`.
-    fn is_set(&self, key: &str) -> bool {
-        self.run.set.iter().any(|(name, _)| name == key)
-    }
-
     /// The first of these options and settings that was given and says something else than the training that is resumed.
     pub(crate) fn first_other(&self, differs: &[(&str, bool)]) -> Option<String> {
-        let others = differs.iter().filter(|(_, differs)| *differs);
-        others
-            .filter_map(|&(name, _)| match name {
-                name if self.explicit.has(name) => Some(format!("--{name}")),
-                name if self.is_set(name) => Some(format!("--set {name}")),
-                _ => None,
-            })
-            .next()
+        let is_set = |key: &str| self.run.set.iter().any(|(name, _)| name == key);
+        differs.iter().filter(|(_, differs)| *differs).find_map(|&(name, _)| match name {
+            name if self.explicit.has(name) => Some(format!("--{name}")),
+            name if is_set(name) => Some(format!("--set {name}")),
+            _ => None,
+        })
     }
 }

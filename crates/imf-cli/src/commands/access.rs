@@ -23,7 +23,7 @@ use imf_core::section::{ElementMeasures, ElementPlans, elements_at_best};
 use serde::Serialize;
 
 use crate::arguments::access::AccessArguments;
-use crate::output::{OutputFile, OutputFolder, SUMMARY, print, print_json, write_json};
+use crate::output::{OutputFile, OutputFolder, SUMMARY, print_result, write_json};
 use crate::session::Session;
 
 use any_direction::AnyDirection;
@@ -72,7 +72,8 @@ pub(crate) fn run(session: &Session, arguments: &AccessArguments) -> Result<()> 
     let surface =
         run.surface.as_ref().map(|settings| surface::Surface::find(session, &run, settings)).transpose()?;
     let findings = find(session, &run)?;
-    let any_direction = run.certify.then(|| AnyDirection::find(session, &run, &findings)).transpose()?;
+    let any_direction =
+        arguments.certify.then(|| AnyDirection::find(session, &run, &findings)).transpose()?;
     folder.begin(session)?;
     let mut written = files::write(&run, &findings, &arguments.reach.out)?;
     if let Some(found) = &any_direction {
@@ -99,7 +100,7 @@ pub(crate) fn run(session: &Session, arguments: &AccessArguments) -> Result<()> 
     }
     write_json(&arguments.reach.out.join(SUMMARY), &summary).context(SUMMARY)?;
     session.note(&format!("wrote {} to {}", summary.files.join(", "), arguments.reach.out.display()));
-    if session.json { print_json(&summary) } else { print(&summary.table()) }
+    print_result(session, &summary, &summary.table())
 }
 
 fn find(session: &Session, run: &AccessRun) -> Result<Findings> {

@@ -124,7 +124,7 @@ pub(crate) fn measure_decisions(
     let mut settings = CalibrationSettings::default();
     interrupt::leave(kept.to_owned().into());
     loop {
-        let (needed, limit) = (settings.memory_bytes().saturating_add(held), session.memory_limit());
+        let (needed, limit) = (settings.memory_bytes().saturating_add(held), session.memory_limit);
         if needed > limit {
             return Ok(DecisionQuality::Unknown(no_room(needed, limit)));
         }
@@ -168,7 +168,7 @@ pub(super) fn calibrate_written(session: &Session, path: &Path, wanted: bool) ->
         return Ok(DecisionQuality::Unknown("that was skipped (imf calibrate does it)".into()));
     }
     // The file's bytes, and the field that they become.
-    let (needed, limit) = (2 * std::fs::metadata(path)?.len(), session.memory_limit());
+    let (needed, limit) = (2 * std::fs::metadata(path)?.len(), session.memory_limit);
     if needed > limit {
         return Ok(DecisionQuality::Unknown(no_room(needed, limit)));
     }

@@ -7,7 +7,6 @@ use std::path::Path;
 use anyhow::Result;
 use imf_core::orientation::OrientationSet;
 use imf_core::scene::Scene;
-use imf_core::section::SectionError;
 use imf_fields::recipe::Sampling;
 use imf_train::dataset::{DatasetError, GenerateSummary, Layout, Manifest, generate_partition};
 use serde_json::json;
@@ -16,7 +15,7 @@ use crate::arguments::dataset::{
     DatasetAction, DatasetArguments, DatasetFinishArguments, DatasetMakeArguments, directions,
 };
 use crate::arguments::either::Either;
-use crate::interrupt::{self, Interruption};
+use crate::interrupt;
 use crate::output::{FolderLock, lock_folder, prepare_folder, print, print_json};
 use crate::session::Session;
 
@@ -33,7 +32,7 @@ fn make_new(session: &Session, arguments: &DatasetMakeArguments) -> Result<()> {
     let sampling = arguments.sampling()?;
     let scene = arguments.scene.scene_with(session, &arguments.contact)?;
     prepare_folder(&arguments.out)?;
-    let layout = arguments.layout();
+    let layout = Layout { shard_samples: arguments.shard_samples, partition: arguments.shard };
     let _lock = lock_if_whole(&arguments.out, &layout)?;
     make(session, &arguments.out, &scene, &set, &sampling, &layout)
 }
@@ -118,12 +117,7 @@ pub(super) fn sample_sections(
 
 /// An interruption says what is saved; other errors stay as they are.
 pub fn interruption(error: DatasetError, folder: &Path) -> anyhow::Error {
-    match error {
-        DatasetError::Section(SectionError::Cancelled(_)) => Interruption(format!(
-            "finished shards are kept in {}; run the same command again to go on",
-            folder.display()
-        ))
-        .into(),
-        other => other.into(),
-    }
+    interrupt::explained(error, || {
+        format!("finished shards are kept in {}; run the same command again to go on", folder.display())
+    })
 }

@@ -13,7 +13,6 @@ use imf_core::scene::{Scene, SceneSpec};
 use imf_core::tool::Tool;
 use imf_fields::file::FieldFile;
 
-pub use self::siren::SHAPE;
 use crate::arguments::{DemoArguments, NetworkFamily};
 use crate::commands::calibrate::calibrate_written;
 use crate::commands::eval;

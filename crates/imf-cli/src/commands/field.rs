@@ -62,7 +62,7 @@ fn of_part(session: &Session, arguments: &FieldArguments, folder: OutputFolder) 
     if !round {
         note_of_rolls(session, &set);
     }
-    let device = Device::open(arguments.device_or("cpu"), session)?;
+    let device = Device::open(arguments.device.as_deref().unwrap_or("cpu"), session)?;
     let obstacle = match scene.record.contact {
         Some(depth) => Obstacle::with_cuttable(&bodies.obstacle(), bodies.layer(depth)),
         None => bodies.obstacle().into(),
@@ -102,7 +102,7 @@ fn of_saved(session: &Session, arguments: &FieldArguments, path: &Path, folder: 
     if let FieldFile::Siren(model) = field.saved() {
         notes::of_training(session, path, model);
     }
-    let device = Device::for_field(arguments.device_or("auto"), session, field.saved())?;
+    let device = Device::for_field(arguments.device.as_deref().unwrap_or("auto"), session, field.saved())?;
     let values = Values::Saved(&field);
     Work { session, folder, scene: &scene, device: &device, values, set: &set, suggested: &[] }
         .run(arguments.imf)

@@ -7,13 +7,12 @@ use std::path::Path;
 
 use anyhow::{Result, bail, ensure};
 use imf_core::scene::Scene;
-use imf_core::section::SectionError;
 use imf_fields::model::Model;
-use imf_train::dataset::{DatasetError, Manifest, Shards};
+use imf_train::dataset::Shards;
 use imf_train::samples::Samples;
 
 use super::memory::Footprint;
-use crate::interrupt::{self, Interruption};
+use crate::interrupt;
 use crate::session::{Session, show_bytes};
 
 /// What a rank that has room for all samples says: one group has their order.
@@ -54,10 +53,6 @@ impl Data {
         Ok(Self { shards, scene })
     }
 
-    pub(crate) fn manifest(&self) -> &Manifest {
-        &self.shards.manifest
-    }
-
     /// Where the samples of `model`'s training are, beside all else that it takes; a fresh one's record says it from now
     /// on. Samples that fit are read.
     pub(super) fn source(
@@ -67,7 +62,7 @@ impl Data {
         model: &mut Model,
     ) -> Result<Source> {
         let shards = &self.shards;
-        let room = session.memory_limit().saturating_sub(footprint.bytes());
+        let room = session.memory_limit.saturating_sub(footprint.bytes());
         let fresh = model.record.steps == 0;
         let recorded = model.record.groups_per_epoch;
         let mut most = WHOLE;
@@ -87,7 +82,12 @@ impl Data {
         session.require_memory(needed, || self.refusal(footprint, fresh, recorded))?;
         ensure!(most < NEVER, "another rank has too little memory for any part of the dataset");
         let Some(groups) = model.record.groups_per_epoch else {
-            return Ok(Source::Memory(shards.read_all(interrupt::flag()).map_err(interruption)?));
+            let samples = shards.read_all(interrupt::flag()).map_err(|error| {
+                interrupt::explained(error, || {
+                    "the training had not begun; run the same command again".into()
+                })
+            })?;
+            return Ok(Source::Memory(samples));
         };
         session.note(&format!(
             "{} samples take {} of memory, so {} is read in {groups} groups an epoch, {} at a time",
@@ -132,15 +132,5 @@ impl Data {
                  would change their order; go on where that much is free"
             ),
         }
-    }
-}
-
-/// The reading of a dataset was interrupted.
-fn interruption(error: DatasetError) -> anyhow::Error {
-    match error {
-        DatasetError::Section(SectionError::Cancelled(_)) => {
-            Interruption("the training had not begun; run the same command again".into()).into()
-        }
-        other => other.into(),
     }
 }

@@ -40,8 +40,7 @@ fn compare(name: &str, there: &Value, here: &Value, found: &mut Vec<String>) {
 mod tests {
     use imf_fields::factored::DistillSettings;
     use imf_fields::harmonic::FitSettings;
-    use imf_fields::recipe::OnlineSettings;
-    use imf_fields::recipe::{TrainingLength, TrainingPlan};
+    use imf_fields::recipe::{OnlineSettings, TrainingLength, TrainingPlan};
 
     use super::*;
 

@@ -27,120 +27,70 @@ use crate::session::Session;
 /// Bytes of a weight: itself, transposed, gradient, two moments, and a copy of weights and moments in a checkpoint.
 const BYTES_PER_PARAMETER: u64 = 4 * 8;
 
-/// What symmetry of the part the network of a field may rely on.
-fn symmetry_of(session: &Session, field: &HarmonicFile) -> Symmetry {
-    let symmetry = Symmetry::of(&field.field, &field.scene.obstacle);
-    if !symmetry.is_none() {
-        session.note(&format!("symmetry-reduced: {symmetry}"));
-    }
-    symmetry
+/// What a field is trained by.
+pub(crate) struct Source<'a> {
+    /// The coefficients of a harmonic field, or the sections of the scene.
+    pub(crate) target: Target<'a>,
+    pub(crate) scene: &'a Scene,
+    pub(crate) domain: Domain,
+    /// Of the harmonic field, or of the choice of the functions that sections are learnt along.
+    pub(crate) fit: FitSettings,
+    pub(crate) report: FitReport,
 }
 
-/// What is distilled.
-pub enum Source<'a> {
-    /// A harmonic field.
-    Harmonic(&'a HarmonicFile),
-    /// The sections of a scene, along functions that were chosen by a fit's settings.
-    Sections {
-        /// The sections.
-        source: Box<SectionSource<'a>>,
-        /// Of this scene.
-        scene: &'a Scene,
-        /// What the functions were chosen by.
-        fit: FitSettings,
-    },
-}
-
-impl Source<'_> {
-    fn scene(&self) -> &Scene {
-        match self {
-            Self::Harmonic(file) => &file.scene,
-            Self::Sections { scene, .. } => scene,
-        }
-    }
-
-    fn fit(&self) -> (FitSettings, FitReport) {
-        match self {
-            Self::Harmonic(file) => (file.settings, file.field.report),
-            Self::Sections { source, fit, .. } => (*fit, source.report()),
-        }
-    }
-
-    fn target(&self) -> Target<'_> {
-        match self {
-            Self::Harmonic(file) => Target::Coefficients(&file.field),
-            Self::Sections { source, .. } => Target::Sections(source),
-        }
-    }
-
-    fn extent(&self) -> DistillationSize {
-        let (by_sections, domain) = match self {
-            Self::Harmonic(file) => (false, file.field.basis.domain()),
-            Self::Sections { source, .. } => (true, source.domain()),
-        };
-        DistillationSize { by_sections, fit: self.fit().0, domain, voxels: self.target().grid().len() }
+impl<'a> From<&'a HarmonicFile> for Source<'a> {
+    fn from(HarmonicFile { field, scene, settings, .. }: &'a HarmonicFile) -> Self {
+        let (domain, report) = (field.basis.domain(), field.report);
+        Self { target: field.into(), scene, domain, fit: *settings, report }
     }
 }
 
-/// How large a distillation becomes: known before its source is made.
-pub struct DistillationSize {
-    /// By exact sections, not by a harmonic field.
-    pub by_sections: bool,
-    /// Of the harmonic field, or of the choice of functions.
-    pub fit: FitSettings,
-    /// What the field is a function of beside the point.
-    pub domain: Domain,
-    /// Of the grid.
-    pub voxels: usize,
-}
-
-impl DistillationSize {
-    /// Refuses what does not fit into memory, the choice of its functions by sections with it; `smaller` says what takes less.
-    ///
-    /// # Errors
-    /// Less memory than this.
-    pub fn require(&self, session: &Session, settings: &DistillSettings, smaller: &str) -> Result<()> {
-        let Self { by_sections, fit, domain, voxels } = *self;
-        let Sizes { functions, components, .. } = fit.sizes(domain);
-        // A symmetry-reduced network has every function for an output; whether there is any symmetry is seen later. Three
-        // matrices of these are held while it is trained.
-        let may_reduce = !by_sections && domain == Domain::Directions;
-        let outputs = if may_reduce { functions } else { components };
-        let frames = if may_reduce { 12 * (functions * functions) as u64 } else { 0 };
-        let (choice, source, what) = if by_sections {
-            (
-                fit.outline_memory(domain, voxels),
-                SectionSource::memory_bytes(functions, components, voxels, settings),
-                "the sections and the network",
-            )
-        } else {
-            let field = fit.memory(domain, voxels).1 + 4 * (functions * (components + 1)) as u64;
-            let bytes = field + frames + bytes_to_solve(settings, voxels, outputs);
-            (0, bytes, "the harmonic field and the network")
-        };
-        let batch = settings.plan.batch.min(voxels) as u64;
-        let signals = 8 * batch * (settings.width * settings.hidden + outputs) as u64;
-        let shape = settings.shape(outputs);
-        let network =
-            BYTES_PER_PARAMETER * shape.parameter_count() as u64 + optimiser_bytes(settings.optimiser, shape);
-        session.require_memory(choice.max(source + network + signals), || format!("{what}; {smaller}"))
-    }
+/// Refuses what does not fit into memory, the choice of its functions by sections with it; `smaller` says what takes less.
+pub(crate) fn require_memory(
+    session: &Session,
+    settings: &DistillSettings,
+    fit: &FitSettings,
+    domain: Domain,
+    voxels: usize,
+    smaller: &str,
+) -> Result<()> {
+    let by_sections = settings.online.is_some();
+    let Sizes { functions, components, .. } = fit.sizes(domain);
+    // A symmetry-reduced network has every function for an output; whether there is any symmetry is seen later. Three
+    // matrices of these are held while it is trained.
+    let may_reduce = !by_sections && domain == Domain::Directions;
+    let outputs = if may_reduce { functions } else { components };
+    let frames = if may_reduce { 12 * (functions * functions) as u64 } else { 0 };
+    let (choice, source, what) = if by_sections {
+        (
+            fit.outline_memory(domain, voxels),
+            SectionSource::memory_bytes(functions, components, voxels, settings),
+            "the sections and the network",
+        )
+    } else {
+        let field = fit.memory(domain, voxels).1 + 4 * (functions * (components + 1)) as u64;
+        let bytes = field + frames + bytes_to_solve(settings, voxels, outputs);
+        (0, bytes, "the harmonic field and the network")
+    };
+    let batch = settings.plan.batch.min(voxels) as u64;
+    let signals = 8 * batch * (settings.width * settings.hidden + outputs) as u64;
+    let shape = settings.shape(outputs);
+    let network =
+        BYTES_PER_PARAMETER * shape.parameter_count() as u64 + optimiser_bytes(settings.optimiser, shape);
+    session.require_memory(choice.max(source + network + signals), || format!("{what}; {smaller}"))
 }
 
 /// Where a distillation begins, in a folder.
-pub struct FactoredStart<'a> {
+pub(crate) struct FactoredStart<'a> {
     /// Where checkpoint and field are written.
-    pub(crate) out: &'a Path,
+    out: &'a Path,
     /// What is gone on with; nothing for a training afresh.
     found: Option<LatestCheckpoint<FactoredFile>>,
 }
 
 impl<'a> FactoredStart<'a> {
     /// Refuses to begin where a training is unfinished, and to go on where there is none.
-    ///
-    /// # Errors
-    /// As said.
-    pub fn at(out: &'a Path, resume: bool) -> Result<Self> {
+    pub(crate) fn at(out: &'a Path, resume: bool) -> Result<Self> {
         let found = to_resume::<FactoredFile>(out, resume)?;
         if let Some(LatestCheckpoint { model, path, .. }) = &found {
             ensure!(model.state.is_some(), "{} has no optimiser's state to go on from", path.display());
@@ -268,28 +218,24 @@ impl<'a> FactoredStart<'a> {
 }
 
 /// A factored field that is trained, in a folder.
-pub struct Distillation<'a> {
-    /// How it is trained.
-    pub settings: DistillSettings,
+pub(crate) struct Distillation<'a> {
+    pub(crate) settings: DistillSettings,
     /// The network uses the harmonic field's symmetry regardless of the settings.
-    pub find_symmetry: bool,
+    pub(crate) find_symmetry: bool,
     /// How the finished weights are saved.
-    pub precision: StoragePrecision,
+    pub(crate) precision: StoragePrecision,
     /// What happens beside the steps.
-    pub beside: Settings,
+    pub(crate) beside: Settings,
     /// What takes less memory.
-    pub smaller: &'static str,
+    pub(crate) smaller: &'static str,
     /// From where, and where checkpoint and field are written.
-    pub start: &'a FactoredStart<'a>,
+    pub(crate) start: &'a FactoredStart<'a>,
 }
 
 impl Distillation<'_> {
     /// Trains by `source`: from the checkpoint on where there is one to go on from, else from another field's network or from random
     /// weights; writes checkpoints and the finished field. Also says the loss of the last steps.
-    ///
-    /// # Errors
-    /// Too little memory, a checkpoint of another training, one that cannot be written, a divergence, Ctrl-C.
-    pub fn run(
+    pub(crate) fn run(
         self,
         session: &Session,
         device: &Device,
@@ -297,11 +243,14 @@ impl Distillation<'_> {
         from: Option<&FactoredFile>,
     ) -> Result<(FactoredFile, Option<f64>)> {
         let Self { mut settings, find_symmetry, precision, beside, smaller, start } = self;
-        if let (true, Source::Harmonic(field)) = (find_symmetry, source) {
-            settings.symmetry = symmetry_of(session, field);
+        let Source { target, scene, domain, fit, report } = source;
+        if let (true, Target::Coefficients(field)) = (find_symmetry, target) {
+            settings.symmetry = Symmetry::of(field, &scene.obstacle);
+            if !settings.symmetry.is_none() {
+                session.note(&format!("symmetry-reduced: {}", settings.symmetry));
+            }
         }
-        source.extent().require(session, &settings, smaller)?;
-        let target = source.target();
+        require_memory(session, &settings, fit, *domain, target.grid().len(), smaller)?;
         let resumed = start.state(session);
         let state = match &resumed {
             Some(state) => {
@@ -315,9 +264,9 @@ impl Distillation<'_> {
         };
         let (shape, batch, voxels) = (target.shape(&settings), target.batch(&settings), target.grid().len());
         let total = settings.plan.total_steps(voxels);
-        let of = match source {
-            Source::Harmonic(_) => format!("to the coefficients of {voxels} voxels"),
-            Source::Sections { .. } => {
+        let of = match target {
+            Target::Coefficients(_) => format!("to the coefficients of {voxels} voxels"),
+            Target::Sections(_) => {
                 let pool = settings.online.unwrap_or_default().pool;
                 format!("to {voxels} voxels by exact sections, {pool} at a time")
             }
@@ -334,12 +283,11 @@ impl Distillation<'_> {
                 Box::new(GpuTrainer::new(gpu, shape.stack(), &learning, batch, &state.training)?)
             }
         };
-        let (fit, report) = source.fit();
         let field = FactoredFile {
             field: target.field(&settings, state.training.parameters.clone())?,
-            scene: source.scene().clone(),
-            fit,
-            report,
+            scene: (*scene).clone(),
+            fit: *fit,
+            report: *report,
             settings,
             precision: StoragePrecision::F32,
             state: Some(state),
@@ -369,8 +317,8 @@ fn initial_state(
     settings: &DistillSettings,
     from: Option<&FactoredFile>,
 ) -> Result<FactoredState> {
-    let (Some(from), Source::Harmonic(HarmonicFile { field, scene, .. })) = (from, source) else {
-        return Ok(FactoredState::new(&source.target().shape(settings), settings.plan.seed));
+    let (Some(from), Target::Coefficients(field)) = (from, &source.target) else {
+        return Ok(FactoredState::new(&source.target.shape(settings), settings.plan.seed));
     };
     ensure!(
         from.field.basis.domain() == field.basis.domain(),
@@ -380,5 +328,5 @@ fn initial_state(
         from.field.quantity == field.quantity,
         "--from is a field of another quantity: one is of overlaps, the other of depths"
     );
-    start_from(&from.field, field, &scene.obstacle).context("--from")
+    start_from(&from.field, field, &source.scene.obstacle).context("--from")
 }

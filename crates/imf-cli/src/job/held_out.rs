@@ -4,15 +4,13 @@
 //! paper's network take a tenth of a second on two cores.
 
 use anyhow::Result;
-use imf_core::section::SectionError;
 use imf_fields::model::{HeldOutPoint, HeldOutRecord, Model};
-use imf_fields::recipe::HeldOutChoice;
-use imf_fields::recipe::TrainingState;
+use imf_fields::recipe::{HeldOutChoice, TrainingState};
 use imf_fields::siren::evaluator::CpuEvaluator;
 use imf_train::held_out::HeldOut;
 
 use super::REPORT_EVERY;
-use crate::interrupt::Interruption;
+use crate::interrupt;
 use crate::session::Session;
 
 /// Default maximum number of evaluations of a run; they then take about a hundredth of the time of training.
@@ -41,14 +39,12 @@ impl HeldOutWatch {
     pub(super) fn new(session: &Session, model: &Model) -> Result<Option<Self>> {
         let Some(record) = &model.record.held_out else { return Ok(None) };
         let trained = &model.record.orientations.orientations;
-        let poses = match HeldOut::new(record.choice, &model.scene, trained, session.control(&|_| {})) {
-            Err(SectionError::Cancelled(_)) => {
-                let text =
-                    "the training had not begun; run the same command again: what was made for it is kept";
-                return Err(Interruption(text.into()).into());
-            }
-            other => other?,
-        };
+        let poses = HeldOut::new(record.choice, &model.scene, trained, session.control(&|_| {}));
+        let poses = poses.map_err(|error| {
+            interrupt::explained(error, || {
+                "the training had not begun; run the same command again: what was made for it is kept".into()
+            })
+        })?;
         let evaluator = CpuEvaluator::new(model.shape, &model.state.parameters)?;
         Ok(Some(Self { poses, evaluator, every: record.every }))
     }

@@ -93,15 +93,12 @@ impl Footprint {
         }
     }
 
-    /// Refuses a training that would not fit, with `beside` bytes beside it.
+    /// Refuses a training that would not fit.
     ///
     /// # Errors
     /// Less memory than this.
-    pub fn require(&self, session: &Session, beside: u64) -> Result<()> {
-        let fewer = if beside > 0 { ", or fewer sections at a time" } else { "" };
-        session.require_memory(self.bytes().saturating_add(beside), || {
-            format!("{self}; {}{fewer}", self.remedy())
-        })
+    pub fn require(&self, session: &Session) -> Result<()> {
+        session.require_memory(self.bytes(), || format!("{self}; {}", self.remedy()))
     }
 }
 

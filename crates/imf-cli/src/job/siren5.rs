@@ -19,7 +19,7 @@ use super::checkpoint::{Checkpoint as _, LatestCheckpoint, latest};
 use super::data::{Data, Source};
 use super::held_out::{HeldOutWatch, record};
 use super::memory::Footprint;
-use super::{Loop, Settings, Training};
+use super::{Settings, Training};
 use crate::arguments::train::Siren5Training;
 use crate::engine::Device;
 use crate::interrupt;
@@ -36,57 +36,18 @@ pub fn run(
     out: &Path,
     settings: &Settings,
 ) -> Result<Model> {
-    let samples = data.shards.samples();
-    let footprint = footprint(session, device, &model, samples, settings)?;
-    let source = data.source(session, &footprint, &mut model)?;
-    let mut waited = Duration::ZERO;
-    let by: &mut Loop<'_> = &mut |plan, engine, start, observer| match &source {
-        Source::Memory(samples) => train(plan, samples, engine, start, observer),
-        Source::Groups(groups) => {
-            let (outcome, seconds) = train_streamed(plan, &data.shards, *groups, engine, start, observer)?;
-            waited = seconds;
-            Ok(outcome)
-        }
-    };
-    let model = train_to_the_end(session, device, samples, model, out, settings, by)?;
-    if matches!(source, Source::Groups(_)) {
-        session.note(&format!("training waited {:.1} s for shards", waited.as_secs_f64()));
-    }
-    Ok(model)
-}
-
-/// What the training takes beside its samples.
-fn footprint(
-    session: &Session,
-    device: &Device,
-    model: &Model,
-    samples: usize,
-    settings: &Settings,
-) -> Result<Footprint> {
-    let record = &model.record;
-    let held_out = match &record.held_out {
-        _ if record.steps == 0 => settings.held_out,
+    let (rank, plan, samples) = (session.rank(), model.record.plan, data.shards.samples());
+    let batch = plan.batch.min(samples.max(1));
+    let resumed = model.record.steps > 0;
+    let held_out = match &model.record.held_out {
+        _ if !resumed => settings.held_out,
         held_out => held_out.as_ref().map_or(0, |held_out| held_out.choice.poses),
     };
-    let batch = record.plan.batch.min(samples.max(1));
-    Footprint::new(session, device, model.shape, &record.plan, &model.scene.record, batch, held_out)
-}
-
-/// Trains with an epoch of `samples` samples, which `by` has; memory was reserved before.
-fn train_to_the_end(
-    session: &Session,
-    device: &Device,
-    samples: usize,
-    mut model: Model,
-    out: &Path,
-    settings: &Settings,
-    by: &mut Loop<'_>,
-) -> Result<Model> {
-    let rank = session.rank();
-    let plan = model.record.plan;
-    let batch = plan.batch.min(samples.max(1));
+    let scene = &model.scene.record;
+    let footprint = Footprint::new(session, device, model.shape, &plan, scene, batch, held_out)?;
+    let source = data.source(session, &footprint, &mut model)?;
     let total = plan.total_steps(samples);
-    if model.record.steps == 0 {
+    if !resumed {
         model.record.held_out = record(settings.held_out, settings.held_out_every, plan.seed, total);
     }
     // After this no rank reads what the first may write.
@@ -105,11 +66,22 @@ fn train_to_the_end(
     ));
     model.record.engine = engine.describe();
     model.record.program = env!("CARGO_PKG_VERSION").into();
-    let resumed = model.record.steps > 0;
     let precision = StoragePrecision::F32;
     let training =
         Training { session, out, settings, field: model, plan, samples, resumed, precision, held_out };
-    Ok(training.run(engine.as_mut(), by)?.0)
+    let mut waited = Duration::ZERO;
+    let (model, _) = training.run(engine.as_mut(), &mut |plan, engine, start, observer| match &source {
+        Source::Memory(samples) => train(plan, samples, engine, start, observer),
+        Source::Groups(groups) => {
+            let (outcome, seconds) = train_streamed(plan, &data.shards, *groups, engine, start, observer)?;
+            waited = seconds;
+            Ok(outcome)
+        }
+    })?;
+    if matches!(source, Source::Groups(_)) {
+        session.note(&format!("training waited {:.1} s for shards", waited.as_secs_f64()));
+    }
+    Ok(model)
 }
 
 /// A checksum of all that ranks must have in common.
@@ -134,7 +106,7 @@ fn fingerprint(model: &Model) -> Result<u64> {
 /// Refuses to train alone in the company of processes that would all do the same, and write to one folder.
 pub(crate) fn require_togetherness(session: &Session) -> Result<()> {
     match started_together() {
-        Some(count) if session.rank().size() == 1 => bail!(
+        Some(count) if session.rank().size == 1 => bail!(
             "{count} processes were started together, and each would train by itself: add --mpi (in a build with the feature mpi) to share the work, or start one"
         ),
         _ => Ok(()),
@@ -150,7 +122,7 @@ pub fn fresh_model(
     fine_tuned_from: Option<String>,
 ) -> Model {
     let samples = data.shards.samples() as u64;
-    data.manifest().fresh_model(data.scene.clone(), samples, shape, plan, state, fine_tuned_from)
+    data.shards.manifest().fresh_model(data.scene.clone(), samples, shape, plan, state, fine_tuned_from)
 }
 
 impl LatestCheckpoint<Model> {
@@ -169,7 +141,7 @@ impl LatestCheckpoint<Model> {
 
     /// Refuses a checkpoint of another dataset.
     pub(crate) fn require_dataset(&self, data: &Data) -> Result<()> {
-        self.require_same(self.model.record.dataset_crc32 == data.manifest().fingerprint())
+        self.require_same(self.model.record.dataset_crc32 == data.shards.manifest().fingerprint())
     }
 
     fn require_same(&self, same: bool) -> Result<()> {
@@ -278,7 +250,7 @@ pub fn continued(session: &Session, out: &Path, data: &Data, fresh: Model) -> Re
     let same = |found: &Model| {
         found.shape == fresh.shape
             && found.record.plan == fresh.record.plan
-            && found.record.dataset_crc32 == data.manifest().fingerprint()
+            && found.record.dataset_crc32 == data.shards.manifest().fingerprint()
     };
     match latest::<Model>(out) {
         Ok(LatestCheckpoint { model, .. }) if model.is_finished() => Ok(fresh),

@@ -36,7 +36,7 @@ impl World {
     pub(super) fn rank(&self) -> Rank {
         let world = self.universe.world();
         let neighbours = world.split_shared(world.rank()).size();
-        Rank { number: world.rank() as usize, of: world.size() as usize, neighbours: neighbours as usize }
+        Rank { number: world.rank() as usize, size: world.size() as usize, neighbours: neighbours as usize }
     }
 
     /// Ends MPI together with all others.
@@ -70,7 +70,7 @@ impl MpiCollectives {
         if self.given.0.len() + 1 == cuts.len() {
             return Ok(());
         }
-        let ranks = self.rank.of;
+        let ranks = self.rank.size;
         let own = cuts[self.rank.number + 1] - cuts[self.rank.number];
         if i32::try_from(cuts[ranks].max(own * ranks)).is_err() {
             return Err(EngineError::Shape("MPI counts to 2^31: a smaller network".into()));
@@ -89,7 +89,7 @@ impl Collectives for MpiCollectives {
     }
 
     fn ranks(&self) -> usize {
-        self.rank.of
+        self.rank.size
     }
 
     fn all_to_all(&mut self, values: &[f32], cuts: &[usize], parts: &mut [f32]) -> Result<(), EngineError> {
@@ -108,7 +108,7 @@ impl Collectives for MpiCollectives {
     }
 
     fn all_gather_number(&mut self, number: u64) -> Result<Vec<u64>, EngineError> {
-        let mut all = vec![0; self.rank.of];
+        let mut all = vec![0; self.rank.size];
         self.world.all_gather_into(&number, &mut all[..]);
         Ok(all)
     }

@@ -23,92 +23,83 @@ pub(super) struct CollisionRow {
     pub(super) part_and_fixtures: Option<[Volume; 2]>,
 }
 
-/// Which voxels no pose reaches, and what collides there: the elements of one tool, or of each voxel's best tool.
+/// In how many unreached voxels an element collides, of one tool or of each voxel's best tool.
 struct Tally {
-    kinds: Vec<ElementKind>,
-    hits: Vec<usize>,
-    alone: Vec<usize>,
-    bodies: Vec<[usize; 2]>,
+    kind: ElementKind,
+    hits: usize,
+    alone: usize,
+    bodies: [usize; 2],
 }
 
 /// What one tool hits: of all that is solid, and of the fixtures.
 type Hits<'a> = (&'a ElementMeasures, Option<&'a ElementMeasures>);
 
-fn hits(findings: &Findings, tool: usize) -> Option<Hits<'_>> {
-    Some((findings.elements.get(tool)?, findings.at_fixtures.get(tool)?.as_ref()))
-}
-
-impl Tally {
-    fn new(elements: &[&ElementMeasures]) -> Self {
-        let mut kinds: Vec<ElementKind> = elements.iter().flat_map(|e| e.kinds.iter().copied()).collect();
-        kinds.sort_by_key(|kind| kind.order());
-        kinds.dedup();
-        let none = vec![0; kinds.len()];
-        Self { hits: none.clone(), alone: none, bodies: vec![[0; 2]; kinds.len()], kinds }
-    }
-
-    fn add(&mut self, (elements, fixtures): Hits<'_>, voxel: usize) {
-        let colliding = || {
-            let all = elements.kinds.iter().zip(&elements.values);
-            all.filter(|(_, values)| values[voxel] > 0.0).map(|(kind, values)| (kind, values[voxel]))
+/// Counts the elements that collide in voxels that no pose reaches, each with what a tool hits.
+fn tally<'a>(
+    elements: &[&ElementMeasures],
+    unreached: impl Iterator<Item = (Hits<'a>, usize)>,
+) -> Vec<Tally> {
+    let mut kinds: Vec<ElementKind> = elements.iter().flat_map(|e| e.kinds.iter().copied()).collect();
+    kinds.sort_by_key(|kind| kind.order());
+    kinds.dedup();
+    let mut all: Vec<Tally> =
+        kinds.into_iter().map(|kind| Tally { kind, hits: 0, alone: 0, bodies: [0; 2] }).collect();
+    for ((elements, fixtures), voxel) in unreached {
+        let of = |measures: &ElementMeasures, kind: ElementKind| {
+            let place = measures.kinds.iter().position(|&own| own == kind)?;
+            Some(measures.values[place][voxel])
         };
-        let of_fixtures = |kind: &ElementKind| {
-            let fixtures = fixtures?;
-            let place = fixtures.kinds.iter().position(|k| k == kind)?;
-            Some(fixtures.values[place][voxel])
-        };
-        let only = colliding().count() == 1;
-        for (kind, whole) in colliding() {
-            if let Some(place) = self.kinds.iter().position(|k| k == kind) {
-                self.hits[place] += 1;
-                self.alone[place] += usize::from(only);
-                // Counts over one number: what is more than the fixtures' is the part's.
-                let held = of_fixtures(kind).unwrap_or(0.0);
-                self.bodies[place][0] += usize::from(whole > held);
-                self.bodies[place][1] += usize::from(held > 0.0);
-            }
+        let only = elements.values.iter().filter(|values| values[voxel] > 0.0).count() == 1;
+        for own in &mut all {
+            let Some(whole) = of(elements, own.kind).filter(|&whole| whole > 0.0) else { continue };
+            own.hits += 1;
+            own.alone += usize::from(only);
+            // Counts over one number: what is more than the fixtures' is the part's.
+            let held = fixtures.and_then(|fixtures| of(fixtures, own.kind)).unwrap_or(0.0);
+            own.bodies[0] += usize::from(whole > held);
+            own.bodies[1] += usize::from(held > 0.0);
         }
     }
-
-    fn rows(&self, voxel_volume: f64, with_fixtures: bool) -> Vec<CollisionRow> {
-        let measure = |voxels: usize| Volume::new(voxels, voxel_volume);
-        self.kinds
-            .iter()
-            .zip(self.hits.iter().zip(&self.alone).zip(&self.bodies))
-            .map(|(kind, ((&hits, &alone), bodies))| CollisionRow {
-                element: kind.to_string(),
-                hits: measure(hits),
-                alone: measure(alone),
-                part_and_fixtures: with_fixtures.then(|| bodies.map(measure)),
-            })
-            .collect()
-    }
+    all
 }
 
-/// Empty voxels whose measure is above τ.
-fn unreached<'a>(run: &'a AccessRun, imf: &'a [f32]) -> impl Iterator<Item = usize> + 'a {
-    let blocked = |&v: &usize| run.solid.solid[v] == 0 && f64::from(imf[v]) > run.tau;
-    (0..imf.len()).filter(blocked)
+fn rows(all: &[Tally], voxel_volume: f64, with_fixtures: bool) -> Vec<CollisionRow> {
+    let measure = |voxels: usize| Volume::new(voxels, voxel_volume);
+    let row = |own: &Tally| CollisionRow {
+        element: own.kind.to_string(),
+        hits: measure(own.hits),
+        alone: measure(own.alone),
+        part_and_fixtures: with_fixtures.then(|| own.bodies.map(measure)),
+    };
+    all.iter().map(row).collect()
 }
 
-/// Which elements of one tool obstruct the voxels that it does not reach; nothing for a mesh.
+/// Which elements obstruct the voxels whose measure `imf` is above τ: those of the tool of each; nothing for a mesh.
+fn of_unreached(
+    run: &AccessRun,
+    findings: &Findings,
+    elements: &[&ElementMeasures],
+    imf: &[f32],
+    tool: impl Fn(usize) -> usize,
+) -> Vec<CollisionRow> {
+    let unreached = |&v: &usize| run.solid.solid[v] == 0 && f64::from(imf[v]) > run.tau;
+    let found = (0..imf.len()).filter(unreached).filter_map(|voxel| {
+        let tool = tool(voxel);
+        Some(((findings.elements.get(tool)?, findings.at_fixtures.get(tool)?.as_ref()), voxel))
+    });
+    let with_fixtures = findings.at_fixtures.iter().all(Option::is_some);
+    rows(&tally(elements, found), run.query.voxel_volume(), with_fixtures)
+}
+
+/// Which elements of one tool obstruct the voxels that it does not reach.
 pub(super) fn by_tool(run: &AccessRun, findings: &Findings, tool: usize) -> Vec<CollisionRow> {
-    let mut tally = Tally::new(&[&findings.elements[tool]]);
-    if let Some(hits) = hits(findings, tool) {
-        unreached(run, &findings.tools[tool].imf.value).for_each(|voxel| tally.add(hits, voxel));
-    }
-    tally.rows(run.query.voxel_volume(), findings.at_fixtures.iter().all(Option::is_some))
+    of_unreached(run, findings, &[&findings.elements[tool]], &findings.tools[tool].imf.value, |_| tool)
 }
 
 /// For every voxel that no tool reaches, which elements of its best tool obstruct it.
 pub(super) fn together(run: &AccessRun, findings: &Findings) -> Vec<CollisionRow> {
-    let mut tally = Tally::new(&findings.elements.iter().collect::<Vec<_>>());
-    for voxel in unreached(run, &findings.together.imf.value) {
-        if let Some(hits) = hits(findings, findings.together.tool[voxel] as usize) {
-            tally.add(hits, voxel);
-        }
-    }
-    tally.rows(run.query.voxel_volume(), findings.at_fixtures.iter().all(Option::is_some))
+    let (elements, best) = (findings.elements.iter().collect::<Vec<_>>(), &findings.together);
+    of_unreached(run, findings, &elements, &best.imf.value, |voxel| best.tool[voxel] as usize)
 }
 
 #[cfg(test)]
@@ -125,10 +116,8 @@ mod tests {
         // Of the holder's hits the second is a fixture's alone, the third both's.
         let fixtures =
             ElementMeasures { kinds: vec![ElementKind::Holder(0)], values: vec![vec![0.0, 0.3, 0.05]] };
-        let mut tally = Tally::new(&[&elements, &other]);
-        (0..3).for_each(|voxel| tally.add((&elements, Some(&fixtures)), voxel));
-        tally.add((&other, None), 0);
-        let rows = tally.rows(8.0, true);
+        let unreached = (0..3).map(|voxel| ((&elements, Some(&fixtures)), voxel));
+        let rows = rows(&tally(&[&elements, &other], unreached.chain([((&other, None), 0)])), 8.0, true);
         let found: Vec<_> =
             rows.iter().map(|r| (r.element.as_str(), r.hits.voxels, r.alone.volume)).collect();
         assert_eq!(found, [("cutter", 2, 8.0), ("shank", 1, 8.0), ("holder 1", 2, 8.0)]);

@@ -25,7 +25,7 @@ use super::surface::{SAMPLES, rgb};
 use crate::arguments::access::CribArguments;
 use crate::arguments::orientations::{Directions, default_for};
 use crate::arguments::scene::{SceneArguments, voxelise_with_progress, warn_of};
-use crate::output::{OutputFolder, SUMMARY, print, print_json, write_json, write_text};
+use crate::output::{OutputFolder, SUMMARY, print_result, write_json, write_text};
 use crate::session::Session;
 
 use report::Report;
@@ -65,7 +65,7 @@ pub(crate) fn run(session: &Session, arguments: &CribArguments) -> Result<()> {
     crib.write_surface(&arguments.reach.out.join("surface.ply"))?;
     write_json(&arguments.reach.out.join(SUMMARY), &report).context(SUMMARY)?;
     session.note(&format!("wrote surface.ply, crib.csv, {SUMMARY} to {}", arguments.reach.out.display()));
-    if session.json { print_json(&report) } else { print(&report.text()) }
+    print_result(session, &report, &report.text())
 }
 
 impl Crib {

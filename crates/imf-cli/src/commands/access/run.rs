@@ -47,8 +47,6 @@ pub(super) struct AccessRun {
     /// What the part suggested, where the set names it.
     pub(super) suggested: Vec<MachiningDirection>,
     pub(super) tau: f64,
-    /// Places that no direction reaches are examined.
-    pub(super) certify: bool,
     /// `None` where no tool has a cutter.
     pub(super) surface: Option<SurfaceSettings>,
     /// A point and the map's cells.
@@ -218,7 +216,6 @@ impl AccessRun {
             orientations,
             suggested,
             tau: arguments.tau,
-            certify: arguments.certify,
             surface,
             map: arguments.map.map(|point| (point, map_cells(arguments.map_step))),
             limits,

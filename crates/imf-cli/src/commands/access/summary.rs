@@ -188,7 +188,7 @@ impl Summary {
             map_directions: directions(run),
             stock,
             surface: surface.map(|surface| surface.row(run)),
-            setups: surface.and_then(Surface::setups_row),
+            setups: surface.and_then(|surface| Some(surface.setups.as_ref()?.row(surface))),
             unreached: surface.map_or_else(Vec::new, |surface| surface.unreached(run)),
             stick_outs: surface.map_or_else(Vec::new, |surface| surface.stick_out_rows(run)),
             seconds,

@@ -11,6 +11,7 @@ mod stick_out;
 use std::path::Path;
 
 use anyhow::Result;
+use glam::Vec3;
 use imf_core::field_files::{NamedField, write_ply, write_vti, write_vtp};
 use imf_core::mesh::Mesh;
 use imf_core::scene::{Bodies, SceneSpec};
@@ -25,6 +26,7 @@ pub(super) use setups::{SetupSettings, SetupsRow};
 pub(super) use shown::UnreachedPatch;
 use shown::words;
 pub(super) use stick_out::StickOutRow;
+use stick_out::ToolStickOut;
 
 use super::run::AccessRun;
 use crate::arguments::access::AccessArguments;
@@ -86,12 +88,12 @@ pub(super) struct Surface {
     /// Area that each direction reaches with any tool.
     by_direction: Vec<f64>,
     /// The fewest set-ups, where requested.
-    setups: Option<setups::Setups>,
+    pub(super) setups: Option<setups::Setups>,
     blame: blame::Blame,
     /// For each sample that shank or holder obstruct: the minimum stick-out that frees it.
     freed: Vec<Option<f64>>,
     /// By tool, where requested.
-    stick_outs: Vec<stick_out::ToolStickOut>,
+    stick_outs: Vec<ToolStickOut>,
 }
 
 /// Green, orange, magenta, grey: distinguishable by brightness as well.
@@ -110,8 +112,7 @@ impl Surface {
         let orientations = &run.orientations;
         let mut tools = Vec::new();
         for tool in 0..run.tools.len() {
-            let among = (&settings.environment, settings.environment.pitch());
-            tools.push(one_tool(session, run, tool, among, settings.tolerance, &samples)?);
+            tools.push(one_tool(session, run, tool, &settings.environment, settings.tolerance, &samples)?);
         }
         let best = (0..samples.samples.len()).map(|sample| {
             let verdicts =
@@ -147,16 +148,8 @@ impl Surface {
             surface.setups = Some(setups::Setups::find(session, run, question, &surface)?);
         }
         for assembly in run.tools.iter().filter(|_| settings.stick_out) {
-            let (environment, tolerance) = (&settings.environment, settings.tolerance);
-            let samples = &surface.samples;
-            let found = stick_out::ToolStickOut::find(
-                session,
-                environment,
-                assembly,
-                tolerance,
-                samples,
-                orientations,
-            )?;
+            let found =
+                ToolStickOut::find(session, settings, assembly, &surface.samples.samples, orientations)?;
             surface.stick_outs.push(found);
         }
         Ok(surface)
@@ -171,8 +164,8 @@ impl Surface {
     ) -> Result<f64> {
         let mut reached = vec![false; self.samples.samples.len()];
         for tool in 0..run.tools.len() {
-            let coarse = (&settings.coarse, settings.coarse.pitch());
-            let (access, _) = one_tool(session, run, tool, coarse, settings.tolerance, &self.samples)?;
+            let (access, _) =
+                one_tool(session, run, tool, &settings.coarse, settings.tolerance, &self.samples)?;
             let any =
                 |(all, one): (&mut bool, &SampleReach)| *all |= matches!(one, SampleReach::Reached { .. });
             reached.iter_mut().zip(&access.reach).for_each(any);
@@ -197,6 +190,14 @@ impl Surface {
             (surface_tool, access.reach[index], sample.area)
         }));
         ObstructedRow::all(&found, fixtures, self.samples.area())
+    }
+
+    /// The number of directions from which its best tool reaches a sample, where it does.
+    fn reached_from(&self, sample: usize) -> Option<f32> {
+        match self.tools[self.best[sample].1].0.reach[sample] {
+            SampleReach::Reached { directions } => Some(directions as f32),
+            _ => None,
+        }
     }
 
     /// Those that reach most of the surface.
@@ -231,10 +232,6 @@ impl Surface {
         }
     }
 
-    pub(super) fn setups_row(&self) -> Option<SetupsRow> {
-        self.setups.as_ref().map(|found| found.row(self))
-    }
-
     pub(super) fn stick_out_rows(&self, run: &AccessRun) -> Vec<StickOutRow> {
         let nearer = run.guarantee.surface_nearer_by(run.query.pitch);
         self.stick_outs
@@ -251,40 +248,29 @@ impl Surface {
 
     /// Writes `surface.ply`, `surface.vtp` and what each voxel is to blame for, and gives back the files' names.
     pub(super) fn write(&self, run: &AccessRun, folder: &Path) -> Result<Vec<&'static str>> {
-        let each = |value: &dyn Fn(usize) -> f32| -> Vec<f32> {
-            (0..self.best.len()).flat_map(|sample| [value(sample); 3]).collect()
-        };
-        let directions: Vec<[f32; 3]> = (0..self.best.len())
+        let each = |value: &dyn Fn(usize) -> f32| -> Vec<f32> { (0..self.best.len()).map(value).collect() };
+        let mut values = vec![
+            ("verdict".to_owned(), each(&|sample| f32::from(self.best[sample].0 as u8))),
+            ("directions".to_owned(), each(&|sample| self.reached_from(sample).unwrap_or(0.0))),
+            ("tool".to_owned(), each(&|sample| self.best[sample].1 as f32)),
+        ];
+        let directions: Vec<Vec3> = (0..self.best.len())
             .map(|sample| match self.direction(sample) {
-                Some(at) => run.orientations.orientations[at].direction().as_vec3().to_array(),
-                None => [0.0; 3],
+                Some(at) => run.orientations.orientations[at].direction().as_vec3(),
+                None => Vec3::ZERO,
             })
             .collect();
-        let verdict = each(&|sample| f32::from(self.best[sample].0 as u8));
-        let tool = each(&|sample| self.best[sample].1 as f32);
-        let number = each(&|sample| match self.tools[self.best[sample].1].0.reach[sample] {
-            SampleReach::Reached { directions } => directions as f32,
-            _ => 0.0,
-        });
-        let in_setup = |setups: &setups::Setups| each(&|sample| setups.by_sample[sample] as f32);
-        let in_setup = self.setups.as_ref().map(in_setup);
-        let [i, j, k] = [0, 1, 2].map(|axis| each(&|sample| directions[sample][axis]));
-        let mut values = vec![
-            ("verdict", &verdict[..]),
-            ("directions", &number[..]),
-            ("tool", &tool[..]),
-            ("best_i", &i[..]),
-            ("best_j", &j[..]),
-            ("best_k", &k[..]),
-        ];
+        for (axis, name) in ["best_i", "best_j", "best_k"].into_iter().enumerate() {
+            values.push((name.to_owned(), each(&|sample| directions[sample][axis])));
+        }
         let many = self.stick_outs.len() > 1;
-        let lengths = self.stick_outs.iter().enumerate().map(|(index, found)| {
+        for (index, found) in self.stick_outs.iter().enumerate() {
             let name = if many { format!("stick_out_tool_{index}") } else { "stick_out".into() };
-            (name, each(&|sample| found.value(sample)))
-        });
-        let lengths: Vec<(String, Vec<f32>)> = lengths.collect();
-        values.extend(lengths.iter().map(|(name, values)| (name.as_str(), &values[..])));
-        values.extend(in_setup.as_ref().map(|values| ("setup", &values[..])));
+            values.push((name, each(&|sample| found.value(sample))));
+        }
+        if let Some(setups) = &self.setups {
+            values.push(("setup".to_owned(), each(&|sample| setups.by_sample[sample] as f32)));
+        }
         let colours: Vec<[u8; 3]> = self.best.iter().flat_map(|(verdict, _)| [rgb(*verdict); 3]).collect();
         let comments = [
             format!("imf {}: {} in {}", env!("CARGO_PKG_VERSION"), run.part, run.unit),
@@ -294,30 +280,30 @@ impl Surface {
             format!("the cutter may cut {} {} below the surface", self.tolerance, run.unit),
         ];
         let mesh: &Mesh = &self.samples.mesh;
-        write_ply(folder.join("surface.ply"), mesh, &values, &colours, &comments)?;
-        // One value for each triangle: the first of its three corners.
-        let of_triangles: Vec<(&str, Vec<f32>)> = values
-            .iter()
-            .map(|(name, values)| (*name, values.iter().copied().step_by(3).collect()))
-            .collect();
+        // One value for each triangle, and for each of its three corners.
+        let of_corners: Vec<Vec<f32>> =
+            values.iter().map(|(_, values)| values.iter().flat_map(|&value| [value; 3]).collect()).collect();
+        let named: Vec<(&str, &[f32])> =
+            values.iter().zip(&of_corners).map(|((name, _), values)| (name.as_str(), &values[..])).collect();
+        write_ply(folder.join("surface.ply"), mesh, &named, &colours, &comments)?;
         let fields: Vec<NamedField<'_>> =
-            of_triangles.iter().map(|(name, values)| NamedField::new(name, &values[..])).collect();
+            values.iter().map(|(name, values)| NamedField::new(name, &values[..])).collect();
         write_vtp(folder.join("surface.vtp"), mesh, &fields)?;
         let mut written = vec!["surface.ply", "surface.vtp"];
-        if let Some((grid, area)) = self.blame.voxels() {
-            write_vti(folder.join("culprits.vti"), grid, &[NamedField::new("area", area)])?;
+        if let Some((grid, area)) = &self.blame.voxels {
+            write_vti(folder.join("culprits.vti"), grid, &[NamedField::new("area", &area[..])])?;
             written.push("culprits.vti");
         }
         Ok(written)
     }
 }
 
-/// One tool among its surroundings, which are of a pitch.
+/// One tool among its surroundings.
 fn one_tool(
     session: &Session,
     run: &AccessRun,
     index: usize,
-    (environment, pitch): (&CollisionEnvironment, f64),
+    environment: &CollisionEnvironment,
     tolerance: f64,
     samples: &SurfaceSamples,
 ) -> Result<(SurfaceAccess, SurfaceTool)> {
@@ -325,7 +311,7 @@ fn one_tool(
     if let Some(machine) = &run.machine {
         tool = machine.limit(index, tool);
     }
-    let name = format!("surface, {}, pitch {pitch}", tool.name());
+    let name = format!("surface, {}, pitch {}", tool.name(), environment.pitch());
     let access = session.staged(&name, "samples", samples.samples.len() as u64, |control| {
         surface_access(&tool, &samples.samples, &run.orientations.orientations, control)
     })?;

@@ -26,7 +26,7 @@ pub(super) fn write(
     json["program"] = json!(concat!("imf ", env!("CARGO_PKG_VERSION")));
     json["files"] = json!(files);
     write_json(&folder.file(SUMMARY), json).context(SUMMARY)?;
-    session.note(&format!("wrote {} to {}", files.join(", "), folder.path().display()));
+    session.note(&format!("wrote {} to {}", files.join(", "), folder.path.display()));
     Ok(())
 }
 

@@ -3,11 +3,8 @@
 use anyhow::Result;
 use imf_core::orientation::OrientationSet;
 use imf_core::scene::Scene;
-use imf_fields::recipe::HeldOutChoice;
-use imf_fields::recipe::Sampling;
 use imf_fields::recipe::schedule::Schedule;
-use imf_fields::recipe::{AdamConfig, TrainingState};
-use imf_fields::recipe::{TrainingLength, TrainingPlan};
+use imf_fields::recipe::{AdamConfig, HeldOutChoice, Sampling, TrainingLength, TrainingPlan, TrainingState};
 use imf_fields::siren::SirenShape;
 use imf_train::dataset::Layout;
 
@@ -20,14 +17,14 @@ use crate::report::Report;
 use crate::session::Session;
 
 /// Training steps: a minute on two fast cores.
-pub(super) const STEPS: u64 = 30_000;
+const STEPS: u64 = 30_000;
 /// Half the paper's resolution of the teapot; the paper's tool then spans half as many voxels.
 pub(super) const DIMS: [usize; 3] = [29, 38, 61];
 /// As many sections as the paper trains from, spread evenly over the sphere.
 const SECTIONS: usize = 225;
 /// A narrow network and a lower frequency than the paper's 30: trained on 225 sections for a minute, ω = 10 reaches an
 /// MSE of 2e-6 at unseen orientations, ω = 30 2e-5.
-pub const SHAPE: SirenShape = SirenShape { width: 128, hidden: 5, skip_after: Some(2), omega: 10.0 };
+const SHAPE: SirenShape = SirenShape { width: 128, hidden: 5, skip_after: Some(2), omega: 10.0 };
 
 pub(super) fn run(session: &Session, arguments: &DemoArguments, scene: &Scene) -> Result<Report> {
     let device = Device::open(&arguments.device.device, session)?;

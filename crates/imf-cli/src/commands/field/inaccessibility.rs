@@ -93,7 +93,7 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
         );
     }
     text += &work.checked().map(|line| format!("check         {line}\n")).unwrap_or_default();
-    text += &format!("written to    {}: {}\n", work.folder.path().display(), files.join(", "));
+    text += &format!("written to    {}: {}\n", work.folder.path.display(), files.join(", "));
     print(&text)
 }
 

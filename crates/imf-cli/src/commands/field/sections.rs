@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 
 use super::elements::{self, ElementBuffers, ElementRow};
 use super::{Measure, ORIENTATIONS, Outside, SUMMARY, Values, Work, angles_text};
-use crate::interrupt::{self, Interruption};
+use crate::interrupt;
 use crate::output::{print, print_json, same_digits, table, write_json};
 use crate::picture::MaskStyle;
 use crate::slices::{MidPlaneSheet, MidPlanes};
@@ -89,12 +89,10 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
         Ok(())
     };
     let parts = work.stream(begin, ThreadState::default, visit).map_err(|error| {
-        if !interrupt::is_cancelled(&error) {
-            return error;
-        }
-        let (written, all, folder) =
-            (written.load(Ordering::Relaxed), set.len(), work.folder.path().display());
-        Interruption(format!("{written} of {all} sections are finished and kept in {folder}")).into()
+        let (written, folder) = (written.load(Ordering::Relaxed), work.folder.path.display());
+        interrupt::explained(error, || {
+            format!("{written} of {} sections are finished and kept in {folder}", set.len())
+        })
     })?;
     // All sections are written: from here on Ctrl-C ends the program at once.
     drop(keeping);
@@ -140,7 +138,7 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
     let pictures = if work.elements().is_some() { "slices.png, elements.png" } else { "slices.png" };
     text += &format!(
         "written to {}: {}-*.npy, {vti}, {pictures}, {ORIENTATIONS}, {SUMMARY}\n",
-        work.folder.path().display(),
+        work.folder.path.display(),
         measure.section
     );
     print(&text)

@@ -13,6 +13,7 @@ use imf_fields::field::Field;
 use imf_fields::file::FieldFile;
 use imf_fields::harmonic::FitSettings;
 use imf_fields::harmonic::basis::Domain;
+use imf_fields::harmonic::coefficients::StoragePrecision;
 use imf_fields::harmonic::file::HarmonicFile;
 use imf_train::dataset::Manifest;
 use imf_train::distill::SectionSource;
@@ -20,14 +21,13 @@ use serde_json::json;
 
 use super::harmonic;
 use super::harmonic::validation_text;
-use crate::arguments::clearance::ContactArguments;
 use crate::arguments::quantity::scene_of;
-use crate::arguments::scene::SceneArguments;
+use crate::arguments::settings::checkpoint_every;
 use crate::arguments::train::FactoredArguments;
 use crate::commands::calibrate::calibrate_written;
 use crate::commands::field::is_field;
 use crate::engine::Device;
-use crate::job::{Distillation, DistillationSize, FIELD, FactoredStart, Settings, Source};
+use crate::job::{self, Distillation, FIELD, FactoredStart, Settings, Source};
 use crate::output::{OutputFolder, lock_folder, print_result, require_other};
 use crate::session::{Session, show_bytes};
 
@@ -54,11 +54,7 @@ pub(super) fn run(session: &Session, arguments: &FactoredArguments) -> Result<()
     let is_saved = is_field(subject);
     if is_saved {
         let whose = "a part, and the harmonic field was made with its own";
-        explicit.refuse::<SceneArguments>(whose)?;
-        explicit.refuse::<ContactArguments>(whose)?;
-        explicit.refuse_option("quantity", whose)?;
-        explicit.refuse_option("degree", whose)?;
-        explicit.refuse_option("online", whose)?;
+        explicit.refuse_scene(&["degree", "online"], whose)?;
     }
     let (settings, set) = arguments.settings()?;
     if online.is_some() && (start.from.is_some() || set.symmetry == Some(true)) {
@@ -75,9 +71,9 @@ pub(super) fn run(session: &Session, arguments: &FactoredArguments) -> Result<()
     for source in is_saved.then_some(subject).into_iter().chain(start.from.as_deref()) {
         require_other(source, &folder.file(FIELD))?;
     }
-    let device = Device::open(run.device_or("cpu"), session)?;
-    let _before = lock_folder(folder.path())?;
-    let begun = FactoredStart::at(folder.path(), run.resume)?;
+    let device = Device::open(run.device.as_deref().unwrap_or("cpu"), session)?;
+    let _before = lock_folder(&folder.path)?;
+    let begun = FactoredStart::at(&folder.path, run.resume)?;
     let mut settings = settings;
     if let Some((path, from)) = &from {
         begun.require_network_of(path, from)?;
@@ -96,8 +92,8 @@ pub(super) fn run(session: &Session, arguments: &FactoredArguments) -> Result<()
     let distillation = Distillation {
         settings,
         find_symmetry: symmetry.is_none(),
-        precision: arguments.precision(),
-        beside: beside(set.checkpoint_every()?, "add --resume"),
+        precision: if arguments.half { StoragePrecision::F16 } else { StoragePrecision::F32 },
+        beside: beside(checkpoint_every(set.checkpoint_every)?, "add --resume"),
         smaller: "use a lower --degree, a smaller --network or --online, or a larger --pitch",
         start: &begun,
     };
@@ -109,28 +105,28 @@ pub(super) fn run(session: &Session, arguments: &FactoredArguments) -> Result<()
             Some(file) => (file, None),
             None => {
                 folder.create()?;
-                let _lock = lock_folder(folder.path())?;
-                distillation.run(session, &device, &Source::Harmonic(&field), from)?
+                let _lock = lock_folder(&folder.path)?;
+                distillation.run(session, &device, &Source::from(&field), from)?
             }
         }
     } else {
         let scene = scene_of(quantity, explicit, scene).scene_with(session, contact)?;
         folder.create()?;
-        let _lock = lock_folder(folder.path())?;
+        let _lock = lock_folder(&folder.path)?;
         of_scene(session, &device, distillation, &scene, (quantity, *degree), from)?
     };
-    conclude(session, folder.path(), trained, !run.no_calibrate)
+    conclude(session, &folder.path, trained, !run.no_calibrate)
 }
 
 /// What happens beside the steps.
-pub(in crate::commands) fn beside(checkpoint_every: f64, go_on: &'static str) -> Settings {
+pub(crate) fn beside(checkpoint_every: f64, go_on: &'static str) -> Settings {
     Settings { checkpoint_every, go_on, slower: " with --rate ", held_out: 0, held_out_every: None }
 }
 
 /// The field of a scene, written to the folder, with the last loss. Where a training is resumed that has steps left, the harmonic
 /// field is fitted, or the functions are chosen, once more. What cannot be is refused before. The harmonics are of `degree`, by
 /// default that of their kind of functions.
-pub(in crate::commands) fn of_scene(
+pub(crate) fn of_scene(
     session: &Session,
     device: &Device,
     distillation: Distillation<'_>,
@@ -146,30 +142,21 @@ pub(in crate::commands) fn of_scene(
     if let Some(file) = start.finished(session, precision)? {
         return Ok((file, None));
     }
-    let by_sections = settings.online.is_some();
-    let extent = DistillationSize { by_sections, fit, domain, voxels: scene.record.grid.len() };
-    extent.require(session, &settings, smaller)?;
+    job::require_memory(session, &settings, &fit, domain, scene.record.grid.len(), smaller)?;
     let plan = SectionPlan::of_scene(scene, ToolPoints::Tip)?;
-    if by_sections {
-        let source = Box::new(section_source(session, &plan, domain, &fit)?);
-        return distillation.run(session, device, &Source::Sections { source, scene, fit }, None);
+    if settings.online.is_some() {
+        // The functions that sections are learnt along, chosen by a sample of voxels.
+        let count = (fit.sizes(domain).sections + fit.held_out) as u64;
+        let sections = session.staged("functions", "sections", count, |control| {
+            SectionSource::new(&plan, domain, &fit, control)
+        })?;
+        let (target, report) = ((&sections).into(), sections.report());
+        let source = Source { target, scene, domain: sections.domain(), fit, report };
+        return distillation.run(session, device, &source, None);
     }
     let field = harmonic::fit_field(session, scene, &plan, domain, fit, smaller)?;
     drop(plan);
-    distillation.run(session, device, &Source::Harmonic(&field), from)
-}
-
-/// The functions that sections are learnt along, chosen by a sample of voxels.
-fn section_source<'a>(
-    session: &Session,
-    plan: &'a SectionPlan,
-    domain: Domain,
-    fit: &FitSettings,
-) -> Result<SectionSource<'a>> {
-    let sections = fit.sizes(domain).sections + fit.held_out;
-    Ok(session.staged("functions", "sections", sections as u64, |control| {
-        SectionSource::new(plan, domain, fit, control)
-    })?)
+    distillation.run(session, device, &Source::from(&field), from)
 }
 
 /// The end of a training: its error, error rates of the field's decisions, and its closing lines.

@@ -44,7 +44,7 @@ pub(super) fn run(session: &Session, arguments: &HarmonicArguments) -> Result<()
 }
 
 /// A field and its errors, as text.
-pub(in crate::commands) fn describe(file: &HarmonicFile) -> String {
+pub(crate) fn describe(file: &HarmonicFile) -> String {
     let report = &file.field.report;
     format!(
         "{} harmonics of degree {} fitted to {} exact sections, {} components; {}",
@@ -57,7 +57,7 @@ pub(in crate::commands) fn describe(file: &HarmonicFile) -> String {
 }
 
 /// What is known of the errors of a fit.
-pub(in crate::commands) fn errors_text(field: &HarmonicField, unit: LengthUnit) -> String {
+pub(crate) fn errors_text(field: &HarmonicField, unit: LengthUnit) -> String {
     let report = &field.report;
     let left_out = match report.dropped {
         0.0 => String::new(),
@@ -67,11 +67,7 @@ pub(in crate::commands) fn errors_text(field: &HarmonicField, unit: LengthUnit) 
 }
 
 /// An error with its standard error; of depths its root as a length too.
-pub(in crate::commands) fn validation_text(
-    told: &Validation,
-    quantity: Quantity,
-    unit: LengthUnit,
-) -> String {
+pub(crate) fn validation_text(told: &Validation, quantity: Quantity, unit: LengthUnit) -> String {
     let Validation { orientations, mse, standard_error, mpe } = told;
     let at = format!(
         "at {orientations} random orientations that were not fitted MSE {mse:.2e} ± {standard_error:.1e}"
@@ -95,7 +91,7 @@ pub fn fit_field(
 ) -> Result<HarmonicFile> {
     let [one, two] =
         [true, false].map(|one_pass| FitSettings { one_pass, ..settings }.memory_with(plan, domain).0);
-    settings.one_pass = one <= session.memory_limit().max(two);
+    settings.one_pass = one <= session.memory_limit.max(two);
     let needed = if settings.one_pass { one } else { two };
     session.require_memory(needed, || {
         let components = settings.sizes(domain).components;

@@ -19,6 +19,7 @@ use serde_json::json;
 use crate::arguments::clearance::ContactArguments;
 use crate::arguments::quantity::scene_of;
 use crate::arguments::scene::SceneArguments;
+use crate::arguments::settings::checkpoint_every;
 use crate::arguments::train::{FinetuneArguments, Siren5Arguments, Siren5Training};
 use crate::commands::calibrate::calibrate_written;
 use crate::commands::dataset::sample_sections;
@@ -50,9 +51,7 @@ pub(super) fn run(session: &Session, arguments: &Siren5Arguments) -> Result<()> 
     let training = Siren5Training::new(explicit, run, samples, &shape, from.is_some())?;
     let of = if Manifest::is_in(subject) {
         let made = "a part, and the dataset was made with its own";
-        explicit.refuse::<SceneArguments>(made)?;
-        explicit.refuse::<ContactArguments>(made)?;
-        explicit.refuse_option("quantity", made)?;
+        explicit.refuse_scene(&[], made)?;
         Samples::Dataset(subject)
     } else if subject.is_file() || ReferencePart::from_str(&scene.part).is_ok() {
         if samples.mpi {
@@ -118,11 +117,11 @@ fn trained(
         require_other(path, &folder.file(FIELD))?;
     }
     // Of several ranks the first writes.
-    let _lock = session.rank().is_first().then(|| lock_folder(folder.path())).transpose()?;
+    let _lock = session.rank().is_first().then(|| lock_folder(&folder.path)).transpose()?;
     // Before anything is made for a training that cannot go on, or need not.
-    let found = job::to_resume::<Model>(folder.path(), run.resume)?;
+    let found = job::to_resume::<Model>(&folder.path, run.resume)?;
     let settings = Settings {
-        checkpoint_every: training.checkpoint_every()?,
+        checkpoint_every: checkpoint_every(training.set.checkpoint_every)?,
         go_on: "add --resume",
         slower: " with --rate ",
         held_out: training.held_out(),
@@ -137,13 +136,13 @@ fn trained(
     let is_over = |same: &dyn Fn(&LatestCheckpoint) -> Result<()>| -> Result<bool> {
         let Some(found) = &found else { return Ok(false) };
         same(found)?;
-        let Some(model) = found.finished(session, folder.path(), StoragePrecision::F32)? else {
+        let Some(model) = found.finished(session, &folder.path, StoragePrecision::F32)? else {
             return Ok(false);
         };
-        conclude(session, folder.path(), &model, !run.no_calibrate)?;
+        conclude(session, &folder.path, &model, !run.no_calibrate)?;
         Ok(true)
     };
-    let device = Device::open(run.device_or("auto"), session)?;
+    let device = Device::open(run.device.as_deref().unwrap_or("auto"), session)?;
     device.require_precision(plan.precision)?;
     let data = match samples {
         Samples::Dataset(dataset) => {
@@ -165,10 +164,10 @@ fn trained(
                 // Before the samples, which are most of the work for a short training.
                 let (record, batch) = (&scene.record, plan.batch);
                 Footprint::new(session, &device, shape, plan, record, batch, settings.held_out)?
-                    .require(session, 0)?;
+                    .require(session)?;
             }
             folder.create()?;
-            let _lock = lock_folder(folder.path())?;
+            let _lock = lock_folder(&folder.path)?;
             let dataset = folder.file("dataset");
             sample_sections(session, &dataset, &scene, &set, &sampling, &Layout::default())?;
             Data::open(&dataset)?
@@ -188,8 +187,8 @@ fn trained(
         }
         (None, None) => job::fresh_model(&data, shape, *plan, TrainingState::new(&shape, plan.seed), None),
     };
-    let model = job::run(session, &device, &data, model, folder.path(), &settings)?;
-    conclude(session, folder.path(), &model, !run.no_calibrate)
+    let model = job::run(session, &device, &data, model, &folder.path, &settings)?;
+    conclude(session, &folder.path, &model, !run.no_calibrate)
 }
 
 /// The end of a training: error rates of the model's decisions, and its closing lines.

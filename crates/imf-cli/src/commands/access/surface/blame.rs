@@ -18,7 +18,7 @@ pub(super) struct Blame {
     /// By sample: the pose of minimum overlap of its best tool; `None` for those that are reached or were not examined.
     pub(super) nearest: Vec<Option<MinimumOverlap>>,
     /// By voxel: the area that it obstructs.
-    voxels: Option<(Grid, Vec<f32>)>,
+    pub(super) voxels: Option<(Grid, Vec<f32>)>,
 }
 
 impl Blame {
@@ -54,11 +54,6 @@ impl Blame {
         }
         stage.finish("");
         Ok(blame)
-    }
-
-    /// The grid, and by voxel the area that it obstructs.
-    pub(super) fn voxels(&self) -> Option<(&Grid, &[f32])> {
-        self.voxels.as_ref().map(|(grid, area)| (grid, &area[..]))
     }
 
     /// The largest area that a voxel at a sample obstructs; NaN where none does.

@@ -12,14 +12,14 @@ use crate::output::{length, show_measure};
 
 /// One direction, and the fraction of the surface that it reaches.
 #[derive(Debug, Serialize)]
-pub(in crate::commands::access) struct DirectionRow {
+pub(crate) struct DirectionRow {
     pub(super) direction: [f64; 3],
     pub(super) fraction: f64,
 }
 
 /// An element, a body that it hits, and the fraction of the surface that this obstructs.
 #[derive(Debug, Serialize)]
-pub(in crate::commands::access) struct ObstructedRow {
+pub(crate) struct ObstructedRow {
     element: String,
     /// `part`, or a fixture's name.
     body: String,
@@ -28,11 +28,7 @@ pub(in crate::commands::access) struct ObstructedRow {
 
 impl ObstructedRow {
     /// The rows of areas obstructed by these fixtures, as fractions of the surface.
-    pub(in crate::commands::access) fn all(
-        found: &ObstructedAreas,
-        fixtures: &[String],
-        area: f64,
-    ) -> Vec<Self> {
+    pub(crate) fn all(found: &ObstructedAreas, fixtures: &[String], area: f64) -> Vec<Self> {
         let hits = found.hits.iter().map(|&(kind, body, own)| {
             let body = match body {
                 0 => "part".into(),
@@ -46,7 +42,7 @@ impl ObstructedRow {
     }
 
     /// All of them in a line.
-    pub(in crate::commands::access) fn text(rows: &[Self]) -> String {
+    pub(crate) fn text(rows: &[Self]) -> String {
         let each = rows.iter().map(|Self { element, body, fraction }| {
             let the = if body == "part" { "the " } else { "" };
             format!("{element} at {the}{body} {:.1} %", 100.0 * fraction)
@@ -56,7 +52,7 @@ impl ObstructedRow {
 }
 
 /// How sure it is that nothing fewer does, in words.
-pub(in crate::commands::access) fn proof(proven: bool, at_least: usize) -> String {
+pub(crate) fn proof(proven: bool, at_least: usize) -> String {
     match proven {
         true => "proven: no fewer do".into(),
         false => format!("at least {at_least} are needed: the search for fewer was given up"),
@@ -72,7 +68,7 @@ pub(super) fn left(shares: &[(&str, f64)]) -> String {
 
 /// The surface in the summary; shares are of its area.
 #[derive(Debug, Serialize)]
-pub(in crate::commands::access) struct SurfaceRow {
+pub(crate) struct SurfaceRow {
     pub(super) area: f64,
     pub(super) samples: usize,
     /// Inside other bodies of the part's mesh, and left out of all shares.
@@ -96,7 +92,7 @@ pub(in crate::commands::access) struct SurfaceRow {
 
 impl SurfaceRow {
     /// The report's lines.
-    pub(in crate::commands::access) fn lines(&self, unit: LengthUnit) -> String {
+    pub(crate) fn lines(&self, unit: LengthUnit) -> String {
         let mut text = format!(
             "surface, {} {unit}² (the cutter may cut {} {unit} below it)\n",
             show_measure(self.area),

@@ -16,7 +16,7 @@ use imf_core::surface::{
     PartSetup, SetupTool, SurfaceAccess, SurfaceTool, Verdict, candidate_setups, fewest_setups,
     reached_in_setups, removed_in_setups, ways_up,
 };
-pub(in crate::commands::access) use lines::SetupsRow;
+pub(crate) use lines::SetupsRow;
 use lines::{AxisRow, LeftRow, SetupRow, StockRow, axis_rows};
 use tilts::Tilts;
 
@@ -26,20 +26,20 @@ use crate::session::Session;
 
 /// Which set-ups are searched for.
 #[derive(Clone, Copy)]
-pub(in crate::commands::access) struct SetupSettings {
+pub(crate) struct SetupSettings {
     /// What the machine reaches in one set-up, its z axis up.
-    pub(in crate::commands::access) range: AxisLimits,
+    pub(crate) range: AxisLimits,
     /// The fraction to cover of what all candidates reach.
-    pub(in crate::commands::access) fraction: f64,
+    pub(crate) fraction: f64,
     /// True where every direction of the set is a candidate, not those of axes and part alone.
-    pub(in crate::commands::access) every_direction: bool,
+    pub(crate) every_direction: bool,
 }
 
 /// Voxels of the stock that set-ups are chosen by, at most.
 const STOCK: usize = 8_000;
 
 /// The result.
-pub(super) struct Setups {
+pub(crate) struct Setups {
     /// Of the candidates.
     chosen: Cover,
     candidates: Vec<PartSetup>,
@@ -140,7 +140,7 @@ impl Setups {
         self.chosen.sets.iter().map(|&set| self.candidates[set].up)
     }
 
-    pub(super) fn row(&self, surface: &Surface) -> SetupsRow {
+    pub(crate) fn row(&self, surface: &Surface) -> SetupsRow {
         let total = surface.samples.area();
         let sets = &self.chosen.sets;
         let all: Vec<usize> = (0..self.candidates.len()).collect();

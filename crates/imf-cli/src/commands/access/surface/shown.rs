@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use glam::DVec3;
-use imf_core::surface::{SampleReach, SurfacePatch};
+use imf_core::surface::SurfacePatch;
 use imf_core::unit::LengthUnit;
 use serde::Serialize;
 
@@ -23,7 +23,7 @@ const PLACES: usize = 30;
 
 /// A connected patch of the surface that no tool reaches, for one reason.
 #[derive(Debug, Serialize)]
-pub(in crate::commands::access) struct UnreachedPatch {
+pub(crate) struct UnreachedPatch {
     area: f64,
     /// A point in its middle.
     middle: [f64; 3],
@@ -51,7 +51,7 @@ const LISTED: usize = 5;
 
 impl UnreachedPatch {
     /// Lines for people about the largest, one of every reason among them.
-    pub(in crate::commands::access) fn lines(all: &[Self], unit: LengthUnit) -> String {
+    pub(crate) fn lines(all: &[Self], unit: LengthUnit) -> String {
         let mut text = String::new();
         let is_first = |&at: &usize| all[..at].iter().all(|before| before.why != all[at].why);
         let (first, others): (Vec<usize>, Vec<usize>) = (0..all.len()).partition(is_first);
@@ -87,7 +87,7 @@ pub(super) fn words(verdict: Verdict) -> &'static str {
 
 impl Surface {
     /// The largest patches that are not reached.
-    pub(in crate::commands::access) fn unreached(&self, run: &AccessRun) -> Vec<UnreachedPatch> {
+    pub(crate) fn unreached(&self, run: &AccessRun) -> Vec<UnreachedPatch> {
         let class = |sample: usize| match self.best[sample].0 {
             Verdict::Reached => None,
             why => Some(why as u32),
@@ -161,7 +161,7 @@ impl Surface {
     }
 
     /// The surface with the values of every sample, coloured.
-    pub(in crate::commands::access) fn view<'a>(
+    pub(crate) fn view<'a>(
         &'a self,
         run: &AccessRun,
         unreached: &[UnreachedPatch],
@@ -201,10 +201,7 @@ impl Surface {
             name: "directions",
             title: "by directions",
             colours: Colours::Scale { label: "directions that reach it".into(), none: "not reached" },
-            values: each(&|sample| match self.tools[self.best[sample].1].0.reach[sample] {
-                SampleReach::Reached { directions } => directions as f32,
-                _ => f32::NAN,
-            }),
+            values: each(&|sample| self.reached_from(sample).unwrap_or(f32::NAN)),
         });
         // Of several tools the one with the shortest stick-out.
         if !self.stick_outs.is_empty() {
@@ -223,7 +220,7 @@ impl Surface {
                 values: each(&least),
             });
         }
-        if self.blame.voxels().is_some() {
+        if self.blame.voxels.is_some() {
             layers.push(Layer {
                 name: "blame",
                 title: "by blame",

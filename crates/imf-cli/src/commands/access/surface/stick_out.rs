@@ -5,12 +5,13 @@ use std::fmt::Write as _;
 use anyhow::Result;
 use imf_core::orientation::OrientationSet;
 use imf_core::surface::{
-    CollisionEnvironment, StickOut, StickOutTool, SurfaceSamples, Verdict, shortest_stick_outs,
+    StickOut, StickOutTool, SurfaceSample, SurfaceSamples, Verdict, shortest_stick_outs,
 };
 use imf_core::tool::Assembly;
 use imf_core::unit::LengthUnit;
 use serde::Serialize;
 
+use super::SurfaceSettings;
 use super::row::left;
 use crate::output::length;
 use crate::session::Session;
@@ -28,16 +29,15 @@ pub(super) struct ToolStickOut {
 impl ToolStickOut {
     pub(super) fn find(
         session: &Session,
-        environment: &CollisionEnvironment,
+        settings: &SurfaceSettings,
         assembly: &Assembly,
-        tolerance: f64,
-        samples: &SurfaceSamples,
+        samples: &[SurfaceSample],
         orientations: &OrientationSet,
     ) -> Result<Self> {
-        let tool = StickOutTool::new(environment, assembly, tolerance)?;
+        let tool = StickOutTool::new(&settings.environment, assembly, settings.tolerance)?;
         let name = format!("stick-out, {}", tool.name());
         let found = session.staged(&name, "directions", orientations.len() as u64, |control| {
-            shortest_stick_outs(&tool, &samples.samples, &orientations.orientations, control)
+            shortest_stick_outs(&tool, samples, &orientations.orientations, control)
         })?;
         Ok(Self { tool, found })
     }
@@ -133,7 +133,7 @@ struct LongestStickOut {
 
 /// One tool's stick-out in the summary; shares are of the surface's area.
 #[derive(Debug, Serialize)]
-pub(in crate::commands::access) struct StickOutRow {
+pub(crate) struct StickOutRow {
     tool: String,
     given: f64,
     /// The holder grips neither flutes nor necks.
@@ -162,7 +162,7 @@ pub(in crate::commands::access) struct StickOutRow {
 
 impl StickOutRow {
     /// The report's lines.
-    pub(in crate::commands::access) fn lines(&self, unit: LengthUnit) -> String {
+    pub(crate) fn lines(&self, unit: LengthUnit) -> String {
         let [near, enough] =
             [length::nearest, length::at_least].map(|text| move |value: f64| text(value, unit));
         let percent = |share: f64| format!("{:.1} %", 100.0 * share);

@@ -84,7 +84,7 @@ pub(super) struct LeftRow {
 
 /// The set-ups in the summary.
 #[derive(Debug, Serialize)]
-pub(in crate::commands::access) struct SetupsRow {
+pub(crate) struct SetupsRow {
     pub(super) machine: String,
     pub(super) candidates: usize,
     /// The fraction required, of what all candidates reach.
@@ -103,7 +103,7 @@ pub(in crate::commands::access) struct SetupsRow {
 
 impl SetupsRow {
     /// The report's lines.
-    pub(in crate::commands::access) fn lines(&self, unit: &str) -> String {
+    pub(crate) fn lines(&self, unit: &str) -> String {
         // A sum of nothing is −0.
         let percent = |share: f64| format!("{:.1} %", 100.0 * share + 0.0);
         let count = self.setups.len();
