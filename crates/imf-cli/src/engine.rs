@@ -72,10 +72,7 @@ impl Device {
             return Ok(Self::Cpu);
         }
         ensure!(alone, "--mpi trains on CPUs alone: add --device cpu");
-        let choice: DeviceChoice = match name.parse() {
-            Ok(choice) => choice,
-            Err(never) => match never {},
-        };
+        let Ok(choice) = name.parse::<DeviceChoice>();
         match Gpu::open(&choice) {
             Ok(gpu) => {
                 session.note(&format!("device: {}", gpu.describe()));
@@ -103,14 +100,6 @@ impl Device {
         }
     }
 
-    /// Whether what it holds lies in this machine's memory.
-    pub(crate) fn shares_memory(&self) -> bool {
-        match self {
-            Self::Cpu => true,
-            Self::Gpu(gpu) => gpu.adapter().shares_memory(),
-        }
-    }
-
     /// Bytes of this machine's memory that a field's coefficients take once more when it is evaluated over its grid.
     pub(crate) fn copied_bytes(&self, saved: &FieldFile, calls: Workload) -> u64 {
         let coefficients = saved.coefficient_count();
@@ -118,9 +107,10 @@ impl Device {
             // A harmonic field has them in memory, and one call does not need a factored field's.
             Self::Cpu if matches!(saved, FieldFile::Harmonic(_)) || calls == Workload::One => 0,
             Self::Cpu => coefficients,
+            Self::Gpu(gpu) if !gpu.adapter().shares_memory() => 0,
             Self::Gpu(gpu) => coefficients.next_multiple_of(gpu.matrix_kernel().padding()),
         };
-        if self.shares_memory() { 4 * (saved.scene().record.grid.len() * coefficients) as u64 } else { 0 }
+        4 * (saved.scene().record.grid.len() * coefficients) as u64
     }
 
     /// A field on this device. For many calls over the whole grid a factored field's network runs once at every voxel, now on the

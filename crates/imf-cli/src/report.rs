@@ -14,6 +14,7 @@ use imf_core::grid::Grid;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::section::{Quantity, SectionPlan, ToolPoints};
 use imf_core::tool::Clearance;
+use imf_core::unit::LengthUnit;
 use imf_fields::calibration::Calibration;
 use imf_fields::evaluation::{ExactReference, ImfComparison, grid_imf, grid_sections, nearest_sections};
 use imf_fields::metrics::{ErrorReport, Validation};
@@ -125,37 +126,38 @@ pub struct Report {
 }
 
 /// A report with the fields that its pictures show.
-pub struct Evaluation {
+pub struct Evaluation<'a> {
     /// In numbers.
     pub report: Report,
+    subject: &'a Subject<'a>,
+    field: &'a dyn GridField,
+    settings: &'a EvaluationSettings,
     imf: ImfComparison,
-    imf_orientations: usize,
-    random: OrientationSet,
     plan: SectionPlan,
 }
 
 /// Compares a field with the exact one by the threshold of `eval_settings` alone: decisions are not measured.
-pub fn evaluate_at_threshold(
+pub fn evaluate_at_threshold<'a>(
     session: &Session,
-    subject: &Subject<'_>,
-    field: &dyn GridField,
+    subject: &'a Subject<'a>,
+    field: &'a dyn GridField,
     engine: String,
-    eval_settings: &EvaluationSettings,
-) -> Result<Evaluation> {
+    eval_settings: &'a EvaluationSettings,
+) -> Result<Evaluation<'a>> {
     let quality = DecisionQuality::Unknown("that was not requested".into());
     evaluate(session, subject, field, engine, eval_settings, &quality)
 }
 
 /// Compares a field with the exact one; `engine` says what evaluates it, `quality` the error rates of its decisions, and the
 /// threshold by which poses are classified.
-pub(crate) fn evaluate(
+pub(crate) fn evaluate<'a>(
     session: &Session,
-    subject: &Subject<'_>,
-    field: &dyn GridField,
+    subject: &'a Subject<'a>,
+    field: &'a dyn GridField,
     engine: String,
-    eval_settings: &EvaluationSettings,
+    eval_settings: &'a EvaluationSettings,
     quality: &DecisionQuality,
-) -> Result<Evaluation> {
+) -> Result<Evaluation<'a>> {
     if eval_settings.random.is_empty() {
         bail!("at least one random orientation is needed");
     }
@@ -237,13 +239,7 @@ pub(crate) fn evaluate(
         verdict_text: quality.text(),
     };
     drop(exact);
-    Ok(Evaluation {
-        report,
-        imf,
-        imf_orientations: eval_settings.imf.len(),
-        random: eval_settings.random.clone(),
-        plan,
-    })
+    Ok(Evaluation { report, subject, field, settings: eval_settings, imf, plan })
 }
 
 /// Planes of the exact field and of another one.
@@ -273,11 +269,11 @@ pub(crate) fn forget(folder: &Path) {
     }
 }
 
-impl Evaluation {
+impl Evaluation<'_> {
     /// Writes `report.json`, `report.md` and the pictures.
-    pub fn write(&self, folder: &Path, subject: &Subject<'_>, field: &dyn GridField) -> Result<()> {
-        self.draw_sections(folder, subject, field).context("sections.png")?;
-        self.draw_imf(folder, subject).context("imf.png")?;
+    pub fn write(&self, folder: &Path) -> Result<()> {
+        self.draw_sections(folder).context("sections.png")?;
+        self.draw_imf(folder).context("imf.png")?;
         self.error_bars().save(&folder.join("errors.png"))?;
         let mut pictures = vec![
             (
@@ -288,7 +284,7 @@ impl Evaluation {
             ("imf.png", "Inaccessibility measure, exact and of this field, and their difference"),
             ("errors.png", "Error of the field beside what any field must beat"),
         ];
-        if let Some(record) = subject.training.filter(|record| !record.losses.is_empty()) {
+        if let Some(record) = self.subject.training.filter(|record| !record.losses.is_empty()) {
             crate::job::loss_chart(record).save(&folder.join("loss.png"))?;
             pictures.push(("loss.png", "Training loss"));
         }
@@ -296,19 +292,24 @@ impl Evaluation {
         write_text(&folder.join("report.md"), &self.report.markdown(&pictures))
     }
 
-    fn draw_sections(&self, folder: &Path, subject: &Subject<'_>, field: &dyn GridField) -> Result<()> {
+    fn unit(&self) -> LengthUnit {
+        self.subject.scene.record.unit
+    }
+
+    fn draw_sections(&self, folder: &Path) -> Result<()> {
         let (grid, axis) = (self.plan.grid(), 1);
-        let shown = &self.random.orientations[..self.random.len().min(3)];
-        let quantity = field.quantity();
+        let random = &self.settings.random.orientations;
+        let shown = &random[..random.len().min(3)];
+        let quantity = self.field.quantity();
         let exact = ExactReference::new(&self.plan, quantity, None)?.sections(shown, Control::quiet())?;
         let mut planes = Vec::new();
         for (orientation, section) in shown.iter().zip(&exact) {
             let mut learnt = vec![0.0; grid.len()];
-            field.section(orientation, &mut learnt)?;
+            self.field.section(orientation, &mut learnt)?;
             let title = format!("θ = {:.1}°, φ = {:.1}°", orientation.theta, orientation.phi);
             planes.push(Comparison::new(title, grid, axis, section, &learnt));
         }
-        let plane = slices::layer_title(grid, subject.scene.record.unit, axis, slices::middle(grid, axis));
+        let plane = slices::layer_title(grid, self.unit(), axis, slices::middle(grid, axis));
         let title = format!("{}, tool {}", self.report.part, self.report.tool);
         let note =
             format!("Random orientations that the field was not made from; plane {plane}; outline: the part");
@@ -316,43 +317,42 @@ impl Evaluation {
             Quantity::Overlap => "overlap, fraction of the tool's volume".to_owned(),
             Quantity::Depth => format!("signed penetration depth, {}", self.report.unit),
         };
-        self.compare(subject, title, &planes, &measure, note, &folder.join("sections.png"))
+        self.compare(title, &planes, &measure, note, &folder.join("sections.png"))
     }
 
-    fn draw_imf(&self, folder: &Path, subject: &Subject<'_>) -> Result<()> {
+    fn draw_imf(&self, folder: &Path) -> Result<()> {
         let grid = self.plan.grid();
         let planes = [0, 1, 2].map(|axis| {
             let middle = slices::middle(grid, axis);
-            let title = slices::layer_title(grid, subject.scene.record.unit, axis, middle);
+            let title = slices::layer_title(grid, self.unit(), axis, middle);
             Comparison::new(title, grid, axis, &self.imf.exact.value, &self.imf.learnt.value)
         });
-        let title = format!("{}: minimum over {} orientations", self.report.part, self.imf_orientations);
+        let title = format!("{}: minimum over {} orientations", self.report.part, self.settings.imf.len());
         let measure = match self.report.quantity {
             Quantity::Overlap => "inaccessibility measure IMF",
             Quantity::Depth => "minimum of the depth",
         };
         let note = "Outline: the part".into();
-        self.compare(subject, title, &planes, measure, note, &folder.join("imf.png"))
+        self.compare(title, &planes, measure, note, &folder.join("imf.png"))
     }
 
     /// A sheet of planes: exact, of the field, and their difference in a scale of its own.
     fn compare(
         &self,
-        subject: &Subject<'_>,
         title: String,
         planes: &[Comparison],
         measure: &str,
         note: String,
         path: &Path,
     ) -> Result<()> {
-        let (grid, unit) = (self.plan.grid(), subject.scene.record.unit);
+        let (grid, unit) = (self.plan.grid(), self.unit());
         let shown_as = self.report.made.shown_as;
         let values: Vec<_> = planes.iter().flat_map(|p| [p.exact.view(), p.other.view()]).collect();
         let measure = Scale::of_values(&values, measure);
         let differences: Vec<_> = planes.iter().map(|plane| plane.difference.view()).collect();
         let signed = Scale::difference_of(&differences, &format!("{shown_as} − exact"));
         let solid = |plane: &Comparison| {
-            slices::mask(&subject.scene.obstacle, plane.axis, slices::middle(grid, plane.axis))
+            slices::mask(&self.subject.scene.obstacle, plane.axis, slices::middle(grid, plane.axis))
         };
         let solids: Vec<_> = planes.iter().map(solid).collect();
         let rows = planes.iter().zip(&solids).map(|(plane, solid)| {
@@ -382,7 +382,11 @@ impl Evaluation {
             ]
         });
         BarChart {
-            title: format!("{}: error at {} random orientations", self.report.part, self.random.len()),
+            title: format!(
+                "{}: error at {} random orientations",
+                self.report.part,
+                self.settings.random.len()
+            ),
             value_name: "mean squared error".into(),
             bars: bars.unwrap_or_default(),
         }

@@ -132,7 +132,7 @@ impl EvaluationSets {
         let DeviceField { field, by, .. } = device.field(session, &file, Workload::Many)?;
         let subject = Subject::of_model(model);
         let evaluation = report::evaluate_at_threshold(session, &subject, &*field, by, &questions)?;
-        evaluation.write(folder, &subject, &*field)?;
+        evaluation.write(folder)?;
         let [in_sample, out_of_sample, random, nearest, first] = evaluation.report.rows.as_slice() else {
             bail!("a report of {} rows", evaluation.report.rows.len());
         };

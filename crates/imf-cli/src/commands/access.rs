@@ -6,7 +6,6 @@ pub(crate) mod crib;
 mod files;
 mod on_machine;
 mod pictures;
-mod resolved;
 mod run;
 mod stock;
 mod summary;

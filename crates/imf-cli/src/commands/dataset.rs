@@ -16,7 +16,7 @@ use crate::arguments::dataset::{
 };
 use crate::arguments::either::Either;
 use crate::interrupt;
-use crate::output::{FolderLock, lock_folder, prepare_folder, print, print_json};
+use crate::output::{FolderLock, lock_folder, prepare_folder, print_result};
 use crate::session::Session;
 
 pub(crate) fn run(session: &Session, arguments: &DatasetArguments) -> Result<()> {
@@ -62,28 +62,26 @@ fn make(
     layout: &Layout,
 ) -> Result<()> {
     let generated = sample_sections(session, folder, scene, set, sampling, layout)?;
-    if session.json {
-        return print_json(&json!({
-            "folder": folder, "sections": set.len(), "samples": generated.samples,
-            "shards_made": generated.made, "shards_kept": generated.kept, "shards_of_others": generated.others,
-        }));
-    }
-    if let Some(partition) = layout.partition {
-        return print(&format!(
-            "{}: partition {partition}, {} samples in {} of {} shards; join the partitions by: imf dataset merge",
+    let GenerateSummary { samples, made, kept, others, .. } = generated;
+    let json = json!({
+        "folder": folder, "sections": set.len(), "samples": samples,
+        "shards_made": made, "shards_kept": kept, "shards_of_others": others,
+    });
+    let text = match layout.partition {
+        Some(partition) => format!(
+            "{}: partition {partition}, {samples} samples in {} of {} shards; join the partitions by: imf dataset merge",
             folder.display(),
-            generated.samples,
-            generated.made + generated.kept,
-            generated.made + generated.kept + generated.others
-        ));
-    }
-    print(&format!(
-        "{}: {} samples of {} sections in {} shards",
-        folder.display(),
-        generated.samples,
-        set.len(),
-        generated.made + generated.kept
-    ))
+            made + kept,
+            made + kept + others
+        ),
+        None => format!(
+            "{}: {samples} samples of {} sections in {} shards",
+            folder.display(),
+            set.len(),
+            made + kept
+        ),
+    };
+    print_result(session, &json, &text)
 }
 
 /// Makes what a folder lacks of a dataset, or of a partition of it.

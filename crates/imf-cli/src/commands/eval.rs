@@ -49,7 +49,7 @@ pub(super) fn make_report(
     session.note(&format!("evaluating on {by}"));
     let evaluation = evaluate(session, &subject, &*field, by, settings, &quality)?;
     if let Some(folder) = out {
-        evaluation.write(folder, &subject, &*field)?;
+        evaluation.write(folder)?;
         session.note(&format!("wrote {}", folder.join("report.md").display()));
     }
     Ok(evaluation.report)

@@ -99,10 +99,10 @@ fn of_saved(session: &Session, arguments: &FieldArguments, path: &Path, folder: 
     }
     let field = SavedField::new(saved)?;
     notes::of_scene(session, &scene.record);
-    if let FieldFile::Siren(model) = field.saved() {
+    if let FieldFile::Siren(model) = &field.saved {
         notes::of_training(session, path, model);
     }
-    let device = Device::for_field(arguments.device.as_deref().unwrap_or("auto"), session, field.saved())?;
+    let device = Device::for_field(arguments.device.as_deref().unwrap_or("auto"), session, &field.saved)?;
     let values = Values::Saved(&field);
     Work { session, folder, scene: &scene, device: &device, values, set: &set, suggested: &[] }
         .run(arguments.imf)
@@ -192,7 +192,7 @@ impl Work<'_> {
     /// What the values are, and how they are called.
     fn measure(&self) -> Measure {
         let quantity = match &self.values {
-            Values::Saved(field) => field.saved().quantity(),
+            Values::Saved(field) => field.saved.quantity(),
             Values::Exact(ExactSections { depth: None, .. }) => Quantity::Overlap,
             Values::Exact(_) => Quantity::Depth,
         };
@@ -204,7 +204,7 @@ impl Work<'_> {
     fn tau(&self) -> Option<f32> {
         match self.values {
             Values::Saved(field) => {
-                let (known, quantity) = (field.saved().calibration(), field.saved().quantity());
+                let (known, quantity) = (field.saved.calibration(), field.saved.quantity());
                 let [lowest, _] = quantity.bounds(self.scene.record.grid.pitch);
                 // Sections have no value below the lowest.
                 known.and_then(|known| known.free_up_to).filter(|&free| f64::from(free) >= lowest)
@@ -215,7 +215,7 @@ impl Work<'_> {
 
     /// What [`Work::tau`] is and why, of a saved field.
     fn threshold_text(&self, field: &SavedField) -> String {
-        match (field.saved().calibration(), self.tau()) {
+        match (field.saved.calibration(), self.tau()) {
             (None, _) => {
                 "not calibrated, so that nothing is called accessible: imf calibrate chooses a threshold"
                     .to_owned()
@@ -227,7 +227,7 @@ impl Work<'_> {
                 format!("no value of this field is low enough to be called free{below}")
             }
             (Some(_), Some(tau)) => {
-                let tau = threshold_text(tau.into(), field.saved().quantity(), self.scene.record.unit);
+                let tau = threshold_text(tau.into(), field.saved.quantity(), self.scene.record.unit);
                 format!("at most {tau} counts as free, the field's calibrated threshold")
             }
         }
@@ -236,7 +236,7 @@ impl Work<'_> {
     /// Threshold and verdict of a saved field, as text.
     fn trust(&self) -> Option<String> {
         let Values::Saved(field) = self.values else { return None };
-        let verdict = field.saved().calibration().map_or_else(String::new, |known| {
+        let verdict = field.saved.calibration().map_or_else(String::new, |known| {
             format!(
                 "verdict       {}; the minimum over many directions picks the field's errors out\n",
                 known.verdict()
@@ -284,7 +284,7 @@ impl Work<'_> {
     /// What a saved field may be used for, where that was measured.
     fn verdict(&self) -> Option<Verdict> {
         let Values::Saved(field) = self.values else { return None };
-        field.saved().calibration().map(Calibration::verdict)
+        field.saved.calibration().map(Calibration::verdict)
     }
 
     /// Which guarantee holds for the values.

@@ -53,7 +53,7 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
         notes::of_training(session, &arguments.model, model);
     }
     notes::of_scene(session, record);
-    if poses.rolls() && ignores_roll(&file) {
+    if poses.roll.is_some() && ignores_roll(&file) {
         session.note(&format!(
             "a network of the paper's kind knows no roll, which counts for the tool '{}': its overlaps are the same at every \
              roll, and --exact reads the column roll",
@@ -138,7 +138,7 @@ impl Work {
             (Quantity::Overlap, None) => "overlap",
         };
         let mut writer =
-            ResultWriter::start(poses.header(), measure, self.exact.is_some(), session.json, out)?;
+            ResultWriter::start(&poses.header, measure, self.exact.is_some(), session.json, out)?;
         let _keeping = interrupt::stop_cleanly();
         let stage = session.stage("answering", "poses", count.unwrap_or(0));
         let (mut answered, mut outside) = (0u64, 0u64);
@@ -176,7 +176,7 @@ impl Work {
                  answers them as the nearest point inside, without guarantee"
             ));
         }
-        let invalid = poses.invalid();
+        let invalid = &poses.invalid;
         invalid.check(answered)?;
         if invalid.count > 0 {
             session.warn(&format!(

@@ -21,7 +21,7 @@ use imf_core::surface::{
 };
 
 use row::DirectionRow;
-pub(super) use row::{ObstructedRow, SurfaceRow, proof};
+pub(super) use row::{ObstructedRow, SurfaceRow, proof, resolved};
 pub(super) use setups::{SetupSettings, SetupsRow};
 pub(super) use shown::UnreachedPatch;
 use shown::words;

@@ -7,7 +7,7 @@ use serde_json::json;
 use super::interruption;
 use crate::arguments::dataset::DatasetMergeArguments;
 use crate::interrupt;
-use crate::output::{print, print_json};
+use crate::output::print_result;
 use crate::session::Session;
 
 /// Orientations that a line lists at most.
@@ -26,29 +26,24 @@ pub(super) fn run(session: &Session, arguments: &DatasetMergeArguments) -> Resul
     }
     let MergeSummary { manifest, kept, copied, missing, .. } = &merged;
     let samples: u64 = manifest.shards.iter().flatten().map(|shard| shard.samples).sum();
-    if session.json {
-        let absent = |&shard: &usize| {
-            let sections = manifest.sections_of(shard);
-            let orientations = sections.iter().map(|&section| manifest.orientations.orientations[section]);
-            json!({
-                "shard": shard, "sections": sections,
-                "orientations": orientations.map(|o| [o.theta, o.phi]).collect::<Vec<_>>(),
-            })
-        };
-        print_json(&json!({
-            "folder": out, "shards": manifest.shard_count(), "shards_copied": copied, "shards_kept": kept,
-            "samples": samples, "damaged": merged.damaged,
-            "missing": missing.iter().map(absent).collect::<Vec<_>>(),
-        }))?;
-    } else {
-        let list: String = missing.iter().map(|&shard| missing_line(manifest, shard)).collect();
-        print(&format!(
-            "{}: {samples} samples, {} of {} shards\n{list}",
-            out.display(),
-            manifest.shard_count() - missing.len(),
-            manifest.shard_count()
-        ))?;
-    }
+    let absent = |&shard: &usize| {
+        let sections = manifest.sections_of(shard);
+        let orientations = sections.iter().map(|&section| manifest.orientations.orientations[section]);
+        json!({
+            "shard": shard, "sections": sections,
+            "orientations": orientations.map(|o| [o.theta, o.phi]).collect::<Vec<_>>(),
+        })
+    };
+    let json = json!({
+        "folder": out, "shards": manifest.shard_count(), "shards_copied": copied, "shards_kept": kept,
+        "samples": samples, "damaged": merged.damaged,
+        "missing": missing.iter().map(absent).collect::<Vec<_>>(),
+    });
+    let list: String = missing.iter().map(|&shard| missing_line(manifest, shard)).collect();
+    let all = manifest.shard_count();
+    let there = all - missing.len();
+    let text = format!("{}: {samples} samples, {there} of {all} shards\n{list}", out.display());
+    print_result(session, &json, &text)?;
     if missing.is_empty() {
         return Ok(());
     }
@@ -56,7 +51,7 @@ pub(super) fn run(session: &Session, arguments: &DatasetMergeArguments) -> Resul
         "{} of {} shards are missing: `imf dataset finish {out}` makes them here; or merge {out} again with the folders \
          that hold them",
         missing.len(),
-        manifest.shard_count(),
+        all,
         out = out.display()
     )
 }

@@ -19,8 +19,8 @@ impl Work<'_> {
         let ExactSections { plan, .. } = match &self.values {
             Values::Saved(field) => {
                 return match self.device {
-                    Device::Gpu(gpu) => format!("{}, evaluated on {}", field.describe(), gpu.describe()),
-                    Device::Cpu => field.describe().to_owned(),
+                    Device::Gpu(gpu) => format!("{}, evaluated on {}", field.described, gpu.describe()),
+                    Device::Cpu => field.described.clone(),
                 };
             }
             Values::Exact(counted) => counted,

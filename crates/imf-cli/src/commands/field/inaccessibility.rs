@@ -10,7 +10,7 @@ use serde_json::json;
 use super::elements::{self, ElementRow};
 use super::{ORIENTATIONS, SUMMARY, Values, Work};
 use crate::arguments::orientations::suggested_lines;
-use crate::output::{print, print_json, same_digits, write_json};
+use crate::output::{print_result, same_digits, write_json};
 use crate::picture::MaskStyle;
 use crate::slices::{MidPlaneSheet, MidPlanes};
 
@@ -62,9 +62,6 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
         }),
     );
     write_json(&work.folder.file(SUMMARY), &summary)?;
-    if work.session.json {
-        return print_json(&summary);
-    }
     let reached = match work.values {
         Values::Exact(_) => "some orientation reaches them freely",
         Values::Saved(_) => "the field's minimum is at most its threshold there, an estimate",
@@ -94,7 +91,7 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
     }
     text += &work.checked().map(|line| format!("check         {line}\n")).unwrap_or_default();
     text += &format!("written to    {}: {}\n", work.folder.path.display(), files.join(", "));
-    print(&text)
+    print_result(work.session, &summary, &text)
 }
 
 /// One of an orientation's.

@@ -23,8 +23,9 @@ const WRITTEN: usize = 7;
 
 /// A field of any family and how it is used.
 pub(super) struct SavedField {
-    saved: FieldFile,
-    described: String,
+    pub(super) saved: FieldFile,
+    /// How values are computed, as text.
+    pub(super) described: String,
     /// What else its values are, for the guarantee.
     besides: String,
 }
@@ -45,15 +46,6 @@ impl SavedField {
             besides += "; the network is not trained to its end";
         }
         Ok(Self { saved, described, besides })
-    }
-
-    pub(super) fn saved(&self) -> &FieldFile {
-        &self.saved
-    }
-
-    /// How values are computed, as text.
-    pub(super) fn describe(&self) -> &str {
-        &self.described
     }
 
     /// In titles of pictures.

@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 use super::elements::{self, ElementBuffers, ElementRow};
 use super::{Measure, ORIENTATIONS, Outside, SUMMARY, Values, Work, angles_text};
 use crate::interrupt;
-use crate::output::{print, print_json, same_digits, table, write_json};
+use crate::output::{print_result, same_digits, table, write_json};
 use crate::picture::MaskStyle;
 use crate::slices::{MidPlaneSheet, MidPlanes};
 
@@ -112,9 +112,6 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
         json!({ "finished": true, "sections": list(work, &kept), "vti": vti, "files": files }),
     );
     write_json(&work.folder.file(SUMMARY), &summary)?;
-    if work.session.json {
-        return print_json(&summary);
-    }
     // Rows of orientations that differ in nothing else would look alike.
     let rolls = set.orientations.iter().any(|orientation| orientation.roll != 0.0);
     let accessible = match work.values {
@@ -141,7 +138,7 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
         work.folder.path.display(),
         measure.section
     );
-    print(&text)
+    print_result(work.session, &summary, &text)
 }
 
 fn name(measure: &Measure, index: usize) -> String {

@@ -59,13 +59,15 @@ pub(super) fn open(path: &Path) -> Result<(Poses, Option<u64>)> {
 pub(super) struct PoseReader<R> {
     reader: Reader<R>,
     name: String,
-    header: StringRecord,
+    /// Titles of all columns.
+    pub(super) header: StringRecord,
     position: [usize; 3],
     direction: Direction,
     /// ψ in degrees.
-    roll: Option<usize>,
+    pub(super) roll: Option<usize>,
     waiting: StringRecord,
-    invalid: Invalid,
+    /// Among the poses that were read.
+    pub(super) invalid: Invalid,
 }
 
 /// Lines read whose pose is invalid.
@@ -127,21 +129,6 @@ impl<R: Read> PoseReader<R> {
         };
         let (waiting, invalid) = (StringRecord::new(), Invalid::default());
         Ok(Self { reader, name, header, position, direction, roll, waiting, invalid })
-    }
-
-    /// Titles of all columns.
-    pub(super) fn header(&self) -> &StringRecord {
-        &self.header
-    }
-
-    /// Whether poses say how the tool is rolled about its axis.
-    pub(super) fn rolls(&self) -> bool {
-        self.roll.is_some()
-    }
-
-    /// The invalid poses among those that were read.
-    pub(super) fn invalid(&self) -> &Invalid {
-        &self.invalid
     }
 
     /// Replaces `records` and `poses` by the next lines, at most `most`, by none at the end; `None` is an invalid one.
@@ -259,7 +246,7 @@ mod tests {
         loop {
             reader.read(2, &mut records, &mut poses)?;
             if poses.is_empty() {
-                let Invalid { count, first } = reader.invalid();
+                let Invalid { count, first } = &reader.invalid;
                 ensure!(*count == 0, "{first}");
                 return Ok(all);
             }
@@ -318,8 +305,8 @@ mod tests {
         let mut poses = vec![];
         reader.read(9, &mut vec![], &mut poses).unwrap();
         assert_eq!(poses.iter().map(Option::is_some).collect::<Vec<_>>(), [false, true, false, true]);
-        assert!(reader.invalid().count == 2 && reader.invalid().first.contains("line 2"));
-        assert!(reader.invalid().check(4).is_ok() && reader.invalid().check(2).is_err());
+        assert!(reader.invalid.count == 2 && reader.invalid.first.contains("line 2"));
+        assert!(reader.invalid.check(4).is_ok() && reader.invalid.check(2).is_err());
         let binary: &[u8] = b"x,y,z,i,j,k\n1,2,3,0,0,\xff\n";
         let mut reader = PoseReader::new(binary, "poses".into()).unwrap();
         let message = reader.read(9, &mut vec![], &mut vec![]).unwrap_err().to_string();

@@ -6,11 +6,10 @@ use imf_core::surface::Verdict;
 use imf_core::unit::LengthUnit;
 use serde::Serialize;
 
-use super::super::resolved::resolved;
-use super::super::surface::{ObstructedRow, proof};
+use super::super::surface::{ObstructedRow, proof, resolved};
 use super::Crib;
 use super::tools::UndecidedTool;
-use crate::output::{length, show_measure};
+use crate::output::{SUMMARY, length, show_measure};
 use crate::progress::show_seconds;
 
 /// Tools that the table lists beside the chosen ones; `crib.csv` has all.
@@ -100,7 +99,6 @@ impl Report {
         });
         let best: Vec<Verdict> = (0..samples.len()).map(|sample| crib.best(sample).0).collect();
         let of = |verdict: Verdict| share(&|sample| best[sample] == verdict);
-        let undecided = crib.undecided.iter().map(|u| UndecidedTool::new(&u.tool, &u.why));
         Self {
             program: format!("imf {}", env!("CARGO_PKG_VERSION")),
             files: ["crib.csv", "surface.ply"].map(str::to_owned).to_vec(),
@@ -128,7 +126,7 @@ impl Report {
             gouged: of(Verdict::Gouged),
             not_faced: of(Verdict::NotFaced),
             tools: tools.collect(),
-            undecided: undecided.collect(),
+            undecided: crib.undecided.clone(),
             seconds,
         }
     }
@@ -226,12 +224,8 @@ impl Report {
                 let _ = writeln!(text, "  {tool}: {why}");
             }
             if self.undecided.len() > LISTED_UNDECIDED {
-                let _ = writeln!(
-                    text,
-                    "  and {} more, see {}",
-                    self.undecided.len() - LISTED_UNDECIDED,
-                    crate::output::SUMMARY
-                );
+                let more = self.undecided.len() - LISTED_UNDECIDED;
+                let _ = writeln!(text, "  and {more} more, see {SUMMARY}");
             }
         }
         let _ = write!(text, "\n{}; {}.", show_seconds(self.seconds), self.guarantee);

@@ -13,7 +13,7 @@ use crate::arguments::inputs::read_tool;
 const ENDINGS: [&str; 4] = ["toml", "fctb", "json", "tools"];
 
 /// A tool that is left undecided, and why.
-#[derive(Debug, Serialize)]
+#[derive(Clone, Debug, Serialize)]
 pub(super) struct UndecidedTool {
     pub(super) tool: String,
     pub(super) why: String,

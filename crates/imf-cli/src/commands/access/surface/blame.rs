@@ -32,28 +32,27 @@ impl Blame {
         if looked_into.is_empty() {
             return Ok(blame);
         }
-        let stage = session.stage("what is in the way", "samples", 2 * looked_into.len() as u64);
-        let advance = |n| stage.advance(n);
-        for (index, (_, tool)) in surface.tools.iter().enumerate() {
-            let own: Vec<usize> =
-                looked_into.iter().copied().filter(|&s| surface.best[s].1 == index).collect();
-            let directions = &run.orientations.orientations;
-            let found = minimum_overlaps(tool, samples, &own, directions, session.control(&advance))?;
-            let poses = own
-                .iter()
-                .zip(&found)
-                .filter_map(|(&sample, at)| Some((every as f64 * samples[sample].area, (*at)?)));
-            let poses: Vec<(f64, MinimumOverlap)> = poses.collect();
-            own.iter().zip(found).for_each(|(&sample, at)| blame.nearest[sample] = at);
-            if let Some((grid, area)) = culprits(tool, &poses, session.control(&advance))? {
-                match &mut blame.voxels {
-                    Some((_, sum)) => sum.iter_mut().zip(area).for_each(|(sum, area)| *sum += area),
-                    None => blame.voxels = Some((grid, area)),
+        session.staged("what is in the way", "samples", 2 * looked_into.len() as u64, |control| {
+            for (index, (_, tool)) in surface.tools.iter().enumerate() {
+                let own: Vec<usize> =
+                    looked_into.iter().copied().filter(|&s| surface.best[s].1 == index).collect();
+                let directions = &run.orientations.orientations;
+                let found = minimum_overlaps(tool, samples, &own, directions, control)?;
+                let poses = own
+                    .iter()
+                    .zip(&found)
+                    .filter_map(|(&sample, at)| Some((every as f64 * samples[sample].area, (*at)?)));
+                let poses: Vec<(f64, MinimumOverlap)> = poses.collect();
+                own.iter().zip(found).for_each(|(&sample, at)| blame.nearest[sample] = at);
+                if let Some((grid, area)) = culprits(tool, &poses, control)? {
+                    match &mut blame.voxels {
+                        Some((_, sum)) => sum.iter_mut().zip(area).for_each(|(sum, area)| *sum += area),
+                        None => blame.voxels = Some((grid, area)),
+                    }
                 }
             }
-        }
-        stage.finish("");
-        Ok(blame)
+            Ok(blame)
+        })
     }
 
     /// The largest area that a voxel at a sample obstructs; NaN where none does.

@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::super::on_machine::IN_THE_WAY;
 use super::words;
-use crate::output::{length, show_measure};
+use crate::output::{length, short, show_measure};
 
 /// One direction, and the fraction of the surface that it reaches.
 #[derive(Debug, Serialize)]
@@ -49,6 +49,22 @@ impl ObstructedRow {
         });
         each.collect::<Vec<_>>().join(", ")
     }
+}
+
+/// States that walls are known to within a voxel, whether or not shank and holder avoid all voxels that the surface
+/// touches: the cutter meets voxel centres in either case.
+pub(crate) fn resolved(pitch: f64, conservative: bool, unit: LengthUnit) -> String {
+    let pitch = short(pitch);
+    let rest = match conservative {
+        false => " (of shank and holder too, unless --conservative)".to_owned(),
+        true => {
+            format!("; for shank and holder none does, and one up to {pitch} {unit} wider may be blocked")
+        }
+    };
+    format!(
+        "walls are known to within voxels of {pitch} {unit}: a cutter may cut so much deeper than said, and a gap up to {pitch} {unit} too \
+         narrow for it passes for one that fits{rest}"
+    )
 }
 
 /// How sure it is that nothing fewer does, in words.
