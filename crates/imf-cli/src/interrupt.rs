@@ -16,7 +16,8 @@ use thiserror::Error;
 /// Signals closer together than this are one.
 const DEBOUNCE: Duration = Duration::from_millis(500);
 
-static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+/// Set once the user wants to stop.
+pub(crate) static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
 /// Number of works in progress that poll [`INTERRUPTED`] themselves.
 static CLEAN_STOPS: AtomicUsize = AtomicUsize::new(0);
@@ -97,11 +98,6 @@ impl Drop for CleanStop {
 /// Sets the message for when the program ends at once.
 pub(crate) fn leave(words: Cow<'static, str>) {
     *LAST_WORDS.lock().unwrap_or_else(PoisonError::into_inner) = words;
-}
-
-/// Set once the user wants to stop.
-pub(crate) fn flag() -> &'static AtomicBool {
-    &INTERRUPTED
 }
 
 /// True once the user wants to stop.

@@ -121,7 +121,12 @@ impl<T: Checkpoint> Training<'_, T> {
             field,
         };
         let start = run.progress.start;
-        let outcome = by(&plan, engine, start, &mut |report, engine| run.observe(report, engine));
+        let outcome = by(&plan, engine, start, &mut |report, engine| {
+            run.observe(report, engine).unwrap_or_else(|error| {
+                run.failure = Some(error);
+                ControlFlow::Break(())
+            })
+        });
         if let Some(failure) = run.failure {
             return Err(failure);
         }
@@ -195,17 +200,7 @@ struct Run<'a, T> {
 }
 
 impl<T: Checkpoint> Run<'_, T> {
-    fn observe(&mut self, report: &Report, engine: &mut dyn TrainingEngine) -> ControlFlow<()> {
-        match self.try_observe(report, engine) {
-            Ok(flow) => flow,
-            Err(error) => {
-                self.failure = Some(error);
-                ControlFlow::Break(())
-            }
-        }
-    }
-
-    fn try_observe(&mut self, report: &Report, engine: &mut dyn TrainingEngine) -> Result<ControlFlow<()>> {
+    fn observe(&mut self, report: &Report, engine: &mut dyn TrainingEngine) -> Result<ControlFlow<()>> {
         let progress = &mut self.progress;
         let steps = report.step - progress.steps;
         progress.steps = report.step;

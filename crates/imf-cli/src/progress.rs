@@ -82,14 +82,9 @@ impl Stage {
             *last = Instant::now();
             let rate = (done - self.before) as f64 / self.start.elapsed().as_secs_f64();
             let left = (self.total.saturating_sub(done)) as f64 / rate.max(1e-9);
-            eprint_line(format_args!(
-                "{}: {done} of {} {}, {}/s, {} left {remark}",
-                self.name,
-                self.total,
-                self.unit,
-                show_rate(rate),
-                show_seconds(left)
-            ));
+            let Self { name, unit, total, .. } = self;
+            let (rate, left) = (show_rate(rate), show_seconds(left));
+            eprint_line(format_args!("{name}: {done} of {total} {unit}, {rate}/s, {left} left {remark}"));
         }
     }
 
@@ -104,13 +99,9 @@ impl Stage {
             let done = self.done.load(Ordering::Relaxed);
             let rate = (done - self.before) as f64 / seconds.max(1e-9);
             let comma = if result.is_empty() { "" } else { "; " };
-            eprint_line(format_args!(
-                "{}: {done} {} in {} ({}/s){comma}{result}",
-                self.name,
-                self.unit,
-                show_seconds(seconds),
-                show_rate(rate)
-            ));
+            let Self { name, unit, .. } = &self;
+            let (time, rate) = (show_seconds(seconds), show_rate(rate));
+            eprint_line(format_args!("{name}: {done} {unit} in {time} ({rate}/s){comma}{result}"));
         }
     }
 }

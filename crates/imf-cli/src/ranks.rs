@@ -43,9 +43,6 @@ pub(crate) struct Membership {
 
 impl Membership {
     /// Joins the ranks that `mpirun` started, if requested.
-    ///
-    /// # Errors
-    /// A build without MPI, or MPI that does not start.
     pub(crate) fn join(wished: bool) -> Result<Self> {
         if !wished {
             return Ok(Self {

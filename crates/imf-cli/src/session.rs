@@ -169,7 +169,7 @@ impl Session {
 
     /// Progress into `report`, cancellation by Ctrl-C.
     pub fn control<'a>(&self, report: &'a (dyn Fn(u64) + Sync)) -> Control<'a> {
-        Control { progress: report, cancelled: interrupt::flag() }
+        Control { progress: report, cancelled: &interrupt::INTERRUPTED }
     }
 }
 

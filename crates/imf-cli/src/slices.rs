@@ -139,9 +139,6 @@ pub(crate) struct MidPlaneSheet<'a> {
 
 impl MidPlaneSheet<'_> {
     /// Draws the fields and writes a PNG file.
-    ///
-    /// # Errors
-    /// No field, or a file that cannot be written.
     pub(crate) fn save(&self, fields: &[MidPlanes], path: &Path) -> Result<()> {
         let grid = &self.part.grid;
         let masks = [0, 1, 2].map(|axis| mask(self.part, axis, middle(grid, axis)));

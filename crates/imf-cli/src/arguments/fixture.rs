@@ -137,26 +137,21 @@ pub(super) fn parse_stock(text: &str) -> Result<StockArgument, String> {
     }
 }
 
-/// A fixture as read.
+/// A fixture as read; where its unit is not known it is taken to be in the part's.
 pub(crate) struct FixtureMesh {
-    pub(crate) name: String,
-    pub(crate) mesh: Mesh,
+    pub(crate) body: Part,
     pub(crate) transform: DMat4,
-    pub(crate) repair: FaceRepair,
-    /// False where it is taken to be in the part's unit.
-    pub(crate) unit_is_known: bool,
 }
 
 impl FixtureMesh {
     /// Lengths are in the part's unit, `part_unit`, unless a step or the file says otherwise.
     pub(crate) fn read(argument: &FixtureArgument, part_unit: LengthUnit) -> Result<Self> {
-        let Part { name, mesh, repair, unit_is_known, .. } = argument.read("fixture", part_unit)?;
-        Ok(Self { name, mesh, transform: argument.transform, repair, unit_is_known })
+        Ok(Self { body: argument.read("fixture", part_unit)?, transform: argument.transform })
     }
 
     /// As the scene takes it.
     pub(crate) fn as_fixture(&self) -> Fixture<'_> {
-        Fixture { name: &self.name, mesh: &self.mesh, transform: self.transform }
+        Fixture { name: &self.body.name, mesh: &self.body.mesh, transform: self.transform }
     }
 }
 
@@ -278,13 +273,13 @@ mod tests {
         std::fs::write(&file, format!("solid block\n{facet}endsolid block\n")).unwrap();
         let text = parse_fixture(&file.display().to_string()).unwrap();
         let block = FixtureMesh::read(&text, LengthUnit::Inch).unwrap();
-        assert_eq!(block.mesh.bounds(), Some((DVec3::ZERO, DVec3::new(1.0, 1.0, 0.0))));
-        assert!(!block.unit_is_known);
+        assert_eq!(block.body.mesh.bounds(), Some((DVec3::ZERO, DVec3::new(1.0, 1.0, 0.0))));
+        assert!(!block.body.unit_is_known);
         // Unless its unit is named, among its steps.
         let named = parse_fixture(&format!("{}@unit:inch; translate:0,0,1", file.display())).unwrap();
         let block = FixtureMesh::read(&named, LengthUnit::Mm).unwrap();
-        assert_eq!(block.mesh.bounds(), Some((DVec3::ZERO, DVec3::new(25.4, 25.4, 0.0))));
-        assert!(block.unit_is_known && block.transform == DMat4::from_translation(DVec3::Z));
+        assert_eq!(block.body.mesh.bounds(), Some((DVec3::ZERO, DVec3::new(25.4, 25.4, 0.0))));
+        assert!(block.body.unit_is_known && block.transform == DMat4::from_translation(DVec3::Z));
         assert!(parse_fixture("block.stl@unit:furlong").unwrap_err().contains("furlong"));
         assert!(Part::read(&file.display().to_string(), None, None).is_err());
         let refusal = format!("{:#}", read("nowhere.stl").err().unwrap());

@@ -75,7 +75,7 @@ impl SceneArguments {
             return Err(SceneError::NoTool(part.name).into());
         }
         warn_of(session, &SceneWarning::of_repair(&part.name, &part.repair, report.triangles));
-        for FixtureMesh { name, mesh, repair, .. } in &fixtures {
+        for Part { name, mesh, repair, .. } in fixtures.iter().map(|fixture| &fixture.body) {
             warn_of(session, &SceneWarning::of_repair(name, repair, mesh.triangles.len()));
         }
         self.require_units(&part, &tools, &fixtures)?;
@@ -97,14 +97,14 @@ impl SceneArguments {
             }
         }
         for (given, fixture) in
-            self.fixture.iter().zip(fixtures).filter(|(_, fixture)| !fixture.unit_is_known)
+            self.fixture.iter().zip(fixtures).filter(|(_, fixture)| !fixture.body.unit_is_known)
         {
-            let long = longest(&fixture.mesh.transformed(&fixture.transform));
+            let long = longest(&fixture.body.mesh.transformed(&fixture.transform));
             if !(1.0 / MAX_TO_FIXTURE..=MAX_TO_FIXTURE).contains(&(long / part_long)) {
                 bail!(
                     "the fixture {} does not say its unit, and was taken to be in {unit} as the part is: its longest side would be {} \
                      {unit} long, and that of the part {} {unit}; name its unit, as in --fixture {}@unit:inch",
-                    fixture.name,
+                    fixture.body.name,
                     DisplayLength(long),
                     DisplayLength(part_long),
                     given.file

@@ -7,7 +7,7 @@ use glam::DMat4;
 use imf_core::grid::Grid;
 use imf_core::mesh::Mesh;
 use imf_core::mesh::topology::MeshReport;
-use imf_core::scene::{Bodies, GridExtent, Scene, SceneSpec, SceneWarning};
+use imf_core::scene::{Bodies, GridExtent, Scene, SceneRecord, SceneSpec, SceneWarning};
 use imf_core::section::{DEPTH_CAP, ElementPlans, Quantity, SectionPlan};
 use imf_core::tool::Tool;
 use imf_core::unit::LengthUnit;
@@ -238,16 +238,14 @@ impl SceneArguments {
         warn_of(session, &spec.assembly(spec.tool, &clearance, &scene.record.grid)?.1);
         warn_of(session, &spec.warnings(bodies)?);
         let scene = scene.with_clearance(&clearance)?;
-        let grid = scene.record.grid;
+        let SceneRecord { part, unit, grid, tool, .. } = &scene.record;
         let [x, y, z] = grid.dims;
-        let clearance = clearance_text(&clearance, scene.record.unit);
+        let clearance = clearance_text(&clearance, unit);
         session.note(&format!(
-            "{}: {x}×{y}×{z} voxels of {} {}, {} solid; tool {}{}; {}",
-            scene.record.part,
+            "{part}: {x}×{y}×{z} voxels of {} {unit}, {} solid; tool {}{}; {}",
             short(grid.pitch),
-            scene.record.unit,
             scene.obstacle.count(),
-            scene.record.tool.name,
+            tool.name,
             clearance.map_or_else(String::new, |clearance| format!(" offset by a clearance ({clearance})")),
             if self.conservative {
                 "every voxel that the surface touches is solid"

@@ -19,10 +19,8 @@ use crate::output::{OutputFile, print_result, short};
 use crate::session::{Session, show_bytes};
 
 pub(crate) fn run(session: &Session, arguments: &CalibrateArguments) -> Result<()> {
-    let out = match arguments.verify {
-        true => None,
-        false => Some(OutputFile::check(arguments.out.as_ref().unwrap_or(&arguments.field))?),
-    };
+    let out = arguments.out.as_ref().unwrap_or(&arguments.field);
+    let out = (!arguments.verify).then(|| OutputFile::check(out)).transpose()?;
     let settings = arguments.settings();
     // The file's bytes, and the field that they become; a file that is not there is named when it is read.
     let field = 2 * std::fs::metadata(&arguments.field).map_or(0, |file| file.len());
@@ -35,18 +33,19 @@ pub(crate) fn run(session: &Session, arguments: &CalibrateArguments) -> Result<(
     let field = Field::load(&arguments.field)?;
     let known = field.calibration().copied();
     let (quantity, unit) = (field.quantity(), field.scene().record.unit);
-    let (units, found) = if arguments.verify {
+    let (name, units, found) = if arguments.verify {
         let Some(known) = known else {
             bail!("{} was never calibrated: leave out --verify", arguments.field.display());
         };
         if known.seed == arguments.seed {
             bail!("--seed {} drew the poses of the calibration: choose another one", known.seed);
         }
-        ((settings.uniform.div_ceil(CHUNK) + settings.boundary.div_ceil(CHUNK)) as u64, Some(known))
+        let units = settings.uniform.div_ceil(CHUNK) + settings.boundary.div_ceil(CHUNK);
+        ("judging", units as u64, Some(known))
     } else {
-        (settings.units(), None)
+        ("calibrating", settings.units(), None)
     };
-    let stage = session.stage(if arguments.verify { "judging" } else { "calibrating" }, "batches", units);
+    let stage = session.stage(name, "batches", units);
     let advance = |n| stage.advance(n);
     let control = session.control(&advance);
     let calibration = match found {
@@ -131,17 +130,14 @@ pub(crate) fn measure_decisions(
         let stage = session.stage("calibrating", "batches", settings.units());
         let advance = |n| stage.advance(n);
         match calibrate(field, &settings, session.control(&advance)) {
-            Err(CalibrationError::Cancelled(_)) => {
-                return Err(Interruption(kept.to_owned()).into());
+            Err(CalibrationError::Cancelled(_)) => return Err(Interruption(kept.to_owned()).into()),
+            Err(CalibrationError::TooFew { colliding, .. })
+                if let Some(more) = settings.with_more_poses(colliding) =>
+            {
+                stage.finish("too few poses collide; more are drawn");
+                settings = more;
             }
             Err(error) => {
-                if let CalibrationError::TooFew { colliding, .. } = error
-                    && let Some(more) = settings.with_more_poses(colliding)
-                {
-                    stage.finish("too few poses collide; more are drawn");
-                    settings = more;
-                    continue;
-                }
                 stage.finish("not calibrated");
                 return Ok(DecisionQuality::Unknown(error.to_string()));
             }

@@ -69,10 +69,8 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
         Frame::Part => record.transform,
         Frame::World => DMat4::IDENTITY,
     };
-    let machine = match &arguments.machine {
-        Some(path) => Some(Machine::read(path)?.in_unit(record.unit)),
-        None => None,
-    };
+    let machine = arguments.machine.as_deref().map(Machine::read).transpose()?;
+    let machine = machine.map(|machine| machine.in_unit(record.unit));
     let lengths: Vec<_> = tools.iter().map(|(number, tool)| (*number, tool.length())).collect();
     let inputs = PathReading { unit: record.unit, machine: machine.as_ref(), lengths: &lengths };
     let toolpath = Toolpath::read(&arguments.toolpath, inputs);
@@ -96,10 +94,8 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
     let read_stock =
         |stock: &StockArgument| StockInput::read(session, stock, record, &bare.part, &meshes[0].1);
     let stock = arguments.stock.as_ref().map(read_stock).transpose()?;
-    let machine = match machine {
-        Some(machine) => Some(MachineBodies::new(machine, record.grid.pitch, session.control(&|_| {}))?),
-        None => None,
-    };
+    let moving = |machine| MachineBodies::new(machine, record.grid.pitch, session.control(&|_| {}));
+    let machine = machine.map(moving).transpose()?;
     cutters_not_compared(&toolpath, &numbered).iter().for_each(|remark| session.choose(remark));
     never_near(&toolpath, &numbered, &bodies.part).iter().for_each(|remark| session.warn(remark));
     let lines = toolpath.locations.len() as u64;
@@ -169,17 +165,21 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
 
 /// The error, with what a path for a machine lacks.
 fn with_remedy(error: ToolpathError) -> anyhow::Error {
-    let remedy = matches!(error, ToolpathError::Line { needs_machine: true, .. })
-        .then_some("the path is for a machine: describe it in a file, and name that (--machine FILE)");
-    let error = anyhow::Error::from(error);
-    remedy.into_iter().fold(error, anyhow::Error::context)
+    match error {
+        ToolpathError::Line { needs_machine: true, .. } => anyhow::Error::from(error)
+            .context("the path is for a machine: describe it in a file, and name that (--machine FILE)"),
+        _ => error.into(),
+    }
 }
 
 /// The error, with the toolpath's name where it is about a line.
 fn in_toolpath(error: CheckError, arguments: &CheckArguments) -> anyhow::Error {
-    let path = matches!(error, CheckError::Line { .. }).then(|| arguments.toolpath.display().to_string());
-    let error = anyhow::Error::from(error);
-    path.into_iter().fold(error, anyhow::Error::context)
+    match error {
+        CheckError::Line { .. } => {
+            anyhow::Error::from(error).context(arguments.toolpath.display().to_string())
+        }
+        _ => error.into(),
+    }
 }
 
 /// The scene of one tool, the thinnest: voxels that detect it detect every other one.

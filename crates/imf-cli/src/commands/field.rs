@@ -16,7 +16,7 @@ use imf_core::atomic_file::write_atomically;
 use imf_core::mesh::MachiningDirection;
 use imf_core::obstacle::Obstacle;
 use imf_core::orientation::{Orientation, OrientationSet};
-use imf_core::scene::Scene;
+use imf_core::scene::{Scene, SceneRecord};
 use imf_core::section::{DEPTH_CAP, DepthPlan, ElementPlans, Quantity, SectionPlan, ToolPoints};
 use imf_core::unit::LengthUnit;
 use imf_fields::calibration::{Calibration, Verdict};
@@ -32,7 +32,9 @@ use crate::arguments::field::FieldArguments;
 use crate::arguments::orientations::{Directions, default_set};
 use crate::engine::Device;
 use crate::output::{OutputFolder, SUMMARY, same_digits, short};
+use crate::picture::MaskStyle;
 use crate::session::Session;
+use crate::slices::{MidPlaneSheet, MidPlanes};
 
 /// The list of orientations beside the fields: their indices count its lines.
 const ORIENTATIONS: &str = "orientations.csv";
@@ -303,9 +305,18 @@ impl Work<'_> {
         }
     }
 
-    /// Name of part and tool for titles.
-    fn title(&self) -> String {
-        format!("{}, tool {}", self.scene.record.part, self.scene.record.tool.name)
+    /// Draws mid-planes with the part's outline into a file of the folder.
+    fn draw(&self, label: &str, planes: &[MidPlanes], notes: Vec<String>, file: &str) -> Result<()> {
+        let SceneRecord { part, tool, unit, .. } = &self.scene.record;
+        let sheet = MidPlaneSheet {
+            title: format!("{part}, tool {}", tool.name),
+            label,
+            part: &self.scene.obstacle,
+            style: Some(MaskStyle::Outline),
+            unit: *unit,
+            notes,
+        };
+        sheet.save(planes, &self.folder.file(file))
     }
 }
 

@@ -82,7 +82,7 @@ impl Data {
         session.require_memory(needed, || self.refusal(footprint, fresh, recorded))?;
         ensure!(most < NEVER, "another rank has too little memory for any part of the dataset");
         let Some(groups) = model.record.groups_per_epoch else {
-            let samples = shards.read_all(interrupt::flag()).map_err(|error| {
+            let samples = shards.read_all(&interrupt::INTERRUPTED).map_err(|error| {
                 interrupt::explained(error, || {
                     "the training had not begun; run the same command again".into()
                 })

@@ -104,14 +104,12 @@ impl Footprint {
 
 impl fmt::Display for Footprint {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let parameters = self.shape.parameter_count() as u64;
+        let (parameters, batch) = (self.shape.parameter_count(), self.batch);
+        let SirenShape { hidden, width, .. } = self.shape;
         write!(
             f,
-            "training {} layers of {} in batches of {} takes {} beside its samples ({parameters} parameters at {} bytes \
-             each, activations of a window, the batch, the scene)",
-            self.shape.hidden,
-            self.shape.width,
-            self.batch,
+            "training {hidden} layers of {width} in batches of {batch} takes {} beside its samples ({parameters} parameters at {} \
+             bytes each, activations of a window, the batch, the scene)",
             show_bytes(self.bytes()),
             self.beside_engine + imf_train::engine::CpuTrainer::BYTES_PER_PARAMETER,
         )?;

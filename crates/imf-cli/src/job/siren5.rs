@@ -56,15 +56,12 @@ pub fn run(
     let held_out = if rank.is_first() { HeldOutWatch::new(session, &model)? } else { None };
     let mut engine = device.trainer(rank, model.shape, &plan, batch, model.state.clone())?;
     let _keeping = interrupt::stop_cleanly();
+    let SirenShape { hidden, width, omega, .. } = model.shape;
+    let (parameters, by) = (model.shape.parameter_count(), engine.describe());
     session.note(&format!(
-        "training {}×{} ({} parameters, ω = {}) on {samples} samples, {total} steps of {batch}; {}",
-        model.shape.hidden,
-        model.shape.width,
-        model.shape.parameter_count(),
-        model.shape.omega,
-        engine.describe()
+        "training {hidden}×{width} ({parameters} parameters, ω = {omega}) on {samples} samples, {total} steps of {batch}; {by}"
     ));
-    model.record.engine = engine.describe();
+    model.record.engine = by;
     model.record.program = env!("CARGO_PKG_VERSION").into();
     let precision = StoragePrecision::F32;
     let training =

@@ -34,9 +34,6 @@ pub(super) fn stale_files(folder: &Path) -> Vec<PathBuf> {
 }
 
 /// Removes [`stale_files`] and returns how many there were.
-///
-/// # Errors
-/// A file that cannot be removed.
 pub(super) fn remove_stale(folder: &Path) -> Result<usize> {
     let mut removed = 0;
     for path in stale_files(folder) {

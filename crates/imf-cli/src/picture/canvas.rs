@@ -27,9 +27,6 @@ const LONGEST_SIDE: u32 = 16_384;
 pub(super) type Area<'a> = DrawingArea<BitMapBackend<'a>, Shift>;
 
 /// A sheet of paper of some width and height with what `draw` draws on it.
-///
-/// # Errors
-/// A side longer than [`LONGEST_SIDE`].
 pub(super) fn on_canvas(
     (width, height): (u32, u32),
     draw: impl FnOnce(&Area<'_>) -> Result<()>,

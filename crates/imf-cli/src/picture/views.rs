@@ -38,9 +38,6 @@ pub(crate) struct ViewSheet {
 
 impl ViewSheet {
     /// Draws the sheet and writes it as a PNG file.
-    ///
-    /// # Errors
-    /// A picture that would be too large, or a file that cannot be written; the error names the file.
     pub(crate) fn save(&self, path: &Path) -> Result<()> {
         save(self.draw(), path)
     }

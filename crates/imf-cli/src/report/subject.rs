@@ -62,6 +62,7 @@ impl<'a> Subject<'a> {
     /// A trained network.
     pub fn of_model(model: &'a Model) -> Self {
         let record = &model.record;
+        let TrainingRecord { samples, steps, engine, .. } = record;
         let parameters = model.shape.parameter_count();
         Self {
             scene: &model.scene,
@@ -70,13 +71,12 @@ impl<'a> Subject<'a> {
                 family: "siren5",
                 parameters,
                 training: Some(Training {
-                    training_samples: record.samples,
-                    training_steps: record.steps,
-                    training_engine: record.engine.clone(),
+                    training_samples: *samples,
+                    training_steps: *steps,
+                    training_engine: engine.clone(),
                 }),
                 how: format!(
-                    "network of {parameters} parameters, {} samples, {} steps on {}",
-                    record.samples, record.steps, record.engine
+                    "network of {parameters} parameters, {samples} samples, {steps} steps on {engine}"
                 ),
                 shown_as: "learnt",
                 participle: "trained",

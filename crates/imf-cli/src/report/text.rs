@@ -27,17 +27,14 @@ impl Report {
         let head = ["", "MSE", "MAE", "MPE", "false-free", "false-colliding", "IoU"];
         let rows: Vec<Vec<String>> = self.rows.iter().map(cells).collect();
         let Validation { orientations, mse, standard_error, .. } = self.validation;
+        let Self { guarantee, mse_over_variance, mse_over_nearest, verdict_text, .. } = self;
         format!(
-            "{}{}; {}; {}.\nMSE at {orientations} random orientations {mse:.2e} ± {standard_error:.1e}, {:.4} of the exact field's variance and \
-             {:.4} of the nearest {} section's.\n{}",
+            "{}{}; {}; {guarantee}.\nMSE at {orientations} random orientations {mse:.2e} ± {standard_error:.1e}, {mse_over_variance:.4} of the \
+             exact field's variance and {mse_over_nearest:.4} of the nearest {} section's.\n{verdict_text}",
             table(&head, &rows),
             self.units_text(),
             self.threshold_text(),
-            self.guarantee,
-            self.mse_over_variance,
-            self.mse_over_nearest,
-            self.made.participle,
-            self.verdict_text
+            self.made.participle
         )
     }
 
@@ -82,14 +79,9 @@ impl Report {
 
     /// The table, with what it is of, and the pictures.
     pub(super) fn markdown(&self, pictures: &[(&str, &str)]) -> String {
-        let [x, y, z] = self.dims;
+        let Self { part, tool, program, dims: [x, y, z], pitch, unit, .. } = self;
         let mut text = format!(
-            "# {}, tool {}\n\n{} · {x}×{y}×{z} voxels of {:.4} {} · {}\n\n```text\n{}\n```\n\n",
-            self.part,
-            self.tool,
-            self.program,
-            self.pitch,
-            self.unit,
+            "# {part}, tool {tool}\n\n{program} · {x}×{y}×{z} voxels of {pitch:.4} {unit} · {}\n\n```text\n{}\n```\n\n",
             self.made.describe(self.training_sections),
             self.table()
         );

@@ -21,9 +21,6 @@ const STEPS: usize = 64;
 
 impl View<'_> {
     /// Writes the page, whole or not at all.
-    ///
-    /// # Errors
-    /// A file that cannot be written; the error names it.
     pub(crate) fn write_page(&self, path: &Path) -> Result<()> {
         let tables: String = self.tables.iter().map(Table::html).collect();
         let tables = format!("{tables}<h2>Summary</h2>\n<pre>{}</pre>", escaped(&self.summary));

@@ -30,9 +30,6 @@ const SIDES: [(&str, DVec3, DVec3); 6] = [
 
 impl View<'_> {
     /// Draws every layer of classes from six sides.
-    ///
-    /// # Errors
-    /// A picture that would be too large, or a file that cannot be written; the error names the file.
     pub(crate) fn draw_sides(&self, path: &Path) -> Result<()> {
         let layers = self.layers.iter().filter_map(|layer| match &layer.colours {
             Colours::Classes(classes) => Some((layer, classes)),

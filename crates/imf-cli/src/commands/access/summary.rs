@@ -227,24 +227,19 @@ impl Summary {
 
     /// The table as text.
     pub(super) fn table(&self) -> String {
-        let [x, y, z] = self.dims;
+        let Self { part, dims: [x, y, z], pitch, unit, orientations, orientation_count, tau, .. } = self;
         let accessible_to = |tool: &ToolRow| format!("  accessible to {}", tool.tool);
         let names =
             self.tools.iter().filter(|_| self.tools.len() > 1).map(|t| accessible_to(t).chars().count());
         let wide = names.max().unwrap_or(0).max(NAMES);
         let mut text = format!(
-            "{}: {x}×{y}×{z} voxels of {:.4} {}, {} orientations ({}), τ = {}\n{}\n{}{:wide$}{:>12}{:>16}   pieces\n",
-            self.part,
-            self.pitch,
-            self.unit,
-            self.orientation_count,
-            self.orientations,
-            self.tau,
-            suggested_lines(&self.suggested_by_the_part, &self.unit.to_string()),
+            "{part}: {x}×{y}×{z} voxels of {pitch:.4} {unit}, {orientation_count} orientations ({orientations}), τ = {tau}\n{}\n\
+             {}{:wide$}{:>12}{:>16}   pieces\n",
+            suggested_lines(&self.suggested_by_the_part, &unit.to_string()),
             self.surface_lines(),
             "",
             "voxels",
-            format!("volume {}³", self.unit)
+            format!("volume {unit}³")
         );
         let mut row = |name: &str, volume: Volume, rest: &str| {
             let measure = show_measure(volume.volume);
@@ -260,7 +255,7 @@ impl Summary {
         }
         for blocked in &self.blocked_by {
             let alone = show_measure(blocked.alone.volume);
-            let mut alone = format!("alone {} voxels, {alone} {}³", blocked.alone.voxels, self.unit);
+            let mut alone = format!("alone {} voxels, {alone} {unit}³", blocked.alone.voxels);
             if let Some([part, fixtures]) = blocked.part_and_fixtures {
                 let _ = write!(alone, "; part {}, fixtures {} voxels", part.voxels, fixtures.voxels);
             }
@@ -291,13 +286,8 @@ impl Summary {
         }
         for tool in &self.tools {
             if let Some(share) = tool.map_free_fraction {
-                let _ = writeln!(
-                    text,
-                    "\n{}: {:.1} % of {} are free at the point",
-                    tool.tool,
-                    100.0 * share,
-                    self.map_directions
-                );
+                let (name, share, of) = (&tool.tool, 100.0 * share, self.map_directions);
+                let _ = writeln!(text, "\n{name}: {share:.1} % of {of} are free at the point");
             }
         }
         if let Some(clearance) = clearance_text(&self.clearance, self.unit) {

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use anyhow::{Context as _, Result};
-use imf_core::check::HitBody;
+use imf_core::check::{Collision, HitBody};
 use serde_json::{Value, json};
 
 use super::CheckRun;
@@ -48,20 +48,16 @@ fn table(checked: &CheckRun<'_>) -> String {
             // In full: near a pole the roll is counted from where the last digits of the axis point.
             let numbers: Vec<String> = places.chain(hit.axis.map(|v| v.to_string())).collect();
             let roll = hit.roll.map_or_else(String::new, |roll| format!("{roll:.6}"));
+            let Collision {
+                element, depth, depth_in_tool, clearance, fraction, voxels, volume, poses, ..
+            } = hit;
             // Writing to a string does not fail.
             let _ = writeln!(
                 text,
-                "{},{tool},{kind},{},{against},{:.6},{:.6},{},{},{roll},{:.6},{},{:.6},{},{}",
+                "{},{tool},{kind},{element},{against},{depth:.6},{depth_in_tool:.6},{clearance},{},{roll},{fraction:.6},{voxels},\
+                 {volume:.6},{poses},{}",
                 line.line,
-                hit.element,
-                hit.depth,
-                hit.depth_in_tool,
-                hit.clearance,
                 numbers.join(","),
-                hit.fraction,
-                hit.voxels,
-                hit.volume,
-                hit.poses,
                 line.poses
             );
         }

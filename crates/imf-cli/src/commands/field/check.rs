@@ -49,14 +49,12 @@ impl Check {
         for place in 0..self.voxels.min(cmf.len()) {
             let at = order.at(place);
             let voxel = grid.voxel(at);
-            let direct = plan.direct(orientation, &rotated, voxel)?;
-            if (f64::from(cmf[at]) - direct).abs() > f64::from(f32::EPSILON) * direct {
+            let (found, direct) = (cmf[at], plan.direct(orientation, &rotated, voxel)?);
+            if (f64::from(found) - direct).abs() > f64::from(f32::EPSILON) * direct {
+                let Orientation { theta, phi, .. } = orientation;
                 bail!(
-                    "section {index} (θ {}°, φ {}°) is {} at voxel {voxel:?}, and the direct sum gives {direct}: \
-                     please report this; the machine's memory may be faulty",
-                    orientation.theta,
-                    orientation.phi,
-                    cmf[at]
+                    "section {index} (θ {theta}°, φ {phi}°) is {found} at voxel {voxel:?}, and the direct sum gives {direct}: \
+                     please report this; the machine's memory may be faulty"
                 );
             }
             self.agreed.fetch_add(1, Ordering::Relaxed);

@@ -8,8 +8,7 @@ use serde::Serialize;
 
 use super::Work;
 use crate::output::element_name;
-use crate::picture::MaskStyle;
-use crate::slices::{MidPlaneSheet, MidPlanes};
+use crate::slices::MidPlanes;
 
 /// All elements in one picture.
 pub(super) const PICTURE: &str = "elements.png";
@@ -90,14 +89,6 @@ pub(super) fn draw<'a>(
     what: &str,
 ) -> Result<()> {
     let planes: Vec<MidPlanes> = rows.filter_map(|row| row.planes.take()).collect();
-    let sheet = MidPlaneSheet {
-        title: work.title(),
-        label: "fraction of the collision measure",
-        part: &work.scene.obstacle,
-        style: Some(MaskStyle::Outline),
-        unit: work.scene.record.unit,
-        notes: vec![format!("{what}; they sum to the whole tool's measure; outlined: the part")],
-    };
-    sheet.save(&planes, &work.folder.file(PICTURE))?;
-    Ok(())
+    let note = format!("{what}; they sum to the whole tool's measure; outlined: the part");
+    work.draw("fraction of the collision measure", &planes, vec![note], PICTURE)
 }

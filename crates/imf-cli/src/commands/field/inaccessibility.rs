@@ -11,11 +11,9 @@ use super::elements::{self, ElementRow};
 use super::{ORIENTATIONS, SUMMARY, Values, Work};
 use crate::arguments::orientations::suggested_lines;
 use crate::output::{print_result, same_digits, write_json};
-use crate::picture::MaskStyle;
-use crate::slices::{MidPlaneSheet, MidPlanes};
+use crate::slices::MidPlanes;
 
 pub(super) fn run(work: &Work<'_>) -> Result<()> {
-    let (grid, obstacle) = (&work.scene.record.grid, &work.scene.obstacle);
     let whole = work.minimum()?;
     work.folder.begin(work.session)?;
     let elements = elements::at_best(work, &whole)?;
@@ -23,23 +21,14 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
     let measure = work.measure();
     let mut rows = elements::write(work, &measure.minimum, &borrowed, true)?;
     write_fields(work, &whole, &elements, &rows)?;
-    let sheet = MidPlaneSheet {
-        title: work.title(),
-        label: &measure.minimum_label,
-        part: obstacle,
-        style: Some(MaskStyle::Outline),
-        unit: work.scene.record.unit,
-        notes: vec![format!(
-            "minimum over {} orientations ({}); outlined: the part; {}",
-            work.set.len(),
-            work.set.spec,
-            work.exactness()
-        )],
-    };
-    sheet.save(
-        &[MidPlanes::new(String::new(), &whole.value, grid)],
-        &work.folder.file(&format!("{}.png", measure.minimum)),
-    )?;
+    let note = format!(
+        "minimum over {} orientations ({}); outlined: the part; {}",
+        work.set.len(),
+        work.set.spec,
+        work.exactness()
+    );
+    let planes = [MidPlanes::new(String::new(), &whole.value, &work.scene.record.grid)];
+    work.draw(&measure.minimum_label, &planes, vec![note], &format!("{}.png", measure.minimum))?;
 
     if !rows.is_empty() {
         elements::draw(work, rows.iter_mut(), "measures at the best orientation, by element")?;

@@ -12,8 +12,7 @@ use super::elements::{self, ElementBuffers, ElementRow};
 use super::{Measure, ORIENTATIONS, Outside, SUMMARY, Values, Work, angles_text};
 use crate::interrupt;
 use crate::output::{print_result, same_digits, table, write_json};
-use crate::picture::MaskStyle;
-use crate::slices::{MidPlaneSheet, MidPlanes};
+use crate::slices::MidPlanes;
 
 /// At most this many sections share one .vti file …
 const SHARED_SECTIONS: usize = 16;
@@ -180,17 +179,7 @@ fn draw(work: &Work<'_>, kept: &mut [WrittenSection]) -> Result<()> {
     if kept.len() > planes.len() {
         notes.push(format!("the first {} of {} sections", planes.len(), kept.len()));
     }
-    let measure = work.measure();
-    let sheet = MidPlaneSheet {
-        title: work.title(),
-        label: &measure.section_label,
-        part: &work.scene.obstacle,
-        style: Some(MaskStyle::Outline),
-        unit: work.scene.record.unit,
-        notes,
-    };
-    sheet.save(&planes, &work.folder.file("slices.png"))?;
-    Ok(())
+    work.draw(&work.measure().section_label, &planes, notes, "slices.png")
 }
 
 fn list(work: &Work<'_>, kept: &[WrittenSection]) -> Vec<Value> {

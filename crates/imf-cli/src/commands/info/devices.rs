@@ -67,17 +67,14 @@ fn entry(adapter: &AdapterSummary) -> Value {
 }
 
 fn block(adapter: &AdapterSummary) -> String {
+    let AdapterSummary { index, name, backend, driver, workgroups, .. } = adapter;
+    let driver = if driver.is_empty() { "unnamed" } else { driver };
     format!(
-        "{:<3}  {}\n     {}, {}, driver {}\n     storage binding {}, buffer {}, workgroup memory {}, {} workgroups \
-         per dimension",
-        adapter.index,
-        adapter.name,
-        adapter.backend,
+        "{index:<3}  {name}\n     {backend}, {}, driver {driver}\n     storage binding {}, buffer {}, workgroup memory {}, \
+         {workgroups} workgroups per dimension",
         kind(adapter),
-        if adapter.driver.is_empty() { "unnamed" } else { &adapter.driver },
         show_bytes(adapter.storage_binding),
         show_bytes(adapter.buffer),
-        show_bytes(u64::from(adapter.workgroup_memory)),
-        adapter.workgroups
+        show_bytes(u64::from(adapter.workgroup_memory))
     )
 }

@@ -109,9 +109,6 @@ impl ResultWriter {
     }
 
     /// Ends the output.
-    ///
-    /// # Errors
-    /// An output that cannot be written.
     pub(super) fn finish(self, out: &mut dyn Write) -> Result<()> {
         if self.json_titles.is_some() {
             out.write_all(b"\n]\n")?;

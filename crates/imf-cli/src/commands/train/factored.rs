@@ -190,13 +190,9 @@ fn conclude(
     // None where a finished training was to go on.
     let loss =
         loss.map_or_else(String::new, |loss| format!("MSE from {source} in the last steps {loss:.1e}, "));
-    let text = format!(
-        "{}: {}, {loss}{}; query it with: imf query {}\n{}",
-        path.display(),
-        show_bytes(bytes),
-        validation_text(&validation, quantity, scene.record.unit),
-        path.display(),
-        quality.text()
-    );
+    let (shown, size) = (path.display(), show_bytes(bytes));
+    let error = validation_text(&validation, quantity, scene.record.unit);
+    let text =
+        format!("{shown}: {size}, {loss}{error}; query it with: imf query {shown}\n{}", quality.text());
     print_result(session, &json, &text)
 }

@@ -6,7 +6,7 @@ use imf_core::section::{Quantity, SectionPlan, ToolPoints};
 use imf_core::unit::LengthUnit;
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::file::HarmonicFile;
-use imf_fields::harmonic::{FitSettings, HarmonicField, fit, section_count};
+use imf_fields::harmonic::{FitReport, FitSettings, HarmonicField, fit, section_count};
 use imf_fields::metrics::Validation;
 use serde_json::json;
 
@@ -45,12 +45,10 @@ pub(super) fn run(session: &Session, arguments: &HarmonicArguments) -> Result<()
 
 /// A field and its errors, as text.
 pub(crate) fn describe(file: &HarmonicFile) -> String {
-    let report = &file.field.report;
+    let FitReport { functions, sections, .. } = &file.field.report;
     format!(
-        "{} harmonics of degree {} fitted to {} exact sections, {} components; {}",
-        report.functions,
+        "{functions} harmonics of degree {} fitted to {sections} exact sections, {} components; {}",
         file.settings.degree,
-        report.sections,
         file.field.component_count(),
         errors_text(&file.field, file.scene.record.unit),
     )

@@ -204,12 +204,7 @@ fn conclude(session: &Session, out: &Path, model: &Model, calibrate: bool) -> Re
         "parameters": model.shape.parameter_count(), "engine": record.engine,
         "held_out": record.held_out.as_ref().and_then(|held| held.errors.last()), "verdict": quality.json(),
     });
-    let text = format!(
-        "{}: {} steps; compare with: imf eval {}\n{}",
-        path.display(),
-        record.steps,
-        path.display(),
-        quality.text()
-    );
+    let (shown, steps) = (path.display(), record.steps);
+    let text = format!("{shown}: {steps} steps; compare with: imf eval {shown}\n{}", quality.text());
     print_result(session, &json, &text)
 }

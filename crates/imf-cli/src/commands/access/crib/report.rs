@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::super::surface::{ObstructedRow, proof, resolved};
 use super::Crib;
-use super::tools::UndecidedTool;
+use super::tools::{CribTool, UndecidedTool};
 use crate::output::{SUMMARY, length, show_measure};
 use crate::progress::show_seconds;
 
@@ -20,11 +20,8 @@ const LISTED_UNDECIDED: usize = 5;
 /// One tool; fractions are of the surface's area.
 #[derive(Debug, Serialize)]
 struct ToolRow {
-    tool: String,
-    diameter: Option<f64>,
-    stick_out: f64,
-    /// Diameter over stick-out.
-    rigidity: f64,
+    #[serde(flatten)]
+    tool: CribTool,
     reached: f64,
     /// Of the fewest tools, by none but this one.
     alone: Option<f64>,
@@ -84,10 +81,7 @@ impl Report {
             let place = crib.chosen.iter().position(|&chosen| chosen == index);
             let others = |sample: usize| crib.chosen.iter().any(|&o| o != index && crib.reaches(o, sample));
             ToolRow {
-                tool: tool.name.clone(),
-                diameter: tool.diameter,
-                stick_out: tool.stick_out,
-                rigidity: tool.rigidity,
+                tool: tool.clone(),
                 reached: of(Verdict::Reached),
                 alone: place.map(|_| share(&|sample| crib.reaches(index, sample) && !others(sample))),
                 most_rigid: share(&|sample| rigid[sample] == Some(index)),
@@ -136,21 +130,14 @@ impl Report {
         let mut text =
             "tool,diameter,stick_out,rigidity,reached,most_rigid,obstructed,gouged,not_faced,chosen\n"
                 .to_owned();
-        for row in &self.tools {
-            let number = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
-            let chosen = row.chosen.map_or(String::new(), |place| place.to_string());
+        for ToolRow { tool, reached, most_rigid, obstructed, gouged, not_faced, chosen, .. } in &self.tools {
+            let CribTool { name, diameter, stick_out, rigidity } = tool;
+            let name = name.replace('"', "\"\"");
+            let diameter = diameter.map_or(String::new(), |value| value.to_string());
+            let chosen = chosen.map_or(String::new(), |place| place.to_string());
             let _ = writeln!(
                 text,
-                "\"{}\",{},{},{},{},{},{},{},{},{chosen}",
-                row.tool.replace('"', "\"\""),
-                number(row.diameter),
-                row.stick_out,
-                row.rigidity,
-                row.reached,
-                row.most_rigid,
-                row.obstructed,
-                row.gouged,
-                row.not_faced
+                "\"{name}\",{diameter},{stick_out},{rigidity},{reached},{most_rigid},{obstructed},{gouged},{not_faced},{chosen}"
             );
         }
         text
@@ -159,14 +146,11 @@ impl Report {
     /// The table for people.
     pub(super) fn text(&self) -> String {
         let percent = |share: f64| format!("{:.1} %", 100.0 * share);
-        let unit = &self.unit;
+        let Self { part, unit, pitch, orientations, orientation_count, .. } = self;
         let mut text = format!(
-            "{}: {} tools, {} directions ({}), pitch {:.4} {unit}\n\nsurface, {} {unit}² (a cutter may cut {} {unit} below it)\n",
-            self.part,
+            "{part}: {} tools, {orientation_count} directions ({orientations}), pitch {pitch:.4} {unit}\n\n\
+             surface, {} {unit}² (a cutter may cut {} {unit} below it)\n",
             self.tools.len(),
-            self.orientation_count,
-            self.orientations,
-            self.pitch,
             show_measure(self.area),
             length::finer(self.tolerance, *unit, 2)
         );
@@ -194,15 +178,13 @@ impl Report {
             );
         };
         let line = |text: &mut String, tool: &ToolRow, last: f64| {
-            let diameter = tool.diameter.map_or("mesh".into(), |diameter| length::finer(diameter, *unit, 1));
+            let CribTool { name, diameter, stick_out, rigidity } = &tool.tool;
+            let diameter = diameter.map_or("mesh".into(), |diameter| length::finer(diameter, *unit, 1));
+            let stick_out = length::nearest(*stick_out, *unit);
+            let (reached, last) = (percent(tool.reached), percent(last));
             let _ = writeln!(
                 text,
-                "  {diameter:>10}{:>10}{:>14.2}{:>10}{:>12}   {}",
-                length::nearest(tool.stick_out, *unit),
-                tool.rigidity,
-                percent(tool.reached),
-                percent(last),
-                tool.tool
+                "  {diameter:>10}{stick_out:>10}{rigidity:>14.2}{reached:>10}{last:>12}   {name}"
             );
         };
         head(&mut text, "alone");
@@ -212,7 +194,9 @@ impl Report {
             line(&mut text, tool, tool.alone.unwrap_or_default());
         }
         let mut ranked: Vec<&ToolRow> = self.tools.iter().collect();
-        ranked.sort_by(|a, b| b.reached.total_cmp(&a.reached).then(b.rigidity.total_cmp(&a.rigidity)));
+        ranked.sort_by(|a, b| {
+            b.reached.total_cmp(&a.reached).then(b.tool.rigidity.total_cmp(&a.tool.rigidity))
+        });
         let _ = writeln!(text, "\nby area, of equal ones the more rigid first; all in crib.csv");
         head(&mut text, "most rigid");
         for tool in ranked.into_iter().take(LISTED) {

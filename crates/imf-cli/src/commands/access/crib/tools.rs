@@ -26,7 +26,9 @@ impl UndecidedTool {
 }
 
 /// What a crib says of a tool, in the part's unit.
+#[derive(Clone, Debug, Serialize)]
 pub(super) struct CribTool {
+    #[serde(rename = "tool")]
     pub(super) name: String,
     /// Of the cutter; nothing of a mesh.
     pub(super) diameter: Option<f64>,
