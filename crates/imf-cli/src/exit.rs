@@ -45,7 +45,8 @@ pub fn code_of(joins_ranks: bool, work: impl FnOnce(Rank) -> anyhow::Result<()>)
             }
             INTERRUPTED
         }
-        Err(error) if was_cancelled(&error) => {
+        // Work that the user cancelled with nothing to save.
+        Err(error) if interrupt::is_cancelled(&error) && interrupt::requested() => {
             if rank.is_first() {
                 eprint_line(format_args!("imf: interrupted: {NOTHING_FINISHED}"));
             }
@@ -137,11 +138,6 @@ fn remedy(cause: &(dyn std::error::Error + 'static)) -> Option<&'static str> {
 const TOOL_FILE: &str = "--tool mill.toml; for a 6 mm ball end mill in a 24 mm holder that file reads: unit = \"mm\", stick_out = 30.0, \
      then [cutter] with shape = \"ball\", diameter = 6.0, length = 20.0, then [shank] with diameter = 6.0, then [[holder]] with \
      diameter = 24.0, length = 40.0, each on its own line; or --tool paper";
-
-/// Work that the user cancelled with nothing to save.
-fn was_cancelled(error: &anyhow::Error) -> bool {
-    interrupt::is_cancelled(error) && interrupt::requested()
-}
 
 /// `imf … | head` is not an error.
 fn is_broken_pipe(error: &anyhow::Error) -> bool {

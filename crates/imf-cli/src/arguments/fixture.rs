@@ -13,7 +13,7 @@ use imf_core::mesh::read::{MeshFile, read_mesh_file};
 use imf_core::mesh::{FaceRepair, Mesh};
 use imf_core::occupancy::Occupancy;
 use imf_core::parts::ReferencePart;
-use imf_core::scene::{Fixture, SceneWarning, solid_voxels};
+use imf_core::scene::{SceneWarning, solid_voxels};
 use imf_core::unit::{LengthUnit, UnknownUnit};
 use imf_core::voxelize::VoxelizeResult;
 
@@ -123,15 +123,9 @@ pub(crate) enum StockArgument {
     File(FixtureArgument),
 }
 
-impl Default for StockArgument {
-    fn default() -> Self {
-        Self::Box(0.0)
-    }
-}
-
 pub(super) fn parse_stock(text: &str) -> Result<StockArgument, String> {
     match text.split_once(':') {
-        _ if text == "box" => Ok(StockArgument::default()),
+        _ if text == "box" => Ok(StockArgument::Box(0.0)),
         Some(("box", margin)) => parse_room(margin).map(StockArgument::Box),
         _ => parse_fixture(text).map(StockArgument::File),
     }
@@ -147,11 +141,6 @@ impl FixtureMesh {
     /// Lengths are in the part's unit, `part_unit`, unless a step or the file says otherwise.
     pub(crate) fn read(argument: &FixtureArgument, part_unit: LengthUnit) -> Result<Self> {
         Ok(Self { body: argument.read("fixture", part_unit)?, transform: argument.transform })
-    }
-
-    /// As the scene takes it.
-    pub(crate) fn as_fixture(&self) -> Fixture<'_> {
-        Fixture { name: &self.body.name, mesh: &self.body.mesh, transform: self.transform }
     }
 }
 

@@ -35,7 +35,14 @@ pub(crate) struct SceneInputs {
 impl SceneInputs {
     /// The fixtures as a scene takes them.
     pub(crate) fn fixtures(&self) -> Vec<Fixture<'_>> {
-        self.fixtures.iter().map(FixtureMesh::as_fixture).collect()
+        let fixtures = self.fixtures.iter();
+        fixtures
+            .map(|FixtureMesh { body: Part { name, mesh, .. }, transform }| Fixture {
+                name,
+                mesh,
+                transform: *transform,
+            })
+            .collect()
     }
 }
 

@@ -24,7 +24,7 @@ use imf_core::unit::LengthUnit;
 use serde_json::json;
 use thiserror::Error;
 
-use crate::arguments::check::{CheckArguments, Frame, NumberedTool};
+use crate::arguments::check::{CheckArguments, Frame};
 use crate::arguments::fixture::StockArgument;
 use crate::arguments::scene::SceneArguments;
 use crate::output::{OutputFile, OutputFolder, print_result};
@@ -56,7 +56,10 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
     let given = arguments.tools()?;
     let out = arguments.out.as_deref().map(OutputFolder::check).transpose()?;
     let page = arguments.html.as_deref().map(OutputFile::check).transpose()?;
-    let scene = scene_arguments(arguments, &given);
+    // The scene of one tool, the thinnest: voxels that detect it detect every other one.
+    let thinnest = given.iter().min_by(|a, b| thickness(&a.tool).total_cmp(&thickness(&b.tool)));
+    let tool = thinnest.map(|given| given.text.clone()).into_iter().collect();
+    let scene = SceneArguments { tool, ..arguments.scene.clone() };
     let (scene, bodies, meshes) = scene.scene_and_bodies(session, given.iter().map(|given| &given.tool))?;
     let record = &scene.record;
     let mut tools: Vec<(Option<u32>, Tool)> =
@@ -180,13 +183,6 @@ fn in_toolpath(error: CheckError, arguments: &CheckArguments) -> anyhow::Error {
         }
         _ => error.into(),
     }
-}
-
-/// The scene of one tool, the thinnest: voxels that detect it detect every other one.
-fn scene_arguments(arguments: &CheckArguments, tools: &[NumberedTool]) -> SceneArguments {
-    let thinnest = tools.iter().min_by(|a, b| thickness(&a.tool).total_cmp(&thickness(&b.tool)));
-    let tool = thinnest.map(|given| given.text.clone()).into_iter().collect();
-    SceneArguments { tool, ..arguments.scene.clone() }
 }
 
 /// Of a tool's thinnest element, or of its tip where that is more slender, in mm.

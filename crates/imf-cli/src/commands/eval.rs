@@ -44,7 +44,14 @@ pub(super) fn make_report(
 ) -> Result<Report> {
     require_memory(session, device, saved)?;
     let subject = Subject::of_saved_field(saved)?;
-    let quality = decision_quality(session, saved)?;
+    // Error rates of the field's decisions: from its file, else measured for the report.
+    let quality = match saved.calibration() {
+        Some(known) => DecisionQuality::Known(Box::new(*known)),
+        None => {
+            let held = Device::Cpu.copied_bytes(saved, Workload::Many);
+            measure_decisions(session, &Field::new(saved.clone())?, held, "no report was made")?
+        }
+    };
     let DeviceField { field, by, .. } = device.field(session, saved, Workload::Many)?;
     session.note(&format!("evaluating on {by}"));
     let evaluation = evaluate(session, &subject, &*field, by, settings, &quality)?;
@@ -53,22 +60,6 @@ pub(super) fn make_report(
         session.note(&format!("wrote {}", folder.join("report.md").display()));
     }
     Ok(evaluation.report)
-}
-
-/// Error rates of the field's decisions: from its file, else measured for the report.
-fn decision_quality(session: &Session, saved: &FieldFile) -> Result<DecisionQuality> {
-    match saved.calibration() {
-        Some(known) => Ok(DecisionQuality::Known(Box::new(*known))),
-        None => {
-            let field = Field::new(saved.clone())?;
-            measure_decisions(
-                session,
-                &field,
-                Device::Cpu.copied_bytes(saved, Workload::Many),
-                "no report was made",
-            )
-        }
-    }
 }
 
 /// Refuses what would not fit beside the exact field.

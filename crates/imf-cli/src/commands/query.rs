@@ -53,7 +53,11 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
         notes::of_training(session, &arguments.model, model);
     }
     notes::of_scene(session, record);
-    if poses.roll.is_some() && ignores_roll(&file) {
+    // The roll changes what the tool overlaps, and the field is of directions alone.
+    if poses.roll.is_some()
+        && matches!(file, FieldFile::Siren(_))
+        && !record.bare_tool().with_tip_only().is_axisymmetric()
+    {
         session.note(&format!(
             "a network of the paper's kind knows no roll, which counts for the tool '{}': its overlaps are the same at every \
              roll, and --exact reads the column roll",
@@ -101,11 +105,6 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
         Some(error) => Err(error),
         None => Ok(written?),
     }
-}
-
-/// True where the roll changes what the tool overlaps, and the field is of directions alone.
-fn ignores_roll(file: &FieldFile) -> bool {
-    matches!(file, FieldFile::Siren(_)) && !file.scene().record.bare_tool().with_tip_only().is_axisymmetric()
 }
 
 struct Work {

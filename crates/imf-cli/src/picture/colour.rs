@@ -63,7 +63,11 @@ impl Scale {
     pub(super) fn swatches(&self) -> Vec<(Rgb<u8>, String)> {
         let classes = self.classes.iter().enumerate();
         let classes = classes.map(|(class, name)| (self.colour(class as f32), name.clone()));
-        classes.chain(self.free.map(|tau| (FREE, free_text(tau)))).collect()
+        let free = |tau: f64| match tau {
+            0.0 => "free: nothing collides".to_owned(),
+            tau => format!("free: at most τ = {tau}"),
+        };
+        classes.chain(self.free.map(|tau| (FREE, free(tau)))).collect()
     }
 
     /// First and last value.
@@ -94,10 +98,6 @@ impl Scale {
         };
         Rgb([colour.r, colour.g, colour.b])
     }
-}
-
-fn free_text(tau: f64) -> String {
-    if tau == 0.0 { "free: nothing collides".into() } else { format!("free: at most τ = {tau}") }
 }
 
 fn largest(slices: &[ArrayView2<'_, f32>], measure: impl Fn(f32) -> f32) -> f32 {

@@ -21,7 +21,7 @@ use super::on_machine::OnMachine;
 use super::stock::Stock;
 use super::surface::{SetupSettings, SurfaceSettings};
 use crate::arguments::access::AccessArguments;
-use crate::arguments::fixture;
+use crate::arguments::fixture::{self, StockArgument};
 use crate::arguments::orientations::{Directions, default_for};
 use crate::arguments::scene::{voxelise_with_progress, warn_of, warn_of_fixtures_out_of_reach};
 use crate::output::short;
@@ -88,7 +88,13 @@ impl AccessRun {
         let Directions { set: orientations, suggested } =
             directions(text, &mesh, setups.is_some(), limits.as_ref())?;
         if let Some((machine, _)) = &machine {
-            note_of_machine(session, machine, setups.is_some());
+            let used = if setups.is_some() {
+                "used for the surface in each set-up, where the middle of the part's foot is on the zero of G54"
+            } else {
+                "used for the part's surface, which stands in the frame of G54; for volumes and stick-outs directions alone count"
+            };
+            let name = &machine.name;
+            session.note(&format!("directions are those of {name}; its travel, head and table are {used}"));
         }
         warn_of_tools(session, &inputs.tools, &orientations);
         number_names(&mut inputs.tools);
@@ -110,8 +116,8 @@ impl AccessRun {
         }
         let stock_mesh = (arguments.removable || arguments.stock.is_some())
             .then(|| {
-                let stock = arguments.stock.clone().unwrap_or_default();
-                fixture::Stock::read(&stock, spec.part_bounds()?, &inputs.transform, unit)
+                let stock = arguments.stock.as_ref().unwrap_or(&StockArgument::Box(0.0));
+                fixture::Stock::read(stock, spec.part_bounds()?, &inputs.transform, unit)
             })
             .transpose()?;
         let stock_grid = stock_mesh.as_ref().map(|stock| {
@@ -217,7 +223,11 @@ impl AccessRun {
             suggested,
             tau: arguments.tau,
             surface,
-            map: arguments.map.map(|point| (point, map_cells(arguments.map_step))),
+            map: arguments.map.map(|point| {
+                // Cells of about a step along longitude and latitude.
+                let cells = (180.0 / arguments.map_step).round() as usize;
+                (point, [2 * cells, cells])
+            }),
             limits,
             machine,
             query,
@@ -241,15 +251,6 @@ fn directions(text: &str, mesh: &Mesh, for_setups: bool, limits: Option<&Limits>
         suggested.retain(|suggested| limits.reach(suggested.direction));
     }
     Ok(Directions { set, suggested })
-}
-
-fn note_of_machine(session: &Session, machine: &Machine, for_setups: bool) {
-    let used = if for_setups {
-        "used for the surface in each set-up, where the middle of the part's foot is on the zero of G54"
-    } else {
-        "used for the part's surface, which stands in the frame of G54; for volumes and stick-outs directions alone count"
-    };
-    session.note(&format!("directions are those of {}; its travel, head and table are {used}", machine.name));
 }
 
 fn warn_of_tools(session: &Session, tools: &[Tool], orientations: &OrientationSet) {
@@ -299,12 +300,6 @@ fn number_names(tools: &mut [Tool]) {
             tool.name = format!("{} (tool {index})", tool.name);
         }
     }
-}
-
-/// Cells of about `step` degrees along longitude and latitude.
-fn map_cells(step: f64) -> [usize; 2] {
-    let cells = (180.0 / step).round() as usize;
-    [2 * cells, cells]
 }
 
 /// Bytes for sections, surface and results; the grids are those of the obstacle, of the query and of the stock.

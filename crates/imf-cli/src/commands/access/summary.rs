@@ -142,7 +142,10 @@ impl Summary {
             accessible: measure(reached(&findings.tools[index].imf.value)),
             surface_reached: surface.map(|surface| surface.reached_by(index)),
             blocked_by: collisions::by_tool(run, findings, index),
-            removable: findings.removable.get(index).map(|found| measure(marked(&found.covered))),
+            removable: findings
+                .removable
+                .get(index)
+                .map(|found| measure(found.covered.iter().filter(|&&covered| covered != 0).count())),
             map_free_fraction: findings.maps.get(index).map(|map| map.free_fraction(run.tau)),
         });
         let stock = run.stock.as_ref().map(|stock| {
@@ -308,8 +311,4 @@ impl Region {
             None => "none".into(),
         }
     }
-}
-
-fn marked(voxels: &[u8]) -> usize {
-    voxels.iter().filter(|&&v| v != 0).count()
 }

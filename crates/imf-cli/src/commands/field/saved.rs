@@ -139,8 +139,10 @@ impl SavedField {
     /// Refuses what does not fit beside the field: its coefficients at every voxel where they are needed, some arrays of values, and
     /// what some orientations are multiplied with.
     fn require_memory(&self, work: &Work<'_>, copied: u64, arrays: usize, orientations: usize) -> Result<()> {
-        let (values, heads) =
-            (4 * (arrays * work.scene.record.grid.len()) as u64, self.direction_weights_bytes(orientations));
+        let values = 4 * (arrays * work.scene.record.grid.len()) as u64;
+        // Functions of the orientations, and these along axes in two orders.
+        let functions = self.saved.basis().map_or(0, Basis::len);
+        let heads = 4 * (orientations * (functions + 2 * self.saved.coefficient_count())) as u64;
         work.session.require_memory(copied + values + heads, || {
             let most = copied.max(values).max(heads);
             let remedy = match work.device {
@@ -151,11 +153,5 @@ impl SavedField {
             };
             format!("the field's values, and where needed its coefficients, at every voxel; {remedy}")
         })
-    }
-
-    /// Bytes of what orientations are multiplied with: their functions, and these along axes in two orders.
-    fn direction_weights_bytes(&self, orientations: usize) -> u64 {
-        let functions = self.saved.basis().map_or(0, Basis::len);
-        4 * (orientations * (functions + 2 * self.saved.coefficient_count())) as u64
     }
 }

@@ -85,7 +85,14 @@ pub(super) fn field(path: &Path, file: &FieldFile) -> Result<Description> {
     let mut lines = vec![(name, path.display().to_string())];
     lines.extend(what);
     lines.push(("values", quantity_text(quantity, record)));
-    lines.extend(field_lines(record));
+    // A learnt or fitted field's own values guarantee nothing.
+    lines.extend(scene_lines(record).into_iter().map(|(name, text)| match name {
+        "guarantee" => (
+            name,
+            format!("none by its own values, which are estimates; what is counted (--exact) is {text}"),
+        ),
+        _ => (name, text),
+    }));
     lines.extend(made);
     lines.extend(calibration_lines(calibration, quantity, record.unit));
     let mut json = json!({
@@ -242,18 +249,6 @@ fn quantity_text(quantity: Quantity, scene: &SceneRecord) -> String {
             )
         }
     }
-}
-
-/// What a learnt or fitted field was made for: its own values guarantee nothing.
-fn field_lines(scene: &SceneRecord) -> Vec<Line> {
-    let mut lines = scene_lines(scene);
-    for (name, text) in &mut lines {
-        if *name == "guarantee" {
-            *text =
-                format!("none by its own values, which are estimates; what is counted (--exact) is {text}");
-        }
-    }
-    lines
 }
 
 /// What samples were made for, or a field.

@@ -27,14 +27,6 @@ pub(super) struct ResultChunk {
 /// Titles of what stands behind the values.
 const BEHIND: [&str; 2] = ["decision", "outside"];
 
-fn decision_text(decision: Decision) -> &'static str {
-    match decision {
-        Decision::Free => "free",
-        Decision::Colliding => "colliding",
-        Decision::Undecided => "undecided",
-    }
-}
-
 impl ResultChunk {
     /// The fields' values for a line; NaN where its pose is invalid.
     fn of(&self, index: usize) -> impl Iterator<Item = f32> {
@@ -45,7 +37,12 @@ impl ResultChunk {
 
     /// What is decided of a line.
     fn decision(&self, index: usize) -> &'static str {
-        self.poses[index].map_or("invalid", |_| decision_text(self.decisions[index]))
+        match self.decisions[index] {
+            _ if self.poses[index].is_none() => "invalid",
+            Decision::Free => "free",
+            Decision::Colliding => "colliding",
+            Decision::Undecided => "undecided",
+        }
     }
 }
 
