@@ -85,7 +85,6 @@ struct Training<'a, T> {
     samples: usize,
     /// Whether it goes on from a checkpoint of `out`.
     resumed: bool,
-    /// How the finished weights are saved.
     precision: StoragePrecision,
     /// What is watched beside the loss.
     held_out: Option<HeldOutWatch>,

@@ -53,7 +53,6 @@ impl OutputFolder {
         Ok(Self { path: path.to_owned() })
     }
 
-    /// Makes the folder where it does not exist yet.
     pub(crate) fn create(&self) -> Result<()> {
         fs::create_dir_all(&self.path)
             .with_context(|| format!("cannot create the folder {}", self.path.display()))
@@ -71,7 +70,6 @@ impl OutputFolder {
         Ok(())
     }
 
-    /// Path of a file in the folder.
     pub(crate) fn file(&self, name: &str) -> PathBuf {
         self.path.join(name)
     }
@@ -84,7 +82,6 @@ pub struct FolderLock {
     locked: Option<(PathBuf, File)>,
 }
 
-/// The folders that this run has locked.
 static LOCKED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
 fn locked_folders() -> MutexGuard<'static, Vec<PathBuf>> {
@@ -226,7 +223,6 @@ pub(crate) fn print_result(session: &Session, json: &impl Serialize, words: &str
     if session.json { print_json(json) } else { print(words) }
 }
 
-/// A result with the run's warnings and choices.
 #[derive(Serialize)]
 struct JsonResult<'a, T> {
     #[serde(flatten)]

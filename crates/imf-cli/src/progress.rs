@@ -27,7 +27,7 @@ pub struct Stage {
     bar: Option<ProgressBar>,
     last_line: Option<Mutex<Instant>>,
     /// Not shown where it takes no longer than [`BRIEF`].
-    brief: bool,
+    pub(crate) brief: bool,
 }
 
 impl Stage {
@@ -46,10 +46,6 @@ impl Stage {
         let last_line = (!terminal && !quiet).then(|| Mutex::new(start));
         let (name, done) = (name.to_owned(), AtomicU64::new(0));
         Self { name, unit, total, done, before: 0, start, bar, last_line, brief: false }
-    }
-
-    pub(crate) fn brief(name: &str, unit: &'static str, total: u64, quiet: bool) -> Self {
-        Self { brief: true, ..Self::new(name, unit, total, quiet) }
     }
 
     /// Units that were finished before: they count as done, not for the rate.

@@ -111,7 +111,6 @@ pub struct Report {
     quantity: Quantity,
     /// Value above which a pose counts as colliding.
     threshold: f64,
-    /// Where that comes from.
     threshold_of: ThresholdOf,
     /// The error at the random orientations.
     validation: Validation,

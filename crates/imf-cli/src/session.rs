@@ -164,7 +164,9 @@ impl Session {
 
     /// As [`Self::stage`], for work that is mostly over at once and then not shown.
     pub(crate) fn brief_stage(&self, name: &str, unit: &'static str, total: u64) -> Stage {
-        Stage::brief(name, unit, total, self.quiet)
+        let mut stage = self.stage(name, unit, total);
+        stage.brief = true;
+        stage
     }
 
     /// Progress into `report`, cancellation by Ctrl-C.

@@ -14,6 +14,8 @@ use crate::picture::{Axes, Mask, MaskStyle, Panel, PanelRow, PanelSheet, Scale};
 
 /// Names of the world's axes.
 const NAMES: [&str; 3] = ["x", "y", "z"];
+/// By axis, those of a slice at right angles to it.
+const OTHERS: [[usize; 2]; 3] = [[1, 2], [0, 2], [0, 1]];
 
 /// Values that vary by less, summed over a layer, are equal but for rounding.
 const NOISE: f64 = 1e-9;
@@ -36,7 +38,7 @@ pub fn mask(occupancy: &Occupancy, axis: usize, index: usize) -> Array2<u8> {
 
 /// Where a slice at right angles to `axis` lies in the world.
 pub fn axes(grid: &Grid, unit: LengthUnit, axis: usize) -> Axes {
-    let [first, second] = others(axis);
+    let [first, second] = OTHERS[axis];
     Axes {
         names: [NAMES[first].into(), NAMES[second].into()],
         unit: unit.to_string(),
@@ -123,7 +125,6 @@ impl MidPlanes {
 
 /// A sheet of mid-planes: one row for each field, all in one scale.
 pub(crate) struct MidPlaneSheet<'a> {
-    /// Written on top.
     pub(crate) title: String,
     /// Words beside the colour bar.
     pub(crate) label: &'a str,
@@ -131,7 +132,6 @@ pub(crate) struct MidPlaneSheet<'a> {
     pub(crate) part: &'a Occupancy,
     /// How the part is marked; `None` leaves it out.
     pub(crate) style: Option<MaskStyle>,
-    /// Unit of the grid.
     pub(crate) unit: LengthUnit,
     /// Small print.
     pub(crate) notes: Vec<String>,
@@ -166,15 +166,6 @@ impl MidPlaneSheet<'_> {
     }
 }
 
-/// The axes of a slice at right angles to `axis`.
-fn others(axis: usize) -> [usize; 2] {
-    match axis {
-        0 => [1, 2],
-        1 => [0, 2],
-        _ => [0, 1],
-    }
-}
-
 fn cut<T: Copy>(values: &[T], grid: &Grid, axis: usize, index: usize) -> Array2<T> {
     match ArrayView3::from_shape(grid.dims, values) {
         Ok(all) => all.index_axis(Axis(axis), index).to_owned(),
@@ -199,7 +190,7 @@ mod tests {
         let solid = (0..grid.len()).map(|i| (i % 7 == 0).into()).collect();
         let part = Occupancy { grid, solid };
         for axis in 0..3 {
-            let [first, second] = others(axis);
+            let [first, second] = OTHERS[axis];
             let (values, solid) = (slice(&values, &grid, axis, 2), mask(&part, axis, 2));
             assert_eq!(values.dim(), (grid.dims[first], grid.dims[second]));
             for ((a, b), &value) in values.indexed_iter() {

@@ -11,7 +11,6 @@ use imf_core::unit::LengthUnit;
 /// Grey, for what has no value.
 pub(crate) const NONE: [u8; 3] = [150, 150, 155];
 
-/// What is shown.
 pub(crate) struct View<'a> {
     pub(crate) title: String,
     /// Of all lengths.
@@ -42,7 +41,6 @@ pub(crate) struct Layer {
     pub(crate) values: Vec<f32>,
 }
 
-/// How values are coloured.
 pub(crate) enum Colours {
     /// Values are the numbers of these.
     Classes(Vec<(String, [u8; 3])>),
@@ -56,14 +54,12 @@ pub(crate) enum Colours {
     },
 }
 
-/// A marked place.
 pub(crate) struct Place {
     pub(crate) at: DVec3,
     /// The direction from which it is viewed.
     pub(crate) normal: DVec3,
 }
 
-/// Pieces of a toolpath.
 pub(crate) struct PathLines {
     pub(crate) name: &'static str,
     pub(crate) colour: [u8; 3],
@@ -105,7 +101,6 @@ impl Layer {
         if low <= high { [low, high] } else { [0.0, 1.0] }
     }
 
-    /// Colour of a value.
     fn colour(&self, value: f32, [low, high]: [f32; 2]) -> [u8; 3] {
         match &self.colours {
             Colours::Classes(classes) => classes.get(value as usize).map_or(NONE, |(_, colour)| *colour),

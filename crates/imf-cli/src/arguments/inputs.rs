@@ -35,14 +35,12 @@ pub(crate) struct SceneInputs {
 impl SceneInputs {
     /// The fixtures as a scene takes them.
     pub(crate) fn fixtures(&self) -> Vec<Fixture<'_>> {
-        let fixtures = self.fixtures.iter();
-        fixtures
-            .map(|FixtureMesh { body: Part { name, mesh, .. }, transform }| Fixture {
-                name,
-                mesh,
-                transform: *transform,
-            })
-            .collect()
+        let fixtures = self.fixtures.iter().map(|FixtureMesh { body, transform }| Fixture {
+            name: &body.name,
+            mesh: &body.mesh,
+            transform: *transform,
+        });
+        fixtures.collect()
     }
 }
 

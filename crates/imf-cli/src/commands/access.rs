@@ -18,6 +18,7 @@ use imf_core::access::{
     AccessMap, CombinedAccess, Components, RemovableStock, ToolAccess, access_map, components, removable,
     tool_access,
 };
+use imf_core::field_files::write_npy;
 use imf_core::section::{ElementMeasures, ElementPlans, elements_at_best};
 use serde::Serialize;
 
@@ -25,11 +26,9 @@ use crate::arguments::access::AccessArguments;
 use crate::output::{OutputFile, OutputFolder, SUMMARY, print_result, write_json};
 use crate::session::Session;
 
-use any_direction::AnyDirection;
 use run::AccessRun;
 use summary::Summary;
 
-/// Everything that a run found.
 struct Findings {
     /// By tool, in the order given.
     tools: Vec<ToolAccess>,
@@ -49,7 +48,6 @@ struct Findings {
     maps: Vec<AccessMap>,
 }
 
-/// A number of voxels and what they measure.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 struct Volume {
     voxels: usize,
@@ -72,12 +70,12 @@ pub(crate) fn run(session: &Session, arguments: &AccessArguments) -> Result<()> 
         run.surface.as_ref().map(|settings| surface::Surface::find(session, &run, settings)).transpose()?;
     let findings = find(session, &run)?;
     let any_direction =
-        arguments.certify.then(|| AnyDirection::find(session, &run, &findings)).transpose()?;
+        arguments.certify.then(|| any_direction::find(session, &run, &findings)).transpose()?;
     folder.begin(session)?;
     let mut written = files::write(&run, &findings, &arguments.reach.out)?;
-    if let Some(found) = &any_direction {
-        found.write(&run, &arguments.reach.out)?;
-        written.push(AnyDirection::FILE.into());
+    if let Some(classes) = &any_direction {
+        write_npy(arguments.reach.out.join(any_direction::FILE), run.query.dims, &classes[..])?;
+        written.push(any_direction::FILE.into());
     }
     if let Some(surface) = &surface {
         let files = surface.write(&run, &arguments.reach.out)?;
@@ -85,7 +83,7 @@ pub(crate) fn run(session: &Session, arguments: &AccessArguments) -> Result<()> 
     }
     written.extend(pictures::draw(&run, &findings, &arguments.reach.out)?);
     written.push(SUMMARY.into());
-    let any_direction = any_direction.map(|found| found.row(&run));
+    let any_direction = any_direction.map(|classes| any_direction::row(&run, &classes));
     let seconds = begun.elapsed().as_secs_f64();
     let summary = Summary::new(&run, &findings, surface.as_ref(), any_direction, seconds, written);
     if let Some(surface) = &surface {

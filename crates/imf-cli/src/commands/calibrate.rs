@@ -76,14 +76,12 @@ pub(crate) fn run(session: &Session, arguments: &CalibrateArguments) -> Result<(
 
 /// Error rates of a field's decisions, or why they are not known.
 pub(crate) enum DecisionQuality {
-    /// Measured.
     Known(Box<Calibration>),
     /// Not, because.
     Unknown(String),
 }
 
 impl DecisionQuality {
-    /// What was measured.
     pub(crate) fn calibration(&self) -> Option<&Calibration> {
         match self {
             Self::Known(calibration) => Some(calibration),
@@ -99,7 +97,6 @@ impl DecisionQuality {
         }
     }
 
-    /// The same for programs.
     pub(crate) fn json(&self) -> Value {
         match self {
             Self::Known(calibration) => json!(calibration.verdict()),

@@ -42,7 +42,11 @@ pub(super) fn make_report(
     settings: &EvaluationSettings,
     out: Option<&Path>,
 ) -> Result<Report> {
-    require_memory(session, device, saved)?;
+    let record = &saved.scene().record;
+    let needed = SectionPlan::memory_estimate(&record.grid, &record.tool, session.threads())
+        + 40 * record.grid.len() as u64 * session.threads() as u64
+        + device.copied_bytes(saved, Workload::Many);
+    session.require_memory(needed, || "the exact field beside the other one; use fewer --threads".into())?;
     let subject = Subject::of_saved_field(saved)?;
     // Error rates of the field's decisions: from its file, else measured for the report.
     let quality = match saved.calibration() {
@@ -60,15 +64,6 @@ pub(super) fn make_report(
         session.note(&format!("wrote {}", folder.join("report.md").display()));
     }
     Ok(evaluation.report)
-}
-
-/// Refuses what would not fit beside the exact field.
-fn require_memory(session: &Session, device: &Device, saved: &FieldFile) -> Result<()> {
-    let record = &saved.scene().record;
-    let needed = SectionPlan::memory_estimate(&record.grid, &record.tool, session.threads())
-        + 40 * record.grid.len() as u64 * session.threads() as u64
-        + device.copied_bytes(saved, Workload::Many);
-    session.require_memory(needed, || "the exact field beside the other one; use fewer --threads".into())
 }
 
 /// What is compared; of a field over rotations the random orientations roll too.

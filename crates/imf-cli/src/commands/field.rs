@@ -139,13 +139,11 @@ struct Work<'a> {
     suggested: &'a [MachiningDirection],
 }
 
-/// Where values come from.
 enum Values<'a> {
     Exact(ExactSections<'a>),
     Saved(&'a SavedField),
 }
 
-/// Exact sections.
 struct ExactSections<'a> {
     plan: &'a SectionPlan,
     /// Where depths are requested, not overlaps.
@@ -169,7 +167,6 @@ impl Work<'_> {
         }
     }
 
-    /// Sections of elements, where requested.
     fn elements(&self) -> Option<&ElementPlans> {
         self.counted().and_then(|counted| counted.elements)
     }
@@ -289,7 +286,6 @@ impl Work<'_> {
         field.saved.calibration().map(Calibration::verdict)
     }
 
-    /// Which guarantee holds for the values.
     fn guarantee(&self) -> String {
         match self.values {
             Values::Saved(field) => field.guarantee(),
@@ -391,7 +387,6 @@ impl Outside {
     }
 }
 
-/// An orientation as text.
 fn angles_text(orientation: &Orientation) -> String {
     let Orientation { theta, phi, roll } = orientation;
     let roll = if *roll == 0.0 { String::new() } else { format!(", ψ = {roll:.1}°") };

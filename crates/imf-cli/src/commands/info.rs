@@ -19,10 +19,8 @@ use crate::arguments::InfoArguments;
 use crate::output::{aligned, print_result};
 use crate::session::Session;
 
-/// A name and a value.
 type Line = (&'static str, String);
 
-/// The description, as text and as JSON.
 struct Description {
     /// Names and values, aligned when they are printed.
     lines: Vec<Line>,

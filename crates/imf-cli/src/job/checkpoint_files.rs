@@ -16,7 +16,6 @@ use crate::session::Session;
 /// What a checkpoint is called until it is whole.
 const NEXT: &str = "checkpoint.next.safetensors";
 
-/// Writes checkpoints of one training.
 pub(super) struct CheckpointFiles {
     writing: bool,
     current: PathBuf,
@@ -26,7 +25,6 @@ pub(super) struct CheckpointFiles {
     tried: Instant,
     /// True where the last try failed, which has been said.
     failing: bool,
-    /// What the files hold.
     content: Content,
     /// The last checkpoint is of a state that may be lost: the one before is the good one.
     doubtful: bool,
@@ -82,7 +80,6 @@ impl CheckpointFiles {
         files
     }
 
-    /// True once the next checkpoint is due.
     pub(super) fn is_due(&self) -> bool {
         self.writing && self.tried.elapsed().as_secs_f64() >= self.seconds_between
     }

@@ -28,7 +28,6 @@ pub struct Data {
     pub scene: Scene,
 }
 
-/// Where the samples of a training are.
 pub(super) enum Source {
     Memory(Samples),
     /// An epoch in this number of groups.
@@ -99,7 +98,6 @@ impl Data {
         Ok(Source::Groups(groups))
     }
 
-    /// Bytes of the samples, all of them or in groups.
     fn memory(&self, groups: Option<usize>) -> u64 {
         groups.map_or_else(|| self.shards.memory_whole(), |groups| self.shards.memory_in_groups(groups))
     }

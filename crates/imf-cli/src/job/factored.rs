@@ -222,7 +222,6 @@ pub(crate) struct Distillation<'a> {
     pub(crate) settings: DistillSettings,
     /// The network uses the harmonic field's symmetry regardless of the settings.
     pub(crate) find_symmetry: bool,
-    /// How the finished weights are saved.
     pub(crate) precision: StoragePrecision,
     /// What happens beside the steps.
     pub(crate) beside: Settings,

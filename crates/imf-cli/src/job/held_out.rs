@@ -27,7 +27,6 @@ pub(super) fn record(poses: usize, every: Option<u64>, seed: u64, total: u64) ->
     (poses > 0).then_some(HeldOutRecord { choice, every, errors: Vec::new() })
 }
 
-/// Evaluates a network at its held-out poses.
 pub(super) struct HeldOutWatch {
     poses: HeldOut,
     evaluator: CpuEvaluator,
@@ -54,7 +53,6 @@ impl HeldOutWatch {
         step.is_multiple_of(self.every) || step == total
     }
 
-    /// The error of the state after `step` steps.
     pub(super) fn evaluate(&mut self, step: u64, state: &TrainingState) -> Result<HeldOutPoint> {
         self.evaluator.set_parameters(&state.parameters)?;
         let report = self.poses.errors(&mut self.evaluator)?;

@@ -16,7 +16,6 @@ use crate::session::Session;
 /// One row: the state of a training after some steps.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Row {
-    /// Steps done.
     pub(super) step: u64,
     /// Epoch of the next step, from 0.
     pub(super) epoch: u64,
@@ -28,7 +27,6 @@ pub(super) struct Row {
     pub(super) held_out_mse: Option<f64>,
     /// Mean absolute error there.
     pub(super) held_out_mae: Option<f64>,
-    /// Samples a second.
     pub(super) samples_per_second: f64,
     /// Seconds of training, all runs together.
     pub(super) seconds: f64,
@@ -36,7 +34,6 @@ pub(super) struct Row {
     pub(super) seconds_left: Option<f64>,
 }
 
-/// Name of the file, in the output folder.
 pub(super) const LOG: &str = "log.jsonl";
 
 /// Seconds of training up to a step, as the log of its folder says; 0 without one.

@@ -3,18 +3,15 @@
 
 use imf_core::unit::LengthUnit;
 
-/// To the nearest.
 pub(crate) fn nearest(value: f64, unit: LengthUnit) -> String {
     format!("{value:.*}", decimals(unit))
 }
 
-/// No less than it is.
 pub(crate) fn at_least(value: f64, unit: LengthUnit) -> String {
     let scale = 10_f64.powi(decimals(unit) as i32);
     nearest((value * scale - 1e-6).ceil() / scale, unit)
 }
 
-/// No more than it is.
 pub(crate) fn at_most(value: f64, unit: LengthUnit) -> String {
     let scale = 10_f64.powi(decimals(unit) as i32);
     nearest((value * scale + 1e-6).floor() / scale, unit)
@@ -25,7 +22,6 @@ pub(crate) fn finer(value: f64, unit: LengthUnit, more: usize) -> String {
     format!("{value:.*}", decimals(unit) + more)
 }
 
-/// A place.
 pub(crate) fn place(point: [f64; 3], unit: LengthUnit) -> String {
     point.map(|value| nearest(value, unit)).join(", ")
 }

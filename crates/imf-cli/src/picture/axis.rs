@@ -42,7 +42,6 @@ impl AxisScale {
     }
 }
 
-/// An axis with a range.
 #[derive(Clone, Debug)]
 pub(super) struct Axis {
     scale: AxisScale,

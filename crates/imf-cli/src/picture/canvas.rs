@@ -12,7 +12,6 @@ use plotters::coord::Shift;
 use plotters::drawing::{DrawingArea, IntoDrawingArea as _};
 use plotters::style::{FontDesc, FontFamily, FontStyle, RGBColor, TextStyle, register_font};
 
-/// Background of every picture.
 pub(super) const BACKGROUND: RGBColor = RGBColor(255, 255, 255);
 /// Text and frames.
 pub(super) const INK: RGBColor = RGBColor(38, 38, 38);
@@ -23,7 +22,6 @@ pub(super) const MARGIN: u32 = 28;
 /// Longest side of a picture in pixels: what common viewers still open.
 const LONGEST_SIDE: u32 = 16_384;
 
-/// A part of the paper.
 pub(super) type Area<'a> = DrawingArea<BitMapBackend<'a>, Shift>;
 
 /// A sheet of paper of some width and height with what `draw` draws on it.
@@ -52,7 +50,6 @@ pub(super) fn save(drawn: Result<RgbImage>, path: &Path) -> Result<()> {
         .with_context(|| format!("cannot write the picture {}", path.display()))
 }
 
-/// A colour as a pixel.
 pub(super) fn pixel(RGBColor(red, green, blue): RGBColor) -> Rgb<u8> {
     Rgb([red, green, blue])
 }
@@ -71,7 +68,6 @@ pub(super) fn text(size: f64, colour: RGBColor) -> TextStyle<'static> {
     FontDesc::new(FontFamily::SansSerif, size, FontStyle::Normal).color(&colour)
 }
 
-/// Bold text of a size in pixels.
 pub(super) fn bold(size: f64) -> TextStyle<'static> {
     LazyLock::force(&FONTS);
     FontDesc::new(FontFamily::SansSerif, size, FontStyle::Bold).color(&INK)

@@ -13,7 +13,6 @@ use super::canvas::{BACKGROUND, INK, Lines, MARGIN, bold, on_canvas, save, text,
 
 const WIDTH: u32 = 960;
 const HEIGHT: u32 = 540;
-/// Size of a picture's title.
 pub(super) const TITLE_SIZE: f64 = 23.0;
 /// Room for the bars themselves, and for one of them.
 const BARS_WIDTH: u32 = 600;

@@ -14,14 +14,13 @@ use super::panel::{Panel, show};
 /// The longest side of the largest panel in pixels, where a voxel is at least one pixel.
 const FITTED_SIDE: u32 = 360;
 /// Width that there is at least for lines of text and colour bars.
-const MIN_WIDTH: u32 = 420;
+pub(super) const MIN_WIDTH: u32 = 420;
 const GAP: u32 = 14;
-/// Length of a colour bar.
 const BAR_LENGTH: u32 = 360;
 /// Height of a colour bar with its label and its ticks.
 const BAR_HEIGHT: u32 = 62;
 /// Height of a colour bar alone, and side of a class's swatch.
-const SWATCH: u32 = 14;
+pub(super) const SWATCH: u32 = 14;
 
 /// Panels side by side.
 #[derive(Clone, Debug)]
@@ -193,13 +192,18 @@ mod tests {
     use crate::picture::canvas::{BACKGROUND, pixel};
     use crate::picture::colour::NOT_FINITE;
 
-    fn axes(second: &str) -> Axes {
-        Axes { names: ["x".into(), second.into()], unit: "mm".into(), start: [-1.0, 0.0], pitch: 0.5 }
-    }
-
-    fn panel<'a>(values: &'a Array2<f32>, scale: &Scale, second: &str) -> Panel<'a> {
-        let (title, values) = ("exact".into(), values.view());
-        Panel { title, values, mask: None, scale: scale.clone(), axes: axes(second) }
+    /// A panel for each of the scales.
+    fn row<'a>(values: &'a Array2<f32>, scales: &[&Scale]) -> PanelRow<'a> {
+        let axes =
+            Axes { names: ["x".into(), "z".into()], unit: "mm".into(), start: [-1.0, 0.0], pitch: 0.5 };
+        let panel = |scale: &&Scale| Panel {
+            title: "exact".into(),
+            values: values.view(),
+            mask: None,
+            scale: (*scale).clone(),
+            axes: axes.clone(),
+        };
+        PanelRow { title: String::new(), panels: scales.iter().map(panel).collect() }
     }
 
     fn sheet(rows: Vec<PanelRow<'_>>) -> PanelSheet<'_> {
@@ -211,8 +215,7 @@ mod tests {
         let scale = Scale::measure(1.0, "CMF");
         for (voxels, expected) in [(61, 5), (29, 12), (500, 1)] {
             let values = Array2::zeros((3, voxels));
-            let row = PanelRow { title: String::new(), panels: vec![panel(&values, &scale, "z")] };
-            assert_eq!(sheet(vec![row]).side(), expected);
+            assert_eq!(sheet(vec![row(&values, &[&scale])]).side(), expected);
         }
     }
 
@@ -222,8 +225,7 @@ mod tests {
         let measure = Scale::measure(1.0, "collision measure");
         let difference = Scale::difference_of(&[], "learnt − exact");
         let height = |scales: &[&Scale]| {
-            let panels = scales.iter().map(|scale| panel(&values, scale, "z")).collect();
-            let row = PanelRow { title: "θ = 24°".into(), panels };
+            let row = PanelRow { title: "θ = 24°".into(), ..row(&values, scales) };
             sheet(vec![row.clone(), row]).draw().unwrap().height()
         };
         let one = height(&[&measure, &measure]);
@@ -234,7 +236,7 @@ mod tests {
     fn a_long_title_is_broken_and_nothing_is_cut() {
         let values = Array2::from_elem((10, 20), 0.5);
         let scale = Scale::measure(1.0, "collision measure");
-        let row = PanelRow { title: String::new(), panels: vec![panel(&values, &scale, "z")] };
+        let row = row(&values, &[&scale]);
         let title = "A title of more words than fit into one line of the picture ".repeat(3);
         let mut wordy = row.clone();
         wordy.panels[0].title = title.clone();
@@ -252,7 +254,7 @@ mod tests {
         let mut values = Array2::from_elem((10, 20), 2.0);
         values[[3, 4]] = f32::NAN;
         let scale = Scale::measure(1.0, "");
-        let row = || PanelRow { title: String::new(), panels: vec![panel(&values, &scale, "z")] };
+        let row = || row(&values, &[&scale]);
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("sheet.png");
         sheet(vec![row(), row()]).save(&path).unwrap();

@@ -9,13 +9,12 @@ use super::axis::{NAME_SIZE, TICK_SIZE};
 use super::canvas::{FAINT_INK, INK, Lines, MARGIN, bold, on_canvas, save, text, write};
 use super::chart::TITLE_SIZE;
 use super::panel::show;
+use super::sheet::{MIN_WIDTH, SWATCH};
 
 const GAP: u32 = 16;
-const SWATCH: u32 = 14;
 /// Room for a picture's name.
 const MIN_COLUMN: u32 = 90;
 
-/// Colours with their names.
 pub(crate) type Swatches = Vec<(Rgb<u8>, String)>;
 
 /// Pictures side by side.
@@ -30,7 +29,6 @@ pub(crate) struct ViewRow {
 
 /// A page of pictures.
 pub(crate) struct ViewSheet {
-    /// Written on top.
     pub(crate) title: String,
     /// From top to bottom.
     pub(crate) rows: Vec<ViewRow>,
@@ -49,7 +47,7 @@ impl ViewSheet {
             columns.resize(columns.len().max(at + 1), MIN_COLUMN);
             columns[at] = columns[at].max(image.width() + GAP);
         }
-        let inside = columns.iter().sum::<u32>().max(420);
+        let inside = columns.iter().sum::<u32>().max(MIN_WIDTH);
         let title = Lines::new(&self.title, bold(TITLE_SIZE), inside);
         let heads: Vec<Lines> =
             self.rows.iter().map(|row| Lines::new(&row.title, bold(17.0), inside)).collect();

@@ -17,7 +17,6 @@ pub(super) struct World {
 }
 
 impl World {
-    /// Starts MPI.
     pub(super) fn join() -> Result<Self> {
         let (universe, threading) =
             mpi::initialize_with_threading(Threading::Funneled).context("MPI does not start")?;

@@ -38,7 +38,6 @@ pub(super) struct Provenance {
     pub(super) participle: &'static str,
 }
 
-/// A training on samples.
 #[derive(Clone, Debug, Serialize)]
 struct Training {
     training_samples: u64,
@@ -54,7 +53,6 @@ impl Provenance {
 }
 
 impl<'a> Subject<'a> {
-    /// The field in words.
     pub(crate) fn describe(&self) -> String {
         self.made.describe(self.seen.len())
     }

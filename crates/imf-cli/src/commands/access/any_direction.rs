@@ -1,21 +1,14 @@
 //! Places that no given direction reaches: proves whether any other does.
 
-use std::path::Path;
-
 use anyhow::Result;
 use imf_core::certificate::{Reachability, certify};
-use imf_core::field_files::write_npy;
 use serde::Serialize;
 
 use super::run::AccessRun;
 use super::{Findings, Volume};
 use crate::session::Session;
 
-/// By voxel of the examined grid: 0 solid, 1 reached from a given direction, 2 from another one, 3 from no direction,
-/// 4 unknown.
-pub(super) struct AnyDirection {
-    classes: Vec<u8>,
-}
+pub(super) const FILE: &str = "any_direction.npy";
 
 const SOLID: u8 = 0;
 const ASKED: u8 = 1;
@@ -23,7 +16,6 @@ const OTHER: u8 = 2;
 const NONE: u8 = 3;
 const OPEN: u8 = 4;
 
-/// In the summary.
 #[derive(Debug, Serialize)]
 pub(super) struct AnyDirectionRow {
     /// Reached from a direction that was not given.
@@ -34,45 +26,39 @@ pub(super) struct AnyDirectionRow {
     pub(super) open: Volume,
 }
 
-impl AnyDirection {
-    pub(super) const FILE: &'static str = "any_direction.npy";
-
-    pub(super) fn find(session: &Session, run: &AccessRun, findings: &Findings) -> Result<Self> {
-        let class = |(&value, &solid): (&f32, &u8)| match solid {
-            0 if f64::from(value) <= run.tau => ASKED,
-            0 => NONE,
-            _ => SOLID,
-        };
-        let values = findings.together.imf.value.iter();
-        let mut classes: Vec<u8> = values.zip(&run.solid.solid).map(class).collect();
-        // Each tool is tried where none before it reaches.
-        for assembly in &run.tools {
-            let left: Vec<usize> =
-                (0..classes.len()).filter(|&voxel| matches!(classes[voxel], NONE | OPEN)).collect();
-            let name = format!("any direction, {}", assembly.tool().name);
-            let found = session.staged(&name, "places", left.len() as u64, |control| {
-                certify(&run.obstacle, assembly, &run.query, &left, control)
-            })?;
-            for (&voxel, found) in left.iter().zip(found) {
-                classes[voxel] = match found {
-                    Reachability::Reached(_) => OTHER,
-                    Reachability::OutOfReach => classes[voxel],
-                    Reachability::Open => OPEN,
-                };
-            }
+/// By voxel of the examined grid: 0 solid, 1 reached from a given direction, 2 from another one, 3 from no direction,
+/// 4 unknown.
+pub(super) fn find(session: &Session, run: &AccessRun, findings: &Findings) -> Result<Vec<u8>> {
+    let class = |(&value, &solid): (&f32, &u8)| match solid {
+        0 if f64::from(value) <= run.tau => ASKED,
+        0 => NONE,
+        _ => SOLID,
+    };
+    let values = findings.together.imf.value.iter();
+    let mut classes: Vec<u8> = values.zip(&run.solid.solid).map(class).collect();
+    // Each tool is tried where none before it reaches.
+    for assembly in &run.tools {
+        let left: Vec<usize> =
+            (0..classes.len()).filter(|&voxel| matches!(classes[voxel], NONE | OPEN)).collect();
+        let name = format!("any direction, {}", assembly.tool().name);
+        let found = session.staged(&name, "places", left.len() as u64, |control| {
+            certify(&run.obstacle, assembly, &run.query, &left, control)
+        })?;
+        for (&voxel, found) in left.iter().zip(found) {
+            classes[voxel] = match found {
+                Reachability::Reached(_) => OTHER,
+                Reachability::OutOfReach => classes[voxel],
+                Reachability::Open => OPEN,
+            };
         }
-        Ok(Self { classes })
     }
+    Ok(classes)
+}
 
-    pub(super) fn row(&self, run: &AccessRun) -> AnyDirectionRow {
-        let of = |class: u8| {
-            let voxels = self.classes.iter().filter(|&&own| own == class).count();
-            Volume::new(voxels, run.query.voxel_volume())
-        };
-        AnyDirectionRow { from_another: of(OTHER), from_none: of(NONE), open: of(OPEN) }
-    }
-
-    pub(super) fn write(&self, run: &AccessRun, folder: &Path) -> Result<()> {
-        Ok(write_npy(folder.join(Self::FILE), run.query.dims, &self.classes[..])?)
-    }
+pub(super) fn row(run: &AccessRun, classes: &[u8]) -> AnyDirectionRow {
+    let of = |class: u8| {
+        let voxels = classes.iter().filter(|&&own| own == class).count();
+        Volume::new(voxels, run.query.voxel_volume())
+    };
+    AnyDirectionRow { from_another: of(OTHER), from_none: of(NONE), open: of(OPEN) }
 }

@@ -189,7 +189,6 @@ impl Crib {
         verdicts.min().unwrap_or((Verdict::NotFaced, 0))
     }
 
-    /// The most rigid tool that reaches a sample.
     fn most_rigid(&self, sample: usize) -> Option<usize> {
         let serving = (0..self.tools.len()).filter(|&tool| self.reaches(tool, sample));
         serving.max_by(|&a, &b| self.tools[a].rigidity.total_cmp(&self.tools[b].rigidity).then(b.cmp(&a)))

@@ -62,7 +62,10 @@ pub(super) fn write(run: &AccessRun, findings: &Findings, folder: &Path) -> Resu
         write_npy(folder.join(&file), dims, field.values)?;
         written.push(file);
     }
-    write_text(&folder.join("orientations.csv"), &orientation_list(run))?;
+    // A list that `--orientations` reads again; line n + 2 is orientation n.
+    let lines = run.orientations.orientations.iter().map(|o| format!("{},{},{}\n", o.theta, o.phi, o.roll));
+    let list: String = std::iter::once("theta,phi,roll\n".to_owned()).chain(lines).collect();
+    write_text(&folder.join("orientations.csv"), &list)?;
     written.push("orientations.csv".into());
     if let Some(OnMachine { machine, .. }) = &run.machine {
         write_text(&folder.join("rotary_angles.csv"), &rotary_angles(run, machine))?;
@@ -121,12 +124,6 @@ pub(super) fn removable_classes(run: &AccessRun, stock: &Stock, findings: &Findi
             }
         })
         .collect()
-}
-
-/// A list that `--orientations` reads again; line n + 2 is orientation n.
-fn orientation_list(run: &AccessRun) -> String {
-    let lines = run.orientations.orientations.iter().map(|o| format!("{},{},{}\n", o.theta, o.phi, o.roll));
-    std::iter::once("theta,phi,roll\n".to_owned()).chain(lines).collect()
 }
 
 /// Every pair of angles that gives the tool one of the orientations, the preferred one first; an axis that is free there is empty.

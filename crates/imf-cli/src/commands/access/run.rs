@@ -27,7 +27,6 @@ use crate::arguments::scene::{voxelise_with_progress, warn_of, warn_of_fixtures_
 use crate::output::short;
 use crate::session::{Session, show_bytes};
 
-/// What a run is about.
 pub(super) struct AccessRun {
     pub(super) part: String,
     pub(super) unit: LengthUnit,
@@ -187,7 +186,18 @@ impl AccessRun {
             let made = |spec: &SceneSpec<'_>| SurfaceSettings::new(spec, &bodies, arguments, setups);
             Some(voxelise_with_progress(session, &spec, &obstacle_grid, made)?)
         } else {
-            refuse_without_a_cutter(arguments)?;
+            ensure!(
+                arguments.setups.is_none(),
+                "set-ups are chosen by the surface that they reach, and a tool here has no cutter"
+            );
+            ensure!(
+                arguments.html.is_none(),
+                "the page shows what is reached of the surface, and a tool here has no cutter: give it one"
+            );
+            ensure!(
+                !arguments.stickout,
+                "a stick-out is for a surface to be reached, and a tool here has no cutter"
+            );
             session.warn("a tool without a cutter can touch nothing: the part's surface is left out");
             None
         };
@@ -272,20 +282,6 @@ fn warn_of_tools(session: &Session, tools: &[Tool], orientations: &OrientationSe
     if !all_round && !some_roll {
         session.note("a tool is not round, and no orientation rolls it: see so3:N");
     }
-}
-
-/// Refuses what is for a surface that is reached.
-fn refuse_without_a_cutter(arguments: &AccessArguments) -> Result<()> {
-    ensure!(
-        arguments.setups.is_none(),
-        "set-ups are chosen by the surface that they reach, and a tool here has no cutter"
-    );
-    ensure!(
-        arguments.html.is_none(),
-        "the page shows what is reached of the surface, and a tool here has no cutter: give it one"
-    );
-    ensure!(!arguments.stickout, "a stick-out is for a surface to be reached, and a tool here has no cutter");
-    Ok(())
 }
 
 fn can_touch(assembly: &Assembly) -> bool {

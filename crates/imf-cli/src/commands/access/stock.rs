@@ -18,7 +18,6 @@ const OUTSIDE: f64 = 0.01;
 /// Relative difference of volumes by voxels and by meshes above which a warning is given.
 const DIFFERENCE: f64 = 0.02;
 
-/// What is cut.
 pub(super) struct Stock {
     pub(super) name: String,
     /// Stock that neither part nor fixtures hold, on a grid of its own.

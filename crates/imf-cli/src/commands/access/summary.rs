@@ -34,7 +34,6 @@ struct Region {
     largest: Vec<Component>,
 }
 
-/// One tool.
 #[derive(Debug, Serialize)]
 struct ToolRow {
     tool: String,
@@ -45,7 +44,6 @@ struct ToolRow {
     surface_reached: Option<f64>,
     /// What collides where it does not reach.
     blocked_by: Vec<CollisionRow>,
-    /// Stock that it removes.
     #[serde(skip_serializing_if = "Option::is_none")]
     removable: Option<Volume>,
     /// Fraction of the directions that are free at the map's point.
@@ -53,7 +51,6 @@ struct ToolRow {
     map_free_fraction: Option<f64>,
 }
 
-/// The stock and what becomes of it.
 #[derive(Debug, Serialize)]
 struct StockRow {
     stock: String,
@@ -228,7 +225,6 @@ impl Summary {
         text
     }
 
-    /// The table as text.
     pub(super) fn table(&self) -> String {
         let Self { part, dims: [x, y, z], pitch, unit, orientations, orientation_count, tau, .. } = self;
         let accessible_to = |tool: &ToolRow| format!("  accessible to {}", tool.tool);

@@ -37,7 +37,6 @@ pub(super) const SAMPLES: usize = 8_000;
 /// Directions that the summary lists.
 const LISTED: usize = 5;
 
-/// Settings of a surface's accessibility.
 pub(super) struct SurfaceSettings {
     /// How deep a cutter may cut below the surface, in the part's unit.
     pub(super) tolerance: f64,
@@ -75,7 +74,6 @@ impl SurfaceSettings {
     }
 }
 
-/// What was found.
 pub(super) struct Surface {
     samples: SurfaceSamples,
     /// By tool.
@@ -87,7 +85,6 @@ pub(super) struct Surface {
     tolerance: f64,
     /// Area that each direction reaches with any tool.
     by_direction: Vec<f64>,
-    /// The fewest set-ups, where requested.
     pub(super) setups: Option<setups::Setups>,
     blame: blame::Blame,
     /// For each sample that shank or holder obstruct: the minimum stick-out that frees it.
@@ -240,7 +237,6 @@ impl Surface {
             .collect()
     }
 
-    /// The fraction that one tool reaches by itself.
     pub(super) fn reached_by(&self, tool: usize) -> f64 {
         self.samples
             .fraction(|sample| matches!(self.tools[tool].0.reach[sample], SampleReach::Reached { .. }))

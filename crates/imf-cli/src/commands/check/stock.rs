@@ -76,7 +76,6 @@ impl StockInput {
     }
 }
 
-/// What became of it.
 pub(super) struct StockResult {
     name: String,
     unit: LengthUnit,
@@ -112,7 +111,6 @@ impl StockResult {
         self.left.place = into.transform_point3(DVec3::from_array(self.left.place)).to_array();
     }
 
-    /// Volume of `voxels` voxels.
     fn volume(&self, voxels: u64) -> f64 {
         voxels as f64 * self.report.remaining.grid.voxel_volume()
     }
@@ -292,7 +290,6 @@ impl StockResult {
     }
 }
 
-/// A line and one of its collisions.
 type Hit<'a> = (&'a LineCollisions, &'a Collision);
 
 fn is_touch((_, hit): Hit<'_>) -> bool {

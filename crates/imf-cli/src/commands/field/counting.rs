@@ -14,7 +14,6 @@ use crate::engine::Device;
 use crate::interrupt;
 
 impl Work<'_> {
-    /// How sections are computed, as text.
     pub(super) fn computed_by(&self) -> String {
         let ExactSections { plan, .. } = match &self.values {
             Values::Saved(field) => {
@@ -73,7 +72,6 @@ impl Work<'_> {
         }
     }
 
-    /// The minimum over all orientations.
     pub(super) fn minimum(&self) -> Result<Imf> {
         let ExactSections { plan, check, .. } = match &self.values {
             Values::Saved(field) => return field.minimum(self),

@@ -10,10 +10,8 @@ use super::Work;
 use crate::output::element_name;
 use crate::slices::MidPlanes;
 
-/// All elements in one picture.
 pub(super) const PICTURE: &str = "elements.png";
 
-/// One element in the summary.
 #[derive(Debug, Serialize)]
 pub(super) struct ElementRow {
     pub(super) element: String,
@@ -77,7 +75,6 @@ pub(super) fn write(
     measures.iter().map(row).collect()
 }
 
-/// Name of an element's array.
 pub(super) fn array(prefix: &str, kind: ElementKind) -> String {
     format!("{prefix}-{}", element_name(kind))
 }

@@ -21,7 +21,6 @@ const AT_ONCE: usize = 16;
 /// Arrays that an inaccessibility measure is written from: values, places in the list, and angles.
 const WRITTEN: usize = 7;
 
-/// A field of any family and how it is used.
 pub(super) struct SavedField {
     pub(super) saved: FieldFile,
     /// How values are computed, as text.
@@ -60,7 +59,6 @@ impl SavedField {
         }
     }
 
-    /// Which guarantee holds for the values.
     pub(super) fn guarantee(&self) -> String {
         let guarantee = match &self.saved {
             FieldFile::Harmonic(file) => {

@@ -34,7 +34,6 @@ struct WrittenSection {
     elements: Vec<ElementRow>,
 }
 
-/// State of a thread.
 #[derive(Default)]
 struct ThreadState {
     kept: Vec<WrittenSection>,
@@ -144,7 +143,6 @@ fn name(measure: &Measure, index: usize) -> String {
     format!("{}-{index:05}", measure.section)
 }
 
-/// Every file that the run writes.
 fn files(work: &Work<'_>, shared: bool) -> Vec<String> {
     let mut files = Vec::new();
     let measure = work.measure();

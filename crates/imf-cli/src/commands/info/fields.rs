@@ -212,7 +212,6 @@ fn resumable(resumable: bool) -> Line {
     ("resumable", text.to_owned())
 }
 
-/// Error rates of a field's decisions.
 fn calibration_lines(calibration: Option<&Calibration>, quantity: Quantity, unit: LengthUnit) -> Vec<Line> {
     let Some(known) = calibration else {
         return vec![("decisions", "not calibrated: imf calibrate measures their error rates".into())];
@@ -235,7 +234,6 @@ fn calibration_lines(calibration: Option<&Calibration>, quantity: Quantity, unit
     ]
 }
 
-/// What a field's values are.
 fn quantity_text(quantity: Quantity, scene: &SceneRecord) -> String {
     let unit = scene.unit;
     match quantity {

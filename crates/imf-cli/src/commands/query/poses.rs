@@ -55,11 +55,9 @@ pub(super) fn open(path: &Path) -> Result<(Poses, Option<u64>)> {
     Ok((PoseReader::new(input, name)?, count))
 }
 
-/// Reads poses in chunks.
 pub(super) struct PoseReader<R> {
     reader: Reader<R>,
     name: String,
-    /// Titles of all columns.
     pub(super) header: StringRecord,
     position: [usize; 3],
     direction: Direction,
@@ -166,7 +164,6 @@ impl<R: Read> PoseReader<R> {
         self.reader.read_record(&mut self.waiting).map_err(|error| explain(&self.name, &error))
     }
 
-    /// The pose of the line that waits.
     fn waiting_pose(&mut self) -> Option<Pose> {
         match self.pose(&self.waiting) {
             Ok(pose) => Some(pose),

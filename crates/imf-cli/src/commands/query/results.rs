@@ -35,7 +35,6 @@ impl ResultChunk {
         values.map(move |value| if valid { value } else { f32::NAN })
     }
 
-    /// What is decided of a line.
     fn decision(&self, index: usize) -> &'static str {
         match self.decisions[index] {
             _ if self.poses[index].is_none() => "invalid",
@@ -46,7 +45,6 @@ impl ResultChunk {
     }
 }
 
-/// Writes chunk after chunk.
 pub(super) struct ResultWriter {
     /// Titles in JSON; `None` for CSV.
     json_titles: Option<Vec<String>>,
@@ -105,7 +103,6 @@ impl ResultWriter {
         Ok(out.flush()?)
     }
 
-    /// Ends the output.
     pub(super) fn finish(self, out: &mut dyn Write) -> Result<()> {
         if self.json_titles.is_some() {
             out.write_all(b"\n]\n")?;

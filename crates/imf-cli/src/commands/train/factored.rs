@@ -63,10 +63,8 @@ pub(super) fn run(session: &Session, arguments: &FactoredArguments) -> Result<()
              leave out one of them"
         );
     }
-    let from = match &start.from {
-        Some(path) => Some((path, FactoredFile::read(path)?)),
-        None => None,
-    };
+    let read = |path| Ok::<_, anyhow::Error>((path, FactoredFile::read(path)?));
+    let from = start.from.as_deref().map(read).transpose()?;
     let folder = OutputFolder::check(&run.out)?;
     for source in is_saved.then_some(subject).into_iter().chain(start.from.as_deref()) {
         require_other(source, &folder.file(FIELD))?;

@@ -31,21 +31,16 @@ use crate::session::Session;
 /// Orientations of a part's own samples: as many as the paper's, spread evenly.
 const ORIENTATIONS: &str = "fibonacci:225";
 
-/// Where samples come from.
 enum Samples<'a> {
-    /// The folder of a dataset.
     Dataset(&'a Path),
-    /// They are made of a part.
     OfPart(&'a SceneArguments, &'a ContactArguments),
 }
 
 pub(super) fn run(session: &Session, arguments: &Siren5Arguments) -> Result<()> {
     let Siren5Arguments { explicit, scene, contact, quantity, run, start, samples } = arguments;
     let subject = Path::new(&scene.part);
-    let from = match &start.from {
-        Some(path) => Some((path.as_path(), start_model(path)?)),
-        None => None,
-    };
+    let read = |path| Ok::<_, anyhow::Error>((path, start_model(path)?));
+    let from = start.from.as_deref().map(read).transpose()?;
     let shape = from.as_ref().map_or_else(|| start.shape(), |(_, model)| model.shape);
     shape.check()?;
     let training = Siren5Training::new(explicit, run, samples, &shape, from.is_some())?;

@@ -125,7 +125,6 @@ impl Report {
         }
     }
 
-    /// A line for each tool.
     pub(super) fn csv(&self) -> String {
         let mut text =
             "tool,diameter,stick_out,rigidity,reached,most_rigid,obstructed,gouged,not_faced,chosen\n"
@@ -143,7 +142,6 @@ impl Report {
         text
     }
 
-    /// The table for people.
     pub(super) fn text(&self) -> String {
         let percent = |share: f64| format!("{:.1} %", 100.0 * share);
         let Self { part, unit, pitch, orientations, orientation_count, .. } = self;

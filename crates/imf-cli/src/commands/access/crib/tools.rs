@@ -12,7 +12,6 @@ use crate::arguments::inputs::read_tool;
 /// Endings of the files that are tools, in a folder.
 const ENDINGS: [&str; 4] = ["toml", "fctb", "json", "tools"];
 
-/// A tool that is left undecided, and why.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct UndecidedTool {
     pub(super) tool: String,

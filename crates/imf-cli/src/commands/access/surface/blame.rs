@@ -12,7 +12,6 @@ use crate::session::Session;
 /// Maximum number of examined samples; beyond it every second, third, … one represents its neighbours.
 const MOST: usize = 2_000;
 
-/// What was found.
 #[derive(Default)]
 pub(super) struct Blame {
     /// By sample: the pose of minimum overlap of its best tool; `None` for those that are reached or were not examined.

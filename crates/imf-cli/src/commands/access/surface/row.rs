@@ -107,7 +107,6 @@ pub(crate) struct SurfaceRow {
 }
 
 impl SurfaceRow {
-    /// The report's lines.
     pub(crate) fn lines(&self, unit: LengthUnit) -> String {
         let mut text = format!(
             "surface, {} {unit}² (the cutter may cut {} {unit} below it)\n",

@@ -38,7 +38,6 @@ pub(crate) struct SetupSettings {
 /// Voxels of the stock that set-ups are chosen by, at most.
 const STOCK: usize = 8_000;
 
-/// The result.
 pub(crate) struct Setups {
     /// Of the candidates.
     chosen: Cover,

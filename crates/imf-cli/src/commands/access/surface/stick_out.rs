@@ -19,7 +19,6 @@ use crate::session::Session;
 /// Lengths of the table, evenly from the shortest to the largest that is needed.
 const STEPS: usize = 6;
 
-/// One tool.
 pub(super) struct ToolStickOut {
     tool: StickOutTool,
     /// By sample.
@@ -161,7 +160,6 @@ pub(crate) struct StickOutRow {
 }
 
 impl StickOutRow {
-    /// The report's lines.
     pub(crate) fn lines(&self, unit: LengthUnit) -> String {
         let [near, enough] =
             [length::nearest, length::at_least].map(|text| move |value: f64| text(value, unit));

@@ -82,7 +82,6 @@ pub(super) struct LeftRow {
     pub(super) not_faced: f64,
 }
 
-/// The set-ups in the summary.
 #[derive(Debug, Serialize)]
 pub(crate) struct SetupsRow {
     pub(super) machine: String,
@@ -102,7 +101,6 @@ pub(crate) struct SetupsRow {
 }
 
 impl SetupsRow {
-    /// The report's lines.
     pub(crate) fn lines(&self, unit: &str) -> String {
         // A sum of nothing is −0.
         let percent = |share: f64| format!("{:.1} %", 100.0 * share + 0.0);
