@@ -5,6 +5,7 @@
 use std::path::Path;
 
 use anyhow::Result;
+use glam::DVec3;
 use imf_core::grid::Grid;
 use imf_core::occupancy::Occupancy;
 use imf_core::unit::LengthUnit;
@@ -34,6 +35,11 @@ pub fn slice(values: &[f32], grid: &Grid, axis: usize, index: usize) -> Array2<f
 /// If the layer does not exist.
 pub fn mask(occupancy: &Occupancy, axis: usize, index: usize) -> Array2<u8> {
     cut(&occupancy.solid, &occupancy.grid, axis, index)
+}
+
+/// True where the voxel that holds a point of the world is solid.
+pub(crate) fn is_solid(body: &Occupancy, point: DVec3) -> bool {
+    body.grid.index_at(body.grid.continuous(point)).is_some_and(|voxel| body.solid[voxel] != 0)
 }
 
 /// Where a slice at right angles to `axis` lies in the world.
@@ -175,8 +181,6 @@ fn cut<T: Copy>(values: &[T], grid: &Grid, axis: usize, index: usize) -> Array2<
 
 #[cfg(test)]
 mod tests {
-    use glam::DVec3;
-
     use super::*;
 
     fn grid() -> Grid {

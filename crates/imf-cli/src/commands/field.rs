@@ -19,7 +19,7 @@ use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::scene::{Scene, SceneRecord};
 use imf_core::section::{DEPTH_CAP, DepthPlan, ElementPlans, Quantity, SectionPlan, ToolPoints};
 use imf_core::unit::LengthUnit;
-use imf_fields::calibration::{Calibration, Verdict};
+use imf_fields::calibration::Calibration;
 use imf_fields::file::FieldFile;
 use imf_fields::harmonic::basis::Domain;
 use serde_json::{Value, json};
@@ -254,6 +254,11 @@ impl Work<'_> {
 
     /// Everything that is needed to know what the fields are; `kind` adds its own.
     fn summary(&self, kind: &str, own: Value) -> Value {
+        // What a saved field may be used for, where that was measured.
+        let verdict = match self.values {
+            Values::Saved(field) => field.saved.calibration().map(Calibration::verdict),
+            Values::Exact(_) => None,
+        };
         let mut summary = json!({
             "program": concat!("imf ", env!("CARGO_PKG_VERSION")),
             "kind": kind,
@@ -266,7 +271,7 @@ impl Work<'_> {
             "quantity": self.measure().quantity,
             "clamped_within": (!self.measure().quantity.is_overlap()).then(|| self.measure().most),
             "tau": self.tau().map(same_digits),
-            "verdict": self.verdict(),
+            "verdict": verdict,
             "harmonic": null,
             "check": self.counted().map(|counted| counted.check.summary()),
         });
@@ -278,12 +283,6 @@ impl Work<'_> {
             all.extend(own);
         }
         summary
-    }
-
-    /// What a saved field may be used for, where that was measured.
-    fn verdict(&self) -> Option<Verdict> {
-        let Values::Saved(field) = self.values else { return None };
-        field.saved.calibration().map(Calibration::verdict)
     }
 
     fn guarantee(&self) -> String {

@@ -3,7 +3,6 @@
 use std::path::Path;
 
 use anyhow::Result;
-use glam::DVec3;
 use imf_core::occupancy::Occupancy;
 use ndarray::{Array2, ArrayView2};
 
@@ -57,11 +56,10 @@ fn draw_slices(run: &AccessRun, findings: &Findings, path: &Path) -> Result<()> 
     let tools = |_: &[ArrayView2<'_, f32>]| Scale::classes(&classes);
     let fields: [Field<'_>; 3] =
         [("minimum overlap", &least, &measure), ("freedom", &share, &free), ("best tool", &tool, &tools)];
+    let (count, set, tau) = (run.orientations.len(), &run.orientations.spec, run.tau);
+    let plural = if count == 1 { "" } else { "s" };
     let note = format!(
-        "{} ({}), τ = {}; grey: part and fixtures; slices where the minimum overlap varies most",
-        count(run.orientations.len(), "orientation"),
-        run.orientations.spec,
-        run.tau
+        "{count} orientation{plural} ({set}), τ = {tau}; grey: part and fixtures; slices where the minimum overlap varies most"
     );
     draw_fields(run, &run.solid, &fields[..if many { 3 } else { 2 }], note, path)
 }
@@ -158,7 +156,7 @@ fn draw_map(run: &AccessRun, findings: &Findings, index: usize, tool: &str, path
             100.0 * map.free_fraction(run.tau),
             directions(run),
             run.tau,
-            if inside(run, point) {
+            if slices::is_solid(&run.obstacle.forbidden, point) {
                 "; the point lies in part or fixture, so that the tip collides at once"
             } else {
                 ""
@@ -174,14 +172,4 @@ fn draw_map(run: &AccessRun, findings: &Findings, index: usize, tool: &str, path
 /// Which directions a map is of.
 pub(super) fn directions(run: &AccessRun) -> &'static str {
     if run.limits.is_some() { "the directions within the machine's limits" } else { "all directions" }
-}
-
-/// True where the voxel that holds a point of the world is solid.
-fn inside(run: &AccessRun, point: DVec3) -> bool {
-    let solid = &run.obstacle.forbidden;
-    solid.grid.index_at(solid.grid.continuous(point)).is_some_and(|voxel| solid.solid[voxel] != 0)
-}
-
-fn count(n: usize, what: &str) -> String {
-    if n == 1 { format!("1 {what}") } else { format!("{n} {what}s") }
 }

@@ -7,7 +7,6 @@ use glam::{DMat4, DVec3};
 use imf_core::check::{CheckBodies, CheckReport, Collision, HitBody, MachineBodies};
 use imf_core::grid::Grid;
 use imf_core::machine::{Machine, MachineSolid, Side};
-use imf_core::occupancy::Occupancy;
 use imf_core::orientation::Orientation;
 use imf_core::pose::Pose;
 use imf_core::tool::{Element, Tool, ToolShape};
@@ -18,7 +17,7 @@ use ndarray::Array2;
 use super::stock::StockResult;
 use super::text;
 use crate::picture::{Axes, Panel, PanelRow, PanelSheet, Scale};
-use crate::slices;
+use crate::slices::{self, is_solid};
 
 /// Places that are drawn, one of a line.
 const PLACES: usize = 4;
@@ -212,8 +211,4 @@ fn widest(tool: &Tool, element: &str) -> f64 {
             .unwrap_or_else(|| 0.5 * tool.reach()),
         ToolShape::Mesh(_) => 0.5 * tool.reach(),
     }
-}
-
-fn is_solid(body: &Occupancy, point: DVec3) -> bool {
-    body.grid.index_at(body.grid.continuous(point)).is_some_and(|voxel| body.solid[voxel] == 1)
 }
