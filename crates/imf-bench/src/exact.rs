@@ -13,11 +13,10 @@ use imf_cli::output::prepare_folder;
 use imf_cli::session::Session;
 use imf_core::grid::Grid;
 use imf_core::mesh::Mesh;
-use imf_core::occupancy::Occupancy;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
-use imf_core::section::{SectionPlan, SectionScratch, ToolPoints, imf, stream_sections};
-use imf_core::tool::{Tool, ToolVoxels};
+use imf_core::section::{SectionPlan, ToolPoints, imf, stream_sections};
+use imf_core::tool::Tool;
 use imf_core::voxelize::voxelize;
 use serde::Serialize;
 
@@ -99,7 +98,6 @@ pub(crate) fn run(session: &Session, arguments: &ExactArguments) -> Result<()> {
     // Evenly spaced orientations of the set, so that all directions are represented.
     let step = if arguments.full { 1 } else { SECTIONS / RIVAL_SECTIONS };
     let compared: Vec<Orientation> = orientations.iter().copied().step_by(step).collect();
-    let trial = Trial::new(&scene.obstacle, &tool, &plan, &compared)?;
     let mut rivals = vec![Rival {
         name: "imf".into(),
         sections: SECTIONS,
@@ -110,11 +108,10 @@ pub(crate) fn run(session: &Session, arguments: &ExactArguments) -> Result<()> {
     }];
     let mut missing = Vec::new();
     session.note("scipy");
-    match scipy::measure(session, arguments, &trial, ours)? {
+    match scipy::measure(session, arguments, &plan, &compared, ours)? {
         Ok(rival) => rivals.push(rival),
         Err(advice) => missing.push(advice),
     }
-    drop(trial);
     let sphere_voxels_milliseconds = 1e3 * voxels_of_a_sphere()?;
     machine.finish();
     let [x, y, z] = scene.record.grid.dims;
@@ -135,38 +132,6 @@ pub(crate) fn run(session: &Session, arguments: &ExactArguments) -> Result<()> {
         chart.save(&arguments.out.join(name))?;
     }
     document.show(session, &report)
-}
-
-/// What the rival is given: voxels of obstacle and tools, and what we counted.
-struct Trial {
-    obstacle: Occupancy,
-    reach: usize,
-    tools: Vec<ToolVoxels>,
-    counts: Vec<Vec<u32>>,
-}
-
-impl Trial {
-    fn new(
-        obstacle: &Occupancy,
-        tool: &Tool,
-        plan: &SectionPlan,
-        orientations: &[Orientation],
-    ) -> Result<Self> {
-        let mut scratch = SectionScratch::default();
-        let mut trial = Self {
-            obstacle: obstacle.clone(),
-            reach: (tool.reach() / obstacle.grid.pitch).ceil() as usize,
-            tools: Vec::new(),
-            counts: Vec::new(),
-        };
-        for orientation in orientations {
-            let (_, counts) = plan.counts_in(orientation, &obstacle.grid, &mut scratch)?;
-            trial.tools.push(ToolVoxels::new(tool, orientation, obstacle.grid.pitch)?);
-            trial.counts.push(counts.to_vec());
-        }
-        ensure!(!trial.tools.is_empty(), "no section to compare");
-        Ok(trial)
-    }
 }
 
 /// The unit sphere with 40 meridians and 17 bands: 1,280 triangles with shared vertices.

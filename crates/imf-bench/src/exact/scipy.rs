@@ -6,9 +6,12 @@ use anyhow::{Context, Result};
 use imf_cli::output::write_json;
 use imf_cli::session::Session;
 use imf_core::field_files::write_npy;
+use imf_core::orientation::Orientation;
+use imf_core::section::{SectionPlan, SectionScratch};
+use imf_core::tool::ToolVoxels;
 use serde::Deserialize;
 
-use super::{ExactArguments, Rival, Trial};
+use super::{ExactArguments, Rival};
 use crate::rivals;
 
 const SCRIPT: &str = include_str!("../../python/exact_scipy.py");
@@ -22,28 +25,30 @@ struct Answer {
     versions: String,
 }
 
-/// The rival, or why there is none and what would help.
+/// The rival, or why there is none and what would help. It is given the voxels of obstacle and tools, and what we counted.
 pub(super) fn measure(
     session: &Session,
     arguments: &ExactArguments,
-    trial: &Trial,
+    plan: &SectionPlan,
+    orientations: &[Orientation],
     ours: f64,
 ) -> Result<Result<Rival, String>> {
     // Megabytes to be deleted, whatever becomes of the run.
     let folder = tempfile::tempdir_in(&arguments.out).context("cannot make a temporary folder")?;
     let folder = folder.path();
-    let array = |dims: [usize; 3], solid: &[u8], name: &str| -> Result<()> {
-        Ok(write_npy(folder.join(name), dims, solid)?)
-    };
-    let dims = trial.obstacle.grid.dims;
-    array(dims, &trial.obstacle.solid, "obstacle.npy")?;
-    for (index, (tool, counts)) in trial.tools.iter().zip(&trial.counts).enumerate() {
-        array(tool.dims, &tool.solid, &format!("tool_{index}.npy"))?;
-        write_npy(folder.join(format!("counts_{index}.npy")), dims, counts.as_slice())?;
+    let grid = plan.grid();
+    write_npy(folder.join("obstacle.npy"), grid.dims, plan.obstacle().forbidden.solid.as_slice())?;
+    let (mut lower, mut scratch) = (Vec::new(), SectionScratch::default());
+    for (index, orientation) in orientations.iter().enumerate() {
+        let (_, counts) = plan.counts_in(orientation, grid, &mut scratch)?;
+        write_npy(folder.join(format!("counts_{index}.npy")), grid.dims, counts)?;
+        let tool = ToolVoxels::new(plan.tool(), orientation, grid.pitch)?;
+        write_npy(folder.join(format!("tool_{index}.npy")), tool.dims, tool.solid.as_slice())?;
+        lower.push(tool.lower);
     }
-    let lower: Vec<[i32; 3]> = trial.tools.iter().map(|tool| tool.lower).collect();
     let workers = session.threads();
-    let scene = serde_json::json!({ "lower": lower, "reach": trial.reach, "workers": workers });
+    let reach = (plan.tool().reach() / grid.pitch).ceil() as usize;
+    let scene = serde_json::json!({ "lower": lower, "reach": reach, "workers": workers });
     write_json(&folder.join("scene.json"), &scene)?;
     let mut command = Command::new(&arguments.python);
     let answer = rivals::ask("scipy", command.args(["-c", SCRIPT]).arg(folder), REQUIREMENTS);
