@@ -1,7 +1,7 @@
 //! Sections between sections: exact sections stored at a set of angles, and what lies between them by interpolation.
 //! The simplest estimate at an orientation that was not counted, and what any learnt field has to beat.
 //!
-//! [`Periodic`] continues values at equal steps of one full turn, as weights of these values. [`AngleGrid`] does so
+//! [`Periodic`] continues values at equal steps of one full turn, as weights of these values. [`grid_weights`] does so
 //! over the `grid:N` of angle pairs: bilinear in θ and φ, periodic in θ; beyond the last φ, which lies one step before 180°,
 //! over the pole to the opposite meridian. [`SectionTable`] holds sections at these pairs.
 
@@ -9,7 +9,7 @@ mod section_table;
 
 pub(crate) use section_table::SectionTable;
 
-use imf_core::orientation::{Orientation, OrientationSet};
+use imf_core::orientation::Orientation;
 use nalgebra::{DMatrix, DVector};
 
 /// Weights below this are left out: an angle on a step of the grid has one weight, whatever the rounding.
@@ -91,62 +91,41 @@ fn cardinal(count: usize, turns: f64) -> f64 {
     (n * half).sin() / (n * denominator)
 }
 
-/// The angle pairs of `grid:N`, θ = 360°·i/N, φ = 180°·j/N, θ outermost.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct AngleGrid {
-    n: usize,
-}
-
-impl AngleGrid {
-    /// The grid of n × n pairs.
-    ///
-    /// # Panics
-    /// If n is below 3.
-    pub(crate) fn new(n: usize) -> Self {
-        assert!(n >= 3, "a turn in at least three steps");
-        Self { n }
-    }
-
-    /// The pairs in order.
-    fn orientations(&self) -> Vec<Orientation> {
-        let set = OrientationSet::parse(&format!("grid:{}", self.n));
-        set.map_or_else(|error| unreachable!("{error}"), |set| set.orientations)
-    }
-
-    /// Which sections make up the one at `orientation`, and with which weights; these sum to 1.
-    pub(crate) fn weights(&self, orientation: &Orientation) -> Vec<(usize, f64)> {
-        let place = orientation.phi / 180.0 * self.n as f64;
-        let row = (place.floor() as usize).min(self.n - 1);
-        let theta = orientation.theta;
-        let rows = if row + 1 < self.n {
-            let t = place - row as f64;
-            [(row, theta, 1.0 - t), (row + 1, theta, t)]
-        } else {
-            // Two steps from the last row over the pole to the same row of the opposite meridian.
-            let t = (place - row as f64) / 2.0;
-            [(row, theta, 1.0 - t), (row, theta + 180.0, t)]
-        };
-        let mut all = Vec::with_capacity(4);
-        for (row, theta, weight) in rows {
-            for (column, share) in Periodic::Linear.weights(self.n, theta).into_iter().enumerate() {
-                if weight * share > NO_WEIGHT {
-                    all.push((column * self.n + row, weight * share));
-                }
+/// Which sections of `grid:n`, θ = 360°·i/n, φ = 180°·j/n, θ outermost, make up the one at `orientation`, and with which
+/// weights; these sum to 1.
+///
+/// # Panics
+/// If n is below 3.
+fn grid_weights(n: usize, orientation: &Orientation) -> Vec<(usize, f64)> {
+    let place = orientation.phi / 180.0 * n as f64;
+    let row = (place.floor() as usize).min(n - 1);
+    let theta = orientation.theta;
+    let rows = if row + 1 < n {
+        let t = place - row as f64;
+        [(row, theta, 1.0 - t), (row + 1, theta, t)]
+    } else {
+        // Two steps from the last row over the pole to the same row of the opposite meridian.
+        let t = (place - row as f64) / 2.0;
+        [(row, theta, 1.0 - t), (row, theta + 180.0, t)]
+    };
+    let mut all = Vec::with_capacity(4);
+    for (row, theta, weight) in rows {
+        for (column, share) in Periodic::Linear.weights(n, theta).into_iter().enumerate() {
+            if weight * share > NO_WEIGHT {
+                all.push((column * n + row, weight * share));
             }
         }
-        all
     }
+    all
 }
 
 #[cfg(test)]
 mod tests {
+    use imf_core::orientation::OrientationSet;
+
     use super::*;
 
     const ALL: [Periodic; 3] = [Periodic::Linear, Periodic::CubicSpline, Periodic::Trigonometric];
-
-    fn pairs(n: usize) -> Vec<Orientation> {
-        OrientationSet::parse(&format!("grid:{n}")).unwrap().orientations
-    }
 
     fn value(kind: Periodic, count: usize, degrees: f64, f: impl Fn(f64) -> f64) -> f64 {
         let weights = kind.weights(count, degrees);
@@ -206,28 +185,28 @@ mod tests {
 
     #[test]
     fn pairs_of_the_grid_stand_for_themselves_and_others_for_their_neighbours() {
-        let angles = AngleGrid::new(15);
-        let set = pairs(15);
+        let weights = |orientation: &Orientation| grid_weights(15, orientation);
+        let set = OrientationSet::parse("grid:15").unwrap().orientations;
         for (index, orientation) in set.iter().enumerate() {
-            let weights = angles.weights(orientation);
+            let weights = weights(orientation);
             let own = weights.iter().find(|(other, _)| *other == index).unwrap();
             assert!((own.1 - 1.0).abs() < 1e-9 && weights.len() == 1, "{orientation:?}: {weights:?}");
         }
         // (12°, 6°): half way between θ = 0° and 24° and between φ = 0° and 12°.
-        let mut weights = angles.weights(&Orientation::new(12.0, 6.0));
-        weights.sort_by_key(|w| w.0);
-        let places: Vec<usize> = weights.iter().map(|w| w.0).collect();
+        let mut between = weights(&Orientation::new(12.0, 6.0));
+        between.sort_by_key(|w| w.0);
+        let places: Vec<usize> = between.iter().map(|w| w.0).collect();
         assert_eq!(places, [0, 1, 15, 16]);
-        assert!(weights.iter().all(|(_, weight)| (weight - 0.25).abs() < 1e-12));
+        assert!(between.iter().all(|(_, weight)| (weight - 0.25).abs() < 1e-12));
         // Across θ = 360°, and over the pole: at φ = 180° both sides count half, whatever θ is.
-        assert!(angles.weights(&Orientation::new(350.0, 12.0)).iter().any(|(index, _)| *index == 1));
-        let pole = angles.weights(&Orientation::new(24.0, 180.0));
+        assert!(weights(&Orientation::new(350.0, 12.0)).iter().any(|(index, _)| *index == 1));
+        let pole = weights(&Orientation::new(24.0, 180.0));
         let share = |column: usize| pole.iter().filter(|w| w.0 == column * 15 + 14).map(|w| w.1).sum::<f64>();
         assert!(
             (share(1) - 0.5).abs() < 1e-9 && (share(8) - 0.25).abs() < 1e-9 && (share(9) - 0.25).abs() < 1e-9
         );
         for orientation in OrientationSet::parse("random:50:3").unwrap().orientations {
-            let sum: f64 = angles.weights(&orientation).iter().map(|w| w.1).sum();
+            let sum: f64 = weights(&orientation).iter().map(|w| w.1).sum();
             assert!((sum - 1.0).abs() < 1e-6);
         }
     }

@@ -1,42 +1,38 @@
 //! Tables of exact sections at an angle grid, with linear interpolation: the baseline that uses memory alone.
 
+use anyhow::Result;
 use imf_core::control::Control;
-use imf_core::orientation::Orientation;
-use imf_core::section::{SectionError, SectionPlan, sections};
+use imf_core::orientation::{Orientation, OrientationSet};
+use imf_core::section::{SectionPlan, sections};
 use rayon::prelude::*;
 
-use super::AngleGrid;
+use super::grid_weights;
 
 /// Voxels that one thread interpolates at a time.
 const BLOCK: usize = 4096;
 
 /// Exact sections at the pairs of an angle grid.
-#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct SectionTable {
-    angles: AngleGrid,
+    n: usize,
     orientations: Vec<Orientation>,
     /// `[section][voxel]`
     sections: Vec<Vec<f32>>,
 }
 
 impl SectionTable {
-    /// Computes n × n sections. One unit of progress is one section.
+    /// Computes the n × n sections of `grid:n`, n at least 3. One unit of progress is one section.
     ///
     /// # Errors
     /// A failed section, or cancellation.
-    pub(crate) fn new(
-        plan: &SectionPlan,
-        angles: AngleGrid,
-        control: Control<'_>,
-    ) -> Result<Self, SectionError> {
-        let orientations = angles.orientations();
+    pub(crate) fn new(plan: &SectionPlan, n: usize, control: Control<'_>) -> Result<Self> {
+        let orientations = OrientationSet::parse(&format!("grid:{n}"))?.orientations;
         let sections = sections(plan, &orientations, control)?;
-        Ok(Self { angles, orientations, sections })
+        Ok(Self { n, orientations, sections })
     }
 
     /// Bytes that n × n sections of `voxels` voxels take.
-    pub(crate) fn memory(angles: AngleGrid, voxels: usize) -> u64 {
-        4 * (angles.n * angles.n * voxels) as u64
+    pub(crate) fn memory(n: usize, voxels: usize) -> u64 {
+        4 * (n * n * voxels) as u64
     }
 
     /// The section of the nearest direction.
@@ -51,12 +47,12 @@ impl SectionTable {
         values.copy_from_slice(&self.sections[nearest.map_or(0, |(index, _)| index)]);
     }
 
-    /// The section at an orientation: linear in angle, by the weights of [`AngleGrid::weights`].
+    /// The section at an orientation: linear in angle, by [`grid_weights`].
     ///
     /// # Panics
     /// If `values` has not a section's length.
     pub(crate) fn linear(&self, orientation: &Orientation, values: &mut [f32]) {
-        let weights = self.angles.weights(orientation);
+        let weights = grid_weights(self.n, orientation);
         values.par_chunks_mut(BLOCK).enumerate().for_each(|(block, values)| {
             values.fill(0.0);
             for &(index, weight) in &weights {
@@ -84,10 +80,9 @@ mod tests {
 
     #[test]
     fn whole_sections_are_interpolated_in_angle_alone() {
-        let (plan, angles) = (plan(), AngleGrid::new(6));
-        let (voxels, stored) =
-            (plan.grid().len(), SectionTable::new(&plan, angles, Control::quiet()).unwrap());
-        assert_eq!(SectionTable::memory(angles, voxels), (4 * stored.sections.len() * voxels) as u64);
+        let plan = plan();
+        let (voxels, stored) = (plan.grid().len(), SectionTable::new(&plan, 6, Control::quiet()).unwrap());
+        assert_eq!(SectionTable::memory(6, voxels), (4 * stored.sections.len() * voxels) as u64);
         let between = Orientation::new(37.0, 81.0);
         let exact = sections(&plan, &stored.orientations, Control::quiet()).unwrap();
         let (mut linear, mut nearest) = (vec![7.0; voxels], vec![7.0; voxels]);
@@ -95,7 +90,7 @@ mod tests {
         stored.nearest(&between, &mut nearest);
         for voxel in 0..voxels {
             let expected: f64 =
-                angles.weights(&between).iter().map(|&(i, w)| w * f64::from(exact[i][voxel])).sum();
+                grid_weights(6, &between).iter().map(|&(i, w)| w * f64::from(exact[i][voxel])).sum();
             // Four products of values below 1, in f32.
             assert!((f64::from(linear[voxel]) - expected).abs() < 1e-6);
         }

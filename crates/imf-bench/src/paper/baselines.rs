@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Bench;
 use crate::candidates::{distilled, harmonic_settings, symmetric};
-use crate::interpolation::{AngleGrid, SectionTable};
+use crate::interpolation::SectionTable;
 use crate::measurement::seconds;
 use crate::recipe::{Answer, EvaluationSets, Recipe};
 
@@ -36,9 +36,9 @@ type Section<'a> = &'a dyn Fn(&Orientation, &mut [f32]);
 pub(super) fn measure(bench: &Bench<'_>, recipe: &Recipe, n: usize) -> Result<Vec<Method>> {
     let (session, evaluation_sets) = (bench.session, EvaluationSets::of(&recipe.evaluation)?);
     let (scene, distillation) = (bench.scene(&recipe.scene)?, bench.protocol.distillation());
-    let (angles, voxels) = (AngleGrid::new(n), scene.record.grid.len());
+    let voxels = scene.record.grid.len();
     let settings = harmonic_settings(n * n);
-    let stored_bytes = SectionTable::memory(angles, voxels);
+    let stored_bytes = SectionTable::memory(n, voxels);
     let tool = scene.record.tool.with_tip_only();
     let needed = stored_bytes
         + settings.memory(Domain::Directions, voxels).0
@@ -49,11 +49,11 @@ pub(super) fn measure(bench: &Bench<'_>, recipe: &Recipe, n: usize) -> Result<Ve
     let plan = SectionPlan::of_scene(&scene, ToolPoints::Tip)?;
 
     let [exact_sections, asked] = evaluation_sets.sections();
-    let stage = session.stage("exact sections", "sections", (n * n + exact_sections) as u64);
-    let advance = |sections| stage.advance(sections);
-    let exact = evaluation_sets.exact(&plan, session.control(&advance))?;
-    let (stored_in, stored) = seconds(|| Ok(SectionTable::new(&plan, angles, session.control(&advance))?))?;
-    stage.finish("");
+    let (exact, (stored_in, stored)) =
+        session.staged("exact sections", "sections", (n * n + exact_sections) as u64, |control| {
+            let exact = evaluation_sets.exact(&plan, control)?;
+            anyhow::Ok((exact, seconds(|| SectionTable::new(&plan, n, control))?))
+        })?;
     let (domain, smaller) = (Domain::Directions, "take a smaller --scale");
     let (fitted_in, file) = seconds(|| fit_field(session, &scene, &plan, domain, settings, smaller))?;
     let harmonic = &file.field;

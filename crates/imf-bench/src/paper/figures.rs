@@ -7,7 +7,6 @@ use anyhow::Result;
 use imf_cli::output::{prepare_folder, short};
 use imf_cli::picture::{Axes, Panel, PanelRow, PanelSheet, Scale};
 use imf_cli::slices;
-use imf_core::control::Control;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::Orientation;
 use imf_core::parts::ReferencePart;
@@ -161,13 +160,12 @@ pub(super) fn fields(
     let cut = |values: &[f32]| slices::slice(values, &grid, axis, middle);
     let plan = SectionPlan::of_scene(scene, ToolPoints::Tip)?;
     let set = &evaluation_sets.imf[0];
-    let stage = bench.session.stage("drawing", "sections", set.len() as u64 + 2);
-    let advance = |n| stage.advance(n);
-    let control: Control<'_> = bench.session.control(&advance);
     let pairs = [evaluation_sets.in_sample, evaluation_sets.out_of_sample];
-    let mut exact: Vec<_> = sections(&plan, &pairs, control)?.iter().map(|values| cut(values)).collect();
-    exact.push(cut(&imf(&plan, &set.orientations, control)?.value));
-    stage.finish("");
+    let exact = bench.session.staged("drawing", "sections", set.len() as u64 + 2, |control| {
+        let mut exact: Vec<_> = sections(&plan, &pairs, control)?.iter().map(|values| cut(values)).collect();
+        exact.push(cut(&imf(&plan, &set.orientations, control)?.value));
+        anyhow::Ok(exact)
+    })?;
     let directions: Vec<[f32; 2]> = set.orientations.iter().map(Orientation::angles).collect();
     // Of the measure only the picture's plane.
     let indices: Vec<f32> = (0..grid.len()).map(|index| index as f32).collect();

@@ -46,20 +46,17 @@ impl Runner<'_> {
         let fresh = job::fresh_model(&data, shape, stage.plan(), start.0, start.1);
         let mut model = self.found(folder, fresh)?;
         if !model.record.finished {
-            model = job::run(self.session, self.device, &data, model, folder, &self.settings())?;
+            let settings = job::Settings {
+                checkpoint_every: self.checkpoint_every,
+                go_on: super::GO_ON,
+                slower: " in another folder, with a training.schedule.initial of ",
+                held_out: self.held_out,
+                held_out_every: None,
+            };
+            model = job::run(self.session, self.device, &data, model, folder, &settings)?;
         }
         model.record.seconds = job::seconds_until(folder, model.record.steps);
         Ok(model)
-    }
-
-    fn settings(&self) -> job::Settings {
-        job::Settings {
-            checkpoint_every: self.checkpoint_every,
-            go_on: super::GO_ON,
-            slower: " in another folder, with a training.schedule.initial of ",
-            held_out: self.held_out,
-            held_out_every: None,
-        }
     }
 
     /// The training of `fresh` as its folder holds it: finished, at its checkpoint, or not begun.
