@@ -11,14 +11,18 @@ use std::sync::Arc;
 
 use anyhow::{Result, ensure};
 use clap::{Args, ValueEnum};
+use glam::DVec3;
 use imf_cli::output::prepare_folder;
 use imf_cli::session::Session;
+use imf_core::grid::Grid;
+use imf_core::mesh::Mesh;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
 use imf_core::surface::{CollisionEnvironment, SurfaceSample, SurfaceSamples, default_tolerance};
 use imf_core::tool::{Clearance, ElementKind, Segment, Tool};
 use imf_core::unit::LengthUnit;
+use imf_core::voxelize::voxelize;
 use rand::SeedableRng as _;
 use rand::seq::SliceRandom as _;
 use rand_chacha::ChaCha8Rng;
@@ -180,6 +184,17 @@ impl Surface {
             tolerance,
         })
     }
+}
+
+/// Edge of a voxel of what follows, in millimetres.
+const PITCH: f64 = 1.0;
+
+/// A mesh as voxels that lie off its own planes, as a user's part does.
+fn voxels(mesh: &Mesh) -> Result<Occupancy> {
+    let (lower, upper) = mesh.bounds().unwrap_or_default();
+    let shift = DVec3::new(0.37, 0.21, 0.13) * PITCH;
+    let grid = Grid::with_pitch(lower - shift, upper + shift, PITCH, 1)?;
+    Ok(voxelize(mesh, &grid, false))
 }
 
 fn clearance() -> Clearance {

@@ -8,23 +8,20 @@ use glam::{DMat4, DVec3};
 use imf_cli::session::Session;
 use imf_core::check::{CheckBodies, CheckReport, CheckSettings, MachineBodies, check_toolpath};
 use imf_core::control::Control;
-use imf_core::grid::Grid;
+
 use imf_core::machine::Machine;
 use imf_core::occupancy::Occupancy;
 use imf_core::parts::ReferencePart;
 use imf_core::tool::Tool;
 use imf_core::toolpath::{PathReading, Toolpath};
 use imf_core::unit::LengthUnit;
-use imf_core::voxelize::voxelize;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use serde::Serialize;
 
-use super::{End, ShopArguments, mill, table};
+use super::{End, PITCH, ShopArguments, mill, table, voxels};
 use crate::document::Document;
 use crate::measurement::seconds;
 
-/// Millimetres.
-const PITCH: f64 = 1.0;
 /// How far above the part's box the path goes.
 const ABOVE: f64 = 3.0;
 /// Ways across the part, of `LINES` lines each; a longer path goes over it again.
@@ -93,19 +90,16 @@ impl Work {
     fn new() -> Result<Self> {
         let mesh = ReferencePart::Bracket.mesh();
         let (lower, upper) = mesh.bounds().unwrap_or_default();
-        // On the platter's middle, off the voxels' planes.
+        // On the platter's middle.
         let middle = 0.5 * (lower + upper);
         let mesh = mesh.transformed(&DMat4::from_translation(DVec3::new(-middle.x, -middle.y, -lower.z)));
-        let (lower, upper) = mesh.bounds().unwrap_or_default();
-        let shift = DVec3::new(0.37, 0.21, 0.13) * PITCH;
-        let grid = Grid::with_pitch(lower - shift, upper + shift, PITCH, 1)?;
         let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/guide/machines/trunnion-ac.toml");
         Ok(Self {
             pool: ThreadPoolBuilder::new().num_threads(1).build()?,
-            part: voxelize(&mesh, &grid, false),
+            part: voxels(&mesh)?,
             machine: MachineBodies::new(Machine::read(&file)?, PITCH, Control::quiet())?,
             tool: mill(End::Ball, 5.0, 30.0, 60.0, [20.0, 40.0]),
-            bounds: (lower, upper),
+            bounds: mesh.bounds().unwrap_or_default(),
         })
     }
 

@@ -3,10 +3,9 @@
 use std::sync::Arc;
 
 use anyhow::Result;
-use glam::DVec3;
 use imf_cli::session::Session;
 use imf_core::control::Control;
-use imf_core::grid::Grid;
+
 use imf_core::mesh::Mesh;
 use imf_core::orientation::{Limits, Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
@@ -16,20 +15,17 @@ use imf_core::surface::{
     default_tolerance, fewest_setups, reached_in_setups, surface_access,
 };
 use imf_core::unit::LengthUnit;
-use imf_core::voxelize::voxelize;
 use rand::SeedableRng;
 use rand::seq::SliceRandom as _;
 use rand_chacha::ChaCha8Rng;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use serde::Serialize;
 
-use super::{End, ShopArguments, THREADS, mill};
+use super::{End, PITCH, ShopArguments, THREADS, mill, voxels};
 use crate::document::Document;
 use crate::measurement::seconds;
 use crate::prismatic::prismatic;
 
-/// Millimetres.
-const PITCH: f64 = 1.0;
 /// Of the cutter, which ends at its holder.
 const LENGTH: f64 = 45.0;
 
@@ -81,11 +77,7 @@ struct SetupCase {
 
 impl SetupCase {
     fn new(pool: &ThreadPool, mesh: &Mesh, points: usize, directions: &[Orientation]) -> Result<Self> {
-        let (lower, upper) = mesh.bounds().unwrap_or_default();
-        // Off the part's own planes, as a user's part lies.
-        let shift = DVec3::new(0.37, 0.21, 0.13) * PITCH;
-        let grid = Grid::with_pitch(lower - shift, upper + shift, PITCH, 1)?;
-        let solid = Arc::new(voxelize(mesh, &grid, false));
+        let solid = Arc::new(voxels(mesh)?);
         let mut samples = SurfaceSamples::new(mesh, &solid, points).samples;
         // As many as are requested.
         samples.shuffle(&mut ChaCha8Rng::seed_from_u64(0));
