@@ -35,8 +35,8 @@ use std::ops::ControlFlow;
 
 use crate::candidates::reference_scene;
 use crate::document::Document;
-use crate::measurement::Machine;
-use crate::paper::learns_in_halves;
+use crate::measurement::{Machine, seconds};
+use crate::paper::precision_on;
 
 /// What the network of a part saves where the part is changed a little
 #[derive(Args)]
@@ -120,11 +120,10 @@ struct Lab {
 
 pub(crate) fn run(session: &Session, arguments: &EditsArguments) -> Result<()> {
     prepare_folder(&arguments.out)?;
-    let halves = learns_in_halves(&Device::Cpu);
     let lab = Lab {
         rate: arguments.rate,
         shape: SirenShape { width: arguments.width, ..SirenShape::default() },
-        precision: if halves { Precision::Bf16 } else { Precision::F32 },
+        precision: precision_on(&Device::Cpu),
         steps: arguments.steps,
         directions: OrientationSet::parse(ORIENTATIONS)?,
     };
@@ -222,25 +221,19 @@ impl Lab {
         taken: bool,
     ) -> Result<Edit> {
         let scene = Scene { obstacle: changed(&before.obstacle, share, taken), ..before.clone() };
-        let begun = Instant::now();
-        let own = self.sections(&scene)?;
-        let exact = begun.elapsed().as_secs_f64();
-        let begun = Instant::now();
-        let everywhere = self.samples(&scene, &own, None);
-        let made = exact + begun.elapsed().as_secs_f64();
+        let (exact, own) = seconds(|| self.sections(&scene))?;
+        let (drawing, everywhere) = seconds(|| Ok(self.samples(&scene, &own, None)))?;
         let (_, mut anew) = self.trained(&scene, &everywhere, None, self.steps)?;
-        anew.seconds += made;
+        anew.seconds += exact + drawing;
         let mut adapted = Vec::new();
         for drawn in [SamplePlacement::Everywhere, SamplePlacement::NearTheChange] {
             let near = (drawn == SamplePlacement::NearTheChange).then_some(old_sections);
-            let begun = Instant::now();
-            let samples = self.samples(&scene, &own, near);
-            let made = exact + begun.elapsed().as_secs_f64();
+            let (drawing, samples) = seconds(|| Ok(self.samples(&scene, &own, near)))?;
             let mut trials = Vec::new();
             for budget in BUDGETS {
                 let steps = ((self.steps as f64 * budget).round() as u64).max(1);
                 let (_, mut trial) = self.trained(&scene, &samples, Some(old), steps)?;
-                trial.seconds += made;
+                trial.seconds += exact + drawing;
                 trials.push(trial);
                 if trial.mse <= AS_GOOD * anew.mse {
                     break;

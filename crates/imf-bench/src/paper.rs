@@ -42,7 +42,8 @@ use serde::{Deserialize, Serialize};
 use crate::cells::{Cell, Cells, device_name};
 use crate::measurement::Machine;
 use crate::recipe::{RunSummary, Runner, SceneSettings, Scenes, Source};
-use protocol::{Protocol, in_precision};
+use protocol::Protocol;
+pub(crate) use protocol::in_precision;
 use report::Report;
 use table::Table;
 
@@ -89,27 +90,21 @@ enum PaperScale {
 }
 
 /// A table of the paper.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum PaperTable {
     /// One rotation in the plane: the network and interpolations
     #[value(name = "2d")]
-    #[serde(rename = "2d")]
     Plane,
     /// Three parts, two recipes, and baselines
     #[value(name = "3d")]
-    #[serde(rename = "3d")]
     Space,
     /// Training, evaluation, exact sections; memory
-    #[serde(rename = "time")]
     Time,
     /// From a part to a changed part
-    #[serde(rename = "transfer")]
     Transfer,
     /// How many samples are enough
-    #[serde(rename = "sparsity")]
     Sparsity,
     /// How large a network is enough
-    #[serde(rename = "architecture")]
     Architecture,
 }
 
@@ -214,12 +209,10 @@ pub(crate) fn trained(runner: &Runner<'_>, source: &Source, folder: &Path) -> Re
     }
 }
 
-/// The change of a recipe that lets networks learn in bfloat16.
-pub(crate) const IN_HALVES: &str = "stage.*.training.precision=\"bf16\"";
-
-/// Whether the paper's network learns in bfloat16 there.
-pub(crate) fn learns_in_halves(device: &Device) -> bool {
-    matches!(device, Device::Cpu) && CpuTrainer::check_precision(Precision::Bf16).is_ok()
+/// What the paper's network learns in there: in bfloat16 where it can.
+pub(crate) fn precision_on(device: &Device) -> Precision {
+    let halves = matches!(device, Device::Cpu) && CpuTrainer::check_precision(Precision::Bf16).is_ok();
+    if halves { Precision::Bf16 } else { Precision::F32 }
 }
 
 /// In words that a training diverged; nothing where it failed otherwise.
@@ -249,7 +242,7 @@ pub(crate) fn run(session: &Session, arguments: &PaperArguments) -> Result<()> {
             datasets: out.join("datasets"),
         },
         cells: Cells::new(session, &device, out)?,
-        protocol: Protocol::new(arguments.scale, learns_in_halves(&device))?,
+        protocol: Protocol::new(arguments.scale, precision_on(&device))?,
         parts,
         out: out.clone(),
         finished: arguments.finished,

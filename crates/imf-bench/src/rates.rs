@@ -17,7 +17,7 @@ use serde::Serialize;
 use crate::cells::{Cells, device_name};
 use crate::document::Document;
 use crate::measurement::Machine;
-use crate::paper::{IN_HALVES, TrainingResult, learns_in_halves, trained};
+use crate::paper::{TrainingResult, in_precision, precision_on, trained};
 use crate::recipe::{RANDOM, Runner, Source, built_in};
 
 /// The learning rate that the paper's network bears, over width and ω
@@ -85,7 +85,7 @@ pub(crate) fn run(session: &Session, arguments: &RatesArguments) -> Result<()> {
             let shape = SirenShape { width, omega, ..SirenShape::default() };
             let mut mse = Vec::new();
             for factor in FACTORS {
-                let source = training(shape, factor, arguments.steps, learns_in_halves(&device))?;
+                let source = in_precision(&training(shape, factor, arguments.steps)?, precision_on(&device))?;
                 let name = format!("{width}-{omega}-{factor}").replace('.', "_");
                 let folder = out.join("runs").join(format!("{name}-{}", cells.mark(&source)?));
                 let outcome = cells.get(&name, &source, || trained(&runner, &source, &folder))?;
@@ -108,7 +108,7 @@ pub(crate) fn run(session: &Session, arguments: &RatesArguments) -> Result<()> {
 }
 
 /// The training of a network from a multiple of its default rate.
-fn training(shape: SirenShape, factor: f32, steps: u64, halves: bool) -> Result<Source> {
+fn training(shape: SirenShape, factor: f32, steps: u64) -> Result<Source> {
     let mut source = Source::parse(built_in("single")?)?;
     source.set("scene.scale", 0.25)?;
     source.set("network.width", shape.width as i64)?;
@@ -118,9 +118,6 @@ fn training(shape: SirenShape, factor: f32, steps: u64, halves: bool) -> Result<
     source.assign(&format!(
         "stage.*.training={{length={{steps={steps}}},schedule={{kind=\"cosine\",initial={rate:e},warmup=200}}}}"
     ))?;
-    if halves {
-        source.assign(IN_HALVES)?;
-    }
     Ok(source)
 }
 

@@ -8,7 +8,7 @@ use imf_fields::factored::DistillSettings;
 use imf_fields::recipe::{Precision, TrainingLength};
 use serde::Deserialize;
 
-use super::{IN_HALVES, PaperScale};
+use super::PaperScale;
 use crate::recipe::{Source, built_in};
 
 /// The protocol of a scale.
@@ -20,8 +20,9 @@ pub(super) struct Protocol {
     pub(super) tried: String,
     /// Steps in which the factored field is distilled.
     distillation: u64,
+    /// True where parts, resolution and network are the paper's, so that times can be held against its own.
     #[serde(skip)]
-    full: bool,
+    pub(super) full: bool,
     /// What networks learn in here.
     #[serde(skip)]
     pub(super) precision: Precision,
@@ -32,23 +33,18 @@ pub(super) struct Protocol {
 }
 
 impl Protocol {
-    /// At the paper's scale networks learn in bfloat16 where `halves` says that the device has it.
-    pub(super) fn new(scale: PaperScale, halves: bool) -> Result<Self> {
+    /// At the paper's scale networks learn in the precision given.
+    pub(super) fn new(scale: PaperScale, precision: Precision) -> Result<Self> {
         let mut protocol: Self = toml::from_str(match scale {
             PaperScale::Full => include_str!("../../paper/full.toml"),
             PaperScale::Reduced => include_str!("../../paper/reduced.toml"),
             PaperScale::Tiny => include_str!("../../paper/tiny.toml"),
         })?;
         protocol.full = scale == PaperScale::Full;
-        if protocol.full && halves {
-            protocol.precision = Precision::Bf16;
+        if protocol.full {
+            protocol.precision = precision;
         }
         Ok(protocol)
-    }
-
-    /// True where parts, resolution and network are the paper's, so that times can be held against its own.
-    pub(super) fn is_at_the_papers_scale(&self) -> bool {
-        self.full
     }
 
     /// A built-in recipe with the scale's changes; `part` replaces the scene's.
@@ -86,10 +82,10 @@ impl Protocol {
 }
 
 /// A recipe as it runs in a precision, which no recipe of this protocol states.
-pub(super) fn in_precision(source: &Source, precision: Precision) -> Result<Source> {
+pub(crate) fn in_precision(source: &Source, precision: Precision) -> Result<Source> {
     let mut source = source.clone();
     if precision == Precision::Bf16 {
-        source.assign(IN_HALVES)?;
+        source.set("stage.*.training.precision", "bf16")?;
     }
     Ok(source)
 }
@@ -104,12 +100,12 @@ mod tests {
     #[test]
     fn every_scale_makes_recipes_that_are_valid_and_full_has_the_papers_resolution_and_networks() {
         for scale in SCALES {
-            let protocol = Protocol::new(scale, true).unwrap();
-            assert_eq!(protocol.is_at_the_papers_scale(), scale == PaperScale::Full);
+            let protocol = Protocol::new(scale, Precision::Bf16).unwrap();
+            assert_eq!(protocol.full, scale == PaperScale::Full);
             for name in ["single", "multi", "transfer", "sparsity", "architecture"] {
                 let source = protocol.recipe(name, None).unwrap();
                 // Cells are keyed by it, whatever the machine.
-                assert_eq!(source, Protocol::new(scale, false).unwrap().recipe(name, None).unwrap());
+                assert_eq!(source, Protocol::new(scale, Precision::F32).unwrap().recipe(name, None).unwrap());
                 let recipe = in_precision(&source, protocol.precision).unwrap().recipe().unwrap();
                 let papers = Source::parse(built_in(name).unwrap()).unwrap().recipe().unwrap();
                 let network =
@@ -131,7 +127,8 @@ mod tests {
     #[test]
     fn networks_of_the_architecture_are_as_many_times_narrower_as_the_scale_says() {
         for (scale, narrower) in SCALES.into_iter().zip([1, 4, 8]) {
-            let source = Protocol::new(scale, false).unwrap().recipe("architecture", None).unwrap();
+            let protocol = Protocol::new(scale, Precision::F32).unwrap();
+            let source = protocol.recipe("architecture", None).unwrap();
             for (name, source) in source.variants().unwrap() {
                 let network = source.recipe().unwrap().network;
                 assert_eq!(format!("{}x{}", network.layers, network.width * narrower), name, "{scale:?}");

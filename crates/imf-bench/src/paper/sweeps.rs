@@ -94,6 +94,8 @@ fn sweep(
 
 #[cfg(test)]
 mod tests {
+    use imf_fields::recipe::Precision;
+
     use super::*;
     use crate::paper::PaperScale;
     use crate::paper::protocol::Protocol;
@@ -103,7 +105,7 @@ mod tests {
         for (scale, again) in
             [(PaperScale::Full, true), (PaperScale::Reduced, true), (PaperScale::Tiny, false)]
         {
-            let protocol = Protocol::new(scale, false).unwrap();
+            let protocol = Protocol::new(scale, Precision::F32).unwrap();
             for (name, part, same) in
                 [("sparsity", "teapot", "35-percent"), ("architecture", "screw-gear", "5x512")]
             {
