@@ -1,7 +1,7 @@
 //! Which tools of a crib serve which places of a surface, and the fewest that serve all.
 
 use imf_core::control::{Cancelled, Control};
-use imf_core::set_cover::{CoverProblem, CoverSettings};
+use imf_core::set_cover::CoverProblem;
 use imf_core::surface::{
     CollisionEnvironment, SurfaceError, SurfaceSamples, SurfaceTool, crib_access, default_tolerance,
 };
@@ -13,6 +13,7 @@ use crate::arrays::{mesh_arrays, rows_of};
 use crate::errors::{Failure, Raise, value_error};
 use crate::scene::Scene;
 use crate::sections::DirectionsInput;
+use crate::surface::cover_settings;
 use crate::tool::Tool;
 use crate::work::{Progress, run};
 
@@ -32,8 +33,7 @@ pub(crate) fn crib<'py>(
     if tools.is_empty() {
         return Err(value_error("a crib has at least one tool"));
     }
-    let set =
-        directions.unwrap_or_else(|| DirectionsInput::Text(own.usual_directions().into())).of(py, own)?;
+    let set = DirectionsInput::or_usual(directions, py, own)?;
     let tolerance = tolerance.unwrap_or_else(|| default_tolerance(record.grid.pitch, record.unit));
     let mesh = own.placed_mesh();
     // A tool that passes between the voxels' centres would be free everywhere.
@@ -75,16 +75,11 @@ pub(crate) fn fewest_sets<'py>(
     weights: PyReadonlyArray1<'py, f64>,
     fraction: f64,
 ) -> PyResult<(Vec<usize>, usize)> {
-    if !(fraction > 0.0 && fraction <= 1.0) {
-        return Err(value_error(format!(
-            "the fraction to cover must be above 0 and at most 1, not {fraction}"
-        )));
-    }
+    let settings = cover_settings(fraction)?;
     let mut problem = CoverProblem::new(weights.as_array().to_vec());
     for row in holds.as_array().rows() {
         problem.add((0..row.len()).filter(|&place| row[place]));
     }
-    let settings = CoverSettings { fraction, ..CoverSettings::default() };
     let cover = run(py, (&None, "", 0), |control| {
         problem.fewest(&settings, control).ok_or(SurfaceError::Cancelled(Cancelled))
     })?;

@@ -4,7 +4,7 @@
 use imf_core::access::RemovableError;
 use imf_core::check::CheckError;
 use imf_core::control::Cancelled;
-use imf_core::field::FieldError;
+use imf_core::field::{EngineError, FieldError};
 use imf_core::file_error::{FaultKind, FileError};
 use imf_core::orientation::OrientationSetError;
 use imf_core::parts::UnknownPart;
@@ -72,20 +72,46 @@ pub(crate) fn value_error(text: impl Into<String>) -> PyErr {
     PyValueError::new_err(text.into())
 }
 
+/// With its words and those of its causes.
+fn invalid(error: &dyn std::error::Error) -> PyErr {
+    value_error(words(error))
+}
+
+fn failed(error: &dyn std::error::Error) -> PyErr {
+    ImfError::new_err(words(error))
+}
+
+/// What the system said to a file is its source; everything else is what the file holds.
+fn of_file(error: &dyn std::error::Error) -> PyErr {
+    match error.source().and_then(|source| source.downcast_ref::<std::io::Error>()) {
+        Some(system) if system.kind() == std::io::ErrorKind::NotFound => {
+            PyFileNotFoundError::new_err(words(error))
+        }
+        Some(_) => PyOSError::new_err(words(error)),
+        None => invalid(error),
+    }
+}
+
+/// By a function, apart from the error within a variant, which is raised by its own.
 macro_rules! raise_as {
-    ($exception:ty: $($error:ty),+) => {
+    ($raise:ident: $($error:ident $(except $inner:ident)?),+) => {
         $(impl Raise for $error {
             fn raise(self) -> PyErr {
-                <$exception>::new_err(words(&self))
+                $(if let Self::$inner(error) = self {
+                    return error.raise();
+                })?
+                $raise(&self)
             }
         })+
     };
 }
 
-raise_as!(PyValueError: CheckError, ClearanceError, HarmonicError, QueryError, RecipeError, RemovableError,
-    SectionError, ShapeError, SurfaceError, ToolError, TooManySetups, UnknownPart, UnknownUnit, CalibrationError);
+raise_as!(invalid: CheckError, ClearanceError, FieldError except Engine, HarmonicError, LoadError except File, QueryError,
+    RecipeError, RemovableError, SceneError except File, SectionError, ShapeError, SurfaceError, ToolError, TooManySetups,
+    UnknownPart, UnknownUnit, CalibrationError);
 // `Cancelled`: of work that stopped without a request.
-raise_as!(ImfError: Cancelled, DatasetError);
+raise_as!(failed: Cancelled, DatasetError, EngineError, TrainError except Plan);
+raise_as!(of_file: FieldFileError, OrientationSetError, ToolpathError);
 
 impl Raise for FileError {
     fn raise(self) -> PyErr {
@@ -95,77 +121,5 @@ impl Raise for FileError {
             FaultKind::Unreadable => PyOSError::new_err(text),
             _ => PyValueError::new_err(text),
         }
-    }
-}
-
-impl Raise for OrientationSetError {
-    fn raise(self) -> PyErr {
-        match &self {
-            Self::Read { source, .. } => of_system(source, words(&self)),
-            _ => value_error(words(&self)),
-        }
-    }
-}
-
-impl Raise for SceneError {
-    fn raise(self) -> PyErr {
-        match self {
-            Self::File(error) => error.raise(),
-            other => value_error(words(&other)),
-        }
-    }
-}
-
-impl Raise for FieldError {
-    fn raise(self) -> PyErr {
-        match self {
-            Self::Engine(error) => ImfError::new_err(words(&error)),
-            other => value_error(words(&other)),
-        }
-    }
-}
-
-impl Raise for ToolpathError {
-    fn raise(self) -> PyErr {
-        match &self {
-            Self::Read { source, .. } => of_system(source, words(&self)),
-            _ => value_error(words(&self)),
-        }
-    }
-}
-
-impl Raise for FieldFileError {
-    fn raise(self) -> PyErr {
-        use std::error::Error as _;
-        let system = self.source().and_then(|source| source.downcast_ref::<std::io::Error>());
-        match system {
-            Some(source) => of_system(source, words(&self)),
-            None => value_error(words(&self)),
-        }
-    }
-}
-
-impl Raise for LoadError {
-    fn raise(self) -> PyErr {
-        match self {
-            Self::File(error) => error.raise(),
-            other => value_error(words(&other)),
-        }
-    }
-}
-
-impl Raise for TrainError {
-    fn raise(self) -> PyErr {
-        match self {
-            Self::Plan(error) => error.raise(),
-            other => ImfError::new_err(words(&other)),
-        }
-    }
-}
-
-fn of_system(source: &std::io::Error, text: String) -> PyErr {
-    match source.kind() {
-        std::io::ErrorKind::NotFound => PyFileNotFoundError::new_err(text),
-        _ => PyOSError::new_err(text),
     }
 }

@@ -81,9 +81,7 @@ impl<'a> PoseRows<'a> {
         })?;
         Ok(answers)
     }
-}
 
-impl PoseRows<'_> {
     /// [`PoseRows::answers`] without the interpreter's lock.
     pub(crate) fn found<T: Copy + Default + Send>(
         self,

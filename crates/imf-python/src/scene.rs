@@ -32,16 +32,16 @@ pub(crate) enum MeshInput<'py> {
 }
 
 /// A mesh as it was read.
-struct Body {
-    name: String,
-    mesh: Mesh,
+pub(crate) struct Body {
+    pub(crate) name: String,
+    pub(crate) mesh: Mesh,
     /// The file's own.
-    unit: Option<LengthUnit>,
+    pub(crate) unit: Option<LengthUnit>,
     reference: Option<ReferencePart>,
 }
 
 impl MeshInput<'_> {
-    fn read(&self, py: Python<'_>, built_in: bool) -> PyResult<Body> {
+    pub(crate) fn read(&self, py: Python<'_>, built_in: bool) -> PyResult<Body> {
         match self {
             Self::Path(text) => {
                 let path = Path::new(text);
@@ -61,14 +61,6 @@ impl MeshInput<'_> {
                 Ok(Body { name: name.clone(), mesh: mesh_of(vertices, faces)?, unit: None, reference: None })
             }
         }
-    }
-}
-
-impl MeshInput<'_> {
-    /// Its name, the mesh, and the unit that a file states.
-    pub(crate) fn mesh(&self, py: Python<'_>) -> PyResult<(String, Mesh, Option<LengthUnit>)> {
-        let Body { name, mesh, unit, .. } = self.read(py, false)?;
-        Ok((name, mesh, unit))
     }
 }
 

@@ -25,6 +25,11 @@ pub(crate) enum DirectionsInput<'py> {
 }
 
 impl DirectionsInput<'_> {
+    /// Those that are given, or the usual ones of a scene's tool.
+    pub(crate) fn or_usual(given: Option<Self>, py: Python<'_>, scene: &Scene) -> PyResult<OrientationSet> {
+        given.unwrap_or_else(|| Self::Text(scene.usual_directions().into())).of(py, scene)
+    }
+
     /// The orientations, for a scene's part.
     pub(crate) fn of(&self, py: Python<'_>, scene: &Scene) -> PyResult<OrientationSet> {
         match self {

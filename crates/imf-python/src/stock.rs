@@ -13,7 +13,7 @@ use pyo3::types::PyDict;
 
 use crate::errors::value_error;
 use crate::memory;
-use crate::scene::{MeshInput, Scene};
+use crate::scene::{Body, MeshInput, Scene};
 use crate::sections::DirectionsInput;
 use crate::work::{Progress, run};
 
@@ -44,7 +44,7 @@ impl StockInput<'_> {
                 )));
             }
             Self::Mesh(mesh) => {
-                let (name, mesh, unit) = mesh.mesh(py)?;
+                let Body { name, mesh, unit, .. } = mesh.read(py, false)?;
                 let factor = unit.map_or(1.0, |unit| unit.in_mm() / record.unit.in_mm());
                 let scaled = DMat4::from_scale(DVec3::splat(factor));
                 (name, mesh.with_consistent_faces().0.transformed(&(record.transform * scaled)))
@@ -81,8 +81,7 @@ pub(crate) fn removable_stock<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     let own = scene.get();
     let record = &own.scene.record;
-    let set =
-        directions.unwrap_or_else(|| DirectionsInput::Text(own.usual_directions().into())).of(py, own)?;
+    let set = DirectionsInput::or_usual(directions, py, own)?;
     if !record.bare_tool().has_cutter() {
         return Err(value_error(format!("the tool '{}' has no cutter", record.bare_tool().name)));
     }

@@ -179,11 +179,7 @@ impl Surface {
                  give it the directions of one set-up",
             ));
         }
-        if !(fraction > 0.0 && fraction <= 1.0) {
-            return Err(value_error(format!(
-                "the fraction to cover must be above 0 and at most 1, not {fraction}"
-            )));
-        }
+        let settings = cover_settings(fraction)?;
         let limits = Limits::parse(limits).map_err(Raise::raise)?;
         let (mesh, orientations) = (scene.placed_mesh(), &self.set.orientations);
         let ways = match every_direction {
@@ -192,7 +188,6 @@ impl Surface {
         };
         let candidates =
             run(py, (&None, "", 0), |_| candidate_setups(&mesh, &ways, orientations, &limits, false))?;
-        let settings = CoverSettings { fraction, ..CoverSettings::default() };
         let (chosen, reached) = run(py, (&progress, "set-ups", candidates.len() as u64), |control| {
             let tools = [SetupTool { access: &self.access, brought: None }];
             let samples = &self.samples.samples;
@@ -226,6 +221,16 @@ impl Surface {
             [tool.given(), tool.shortest(), tool.longest()],
         ))
     }
+}
+
+/// Covers of a fraction.
+pub(crate) fn cover_settings(fraction: f64) -> PyResult<CoverSettings> {
+    if !(fraction > 0.0 && fraction <= 1.0) {
+        return Err(value_error(format!(
+            "the fraction to cover must be above 0 and at most 1, not {fraction}"
+        )));
+    }
+    Ok(CoverSettings { fraction, ..CoverSettings::default() })
 }
 
 /// Lengths, directions, verdicts; given, shortest and longest.

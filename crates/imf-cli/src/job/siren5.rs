@@ -119,7 +119,7 @@ pub fn fresh_model(
     fine_tuned_from: Option<String>,
 ) -> Model {
     let samples = data.shards.samples() as u64;
-    data.shards.manifest().fresh_model(data.scene.clone(), samples, shape, plan, state, fine_tuned_from)
+    data.shards.manifest.fresh_model(data.scene.clone(), samples, shape, plan, state, fine_tuned_from)
 }
 
 impl LatestCheckpoint<Model> {
@@ -138,7 +138,7 @@ impl LatestCheckpoint<Model> {
 
     /// Refuses a checkpoint of another dataset.
     pub(crate) fn require_dataset(&self, data: &Data) -> Result<()> {
-        self.require_same(self.model.record.dataset_crc32 == data.shards.manifest().fingerprint())
+        self.require_same(self.model.record.dataset_crc32 == data.shards.manifest.fingerprint())
     }
 
     fn require_same(&self, same: bool) -> Result<()> {
@@ -247,7 +247,7 @@ pub fn continued(session: &Session, out: &Path, data: &Data, fresh: Model) -> Re
     let same = |found: &Model| {
         found.shape == fresh.shape
             && found.record.plan == fresh.record.plan
-            && found.record.dataset_crc32 == data.shards.manifest().fingerprint()
+            && found.record.dataset_crc32 == data.shards.manifest.fingerprint()
     };
     match latest::<Model>(out) {
         Ok(LatestCheckpoint { model, .. }) if model.is_finished() => Ok(fresh),
