@@ -24,11 +24,14 @@ def box(lower: tuple[float, float, float], upper: tuple[float, float, float]) ->
     return corners.astype(float), np.array(faces)
 
 
+def write_obj(path: Path, vertices: Floats, faces: NDArray[np.int64]) -> None:
+    lines = [f"v {x} {y} {z}" for x, y, z in vertices] + [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in faces]
+    path.write_text("\n".join(lines))
+
+
 def head(folder: Path, lower: tuple[float, float, float], upper: tuple[float, float, float]) -> imf.Tool:
     """A tool that is a cuboid's mesh, of files in a folder."""
-    vertices, faces = box(lower, upper)
-    lines = [f"v {x} {y} {z}" for x, y, z in vertices] + [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in faces]
-    (folder / "head.obj").write_text("\n".join(lines))
+    write_obj(folder / "head.obj", *box(lower, upper))
     (folder / "head.toml").write_text('unit = "mm"\nmesh = "head.obj"\n')
     return imf.Tool.read(folder / "head.toml")
 

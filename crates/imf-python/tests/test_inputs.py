@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import pyvista
-from conftest import CUTTER, box
+from conftest import CUTTER, box, write_obj
 
 import imf
 
@@ -17,16 +17,12 @@ SHIFT = np.eye(4)
 SHIFT[:3, 3] = [100, 0, -20]
 
 
-def write_obj(path: Path) -> Path:
-    lines = [f"v {x} {y} {z}" for x, y, z in CUBE[0]] + [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in CUBE[1]]
-    path.write_text("\n".join(lines) + "\n")
-    return path
-
 
 def test_every_kind_of_mesh_is_the_same_part(mill: imf.Tool, block: imf.Scene, tmp_path: Path) -> None:
     quads = pyvista.Box(bounds=(0, 20, 0, 20, 0, 20), quads=True)
     assert not quads.is_all_triangles
-    path = write_obj(tmp_path / "cube.obj")
+    path = tmp_path / "cube.obj"
+    write_obj(path, *CUBE)
     vertices, faces = CUBE
     for mesh in [
         path,

@@ -76,15 +76,7 @@ class StockLeft:
     @classmethod
     def of(cls, found: dict[str, Any]) -> StockLeft:
         """From the native module's numbers."""
-        return cls(
-            lines=np.array(found["lines"], dtype=np.int64),
-            kinds=found["kinds"],
-            removed=np.array(found["removed"]),
-            removed_of_part=np.array(found["removed_of_part"]),
-            volume=found["volume"],
-            left_beside_part=found["left_beside_part"],
-            farthest_from_part=found["farthest_from_part"],
-            remaining=found["remaining"].view(np.bool_),
-            removed_by_line=found["removed_by_line"],
-            grid=Grid.of(found["grid"]),
-        )
+        own = found | {name: np.array(found[name]) for name in ("removed", "removed_of_part")}
+        own["lines"] = np.array(found["lines"], dtype=np.int64)
+        own |= {"remaining": found["remaining"].view(np.bool_), "grid": Grid.of(found["grid"])}
+        return cls(**own)

@@ -148,18 +148,7 @@ def _collision(line: dict[str, Any], hit: dict[str, Any]) -> Collision:
     if isinstance(against, dict):
         ((kind, name),) = against.items()
         against = f"machine's {name}" if kind == "machine" else name
-    return Collision(
-        line=line["line"],
-        tool=line["tool"],
-        kind=line["kind"],
-        element=hit["element"],
-        against=against,
-        depth=hit["depth"],
-        clearance=hit["clearance"],
-        position=np.array(hit["position"]),
-        axis=np.array(hit["axis"]),
-        contact=np.array(hit["contact"]),
-        joints=hit.get("joints"),
-        fraction=hit["fraction"],
-        volume=hit["volume"],
-    )
+    own: dict[str, Any] = {name: line[name] for name in ("line", "tool", "kind")}
+    own |= {name: hit[name] for name in ("element", "depth", "clearance", "fraction", "volume")}
+    own |= {name: np.array(hit[name]) for name in ("position", "axis", "contact")}
+    return Collision(against=against, joints=hit.get("joints"), **own)
