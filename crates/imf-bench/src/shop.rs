@@ -161,10 +161,8 @@ impl Surface {
         let solid = Arc::new(scene.obstacle.clone());
         let mesh = arguments.part.mesh().transformed(&scene.record.transform);
         let points = arguments.surface_points as usize;
-        let mut samples = SurfaceSamples::new(&mesh, &solid, points).samples;
-        ensure!(samples.len() >= points, "the surface has only {} samples", samples.len());
-        samples.shuffle(&mut ChaCha8Rng::seed_from_u64(0));
-        samples.truncate(points);
+        let samples = drawn(SurfaceSamples::new(&mesh, &solid, points).samples, points);
+        ensure!(samples.len() == points, "the surface has only {} samples", samples.len());
         let directions = OrientationSet::parse(&format!("fibonacci:{}", arguments.directions))?.orientations;
         let tolerance = default_tolerance(grid.pitch, LengthUnit::Mm);
         let [x, y, z] = grid.dims;
@@ -195,6 +193,13 @@ fn voxels(mesh: &Mesh) -> Result<Occupancy> {
     let shift = DVec3::new(0.37, 0.21, 0.13) * PITCH;
     let grid = Grid::with_pitch(lower - shift, upper + shift, PITCH, 1)?;
     Ok(voxelize(mesh, &grid, false))
+}
+
+/// As many as are wanted, the same ones every time.
+fn drawn<T>(mut all: Vec<T>, count: usize) -> Vec<T> {
+    all.shuffle(&mut ChaCha8Rng::seed_from_u64(0));
+    all.truncate(count);
+    all
 }
 
 fn clearance() -> Clearance {

@@ -5,12 +5,9 @@ use imf_cli::session::Session;
 use imf_core::control::Control;
 use imf_core::surface::{SurfaceTool, crib_access, surface_access};
 use imf_core::tool::Tool;
-use rand::SeedableRng as _;
-use rand::seq::SliceRandom as _;
-use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
-use super::{End, ShopArguments, Surface, clearance, mill, table};
+use super::{End, ShopArguments, Surface, clearance, drawn, mill, table};
 use crate::document::Document;
 use crate::measurement::seconds;
 
@@ -42,9 +39,7 @@ impl Row {
             Ok(surface.pool.install(|| crib_access(&tools, samples, directions, Control::quiet()))?)
         };
         let (all_seconds, all) = seconds(|| together(&tools))?;
-        let mut chosen: Vec<usize> = (0..tools.len()).collect();
-        chosen.shuffle(&mut ChaCha8Rng::seed_from_u64(0));
-        chosen.truncate(arguments.alone as usize);
+        let chosen: Vec<usize> = drawn((0..tools.len()).collect(), arguments.alone as usize);
         let (alone_seconds, different) = seconds(|| {
             let mut different = 0;
             for &index in &chosen {

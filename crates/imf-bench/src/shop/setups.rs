@@ -15,13 +15,10 @@ use imf_core::surface::{
     default_tolerance, fewest_setups, reached_in_setups, surface_access,
 };
 use imf_core::unit::LengthUnit;
-use rand::SeedableRng;
-use rand::seq::SliceRandom as _;
-use rand_chacha::ChaCha8Rng;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use serde::Serialize;
 
-use super::{End, PITCH, ShopArguments, THREADS, mill, voxels};
+use super::{End, PITCH, ShopArguments, THREADS, drawn, mill, voxels};
 use crate::document::Document;
 use crate::measurement::seconds;
 use crate::prismatic::prismatic;
@@ -78,10 +75,7 @@ struct SetupCase {
 impl SetupCase {
     fn new(pool: &ThreadPool, mesh: &Mesh, points: usize, directions: &[Orientation]) -> Result<Self> {
         let solid = Arc::new(voxels(mesh)?);
-        let mut samples = SurfaceSamples::new(mesh, &solid, points).samples;
-        // As many as are requested.
-        samples.shuffle(&mut ChaCha8Rng::seed_from_u64(0));
-        samples.truncate(points);
+        let samples = drawn(SurfaceSamples::new(mesh, &solid, points).samples, points);
         let surroundings = CollisionEnvironment::new(&solid.into(), &[]);
         let tool = SurfaceTool::new(
             &surroundings,
