@@ -2,7 +2,7 @@
 
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use imf_fields::model::Model;
@@ -152,17 +152,22 @@ impl Workdir {
     /// Starts the command and presses Ctrl-C as soon as a file is there.
     #[cfg(unix)]
     pub(crate) fn interrupted_once_there_is(&self, file: &str, line: &str) -> Finished {
-        let mut command = self.command(line);
-        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-        let begun = Instant::now();
-        let running = |child: &mut std::process::Child| child.try_wait().unwrap().is_none();
-        while !self.path(file).exists() && running(&mut child) && begun.elapsed() < Duration::from_secs(60) {
-            std::thread::sleep(Duration::from_millis(1));
-        }
-        press_ctrl_c(&child);
+        let mut child = self.command(line).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        self.wait_for(file, &mut child);
+        signal("INT", &child.id().to_string());
         let output = child.wait_with_output().unwrap();
         assert!(self.path(file).exists(), "`imf {line}` never wrote {file}");
         Finished::new(line, &output)
+    }
+
+    /// Waits for a file as long as the process runs, up to a minute.
+    #[cfg(unix)]
+    pub(crate) fn wait_for(&self, file: &str, child: &mut Child) {
+        let begun = Instant::now();
+        let waits = || !self.path(file).exists() && begun.elapsed() < Duration::from_secs(60);
+        while waits() && child.try_wait().unwrap().is_none() {
+            std::thread::sleep(Duration::from_millis(1));
+        }
     }
 
     /// Runs the command, which trains, interrupted as by Ctrl-C after so many of its reports, where it is not done by then.
@@ -180,7 +185,7 @@ impl Workdir {
         let mut said = String::new();
         while !said.contains(words) && messages.read_line(&mut said).unwrap() > 0 {}
         assert!(said.contains(words), "`imf {line}` never said '{words}':\n{said}");
-        press_ctrl_c(&child);
+        signal("INT", &child.id().to_string());
         messages.read_to_string(&mut said).unwrap();
         let mut output = child.wait_with_output().unwrap();
         output.stderr = said.into_bytes();
@@ -189,9 +194,9 @@ impl Workdir {
 }
 
 #[cfg(unix)]
-fn press_ctrl_c(child: &std::process::Child) {
+pub(crate) fn signal(name: &str, process: &str) {
     // The shell's own kill: a program of that name is not everywhere.
-    let kill = format!("kill -INT {}", child.id());
+    let kill = format!("kill -{name} {process}");
     Command::new("sh").args(["-c", &kill]).stderr(Stdio::null()).status().unwrap();
 }
 

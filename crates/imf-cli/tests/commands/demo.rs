@@ -2,8 +2,22 @@
 
 use serde_json::json;
 
-use crate::binary::Workdir;
+use crate::binary::{Finished, Workdir};
 use crate::pipeline::honest;
+
+/// The page is honest and shows its pictures, and each stage had its line, with a rate.
+fn complete(work: &Workdir, demo: &Finished, pictures: &[&str], stages: [&str; 3]) {
+    let page = work.text("demo/report.md");
+    honest(&work.read_json("demo/report.json"), &page);
+    for picture in pictures {
+        work.picture(&format!("demo/{picture}"));
+        assert!(page.contains(picture), "{picture}");
+    }
+    for stage in stages {
+        let line = demo.stderr.lines().find(|line| line.starts_with(stage));
+        assert!(line.is_some_and(|line| line.contains("/s)")), "{stage} in\n{}", demo.stderr);
+    }
+}
 
 #[test]
 fn a_short_demo_fits_distils_and_says_what_the_network_is_worth() {
@@ -13,16 +27,8 @@ fn a_short_demo_fits_distils_and_says_what_the_network_is_worth() {
     assert_eq!((&report["part"], &report["family"]), (&json!("teapot"), &json!("factored")));
     assert_eq!(report["dims"], json!([58, 76, 121]));
     assert!(honest(&report, &demo.stdout), "sixty steps are enough to steer:\n{}", demo.stdout);
-    honest(&report, &work.text("demo/report.md"));
-    for picture in ["sections.png", "imf.png", "errors.png"] {
-        work.picture(&format!("demo/{picture}"));
-        assert!(work.text("demo/report.md").contains(picture), "{picture}");
-    }
-    for stage in ["sections to fit: 464 sections in", "training: 60 steps in", "evaluating: 354 sections in"]
-    {
-        let line = demo.stderr.lines().find(|line| line.starts_with(stage));
-        assert!(line.is_some_and(|line| line.contains("/s)")), "{stage} in\n{}", demo.stderr);
-    }
+    let stages = ["sections to fit: 464 sections in", "training: 60 steps in", "evaluating: 354 sections in"];
+    complete(&work, &demo, &["sections.png", "imf.png", "errors.png"], stages);
     // The field is there to be asked.
     std::fs::write(work.path("poses.csv"), "x,y,z,i,j,k\n0,0,0,0,0,1\n").unwrap();
     work.imf("query demo/field.safetensors poses.csv").done();
@@ -36,18 +42,10 @@ fn a_short_demo_of_the_papers_network_leaves_everything_and_says_what_it_is_wort
     assert_eq!((&report["part"], &report["training_steps"]), (&json!("teapot"), &json!(300)));
     assert_eq!((&report["dims"], &report["training_sections"]), (&json!([29, 38, 61]), &json!(225)));
     honest(&report, &demo.stdout);
-    honest(&report, &work.text("demo/report.md"));
-    for picture in ["sections.png", "imf.png", "errors.png", "loss.png"] {
-        work.picture(&format!("demo/{picture}"));
-        assert!(work.text("demo/report.md").contains(picture), "{picture}");
-    }
+    let stages = ["sampling: 225 sections in", "training: 300 steps in", "evaluating: 355 sections in"];
+    complete(&work, &demo, &["sections.png", "imf.png", "errors.png", "loss.png"], stages);
     let model = work.model("demo/field.safetensors");
     assert_eq!((model.record.steps, model.record.finished), (300, true));
-    // A line for each stage, with a rate.
-    for stage in ["sampling: 225 sections in", "training: 300 steps in", "evaluating: 355 sections in"] {
-        let line = demo.stderr.lines().find(|line| line.starts_with(stage));
-        assert!(line.is_some_and(|line| line.contains("/s)")), "{stage} in\n{}", demo.stderr);
-    }
 }
 
 #[test]

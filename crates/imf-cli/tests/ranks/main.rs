@@ -7,11 +7,10 @@
 #[expect(dead_code, reason = "shared with the tests of one process, which use more of it")]
 mod binary;
 
-use std::io::{BufRead as _, BufReader, Read as _};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use binary::{DATASET, Finished, TRAIN, Workdir, finish};
+use binary::{DATASET, Finished, TRAIN, Workdir, finish, signal};
 use imf_fields::model::Model;
 
 /// The binary that is run.
@@ -106,10 +105,10 @@ fn ctrl_c_saves_once_and_any_number_of_ranks_goes_on() {
     work.imf(&format!("{train} --threads 1 --out whole")).done();
     let whole = work.model("whole/field.safetensors");
     let words = format!("-n 2 imf {train} --mpi --threads 1 --out broken --set checkpoint_every=0.05");
-    let (begun, mut child) = started(&work, &words);
-    await_file(&work, "broken/checkpoint.safetensors", &mut child);
-    signal("INT", &child.id().to_string());
-    let ended = ended(&words, child, begun);
+    let ended = ended(&work, &words, |child| {
+        await_file(&work, "broken/checkpoint.safetensors", child);
+        signal("INT", &child.id().to_string());
+    });
     // The code is mpirun's own after a signal.
     assert!(ended.code != Some(0), "{}", ended.stderr);
     assert_eq!(ended.stderr.matches("is saved in broken/checkpoint").count(), 1, "{}", ended.stderr);
@@ -144,9 +143,7 @@ fn what_fails_on_one_rank_or_on_all_ends_all_with_one_message() {
         (train.replace("train siren5 data", "train siren5 nowhere"), "nowhere/manifest.json"),
         (format!("{train} --memory 1MiB"), "this needs about"),
     ] {
-        let words = format!("-n 3 imf {line} --out out");
-        let (begun, child) = started(&work, &words);
-        let ended = ended(&words, child, begun);
+        let ended = ended(&work, &format!("-n 3 imf {line} --out out"), |_| ());
         let said = errors(&ended.stderr);
         assert!(ended.code != Some(0) && said.len() == 1 && said[0].contains(word), "{}", ended.stderr);
     }
@@ -156,30 +153,28 @@ fn what_fails_on_one_rank_or_on_all_ends_all_with_one_message() {
         (format!("{train} --memory 1MiB"), "memory"),
     ] {
         let words = format!("-n 1 imf {train} --out out : -n 1 imf {second} --out out");
-        let (begun, child) = started(&work, &words);
-        let ended = ended(&words, child, begun);
+        let ended = ended(&work, &words, |_| ());
         let said = errors(&ended.stderr);
         assert!(ended.code != Some(0) && said.iter().any(|said| said.contains(word)), "{}", ended.stderr);
     }
     // One is killed, or told to stop, in the middle of training.
     for (name, code) in [("KILL", None), ("TERM", Some(130))] {
         let words = format!("-n 2 imf {train} --out {name} --set checkpoint_every=0.05");
-        let (begun, mut child) = started(&work, &words);
         let checkpoint = format!("{name}/checkpoint.safetensors");
-        await_file(&work, &checkpoint, &mut child);
-        let list = format!("/proc/{0}/task/{0}/children", child.id());
-        let ranks = std::fs::read_to_string(list).unwrap();
-        let last = ranks.split_whitespace().last().expect("ranks are children of mpirun");
-        signal(name, last);
-        let ended = ended(&words, child, begun);
+        let ended = ended(&work, &words, |child| {
+            await_file(&work, &checkpoint, child);
+            let list = format!("/proc/{0}/task/{0}/children", child.id());
+            let ranks = std::fs::read_to_string(list).unwrap();
+            let last = ranks.split_whitespace().last().expect("ranks are children of mpirun");
+            signal(name, last);
+        });
         assert!(ended.code != Some(0), "{}", ended.stderr);
         assert!(code.is_none() || ended.code == code, "{:?}\n{}", ended.code, ended.stderr);
         assert!(work.model(&checkpoint).record.steps > 0);
     }
     // Without the flag each would train by itself.
     let words = format!("-n 2 imf {} --out out", train.replace("--mpi", ""));
-    let (begun, child) = started(&work, &words);
-    assert!(ended(&words, child, begun).stderr.contains("add --mpi"));
+    assert!(ended(&work, &words, |_| ()).stderr.contains("add --mpi"));
     assert!(!work.path("out/checkpoint.safetensors").exists());
 }
 
@@ -206,23 +201,17 @@ fn ranks_with_unlike_memory_read_a_large_dataset_in_one_order() {
     assert!(work.model("again/field.safetensors").state == of_groups.state);
 }
 
-/// Starts `mpirun`; when that was, and the process.
-fn started(work: &Workdir, words: &str) -> (Instant, Child) {
-    let child = mpirun(work, words).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-    (Instant::now(), child)
-}
-
 /// Waits for a file that the child writes.
 fn await_file(work: &Workdir, file: &str, child: &mut Child) {
-    let begun = Instant::now();
-    while !work.path(file).exists() && child.try_wait().unwrap().is_none() && begun.elapsed() < AT_ONCE {
-        std::thread::sleep(Duration::from_millis(1));
-    }
+    work.wait_for(file, child);
     assert!(work.path(file).exists(), "{file} was never written");
 }
 
-/// Waits for the end, which must come soon.
-fn ended(words: &str, mut child: Child, begun: Instant) -> Finished {
+/// Runs `mpirun`, with something done to it on the way, to its end, which must come soon.
+fn ended(work: &Workdir, words: &str, on_the_way: impl FnOnce(&mut Child)) -> Finished {
+    let begun = Instant::now();
+    let mut child = mpirun(work, words).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    on_the_way(&mut child);
     let (finished, late) = std::sync::mpsc::channel::<()>();
     let id = child.id().to_string();
     let watch = std::thread::spawn(move || {
@@ -230,19 +219,9 @@ fn ended(words: &str, mut child: Child, begun: Instant) -> Finished {
             signal("KILL", &id);
         }
     });
-    let mut messages = BufReader::new(child.stderr.take().unwrap());
-    let mut said = String::new();
-    while messages.read_line(&mut said).unwrap() > 0 {}
-    messages.read_to_string(&mut said).unwrap();
-    let mut output = child.wait_with_output().unwrap();
+    let output = child.wait_with_output().unwrap();
     let _ = finished.send(());
     watch.join().unwrap();
-    output.stderr = said.into_bytes();
     assert!(begun.elapsed() < 2 * AT_ONCE, "`mpirun {words}` did not end by itself");
     Finished::new(words, &output)
-}
-
-fn signal(name: &str, process: &str) {
-    // The shell's own kill: a program of that name is not everywhere.
-    Command::new("sh").args(["-c", &format!("kill -{name} {process}")]).status().unwrap();
 }
