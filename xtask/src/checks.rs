@@ -149,6 +149,13 @@ pub(crate) fn cargo_command() -> Command {
     command
 }
 
+/// Whether a program succeeds; what it says is not shown.
+pub(crate) fn works(program: &str, arguments: &[&str]) -> bool {
+    let mut command = Command::new(program);
+    command.args(arguments).stdout(Stdio::null()).stderr(Stdio::null());
+    command.status().is_ok_and(|status| status.success())
+}
+
 /// Runs a command with its output shown as it comes.
 ///
 /// # Errors

@@ -1,11 +1,9 @@
 //! `cargo xtask mpi`: what needs an MPI library, where there is one: the build with the feature `mpi`, and its tests, which
 //! start several ranks by `mpirun`. Not part of `cargo xtask test`, so that nobody else needs MPI.
 
-use std::process::{Command, Stdio};
-
 use anyhow::{Result, ensure};
 
-use crate::checks::cargo;
+use crate::checks::{cargo, works};
 
 const DEBIAN_INSTALL: &str =
     "apt-get install -y --no-install-recommends openmpi-bin libopenmpi-dev libclang-dev";
@@ -15,14 +13,9 @@ const DEBIAN_INSTALL: &str =
 /// # Errors
 /// No MPI, or the first thing that fails.
 pub(crate) fn run() -> Result<()> {
-    let is_there = |program: &str| {
-        let mut command = Command::new(program);
-        command.arg("--version").stdout(Stdio::null()).stderr(Stdio::null());
-        command.status().is_ok_and(|status| status.success())
-    };
     for program in ["mpirun", "mpicc"] {
         ensure!(
-            is_there(program),
+            works(program, &["--version"]),
             "{program} is not found: install MPI and libclang, on Debian and Ubuntu by\n    sudo {DEBIAN_INSTALL}"
         );
     }

@@ -3,12 +3,12 @@
 //! The page itself is made by the module `page`, with the feature of that name.
 
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::Command;
 
 use anyhow::{Context as _, Result, bail};
 
 use crate::browser;
-use crate::checks::{cargo, cargo_command, run_shown};
+use crate::checks::{cargo, cargo_command, run_shown, works};
 use crate::{root, target};
 
 /// The target of browsers, where there are no threads and no files.
@@ -28,11 +28,6 @@ impl Toolchain {
     /// # Errors
     /// None; the error says what to type.
     pub(crate) fn find() -> Result<Self> {
-        let works = |program: &str, arguments: &[&str]| {
-            let mut command = Command::new(program);
-            command.args(arguments).stdout(Stdio::null()).stderr(Stdio::null());
-            command.status().is_ok_and(|status| status.success())
-        };
         if works("rustup", &["target", "add", TARGET]) {
             return Ok(Self::Default);
         }

@@ -9,6 +9,7 @@ use imf_core::surface::{
 use wasm_bindgen::JsError;
 use wasm_bindgen::prelude::wasm_bindgen;
 
+use crate::part::corners;
 use crate::scene::PartScene;
 
 /// The surface of a part, cut into triangles of about the same size, and the verdict on each.
@@ -62,8 +63,7 @@ impl SurfaceAccess {
     /// Three corners of each triangle.
     #[must_use]
     pub fn corners(&self) -> Vec<f32> {
-        // Every triangle has vertices of its own.
-        self.samples.mesh.vertices.iter().flat_map(|corner| corner.as_vec3().to_array()).collect()
+        corners(&self.samples.mesh)
     }
 
     /// By triangle: 0 reached, 1 something is in the way, 2 the cutter does not fit, 3 no direction faces it.

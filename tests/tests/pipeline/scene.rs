@@ -11,7 +11,7 @@ use imf_train::dataset::{self, Manifest};
 use imf_train::samples::Samples;
 
 /// A seventh of the paper's grid of the bracket: 1,764 voxels of 7 mm, no side a multiple of a tile.
-pub(crate) const SMALL: [usize; 3] = [7, 21, 12];
+const SMALL: [usize; 3] = [7, 21, 12];
 
 /// A reference part under the paper's tool.
 pub(crate) fn scene(part: ReferencePart, dims: [usize; 3]) -> Scene {

@@ -6,6 +6,7 @@ use std::ptr::{null, null_mut};
 use imf_c::*;
 use imf_core::glam::{DQuat, DVec3};
 use imf_core::mesh::Mesh;
+use imf_core::mesh::write::write_obj;
 use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
 use imf_core::pose::Pose;
@@ -64,13 +65,7 @@ fn a_world_of_meshes_is_answered_as_in_rust() {
     };
     let here = of(&Pose::new(DVec3::ZERO, DQuat::IDENTITY));
     let obj = folder.path().join("bracket.obj");
-    let text: String = mesh
-        .vertices
-        .iter()
-        .map(|v| format!("v {} {} {}\n", v.x, v.y, v.z))
-        .chain(mesh.triangles.iter().map(|t| format!("f {} {} {}\n", t[0] + 1, t[1] + 1, t[2] + 1)))
-        .collect();
-    std::fs::write(&obj, text).unwrap();
+    write_obj(&mesh, &obj, "").unwrap();
     let obj = CString::new(obj.to_str().unwrap()).unwrap();
     let all = poses();
     let in_c: Vec<ImfPose> = all.iter().map(of).collect();
