@@ -6,35 +6,24 @@
 //! 3D sections count the same, because only the tool's voxels of that layer can meet a part that is one layer thick.
 
 use glam::DVec3;
+use imf_cli::picture::Axes;
+use imf_cli::slices;
 use imf_core::grid::Grid;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::Orientation;
 use imf_core::section::{SectionError, SectionPlan, SectionScratch, overlap_fraction};
 use imf_core::tool::{Tool, ToolError, ToolVoxels};
+use imf_core::unit::LengthUnit;
 
 /// The layer `index` at right angles to `axis` as a part of its own: the other two axes in their order become x and y.
 ///
 /// # Panics
 /// If the layer does not exist.
 pub(crate) fn layer(part: &Occupancy, axis: usize, index: usize) -> Occupancy {
-    let [first, second] = match axis {
-        0 => [1, 2],
-        1 => [0, 2],
-        _ => [0, 1],
-    };
-    assert!(index < part.grid.dims[axis], "layer {index} of {}", part.grid.dims[axis]);
-    let dims = [part.grid.dims[first], part.grid.dims[second], 1];
-    let origin = DVec3::new(part.grid.origin[first], part.grid.origin[second], 0.0);
-    let grid = Grid { origin, pitch: part.grid.pitch, dims };
-    let mut solid = Vec::with_capacity(grid.len());
-    for a in 0..dims[0] {
-        for b in 0..dims[1] {
-            let mut voxel = [index; 3];
-            (voxel[first], voxel[second]) = (a, b);
-            solid.push(part.solid[part.grid.index(voxel)]);
-        }
-    }
-    Occupancy { grid, solid }
+    let voxels = slices::mask(part, axis, index);
+    let Axes { start: [x, y], pitch, .. } = slices::axes(&part.grid, LengthUnit::Mm, axis);
+    let grid = Grid { origin: DVec3::new(x, y, 0.0), pitch, dims: [voxels.nrows(), voxels.ncols(), 1] };
+    Occupancy { grid, solid: voxels.into_iter().collect() }
 }
 
 /// The tool in the plane at θ.

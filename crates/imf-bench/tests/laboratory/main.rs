@@ -10,6 +10,9 @@ mod paper;
 mod query;
 mod recipe;
 mod refusals;
+#[path = "../../../imf-cli/tests/commands/shapes.rs"]
+#[expect(dead_code, reason = "the tests of imf use more of it")]
+mod shapes;
 mod shop;
 
 /// The binary that is run.

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 
 use crate::binary::Workdir;
+use crate::shapes::cuboid;
 
 /// A built-in recipe with the part at about a seventh of its grid, a network that a step takes well under a millisecond, and few questions.
 fn tiny(recipe: &str, more: &str) -> String {
@@ -216,23 +217,18 @@ fn wrong_recipes_are_refused_before_the_first_training() {
 #[test]
 fn a_model_of_another_training_or_of_a_newer_program_is_not_overwritten() {
     let work = Workdir::new();
-    let mesh = |height: f64| {
-        // A box; only its voxels differ.
-        let corner =
-            |i: usize| format!("v {} {} {}\n", 30 * (i & 1), 30 * (i >> 1 & 1), height * (i >> 2) as f64);
-        let faces = ["1 3 4 2", "5 6 8 7", "1 2 6 5", "3 7 8 4", "1 5 7 3", "2 4 8 6"];
-        (0..8).map(corner).collect::<String>() + &faces.map(|f| format!("f {f}\n")).concat()
-    };
-    work.write("box.obj", mesh(24.0));
+    // Only its voxels differ.
+    let mesh = |height| cuboid([0; 3], [30, 30, height], 0);
+    work.write("box.obj", mesh(24));
     let line = few("single", 40, "--part box.obj --set scene.pitch=6 --set scene.scale=1 --out out");
     work.imf(&line).done();
     let file = "out/stages/main/field.safetensors";
     let mut model = work.bytes(file);
-    work.write("box.obj", mesh(36.0));
+    work.write("box.obj", mesh(36));
     work.imf(&line).refused(&["part, grid or tool", "--out", "remove out/stages/main"]);
     assert_eq!(work.bytes(file), model);
 
-    work.write("box.obj", mesh(24.0));
+    work.write("box.obj", mesh(24));
     let (version, newer) = (br#"\"version\":1"#, br#"\"version\":9"#);
     let at = model.windows(version.len()).position(|window| window == version).unwrap();
     model[at..at + newer.len()].copy_from_slice(newer);
