@@ -244,10 +244,9 @@ fn element(kind: ElementKind) -> i32 {
 impl From<Option<Distance>> for ImfDistance {
     fn from(found: Option<Distance>) -> Self {
         let Some(found) = found else {
-            let (lower, upper) = (f64::INFINITY, f64::INFINITY);
             return Self {
-                lower,
-                upper,
+                lower: f64::INFINITY,
+                upper: f64::INFINITY,
                 tool_point: [f64::NAN; 3],
                 obstacle_point: [f64::NAN; 3],
                 element: -1,

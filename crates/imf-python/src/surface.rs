@@ -92,9 +92,8 @@ pub(crate) fn access<'py>(
         })?;
         let tool = SurfaceTool::new(&environment, &assembly, tolerance)?;
         let access = surface_access(&tool, &samples.samples, &set.orientations, control)?;
-        let reached = access.reach.iter().zip(&samples.samples);
-        let reached = reached.filter(|(reach, _)| matches!(reach, SampleReach::Reached { .. }));
-        Ok::<_, Failure>(reached.map(|(_, sample)| sample.area).sum::<f64>() / samples.area())
+        let reached = |at: usize| matches!(access.reach[at], SampleReach::Reached { .. });
+        Ok::<_, Failure>(samples.fraction(reached))
     })?;
     let scene = scene.clone().unbind();
     Ok(Surface { scene, set, suggested, environment, assembly, tolerance, samples, tool, access, coarse })
