@@ -8,7 +8,6 @@ use glam::{DMat4, DVec3};
 use imf_cli::session::Session;
 use imf_core::check::{CheckBodies, CheckReport, CheckSettings, MachineBodies, check_toolpath};
 use imf_core::control::Control;
-
 use imf_core::machine::Machine;
 use imf_core::occupancy::Occupancy;
 use imf_core::parts::ReferencePart;

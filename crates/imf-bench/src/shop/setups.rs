@@ -5,7 +5,6 @@ use std::sync::Arc;
 use anyhow::Result;
 use imf_cli::session::Session;
 use imf_core::control::Control;
-
 use imf_core::mesh::Mesh;
 use imf_core::orientation::{Limits, Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;

@@ -2,7 +2,7 @@
 
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use imf_fields::model::Model;
@@ -162,7 +162,7 @@ impl Workdir {
 
     /// Waits for a file as long as the process runs, up to a minute.
     #[cfg(unix)]
-    pub(crate) fn wait_for(&self, file: &str, child: &mut Child) {
+    pub(crate) fn wait_for(&self, file: &str, child: &mut std::process::Child) {
         let begun = Instant::now();
         let waits = || !self.path(file).exists() && begun.elapsed() < Duration::from_secs(60);
         while waits() && child.try_wait().unwrap().is_none() {
