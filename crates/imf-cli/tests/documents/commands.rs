@@ -3,6 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
+use rayon::prelude::*;
+
 use crate::markdown::{Block, Page};
 use crate::{guide, root};
 
@@ -13,46 +15,60 @@ const NOT_RUN: usize = 10;
 /// Languages of blocks that are read and not run here; the tests of the Python package run its chapter.
 const READ: [&str; 5] = ["text", "toml", "csv", "yaml", "python"];
 
+/// What became of the blocks of a page.
+#[derive(Default)]
+struct Outcome {
+    faults: Vec<String>,
+    ran: usize,
+    left_out: usize,
+}
+
 #[test]
 fn every_command_runs_and_prints_what_is_shown() {
-    let mut faults = vec![];
-    let mut left_out = 0;
-    let mut ran = 0;
     let others = ["README.md", "crates/imf-cli/src/lib.rs"].map(String::from);
-    for name in guide().into_iter().map(|page| format!("docs/{page}")).chain(others) {
-        let path = root().join(&name);
-        let text = std::fs::read_to_string(&path).unwrap();
-        let page = Page::parse(&path, &if name.ends_with(".rs") { crate_docs(&text) } else { text });
-        let folder = tempfile::tempdir().unwrap();
-        let mut blocks = page.blocks.iter().peekable();
-        while let Some(block) = blocks.next() {
-            let place = format!("{name}:{}", block.line);
-            match (block.language.as_str(), comment(block)) {
-                ("sh", Some(("not run", reason))) if !reason.is_empty() => left_out += 1,
-                ("sh", None | Some(("exit code", _))) => {
-                    let code = comment(block).map_or(0, |(_, code)| code.parse().unwrap());
-                    let shown = blocks.next_if(|next| next.language == "text" && next.comment.is_none());
-                    ran += 1;
-                    if let Err(fault) = run(folder.path(), &block.text, code, shown) {
-                        faults.push(format!("{place}: {fault}"));
-                    }
+    let pages: Vec<String> = guide().into_iter().map(|page| format!("docs/{page}")).chain(others).collect();
+    let outcomes: Vec<Outcome> = pages.par_iter().with_max_len(1).map(|page| run_page(page)).collect();
+    let faults: Vec<&str> = outcomes.iter().flat_map(|page| &page.faults).map(String::as_str).collect();
+    assert!(faults.is_empty(), "{}", faults.join("\n\n"));
+    let ran: usize = outcomes.iter().map(|page| page.ran).sum();
+    assert!(ran >= 15, "only {ran} blocks were run");
+    assert_eq!(outcomes.iter().map(|page| page.left_out).sum::<usize>(), NOT_RUN, "blocks that are not run");
+}
+
+/// Runs a page's blocks, one after the other in a fresh folder.
+fn run_page(name: &str) -> Outcome {
+    let mut outcome = Outcome::default();
+    let path = root().join(name);
+    let text = std::fs::read_to_string(&path).unwrap();
+    let page = Page::parse(&path, &if name.ends_with(".rs") { crate_docs(&text) } else { text });
+    let folder = tempfile::tempdir().unwrap();
+    let mut blocks = page.blocks.iter().peekable();
+    while let Some(block) = blocks.next() {
+        let place = format!("{name}:{}", block.line);
+        match (block.language.as_str(), comment(block)) {
+            ("sh", Some(("not run", reason))) if !reason.is_empty() => outcome.left_out += 1,
+            ("sh", None | Some(("exit code", _))) => {
+                let code = comment(block).map_or(0, |(_, code)| code.parse().unwrap());
+                let shown = blocks.next_if(|next| next.language == "text" && next.comment.is_none());
+                outcome.ran += 1;
+                if let Err(fault) = run(folder.path(), &block.text, code, shown) {
+                    outcome.faults.push(format!("{place}: {fault}"));
                 }
-                ("rust", None) => {
-                    faults.extend(not_a_doctest(&name).map(|fault| format!("{place}: {fault}")));
-                }
-                (language, Some(("file", file))) if READ.contains(&language) => {
-                    std::fs::write(folder.path().join(file), &block.text).unwrap();
-                }
-                (language, None | Some(("read", _))) if READ.contains(&language) => {}
-                (language, comment) => {
-                    faults.push(format!("{place}: a block of '{language}' with the comment {comment:?}"));
-                }
+            }
+            ("rust", None) => {
+                outcome.faults.extend(not_a_doctest(name).map(|fault| format!("{place}: {fault}")));
+            }
+            (language, Some(("file", file))) if READ.contains(&language) => {
+                std::fs::write(folder.path().join(file), &block.text).unwrap();
+            }
+            (language, None | Some(("read", _))) if READ.contains(&language) => {}
+            (language, comment) => {
+                let fault = format!("{place}: a block of '{language}' with the comment {comment:?}");
+                outcome.faults.push(fault);
             }
         }
     }
-    assert!(faults.is_empty(), "{}", faults.join("\n\n"));
-    assert!(ran >= 15, "only {ran} blocks were run");
-    assert_eq!(left_out, NOT_RUN, "blocks that are not run");
+    outcome
 }
 
 /// The documentation at the top of a Rust file.

@@ -48,14 +48,20 @@ fn a_pose_is_reached_where_some_angles_within_the_ranges_are_free_of_all_contact
             let (mut free, mut near) = (Vec::new(), false);
             for rotary in angles {
                 let joints = Joints { linear: machine.linear(tip, &rotary, 20.0), rotary };
-                let within = machine.out_of_travel(&joints).is_none();
-                let mut deepest = f64::NEG_INFINITY;
-                for pair in pairs.iter().filter(others) {
-                    deepest = pair.depths(&machine, &joints).fold(deepest, f64::max);
+                if machine.out_of_travel(&joints).is_some() {
+                    continue;
                 }
-                let swings = on_table::swings(&still, &machine, &part, rotary);
-                free.extend((within && deepest < 0.0 && !swings).then_some(rotary));
-                near |= within && deepest.abs() < 1e-6;
+                // One centre in contact is enough.
+                let mut depths = pairs.iter().filter(others).flat_map(|pair| pair.depths(&machine, &joints));
+                let mut deepest = f64::NEG_INFINITY;
+                while deepest < 1e-6
+                    && let Some(depth) = depths.next()
+                {
+                    deepest = deepest.max(depth);
+                }
+                let is_free = deepest < 0.0 && !on_table::swings(&still, &machine, &part, rotary);
+                free.extend(is_free.then_some(rotary));
+                near |= deepest.abs() < 1e-6;
             }
             if !near {
                 assert_eq!(reach.reaches(tip, axis), !free.is_empty(), "{} {tip} {axis}", machine.name);
