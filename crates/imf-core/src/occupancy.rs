@@ -53,12 +53,15 @@ impl Occupancy {
     }
 
     /// The same voxels on the smallest grid that holds the solid ones; on one empty voxel where none is.
-    pub(crate) fn cropped(&self) -> Self {
+    pub(crate) fn cropped(self) -> Self {
         let (low, high) = self.extent().unwrap_or_default();
         let origin = self.grid.origin + DVec3::from_array(low.map(|v| v as f64)) * self.grid.pitch;
         let dims = [0, 1, 2].map(|axis| high[axis] - low[axis] + 1);
+        if dims == self.grid.dims {
+            return self;
+        }
         // The grids' voxels coincide.
-        self.on(&Grid { origin, dims, ..self.grid }).unwrap_or_else(|| self.clone())
+        self.on(&Grid { origin, dims, ..self.grid }).unwrap_or(self)
     }
 
     /// Adds the solid voxels of another occupancy whose grid has the same voxels; those outside this grid are left
@@ -193,8 +196,8 @@ mod tests {
         assert_eq!(one.extent(), None);
         one.solid[grid.index([1, 2, 3])] = 1;
         assert_eq!(one.extent(), Some(([1, 2, 3], [1, 2, 3])));
-        assert_eq!(one.cropped().solid, [1]);
-        assert_eq!(one.cropped().on(&grid), Some(one.clone()));
+        assert_eq!(one.clone().cropped().solid, [1]);
+        assert_eq!(one.clone().cropped().on(&grid), Some(one.clone()));
         assert_eq!(Occupancy::empty(grid).cropped().solid, [0]);
         let mut both = occupancy.clone();
         both.add(&one);

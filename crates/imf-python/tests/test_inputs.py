@@ -17,7 +17,6 @@ SHIFT = np.eye(4)
 SHIFT[:3, 3] = [100, 0, -20]
 
 
-
 def test_every_kind_of_mesh_is_the_same_part(mill: imf.Tool, block: imf.Scene, tmp_path: Path) -> None:
     quads = pyvista.Box(bounds=(0, 20, 0, 20, 0, 20), quads=True)
     assert not quads.is_all_triangles

@@ -1,6 +1,6 @@
 //! Tables of exact sections at an angle grid, with linear interpolation: the baseline that uses memory alone.
 
-use anyhow::Result;
+use anyhow::{Result, ensure};
 use imf_core::control::Control;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::section::{SectionPlan, sections};
@@ -23,8 +23,9 @@ impl SectionTable {
     /// Computes the n × n sections of `grid:n`, n at least 3. One unit of progress is one section.
     ///
     /// # Errors
-    /// A failed section, or cancellation.
+    /// Fewer directions, a failed section, or cancellation.
     pub(crate) fn new(plan: &SectionPlan, n: usize, control: Control<'_>) -> Result<Self> {
+        ensure!(n >= 3, "a turn needs at least three steps, not {n}");
         let orientations = OrientationSet::parse(&format!("grid:{n}"))?.orientations;
         let sections = sections(plan, &orientations, control)?;
         Ok(Self { n, orientations, sections })

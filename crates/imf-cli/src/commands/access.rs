@@ -130,7 +130,7 @@ fn find(session: &Session, run: &AccessRun) -> Result<Findings> {
         });
         at_fixtures.push(found.transpose()?);
         tools.push(access);
-        if let Some(stock) = run.stock.as_ref().filter(|_| assembly.tool().has_cutter()) {
+        if let Some(stock) = &run.stock {
             // Each orientation twice: tips on voxel centres, and anywhere.
             let name = format!("removable, {}", tool.name);
             swept.push(session.staged(&name, "sections", 2 * count, |control| {

@@ -241,7 +241,9 @@ impl SolidField {
                 let placed = self.voxel_pose(tip, axis);
                 self.bodies_collide(bodies, placed, free_ball, pieces, |_| Lines::ALL, last)
             }
-            Shape::Definition(..) => self.collides(&Pose::along(tip, axis)),
+            Shape::Definition(tool, oriented) => {
+                self.definition_count(tool, oriented, &Pose::along(tip, axis)) > 0
+            }
         }
     }
 

@@ -159,8 +159,8 @@ fn between(p: DVec3, q: DVec3, d: DVec3, is_pole: bool) -> Vec<DVec3> {
     let (of_p, of_q) = (p.dot(d), q.z);
     let (x, y) = ((of_p - cosine * of_q) / squared, (of_q - cosine * of_p) / squared);
     let rest = 1.0 - (x * x + y * y + 2.0 * x * y * cosine);
-    // At the end of the reach the two branches meet; rounding is not a reason to miss it.
-    if rest < -1e-12 {
+    // Parallel axes have none. At the end of the reach the two branches meet; rounding is not a reason to miss it.
+    if squared == 0.0 || rest < -1e-12 {
         return Vec::new();
     }
     let out = (rest.max(0.0) / squared).sqrt();

@@ -69,7 +69,7 @@ pub(super) fn mean(counts: &[u32], starts: &[(usize, f64)], z: usize) -> f32 {
     (mean as f32).clamp(0.0, 1.0)
 }
 
-/// The collision measure of `shared` common voxels of a tool that has `normaliser`, rounded as every section is.
+/// The collision measure of `count` common voxels of a tool that has `normaliser`, rounded as every section is.
 #[inline]
 #[must_use]
 pub fn overlap_fraction(count: u32, normaliser: u32) -> f32 {

@@ -3,8 +3,7 @@
 use glam::DVec3;
 
 use crate::mesh::Mesh;
-use crate::mesh::topology::{EdgeUse, neighbours, runs, sorted_edges};
-use crate::mesh::topology::{boundary_chain, component_count};
+use crate::mesh::topology::{EdgeUse, boundary_chain, component_count, neighbours, runs, sorted_edges};
 use crate::occupancy::Occupancy;
 use crate::parallel;
 

@@ -131,9 +131,20 @@ mod tests {
         for text in ["ac:-30:120:-50:170", "bc:-90:20:20:360", "ac:0:90:-720:-300"] {
             let limits = Limits::parse(text).unwrap();
             let Limits::Rotary { tilting, tilt, turn } = limits else { panic!() };
+            // The first whole turn from the range's beginning on.
+            let holds = |range: [f64; 2], angle: f64| {
+                let first = ((range[0] - SLACK - angle) / 360.0).ceil();
+                angle + 360.0 * first <= range[1] + SLACK
+            };
+            let by_definition = |direction: DVec3| {
+                let flat = direction.x.hypot(direction.y) < FLAT;
+                let held = |[a, c]: [f64; 2]| holds(tilt, a) && (flat || holds(turn, c));
+                branches(tilting, direction).into_iter().any(held)
+            };
             for direction in set("axes+fibonacci:300").iter().map(Orientation::direction) {
                 let angles = limits.angles(direction, SLACK);
                 assert_eq!(angles.is_some(), limits.reach(direction), "{text} {direction}");
+                assert_eq!(angles.is_some(), by_definition(direction), "{text} {direction}");
                 let Some([a, c]) = angles else { continue };
                 assert!((tilt[0]..=tilt[1]).contains(&a) && (turn[0]..=turn[1]).contains(&c));
                 let tilted = match tilting {
