@@ -149,7 +149,7 @@ impl MachineReach {
         self.angles(tip, axis).is_some()
     }
 
-    /// The rotary angles at which it does, in degrees and in the order of [`Machine::rotary`]: the first solution
+    /// The rotary angles at which it does, in degrees and in the order of [`Machine::rotary`](crate::machine::Machine::rotary): the first solution
     /// that does, in the machine's order of preference.
     #[must_use]
     pub fn angles(&self, tip: DVec3, axis: DVec3) -> Option<[f64; 2]> {
