@@ -1,7 +1,6 @@
 //! Samples of the exact field in memory, as training reads them: voxel, section, value.
 //!
-//! A sample takes [`Samples::BYTES_PER_SAMPLE`], a section [`Samples::BYTES_PER_SECTION`]; room that is reserved with
-//! [`Samples::with_capacity`] is all that is taken.
+//! A sample takes [`Samples::BYTES_PER_SAMPLE`], a section some more; room that is reserved beforehand is all that is taken.
 
 use imf_core::grid::Grid;
 use imf_fields::siren::{INPUTS, features};

@@ -140,7 +140,7 @@ impl Shards {
     /// Reads all shards.
     ///
     /// # Errors
-    /// As [`Self::read_into`].
+    /// A damaged shard, or cancellation between two shards once `cancelled` is set.
     pub fn read_all(&self, cancelled: &AtomicBool) -> Result<Samples, DatasetError> {
         let mut samples = self.room_for(1);
         self.read_into(&mut Vec::new(), &mut samples, cancelled, &|_, _| true)?;
