@@ -111,6 +111,7 @@ impl GpuTrainer {
         let [parameters, first_moment, second_moment, gradient, partials, upload] = [(); 6].map(|()| next());
         let [samples, targets, row_losses, losses, results] = [(); 5].map(|()| next());
         let [signals, deltas] = [(); 2].map(|()| layout.layers.iter().map(|_| next()).collect());
+        assert!(allocated.next().is_none(), "as many as are planned");
         let step = uniform(gpu, "step", &Step::default())?;
         let buffers = Buffers {
             step,

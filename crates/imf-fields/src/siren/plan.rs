@@ -231,7 +231,7 @@ mod tests {
 
     #[test]
     fn pieces_tile_the_parameters_in_order() {
-        let skips = [None, Some(1), Some(2), Some(3), Some(9)];
+        let skips = [None, Some(1), Some(2), Some(3), Some(4), Some(9)];
         for (width, skip_after) in
             [1, 7, 37, 64, 130, 512].into_iter().flat_map(|w| skips.map(|skip| (w, skip)))
         {
@@ -246,6 +246,9 @@ mod tests {
                     end = piece.range.end;
                 }
                 assert_eq!(end, stack.parameter_count());
+                for layer in &plan.layers {
+                    assert_eq!(layer.biases, layer.weights + layer.inputs * layer.outputs);
+                }
             }
         }
     }

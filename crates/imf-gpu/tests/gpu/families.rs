@@ -31,7 +31,7 @@ fn specs() -> [Spec; 2] {
     [Spec::new(directions, 7, 21, Quantity::Overlap), Spec::new(directions, 16, 70, Quantity::Depth)]
 }
 
-/// Values, gradients and decisions, also at the poles; minima over a set; and the same from buffers of the device.
+/// Values, gradients and decisions, also at the poles, the same from buffers of the device; and minima over a set.
 fn compare_all(set: &str, factored: &[FieldFile], harmonic: &[Arc<HarmonicFile>]) {
     let harmonic = harmonic.iter().map(|file| FieldFile::Harmonic(file.clone()));
     for file in factored.iter().cloned().chain(harmonic) {
@@ -52,7 +52,10 @@ fn fields_over_directions_are_answered_as_on_the_cpu() {
         spec(7, 21, Quantity::Overlap).harmonic(StoragePrecision::F16),
         spec(9, 70, Quantity::Depth).harmonic(StoragePrecision::F32),
     ];
-    compare_all("fibonacci:40", &specs().map(|spec| spec.factored_file(true)), &harmonic);
+    // And 100 functions, which are padded while the axes fit into a tile.
+    let more = [spec(7, 21, Quantity::Depth), spec(9, 30, Quantity::Overlap)];
+    let factored: Vec<_> = specs().into_iter().chain(more).map(|spec| spec.factored_file(true)).collect();
+    compare_all("fibonacci:40", &factored, &harmonic);
 }
 
 /// A point a little off the middle of the grid, in what single precision holds: device and CPU then agree about which side of

@@ -1,4 +1,4 @@
-//! One partition of a dataset: which shards a machine makes when several make it together.
+//! How a dataset is cut up, and which shards a machine makes when several make it together.
 
 use std::fmt;
 use std::str::FromStr;
