@@ -44,8 +44,8 @@ pub enum RemovableError {
 
 /// The cutter of a tool alone, in the tool's frame.
 fn cutter_of(tool: &Tool) -> Result<Tool, RemovableError> {
-    let elements = if let ToolShape::Revolved(elements) = &tool.shape { &elements[..] } else { &[] };
-    let cutters: Vec<_> = elements.iter().filter(|e| e.kind == ElementKind::Cutter).cloned().collect();
+    let cutters = tool.elements().iter().filter(|e| e.kind == ElementKind::Cutter);
+    let cutters: Vec<_> = cutters.cloned().collect();
     if cutters.is_empty() {
         return Err(RemovableError::NoCutter(tool.name.clone()));
     }

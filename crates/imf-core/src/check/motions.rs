@@ -6,7 +6,7 @@ use super::{CheckError, CheckSettings, Collision, LineFault};
 use crate::machine::{Machine, MachineMotion};
 use crate::occupancy::Occupancy;
 use crate::pose::{Pose, StraightMotion};
-use crate::tool::{Element, Segment, Tool, ToolShape};
+use crate::tool::{Element, Segment, Tool};
 use crate::toolpath::{CutterStatement, Location, MoveKind, Toolpath};
 
 /// More poses than this on one motion are a slip of units.
@@ -123,13 +123,12 @@ struct Round {
 impl Round {
     /// Of every element; none of a mesh.
     fn of(tool: &Tool, room: f64) -> Vec<Self> {
-        let ToolShape::Revolved(elements) = &tool.shape else { return Vec::new() };
         let of = |element: &Element| {
             let ranges = element.profile.iter().map(Segment::range);
             let (low, high) = ranges.reduce(|(low, high), (from, to)| (low.min(from), high.max(to)))?;
             Some(Self { heights: [low - room, high + room], radius: element.max_radius() + room })
         };
-        elements.iter().filter_map(of).collect()
+        tool.elements().iter().filter_map(of).collect()
     }
 }
 

@@ -7,7 +7,7 @@ use super::{SectionError, cuttable_and_noncutting};
 use crate::obstacle::Obstacle;
 use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
-use crate::tool::{Assembly, Element, ElementKind, SLACK, Tool, ToolError, ToolShape, ToolVoxels, contains};
+use crate::tool::{Assembly, Element, ElementKind, SLACK, Tool, ToolError, ToolVoxels, contains};
 
 /// Voxels that are solid both in the obstacle and in the rotated tool with its tip on `voxel`, which may lie outside
 /// the obstacle's grid (space there is empty).
@@ -102,8 +102,8 @@ pub(super) fn element_measures(
 ) -> Result<Vec<(ElementKind, f64)>, ToolError> {
     let (grid, layer) = (obstacle.grid(), cuttable_and_noncutting(obstacle, assembly));
     let normaliser = f64::from(ToolVoxels::new(tool, orientation, grid.pitch)?.count);
-    let rest = layer.map(|(_, noncutting)| elements_of(noncutting)).unwrap_or_default();
-    let whole = elements_of(tool);
+    let rest = layer.map(|(_, noncutting)| noncutting.elements()).unwrap_or_default();
+    let whole = tool.elements();
     let kinds = kinds_of(whole.iter().chain(rest));
     let slack = SLACK * grid.pitch * grid.pitch;
     let mut minimum = (f32::INFINITY, Vec::new());
@@ -141,14 +141,6 @@ pub(super) fn kinds_of<'a>(elements: impl Iterator<Item = &'a Element>) -> Vec<E
     kinds.sort_by_key(|kind| kind.order());
     kinds.dedup();
     kinds
-}
-
-/// The elements of a tool; none of a mesh.
-pub(super) fn elements_of(tool: &Tool) -> &[Element] {
-    match &tool.shape {
-        ToolShape::Revolved(elements) => elements,
-        ToolShape::Mesh(_) => &[],
-    }
 }
 
 /// A voxel of a query box and its count by a direct sum.

@@ -5,7 +5,7 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use super::direct::{elements_of, kinds_of};
+use super::direct::kinds_of;
 use super::overlap::OverlapCounter;
 use super::reading::{Line, SharpPointReader, mean};
 use super::{
@@ -64,7 +64,7 @@ impl ElementPlans {
             let counter = |(voxels, alone)| OverlapCounter::new(voxels, alone, whole.query);
             pairs.map(counter).collect()
         };
-        let kinds = kinds_of(pairs.iter().flat_map(|(_, tool)| elements_of(tool)));
+        let kinds = kinds_of(pairs.iter().flat_map(|(_, tool)| tool.elements()));
         let element = |kind| PlannedElement { kind, counters: counters(kind) };
         let elements = kinds.into_iter().map(element).collect();
         Ok(Self { whole, elements })
@@ -84,7 +84,7 @@ impl ElementPlans {
     /// Bytes that plans of a tool's elements take with this many threads, beside those of the whole tool's plan.
     #[must_use]
     pub fn memory_estimate(obstacle: &Grid, query_grid: &Grid, tool: &Tool, threads: usize) -> u64 {
-        let kinds = kinds_of(elements_of(tool).iter());
+        let kinds = kinds_of(tool.elements().iter());
         let sharp_points = tool.sharp_point_positions(obstacle.pitch);
         let query = query_box(obstacle, query_grid, &sharp_points).unwrap_or_default();
         // All are read over the same box, that of the whole tool.
@@ -171,7 +171,7 @@ impl ElementPlans {
 
 /// The pieces of a tool that are of one kind.
 fn alone(tool: &Tool, kind: ElementKind) -> Option<Tool> {
-    let pieces: Vec<Element> = elements_of(tool).iter().filter(|e| e.kind == kind).cloned().collect();
+    let pieces: Vec<Element> = tool.elements().iter().filter(|e| e.kind == kind).cloned().collect();
     (!pieces.is_empty()).then(|| Tool { shape: ToolShape::Revolved(pieces), ..tool.clone() })
 }
 
