@@ -232,21 +232,17 @@ impl<'a> PlacedSegment<'a> {
         let all = |value: f64| simd.splat_f64s(value);
         let (steps, _) = S::as_simd_f64s(&STEPS);
         let ((froms, _), (tos, _)) = (S::as_mut_simd_f64s(&mut runs.from), S::as_mut_simd_f64s(&mut runs.to));
-        for ((&step, from), to) in steps.iter().zip(froms).zip(tos) {
+        for (part, ((&step, from), to)) in steps.iter().zip(froms).zip(tos).enumerate() {
+            let first_y = y;
             let y = simd.add_f64s(all(y), step);
             let flat = simd.mul_add_f64s(y, all(d.y), all(x * d.x));
             let b = simd.mul_add_f64s(flat, all(self.b[1]), all(self.b[0]));
             let c = simd.mul_add_f64s(flat, all(self.c[2]), all(self.c[1]));
             let c = simd.mul_add_f64s(flat, c, simd.mul_add_f64s(y, y, all(x * x + self.c[0])));
-            let discriminant = match (self.along, self.segment) {
-                (Some(Along::Cylinder), _) => simd.sub_f64s(all(0.0), c),
-                (Some(Along::Torus), Segment::Arc { centre_radius, arc_radius, .. }) => {
-                    let squared = simd.mul_add_f64s(y, y, all(x * x));
-                    let out = simd.sub_f64s(simd.sqrt_f64s(squared), all(centre_radius));
-                    let out = simd.max_f64s(out, all(0.0));
-                    simd.sub_f64s(all(arc_radius * arc_radius + SLACK), simd.mul_f64s(out, out))
-                }
-                _ => simd.sub_f64s(simd.mul_f64s(b, b), simd.mul_f64s(all(self.a), c)),
+            let discriminant = match self.along {
+                Some(Along::Cylinder) => simd.sub_f64s(all(0.0), c),
+                Some(Along::Torus) => S::as_simd_f64s(&self.torus_discriminants(x, first_y)).0[part],
+                None => simd.sub_f64s(simd.mul_f64s(b, b), simd.mul_f64s(all(self.a), c)),
             };
             let (first, last) = if self.along == Some(Along::Cylinder) {
                 (all(-FAR), all(FAR))
@@ -274,6 +270,19 @@ impl<'a> PlacedSegment<'a> {
             (*from, *to) = (above(low), above(high));
         }
         runs
+    }
+
+    /// Discriminants of a torus along the lines at `(x, y + lane)`. A function of its own, since the compiler takes roots in a
+    /// branch for every kind of segment, of whatever bytes stand where those have no arc.
+    #[cold]
+    #[inline(never)]
+    fn torus_discriminants(&self, x: f64, y: f64) -> [f64; LANES] {
+        let Segment::Arc { centre_radius, arc_radius, .. } = self.segment else { return [0.0; LANES] };
+        std::array::from_fn(|lane| {
+            let y = y + lane as f64;
+            let out = ((x * x + y * y).sqrt() - centre_radius).max(0.0);
+            arc_radius * arc_radius + SLACK - out * out
+        })
     }
 
     /// First and one past the last whole z of the line at voxel (x, y), within the whole numbers `[lowest, highest]`.
