@@ -1,7 +1,7 @@
 //! Exact sections of the collision measure field: one orientation, every voxel of the query grid.
 //!
 //! `overlap(x) = Σ_o O[x + o]·RT[o] / count(RT)`: a correlation of two sets of voxels. `direct` is its definition;
-//! `overlap` computes the same whole numbers by real FFTs or by run-length difference counting, whichever is faster. The
+//! `overlap` computes the same whole numbers by real FFTs or by run-length difference counting, by estimate. The
 //! collision measure is the minimum overlap over the tool's sharp points, `CMF(x) = min_k overlap(x − R k)`, read by trilinear means of the whole-number sections
 //! where `R k` is not a whole number of voxels.
 
@@ -72,6 +72,12 @@ pub enum SectionError {
         /// What the direct sum gave.
         expected: u32,
     },
+    /// Neither method counts exactly: transforms round, and run-length counting addresses 2 GiB of the obstacle's bits.
+    #[error(
+        "the grid has too many voxels for its overlaps to be counted exactly: voxelise with a larger pitch, or cut \
+         away what the tool cannot reach"
+    )]
+    TooManyVoxels,
     /// The voxels of the query grid are not those of the obstacle's grid.
     #[error(
         "the query grid (origin {query}, pitch {query_pitch}) does not lie on the voxels of the obstacle's grid \

@@ -252,6 +252,19 @@ impl Tool {
         of_segments.chain(of_mesh).fold(0.0, f64::max)
     }
 
+    /// Diameter of a ball that holds the tool.
+    pub(crate) fn span(&self) -> f64 {
+        if let Some((lower, upper)) = self.mesh().and_then(Mesh::bounds) {
+            return lower.distance(upper);
+        }
+        let middle = self.length() / 2.0;
+        let radius = |s: &Segment| {
+            let (from, to) = s.range();
+            s.max_radius().hypot((from - middle).abs().max((to - middle).abs()))
+        };
+        2.0 * self.segments().map(radius).fold(0.0, f64::max)
+    }
+
     /// Volume in cubic units: analytic for bodies of revolution, by the divergence theorem for a mesh.
     #[must_use]
     pub fn volume(&self) -> f64 {

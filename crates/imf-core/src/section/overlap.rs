@@ -1,7 +1,7 @@
-//! Overlaps of one tool with one obstacle, by the faster of two methods.
+//! Overlaps of one tool with one obstacle, by one of two methods.
 //!
 //! `run_length` sums over the ends of the tool's runs, `fft` multiplies spectra. Both give the same whole numbers; the
-//! estimate below decides which is faster for a tool in an orientation. What a method needs is made at its first use.
+//! estimate below decides which is used for a tool in an orientation. What a method needs is made at its first use.
 
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
@@ -25,7 +25,7 @@ use crate::tool::{Assembly, Tool, ToolError, ToolVoxels};
 /// How overlaps are counted. Both methods give the same whole numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Method {
-    /// The faster one for each orientation, by estimate.
+    /// By estimate for each orientation: transforms where they are so much faster that they are worth their memory.
     #[default]
     Fastest,
     /// Differences summed over the ends of the tool's runs of voxels.
@@ -42,10 +42,8 @@ pub(super) struct OverlapCounter {
     pub(super) method: Method,
     pub(super) arch: Arch,
     size: CircularSize,
-    obstacle_count: usize,
     pub(super) run_length: OnceLock<RunLengthCounter>,
-    single: OnceLock<Convolver<f32>>,
-    double: OnceLock<Convolver<f64>>,
+    convolver: OnceLock<Convolver>,
 }
 
 /// State of a count that advances plane by plane through a box, and voxels that are compared with direct sums.
@@ -59,24 +57,23 @@ pub(super) struct OverlapCursor {
 pub(super) struct Scratch {
     run_length: run_length::Scratch,
     cursor: Cursor,
-    single: fft::Scratch<f32>,
-    double: fft::Scratch<f64>,
+    fft: fft::Scratch,
 }
 
-// Measured in November 2026 on one core of an AMD Zen 5, teapot and screw gear at 58×76×121 to 256³, the paper's tool
-// and a cylinder of radius 60 in 121. The estimates come within a third of the measured times.
+// Measured in November 2026 on one core of an AMD Zen 4, screw gear at 121³ to 384³, the paper's tool scaled with it. The
+// estimates come within a third of the measured times.
 
-/// Seconds for a tile-wide load of 2,048 bits with AVX-512, with AVX2 or NEON, and with neither (not measured: in
-/// proportion to instructions). Between sizes of the obstacle's bits in and beyond the cache it grows by 75 %.
-const LOAD_SECONDS: [f64; 3] = [3.3e-9, 1.0e-8, 4e-8];
+/// Seconds for a tile-wide load of 2,048 bits with AVX-512, with AVX2 or NEON, and with neither. Between sizes of the obstacle's bits
+/// in and beyond the cache it grows by 75 %.
+const LOAD_SECONDS: [f64; 3] = [3.8e-9, 5.5e-9, 2e-8];
 /// Bytes of the obstacle's bits where that growth begins and ends.
 const CACHE_BYTES: [f64; 2] = [2e6, 1.6e7];
 /// Seconds for a voxel of the query box beside the loads.
 const VOXEL_SECONDS: f64 = 2.0e-9;
-/// Seconds for a point of a transform and a factor of two of their number.
-const POINT_SECONDS: f64 = 2.2e-10;
-/// Time of transforms in f64 over that in f32; memory, not arithmetic, limits both.
-const DOUBLE_FACTOR: f64 = 1.4;
+/// Seconds for a point of a transform and a factor of two of their number, by the same instructions.
+const POINT_SECONDS: [f64; 3] = [1.5e-10, 1.75e-10, 5.7e-10];
+/// How many times as fast transforms must be to be chosen: they take three times the memory, and gain less from a second thread.
+const WORTH_ITS_MEMORY: f64 = 1.5;
 /// Bytes of shifted copies of the obstacle that addresses of 32 bits reach.
 const MAX_COPY_BYTES: u64 = 1 << 31;
 
@@ -95,29 +92,28 @@ impl Estimate {
         size: &CircularSize,
         tool: &VoxelBox<'_>,
         sweep: &Sweep,
-        single: bool,
     ) -> Self {
         let loads = sweep.loads(tool, obstacle, size.line_bits(), query);
         let bytes = BitObstacle::memory(obstacle, size);
         let [inside, beyond] = CACHE_BYTES.map(f64::ln);
         let growth = 1.0 + 0.75 * (((bytes as f64).ln() - inside) / (beyond - inside)).clamp(0.0, 1.0);
-        let load_seconds = LOAD_SECONDS[match arch {
+        let instructions = match arch {
             #[cfg(target_arch = "x86_64")]
             Arch::V4(_) => 0,
             Arch::Scalar => 2,
             _ => 1,
-        }];
-        let mut run_length = loads * load_seconds * growth + query.len() as f64 * VOXEL_SECONDS;
+        };
+        let mut run_length = loads * LOAD_SECONDS[instructions] * growth + query.len() as f64 * VOXEL_SECONDS;
         if bytes > MAX_COPY_BYTES {
             run_length = f64::INFINITY;
         }
         let points: f64 = size.n.iter().map(|&n| n as f64).product();
-        let fft = points * points.log2() * POINT_SECONDS * if single { 1.0 } else { DOUBLE_FACTOR };
+        let fft = points * points.log2() * POINT_SECONDS[instructions];
         Self { run_length, fft }
     }
 
     fn prefers_run_length(&self) -> bool {
-        self.run_length <= self.fft
+        self.run_length <= WORTH_ITS_MEMORY * self.fft
     }
 }
 
@@ -136,12 +132,10 @@ impl OverlapCounter {
             method: Method::default(),
             arch: Arch::new(),
             size: CircularSize::of(&obstacle.grid, query, &tool),
-            obstacle_count: obstacle.count(),
             obstacle,
             tool,
             run_length: OnceLock::new(),
-            single: OnceLock::new(),
-            double: OnceLock::new(),
+            convolver: OnceLock::new(),
         }
     }
 
@@ -150,31 +144,19 @@ impl OverlapCounter {
         rotated_if_thick(&self.tool, orientation, self.obstacle.grid.pitch)
     }
 
-    /// True where f32 is precise enough for the transforms.
-    fn fits_single(&self, tool: &ToolVoxels) -> bool {
-        self.size.error_bound::<f32>(self.obstacle_count, tool.count as usize) < 0.5
-    }
-
     fn sweep(&self, tool: &VoxelBox<'_>, query: &QueryBox, order: Order) -> Sweep {
         Sweep::choose(tool, self.obstacle.grid.dims, self.size.line_bits(), query, order)
     }
 
-    fn estimate(
-        &self,
-        tool: &ToolVoxels,
-        query: &QueryBox,
-        clipped: &VoxelBox<'_>,
-        sweep: &Sweep,
-    ) -> Estimate {
-        let (dims, single) = (self.obstacle.grid.dims, self.fits_single(tool));
-        Estimate::new(self.arch, dims, query, &self.size, clipped, sweep, single)
+    fn estimate(&self, query: &QueryBox, clipped: &VoxelBox<'_>, sweep: &Sweep) -> Estimate {
+        Estimate::new(self.arch, self.obstacle.grid.dims, query, &self.size, clipped, sweep)
     }
 
     /// For the tool at a slant, as most orientations have it.
     pub(super) fn usual_estimate(&self, query: &QueryBox) -> Option<Estimate> {
         let tool = slanted(&self.tool, self.obstacle.grid.pitch)?;
         let clipped = VoxelBox::of_tool(&tool, &self.size);
-        Some(self.estimate(&tool, query, &clipped, &self.sweep(&clipped, query, Order::Any)))
+        Some(self.estimate(query, &clipped, &self.sweep(&clipped, query, Order::Any)))
     }
 
     /// True where the method is run-length counting.
@@ -196,34 +178,21 @@ impl OverlapCounter {
     ) -> Result<(), SectionError> {
         let clipped = VoxelBox::of_tool(tool, &self.size);
         let sweep = self.sweep(&clipped, query, Order::Any);
-        if self.uses_run_length(self.estimate(tool, query, &clipped, &sweep)) {
+        let by_runs = self.uses_run_length(self.estimate(query, &clipped, &sweep));
+        if by_runs || !self.convolver().correlate(&clipped, query, &mut scratch.fft, counts) {
+            if BitObstacle::memory(self.obstacle.grid.dims, &self.size) > MAX_COPY_BYTES {
+                return Err(SectionError::TooManyVoxels);
+            }
             let Scratch { run_length, cursor, .. } = scratch;
             let counter = self.run_length();
             counter.start(&clipped, sweep, run_length, cursor);
             counter.advance(cursor, query, query.range(0), run_length, counts);
-        } else {
-            self.convolve(tool, &clipped, query, scratch, counts);
         }
         spot_check(&self.obstacle, tool, query, counts)
     }
 
-    fn convolve(
-        &self,
-        tool: &ToolVoxels,
-        clipped: &VoxelBox<'_>,
-        query: &QueryBox,
-        scratch: &mut Scratch,
-        counts: &mut [u32],
-    ) {
-        // A deviation from whole numbers near ½ would be ambiguous: a quarter is already a reason for f64.
-        if self.fits_single(tool) {
-            let convolver = make_once(&self.single, || Convolver::new(&self.obstacle, self.size));
-            if convolver.correlate(clipped, query, &mut scratch.single, counts) < 0.25 {
-                return;
-            }
-        }
-        let convolver = make_once(&self.double, || Convolver::new(&self.obstacle, self.size));
-        convolver.correlate(clipped, query, &mut scratch.double, counts);
+    fn convolver(&self) -> &Convolver {
+        make_once(&self.convolver, || Convolver::new(self.arch, &self.obstacle, self.size))
     }
 
     /// Adds the overlaps in an orientation to the counts over a box; none where the tool is too thin.
@@ -323,14 +292,9 @@ pub(super) fn memory(grid: &Grid, query: &QueryBox, tool: &Tool, threads: u64) -
     let Some(rotated) = slanted(tool, grid.pitch) else { return 0 };
     let size = CircularSize::of(grid, *query, tool);
     let clipped = VoxelBox::of_tool(&rotated, &size);
-    // Half of the voxels solid is more than most parts have.
-    let single = size.error_bound::<f32>(grid.len() / 2, rotated.count as usize) < 0.5;
     let sweep = Sweep::choose(&clipped, grid.dims, size.line_bits(), query, Order::Any);
-    if Estimate::new(Arch::new(), grid.dims, query, &size, &clipped, &sweep, single).prefers_run_length() {
+    if Estimate::new(Arch::new(), grid.dims, query, &size, &clipped, &sweep).prefers_run_length() {
         return BitObstacle::memory(grid.dims, &size);
     }
-    let complex = if single { 8 } else { 16 };
-    let [nx, ny, nz] = size.n.map(|n| n as u64);
-    let lines = (clipped.dims[0] * clipped.dims[1] + query.dims[0] * query.dims[1]) as u64;
-    complex * (nz / 2 + 8) * (nx * ny + threads * lines)
+    fft::memory(grid.dims, &size, query, &clipped, threads)
 }

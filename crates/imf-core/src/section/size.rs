@@ -3,9 +3,6 @@
 
 use std::ops::Range;
 
-use rustfft::FftNum;
-use rustfft::num_traits::Float;
-
 use crate::grid::Grid;
 use crate::occupancy::Occupancy;
 use crate::tool::{Tool, ToolVoxels};
@@ -67,9 +64,9 @@ impl QueryBox {
 /// Size of the circular correlation, and the tool offsets that can matter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct CircularSize {
-    /// Points along x, y, z that suffice.
+    /// Points along x, y, z without which an overlap of the query box would wrap.
     pub(super) needed: [usize; 3],
-    /// Points along x, y, z of a fast transform; z is even.
+    /// Points along x, y, z of a fast transform.
     pub(super) n: [usize; 3],
     /// Tool offsets outside `[first, last]` along each axis meet no obstacle from any voxel of the query box.
     pub(super) first: [i64; 3],
@@ -79,7 +76,12 @@ pub(super) struct CircularSize {
 impl CircularSize {
     /// For a tool around an obstacle on this grid.
     pub(super) fn of(obstacle: &Grid, query: QueryBox, tool: &Tool) -> Self {
-        Self::new(obstacle.dims, query, tool.reach() / obstacle.pitch)
+        let mut size = Self::new(obstacle.dims, query, tool.reach() / obstacle.pitch);
+        // Voxels along z of the tool in any orientation, and two places beside the obstacle from which counts are summed.
+        let voxels = (tool.span() / obstacle.pitch).min(1e9) as i64 + 1;
+        let voxels = voxels.min(size.last[2] - size.first[2] + 1).max(0) as usize;
+        size.n[2] = fast_length(size.n[2].max(obstacle.dims[2] + voxels + 1));
+        size
     }
 
     /// `reach` is the tool's reach in voxels. For outputs in [q0, q1), an obstacle in [0, n) and tool offsets in
@@ -95,7 +97,8 @@ impl CircularSize {
             size.last[axis] = reach.min(n - 1 - q0);
             let needed = n.max(q1 + size.last[axis]).max(n - size.first[axis] - q0);
             size.needed[axis] = needed as usize;
-            size.n[axis] = fast_length(needed as usize, axis == 2);
+            // Each place of the circle is read once.
+            size.n[axis] = fast_length((needed as usize).max(query.dims[axis]));
         }
         size
     }
@@ -104,26 +107,7 @@ impl CircularSize {
     pub(super) fn line_bits(&self) -> i64 {
         self.needed[2] as i64
     }
-
-    /// Largest error to expect in a correlation of 0/1 arrays with these counts, before rounding.
-    ///
-    /// Every output is a sum over all spectral products, and Σ|Ô||T̂|/N ≤ ‖O‖₂‖T‖₂ (Cauchy–Schwarz, Parseval); each
-    /// of the three transforms adds a relative error of u per radix-2 stage when rounding errors do not all point
-    /// the same way. Observed errors are about a fortieth of it. Worst-case constants are 7 times larger, so every
-    /// section also measures how far its outputs are from whole numbers.
-    pub(super) fn error_bound<T: Precision>(&self, obstacle_count: usize, tool_count: usize) -> f64 {
-        let points: f64 = self.n.iter().map(|&n| n as f64).product();
-        let norms = (obstacle_count as f64 * tool_count as f64).sqrt();
-        let unit_roundoff = 0.5 * T::epsilon().into();
-        3.0 * points.log2() * unit_roundoff * norms
-    }
 }
-
-/// A float in which a convolution can run.
-pub(super) trait Precision: FftNum + Float + Default + Into<f64> {}
-
-impl Precision for f32 {}
-impl Precision for f64 {}
 
 /// A box of voxels, read where they lie: of a whole obstacle, or of the part of a rotated tool that can matter.
 pub(super) struct VoxelBox<'a> {
@@ -168,9 +152,9 @@ impl<'a> VoxelBox<'a> {
     }
 }
 
-/// The smallest product of 2, 3, 5 and 7 that is at least `n`, and even if `even`.
-fn fast_length(n: usize, even: bool) -> usize {
-    (n.max(2)..)
+/// The smallest product of 2, 3, 5 and 7 that is at least `n`.
+fn fast_length(n: usize) -> usize {
+    (n.max(1)..)
         .find(|&candidate| {
             let mut rest = candidate;
             for prime in [2, 3, 5, 7] {
@@ -178,7 +162,7 @@ fn fast_length(n: usize, even: bool) -> usize {
                     rest /= prime;
                 }
             }
-            rest == 1 && (!even || candidate % 2 == 0)
+            rest == 1
         })
         .unwrap_or(n)
 }
@@ -198,7 +182,6 @@ mod tests {
 
     #[test]
     fn lengths_are_smooth() {
-        assert_eq!([1, 11, 13, 121, 206].map(|n| fast_length(n, false)), [2, 12, 14, 125, 210]);
-        assert_eq!(fast_length(121, true), 126);
+        assert_eq!([1, 11, 13, 121, 206].map(fast_length), [1, 12, 14, 125, 210]);
     }
 }

@@ -232,17 +232,17 @@ impl<'a> PlacedSegment<'a> {
         let all = |value: f64| simd.splat_f64s(value);
         let (steps, _) = S::as_simd_f64s(&STEPS);
         let ((froms, _), (tos, _)) = (S::as_mut_simd_f64s(&mut runs.from), S::as_mut_simd_f64s(&mut runs.to));
+        let torus = (self.along == Some(Along::Torus)).then(|| self.torus_discriminants(x, y));
         for (part, ((&step, from), to)) in steps.iter().zip(froms).zip(tos).enumerate() {
-            let first_y = y;
             let y = simd.add_f64s(all(y), step);
             let flat = simd.mul_add_f64s(y, all(d.y), all(x * d.x));
             let b = simd.mul_add_f64s(flat, all(self.b[1]), all(self.b[0]));
             let c = simd.mul_add_f64s(flat, all(self.c[2]), all(self.c[1]));
             let c = simd.mul_add_f64s(flat, c, simd.mul_add_f64s(y, y, all(x * x + self.c[0])));
-            let discriminant = match self.along {
-                Some(Along::Cylinder) => simd.sub_f64s(all(0.0), c),
-                Some(Along::Torus) => S::as_simd_f64s(&self.torus_discriminants(x, first_y)).0[part],
-                None => simd.sub_f64s(simd.mul_f64s(b, b), simd.mul_f64s(all(self.a), c)),
+            let discriminant = match (self.along, &torus) {
+                (Some(Along::Cylinder), _) => simd.sub_f64s(all(0.0), c),
+                (_, Some(torus)) => S::as_simd_f64s(torus).0[part],
+                _ => simd.sub_f64s(simd.mul_f64s(b, b), simd.mul_f64s(all(self.a), c)),
             };
             let (first, last) = if self.along == Some(Along::Cylinder) {
                 (all(-FAR), all(FAR))
@@ -272,8 +272,8 @@ impl<'a> PlacedSegment<'a> {
         runs
     }
 
-    /// Discriminants of a torus along the lines at `(x, y + lane)`. A function of its own, since the compiler takes roots in a
-    /// branch for every kind of segment, of whatever bytes stand where those have no arc.
+    /// Discriminants of a torus along the lines at `(x, y + lane)`. Out of line: inlined, the compiler takes its square roots for every kind
+    /// of segment, on meaningless bytes where there is no arc.
     #[cold]
     #[inline(never)]
     fn torus_discriminants(&self, x: f64, y: f64) -> [f64; LANES] {
