@@ -101,7 +101,10 @@ pub(super) fn measure(session: &Session, arguments: &ExactArguments) -> Result<G
     Ok(growth)
 }
 
-/// Seconds a section on all threads, from as many sections as the budget allows and at least one a thread.
+/// Sections that each thread takes at least: its working memory is made with the first.
+const LEAST: usize = 6;
+
+/// Seconds a section on all threads, from as many sections as the budget allows and at least [`LEAST`] a thread.
 fn time_sections(session: &Session, plan: &SectionPlan, orientations: &[Orientation]) -> Result<f64> {
     let control = session.control(&|_| {});
     let run = |orientations: &[Orientation]| -> Result<f64> {
@@ -115,10 +118,10 @@ fn time_sections(session: &Session, plan: &SectionPlan, orientations: &[Orientat
     };
     // The first section also makes the plan's tables, once for all others.
     run(&spread(1))?;
-    let few = session.threads().clamp(1, orientations.len());
-    let first = run(&spread(few))?;
-    let count = ((BUDGET / first) as usize).clamp(few, orientations.len());
-    if count > few { run(&spread(count)) } else { Ok(first) }
+    let threads = session.threads().max(1);
+    let first = run(&spread(threads))?;
+    let count = ((BUDGET / first) as usize).max(LEAST * threads).min(orientations.len());
+    run(&spread(count))
 }
 
 impl Growth {
