@@ -4,8 +4,8 @@
 //! difference along z, small whole numbers that f32 holds where it does not hold the overlaps themselves. Sums from a
 //! place where the tool is beside the obstacle give the overlaps exactly, and must end at zero where they have come round the circle.
 //!
-//! The half spectrum along z is cut into blocks of [`LANES`] wave numbers, from 1 on, since run ends have nothing at 0. Within a block
-//! everything that follows is a plane transform: along y for the tool's own rows, along x and back with the product in
+//! The half spectrum along z is cut into blocks of [`LANES`] wave numbers, from 1 on, since run boundaries have nothing at 0. Within a
+//! block everything that follows is a plane transform: along y for the tool's own rows, along x and back with the product in
 //! between, back along y for the rows that are read.
 //!
 //! ```text
@@ -131,7 +131,7 @@ impl Convolver {
         exact
     }
 
-    /// Transforms run ends along z, each of this size, into `scratch.input [block][tx][ty]`.
+    /// Transforms run boundaries along z, each of this size, into `scratch.input [block][tx][ty]`.
     fn transform_z(&self, solid: &VoxelBox<'_>, size: f32, scratch: &mut Scratch) {
         let [nx, ny, nz] = self.size.n;
         let [tx, ty, tz] = solid.dims;

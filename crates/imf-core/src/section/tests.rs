@@ -219,7 +219,7 @@ fn the_papers_scene_takes_little_memory() {
 
 #[test]
 fn transforms_of_large_and_ragged_obstacles_are_exact() {
-    // Half of all voxels at random: more run ends than any part has.
+    // Half of all voxels at random: more run boundaries than any part has.
     let obstacle = scattered([90, 75, 110], 2);
     let tool = cylinder(21.0, 80.0);
     let [by_fft, by_runs] = [Method::Fft, Method::RunLength].map(|method| plan(&obstacle, &tool, method));
