@@ -178,9 +178,11 @@ impl OverlapCounter {
     ) -> Result<(), SectionError> {
         let clipped = VoxelBox::of_tool(tool, &self.size);
         let sweep = self.sweep(&clipped, query, Order::Any);
-        let by_runs = self.uses_run_length(self.estimate(query, &clipped, &sweep));
-        if by_runs || !self.convolver().correlate(&clipped, query, &mut scratch.fft, counts) {
-            if BitObstacle::memory(self.obstacle.grid.dims, &self.size) > MAX_COPY_BYTES {
+        let estimate = self.estimate(query, &clipped, &sweep);
+        if self.uses_run_length(estimate)
+            || !self.convolver().correlate(&clipped, query, &mut scratch.fft, counts)
+        {
+            if estimate.run_length.is_infinite() {
                 return Err(SectionError::TooManyVoxels);
             }
             let Scratch { run_length, cursor, .. } = scratch;
