@@ -102,7 +102,7 @@ pub(super) fn measure(session: &Session, arguments: &ExactArguments) -> Result<G
 }
 
 /// Sections that each thread takes at least: its working memory is made with the first.
-const LEAST: usize = 6;
+const LEAST: usize = 12;
 
 /// Seconds a section on all threads, from as many sections as the budget allows and at least [`LEAST`] a thread.
 fn time_sections(session: &Session, plan: &SectionPlan, orientations: &[Orientation]) -> Result<f64> {

@@ -15,23 +15,20 @@
 //! Each entry stands for the block's wave numbers, one a lane; along z each lane is two lines instead, which as real and
 //! imaginary part make one complex transform.
 
+mod butterflies;
+mod joined;
 mod lines;
 
-use pulp::{Arch, Simd, WithSimd};
+use pulp::Arch;
 
-use self::lines::{LANES, Lanes, LineTransform, Point};
+use self::joined::{Both, Join, Split, Sum, WriteCounts};
+use self::lines::{LANES, LineTransform, Point, Segment, Work, ZERO};
 use super::size::{CircularSize, QueryBox, VoxelBox};
 use crate::occupancy::Occupancy;
-use crate::vectorised::vectorised;
+use crate::parallel::for_each_chunk;
 
 /// Real lines that are transformed together along z.
 const PAIRED: usize = 2 * LANES;
-const ZERO: Point = [Lanes([0.0; LANES]); 2];
-/// A second difference this far from a whole number may be rounded to the wrong one.
-const DOUBTFUL: f32 = 0.25;
-/// Adding 1.5·2²³ rounds a number below 2²² to a whole one, which then stands in the lowest bits. What larger ones lose is all of one sign,
-/// so that their sums do not come back to zero.
-const ROUND: f32 = 12_582_912.0;
 
 /// Plans and the obstacle's spectrum.
 pub(super) struct Convolver {
@@ -47,13 +44,16 @@ pub(super) struct Convolver {
 /// Working memory of one thread.
 #[derive(Default)]
 pub(super) struct Scratch {
-    /// Two lines, from one to the other of which a transform goes.
+    /// A line and its transform.
     line: Vec<Point>,
     other: Vec<Point>,
     input: Vec<Point>,
     columns: Vec<Point>,
     rows: Vec<Point>,
     output: Vec<Point>,
+    /// Counts of [`PAIRED`] lines.
+    sums: Vec<Both>,
+    work: Work,
 }
 
 impl Convolver {
@@ -72,12 +72,13 @@ impl Convolver {
         let points = self.size.n.iter().map(|&n| n as f64).product::<f64>();
         self.transform_z(&solid, (1.0 / points) as f32, &mut scratch);
         let mut spectrum = vec![ZERO; blocks_of(&self.size) * ny * nx];
-        for (block, planes) in spectrum.chunks_exact_mut(ny * nx).enumerate() {
-            self.transform_y(&solid, block, &mut scratch);
+        let memory = || (Vec::new(), Work::default());
+        for_each_chunk(&mut spectrum, ny * nx, memory, |(columns, work), block, planes| {
+            self.transform_y(&solid, block, &scratch.input, columns, work);
             for (ky, target) in planes.chunks_exact_mut(nx).enumerate() {
-                target.copy_from_slice(self.transform_x(&solid, ky, &mut scratch));
+                self.transform_x(&solid, &columns[ky..], target, work);
             }
-        }
+        });
         spectrum
     }
 
@@ -102,24 +103,19 @@ impl Convolver {
         let blocks = blocks_of(&self.size);
         scratch.output.resize(blocks * qx * qy, ZERO);
         scratch.rows.resize(qx * ny, ZERO);
+        let (read_x, read_y) =
+            (self.segment(0, query.lower, query.dims, ny), self.segment(1, query.lower, query.dims, 1));
+        let Scratch { line, input, columns, rows, output, work, .. } = &mut *scratch;
         for block in 0..blocks {
-            self.transform_y(tool, block, scratch);
+            self.transform_y(tool, block, input, columns, work);
             for ky in 0..ny {
-                self.transform_x(tool, ky, scratch);
-                let Scratch { line, other, rows, .. } = &mut *scratch;
-                let (line, other) = (&mut line[..nx], &mut other[..nx]);
+                self.transform_x(tool, &columns[ky..], &mut line[..nx], work);
                 let obstacle = &self.spectrum[(block * ny + ky) * nx..][..nx];
-                self.arch.dispatch(Multiply { tool: line, obstacle });
-                let transformed = self.along[0].inverse(line, other);
-                for (row, &value) in rows.chunks_exact_mut(ny).zip(around(transformed, query.lower[0])) {
-                    row[ky] = value;
-                }
+                self.along[0].inverse_of_product(obstacle, &line[..nx], (&mut rows[ky..], read_x), work);
             }
-            let Scratch { rows, other, output, .. } = &mut *scratch;
-            for (x, row) in rows.chunks_exact_mut(ny).enumerate() {
-                let transformed = self.along[1].inverse(row, &mut other[..ny]);
-                let target = &mut output[(block * qx + x) * qy..][..qy];
-                target.iter_mut().zip(around(transformed, query.lower[1])).for_each(|(to, &from)| *to = from);
+            let targets = output[block * qx * qy..].chunks_exact_mut(qy);
+            for (row, target) in rows.chunks_exact(ny).zip(targets) {
+                self.along[1].inverse(row, (target, read_y), work);
             }
         }
         let mut exact = true;
@@ -160,46 +156,43 @@ impl Convolver {
             if !any {
                 continue;
             }
-            let Scratch { line, other, input, .. } = &mut *scratch;
-            let spectrum = &*self.along[2].forward(&mut line[..nz], &mut other[..nz]);
-            for k in 0..nz / 2 {
-                let pair = vectorised!(self.arch, apart(&spectrum[k + 1], &spectrum[nz - k - 1]));
-                let target = &mut input[(k / LANES * tx + x) * ty + first..][..count];
-                for (lane, target) in target.iter_mut().enumerate() {
-                    let [re, im] = &pair[lane / LANES];
-                    target[0].0[k % LANES] = re.0[lane % LANES];
-                    target[1].0[k % LANES] = im.0[lane % LANES];
-                }
+            let Scratch { line, other, input, work, .. } = &mut *scratch;
+            let spectrum = &mut other[..nz];
+            self.along[2].forward(&line[..nz], self.segment(2, [0; 3], self.size.n, 1), spectrum, work);
+            for block in 0..blocks {
+                let target = &mut input[(block * tx + x) * ty + first..][..count];
+                self.arch.dispatch(Split { joint: spectrum, first: block * LANES, lines: target });
             }
         }
     }
 
-    /// Transforms one block along y into `scratch.columns [tx][ky]`.
-    fn transform_y(&self, solid: &VoxelBox<'_>, block: usize, scratch: &mut Scratch) {
+    /// Where the voxels of a box stand along an axis of the circle, and from one to the next in memory.
+    fn segment(&self, axis: usize, lower: [i64; 3], dims: [usize; 3], step: usize) -> Segment {
+        Segment { begin: wrap(lower[axis], self.size.n[axis]), count: dims[axis], step }
+    }
+
+    /// Transforms one block along y into `columns [tx][ky]`.
+    fn transform_y(
+        &self,
+        solid: &VoxelBox<'_>,
+        block: usize,
+        input: &[Point],
+        columns: &mut Vec<Point>,
+        work: &mut Work,
+    ) {
         let ny = self.size.n[1];
         let [tx, ty, _] = solid.dims;
-        scratch.columns.resize(tx * ny, ZERO);
-        let Scratch { line, other, input, columns, .. } = scratch;
-        let (line, other) = (&mut line[..ny], &mut other[..ny]);
-        for (x, target) in columns.chunks_exact_mut(ny).enumerate() {
-            line.fill(ZERO);
-            let source = &input[(block * tx + x) * ty..][..ty];
-            around_mut(line, solid.lower[1]).zip(source).for_each(|(to, &from)| *to = from);
-            target.copy_from_slice(self.along[1].forward(line, other));
+        columns.resize(tx * ny, ZERO);
+        let segment = self.segment(1, solid.lower, solid.dims, 1);
+        let sources = input[block * tx * ty..].chunks_exact(ty);
+        for (source, target) in sources.zip(columns.chunks_exact_mut(ny)) {
+            self.along[1].forward(source, segment, target, work);
         }
     }
 
-    /// Transforms one block along x at wave number ky, and returns it: the first `nx` points of `scratch.line`.
-    fn transform_x<'a>(&self, solid: &VoxelBox<'_>, ky: usize, scratch: &'a mut Scratch) -> &'a [Point] {
-        let [nx, ny, _] = self.size.n;
-        let Scratch { line, other, columns, .. } = scratch;
-        line[..nx].fill(ZERO);
-        let source = columns.chunks_exact(ny);
-        around_mut(&mut line[..nx], solid.lower[0]).zip(source).for_each(|(to, column)| *to = column[ky]);
-        if self.along[0].forward(&mut line[..nx], &mut other[..nx]).as_ptr() != line.as_ptr() {
-            std::mem::swap(line, other);
-        }
-        &line[..nx]
+    /// Transforms one wave number of the columns along x.
+    fn transform_x(&self, solid: &VoxelBox<'_>, columns: &[Point], to: &mut [Point], work: &mut Work) {
+        self.along[0].forward(columns, self.segment(0, solid.lower, solid.dims, self.size.n[1]), to, work);
     }
 
     /// Transforms the rows from `(x, first)` on back along z, and sums their second differences to counts. False where
@@ -215,110 +208,24 @@ impl Convolver {
         let nz = self.size.n[2];
         let [qx, qy, qz] = query.dims;
         let count = PAIRED.min(qy - first);
-        let Scratch { line, other, output, .. } = scratch;
+        let Scratch { line, other, output, sums, work, .. } = scratch;
         let (line, other) = (&mut line[..nz], &mut other[..nz]);
         line[0] = ZERO;
-        for k in 0..nz / 2 {
-            let mut pair = [ZERO; 2];
-            let source = &output[(k / LANES * qx + x) * qy + first..][..count];
-            for (lane, source) in source.iter().enumerate() {
-                let [re, im] = &mut pair[lane / LANES];
-                re.0[lane % LANES] = source[0].0[k % LANES];
-                im.0[lane % LANES] = source[1].0[k % LANES];
-            }
-            [line[k + 1], line[nz - k - 1]] = vectorised!(self.arch, together(&pair));
+        for block in 0..blocks_of(&self.size) {
+            let source = &output[(block * qx + x) * qy + first..][..count];
+            self.arch.dispatch(Join { lines: source, joint: line, first: block * LANES });
         }
-        let differences = &*self.along[2].inverse(line, other);
+        self.along[2].inverse(line, (other, self.segment(2, [0; 3], self.size.n, 1)), work);
         // There the tool has passed the obstacle, and at the next place as well: the circle is that long.
         let start = self.depth as i64 - tool.lower[2];
         let after = wrap(start + 2 - query.lower[2], nz);
         let counts = &mut counts[(x * qy + first) * qz..][..count * qz];
-        vectorised!(self.arch, sum(differences, wrap(start + 1, nz), after, counts, qz))
+        sums.resize(qz.next_multiple_of(LANES), Both::default());
+        let sum = Sum { differences: other, from: wrap(start + 1, nz), after, sums: &mut sums[..qz] };
+        let exact = self.arch.dispatch(sum);
+        self.arch.dispatch(WriteCounts { sums, qz, counts });
+        exact
     }
-}
-
-/// Spectra of the two lines whose joint spectrum has these values at a wave number and at its negative.
-#[inline(always)]
-fn apart(at: &Point, opposite: &Point) -> [Point; 2] {
-    let mut pair = [ZERO; 2];
-    for lane in 0..LANES {
-        let [re, im] = [at[0].0[lane], at[1].0[lane]];
-        let [opposite_re, opposite_im] = [opposite[0].0[lane], opposite[1].0[lane]];
-        pair[0][0].0[lane] = 0.5 * (re + opposite_re);
-        pair[0][1].0[lane] = 0.5 * (im - opposite_im);
-        pair[1][0].0[lane] = 0.5 * (im + opposite_im);
-        pair[1][1].0[lane] = 0.5 * (opposite_re - re);
-    }
-    pair
-}
-
-/// The joint spectrum of two real lines at a wave number and at its negative.
-#[inline(always)]
-fn together(pair: &[Point; 2]) -> [Point; 2] {
-    let mut joint = [ZERO; 2];
-    for lane in 0..LANES {
-        let [[re, im], [other_re, other_im]] = [0, 1].map(|line| [0, 1].map(|part| pair[line][part].0[lane]));
-        joint[0][0].0[lane] = re - other_im;
-        joint[0][1].0[lane] = im + other_re;
-        joint[1][0].0[lane] = re + other_im;
-        joint[1][1].0[lane] = other_re - im;
-    }
-    joint
-}
-
-/// The obstacle's spectrum times the conjugate of the tool's, in place of the latter.
-struct Multiply<'a> {
-    tool: &'a mut [Point],
-    obstacle: &'a [Point],
-}
-
-impl WithSimd for Multiply<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        for ([re, im], [other_re, other_im]) in self.tool.iter_mut().zip(self.obstacle) {
-            let (re, im) = (S::as_mut_simd_f32s(&mut re.0).0, S::as_mut_simd_f32s(&mut im.0).0);
-            let (other_re, other_im) = (S::as_simd_f32s(&other_re.0).0, S::as_simd_f32s(&other_im.0).0);
-            for ((re, im), (&c, &d)) in re.iter_mut().zip(im).zip(other_re.iter().zip(other_im)) {
-                let (a, b) = (*re, *im);
-                *re = simd.mul_add_e_f32s(a, c, simd.mul_f32s(b, d));
-                *im = simd.mul_add_e_f32s(a, d, simd.neg_f32s(simd.mul_f32s(b, c)));
-            }
-        }
-    }
-}
-
-/// Sums second differences, with the sign of a correlation of differences, twice: once round the circle from place `from` on, before
-/// which all is zero. The sum after it is the count of voxel `after` of the query, and so on around; counts are `[line][qz]`.
-/// False where a difference is far from a whole number, a sum is negative or does not end at zero.
-#[inline(always)]
-fn sum(differences: &[Point], from: usize, mut after: usize, counts: &mut [u32], qz: usize) -> bool {
-    let mut steps = [[0i32; LANES]; 2];
-    let mut sums = [[0i32; LANES]; 2];
-    let mut farthest = [0.0f32; LANES];
-    let mut lowest = [0i32; LANES];
-    for place in (from..differences.len()).chain(0..from) {
-        for ((values, steps), sums) in differences[place].iter().zip(&mut steps).zip(&mut sums) {
-            for lane in 0..LANES {
-                let shifted = values.0[lane] + ROUND;
-                let far = (values.0[lane] - (shifted - ROUND)).abs();
-                farthest[lane] = if far > farthest[lane] { far } else { farthest[lane] };
-                steps[lane] =
-                    steps[lane].wrapping_sub((shifted.to_bits() as i32).wrapping_sub(ROUND.to_bits() as i32));
-                sums[lane] = sums[lane].wrapping_add(steps[lane]);
-                lowest[lane] = lowest[lane].min(sums[lane]);
-            }
-        }
-        if after < qz {
-            for (line, count) in counts.iter_mut().skip(after).step_by(qz).enumerate() {
-                *count = sums[line / LANES][line % LANES] as u32;
-            }
-        }
-        after = if after + 1 == differences.len() { 0 } else { after + 1 };
-    }
-    let closed = [steps, sums].iter().flatten().flatten().all(|&end| end == 0);
-    closed && lowest == [0; LANES] && farthest.iter().all(|&far| far < DOUBTFUL)
 }
 
 /// Bytes of an obstacle's plan, which all threads share, and of every thread's working memory.
@@ -333,7 +240,7 @@ pub(super) fn memory(
     let ([tx, ty, _], [qx, qy, _]) = (tool.dims, query.dims);
     let own = blocks * (tx * ty + qx * qy) + (tx + qx) * ny;
     // The obstacle's own lines, while its spectrum is made.
-    let made = (blocks * ox * oy + ox * ny) as u64;
+    let made = (blocks * ox * oy) as u64 + threads * (ox * ny) as u64;
     size_of::<Point>() as u64 * ((blocks * nx * ny) as u64 + made.max(threads * own as u64))
 }
 
@@ -342,54 +249,7 @@ fn blocks_of(size: &CircularSize) -> usize {
     (size.n[2] / 2).div_ceil(LANES)
 }
 
-/// The points of a circle from one on, once around.
-fn around(circle: &[Point], from: i64) -> impl Iterator<Item = &Point> {
-    let (before, after) = circle.split_at(wrap(from, circle.len()));
-    after.iter().chain(before)
-}
-
-/// The same, to be changed.
-fn around_mut(circle: &mut [Point], from: i64) -> impl Iterator<Item = &mut Point> {
-    let (before, after) = circle.split_at_mut(wrap(from, circle.len()));
-    after.iter_mut().chain(before)
-}
-
 /// Position on a circle of `n` points.
 fn wrap(index: i64, n: usize) -> usize {
     index.rem_euclid(n as i64) as usize
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn second_differences_sum_to_counts_and_a_wrong_or_doubtful_one_is_noticed() {
-        let count = |line: usize, y: usize| [0, 0, 0, 5, 9, 70_000 + line as i32, 3, 1, 0][y % 9];
-        // 2c(y) − c(y+1) − c(y−1), the sign that a correlation of differences has.
-        let difference = |line, y| 2 * count(line, y) - count(line, y + 1) - count(line, y + 8);
-        let lanes =
-            |part, y| Lanes(std::array::from_fn(|lane| difference(part * LANES + lane, y) as f32 + 0.2));
-        let differences: Vec<Point> = (0..9).map(|y| [lanes(0, y), lanes(1, y)]).collect();
-        let (lines, qz) = (20, 5);
-        let mut found = vec![7; lines * qz];
-        // The tool is beside the obstacle at 0 and 1: the sum after place 1 is the count at 2, which is read first.
-        assert!(sum(&differences, 1, 0, &mut found, qz));
-        for (line, found) in found.chunks(qz).enumerate() {
-            assert_eq!(found, [2, 3, 4, 5, 6].map(|y| count(line, y) as u32), "{line}");
-        }
-        for (part, wrong) in [(0, 1.0), (1, -1.0), (1, 0.3)] {
-            let mut differences = differences.clone();
-            differences[4][part].0[11] += wrong;
-            assert!(!sum(&differences, 1, 0, &mut found, qz), "{part} {wrong}");
-        }
-    }
-
-    #[test]
-    fn counts_below_zero_are_noticed() {
-        let count = |y: usize| [0, 0, 0, -1, 0][y % 5];
-        let difference = |y| (2 * count(y) - count(y + 1) - count(y + 4)) as f32;
-        let differences: Vec<Point> = (0..5).map(|y| [Lanes([difference(y); LANES]), ZERO[1]]).collect();
-        assert!(!sum(&differences, 1, 0, &mut [0; 3], 3));
-    }
 }

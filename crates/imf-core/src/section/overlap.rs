@@ -71,7 +71,7 @@ const CACHE_BYTES: [f64; 2] = [2e6, 1.6e7];
 /// Seconds for a voxel of the query box beside the loads.
 const VOXEL_SECONDS: f64 = 2.0e-9;
 /// Seconds for a point of a transform and a factor of two of their number, by the same instructions.
-const POINT_SECONDS: [f64; 3] = [1.5e-10, 1.75e-10, 5.7e-10];
+const POINT_SECONDS: [f64; 3] = [1.1e-10, 1.4e-10, 5.5e-10];
 /// How many times as fast transforms must be to be chosen: they take three times the memory, and gain less from a second thread.
 const WORTH_ITS_MEMORY: f64 = 1.5;
 /// Bytes of shifted copies of the obstacle that addresses of 32 bits reach.

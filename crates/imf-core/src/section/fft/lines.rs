@@ -5,6 +5,8 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
+use super::butterflies::{Butterfly, Eight, Four, Odd, Two, turn};
+
 /// Lines that are transformed together.
 pub(super) const LANES: usize = 16;
 
@@ -15,6 +17,8 @@ pub(super) struct Lanes(pub(super) [f32; LANES]);
 
 /// One complex number of each line: the real parts, then the imaginary ones.
 pub(super) type Point = [Lanes; 2];
+
+pub(super) const ZERO: Point = [Lanes([0.0; LANES]); 2];
 
 /// Transforms of lines of one length, a product of 2, 3, 5 and 7.
 pub(super) struct LineTransform {
@@ -30,12 +34,6 @@ struct Stage {
     steps: usize,
     /// `[steps][radix − 1]` complex: exp(−2πi·step·k / (radix·steps)) for k from 1 on.
     twiddles: Vec<[f32; 2]>,
-}
-
-/// `cos` and `sin` of a fraction of a turn.
-fn turn(part: usize, whole: usize) -> [f32; 2] {
-    let angle = std::f64::consts::TAU * (part % whole) as f64 / whole as f64;
-    [angle.cos() as f32, angle.sin() as f32]
 }
 
 impl LineTransform {
@@ -54,38 +52,187 @@ impl LineTransform {
         Self { arch, length, stages }
     }
 
-    /// Σ values[j]·exp(−2πi·jk / length) for every k: in one of the two slices, which is returned.
-    pub(super) fn forward<'a>(&self, values: &'a mut [Point], other: &'a mut [Point]) -> &'a mut [Point] {
-        self.run([0, 1], values, other)
+    /// Σ points[j]·exp(−2πi·jk / length) over the places j of a segment, for every k, into `to[k]`.
+    pub(super) fn forward(&self, points: &[Point], segment: Segment, to: &mut [Point], work: &mut Work) {
+        assert!(segment.holds(points), "a point for each place");
+        let whole = Segment { begin: 0, count: self.length, step: 1 };
+        self.run([0, 1], Within { points, segment, length: self.length }, (to, whole), work);
     }
 
-    /// Σ values[k]·exp(2πi·jk / length) for every j: in one of the two slices, which is returned.
-    pub(super) fn inverse<'a>(&self, values: &'a mut [Point], other: &'a mut [Point]) -> &'a mut [Point] {
+    /// Σ points[k]·exp(2πi·jk / length) for the places j of a segment, into `to`.
+    pub(super) fn inverse(&self, points: &[Point], to: (&mut [Point], Segment), work: &mut Work) {
         // Of numbers whose parts are exchanged, with the parts of its result exchanged.
-        self.run([1, 0], values, other)
+        self.run([1, 0], &points[..self.length], to, work);
     }
 
-    fn run<'a>(&self, parts: [usize; 2], values: &'a mut [Point], other: &'a mut [Point]) -> &'a mut [Point] {
-        assert!(values.len() == self.length && other.len() == self.length, "one value for each point");
-        let (mut from, mut to) = (values, other);
-        for stage in &self.stages {
-            self.arch.dispatch(Pass { stage, parts, from, to });
-            (from, to) = (to, from);
+    /// The same of each factor times the point's conjugate.
+    pub(super) fn inverse_of_product(
+        &self,
+        factors: &[Point],
+        points: &[Point],
+        to: (&mut [Point], Segment),
+        work: &mut Work,
+    ) {
+        self.run(
+            [1, 0],
+            Product { factors: &factors[..self.length], points: &points[..self.length] },
+            to,
+            work,
+        );
+    }
+
+    fn run(
+        &self,
+        parts: [usize; 2],
+        from: impl Source,
+        (to, segment): (&mut [Point], Segment),
+        [now, next]: &mut Work,
+    ) {
+        assert!(segment.holds(to), "a point for each place");
+        let mut to = Within { points: to, segment, length: self.length };
+        for between in [&mut *now, &mut *next] {
+            between.resize(between.len().max(self.length), ZERO);
         }
-        from
+        let (mut now, mut next) = (&mut now[..self.length], &mut next[..self.length]);
+        let [first, others @ ..] = &self.stages[..] else { unreachable!("at least two points") };
+        self.arch.dispatch(Pass { stage: first, parts, from, to: &mut *now });
+        let Some((last, middle)) = others.split_last() else {
+            now.iter()
+                .enumerate()
+                .for_each(|(place, &from)| to.point(place).into_iter().for_each(|to| *to = from));
+            return;
+        };
+        for stage in middle {
+            self.arch.dispatch(Pass { stage, parts, from: &*now, to: &mut *next });
+            (now, next) = (next, now);
+        }
+        self.arch.dispatch(Pass { stage: last, parts, from: &*now, to });
+    }
+}
+
+/// Two lines between which stages go; they grow as needed.
+pub(super) type Work = [Vec<Point>; 2];
+
+/// Places of a circle one after the other: those that may not be zero, or those that are asked for.
+#[derive(Clone, Copy)]
+pub(super) struct Segment {
+    /// The first place.
+    pub(super) begin: usize,
+    pub(super) count: usize,
+    /// From one to the next in memory.
+    pub(super) step: usize,
+}
+
+impl Segment {
+    fn holds(&self, points: &[Point]) -> bool {
+        self.count == 0 || (self.count - 1) * self.step < points.len()
+    }
+
+    /// Where a place stands in memory; beyond all where it is none of these.
+    #[inline(always)]
+    fn position(&self, place: usize, length: usize) -> usize {
+        let at = if place < self.begin { place + length - self.begin } else { place - self.begin };
+        if at < self.count { at * self.step } else { usize::MAX }
+    }
+}
+
+/// What a stage takes: rows of points, which are adjacent places of the circle.
+trait Source {
+    type Row: Copy;
+    fn row(&self, place: usize, count: usize) -> Self::Row;
+    fn load<S: Simd>(simd: S, parts: [usize; 2], row: Self::Row, at: usize, chunk: usize) -> [S::f32s; 2];
+}
+
+impl<'a> Source for &'a [Point] {
+    type Row = &'a [Point];
+
+    #[inline(always)]
+    fn row(&self, place: usize, count: usize) -> Self::Row {
+        &self[place..][..count]
+    }
+
+    #[inline(always)]
+    fn load<S: Simd>(_: S, parts: [usize; 2], row: Self::Row, at: usize, chunk: usize) -> [S::f32s; 2] {
+        parts.map(|part| lanes::<S>(&row[at][part], chunk))
+    }
+}
+
+/// Points of a segment of a circle; others are zero.
+struct Within<P> {
+    points: P,
+    segment: Segment,
+    length: usize,
+}
+
+/// For the first stage, whose rows are single points.
+impl<'a> Source for Within<&'a [Point]> {
+    type Row = &'a Point;
+
+    #[inline(always)]
+    fn row(&self, place: usize, _: usize) -> Self::Row {
+        self.points.get(self.segment.position(place, self.length)).unwrap_or(&ZERO)
+    }
+
+    #[inline(always)]
+    fn load<S: Simd>(_: S, parts: [usize; 2], row: Self::Row, _: usize, chunk: usize) -> [S::f32s; 2] {
+        parts.map(|part| lanes::<S>(&row[part], chunk))
+    }
+}
+
+/// Each factor times the point's conjugate.
+struct Product<'a> {
+    factors: &'a [Point],
+    points: &'a [Point],
+}
+
+/// For the first stage of an inverse transform, which takes the imaginary parts first.
+impl<'a> Source for Product<'a> {
+    type Row = [&'a Point; 2];
+
+    #[inline(always)]
+    fn row(&self, place: usize, _: usize) -> Self::Row {
+        [&self.factors[place], &self.points[place]]
+    }
+
+    #[inline(always)]
+    fn load<S: Simd>(simd: S, parts: [usize; 2], row: Self::Row, _: usize, chunk: usize) -> [S::f32s; 2] {
+        let [[d, c], [b, a]] = row.map(|point| parts.map(|part| lanes::<S>(&point[part], chunk)));
+        [
+            simd.mul_add_e_f32s(a, d, simd.neg_f32s(simd.mul_f32s(b, c))),
+            simd.mul_add_e_f32s(a, c, simd.mul_f32s(b, d)),
+        ]
+    }
+}
+
+/// What a stage gives. A place that nobody asks for has no point.
+trait Sink {
+    fn point(&mut self, place: usize) -> Option<&mut Point>;
+}
+
+impl Sink for &mut [Point] {
+    #[inline(always)]
+    fn point(&mut self, place: usize) -> Option<&mut Point> {
+        self.get_mut(place)
+    }
+}
+
+impl Sink for Within<&mut [Point]> {
+    #[inline(always)]
+    fn point(&mut self, place: usize) -> Option<&mut Point> {
+        self.points.get_mut(self.segment.position(place, self.length))
     }
 }
 
 /// One stage over all points.
-struct Pass<'a> {
+struct Pass<'a, F, T> {
     stage: &'a Stage,
     /// Where real and imaginary parts stand.
     parts: [usize; 2],
-    from: &'a [Point],
-    to: &'a mut [Point],
+    from: F,
+    to: T,
 }
 
-impl WithSimd for Pass<'_> {
+impl<F: Source, T: Sink> WithSimd for Pass<'_, F, T> {
     type Output = ();
 
     #[inline(always)]
@@ -102,24 +249,20 @@ impl WithSimd for Pass<'_> {
     }
 }
 
-impl Pass<'_> {
+impl<F: Source, T: Sink> Pass<'_, F, T> {
     #[inline(always)]
     fn with<S: Simd, const R: usize, B: Butterfly<R>>(self, simd: S, butterfly: &B) {
-        let Self { stage, parts: [re, im], from, to } = self;
+        let Self { stage, parts, from, mut to } = self;
+        let [re, im] = parts;
         let (stride, steps) = (stage.stride, stage.steps);
         for step in 0..steps {
             let twiddles = &stage.twiddles[step * (R - 1)..][..R - 1];
-            let mut sources = [from; R];
-            for (k, source) in sources.iter_mut().enumerate() {
-                *source = &from[stride * (step + steps * k)..][..stride];
-            }
-            let target = &mut to[stride * R * step..][..stride * R];
+            let rows: [F::Row; R] = std::array::from_fn(|k| from.row(stride * (step + steps * k), stride));
             for at in 0..stride {
                 for chunk in 0..LANES / S::F32_LANES {
                     let mut values = [[simd.splat_f32s(0.0); 2]; R];
-                    for (value, source) in values.iter_mut().zip(&sources) {
-                        let point = &source[at];
-                        *value = [part::<S>(&point[re], chunk), part::<S>(&point[im], chunk)];
+                    for (value, &row) in values.iter_mut().zip(&rows) {
+                        *value = F::load(simd, parts, row, at, chunk);
                     }
                     let mut values = butterfly.transform(simd, values);
                     if step > 0 {
@@ -133,9 +276,10 @@ impl Pass<'_> {
                         }
                     }
                     for (k, value) in values.iter().enumerate() {
-                        let point = &mut target[stride * k + at];
-                        S::as_mut_simd_f32s(&mut point[re].0).0[chunk] = value[0];
-                        S::as_mut_simd_f32s(&mut point[im].0).0[chunk] = value[1];
+                        if let Some(point) = to.point(stride * (R * step + k) + at) {
+                            S::as_mut_simd_f32s(&mut point[re].0).0[chunk] = value[0];
+                            S::as_mut_simd_f32s(&mut point[im].0).0[chunk] = value[1];
+                        }
                     }
                 }
             }
@@ -144,122 +288,8 @@ impl Pass<'_> {
 }
 
 #[inline(always)]
-fn part<S: Simd>(lanes: &Lanes, chunk: usize) -> S::f32s {
+fn lanes<S: Simd>(lanes: &Lanes, chunk: usize) -> S::f32s {
     S::as_simd_f32s(&lanes.0).0[chunk]
-}
-
-/// The transform of R numbers.
-trait Butterfly<const R: usize> {
-    fn transform<S: Simd>(&self, simd: S, values: [[S::f32s; 2]; R]) -> [[S::f32s; 2]; R];
-}
-
-#[inline(always)]
-fn add<S: Simd>(simd: S, a: [S::f32s; 2], b: [S::f32s; 2]) -> [S::f32s; 2] {
-    [simd.add_f32s(a[0], b[0]), simd.add_f32s(a[1], b[1])]
-}
-
-#[inline(always)]
-fn sub<S: Simd>(simd: S, a: [S::f32s; 2], b: [S::f32s; 2]) -> [S::f32s; 2] {
-    [simd.sub_f32s(a[0], b[0]), simd.sub_f32s(a[1], b[1])]
-}
-
-/// a − i·b and a + i·b.
-#[inline(always)]
-fn turned<S: Simd>(simd: S, a: [S::f32s; 2], b: [S::f32s; 2]) -> [[S::f32s; 2]; 2] {
-    [
-        [simd.add_f32s(a[0], b[1]), simd.sub_f32s(a[1], b[0])],
-        [simd.sub_f32s(a[0], b[1]), simd.add_f32s(a[1], b[0])],
-    ]
-}
-
-struct Two;
-
-impl Butterfly<2> for Two {
-    #[inline(always)]
-    fn transform<S: Simd>(&self, simd: S, [a, b]: [[S::f32s; 2]; 2]) -> [[S::f32s; 2]; 2] {
-        [add(simd, a, b), sub(simd, a, b)]
-    }
-}
-
-struct Four;
-
-impl Butterfly<4> for Four {
-    #[inline(always)]
-    fn transform<S: Simd>(&self, simd: S, [a, b, c, d]: [[S::f32s; 2]; 4]) -> [[S::f32s; 2]; 4] {
-        let (even, odd) = (add(simd, a, c), add(simd, b, d));
-        let [minus, plus] = turned(simd, sub(simd, a, c), sub(simd, b, d));
-        [add(simd, even, odd), minus, sub(simd, even, odd), plus]
-    }
-}
-
-struct Eight;
-
-impl Butterfly<8> for Eight {
-    #[inline(always)]
-    fn transform<S: Simd>(&self, simd: S, [a, b, c, d, e, f, g, h]: [[S::f32s; 2]; 8]) -> [[S::f32s; 2]; 8] {
-        let [e0, e1, e2, e3] = Four.transform(simd, [a, c, e, g]);
-        let [o0, o1, o2, o3] = Four.transform(simd, [b, d, f, h]);
-        let root = simd.splat_f32s(std::f32::consts::FRAC_1_SQRT_2);
-        // By an eighth of a turn, (1 − i)/√2, and by three, (−1 − i)/√2.
-        let o1 = [
-            simd.mul_f32s(root, simd.add_f32s(o1[0], o1[1])),
-            simd.mul_f32s(root, simd.sub_f32s(o1[1], o1[0])),
-        ];
-        let o3 = [
-            simd.mul_f32s(root, simd.sub_f32s(o3[1], o3[0])),
-            simd.neg_f32s(simd.mul_f32s(root, simd.add_f32s(o3[0], o3[1]))),
-        ];
-        let [minus, plus] = turned(simd, e2, o2);
-        [
-            add(simd, e0, o0),
-            add(simd, e1, o1),
-            minus,
-            add(simd, e3, o3),
-            sub(simd, e0, o0),
-            sub(simd, e1, o1),
-            plus,
-            sub(simd, e3, o3),
-        ]
-    }
-}
-
-/// Of 3, 5 or 7 numbers: by sums and differences of those that lie opposite each other.
-struct Odd<const R: usize> {
-    /// Cosine and sine of k turns by R.
-    turns: [[f32; 2]; R],
-}
-
-impl<const R: usize> Odd<R> {
-    #[inline(always)]
-    fn new() -> Self {
-        Self { turns: std::array::from_fn(|k| turn(k, R)) }
-    }
-}
-
-impl<const R: usize> Butterfly<R> for Odd<R> {
-    #[inline(always)]
-    fn transform<S: Simd>(&self, simd: S, values: [[S::f32s; 2]; R]) -> [[S::f32s; 2]; R] {
-        let mut result = values;
-        for k in 1..=R / 2 {
-            result[0] = add(simd, result[0], add(simd, values[k], values[R - k]));
-        }
-        for u in 1..=R / 2 {
-            let (mut even, mut odd) = (values[0], [simd.splat_f32s(0.0); 2]);
-            for k in 1..=R / 2 {
-                let [cos, sin] = self.turns[k * u % R];
-                let [cos, sin] = [simd.splat_f32s(cos), simd.splat_f32s(sin)];
-                let (sum, difference) =
-                    (add(simd, values[k], values[R - k]), sub(simd, values[k], values[R - k]));
-                even = [simd.mul_add_e_f32s(cos, sum[0], even[0]), simd.mul_add_e_f32s(cos, sum[1], even[1])];
-                odd = [
-                    simd.mul_add_e_f32s(sin, difference[0], odd[0]),
-                    simd.mul_add_e_f32s(sin, difference[1], odd[1]),
-                ];
-            }
-            [result[u], result[R - u]] = turned(simd, even, odd);
-        }
-        result
-    }
 }
 
 #[cfg(test)]
@@ -267,11 +297,10 @@ mod tests {
     use super::*;
 
     /// The definition, in f64.
-    fn slow(values: &[Point], lane: usize, sign: f64) -> Vec<[f64; 2]> {
-        let n = values.len();
+    fn slow(n: usize, sign: f64, value: impl Fn(usize) -> [f32; 2]) -> Vec<[f64; 2]> {
         let term = |j: usize, k: usize| {
             let (sin, cos) = (sign * std::f64::consts::TAU * (j * k % n) as f64 / n as f64).sin_cos();
-            let [re, im] = values[j].map(|part| f64::from(part.0[lane]));
+            let [re, im] = value(j).map(f64::from);
             [re * cos - im * sin, re * sin + im * cos]
         };
         let sum = |k| (0..n).map(|j| term(j, k)).fold([0.0; 2], |a, b| [a[0] + b[0], a[1] + b[1]]);
@@ -280,31 +309,55 @@ mod tests {
 
     #[test]
     fn transforms_of_every_radix_are_the_definition() {
-        for length in [1, 2, 3, 4, 5, 6, 7, 8, 16, 30, 49, 64, 84, 126, 200, 210] {
+        for length in [2, 3, 4, 5, 6, 7, 8, 16, 30, 49, 64, 84, 126, 200, 210] {
             let mut seed = 1u32;
             let mut number = || {
                 seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
                 (seed >> 8) as f32 / (1 << 23) as f32 - 1.0
             };
-            let values: Vec<Point> =
-                (0..length).map(|_| [(); 2].map(|()| Lanes(std::array::from_fn(|_| number())))).collect();
+            let mut values = || -> Vec<Point> {
+                (0..length).map(|_| [(); 2].map(|()| Lanes(std::array::from_fn(|_| number())))).collect()
+            };
+            let (values, factors) = (values(), values());
+            // Two thirds of the circle, beyond its end; of each three points in memory one.
+            let segment = Segment { begin: length / 2, count: (2 * length).div_ceil(3), step: 3 };
+            let places: Vec<usize> = (0..segment.count).map(|at| (segment.begin + at) % length).collect();
+            let mut spread = vec![[Lanes([9.0; LANES]); 2]; length * 3];
+            places.iter().enumerate().for_each(|(at, &place)| spread[at * 3] = values[place]);
+            let within: Vec<Point> =
+                (0..length).map(|place| if places.contains(&place) { values[place] } else { ZERO }).collect();
+            let product = |lane: usize, k: usize| {
+                let [[a, b], [c, d]] = [values[k], factors[k]].map(|point| point.map(|part| part.0[lane]));
+                [a * c + b * d, a * d - b * c]
+            };
+            let check = |found: Point, lane: usize, expected: [f64; 2]| {
+                let found = found.map(|part| f64::from(part.0[lane]));
+                let far = (found[0] - expected[0]).hypot(found[1] - expected[1]);
+                assert!(far < 3e-6 * length as f64, "{length}: {found:?} {expected:?}");
+            };
             for arch in [Arch::Scalar, Arch::new()] {
                 let transform = LineTransform::new(arch, length);
-                for sign in [-1.0, 1.0] {
-                    let (mut from, mut to) = (values.clone(), values.clone());
-                    let result = if sign < 0.0 {
-                        transform.forward(&mut from, &mut to)
-                    } else {
-                        transform.inverse(&mut from, &mut to)
-                    };
-                    for lane in [0, 7, LANES - 1] {
-                        for (point, expected) in result.iter().zip(slow(&values, lane, sign)) {
-                            let found = point.map(|part| f64::from(part.0[lane]));
-                            let far = (found[0] - expected[0]).hypot(found[1] - expected[1]);
-                            assert!(far < 3e-6 * length as f64, "{length} {sign}: {found:?} {expected:?}");
-                        }
+                let mut work = Work::default();
+                let mut all = vec![ZERO; length];
+                transform.forward(&spread, segment, &mut all, &mut work);
+                let [mut plain, mut times] = [(); 2].map(|()| vec![ZERO; length * 3]);
+                transform.inverse(&values, (&mut plain, segment), &mut work);
+                transform.inverse_of_product(&factors, &values, (&mut times, segment), &mut work);
+                for lane in [0, 7, LANES - 1] {
+                    let forward = slow(length, -1.0, |k| within[k].map(|part| part.0[lane]));
+                    all.iter().zip(forward).for_each(|(&found, expected)| check(found, lane, expected));
+                    let inverse = slow(length, 1.0, |k| values[k].map(|part| part.0[lane]));
+                    let inverse_of_product = slow(length, 1.0, |k| product(lane, k));
+                    for (at, &place) in places.iter().enumerate() {
+                        check(plain[at * 3], lane, inverse[place]);
+                        check(times[at * 3], lane, inverse_of_product[place]);
                     }
                 }
+                // What was not asked for is not touched.
+                assert!(
+                    plain.iter().enumerate().all(|(at, point)| at % 3 == 0 || *point == ZERO),
+                    "{length}"
+                );
             }
         }
     }
