@@ -73,6 +73,7 @@ impl Chart {
         let points = || self.series.iter().flat_map(|series| &series.points);
         let across = Axis::around(self.x_scale, points().map(|point| point.0), 0.01);
         let up = Axis::around(self.value_scale, points().map(|point| point.1), 0.04);
+        let legend = self.legend_position([&across, &up]);
         let title = Lines::new(&self.title, bold(TITLE_SIZE), WIDTH - 2 * MARGIN);
         on_canvas((WIDTH, HEIGHT), |area| {
             title.draw(area, (MARGIN, MARGIN))?;
@@ -97,13 +98,27 @@ impl Chart {
             }
             chart
                 .configure_series_labels()
-                .position(SeriesLabelPosition::UpperRight)
+                .position(legend)
                 .background_style(BACKGROUND.mix(0.85))
                 .border_style(GRIDS[0])
                 .label_font(text(NAME_SIZE, INK))
                 .draw()?;
             Ok(())
         })
+    }
+
+    /// The upper corner that fewer points are in, the right one where they are as many.
+    fn legend_position(&self, axes: [&Axis; 2]) -> SeriesLabelPosition {
+        let fraction = |axis: &Axis, at: f64| (at - axis.range[0]) / (axis.range[1] - axis.range[0]);
+        let [mut left, mut right] = [0, 0];
+        for &(x, value) in self.series.iter().flat_map(|series| &series.points) {
+            let Some((x, value)) = self.x_scale.place(x).zip(self.value_scale.place(value)) else { continue };
+            if fraction(axes[1], value) > 2.0 / 3.0 {
+                left += usize::from(fraction(axes[0], x) < 1.0 / 3.0);
+                right += usize::from(fraction(axes[0], x) > 2.0 / 3.0);
+            }
+        }
+        if left < right { SeriesLabelPosition::UpperLeft } else { SeriesLabelPosition::UpperRight }
     }
 }
 
@@ -198,6 +213,13 @@ mod tests {
         assert_eq!(*picture.get_pixel(WIDTH - 1, HEIGHT - 1), pixel(BACKGROUND));
         chart.series[0].markers = true;
         assert!(count(&chart.draw().unwrap()) > count(&picture));
+    }
+
+    #[test]
+    fn the_legend_covers_no_end_of_a_curve() {
+        let points = |rate: f64| (0..100).map(|step| (f64::from(step), rate.powi(step))).collect();
+        let [falling, rising] = [0.9, 1.1].map(|rate| count(&chart(points(rate)).draw().unwrap()));
+        assert!(falling.abs_diff(rising) < falling / 20, "{falling} {rising}");
     }
 
     #[test]
