@@ -295,6 +295,7 @@ fn lanes<S: Simd>(lanes: &Lanes, chunk: usize) -> S::f32s {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::section::test_shapes::archs;
 
     /// The definition, in f64.
     fn slow(n: usize, sign: f64, value: impl Fn(usize) -> [f32; 2]) -> Vec<[f64; 2]> {
@@ -335,7 +336,7 @@ mod tests {
                 let far = (found[0] - expected[0]).hypot(found[1] - expected[1]);
                 assert!(far < 3e-6 * length as f64, "{length}: {found:?} {expected:?}");
             };
-            for arch in [Arch::Scalar, Arch::new()] {
+            for arch in archs() {
                 let transform = LineTransform::new(arch, length);
                 let mut work = Work::default();
                 let mut all = vec![ZERO; length];
