@@ -101,7 +101,7 @@ pub(super) fn measure(session: &Session, arguments: &ExactArguments) -> Result<G
     Ok(growth)
 }
 
-/// Sections that each thread takes at least: its working memory is made with the first.
+/// Sections that each thread takes at least, as far as there are orientations: its working memory is made with the first.
 const LEAST: usize = 12;
 
 /// Seconds a section on all threads, from as many sections as the budget allows and at least [`LEAST`] a thread.

@@ -44,8 +44,9 @@ pub(super) struct Convolver {
 /// Working memory of one thread.
 #[derive(Default)]
 pub(super) struct Scratch {
-    /// A line and its transform.
+    /// A transform along x, or what is transformed along z.
     line: Vec<Point>,
+    /// A transform along z.
     other: Vec<Point>,
     input: Vec<Point>,
     columns: Vec<Point>,
@@ -129,12 +130,11 @@ impl Convolver {
 
     /// Transforms run boundaries along z, each of this size, into `scratch.input [block][tx][ty]`.
     fn transform_z(&self, solid: &VoxelBox<'_>, size: f32, scratch: &mut Scratch) {
-        let [nx, ny, nz] = self.size.n;
+        let [nx, _, nz] = self.size.n;
         let [tx, ty, tz] = solid.dims;
         let blocks = blocks_of(&self.size);
-        let longest = nx.max(ny).max(nz);
-        scratch.line.resize(longest, ZERO);
-        scratch.other.resize(longest, ZERO);
+        scratch.line.resize(nx.max(nz), ZERO);
+        scratch.other.resize(nz, ZERO);
         scratch.input.clear();
         scratch.input.resize(blocks * tx * ty, ZERO);
         for (x, first) in (0..tx).flat_map(|x| (0..ty).step_by(PAIRED).map(move |first| (x, first))) {

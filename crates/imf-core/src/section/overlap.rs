@@ -159,6 +159,13 @@ impl OverlapCounter {
         Some(self.estimate(query, &clipped, &self.sweep(&clipped, query, Order::Any)))
     }
 
+    /// Makes what transforms need, where most orientations are counted by them: threads that first ask at once would each make it.
+    pub(super) fn prepare(&self, query: &QueryBox) {
+        if self.usual_estimate(query).is_some_and(|estimate| !self.uses_run_length(estimate)) {
+            self.convolver();
+        }
+    }
+
     /// True where the method is run-length counting.
     pub(super) fn uses_run_length(&self, estimate: Estimate) -> bool {
         match self.method {

@@ -83,6 +83,9 @@ pub fn stream_sections<V: Send>(
     start: impl Fn() -> V + Sync,
     visit: impl Fn(&mut V, usize, &[f32]) + Sync,
 ) -> Result<Vec<V>, SectionError> {
+    if orientations.len() > 1 {
+        plan.whole.prepare(&plan.query);
+    }
     let scratch = || (start(), SectionScratch::default(), vec![0.0; plan.grid().len()]);
     let parts =
         stream_orientations(orientations.len(), control, scratch, |(visitor, scratch, cmf), index| {

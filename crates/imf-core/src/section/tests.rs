@@ -299,6 +299,7 @@ fn a_window_of_the_plans_grid_has_its_counts() {
                     }
                 }
             }
+            assert!(method != Method::Fft || plan.whole.run_length.get().is_none(), "transforms alone");
         }
     }
 }

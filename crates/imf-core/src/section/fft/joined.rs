@@ -82,6 +82,7 @@ impl WithSimd for Join<'_> {
                 opposite[0].0[lane] = re[k].0[lane] + other_im[k].0[lane];
                 opposite[1].0[lane] = other_re[k].0[lane] - im[k].0[lane];
             }
+            // At half the length of an even line both are one place.
             joint[first + k + 1] = at;
             joint[n - first - k - 1] = opposite;
         }
@@ -92,7 +93,7 @@ impl WithSimd for Join<'_> {
 /// quarters beside the diagonal are exchanged.
 #[inline(always)]
 fn transpose<S: Simd>(simd: S, rows: &[Lanes; LANES], columns: &mut [Lanes; LANES]) {
-    let side = S::F32_LANES.min(LANES);
+    let side = S::F32_LANES;
     for (row, column) in (0..LANES / side).flat_map(|row| (0..LANES / side).map(move |column| (row, column)))
     {
         let mut square = [simd.splat_f32s(0.0); LANES];
@@ -123,7 +124,7 @@ pub(super) struct Sum<'a> {
     pub(super) differences: &'a [Point],
     pub(super) from: usize,
     pub(super) after: usize,
-    /// Whole numbers as the bits of others, which are only moved.
+    /// `[z]`, counts as the bits of numbers, which are only moved.
     pub(super) sums: &'a mut [Both],
 }
 
@@ -163,7 +164,7 @@ impl WithSimd for Sum<'_> {
 
 /// Writes sums, which are whole numbers, into counts, `[line][qz]`.
 pub(super) struct WriteCounts<'a> {
-    /// As many as a multiple of [`LANES`].
+    /// As [`Sum`] gives them, as many as a multiple of [`LANES`]; those from `qz` on are not written.
     pub(super) sums: &'a [Both],
     pub(super) qz: usize,
     pub(super) counts: &'a mut [u32],

@@ -52,7 +52,7 @@ impl LineTransform {
         Self { arch, length, stages }
     }
 
-    /// Σ points[j]·exp(−2πi·jk / length) over the places j of a segment, for every k, into `to[k]`.
+    /// Σ p(j)·exp(−2πi·jk / length) over the places j of a segment, whose points p(j) are among `points`, for every k, into `to[k]`.
     pub(super) fn forward(&self, points: &[Point], segment: Segment, to: &mut [Point], work: &mut Work) {
         assert!(segment.holds(points), "a point for each place");
         let whole = Segment { begin: 0, count: self.length, step: 1 };
@@ -196,6 +196,7 @@ impl<'a> Source for Product<'a> {
 
     #[inline(always)]
     fn load<S: Simd>(simd: S, parts: [usize; 2], row: Self::Row, _: usize, chunk: usize) -> [S::f32s; 2] {
+        debug_assert!(parts == [1, 0], "imaginary parts first");
         let [[d, c], [b, a]] = row.map(|point| parts.map(|part| lanes::<S>(&point[part], chunk)));
         [
             simd.mul_add_e_f32s(a, d, simd.neg_f32s(simd.mul_f32s(b, c))),
@@ -355,10 +356,13 @@ mod tests {
                     }
                 }
                 // What was not asked for is not touched.
-                assert!(
-                    plain.iter().enumerate().all(|(at, point)| at % 3 == 0 || *point == ZERO),
-                    "{length}"
-                );
+                let asked = |at: usize| at.is_multiple_of(3) && at / 3 < segment.count;
+                for found in [&plain, &times] {
+                    assert!(
+                        found.iter().enumerate().all(|(at, point)| asked(at) || *point == ZERO),
+                        "{length}"
+                    );
+                }
             }
         }
     }
