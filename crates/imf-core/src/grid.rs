@@ -7,6 +7,9 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+/// Half the diagonal of a voxel, in pitches, rounded up.
+pub(crate) const HALF_DIAGONAL: f64 = 0.866_025_403_784_438_7;
+
 /// A grid of cubic voxels in the world frame, in the mesh's own unit.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Grid {

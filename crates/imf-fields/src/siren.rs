@@ -210,9 +210,17 @@ impl SirenShape {
     }
 }
 
-/// The five inputs of one pose: unit coordinates of the point in its grid and the angle pair in degrees.
+/// The five inputs of one pose: unit coordinates of the point in its grid and the angle pair in degrees. A vertical direction
+/// has every θ, of which the middle one is asked: at the ends of their range networks err twice as much.
 #[doc(hidden)]
 pub fn features(unit: [f32; 3], theta_degrees: f32, phi_degrees: f32) -> [f32; INPUTS] {
+    let asked = named_features(unit, [theta_degrees, phi_degrees]);
+    if is_vertical(&asked) { named_features(unit, [180.0, phi_degrees]) } else { asked }
+}
+
+/// The same with θ as it is given, in whatever direction.
+#[doc(hidden)]
+pub fn named_features(unit: [f32; 3], [theta_degrees, phi_degrees]: [f32; 2]) -> [f32; INPUTS] {
     [
         2.0 * unit[0] - 1.0,
         2.0 * unit[1] - 1.0,
@@ -222,6 +230,12 @@ pub fn features(unit: [f32; 3], theta_degrees: f32, phi_degrees: f32) -> [f32; I
     ]
 }
 
+/// True of the inputs of a vertical direction.
+#[doc(hidden)]
+pub fn is_vertical(input: &[f32; INPUTS]) -> bool {
+    input[4].abs() >= 1.0
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -229,6 +243,20 @@ mod tests {
     #[test]
     fn the_papers_network_has_its_parameters() {
         assert_eq!(SirenShape::default().parameter_count(), 1_056_769);
+    }
+
+    #[test]
+    fn a_vertical_direction_is_asked_at_one_angle() {
+        let unit = [0.25, 0.5, 1.0];
+        for phi in [0.0, 180.0] {
+            let asked = features(unit, 0.0, phi);
+            assert_eq!(asked, [-0.5, 0.0, 1.0, 0.0, phi / 90.0 - 1.0]);
+            assert_eq!(features(unit, 311.0, phi), asked);
+            assert_ne!(named_features(unit, [311.0, phi]), asked);
+        }
+        for phi in [1e-4, 90.0, 179.9999] {
+            assert_eq!(features(unit, 311.0, phi), named_features(unit, [311.0, phi]));
+        }
     }
 
     #[test]

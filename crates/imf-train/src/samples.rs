@@ -3,7 +3,10 @@
 //! A sample takes [`Samples::BYTES_PER_SAMPLE`], a section some more; room that is reserved beforehand is all that is taken.
 
 use imf_core::grid::Grid;
-use imf_fields::siren::{INPUTS, features};
+use imf_fields::siren::{INPUTS, is_vertical, named_features};
+
+/// The golden section.
+const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
 /// Samples of several sections of one scene, section after section.
 #[derive(Clone, Debug, PartialEq)]
@@ -87,16 +90,23 @@ impl Samples {
         self.starts.push(self.voxels.len());
     }
 
-    /// Network inputs and target of one sample.
+    /// Network inputs and target of one sample. A vertical direction has every θ: each voxel has another, so that the network learns
+    /// that it says nothing there.
     ///
     /// # Panics
     /// If there is no such sample.
     #[must_use]
     pub fn sample(&self, index: usize) -> ([f32; INPUTS], f32) {
         let section = self.starts.partition_point(|&start| start <= index) - 1;
-        let [theta, phi] = self.angles[section];
-        let point = self.frame.unit(self.grid.centre(self.grid.voxel(self.voxels[index] as usize)));
-        (features(point.as_vec3().to_array(), theta, phi), self.values[index])
+        let (angles, voxel) = (self.angles[section], self.voxels[index]);
+        let point = self.frame.unit(self.grid.centre(self.grid.voxel(voxel as usize))).as_vec3().to_array();
+        let mut input = named_features(point, angles);
+        if is_vertical(&input) {
+            // Neighbours' are far apart.
+            let turns = f64::from(angles[0]) / 360.0 + f64::from(voxel) * GOLDEN;
+            input = named_features(point, [360.0 * turns.fract() as f32, angles[1]]);
+        }
+        (input, self.values[index])
     }
 }
 

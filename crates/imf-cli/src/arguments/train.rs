@@ -79,7 +79,7 @@ pub(crate) struct FactoredArguments {
 #[command(
     mut_arg("part", |part| part.value_name("PART or DATASET").help(
         "What it is a field of: an OBJ, STL, PLY or 3MF file, or a built-in part (teapot, bracket, bracket-raw, screw-gear), \
-         whose 225 sections are sampled in the folder dataset; or the folder of a dataset: then none of the options of a part"
+         whose 231 sections are sampled in the folder dataset; or the folder of a dataset: then none of the options of a part"
     )),
     mut_arg("quantity", |quantity| quantity.help(
         "overlap is all that this network learns, to be said with a part of your own: overlaps hardly see a small cutter beside its \

@@ -13,7 +13,7 @@ use thiserror::Error;
 
 use super::dilation::{Dilation, meeting_positions};
 use crate::control::Control;
-use crate::grid::{Grid, GridError};
+use crate::grid::{Grid, GridError, HALF_DIAGONAL};
 use crate::obstacle::Obstacle;
 use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
@@ -52,9 +52,6 @@ fn cutter_of(tool: &Tool) -> Result<Tool, RemovableError> {
     Ok(Tool { shape: ToolShape::Revolved(cutters), ..tool.with_tip_only() })
 }
 
-/// How far a tip may be from the nearest voxel's centre, in voxels: half the diagonal of one.
-const ROUNDING: f64 = 0.866_025_403_784_438_7;
-
 /// Bounds of the stock that a cutter removes: with its tip on voxel centres, and at most with its tip anywhere. Both
 /// converge to the stock removed as the pitch falls.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -74,7 +71,7 @@ pub fn position_grid(stock: &Grid, tool: &Tool) -> Result<Grid, RemovableError> 
     Ok(around(stock, &cutter_of(tool)?)?)
 }
 
-/// With room for the cutter offset by [`ROUNDING`].
+/// With room for the cutter offset by [`HALF_DIAGONAL`].
 fn around(stock: &Grid, cutter: &Tool) -> Result<Grid, GridError> {
     let reach = (cutter.reach() / stock.pitch).ceil().min(1e9) as i64 + 3;
     stock.padded([reach; 3], [reach; 3])
@@ -115,7 +112,8 @@ pub fn removable(
     control: Control<'_>,
 ) -> Result<RemovableStock, RemovableError> {
     let (obstacle, assembly) = (obstacle.into(), assembly.into());
-    let (cutter, slack) = (cutter_of(assembly.tool())?, ROUNDING * stock.grid.pitch);
+    // No tip is farther from the nearest voxel's centre.
+    let (cutter, slack) = (cutter_of(assembly.tool())?, HALF_DIAGONAL * stock.grid.pitch);
     // A cutter too thin for the grid is refused before the work begins.
     ToolVoxels::new(&cutter, &Orientation::default(), stock.grid.pitch)?;
     let tool = Some(assembly.clone());

@@ -6,10 +6,8 @@
 use std::fmt;
 
 use super::SceneRecord;
+use crate::grid::HALF_DIAGONAL;
 use crate::tool::{Clearance, ElementKind, Tool};
-
-/// Half the diagonal of a voxel, in pitches.
-const HALF_DIAGONAL: f64 = 0.866_025_403_784_438_6;
 
 /// Which guarantee holds.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -158,7 +158,7 @@ impl Convolver {
             }
             let Scratch { line, other, input, work, .. } = &mut *scratch;
             let spectrum = &mut other[..nz];
-            self.along[2].forward(&line[..nz], self.segment(2, [0; 3], self.size.n, 1), spectrum, work);
+            self.along[2].forward(&line[..nz], Segment::whole(nz), spectrum, work);
             for block in 0..blocks {
                 let target = &mut input[(block * tx + x) * ty + first..][..count];
                 self.arch.dispatch(Split { joint: spectrum, first: block * LANES, lines: target });
@@ -215,7 +215,7 @@ impl Convolver {
             let source = &output[(block * qx + x) * qy + first..][..count];
             self.arch.dispatch(Join { lines: source, joint: line, first: block * LANES });
         }
-        self.along[2].inverse(line, (other, self.segment(2, [0; 3], self.size.n, 1)), work);
+        self.along[2].inverse(line, (other, Segment::whole(nz)), work);
         // There the tool has passed the obstacle, and at the next place as well: the circle is that long.
         let start = self.depth as i64 - tool.lower[2];
         let after = wrap(start + 2 - query.lower[2], nz);

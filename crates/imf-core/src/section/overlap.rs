@@ -161,7 +161,8 @@ impl OverlapCounter {
 
     /// Makes what transforms need, where most orientations are counted by them: threads that first ask at once would each make it.
     pub(super) fn prepare(&self, query: &QueryBox) {
-        if self.usual_estimate(query).is_some_and(|estimate| !self.uses_run_length(estimate)) {
+        let is_made = self.convolver.get().is_some();
+        if !is_made && self.usual_estimate(query).is_some_and(|estimate| !self.uses_run_length(estimate)) {
             self.convolver();
         }
     }

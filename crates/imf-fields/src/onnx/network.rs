@@ -56,7 +56,16 @@ pub(super) fn siren(
     let unit = graph.mul(&from_corner, &scale);
     let turns = graph.mul(angles, &degrees);
     let both = graph.op_with("Concat", &[&unit, &turns], &[("axis", 1)]);
-    let input = graph.sub(&both, &one);
+    let named = graph.sub(&both, &one);
+    // As `features`: of a vertical direction the middle θ, which is 0 here.
+    let down = graph.column(&named, 4);
+    let squared = graph.mul(&down, &down);
+    let has_angle = graph.op("Less", &[&squared, &one]);
+    let (theta, middle) = (graph.column(&named, 3), graph.number(0.0));
+    let theta = graph.op("Where", &[&has_angle, &theta, &middle]);
+    let others = graph.integers(&[3], &[0, 1, 2]);
+    let point = graph.op_with("Gather", &[&named, &others], &[("axis", 1)]);
+    let input = graph.op_with("Concat", &[&point, &theta, &down], &[("axis", 1)]);
     let output = outputs(graph, shape.stack(), parameters, &input);
     let sigmoid = graph.op("Sigmoid", &[&output]);
     let (stretch, below) = (graph.number(1.0 + STRETCH), graph.number(STRETCH));

@@ -12,10 +12,9 @@
 use super::segment::VoxelPose;
 use super::voxels::SolidVoxels;
 use super::{Body, Part};
+use crate::grid::HALF_DIAGONAL;
 use crate::tool::Segment;
 
-/// Half the diagonal of a voxel.
-const HALF_DIAGONAL: f64 = 0.866_025_403_784_438_6;
 /// Spheres stand at most this far apart along the axis.
 const STEP: f64 = 0.5;
 /// Taken off every radius: more than all rounding.

@@ -55,8 +55,12 @@ impl LineTransform {
     /// Σ p(j)·exp(−2πi·jk / length) over the places j of a segment, whose points p(j) are among `points`, for every k, into `to[k]`.
     pub(super) fn forward(&self, points: &[Point], segment: Segment, to: &mut [Point], work: &mut Work) {
         assert!(segment.holds(points), "a point for each place");
-        let whole = Segment { begin: 0, count: self.length, step: 1 };
-        self.run([0, 1], Within { points, segment, length: self.length }, (to, whole), work);
+        self.run(
+            [0, 1],
+            Within { points, segment, length: self.length },
+            (to, Segment::whole(self.length)),
+            work,
+        );
     }
 
     /// Σ points[k]·exp(2πi·jk / length) for the places j of a segment, into `to`.
@@ -124,6 +128,11 @@ pub(super) struct Segment {
 }
 
 impl Segment {
+    /// A whole circle.
+    pub(super) fn whole(length: usize) -> Self {
+        Self { begin: 0, count: length, step: 1 }
+    }
+
     fn holds(&self, points: &[Point]) -> bool {
         self.count == 0 || (self.count - 1) * self.step < points.len()
     }

@@ -1,11 +1,13 @@
 //! A pose as the paper's network reads it, and what its slopes say of the pose.
 
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
 use glam::DVec3;
 
 use super::held;
 use crate::harmonic;
 use crate::siren::evaluator::ROWS;
-use crate::siren::{INPUTS, features};
+use crate::siren::{INPUTS, features, is_vertical};
 use imf_core::grid::Grid;
 use imf_core::pose::Pose;
 
@@ -21,7 +23,7 @@ pub(super) fn siren_gradient(
 ) -> harmonic::Gradient {
     let [_, x, y, z, by_theta, by_phi] = slopes.map(f64::from);
     // From inputs, which are θ/180° − 1 and φ/90° − 1, to radians.
-    let (by_theta, by_phi) = (by_theta / std::f64::consts::PI, by_phi / std::f64::consts::FRAC_PI_2);
+    let (by_theta, by_phi) = (by_theta / PI, by_phi / FRAC_PI_2);
     let (sin_theta, cos_theta) = theta.sin_cos();
     let (sin_phi, cos_phi) = phi.sin_cos();
     let along_theta = DVec3::new(-sin_theta, cos_theta, 0.0);
@@ -42,19 +44,13 @@ pub(super) fn siren_input(grid: &Grid, pose: &Pose) -> ([f32; INPUTS], [f64; 2])
     let [low, high] = grid.box_of_centres();
     let [theta, phi] = angles(pose);
     let unit = grid.unit(held(pose.position, low, high)).as_vec3().to_array();
-    (features(unit, theta.to_degrees() as f32, phi.to_degrees() as f32), [theta, phi])
+    let input = features(unit, theta.to_degrees() as f32, phi.to_degrees() as f32);
+    (input, [if is_vertical(&input) { PI } else { theta }, phi])
 }
 
-/// θ and φ in radians; at the poles, where the axis leaves θ open, that of the tool's own x axis. Of an invalid pose any numbers.
+/// θ and φ in radians; of an invalid pose any numbers.
 fn angles(pose: &Pose) -> [f64; 2] {
     let axis = pose.axis().unwrap_or(DVec3::Z);
-    let across = axis.x.hypot(axis.y);
-    let theta = if across > 0.0 {
-        axis.y.atan2(axis.x)
-    } else {
-        let x = pose.rotation.normalize() * DVec3::X;
-        let x = x.map(|v| if v.abs() < 1e-12 { 0.0 } else { v });
-        if axis.z > 0.0 { x.y.atan2(x.x) } else { (-x.y).atan2(-x.x) }
-    };
-    [if theta < 0.0 { theta + std::f64::consts::TAU } else { theta }, across.atan2(axis.z)]
+    let theta = axis.y.atan2(axis.x);
+    [if theta < 0.0 { theta + TAU } else { theta }, axis.x.hypot(axis.y).atan2(axis.z)]
 }
