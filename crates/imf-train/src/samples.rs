@@ -116,6 +116,31 @@ mod tests {
     use glam::DVec3;
 
     #[test]
+    fn voxels_of_a_vertical_section_are_learnt_at_angles_all_around() {
+        let grid = Grid::with_dims(DVec3::ZERO, DVec3::splat(1.0), [6, 5, 4], 0).unwrap();
+        let mut samples = Samples::new(grid);
+        let voxels: Vec<u32> = (0..grid.len() as u32).collect();
+        for angles in [[0.0, 0.0], [300.0, 180.0], [300.0, 179.0]] {
+            samples.push_section(angles, &voxels, &vec![0.5; grid.len()]);
+        }
+        let thetas = |section: usize| -> Vec<f32> {
+            let of_section = samples.starts[section]..samples.starts[section + 1];
+            of_section.map(|index| samples.sample(index).0[3]).collect()
+        };
+        for section in [0, 1] {
+            let mut spread = thetas(section);
+            spread.sort_by(f32::total_cmp);
+            let ends = [spread[0], spread[grid.len() - 1]];
+            assert!((-1.0..-0.95).contains(&ends[0]) && (0.95..1.0).contains(&ends[1]), "{ends:?}");
+            // Evenly: 2/120 apart on average.
+            assert!(spread.windows(2).all(|pair| (0.005..0.04).contains(&(pair[1] - pair[0]))), "{spread:?}");
+        }
+        assert!(thetas(2).iter().all(|&theta| theta == 300.0 / 180.0 - 1.0));
+        let [point, other] = [0, 2 * grid.len()].map(|index| samples.sample(index).0);
+        assert_eq!(point[..3], other[..3]);
+    }
+
+    #[test]
     fn samples_of_a_coarse_grid_speak_of_the_full_grids_points() {
         // The boxes differ: 0.65 of 13 voxels are 8.45, so the coarse grid has nine that stick out.
         let (lower, upper) = (DVec3::new(-3.0, 2.0, 5.0), DVec3::new(10.0, 9.0, 26.0));
