@@ -59,7 +59,7 @@ class Siren5(torch.nn.Module):
         unit = (position.double().clamp(self.lower, self.upper) - self.origin) / self.size
         theta, phi = (angles.double() / angles.new_tensor([180.0, 90.0]) - 1.0).unbind(1)
         # A vertical direction has every theta: the middle one is asked.
-        theta = torch.where(phi.abs() < 1.0, theta, 0.0)
+        theta = torch.where((angles[:, 1].float() / 90.0 - 1.0).abs() < 1.0, theta, 0.0)
         inputs = torch.cat([2.0 * unit - 1.0, torch.stack([theta, phi], dim=1)], dim=1)
         inputs = inputs.to(self.weights[0].dtype)
         signal = inputs

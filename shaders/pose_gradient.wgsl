@@ -53,8 +53,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
         let position = held_slopes(pose, world.low.xyz, world.high.xyz, across);
         // From inputs, which are θ/π − 1 and φ/(π/2) − 1, to radians.
         let axis = axis_of(pose);
-        let angles = angles_of_pose(pose, axis);
-        let by_theta = slopes[3] / PI;
+        let angles = angles_of(axis);
+        let by_theta = select(slopes[3] / PI, 0.0, is_vertical(axis));
         let by_phi = slopes[4] / (0.5 * PI);
         let theta = sine_cosine(vec4<f32>(angles.x));
         let phi = sine_cosine(vec4<f32>(angles.y));

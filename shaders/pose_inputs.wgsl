@@ -18,7 +18,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
         let position = held_tip(pose, world.low.xyz, world.high.xyz);
         var angles = vec2<f32>();
         if is_pose(pose) {
-            angles = angles_of_pose(pose, axis_of(pose));
+            angles = angles_of(axis_of(pose));
         }
         let unit = (position - world.origin.xyz) / world.size.xyz;
         let at = row * INPUTS;

@@ -81,22 +81,14 @@ fn angle_of(y: f32, x: f32) -> f32 {
     return select(angle, -angle, y < 0.0);
 }
 
-/// θ in [0, 2π) and φ in [0, π] of a direction.
-fn angles_of(axis: vec3<f32>) -> vec2<f32> {
-    let theta = angle_of(axis.y, axis.x);
-    return vec2<f32>(select(theta, theta + 2.0 * PI, theta < 0.0), angle_of(length(axis.xy), axis.z));
+/// True of a direction that has every θ.
+fn is_vertical(axis: vec3<f32>) -> bool {
+    return axis.x == 0.0 && axis.y == 0.0;
 }
 
-/// The same of a pose; at the poles, where the axis leaves θ open, that of the tool's own x axis.
-fn angles_of_pose(pose: Pose, axis: vec3<f32>) -> vec2<f32> {
-    var angles = angles_of(axis);
-    if axis.x == 0.0 && axis.y == 0.0 {
-        let q = unit_rotation(pose);
-        let x = vec2<f32>(1.0 - 2.0 * (q.y * q.y + q.z * q.z), 2.0 * (q.x * q.y + q.w * q.z));
-        let held = select(x, vec2<f32>(), abs(x) < vec2<f32>(STEP));
-        let side = select(-1.0, 1.0, axis.z > 0.0);
-        let theta = angle_of(side * held.y, side * held.x);
-        angles.x = select(theta, theta + 2.0 * PI, theta < 0.0);
-    }
-    return angles;
+/// θ in [0, 2π) and φ in [0, π] of a direction; of a vertical one the middle θ, where the network is asked.
+fn angles_of(axis: vec3<f32>) -> vec2<f32> {
+    let angle = angle_of(axis.y, axis.x);
+    let theta = select(angle, angle + 2.0 * PI, angle < 0.0);
+    return vec2<f32>(select(theta, PI, is_vertical(axis)), angle_of(length(axis.xy), axis.z));
 }

@@ -98,8 +98,9 @@ def poses_around(box: np.ndarray, room: np.ndarray | float, seed: int) -> tuple[
 
 
 def random_turns(random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """(theta, phi) in degrees, and the same as directions."""
+    """(theta, phi) in degrees, some of them vertical, and the same as directions."""
     angles = np.stack([random.random(POSES) * 360, np.degrees(np.arccos(2 * random.random(POSES) - 1))], axis=1)
+    angles[:4, 1] = [0, 180, 0, 180]
     angles = angles.astype(np.float32).astype(float)
     theta, phi = np.radians(angles).T
     direction = np.stack([np.sin(phi) * np.cos(theta), np.sin(phi) * np.sin(theta), np.cos(phi)], axis=1)

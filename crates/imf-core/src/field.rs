@@ -15,8 +15,8 @@
 //!   (the slope across the face is 0), and the decision is `Undecided`. Exact results hold everywhere, space outside
 //!   the grid being empty.
 //! - An invalid pose ([`Pose`]) has the value NaN, a gradient of NaN, and is `Colliding`.
-//! - `siren5` jumps at θ = 0°/360° and knows several values at the poles: gradients there are those of one side and finite
-//!   ([`Gradient`]). Harmonic and factored fields are smooth in every direction.
+//! - `siren5` jumps at θ = 0°/360° and at vertical directions: gradients there are those of one side (θ = 180° of a vertical
+//!   one) and finite ([`Gradient`]). Harmonic and factored fields are smooth in every direction.
 //!
 //! Once a thread's working memory has grown, single poses, proofs and motions allocate nothing, except for mesh
 //! tools, which are voxelised. Batches of a model's values and gradients are matrix products, for which the matrix

@@ -5,8 +5,8 @@
 //! `2·θ/360° − 1`, `2·φ/180° − 1`. A hidden layer computes `sin(ω·(W·a + b))`, ω = 30; the input is concatenated
 //! again behind the activations of hidden layer `skip_after`; the output is a sigmoid of `W·a + b` that reaches a little
 //! below 0 and is clamped there ([`output`]; the paper has a plain sigmoid).
-//! The coordinates θ = 0° and 360° are one direction but two inputs, and at φ = 0° and 180° θ is idle: the learnt
-//! field may jump there, and its gradient is one-sided and finite.
+//! The coordinates θ = 0° and 360° are one direction but two inputs, and at φ = 0° and 180°, where θ is idle, the network is
+//! asked at θ = 180°: the learnt field may jump there, and its gradient is one-sided and finite.
 //!
 //! Parameters are one flat `f32` array; [`SirenShape::layers`] is the one place that knows its layout:
 //!
@@ -211,11 +211,11 @@ impl SirenShape {
 }
 
 /// The five inputs of one pose: unit coordinates of the point in its grid and the angle pair in degrees. A vertical direction
-/// has every θ, of which the middle one is asked: at the ends of their range networks err twice as much.
+/// has every θ; the network is asked at the middle one, as it errs more at the ends of the range.
 #[doc(hidden)]
 pub fn features(unit: [f32; 3], theta_degrees: f32, phi_degrees: f32) -> [f32; INPUTS] {
-    let asked = named_features(unit, [theta_degrees, phi_degrees]);
-    if is_vertical(&asked) { named_features(unit, [180.0, phi_degrees]) } else { asked }
+    let theta = if is_vertical(phi_degrees) { 180.0 } else { theta_degrees };
+    named_features(unit, [theta, phi_degrees])
 }
 
 /// The same with θ as it is given, in whatever direction.
@@ -230,10 +230,10 @@ pub fn named_features(unit: [f32; 3], [theta_degrees, phi_degrees]: [f32; 2]) ->
     ]
 }
 
-/// True of the inputs of a vertical direction.
+/// True where φ in degrees is that of a vertical direction, as the network reads it.
 #[doc(hidden)]
-pub fn is_vertical(input: &[f32; INPUTS]) -> bool {
-    input[4].abs() >= 1.0
+pub fn is_vertical(phi_degrees: f32) -> bool {
+    (phi_degrees / 90.0 - 1.0).abs() >= 1.0
 }
 
 #[cfg(test)]

@@ -99,7 +99,7 @@ fn values_are_those_of_each_familys_own_interface() {
     near("siren", &values(&siren(&scene), &asked), &expected);
 }
 
-/// At the poles, where the axis leaves θ open, too.
+/// In vertical directions, which have every θ, too.
 #[test]
 fn grids_are_the_values_of_poses_at_voxel_centres() {
     let scene = scene(&Tool::paper(), 0.0);
@@ -233,6 +233,28 @@ fn the_papers_network_has_finite_gradients_at_its_jumps() {
     field.gradients(&asked, &mut found).unwrap();
     for found in found {
         assert!(found.position.is_finite() && found.direction.is_finite() && found.rotation.is_finite());
+    }
+    // A vertical direction is asked at θ = 180°: the slope is that of the plane y = 0 on the side of −x.
+    let value = |axis: DVec3| unclipped(&field, Pose::along(middle, axis));
+    for (axis, found) in [(DVec3::Z, found[0]), (DVec3::NEG_Z, found[1])] {
+        let by_x = -(value(axis + DVec3::NEG_X * 0.02) - value(axis + DVec3::NEG_X * 1e-3)) / 0.019;
+        assert!((found.direction.x - by_x).abs() < 0.02 * by_x.abs() + 2e-3, "{} {by_x}", found.direction);
+        assert!(found.direction.y.abs() < 1e-6);
+    }
+}
+
+#[test]
+fn the_papers_network_has_one_value_at_a_vertical_direction_however_it_is_turned() {
+    let scene = scene(&Tool::paper(), 0.0);
+    let field = siren(&scene);
+    let middle = scene.record.grid.origin + 0.5 * scene.record.grid.size();
+    for up in [DQuat::IDENTITY, DQuat::from_rotation_x(std::f64::consts::PI)] {
+        let turned = |turn: f64| Pose { position: middle, rotation: up * DQuat::from_rotation_z(turn) };
+        let found = values(&field, &[0.0, 1.0, 2.5, 4.0, 6.0].map(turned));
+        assert!(found.iter().all(|value| *value == found[0]), "{found:?}");
+        // Its neighbours at other θ have others.
+        let beside = Pose::along(middle, turned(0.0).axis().unwrap() + DVec3::new(1e-3, -1e-4, 0.0));
+        assert!((values(&field, &[beside])[0] - found[0]).abs() > 1e-3);
     }
 }
 

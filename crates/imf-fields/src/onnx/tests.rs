@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use std::collections::HashMap;
 
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use half::f16;
 use prost::Message as _;
 
@@ -216,7 +216,12 @@ fn graphs_of_every_family_answer_as_the_fields_do() {
     let mut folded = factored_file(&scene);
     folded.field = folded.field.folded();
     assert!(folded.field.shape.folded);
-    let asked = poses(&scene, 200, 21);
+    let mut asked = poses(&scene, 200, 21);
+    // Vertical, where the paper's network does not read θ.
+    for (turn, pose) in (0..).zip(&mut asked[..6]) {
+        let down = DQuat::from_rotation_x(f64::from(turn % 2) * std::f64::consts::PI);
+        pose.rotation = down * DQuat::from_rotation_z(f64::from(turn));
+    }
     for saved in [
         FieldFile::Factored(Box::new(folded)),
         FieldFile::Harmonic(Arc::new(deep_harmonic)),

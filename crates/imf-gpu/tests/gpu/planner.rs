@@ -86,7 +86,7 @@ fn positions_outside_the_box_are_answered_alike_by_poses_and_by_samples() {
 
 #[test]
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
-fn grids_are_the_twins_and_at_the_poles_theta_is_that_of_the_orientation() {
+fn grids_are_the_twins_also_in_vertical_directions_whatever_their_theta() {
     let device = field(&open(), Some(1));
     let twin = device.twin();
     let set = OrientationSet::parse("0,0;90,0;37,180;40,65").expect("a set").orientations;

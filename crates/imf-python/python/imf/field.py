@@ -158,7 +158,7 @@ def train(
     """Makes a field of a scene.
 
     family: "harmonic", fitted to exact sections in seconds; "factored", a network of a megabyte that is distilled from such a fit;
-    "siren5", the paper's network, which learns from samples of the exact sections of ``directions`` (by default fibonacci:225).
+    "siren5", the paper's network, which learns from samples of the exact sections of ``directions`` (by default axes+fibonacci:225).
     quantity: "depth", or "overlap"; by default depth, and overlap for siren5 and for a built-in part with the paper's tool. For
     depths shank and holder keep two voxels of room where the scene has no clearance.
     degree: of the harmonics. steps: of the training. layers: hidden layers and neurons of each. omega: frequency of the sines.
@@ -178,7 +178,7 @@ def train(
         None if steps is None else whole("steps", steps, 1),
         None if layers is None else (whole("layers", layers[0], 1), whole("layers", layers[1], 1)),
         omega,
-        "fibonacci:225" if directions is None else directions,
+        "axes+fibonacci:225" if directions is None else directions,
         whole("seed", seed),
         calibrate,
         listener(progress),

@@ -28,8 +28,8 @@ use crate::job::{self, Data, FIELD, Footprint, LatestCheckpoint, Settings};
 use crate::output::{OutputFolder, lock_folder, print_result, require_other};
 use crate::session::Session;
 
-/// Orientations of a part's own samples: as many as the paper's, spread evenly, and the axes, along which the field is asked most and a
-/// network that never met them errs most.
+/// Orientations of a part's own samples: as many as the paper's, spread evenly, and the axes: a network that met no vertical direction errs
+/// most there.
 const ORIENTATIONS: &str = "axes+fibonacci:225";
 
 enum Samples<'a> {

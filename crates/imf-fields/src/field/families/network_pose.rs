@@ -22,13 +22,14 @@ pub(super) fn siren_gradient(
     direction: DVec3,
 ) -> harmonic::Gradient {
     let [_, x, y, z, by_theta, by_phi] = slopes.map(f64::from);
-    // From inputs, which are θ/180° − 1 and φ/90° − 1, to radians.
-    let (by_theta, by_phi) = (by_theta / PI, by_phi / FRAC_PI_2);
+    // From inputs, which are θ/180° − 1 and φ/90° − 1, to radians. A vertical direction is asked at one θ whatever it is.
+    let by_theta = if is_vertical(phi.to_degrees() as f32) { 0.0 } else { by_theta / PI };
+    let by_phi = by_phi / FRAC_PI_2;
     let (sin_theta, cos_theta) = theta.sin_cos();
     let (sin_phi, cos_phi) = phi.sin_cos();
     let along_theta = DVec3::new(-sin_theta, cos_theta, 0.0);
     let along_phi = DVec3::new(cos_phi * cos_theta, cos_phi * sin_theta, -sin_phi);
-    // At the poles the network's θ means nothing: the slope is held finite.
+    // Beside the poles the network's θ means little: the slope is held finite.
     let turn = along_theta * (by_theta / sin_phi.max(POLE)) + along_phi * by_phi;
     let turn = turn - direction * turn.dot(direction);
     harmonic::Gradient {
@@ -44,13 +45,16 @@ pub(super) fn siren_input(grid: &Grid, pose: &Pose) -> ([f32; INPUTS], [f64; 2])
     let [low, high] = grid.box_of_centres();
     let [theta, phi] = angles(pose);
     let unit = grid.unit(held(pose.position, low, high)).as_vec3().to_array();
-    let input = features(unit, theta.to_degrees() as f32, phi.to_degrees() as f32);
-    (input, [if is_vertical(&input) { PI } else { theta }, phi])
+    (features(unit, theta.to_degrees() as f32, phi.to_degrees() as f32), [theta, phi])
 }
 
-/// θ and φ in radians; of an invalid pose any numbers.
+/// θ and φ in radians; of a vertical direction the θ at which it is asked; of an invalid pose any numbers.
 fn angles(pose: &Pose) -> [f64; 2] {
     let axis = pose.axis().unwrap_or(DVec3::Z);
-    let theta = axis.y.atan2(axis.x);
-    [if theta < 0.0 { theta + TAU } else { theta }, axis.x.hypot(axis.y).atan2(axis.z)]
+    let (theta, phi) = (axis.y.atan2(axis.x), axis.x.hypot(axis.y).atan2(axis.z));
+    match theta {
+        _ if is_vertical(phi.to_degrees() as f32) => [PI, phi],
+        theta if theta < 0.0 => [theta + TAU, phi],
+        theta => [theta, phi],
+    }
 }
