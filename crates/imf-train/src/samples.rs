@@ -5,8 +5,8 @@
 use imf_core::grid::Grid;
 use imf_fields::siren::{INPUTS, is_vertical, named_features};
 
-/// Powers of 1/g, g⁴ = g + 1: multiples of them by whole numbers spread evenly (Roberts' sequence in three dimensions).
-const SPREAD: [f64; 3] = [0.819_172_513_396_164_4, 0.671_043_606_703_789_2, 0.549_700_477_901_970_3];
+/// The golden section: multiples of it by whole numbers spread evenly.
+const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
 /// Samples of several sections of one scene, section after section.
 #[derive(Clone, Debug, PartialEq)]
@@ -99,12 +99,13 @@ impl Samples {
     pub fn sample(&self, index: usize) -> ([f32; INPUTS], f32) {
         let section = self.starts.partition_point(|&start| start <= index) - 1;
         let mut angles = self.angles[section];
-        let voxel = self.grid.voxel(self.voxels[index] as usize);
+        let voxel = self.voxels[index];
         if is_vertical(angles[1]) {
-            let turns = voxel.iter().zip(SPREAD).map(|(&at, spread)| at as f64 * spread).sum::<f64>();
+            // Those above each other are far apart.
+            let turns = f64::from(voxel) * GOLDEN;
             angles[0] = 360.0 * (f64::from(angles[0]) / 360.0 + turns).fract() as f32;
         }
-        let point = self.frame.unit(self.grid.centre(voxel));
+        let point = self.frame.unit(self.grid.centre(self.grid.voxel(voxel as usize)));
         (named_features(point.as_vec3().to_array(), angles), self.values[index])
     }
 }
@@ -132,7 +133,7 @@ mod tests {
             let ends = [spread[0], spread[grid.len() - 1]];
             assert!((-1.0..-0.95).contains(&ends[0]) && (0.95..1.0).contains(&ends[1]), "{ends:?}");
             // Evenly: 2/120 apart on average.
-            assert!(spread.windows(2).all(|pair| (0.004..0.04).contains(&(pair[1] - pair[0]))), "{spread:?}");
+            assert!(spread.windows(2).all(|pair| (0.005..0.04).contains(&(pair[1] - pair[0]))), "{spread:?}");
         }
         assert!(thetas(2).iter().all(|&theta| theta == 300.0 / 180.0 - 1.0));
         let [point, other] = [0, 2 * grid.len()].map(|index| samples.sample(index).0);
