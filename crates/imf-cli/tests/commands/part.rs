@@ -292,7 +292,7 @@ fn the_papers_network_of_a_part_is_that_of_its_dataset() {
     let trained = work.json(&train);
     assert_eq!((&trained["field"], &trained["steps"]), (&json!("model/field.safetensors"), &json!(40)));
 
-    work.imf(&format!("dataset {PART} --orientations fibonacci:225 --seed 3 --out data")).done();
+    work.imf(&format!("dataset {PART} --orientations axes+fibonacci:225 --seed 3 --out data")).done();
     work.imf(&format!("train siren5 data {network} --out apart")).done();
     for file in ["manifest.json", "shard-00000.safetensors"] {
         let [made, apart] = ["model/dataset", "data"].map(|folder| work.bytes(&format!("{folder}/{file}")));
