@@ -17,6 +17,7 @@ use imf_train::dataset::{Layout, Manifest};
 use serde_json::json;
 
 use crate::arguments::clearance::ContactArguments;
+use crate::arguments::orientations::default_set;
 use crate::arguments::quantity::scene_of;
 use crate::arguments::scene::SceneArguments;
 use crate::arguments::settings::checkpoint_every;
@@ -27,10 +28,6 @@ use crate::engine::Device;
 use crate::job::{self, Data, FIELD, Footprint, LatestCheckpoint, Settings};
 use crate::output::{OutputFolder, lock_folder, print_result, require_other};
 use crate::session::Session;
-
-/// Orientations of a part's own samples: as many as the paper's, spread evenly, and the axes: a network that met no vertical direction errs
-/// most there.
-const ORIENTATIONS: &str = "axes+fibonacci:225";
 
 enum Samples<'a> {
     Dataset(&'a Path),
@@ -150,8 +147,9 @@ fn trained(
         }
         Samples::OfPart(scene, contact) => {
             let scene = scene_of(Quantity::Overlap, training.explicit, scene);
-            let (set, sampling) =
-                (OrientationSet::parse(ORIENTATIONS)?, Sampling { seed: plan.seed, ..Sampling::default() });
+            // With the axes: a network that met no vertical direction errs most there.
+            let set = OrientationSet::parse(default_set(true, false))?;
+            let sampling = Sampling { seed: plan.seed, ..Sampling::default() };
             let scene = scene.scene_with(session, contact)?;
             if is_over(&|found| found.require_samples(&scene.record, &set, &sampling))? {
                 return Ok(());

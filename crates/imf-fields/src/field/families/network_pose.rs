@@ -52,9 +52,8 @@ pub(super) fn siren_input(grid: &Grid, pose: &Pose) -> ([f32; INPUTS], [f64; 2])
 fn angles(pose: &Pose) -> [f64; 2] {
     let axis = pose.axis().unwrap_or(DVec3::Z);
     let (theta, phi) = (axis.y.atan2(axis.x), axis.x.hypot(axis.y).atan2(axis.z));
-    match theta {
-        _ if is_vertical(phi.to_degrees() as f32) => [PI, phi],
-        theta if theta < 0.0 => [theta + TAU, phi],
-        theta => [theta, phi],
+    if is_vertical(phi.to_degrees() as f32) {
+        return [PI, phi];
     }
+    [if theta < 0.0 { theta + TAU } else { theta }, phi]
 }
