@@ -13,9 +13,7 @@ use imf_fields::harmonic::FitSettings;
 use imf_fields::harmonic::basis::{Basis, Domain};
 use imf_fields::harmonic::coefficients::StoragePrecision;
 use imf_fields::harmonic::file::HarmonicFile;
-use imf_fields::recipe::Precision;
-use imf_gpu::{GpuTrainer, TrainerSettings};
-use imf_train::distill::{Target, distil, distil_on};
+use imf_train::distill::{Target, distil_on};
 use imf_train::training::run::{Outcome, Report};
 
 /// Sections for each basis function at least: with fewer the fit has no firm minimum.
@@ -58,27 +56,14 @@ pub(crate) fn distilled(
 ) -> Result<FactoredFile> {
     let field = &teacher.field;
     let target = Target::from(field);
-    let shape = target.shape(&settings);
-    let mut state = settings.start(shape.components);
+    let mut state = settings.start(target.shape(&settings).components);
     let stage = session.stage("factored", "steps", settings.plan.total_steps(field.grid.len()));
     let advance = |steps| stage.advance(steps);
     let control = session.control(&advance);
     let mut loss = f64::NAN;
     let observer = &mut |report: &Report| loss = report.mean_loss;
-    let outcome = match device {
-        Device::Cpu => distil(target, &settings, &mut state, control, observer)?,
-        Device::Gpu(gpu) => {
-            let learning = TrainerSettings {
-                adam: settings.plan.adam,
-                loss: settings.plan.loss,
-                optimiser: settings.optimiser,
-                precision: Precision::F32,
-            };
-            let batch = target.batch(&settings);
-            let mut engine = GpuTrainer::new(gpu, shape.stack(), &learning, batch, &state.training)?;
-            distil_on(target, &settings, &mut state, &mut engine, control, observer)?
-        }
-    };
+    let mut engine = device.distiller(&target, &settings, &state)?;
+    let outcome = distil_on(target, &settings, &mut state, &mut *engine, control, observer)?;
     if !matches!(outcome, Outcome::Finished) {
         bail!(Cancelled);
     }

@@ -3,12 +3,14 @@
 use anyhow::{Context, Result, ensure};
 use imf_core::field::{Decision, FieldError, GridField, values_on_all_threads};
 use imf_core::pose::Pose;
+use imf_fields::factored::{DistillSettings, FactoredState};
 use imf_fields::field::Field;
 use imf_fields::file::FieldFile;
 use imf_fields::recipe::{Precision, TrainingPlan, TrainingState};
 use imf_fields::siren::evaluator::CpuEvaluator;
 use imf_fields::siren::{EvaluationEngine, SirenShape};
 use imf_gpu::{DeviceChoice, Gpu, GpuEvaluator, GpuField, GpuTrainer, TrainerSettings};
+use imf_train::distill::Target;
 use imf_train::engine::CpuTrainer;
 use imf_train::training::TrainingEngine;
 use rayon::prelude::*;
@@ -90,6 +92,25 @@ impl Device {
     pub(crate) fn for_field(name: &str, session: &Session, saved: &FieldFile) -> Result<Self> {
         let asked = matches!(saved, FieldFile::Siren(_)) || !name.eq_ignore_ascii_case("auto");
         Self::open(if asked { name } else { "cpu" }, session)
+    }
+
+    /// An engine that distils to a target from a state.
+    pub fn distiller(
+        &self,
+        target: &Target<'_>,
+        settings: &DistillSettings,
+        state: &FactoredState,
+    ) -> Result<Box<dyn TrainingEngine>> {
+        Ok(match self {
+            Self::Cpu => Box::new(target.engine(settings, state)?),
+            Self::Gpu(gpu) => {
+                let DistillSettings { plan, optimiser, .. } = *settings;
+                let precision = Precision::F32;
+                let learning = TrainerSettings { adam: plan.adam, loss: plan.loss, optimiser, precision };
+                let (stack, batch) = (target.shape(settings).stack(), target.batch(settings));
+                Box::new(GpuTrainer::new(gpu, stack, &learning, batch, &state.training)?)
+            }
+        })
     }
 
     /// Human-readable, one line.

@@ -48,7 +48,7 @@ pub mod stack;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-pub use over_grid::EvaluationEngine;
+pub use over_grid::{EvaluationEngine, check_evaluate, check_minimum};
 use stack::{Ending, Stack};
 
 /// Number of inputs of the network: three for the point, two for the tool's direction.
@@ -199,14 +199,6 @@ impl SirenShape {
     /// the paper is silent. The same seed gives the same bits on every machine.
     pub fn initial_parameters(&self, seed: u64) -> Vec<f32> {
         self.stack().initial_parameters(seed)
-    }
-
-    /// Checks that a parameter array fits the description.
-    ///
-    /// # Errors
-    /// [`ShapeError::Parameters`] with both lengths.
-    pub fn check_parameters(&self, parameters: &[f32]) -> Result<(), ShapeError> {
-        self.stack().check_parameters(parameters)
     }
 }
 

@@ -4,7 +4,7 @@
 //! points × directions.
 
 use imf_core::field::EngineError;
-use imf_fields::siren::{EvaluationEngine, INPUTS, SirenShape, features};
+use imf_fields::siren::{EvaluationEngine, INPUTS, SirenShape, check_evaluate, check_minimum, features};
 
 use crate::device::Gpu;
 use crate::forward::{LayerKernels, Network, layout_for, rows_per_pass};
@@ -50,7 +50,7 @@ impl GpuEvaluator {
     /// adapter's limits (with the estimate), too little memory, or a device that failed.
     pub fn new(gpu: &Gpu, shape: SirenShape, parameters: &[f32]) -> Result<Self, EngineError> {
         let layout = layout_for(gpu, shape.stack())?;
-        shape.check_parameters(parameters)?;
+        shape.stack().check_parameters(parameters)?;
         let columns = layout.layers.iter().map(|layer| layer.inputs).max().unwrap_or(1);
         let part_rows =
             rows_per_pass(&layout, gpu.limits(), (SIGNAL_ELEMENTS / columns).clamp(1024, 1 << 16));
@@ -130,14 +130,7 @@ impl EvaluationEngine for GpuEvaluator {
     }
 
     fn evaluate(&mut self, inputs: &[f32], outputs: &mut [f32]) -> Result<(), EngineError> {
-        if inputs.len() != INPUTS * outputs.len() {
-            return Err(EngineError::Shape(format!(
-                "{} outputs need {} inputs, but {} were given",
-                outputs.len(),
-                INPUTS * outputs.len(),
-                inputs.len()
-            )));
-        }
+        check_evaluate(inputs, outputs)?;
         self.gpu.check()?;
         for (inputs, outputs) in inputs.chunks(INPUTS * self.gathered).zip(outputs.chunks_mut(self.gathered))
         {
@@ -160,17 +153,7 @@ impl EvaluationEngine for GpuEvaluator {
         least: &mut [f32],
         best: &mut [u32],
     ) -> Result<(), EngineError> {
-        if least.len() != points.len() || best.len() != points.len() {
-            return Err(EngineError::Shape(format!(
-                "{} points need as many minima and best directions, not {} and {}",
-                points.len(),
-                least.len(),
-                best.len()
-            )));
-        }
-        if directions.is_empty() {
-            return Err(EngineError::Shape("a minimum needs at least one direction".to_owned()));
-        }
+        check_minimum(points, directions, least, best)?;
         self.gpu.check()?;
         // Features are made here, as for single samples, so that both give the same bits.
         let of_direction = |&[theta, phi]: &[f32; 2]| {

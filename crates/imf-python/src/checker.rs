@@ -14,7 +14,6 @@ use rayon::prelude::*;
 
 use crate::arrays::rows_of;
 use crate::errors::{Failure, value_error};
-use crate::field::code;
 use crate::memory;
 use crate::poses::PoseRows;
 use crate::scene::{Scene, clearance_of};
@@ -200,7 +199,7 @@ impl Checker {
                 None => Decision::Undecided,
             };
             let at = result.first_colliding.map_or(f64::NAN, |hit| hit.time);
-            (code(decision), (result.proven_until.min(1.0), at))
+            (decision as u8, (result.proven_until.min(1.0), at))
         });
         let (codes, (free_until, at)): (Vec<u8>, (Vec<f64>, Vec<f64>)) = numbers.unzip();
         Ok((PyArray1::from_vec(py, codes), PyArray1::from_vec(py, free_until), PyArray1::from_vec(py, at)))

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use glam::{DQuat, DVec3};
-use imf_core::field::{Best, Decision, FieldError, Gradient, PoseField as _};
+use imf_core::field::{Best, FieldError, Gradient, PoseField as _};
 use imf_core::pose::Pose;
 use imf_core::section::Quantity;
 use imf_fields::field::{self, LoadError};
@@ -16,15 +16,6 @@ use crate::arrays::rows_of;
 use crate::errors::value_error;
 use crate::poses::PoseRows;
 use crate::work::{Progress, run};
-
-/// A decision as arrays hold it.
-pub(crate) fn code(decision: Decision) -> u8 {
-    match decision {
-        Decision::Free => 0,
-        Decision::Colliding => 1,
-        Decision::Undecided => 2,
-    }
-}
 
 /// A field, and its file, which it can be saved to again.
 #[pyclass(frozen, module = "imf._imf")]
@@ -191,7 +182,7 @@ impl Field {
         })?;
         let values = found.iter().map(|best| best.value).collect();
         let places = found.iter().map(|best| best.orientation).collect();
-        let codes = found.iter().map(|best| code(best.decision)).collect();
+        let codes = found.iter().map(|best| best.decision as u8).collect();
         Ok((PyArray1::from_vec(py, values), PyArray1::from_vec(py, places), PyArray1::from_vec(py, codes)))
     }
 }

@@ -9,7 +9,6 @@ use pyo3::prelude::*;
 use rayon::prelude::*;
 
 use crate::errors::value_error;
-use crate::field::code;
 use crate::work::{Progress, run};
 
 /// Poses that a thread converts and evaluates at a time.
@@ -131,7 +130,7 @@ impl<'a> PoseRows<'a> {
             let mut decisions = [Decision::Undecided; CHUNK];
             let decisions = &mut decisions[..poses.len()];
             classify(poses, decisions)?;
-            decisions.iter().zip(codes).for_each(|(decision, out)| *out = code(*decision));
+            decisions.iter().zip(codes).for_each(|(decision, out)| *out = *decision as u8);
             Ok(())
         })
     }

@@ -157,15 +157,6 @@ impl Scene {
         &self.scene.record.fixtures
     }
 
-    /// The set that users want where they name none, as in the commands.
-    pub(crate) fn usual_directions(&self) -> &'static str {
-        if self.scene.record.bare_tool().is_axisymmetric() {
-            "axes+normals+fibonacci:225"
-        } else {
-            "axes+normals+so3:500"
-        }
-    }
-
     /// The set of a text, for this part.
     pub(crate) fn set(
         &self,
@@ -332,9 +323,9 @@ impl Scene {
     }
 
     /// The text of the directions that are meant where none are named.
-    #[getter(usual_directions)]
-    fn usual_directions_text(&self) -> &'static str {
-        self.usual_directions()
+    #[getter]
+    pub(crate) fn usual_directions(&self) -> &'static str {
+        OrientationSet::usual(self.scene.record.bare_tool().is_axisymmetric(), true)
     }
 
     /// Of a set.

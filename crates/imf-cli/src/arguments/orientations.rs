@@ -17,20 +17,9 @@ pub(crate) fn after(help: &str) -> String {
     format!("{help}\n\n{}", OrientationSet::FORMS)
 }
 
-/// The default set: with the part's own directions where a `part` is known, else the axes and all around; whole rotations unless the
-/// tool is `round`.
-pub(crate) fn default_set(round: bool, part: bool) -> &'static str {
-    match (round, part) {
-        (true, true) => "axes+normals+fibonacci:225",
-        (true, false) => "axes+fibonacci:225",
-        (false, true) => "axes+normals+so3:500",
-        (false, false) => "axes+so3:500",
-    }
-}
-
 /// The default for some tools around a part.
 pub(crate) fn default_for<'a>(tools: impl IntoIterator<Item = &'a Tool>) -> &'static str {
-    default_set(tools.into_iter().all(Tool::is_axisymmetric), true)
+    OrientationSet::usual(tools.into_iter().all(Tool::is_axisymmetric), true)
 }
 
 /// A set, and what the part had to do with it.

@@ -29,7 +29,7 @@ use self::saved::SavedField;
 use super::calibrate::threshold_text;
 use super::notes;
 use crate::arguments::field::FieldArguments;
-use crate::arguments::orientations::{Directions, default_set};
+use crate::arguments::orientations::Directions;
 use crate::engine::Device;
 use crate::output::{OutputFolder, SUMMARY, same_digits, short};
 use crate::picture::MaskStyle;
@@ -59,7 +59,7 @@ fn of_part(session: &Session, arguments: &FieldArguments, folder: OutputFolder) 
     let round = scene.record.bare_tool().is_axisymmetric();
     let Directions { set, suggested } = match named {
         Some(named) => named,
-        None => directions(default_set(round, true))?,
+        None => directions(OrientationSet::usual(round, true))?,
     };
     if !round {
         note_of_rolls(session, &set);
@@ -94,7 +94,8 @@ fn of_saved(session: &Session, arguments: &FieldArguments, path: &Path, folder: 
     let saved = FieldFile::read(path)?;
     let scene = saved.scene().clone();
     let text = arguments.orientations.as_deref();
-    let text = text.unwrap_or_else(|| default_set(scene.record.bare_tool().is_axisymmetric(), false));
+    let text =
+        text.unwrap_or_else(|| OrientationSet::usual(scene.record.bare_tool().is_axisymmetric(), false));
     let set = OrientationSet::parse(text)?;
     if saved.basis().is_some_and(|basis| basis.domain() == Domain::Rotations) {
         note_of_rolls(session, &set);

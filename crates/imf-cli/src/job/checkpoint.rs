@@ -59,13 +59,15 @@ pub trait Checkpoint: Clone {
     /// True for a file of the other family of networks.
     fn is_other(path: &Path) -> bool;
     /// Steps that a damaged one says were done.
-    fn steps_of_damaged(path: &Path) -> Option<u64>;
+    fn steps_of_damaged(_: &Path) -> Option<u64> {
+        None
+    }
     /// How far it is.
     fn progress(&self) -> Progress;
     /// Takes over a state, and how far it is.
     fn update(&mut self, progress: &Progress, state: TrainingState);
     /// Notes that the plan is done.
-    fn finish(&mut self);
+    fn finish(&mut self) {}
     /// True where no steps are left.
     fn is_finished(&self) -> bool;
     /// The field of a finished training.
@@ -73,7 +75,9 @@ pub trait Checkpoint: Clone {
     /// True for the same field, however calibrated.
     fn is_same(&self, other: &Self) -> bool;
     /// How training went, as a picture.
-    fn chart(&self) -> Option<Chart>;
+    fn chart(&self) -> Option<Chart> {
+        None
+    }
 }
 
 impl Checkpoint for Model {
@@ -156,10 +160,6 @@ impl Checkpoint for FactoredFile {
         Model::read(path).is_ok()
     }
 
-    fn steps_of_damaged(_: &Path) -> Option<u64> {
-        None
-    }
-
     fn progress(&self) -> Progress {
         let Some(FactoredState { training, cursor, watch }) = &self.state else { return Progress::default() };
         let start = Start { cursor: *cursor, watch: *watch };
@@ -172,8 +172,6 @@ impl Checkpoint for FactoredFile {
         self.state = Some(FactoredState { training: state, cursor, watch });
     }
 
-    fn finish(&mut self) {}
-
     fn is_finished(&self) -> bool {
         !self.is_unfinished()
     }
@@ -185,10 +183,6 @@ impl Checkpoint for FactoredFile {
     fn is_same(&self, other: &Self) -> bool {
         let uncalibrated = |file: &Self| Self { calibration: None, ..file.clone() }.as_saved();
         uncalibrated(self) == uncalibrated(other)
-    }
-
-    fn chart(&self) -> Option<Chart> {
-        None
     }
 }
 

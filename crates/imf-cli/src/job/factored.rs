@@ -13,9 +13,7 @@ use imf_fields::harmonic::coefficients::StoragePrecision;
 use imf_fields::harmonic::file::HarmonicFile;
 use imf_fields::harmonic::{FitReport, FitSettings, Sizes};
 use imf_fields::recipe::{Optimiser, TrainingPlan};
-use imf_gpu::{GpuTrainer, TrainerSettings};
 use imf_train::distill::{SectionSource, Target, bytes_to_solve, optimiser_bytes, start_from};
-use imf_train::training::TrainingEngine;
 
 use super::checkpoint::{LatestCheckpoint, to_resume};
 use super::differences::differences;
@@ -273,15 +271,7 @@ impl Distillation<'_> {
         let parameters = shape.parameter_count();
         let _keeping = interrupt::stop_cleanly();
         session.note(&format!("training {shape} ({parameters} parameters) {of}, {total} steps of {batch}"));
-        let mut engine: Box<dyn TrainingEngine> = match device {
-            Device::Cpu => Box::new(target.engine(&settings, &state)?),
-            Device::Gpu(gpu) => {
-                let DistillSettings { plan, optimiser, .. } = settings;
-                let precision = imf_fields::recipe::Precision::F32;
-                let learning = TrainerSettings { adam: plan.adam, loss: plan.loss, optimiser, precision };
-                Box::new(GpuTrainer::new(gpu, shape.stack(), &learning, batch, &state.training)?)
-            }
-        };
+        let mut engine = device.distiller(target, &settings, &state)?;
         let field = FactoredFile {
             field: target.field(&settings, state.training.parameters.clone())?,
             scene: (*scene).clone(),

@@ -69,6 +69,18 @@ pub(crate) const AXES: [DVec3; 6] = [DVec3::Z, DVec3::NEG_Z, DVec3::X, DVec3::NE
 const MAX_ORIENTATIONS: usize = 10_000_000;
 
 impl OrientationSet {
+    /// The text of the set that users want where they name none: with the part's own directions where it is `of_part`, else the axes
+    /// and all around; whole rotations unless the tool is `round`.
+    #[must_use]
+    pub fn usual(round: bool, of_part: bool) -> &'static str {
+        match (round, of_part) {
+            (true, true) => "axes+normals+fibonacci:225",
+            (true, false) => "axes+fibonacci:225",
+            (false, true) => "axes+normals+so3:500",
+            (false, false) => "axes+so3:500",
+        }
+    }
+
     /// The grammar of sets, for help and messages.
     pub const FORMS: &str = "Sets of directions, joined by + (a direction that comes again is left out): axes (±x, ±y, ±z), \
         normals (of the part's large flat faces, and both ways along its cylinders' axes), fibonacci:N (spread evenly), \

@@ -5,7 +5,7 @@ use rand_chacha::rand_core::{Rng as _, SeedableRng as _};
 use serde::{Deserialize, Serialize};
 
 use super::RecipeError;
-use imf_core::orientation::{Orientation, OrientationSet};
+use imf_core::orientation::Orientation;
 
 /// How sections come and go.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -71,17 +71,5 @@ impl OnlineSettings {
         let pool = self.pool as u64;
         let oldest = self.newest(step) + 1 - pool;
         (0..pool).map(move |slot| oldest + (slot + pool - oldest % pool) % pool)
-    }
-
-    /// What the pool holds at a step, oldest first.
-    #[must_use]
-    #[doc(hidden)]
-    pub fn pool_at(&self, step: u64) -> OrientationSet {
-        let newest = self.newest(step);
-        let numbers = newest + 1 - self.pool as u64..=newest;
-        OrientationSet {
-            spec: format!("online:{}:{}, the last {}", newest + 1, self.seed, self.pool),
-            orientations: numbers.map(|number| self.orientation(number)).collect(),
-        }
     }
 }

@@ -13,8 +13,7 @@ use super::output::Output;
 use super::plan::{BLOCK, Plan, transpose_all};
 use super::scratch::{ScratchPool, describe};
 use super::split::{GRID, SplitWeights, where_many};
-use crate::siren::EvaluationEngine;
-use crate::siren::{INPUTS, SirenShape, features};
+use crate::siren::{EvaluationEngine, INPUTS, SirenShape, check_evaluate, check_minimum, features};
 use imf_core::field::EngineError;
 
 /// Samples of the points that one thread takes the minimum for without pause: 32 blocks.
@@ -57,7 +56,7 @@ impl CpuEvaluator {
     pub fn new(shape: SirenShape, parameters: &[f32]) -> Result<Self, EngineError> {
         let refused = |error: crate::siren::ShapeError| EngineError::Shape(error.to_string());
         shape.check().map_err(refused)?;
-        shape.check_parameters(parameters).map_err(refused)?;
+        shape.stack().check_parameters(parameters).map_err(refused)?;
         prefer_unpacked();
         let plan = Plan::new(shape.stack());
         let mut panels = vec![0.0; parameters.len()];
@@ -214,11 +213,7 @@ impl<E: Borrow<CpuEvaluator>> EvaluationEngine for E {
 
     fn evaluate(&mut self, inputs: &[f32], outputs: &mut [f32]) -> Result<(), EngineError> {
         let network = (*self).borrow();
-        if inputs.len() != outputs.len() * INPUTS {
-            let (inputs, outputs) = (inputs.len(), outputs.len());
-            let what = format!("{inputs} inputs for {outputs} values; {INPUTS} belong to each");
-            return Err(EngineError::Shape(what));
-        }
+        check_evaluate(inputs, outputs)?;
         let blocks = inputs.par_chunks(BLOCK * INPUTS).zip(outputs.par_chunks_mut(BLOCK));
         blocks.for_each(|(inputs, outputs)| {
             network.scratch.with(|scratch| network.block(inputs, outputs, GRID, scratch));
@@ -233,15 +228,7 @@ impl<E: Borrow<CpuEvaluator>> EvaluationEngine for E {
         least: &mut [f32],
         best: &mut [u32],
     ) -> Result<(), EngineError> {
-        if least.len() != points.len() || best.len() != points.len() {
-            let (points, least, best) = (points.len(), least.len(), best.len());
-            let what = format!("{points} points, but room for {least} minima and {best} indices");
-            return Err(EngineError::Shape(what));
-        }
-        if directions.is_empty() || u32::try_from(directions.len()).is_err() {
-            let what = format!("a minimum over {} directions; it takes 1 to 2^32 − 1", directions.len());
-            return Err(EngineError::Shape(what));
-        }
+        check_minimum(points, directions, least, best)?;
         let network = (*self).borrow();
         let group = MINIMUM_SAMPLES.div_ceil(directions.len());
         points.par_chunks(group).zip(least.par_chunks_mut(group)).zip(best.par_chunks_mut(group)).for_each(

@@ -1,6 +1,6 @@
 //! The interface of whatever evaluates a network in batches, the CPU or a GPU, and networks at all voxel centres of a grid.
 
-use super::features;
+use super::{INPUTS, features};
 use imf_core::control::Control;
 use imf_core::field::{EngineError, FieldError};
 use imf_core::grid::Grid;
@@ -36,6 +36,43 @@ pub trait EvaluationEngine {
         least: &mut [f32],
         best: &mut [u32],
     ) -> Result<(), EngineError>;
+}
+
+/// What [`EvaluationEngine::evaluate`] refuses.
+///
+/// # Errors
+/// Lengths that do not fit.
+#[doc(hidden)]
+pub fn check_evaluate(inputs: &[f32], outputs: &[f32]) -> Result<(), EngineError> {
+    let (inputs, outputs) = (inputs.len(), outputs.len());
+    if inputs == outputs * INPUTS {
+        return Ok(());
+    }
+    Err(EngineError::Shape(format!("{inputs} inputs for {outputs} values; {INPUTS} belong to each")))
+}
+
+/// What [`EvaluationEngine::minimum`] refuses.
+///
+/// # Errors
+/// Lengths that do not fit, or no direction.
+#[doc(hidden)]
+pub fn check_minimum(
+    points: &[[f32; 3]],
+    directions: &[[f32; 2]],
+    least: &[f32],
+    best: &[u32],
+) -> Result<(), EngineError> {
+    let (points, directions) = (points.len(), directions.len());
+    let (least, best) = (least.len(), best.len());
+    if least != points || best != points {
+        let what = format!("{points} points, but room for {least} minima and {best} indices");
+        return Err(EngineError::Shape(what));
+    }
+    if directions == 0 || u32::try_from(directions).is_err() {
+        let what = format!("a minimum over {directions} directions; it takes 1 to 2^32 − 1");
+        return Err(EngineError::Shape(what));
+    }
+    Ok(())
 }
 
 /// Voxels that are made inputs at a time.

@@ -17,7 +17,6 @@ use imf_train::dataset::{Layout, Manifest};
 use serde_json::json;
 
 use crate::arguments::clearance::ContactArguments;
-use crate::arguments::orientations::default_set;
 use crate::arguments::quantity::scene_of;
 use crate::arguments::scene::SceneArguments;
 use crate::arguments::settings::checkpoint_every;
@@ -148,7 +147,7 @@ fn trained(
         Samples::OfPart(scene, contact) => {
             let scene = scene_of(Quantity::Overlap, training.explicit, scene);
             // With the axes: a network that met no vertical direction errs most there.
-            let set = OrientationSet::parse(default_set(true, false))?;
+            let set = OrientationSet::parse(OrientationSet::usual(true, false))?;
             let sampling = Sampling { seed: plan.seed, ..Sampling::default() };
             let scene = scene.scene_with(session, contact)?;
             if is_over(&|found| found.require_samples(&scene.record, &set, &sampling))? {

@@ -30,7 +30,6 @@ fn targets_are_the_coefficients_to_expect() {
     corrected.step(&inputs, &values, 1e-3).unwrap();
     let loss = corrected.take_mean_loss().unwrap();
 
-    let pool = ONLINE.pool_at(step).orientations;
     let oldest = ONLINE.newest(step) + 1 - ONLINE.pool as u64;
     let weights = as_f64(&field.parameters);
     let matrix = |rows: usize, columns: usize, at: &dyn Fn(usize, usize) -> f64| {
@@ -41,7 +40,7 @@ fn targets_are_the_coefficients_to_expect() {
     let of_slots: Vec<Vec<f64>> = (0..ONLINE.pool)
         .map(|slot| {
             let number = (0..ONLINE.pool as u64).map(|i| oldest + i).find(|n| n % 40 == slot as u64).unwrap();
-            field.basis.values(&pool[(number - oldest) as usize], &mut functions);
+            field.basis.values(&ONLINE.orientation(number), &mut functions);
             functions.clone()
         })
         .collect();
