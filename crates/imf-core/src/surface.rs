@@ -143,6 +143,8 @@ struct Revolved {
     touching: SolidField,
     /// Largest radius of the cutter.
     radius: f64,
+    /// Whether it cuts along its axis alone.
+    plunge_only: bool,
     /// Radius in voxels of the ball around a sample whose solid centres are collected once for all directions; where
     /// it holds too many a smaller one is tried, down to the cutter's width.
     near: f64,
@@ -210,6 +212,7 @@ impl SurfaceTool {
             above: assembly.noncutting().cloned(),
             rest: assembly.noncutting().map(|tool| SolidField::of_tool(environment.keep_out.clone(), tool)),
             radius,
+            plunge_only: tool.plunge_only,
             near: (end / pitch + across).min(FARTHEST.max(across)),
             near_across: across,
             end: cutter,

@@ -62,6 +62,10 @@ pub struct Tool {
     /// Whether the cutter's upper end cuts too where it is wider than what stands on it, as that of a T-slot cutter does.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub back_cutting: bool,
+    /// Whether it cuts along its axis alone, as a drill or a reamer does: of a surface it machines the walls and the bottoms of holes
+    /// of its own outline.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub plunge_only: bool,
 }
 
 /// What a tool is made of.
@@ -157,6 +161,7 @@ impl Tool {
             sharp_points: SharpPoints::Tip,
             overall_length: None,
             back_cutting: false,
+            plunge_only: false,
         }
     }
 
@@ -182,6 +187,7 @@ impl Tool {
             sharp_points: self.sharp_points.scaled(factor),
             overall_length: self.overall_length.map(|length| length * factor),
             back_cutting: self.back_cutting,
+            plunge_only: self.plunge_only,
         }
     }
 

@@ -3,7 +3,8 @@
 //! At each pose of a check, in the order of the path, shank and holder are tested against the stock that is left;
 //! then the cutter removes the voxels whose centres it holds. On a rapid, and where the path begins (the approach is
 //! not in the file), the cutter must keep out as well: it is tested against the stock from before the first of such
-//! motions in a row. Stock that belongs to the part is left to the check of the part.
+//! motions in a row. So must a drill's, or that of another tool that cuts along its axis alone, where it moves otherwise.
+//! Stock that belongs to the part is left to the check of the part.
 //!
 //! The holder, what a machine's head carries, and everything with a clearance must hold no centre. A shank as wide as
 //! its cutter rubs in what the cutter has just cut. So stock is accepted where, as seen from the tool's axis, the
@@ -223,7 +224,9 @@ impl PathFollower<'_> {
                 self.cut_waiting()?;
             }
             if kind == MoveKind::Feed {
-                self.cut(index, None)?;
+                let tool = self.tools[motion.tool].as_mut().filter(|tool| tool.must_not_cut(motion));
+                let hit = tool.and_then(|tool| tool.rapid(motion, &self.stock, &self.part, true));
+                self.cut(index, hit)?;
                 continue;
             }
             let begins = self.waiting.is_empty();
@@ -243,12 +246,13 @@ impl PathFollower<'_> {
         std::mem::take(&mut self.waiting).into_iter().try_for_each(|(index, hit)| self.cut(index, hit))
     }
 
-    fn cut(&mut self, index: usize, rapid: Option<Collision>) -> Result<(), CheckError> {
+    /// `cutter` is in the stock where it must not be.
+    fn cut(&mut self, index: usize, cutter: Option<Collision>) -> Result<(), CheckError> {
         self.control.check()?;
         let (motion, location) = (&self.motions[index], &self.toolpath.locations[index]);
         let (line, tool, kind) = (location.line, location.tool, location.kind);
         let mut removal = LineRemoval { line, tool, kind, voxels: 0, of_part: 0 };
-        let mut collisions: Vec<_> = rapid.into_iter().collect();
+        let mut collisions: Vec<_> = cutter.into_iter().collect();
         if let Some(own) = &mut self.tools[motion.tool] {
             if kind == MoveKind::Start {
                 own.begin();

@@ -36,7 +36,7 @@ impl Mesh {
     }
 
     /// How far the floor lies along `down`, and how much higher still touches it.
-    fn floor(&self, down: DVec3) -> (f64, f64) {
+    pub(crate) fn floor(&self, down: DVec3) -> (f64, f64) {
         let corners = self.triangles.iter().flatten().map(|&index| self.vertices[index as usize]);
         let floor = corners.map(|p| p.dot(down)).fold(f64::NEG_INFINITY, f64::max);
         (floor, LEVEL * self.bounds().map_or(0.0, |(lower, upper)| (upper - lower).length()))

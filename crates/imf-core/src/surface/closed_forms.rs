@@ -3,6 +3,7 @@
 
 mod bodies;
 mod cutter_clearance;
+mod drills;
 pub(super) mod solids;
 
 use std::f64::consts::PI;

@@ -2,6 +2,7 @@
 
 use glam::{DQuat, DVec3};
 
+use super::SurfaceSample;
 use crate::mesh::{Mesh, SAME};
 use crate::orientation::{Limits, Orientation};
 use crate::pose::Pose;
@@ -22,6 +23,8 @@ pub struct PartSetup {
     pub rests: bool,
     /// Area of the surface that lies on the table, in the part's unit squared.
     pub floor_area: f64,
+    /// How far along `up` the surface that lies on the table goes: no tool gets there in this set-up.
+    pub floor: f64,
 }
 
 impl PartSetup {
@@ -50,9 +53,10 @@ impl PartSetup {
         starts.sort_by(f64::total_cmp);
         starts.dedup();
         let (rests, floor_area) = (part.is_stable_on(-up), part.floor_area(-up));
+        let (lowest, level) = part.floor(-up);
         let setup = |turn: f64| {
             let reached = (0..turns.len()).filter(|&direction| end(&turns[direction], turn).is_some());
-            Self { up, turn, directions: reached.collect(), rests, floor_area }
+            Self { up, turn, directions: reached.collect(), rests, floor_area, floor: level - lowest }
         };
         let first = if starts.is_empty() && !quarters { &[0.0][..] } else { &[0.0, 90.0, 180.0, 270.0] };
         let mut kept: Vec<Self> = first.iter().map(|&turn| setup(turn)).collect();
@@ -74,6 +78,12 @@ impl PartSetup {
             }
         }
         kept
+    }
+
+    /// Whether a sample lies on the table.
+    #[must_use]
+    pub fn stands_on(&self, sample: &SurfaceSample) -> bool {
+        sample.point.dot(self.up) <= self.floor
     }
 
     /// From the part's frame to that in which the middle of its foot is the zero: that of its box in x and y, its lowest point in z.
@@ -190,8 +200,8 @@ mod tests {
     #[test]
     fn a_part_is_placed_with_the_middle_of_its_foot_at_zero() {
         let part = Mesh::cuboid(DVec3::ZERO, DVec3::new(40.0, 30.0, 15.0));
-        let setup =
-            PartSetup { up: DVec3::X, turn: 90.0, directions: Vec::new(), rests: true, floor_area: 450.0 };
+        let (up, directions) = (DVec3::X, Vec::new());
+        let setup = PartSetup { up, turn: 90.0, directions, rests: true, floor_area: 450.0, floor: 0.0 };
         let place = setup.place(&part);
         let placed = Mesh { vertices: part.vertices.iter().map(|&v| place.of_point(v)).collect(), ..part };
         let (lower, upper) = placed.bounds().unwrap();

@@ -40,6 +40,10 @@ impl Outcome {
 
 /// Most steps by which a gouging cutter is moved aside.
 const GOUGE_STEPS: usize = 24;
+/// How far beyond a hole's surface its wall is looked for, in pitches: farther than half a voxel's diagonal.
+const HOLE_WALL: f64 = 1.0;
+/// Cosine of the angle to a tool's axis within which a hole's floor is level.
+const LEVEL_FLOOR: f64 = 0.999;
 /// Points of a mesh tool that are tried.
 const VERTICES: usize = 48;
 /// Solid centres outside the tangent plane that are tried one by one in every direction.
@@ -165,7 +169,7 @@ impl<'a> SampleQuery<'a> {
             if best.is_good() {
                 return;
             }
-            best = best.or(match touch {
+            let outcome = match touch {
                 Touch::Point { height, radius } => {
                     let tip = facing.tip(sample.point, height, radius);
                     match self.at(tool, tip, &mut direction) {
@@ -182,9 +186,36 @@ impl<'a> SampleQuery<'a> {
                     rings += 1;
                     self.on_ring(tool, middle, ([inner, outer], rings - 1), &mut direction)
                 }
+            };
+            best = best.or(match outcome {
+                Outcome::Good(tip) | Outcome::Obstructed(tip)
+                    if tool.plunge_only && !self.is_in_hole(tool, tip, turn.axis) =>
+                {
+                    Outcome::NoContact
+                }
+                outcome => outcome,
             });
         });
         best
+    }
+
+    /// Whether the part stands all around the tool that touches the sample, at its height: what a tool machines that cuts along its axis
+    /// alone is a hole of its own outline. On a level floor, around its widest place one voxel above.
+    fn is_in_hole(&self, tool: &Revolved, tip: DVec3, axis: DVec3) -> bool {
+        let part = tool.cutter.voxels().occupancy();
+        let from_tip = self.sample.point - tip;
+        let height = from_tip.dot(axis);
+        let aside = from_tip - height * axis;
+        let on_floor = self.sample.normal.dot(axis) > LEVEL_FLOOR;
+        let (height, radius) =
+            if on_floor { (height + part.grid.pitch, tool.radius) } else { (height, aside.length()) };
+        let towards = aside.try_normalize().unwrap_or_else(|| axis.any_orthonormal_vector());
+        let across = axis.cross(towards);
+        let beyond = radius + HOLE_WALL * part.grid.pitch;
+        [-towards, across, -across].into_iter().all(|way| {
+            let voxel = part.grid.continuous(tip + height * axis + beyond * way);
+            part.grid.index_at(voxel).is_some_and(|index| part.solid[index] == 1)
+        })
     }
 
     /// On a facet of a curved surface a gouging cutter is moved aside: as far as the true normal may differ from the facet's, and

@@ -18,7 +18,7 @@ pub struct SetupTool<'a> {
     pub brought: Option<&'a (dyn Fn(&PartSetup) -> SurfaceTool + Sync)>,
 }
 
-/// The samples, weighing their areas, that any of the tools reaches in each set-up; `None` where the control asks to
+/// The samples, weighing their areas, that any of the tools reaches in each set-up, but for those that the part stands on; `None` where the control asks to
 /// stop. One unit of progress is one set-up. `directions` are those that the tools' access and the set-ups count.
 ///
 /// # Panics
@@ -42,12 +42,17 @@ pub fn reached_in_setups(
         let mut reached = vec![false; samples.len()];
         for tool in tools {
             let Some(brought) = tool.brought.map(|brought| brought(setup)) else {
-                let of_all = |sample: usize| tool.access.is_free_within(sample, &given);
+                let of_all = |sample: usize| {
+                    tool.access.is_free_within(sample, &given) && !setup.stands_on(&samples[sample])
+                };
                 reached.iter_mut().enumerate().for_each(|(sample, any)| *any |= of_all(sample));
                 continue;
             };
             let mut last = vec![[None; 2]; turns.len()];
             for (sample, any) in reached.iter_mut().enumerate().filter(|(_, any)| !**any) {
+                if setup.stands_on(&samples[sample]) {
+                    continue;
+                }
                 if control.is_cancelled() {
                     return Vec::new();
                 }
@@ -175,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn a_block_takes_two_set_ups_on_three_axes_and_one_where_the_tool_tilts_to_the_side() {
+    fn a_block_takes_two_set_ups_also_where_the_tool_tilts_to_the_side_as_it_stands_on_a_face() {
         let Plan { chosen, setups, reached, area } = plan(&AXES, "cone:0,0,1:0", 1.0);
         assert!(setups.iter().all(|setup| setup.directions.len() == 1 && setup.rests && setup.turn == 0.0));
         let floors: Vec<f64> = setups.iter().map(|setup| setup.floor_area.round()).collect();
@@ -190,7 +195,11 @@ mod tests {
         near(area - reached.covered(&[second]), alone[0]);
         let tilting = plan(&AXES, "cone:0,0,1:90", 1.0);
         assert!(tilting.setups.iter().all(|setup| setup.directions.len() == 5));
-        assert_eq!(tilting.chosen.sets.len(), 1);
+        // Flanks would reach the face that it stands on as well: nothing else keeps them away.
+        assert_eq!(tilting.chosen.sets.len(), 2);
+        for (index, setup) in tilting.setups.iter().enumerate() {
+            near(tilting.reached.covered(&[index]), area - setup.floor_area);
+        }
     }
 
     #[test]
@@ -203,8 +212,7 @@ mod tests {
     #[test]
     fn a_part_that_stands_by_itself_is_preferred_where_it_is_enough() {
         let ways = [&[DVec3::ONE.normalize()], &AXES[..]].concat();
-        // On its corner three axes are within 60°, and their flanks reach all six sides; on a face the one axis leaves that face: 90 %
-        // at the most.
+        // On its corner three axes are within 60°, and their flanks reach all six sides; on a face that face is left: 90 % at the most.
         let corner = plan(&ways, "cone:0,0,1:60", 0.95);
         assert!(corner.chosen.sets.len() == 1 && !corner.setups[corner.chosen.sets[0]].rests);
         let Plan { chosen, setups, reached, area } = plan(&ways, "cone:0,0,1:60", 0.85);
@@ -236,6 +244,7 @@ mod tests {
             let expected = part.access(&brought(setup), &own);
             for (sample, reach) in expected.reach.iter().enumerate() {
                 let reached = matches!(reach, SampleReach::Reached { .. });
+                let reached = reached && !setup.stands_on(&samples[sample]);
                 assert_eq!(found.contains(index, sample), reached, "{setup:?} {sample}");
                 fewer += usize::from(!reached && access.is_free_from_any(sample, &setup.directions));
                 for (place, direction) in own.iter().enumerate() {

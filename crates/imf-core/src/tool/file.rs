@@ -14,6 +14,7 @@
 //! # corner_radius = 1.0         # bull; tapered (half the diameter unless given, 0 for a sharp corner)
 //! # half_angle = 5.0            # tapered, degrees
 //! # back_cutting = true         # its upper end cuts too, as that of a T-slot cutter
+//! # plunge_only = true          # it cuts along its axis alone, as a drill does
 //!
 //! [shank]                       # optional
 //! diameter = 10.0
@@ -86,6 +87,8 @@ struct CutterText {
     half_angle: Option<Spanned<f64>>,
     #[serde(default)]
     back_cutting: bool,
+    #[serde(default)]
+    plunge_only: bool,
 }
 
 #[derive(Deserialize)]
@@ -230,7 +233,8 @@ impl Reader<'_> {
             (None, Some(cutter)) => {
                 let (stack, overall_length) = self.stack(&text, cutter)?;
                 let unit = text.unit.unwrap_or_default();
-                Tool { overall_length, back_cutting: cutter.back_cutting, ..stack.tool(name, unit) }
+                let CutterText { back_cutting, plunge_only, .. } = *cutter;
+                Tool { overall_length, back_cutting, plunge_only, ..stack.tool(name, unit) }
             }
         };
         let Some(sharp) = &text.sharp_points else { return Ok(tool) };

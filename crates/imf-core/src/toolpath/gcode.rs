@@ -109,6 +109,10 @@ struct Program<'a> {
     rounded: f64,
     /// What has been remarked, by a word for it.
     remarked: Vec<&'static str>,
+    /// A `%` or a word has been read.
+    has_begun: bool,
+    /// G90 or G91 has been read.
+    positioning_is_said: bool,
     /// The line in which the program ends.
     end: Option<usize>,
 }
@@ -156,9 +160,14 @@ impl Program<'_> {
             }
             return Ok(());
         }
-        let block = Block::new(&block::words(text)?, self.machine)?;
+        let words = block::words(text)?;
+        // The first sign begins the program, unless something stands before it.
+        let is_sign = block::is_sign(text);
+        let ends = is_sign && self.has_begun;
+        self.has_begun |= is_sign || !words.is_empty();
+        let block = Block::new(&words, self.machine)?;
         self.take(line, &block)?;
-        self.end = block.ends.then_some(line);
+        self.end = (ends || block.ends).then_some(line);
         Ok(())
     }
 
@@ -177,7 +186,8 @@ impl Program<'_> {
             self.set_offset(offset)?;
         }
         self.absolute = block.absolute.unwrap_or(self.absolute);
-        self.take_length(block)?;
+        self.positioning_is_said |= block.absolute.is_some();
+        self.take_length(line, block)?;
         self.motion = block.motion.or(self.motion);
         if block.rounds {
             self.round_corners(line, block);
@@ -202,6 +212,20 @@ impl Program<'_> {
                 "unit",
                 &format!("the program moves without G20 or G21: its unit is taken to be {unit}"),
             );
+        }
+        if !self.positioning_is_said {
+            self.remark(
+                line,
+                "positioning",
+                "the program moves without G90 or G91: its coordinates are taken to be absolute",
+            );
+        }
+        if self.machine.is_none() && self.offset != 54 {
+            let text = format!(
+                "the zero of G{} is taken to be the part's: no machine says where it lies",
+                self.offset
+            );
+            self.remark(line, "offset", &text);
         }
         self.note_edge(line);
         match (block.goes_home, block.in_machine_coordinates) {

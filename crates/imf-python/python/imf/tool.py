@@ -32,7 +32,8 @@ class Tool:
     """A tool of revolution, stacked from its tip upwards, or a mesh. Tool frame: the tip at the origin, +z from tip to holder.
 
     cutter: ``shape`` ("flat", "ball", "bull" or "tapered"), ``diameter`` (at the tip of a tapered one) and ``length``;
-    ``corner_radius`` of "bull" and "tapered", ``half_angle`` in degrees of "tapered"; ``back_cutting`` where its upper end cuts too.
+    ``corner_radius`` of "bull" and "tapered", ``half_angle`` in degrees of "tapered"; ``back_cutting`` where its upper end cuts too,
+    ``plunge_only`` where it cuts along its axis alone, as a drill does.
     shank: ``diameter`` and, where it is known, ``length``, with ``stick_out`` all of it, what is in the holder included.
     holder: parts from the tip upwards, each ``diameter`` and ``length``, and ``top_diameter`` of a cone.
     stick_out: from the tip to the holder's face; by default cutter and shank end to end.

@@ -152,10 +152,12 @@ impl StockResult {
         let own = |number: usize| self.report.removed.iter().find(|removal| removal.line == number);
         let rapid = first_hit(checked, &is_rapid).map(|(hit, _)| own(self.first_of_row(hit.line)).map(line));
         let begins = first_hit(checked, &is_start).map(|(hit, _)| own(hit.line).map(line));
+        let aside = first_hit(checked, &is_aside).map(|(hit, _)| own(hit.line).map(line));
         json!({
             "stock": self.name, "volume": volume(self.report.voxels), "removed": volume(removed), "removed_of_part": volume(of_part),
             "lines_that_cut": cutting, "lines_that_cut_nothing": self.report.removed.len() as u64 - cutting,
             "removed_not_at_feed": volume(self.not_at_feed()), "begins_in_stock": begins, "largest": self.largest().map(line), "first_touch": first(first_hit(checked, &is_touch)), "first_rapid_cut": rapid,
+            "first_cut_aside": aside,
             "left": {
                 "volume": volume(self.left.voxels), "farthest": self.left.farthest,
                 "place": self.left.farthest.map(|_| self.left.place),
@@ -199,7 +201,8 @@ impl StockResult {
             rapids.push(format!("line {line} is the first that cuts it at rapid rate"));
         } else if self.no_rapids {
             rapids.push(
-                "no line of the path is said to be at rapid rate (in CSV a column rapid says so), and all are taken to cut at feed rate"
+                "no line but where the path begins is said to be at rapid rate (in CSV a column rapid says so, in APT RAPID), and all are \
+                 taken to cut at feed rate"
                     .to_owned(),
             );
         }
@@ -208,8 +211,14 @@ impl StockResult {
                 "at rapid rate and where the path begins {} go, as far as the voxels show less deep in the cutter than is accepted",
                 show(brushed)
             )),
-            _ if rapids.is_empty() => rapids.push("no line cuts it at rapid rate".to_owned()),
+            _ if rapids.is_empty() => rapids.push("no line is seen to cut it at rapid rate".to_owned()),
             _ => {}
+        }
+        if let Some((line, _)) = first_hit(checked, &is_aside) {
+            rapids.push(format!(
+                "line {} is the first that moves a tool aside in it which cuts along its axis alone",
+                line.line
+            ));
         }
         let rapid = rapids.join("; ");
         let _ = writeln!(text, "  {touched}; {rapid}");
@@ -297,7 +306,12 @@ fn is_touch((_, hit): Hit<'_>) -> bool {
 }
 
 fn is_rapid((line, hit): Hit<'_>) -> bool {
-    hit.element == "cutter" && line.kind != MoveKind::Start
+    hit.element == "cutter" && line.kind == MoveKind::Rapid
+}
+
+/// By a tool that cuts along its axis alone, and moves otherwise.
+fn is_aside((line, hit): Hit<'_>) -> bool {
+    hit.element == "cutter" && line.kind == MoveKind::Feed
 }
 
 fn is_start((line, hit): Hit<'_>) -> bool {

@@ -140,6 +140,7 @@ pub(super) fn tool(session: &Session, tool: &Tool) -> Description {
         "axisymmetric": symmetric,
         "sharp_points": sharp,
         "back_cutting": tool.back_cutting,
+        "plunge_only": tool.plunge_only,
     });
     Description { lines, json }
 }
@@ -161,7 +162,11 @@ fn describe_element(element: &Element, tool: &Tool) -> (Line, serde_json::Value)
     let radii =
         if least == largest { short(largest) } else { format!("{} to {}", short(least), short(largest)) };
     let (unit, percent) = (tool.unit, 100.0 * volume / tool.volume());
-    let cuts = if tool.back_cutting && name == "cutter" { "; its upper end cuts too" } else { "" };
+    let cuts = match name {
+        "cutter" if tool.plunge_only => "; it cuts along its axis alone",
+        "cutter" if tool.back_cutting => "; its upper end cuts too",
+        _ => "",
+    };
     let text = format!(
         "{} to {} {unit} above the tip, radius {radii} {unit}, {percent:.1} % of the volume{cuts}",
         short(from),

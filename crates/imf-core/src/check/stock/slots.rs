@@ -247,3 +247,15 @@ fn the_part_is_no_stock_and_what_is_cut_of_it_is_told() {
     let off = Grid { origin: stock.grid.origin + 0.5, ..stock.grid };
     assert!(matches!(run(&[], &Occupancy::empty(off)), Err(CheckError::StockGrid)));
 }
+
+#[test]
+fn a_drill_that_is_moved_aside_in_the_stock_collides_and_one_that_plunges_cuts() {
+    let (stock, settings) = (block(0.5), usual(0.5));
+    let drill = Tool { plunge_only: true, ..end_mill(3.0, 3.0) };
+    let program = "G21 G90\nG0 X0. Y0. Z5.\nG1 Z-3. F100\nZ2.\nX10.\nZ-3.\nX14.\nG0 Z5.\n";
+    let report = cut_with(&drill, program, &stock, &settings);
+    // Deepest where it has gone farther than its own width.
+    let [(7, "cutter", depth)] = hits(&report)[..] else { panic!("{:?}", hits(&report)) };
+    assert!((2.0..=3.0).contains(&depth), "{depth}");
+    assert!(hits(&cut_with(&end_mill(3.0, 3.0), program, &stock, &settings)).is_empty());
+}

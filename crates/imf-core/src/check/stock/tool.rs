@@ -12,6 +12,8 @@ use crate::tool::{Element, ElementKind, Tool};
 
 /// Maximum number of poses of a motion whose voxels are removed together: poses farther apart share few lines.
 const TOGETHER: usize = 16;
+/// Sine of the angle to its axis within which a tool moves along it: files round their numbers.
+const ALONG: f64 = 1e-3;
 
 /// The cutter: what it holds goes.
 struct Cutter {
@@ -26,6 +28,7 @@ pub(super) struct StockTool<'a> {
     cutter: Option<Cutter>,
     non_cutting: Vec<NonCuttingBody>,
     heads: Option<Heads<'a>>,
+    plunge_only: bool,
 }
 
 impl<'a> StockTool<'a> {
@@ -67,6 +70,7 @@ impl<'a> StockTool<'a> {
             cutter: whole.map(cutter).transpose()?,
             non_cutting: stay_out.map(one).collect::<Result<_, _>>()?,
             heads,
+            plunge_only: tool.plunge_only,
         })
     }
 
@@ -77,7 +81,16 @@ impl<'a> StockTool<'a> {
         self.heads.iter_mut().for_each(Heads::forget);
     }
 
-    /// What the cutter holds of the stock beside the part at a motion at rapid rate, nothing being taken. `begins` where the
+    /// Whether a tool that cuts along its axis alone moves otherwise.
+    pub(super) fn must_not_cut(&self, motion: &Motion<'_>) -> bool {
+        let [from, to] = [0.0, 1.0].map(|fraction| motion.at(fraction));
+        let way = to.position - from.position;
+        let is_along =
+            |pose: &Pose| pose.axis().is_some_and(|axis| way.cross(axis).length() <= ALONG * way.length());
+        self.plunge_only && !(is_along(&from) && is_along(&to))
+    }
+
+    /// What the cutter holds of the stock beside the part at a motion that must not cut, nothing being taken. `begins` where the
     /// motion before was none of these.
     pub(super) fn rapid(
         &mut self,

@@ -34,7 +34,8 @@ impl Bit {
     fn tool(&self) -> Result<Tool, Fault> {
         let stack = self.stack().map_err(|what| refused(&self.name, &what))?;
         let overall_length = self.optional_length("Length").ok().flatten();
-        Ok(Tool { overall_length, ..stack.tool(&self.name, LengthUnit::Mm) })
+        let plunge_only = matches!(&*self.kind(), "drill" | "reamer");
+        Ok(Tool { overall_length, plunge_only, ..stack.tool(&self.name, LengthUnit::Mm) })
     }
 
     /// Lower-case name of the shape: that of its kind, or of its file.

@@ -146,7 +146,8 @@ impl EntryText {
         // A library that states none has 0.
         let overall_length =
             self.number_of("OAL").map_err(|what| refused(&name, &what))?.filter(|&l| l > 0.0);
-        Ok(Tool { overall_length, ..stack.tool(name, unit) })
+        let plunge_only = matches!(&*word(&self.kind), "drill" | "spot drill" | "counter sink" | "reamer");
+        Ok(Tool { overall_length, plunge_only, ..stack.tool(name, unit) })
     }
 
     /// The unit that the entry states, and its parts in it.

@@ -32,7 +32,7 @@ impl Program<'_> {
         Ok(())
     }
 
-    pub(super) fn take_length(&mut self, block: &Block) -> Result<(), Fault> {
+    pub(super) fn take_length(&mut self, line: usize, block: &Block) -> Result<(), Fault> {
         self.take_edge(block);
         let Some(length) = block.length else { return Ok(()) };
         if let (Some(number), Some(tool)) = (block.length_number, self.tool)
@@ -50,6 +50,13 @@ impl Program<'_> {
             .into());
         }
         self.length_number = block.length_number.or(self.length_number);
+        if length.is_some() && self.length_number.is_none() {
+            self.remark(
+                line,
+                "no H",
+                "no H names the tool's length: it is taken to be that of the tool in the spindle",
+            );
+        }
         let keeps = length == Some(true);
         if keeps && self.machine.is_none_or(|machine| machine.rotary.is_empty()) {
             let said = "it keeps the tool's centre point while rotary axes turn";

@@ -57,14 +57,15 @@ fn a_tool_change_begins_anew_and_what_is_taken_for_granted_is_said() {
     let kinds: Vec<MoveKind> = path.locations.iter().map(|l| l.kind).collect();
     assert_eq!(kinds, [MoveKind::Start; 3]);
     assert_eq!(positions(&path)[1], [5.0, 5.0, 9.0]);
-    let said = ["without a decimal point", "without G20 or G21", "Z is taken to be the tip's"];
+    let said =
+        ["without a decimal point", "without G20 or G21", "without G90 or G91", "Z is taken to be the tip's"];
     assert_eq!(path.remarks.len(), said.len());
     for (remark, said) in path.remarks.iter().zip(said) {
         assert!(remark.starts_with("line 1: ") && remark.contains(said), "{remark}");
     }
     // A length that is taken up, or an edge, says what Z is.
     for takes in ["G43 H1", "D1"] {
-        let path = read(&format!("G21\nT1 M6\n{takes}\nG0 X5. Y5. Z9.\n")).unwrap();
+        let path = read(&format!("G21 G90\nT1 M6\n{takes}\nG0 X5. Y5. Z9.\n")).unwrap();
         assert!(path.remarks.is_empty(), "{:?}", path.remarks);
     }
     let path = read("G21 G90 G0 X1. Y2. Z3.\nZ4.\nX3. Y3.\n").unwrap();

@@ -168,6 +168,10 @@ impl Setups {
                 .fraction(|sample| self.by_sample[sample] == 0 && holds(sample, surface.best[sample].0))
         };
         let of = |verdict: Verdict| left(&|_, own| own == verdict);
+        let stood_on = |sample: usize| {
+            sets.iter().any(|&set| self.candidates[set].stands_on(&surface.samples.samples[sample]))
+        };
+        let foot = left(&|sample, own| own == Verdict::Reached && stood_on(sample));
         let given = |sample: usize| {
             let reaches = |setup: &PartSetup| {
                 let free =
@@ -177,8 +181,9 @@ impl Setups {
             self.candidates.iter().any(reaches)
         };
         let by_machine = self.places.iter().any(Option::is_some);
-        let kept =
-            left(&|sample, own| by_machine && own == Verdict::Reached && !reachable(sample) && given(sample));
+        let kept = left(&|sample, own| {
+            by_machine && own == Verdict::Reached && !stood_on(sample) && !reachable(sample) && given(sample)
+        });
         SetupsRow {
             machine: self.machine.clone(),
             candidates: self.candidates.len(),
@@ -194,7 +199,8 @@ impl Setups {
                 voxels: stock.elements(),
             }),
             left: LeftRow {
-                reached_from_other_directions: of(Verdict::Reached) - kept,
+                reached_from_other_directions: of(Verdict::Reached) - kept - foot,
+                stood_on: foot,
                 kept_away_by_the_machine: kept,
                 obstructed: of(Verdict::Obstructed),
                 gouged: of(Verdict::Gouged),

@@ -38,6 +38,9 @@ pub(crate) struct UnreachedPatch {
     tool: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     direction: Option<[f64; 3]>,
+    /// The point of the patch that it comes nearest to reaching: of minimum overlap.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    nearest: Option<[f64; 3]>,
     /// Which of its elements stands in what there, how deep and with which volume, the largest volume first.
     hits: Vec<String>,
     /// A longer stick-out of that tool that frees it, and the fraction of it that it frees.
@@ -50,6 +53,16 @@ pub(crate) struct UnreachedPatch {
 const LISTED: usize = 5;
 
 impl UnreachedPatch {
+    /// Why, and what collides where the tool comes nearest.
+    fn reason(&self, unit: LengthUnit) -> String {
+        match self.nearest {
+            Some(place) if !self.hits.is_empty() => {
+                format!("{}; least at ({}): {}", self.why, length::place(place, unit), self.hits.join("; "))
+            }
+            _ => self.why.to_owned(),
+        }
+    }
+
     /// Lines for people about the largest, one of every reason among them.
     pub(crate) fn lines(all: &[Self], unit: LengthUnit) -> String {
         let mut text = String::new();
@@ -63,7 +76,7 @@ impl UnreachedPatch {
                 "  not reached: {} {unit}² around ({}): {}",
                 show_measure(patch.area),
                 length::place(patch.middle, unit),
-                [&[patch.why.to_owned()][..], &patch.hits[..]].concat().join("; ")
+                patch.reason(unit)
             );
             let _ = writeln!(text, "    would help: {}", patch.would_help);
         }
@@ -104,8 +117,11 @@ impl Surface {
     fn patch(&self, patch: &SurfacePatch, closed_off: bool, run: &AccessRun) -> UnreachedPatch {
         let verdict = patch.samples.first().map_or(Verdict::NotFaced, |&sample| self.best[sample].0);
         // The sample that comes nearest to being reached.
-        let poses = patch.samples.iter().filter_map(|&s| Some((self.blame.nearest[s]?, self.best[s].1)));
-        let nearest = poses.min_by_key(|(at, _)| at.key()).map(|(at, tool)| {
+        let poses = patch.samples.iter().filter_map(|&sample| Some((sample, self.blame.nearest[sample]?)));
+        let nearest = poses.min_by_key(|(_, at)| at.key());
+        let place = nearest.map(|(sample, _)| (self.samples.samples[sample].point + 0.0).to_array());
+        let nearest = nearest.map(|(sample, at)| {
+            let tool = self.best[sample].1;
             let direction = run.orientations.orientations[at.direction as usize].direction();
             (direction, self.tools[tool].1.collisions(&at), tool, at)
         });
@@ -135,10 +151,7 @@ impl Surface {
                     .and_then(|longer| stick_out_text(longer, nearer, assembly, unit, on_machine.is_some())),
             );
             let frees = |diameter: f64| {
-                format!(
-                    "a holder slimmer by {} {unit} frees its nearest place",
-                    length::at_least(diameter, unit)
-                )
+                format!("a holder slimmer by {} {unit} frees that place", length::at_least(diameter, unit))
             };
             quantified.extend(slimmer(hits, assembly).map(frees));
         }
@@ -150,6 +163,7 @@ impl Surface {
             why: words(verdict),
             tool: nearest.as_ref().map(|(_, _, tool, _)| self.tools[*tool].1.name().to_owned()),
             direction: nearest.as_ref().map(|(direction, ..)| (*direction + 0.0).to_array()),
+            nearest: place,
             hits: in_words.chain(fault.as_ref().map(ToString::to_string)).collect(),
             stick_out: longer.filter(|_| !closed_off),
             would_help: match fault {
@@ -235,7 +249,6 @@ impl Surface {
         let show = |at: [f64; 3]| length::place(at, unit);
         let rows = unreached.iter().enumerate().map(|(place, patch)| {
             let [low, high] = patch.bounds.map(DVec3::from_array);
-            let why = [&[patch.why.to_owned()][..], &patch.hits[..]].concat().join(": ");
             let size = (high - low).to_array().map(|side| length::nearest(side, unit)).join(" × ");
             TableRow {
                 place: Some(place),
@@ -243,7 +256,7 @@ impl Surface {
                     show_measure(patch.area),
                     show(patch.middle),
                     size,
-                    why,
+                    patch.reason(unit),
                     patch.would_help.clone(),
                 ],
             }

@@ -85,3 +85,28 @@ fn behind_its_end_a_program_does_not_go_on() {
         assert!(wrong.contains("after the end of the program in line 3"), "{text}: {wrong}");
     }
 }
+
+#[test]
+fn a_program_ends_with_its_second_percent_sign() {
+    let moves = "G21 G90 G0 X1. Y1. Z9.\n";
+    assert!(read(&format!("(HEAD)\n%\n{moves}%\nby: someone\n")).is_ok());
+    assert_refused(read(&format!("%\n{moves}%\nG1 X0. Z0.\n")), 4, "after the end of the program in line 3");
+    assert_refused(read(&format!("{moves}%\nG1 X0. Z0.\n")), 3, "after the end of the program in line 2");
+}
+
+#[test]
+fn what_a_program_leaves_out_is_said() {
+    for (text, said) in [
+        ("G21 G0 X1. Y1. Z9.\n", "line 1: the program moves without G90 or G91"),
+        ("G21 G90 G57\nG0 X1. Y1. Z9.\n", "line 2: the zero of G57 is taken to be the part's"),
+        ("G21 G90 T1 M6\nG43 G0 X1. Y1. Z9.\n", "line 2: no H names the tool's length"),
+    ] {
+        assert_eq!(
+            read(text).unwrap().remarks.iter().filter(|remark| remark.starts_with(said)).count(),
+            1,
+            "{text}"
+        );
+    }
+    let said = read("G21 G90 G54 T1 M6\nG43 H1 G0 X1. Y1. Z9.\n").unwrap().remarks;
+    assert!(said.is_empty(), "{said:?}");
+}

@@ -75,6 +75,8 @@ pub(super) struct StockRow {
 #[derive(Debug, Serialize)]
 pub(super) struct LeftRow {
     pub(super) reached_from_other_directions: f64,
+    /// Reached from other directions or these, if a chosen set-up did not stand on it.
+    pub(super) stood_on: f64,
     /// Reached by direction in some candidate, but obstructed by the machine's travel, head or table.
     pub(super) kept_away_by_the_machine: f64,
     pub(super) obstructed: f64,
@@ -144,6 +146,7 @@ impl SetupsRow {
         }
         text += &left(&[
             ("from directions that these set-ups do not give", self.left.reached_from_other_directions),
+            ("the faces that it stands on", self.left.stood_on),
             ("the machine's travel, head or table is in the way", self.left.kept_away_by_the_machine),
             ("obstructed", self.left.obstructed),
             ("the cutter does not fit", self.left.gouged),

@@ -1,0 +1,36 @@
+//! Tools that cut along their axis alone: what they machine is a hole of their own.
+
+use super::*;
+
+/// Two lips of 118 degrees on a radius, 30 long, and a holder far above.
+fn drill(radius: f64) -> Tool {
+    let point = radius / 59.0_f64.to_radians().tan();
+    let outline = vec![line(0.0, point, 0.0, radius), line(point, 30.0, radius, radius)];
+    Tool { plunge_only: true, ..tool(outline, radius) }
+}
+
+#[test]
+fn a_drill_machines_the_wall_of_its_hole_and_nothing_else() {
+    let centre = DVec2::new(15.0, 12.0);
+    let wall =
+        |s: &SurfaceSample| (s.point.truncate() - centre).length() < 4.3 && is_wall(s) && s.point.z < 20.0;
+    for pitch in PITCHES {
+        let through = pocketed(DVec3::new(40.0, 30.0, 20.0), &circle(centre, 4.0, 48), 20.0);
+        let part = Part::new(&through, pitch);
+        let found = part.found(&drill(4.0), AXES);
+        assert!(found.reached(wall) > 0.99 - 0.03 * pitch, "{pitch}: {}", found.reached(wall));
+        assert_eq!(found.reached(|s| !wall(s)), 0.0, "{pitch}");
+        // As a mill it would reach the block's sides.
+        let mill = Tool { plunge_only: false, ..drill(4.0) };
+        assert!(part.found(&mill, AXES).reached(|s| !wall(s)) > 0.5, "{pitch}");
+        // Of another radius, as far as voxels tell them apart, it machines nothing.
+        let thinner = part.found(&drill(3.0), AXES).reached(|_| true);
+        assert!(thinner == 0.0 || pitch > 1.0, "{pitch}: {thinner}");
+    }
+    // In a slot as wide as the drill the wall stands on two sides alone.
+    let slot = rounded_rectangle(DVec2::new(8.0, 8.0), DVec2::new(32.0, 16.0), 4.0, 12);
+    for pitch in [1.0, 0.5] {
+        let part = Part::new(&pocketed(DVec3::new(40.0, 30.0, 20.0), &slot, 20.0), pitch);
+        assert_eq!(part.found(&drill(4.0), AXES).reached(|_| true), 0.0, "{pitch}");
+    }
+}
