@@ -23,8 +23,7 @@ pub(crate) fn run() -> Result<()> {
         ("formatting", formatting),
         ("clippy", clippy),
         ("rustdoc", rustdoc),
-        ("core alone", core_alone),
-        ("fields alone", fields_alone),
+        ("core and fields alone", alone),
         ("GPU driver", adapter::ensure_driver),
         ("browser", browser::ensure_browser),
         ("tests", tests),
@@ -71,12 +70,15 @@ fn rustdoc() -> Result<()> {
 
 /// The most crates of `imf-core` without its features for browsers, itself among them.
 const MOST_CRATES: usize = 22;
+/// Crates that loading a field and asking it pulls, at most, `imf-fields` among them.
+const MOST_CRATES_OF_FIELDS: usize = 53;
 
-/// `imf-core` without its features: for browsers where the target is there or can be had, else for this machine, and few crates.
-fn core_alone() -> Result<()> {
-    let core = ["-p", "imf-core", "--no-default-features"];
-    count_crates(&[&core[..], &["--target", TARGET]].concat(), MOST_CRATES)?;
-    let check = [&["check"][..], &core].concat();
+/// `imf-core` and `imf-fields` without their features, of which the second asks none of the first's: for browsers where the target is
+/// there or can be had, else for this machine; and few crates.
+fn alone() -> Result<()> {
+    count_crates(&["-p", "imf-core", "--no-default-features", "--target", TARGET], MOST_CRATES)?;
+    count_crates(&["-p", "imf-fields", "--no-default-features"], MOST_CRATES_OF_FIELDS)?;
+    let check = ["check", "-p", "imf-core", "-p", "imf-fields", "--no-default-features"];
     match Toolchain::find() {
         Ok(toolchain) => toolchain.cargo(&check),
         Err(missing) => {
@@ -84,16 +86,6 @@ fn core_alone() -> Result<()> {
             cargo(&check, &[])
         }
     }
-}
-
-/// Crates that loading a field and asking it pulls, at most, `imf-fields` among them.
-const MOST_CRATES_OF_FIELDS: usize = 53;
-
-/// `imf-fields` without its features builds, and pulls few crates.
-fn fields_alone() -> Result<()> {
-    let fields = ["-p", "imf-fields", "--no-default-features"];
-    count_crates(&fields, MOST_CRATES_OF_FIELDS)?;
-    cargo(&[&["check"][..], &fields].concat(), &[])
 }
 
 /// Counts the crates of a build and refuses more than `most`.

@@ -24,12 +24,23 @@ fn mse(report: &Value, id: &str, labels: &[&str]) -> f64 {
     row["values"][0]["ours"].as_f64().unwrap()
 }
 
+#[cfg(unix)]
 #[test]
-fn the_tiny_tables_hold_in_direction() {
+fn the_tiny_tables_hold_in_direction_also_where_they_were_interrupted() {
     let work = Workdir::new();
     // Half of the tables, and their cells, as by another machine at the same time.
     let halves = std::thread::scope(|scope| {
-        let there = scope.spawn(|| work.json("paper --scale tiny --device cpu --out there --only 3d"));
+        let there = scope.spawn(|| {
+            // That one is interrupted in its first training, and goes on.
+            let line = "paper --scale tiny --device cpu --out there --only 3d --json";
+            let first = format!("{line} --checkpoint-every 0");
+            work.interrupted_once_it_says("training 5×64", &first)
+                .interrupted(&["run the same command again"]);
+            assert!(!work.path("there/report.md").exists());
+            let done = work.imf(line).done();
+            assert!(done.stderr.contains("going on at epoch"), "{}", done.stderr);
+            done.json()
+        });
         [work.json(&format!("{TINY} --only 2d,transfer,sparsity,architecture")), there.join().unwrap()]
     });
     for folder in ["cells", "runs"] {
@@ -78,6 +89,7 @@ fn the_tiny_tables_hold_in_direction() {
     let [paper, ours, ratio] = ["paper", "ours", "ratio"].map(|key| of_mse[key].as_f64().unwrap());
     assert_eq!((paper, ratio), (7.353e-7, ours / 7.353e-7));
     let text = work.text("out/report.md");
+    assert!(text.contains("| teapot | multi |"), "{text}");
     assert!(
         text.contains("| MSE paper | MSE ours | ours / paper |") && text.contains("falls short"),
         "{text}"
@@ -115,15 +127,3 @@ fn the_tiny_tables_hold_in_direction() {
 
 /// What tiny asks in place of the paper's (12°, 6°).
 const MARK_OUT: &str = "section (22.5°, 11.25°)";
-
-#[cfg(unix)]
-#[test]
-fn an_interrupted_table_goes_on() {
-    let work = Workdir::new();
-    let line = format!("{TINY} --only 3d --part teapot --checkpoint-every 0");
-    work.interrupted_once_it_says("training 5×64", &line).interrupted(&["run the same command again"]);
-    assert!(!work.path("out/report.md").exists());
-    let done = work.imf(&line).done();
-    assert!(done.stderr.contains("going on at epoch"), "{}", done.stderr);
-    assert!(work.text("out/report.md").contains("| teapot | multi |"));
-}
