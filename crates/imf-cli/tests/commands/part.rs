@@ -76,13 +76,20 @@ fn symmetry_is_found_used_and_kept_unless_none_is_wanted() {
     // It is settled where a training begins: gone on with, and handed on to a changed part.
     train("--out told --resume").done();
     train("--out told --resume --set symmetry=false").refused(&["told/checkpoint.safetensors", "symmetry"]);
-    work.imf("train harmonic teapot --dims 16,20,32 --degree 5 --out other.safetensors").done();
-    work.imf("train factored other.safetensors --from told/field.safetensors --steps 5 --out tuned").done();
+    work.imf("train harmonic teapot --dims 16,20,32 --degree 5 --no-calibrate --out other.safetensors")
+        .done();
+    work.imf(
+        "train factored other.safetensors --from told/field.safetensors --steps 5 --no-calibrate --out tuned",
+    )
+    .done();
     assert_eq!(symmetry("tuned"), symmetry("told"));
 
     // Fields that leave functions out tell of it too, sections do not.
-    work.imf("train harmonic teapot --dims 15,19,31 --degree 5 --components 20 --out few.safetensors").done();
-    work.imf("train factored few.safetensors --from told/field.safetensors --steps 5 --out few").done();
+    work.imf("train harmonic teapot --dims 15,19,31 --degree 5 --components 20 --no-calibrate --out few.safetensors").done();
+    work.imf(
+        "train factored few.safetensors --from told/field.safetensors --steps 5 --no-calibrate --out few",
+    )
+    .done();
     // So does a changed part itself.
     let changed =
         "train teapot --dims 16,20,32 --degree 5 --from told/field.safetensors --steps 5 --out changed";
@@ -108,11 +115,15 @@ fn symmetry_is_found_used_and_kept_unless_none_is_wanted() {
 #[test]
 fn a_training_from_another_field_has_rates_of_its_own_and_is_resumed_by_them() {
     let work = Workdir::new();
-    work.imf("train harmonic teapot --dims 15,19,31 --degree 4 --out field.safetensors").done();
+    work.imf("train harmonic teapot --dims 15,19,31 --degree 4 --no-calibrate --out field.safetensors")
+        .done();
     let network = "--network 2x16";
-    work.imf(&format!("train factored field.safetensors {network} --steps 5 --out small")).done();
+    work.imf(&format!("train factored field.safetensors {network} --steps 5 --no-calibrate --out small"))
+        .done();
     let from = "--from small/field.safetensors";
-    let train = |more: &str| work.imf(&format!("train factored field.safetensors --steps 5 --json {more}"));
+    let train = |more: &str| {
+        work.imf(&format!("train factored field.safetensors --steps 5 --no-calibrate --json {more}"))
+    };
     let solve_every = |more: &str| train(more).done().json()["settings"]["solve_every"].as_u64();
     assert_eq!(solve_every(&format!("{network} --out plain")), Some(25));
     for (out, rate) in [("own", ""), ("given", "--rate 1e-4")] {
@@ -133,7 +144,10 @@ fn left_to_itself_it_takes_the_degree_that_suits_the_tool() {
     work.write("arm.toml", b"name = \"arm\"\nmesh = \"arm.obj\"\n");
     // As many functions of whole rotations as of directions, nearly.
     for (tool, degree, functions) in [("paper", 16, 289), ("arm.toml", 5, 286)] {
-        work.imf(&format!("train {PART} --quantity overlap --tool {tool} --steps 1 --out {degree}")).done();
+        work.imf(&format!(
+            "train {PART} --quantity overlap --tool {tool} --steps 1 --no-calibrate --out {degree}"
+        ))
+        .done();
         let file = FactoredFile::read(&work.path(&format!("{degree}/field.safetensors"))).unwrap();
         assert_eq!((file.fit.degree, file.report.functions), (degree, functions), "{tool}");
         assert_eq!((file.settings.width, file.settings.hidden, file.settings.omega), (256, 3, 20.0));
@@ -242,8 +256,8 @@ fn what_is_finished_says_so_at_once_and_where_it_is() {
 #[test]
 fn a_folder_with_the_other_familys_training_is_told_apart() {
     let work = Workdir::new();
-    let factored = format!("train {PART} --degree 4 {NETWORK} --steps 2");
-    let siren = format!("train siren5 {PART} --device cpu --network 2x16 --steps 2");
+    let factored = format!("train {PART} --degree 4 {NETWORK} --steps 2 --no-calibrate");
+    let siren = format!("train siren5 {PART} --device cpu --network 2x16 --steps 2 --no-calibrate");
     work.imf(&format!("{factored} --out factored")).done();
     work.imf(&format!("{siren} --out siren")).done();
     for line in [
