@@ -132,7 +132,10 @@ pub enum LineFault {
         tool: String,
     },
     /// A tool number that none of the tools has.
-    #[error("{}, and the tools that are given have the numbers {given}", number_text(*.number))]
+    #[error(
+        "{}, and the tools that are given have the numbers {given}{}", number_text(*.number),
+        if number.is_none() { ": give one tool without a number where all lines are its" } else { "" }
+    )]
     NoTool {
         /// The number that it has.
         number: Option<u32>,

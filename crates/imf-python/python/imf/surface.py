@@ -100,7 +100,7 @@ class Access:
         progress: Progress = None,
     ) -> SetupPlan:
         """The fewest set-ups of those that axes and part suggest, or of every direction, in which ``cover`` of what all of them reach
-        is reached.
+        is reached. The face that the part stands on is not reached in that set-up.
 
         limits: which directions the machine gives the tool in one set-up, its z axis up, such as ``ac:0:110:0:360`` or
         ``cone:0,0,1:30``; by default three axes. Raises ``ValueError`` for a scene with fixtures.
