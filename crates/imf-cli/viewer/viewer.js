@@ -162,7 +162,8 @@
     controls.update();
     draw();
   };
-  const whole = () => look(new THREE.Vector3(), new THREE.Vector3(1, -1.3, 0.9), 3.6 * data.radius);
+  // In a view that is narrower than it is high, from farther away.
+  const whole = () => look(new THREE.Vector3(), new THREE.Vector3(1, -1.3, 0.9), 3.6 * data.radius / Math.min(1, camera.aspect));
   const again = element('button', { type: 'button' }, 'whole part');
   again.addEventListener('click', whole);
   document.getElementById('shown').append(again);
