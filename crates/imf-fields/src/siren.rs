@@ -48,7 +48,10 @@ pub mod stack;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-pub use over_grid::{EvaluationEngine, check_evaluate, check_minimum};
+pub use over_grid::EvaluationEngine;
+// For the engines of the project's other crates.
+#[doc(hidden)]
+pub use over_grid::{check_evaluate, check_minimum};
 use stack::{Ending, Stack};
 
 /// Number of inputs of the network: three for the point, two for the tool's direction.

@@ -256,7 +256,7 @@ fn what_is_finished_says_so_at_once_and_where_it_is() {
 #[test]
 fn a_folder_with_the_other_familys_training_is_told_apart() {
     let work = Workdir::new();
-    let factored = format!("train {PART} --degree 4 {NETWORK} --steps 2 --no-calibrate");
+    let factored = format!("train {PART} --degree 4 {NETWORK} --steps 2");
     let siren = format!("train siren5 {PART} --device cpu --network 2x16 --steps 2 --no-calibrate");
     work.imf(&format!("{factored} --out factored")).done();
     work.imf(&format!("{siren} --out siren")).done();

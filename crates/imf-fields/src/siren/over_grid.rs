@@ -42,7 +42,6 @@ pub trait EvaluationEngine {
 ///
 /// # Errors
 /// Lengths that do not fit.
-#[doc(hidden)]
 pub fn check_evaluate(inputs: &[f32], outputs: &[f32]) -> Result<(), EngineError> {
     let (inputs, outputs) = (inputs.len(), outputs.len());
     if inputs == outputs * INPUTS {
@@ -55,7 +54,6 @@ pub fn check_evaluate(inputs: &[f32], outputs: &[f32]) -> Result<(), EngineError
 ///
 /// # Errors
 /// Lengths that do not fit, or no direction.
-#[doc(hidden)]
 pub fn check_minimum(
     points: &[[f32; 3]],
     directions: &[[f32; 2]],

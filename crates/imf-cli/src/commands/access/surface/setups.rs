@@ -168,21 +168,21 @@ impl Setups {
                 .fraction(|sample| self.by_sample[sample] == 0 && holds(sample, surface.best[sample].0))
         };
         let of = |verdict: Verdict| left(&|_, own| own == verdict);
-        let stood_on = |sample: usize| {
-            sets.iter().any(|&set| self.candidates[set].stands_on(&surface.samples.samples[sample]))
-        };
-        let foot = left(&|sample, own| own == Verdict::Reached && stood_on(sample));
+        let stands_on = |setup: &PartSetup, sample: usize| setup.stands_on(&surface.samples.samples[sample]);
         let given = |sample: usize| {
             let reaches = |setup: &PartSetup| {
                 let free =
                     |tool: &(SurfaceAccess, SurfaceTool)| tool.0.is_free_from_any(sample, &setup.directions);
-                surface.tools.iter().any(free)
+                !stands_on(setup, sample) && surface.tools.iter().any(free)
             };
             self.candidates.iter().any(reaches)
         };
         let by_machine = self.places.iter().any(Option::is_some);
-        let kept = left(&|sample, own| {
-            by_machine && own == Verdict::Reached && !stood_on(sample) && !reachable(sample) && given(sample)
+        let is_kept = |sample: usize| by_machine && !reachable(sample) && given(sample);
+        let kept = left(&|sample, own| own == Verdict::Reached && is_kept(sample));
+        let stood_on = left(&|sample, own| {
+            let of_chosen = || sets.iter().any(|&set| stands_on(&self.candidates[set], sample));
+            own == Verdict::Reached && of_chosen() && !is_kept(sample)
         });
         SetupsRow {
             machine: self.machine.clone(),
@@ -199,8 +199,8 @@ impl Setups {
                 voxels: stock.elements(),
             }),
             left: LeftRow {
-                reached_from_other_directions: of(Verdict::Reached) - kept - foot,
-                stood_on: foot,
+                reached_from_other_directions: of(Verdict::Reached) - kept - stood_on,
+                stood_on,
                 kept_away_by_the_machine: kept,
                 obstructed: of(Verdict::Obstructed),
                 gouged: of(Verdict::Gouged),
