@@ -92,7 +92,9 @@ fn every_output_is_there_and_agrees_with_the_summary() {
 fn unreached_space_is_split_by_elements_that_sum_to_the_measure() {
     let folder = workshop();
     let tools = "--tool short.toml --tool long.toml --orientations fibonacci:14";
-    let summary = folder.json(&arguments(tools));
+    let text = folder.imf(&arguments(tools)).done().stdout;
+    assert!(text.contains("the cutter hits") && text.contains("the holder 1 hits"), "{text}");
+    let summary = folder.read_json("out/summary.json");
     let solid = folder.npy::<u8>("out/solid.npy");
     for tool in 0..2 {
         let imf = folder.npy::<f32>(&format!("out/imf_tool_{tool}.npy"));
@@ -126,8 +128,6 @@ fn unreached_space_is_split_by_elements_that_sum_to_the_measure() {
         assert_eq!(voxels(&summary[what]), expected, "{what}");
     }
     assert!(imf.iter().zip(&solid).any(|(&v, &s)| s != 0 && v <= 0.1), "a threshold that says nothing");
-    let text = folder.imf(&arguments(tools)).done().stdout;
-    assert!(text.contains("the cutter hits") && text.contains("the holder 1 hits"), "{text}");
 }
 
 #[test]
@@ -219,12 +219,14 @@ fn bad_input_is_refused_with_a_remedy() {
     refuse("--memory 1KiB", &["larger --pitch"]);
 }
 
+const SET_UPS: &str = "--tool long.toml --orientations axes+normals+fibonacci:40 --setups";
+
 /// The slot is open at the top and at both ends: on three axes one set-up leaves the face that it stands on, two do not.
 #[test]
 fn the_fewest_set_ups_are_proven_and_fewer_do_for_less() {
     let folder = workshop();
     let set_ups = |more: &str| {
-        let summary = folder.json(&arguments(&format!("--tool long.toml --setups {more}")));
+        let summary = folder.json(&arguments(&format!("{SET_UPS} {more}")));
         let row = summary["setups"].clone();
         let share = |name: &str| row[name].as_f64().unwrap();
         let surface = summary["surface"]["reached"].as_f64().unwrap();
@@ -279,9 +281,7 @@ fn set_ups_for_a_stock_remove_it_too() {
 #[test]
 fn a_part_is_turned_to_what_the_rotary_axes_reach() {
     let folder = workshop();
-    let set_ups = |range: &str| {
-        folder.json(&arguments(&format!("--tool long.toml --setups {range}")))["setups"].clone()
-    };
+    let set_ups = |range: &str| folder.json(&arguments(&format!("{SET_UPS} {range}")))["setups"].clone();
     let (whole, quarter) = (set_ups("ac:0:90:0:360"), set_ups("ac:0:90:20:110"));
     assert!(quarter["candidates"].as_u64() > whole["candidates"].as_u64(), "{quarter}");
     assert!(quarter["setups"].as_array().unwrap().len() >= whole["setups"].as_array().unwrap().len());
@@ -336,18 +336,19 @@ fn a_face_mill_meets_a_wall_beside_the_part_that_is_farther_than_it_is_long_and_
                 diameter = 30.0\nlength = 10.0\n";
     folder.write("face.toml", mill);
     folder.write("back.toml", mill.replace("[[holder]]", "back_cutting = true\n[[holder]]"));
-    let share = |tool: &str, what: &str| {
+    let surface = |tool: &str| {
         let run = "access slab.obj --unit mm --pitch 2 --orientations 0,0 --out out";
-        let summary = folder.json(&format!("{run} --tool {tool} --fixture wall.obj"));
-        summary["surface"][what].as_f64().unwrap()
+        folder.json(&format!("{run} --tool {tool} --fixture wall.obj"))["surface"].clone()
     };
     // Of 3,000 mm² the side towards the wall is 300, and the underside 900.
-    let near =
-        |found: f64, expected: f64| assert!((found - expected).abs() < 0.004, "{found} for {expected}");
-    near(share("face.toml", "obstructed"), 0.1);
-    near(share("face.toml", "not_faced"), 0.3);
-    near(share("face.toml", "reached"), 0.6);
-    near(share("back.toml", "not_faced"), 0.0);
+    let near = |found: &Value, expected: f64| {
+        assert!((found.as_f64().unwrap() - expected).abs() < 0.004, "{found} for {expected}");
+    };
+    let face = surface("face.toml");
+    near(&face["obstructed"], 0.1);
+    near(&face["not_faced"], 0.3);
+    near(&face["reached"], 0.6);
+    near(&surface("back.toml")["not_faced"], 0.0);
 }
 
 #[test]

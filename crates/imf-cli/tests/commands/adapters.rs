@@ -5,6 +5,7 @@ use imf_fields::recipe::Precision;
 use imf_gpu::adapters;
 
 use crate::binary::{DATASET, TRAIN, Workdir, device};
+use crate::saved::HARMONIC;
 
 #[test]
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
@@ -48,6 +49,7 @@ fn a_training_on_the_adapter_resumes_to_the_same_bits_and_evaluates_as_on_the_cp
         assert!(whole == broken, "{file}: the pieces ended elsewhere");
     }
 
+    work.calibrate_quickly("whole/field.safetensors");
     let eval = |device: &str| {
         let line =
             format!("eval whole/field.safetensors --random 3 --imf fibonacci:4 --json --device {device}");
@@ -65,8 +67,7 @@ fn a_training_on_the_adapter_resumes_to_the_same_bits_and_evaluates_as_on_the_cp
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
 fn a_harmonic_field_is_distilled_on_the_adapter_and_goes_on_there() {
     let work = Workdir::with_adapters();
-    work.imf("train harmonic teapot --dims 15,19,31 --degree 4 --no-calibrate --out field.safetensors")
-        .done();
+    work.imf(HARMONIC).done();
     let small = "train factored field.safetensors --network 2x32 --set batch=128 --steps 200 --rate 4e-3 --no-calibrate --json";
     let there = format!("{small} --device {}", device());
     // SOAP, which is what an adapter does by itself, as the CPU; and Adam for every weight.
@@ -96,8 +97,9 @@ fn a_harmonic_field_is_distilled_on_the_adapter_and_goes_on_there() {
 fn harmonic_and_factored_fields_are_evaluated_and_queried_on_the_adapter_as_on_the_cpu() {
     let work = Workdir::with_adapters();
     let on_adapter = format!("--device {}", device());
-    work.imf("train harmonic teapot --dims 15,19,31 --degree 4 --out field.safetensors").done();
-    work.imf("train factored field.safetensors --network 2x32 --steps 50 --out factored").done();
+    work.imf(HARMONIC).done();
+    work.imf("train factored field.safetensors --network 2x32 --steps 50 --no-calibrate --out factored")
+        .done();
     let field = "field field.safetensors --orientations fibonacci:20";
     work.imf(&format!("{field} --out sections")).done();
 
@@ -140,6 +142,7 @@ fn harmonic_and_factored_fields_are_evaluated_and_queried_on_the_adapter_as_on_t
         work.imf(&format!("{sections} --out kept-there {on_adapter}")).done();
         let (here, there) = (values("kept/imf.npy"), values("kept-there/imf.npy"));
         assert!(here.iter().zip(&there).all(|(a, b)| (a - b).abs() < 1e-5));
+        work.calibrate_quickly(file);
         for (there, here) in rows(file, &on_adapter).into_iter().zip(rows(file, "")) {
             assert!((there.0 - here.0).abs() < 1e-5 && (there.1 - here.1).abs() < 1e-5, "{there:?} {here:?}");
         }

@@ -122,6 +122,7 @@ fn what_does_not_fit_the_memory_is_refused_with_an_estimate() {
             "--memory",
         ]);
     }
+    work.calibrate_quickly("model/field.safetensors");
     work.imf(&format!("{eval} --memory 1GiB")).done();
 }
 

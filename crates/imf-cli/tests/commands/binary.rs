@@ -135,6 +135,11 @@ impl Workdir {
         self.imf(&format!("{line} --json")).done().json()
     }
 
+    /// Measures error rates of a field's decisions at few poses: `imf eval`, which needs some, measures at many where it has none.
+    pub(crate) fn calibrate_quickly(&self, field: &str) {
+        self.imf(&format!("calibrate {field} --poses 4096 --boundary 1024 --false-free 0.1")).done();
+    }
+
     /// Runs what must be refused with all these words in the last line, and leave nothing behind.
     pub(crate) fn refuse(&self, line: &str, words: &[&str]) {
         let before = self.entries();

@@ -87,6 +87,7 @@ fn damaged_models_are_named() {
     std::fs::remove_file(work.path(file)).unwrap();
     refuse("cannot read the model");
     work.write(file, &whole);
+    work.calibrate_quickly(file);
     work.imf(&eval).done();
 }
 

@@ -21,9 +21,8 @@ fn complete(work: &Workdir, demo: &Finished, pictures: &[&str], stages: [&str; 3
     }
 }
 
-#[cfg(unix)]
 #[test]
-fn a_short_demo_fits_distils_says_what_the_network_is_worth_and_is_begun_anew() {
+fn a_short_demo_fits_distils_and_says_what_the_network_is_worth() {
     let work = Workdir::new();
     let demo = work.imf("demo --steps 60 --device cpu --out demo").done();
     let report = work.read_json("demo/report.json");
@@ -35,20 +34,26 @@ fn a_short_demo_fits_distils_says_what_the_network_is_worth_and_is_begun_anew() 
     // The field is there to be asked.
     std::fs::write(work.path("poses.csv"), "x,y,z,i,j,k\n0,0,0,0,0,1\n").unwrap();
     work.imf("query demo/field.safetensors poses.csv").done();
+    #[cfg(unix)]
+    goes_on(&work);
+}
 
-    // What is finished there is begun anew; what is not goes on, though an older field lies beside it. The teapot has an axis, so the
-    // network five inputs.
+/// What is finished in the folder is begun anew; what is not goes on, though an older field lies beside it.
+#[cfg(unix)]
+fn goes_on(work: &Workdir) {
     let demo = "demo --steps 100000 --device cpu --out demo";
-    work.interrupted_once_it_says("training 5→", demo)
-        .interrupted(&["is saved in demo/checkpoint.safetensors", "same command"]);
-    let steps = || {
+    let interrupted = || {
+        // The teapot has an axis, so the network five inputs.
+        let run = work.interrupted_once_it_says("training 5→", demo);
         let file = FactoredFile::read(&work.path("demo/checkpoint.safetensors")).unwrap();
-        file.state.unwrap().training.step
+        (run, file.state.unwrap().training.step)
     };
-    let first = steps();
+    let (run, first) = interrupted();
+    run.interrupted(&["is saved in demo/checkpoint.safetensors", "same command"]);
     assert!((1..100_000).contains(&first), "{first} steps");
-    work.interrupted_once_it_says("training 5→", demo).interrupted(&["same command"]);
-    assert!(steps() > first, "{} steps after {first}", steps());
+    let (run, then) = interrupted();
+    run.interrupted(&["same command"]);
+    assert!(then > first, "{then} steps after {first}");
 }
 
 #[test]

@@ -199,7 +199,7 @@ fn eval_says_of_both_families_what_plain_sums_say() {
     let folder = Workdir::new();
     fitted(&folder);
     let small = "train factored field.safetensors --network 2x32 --set batch=128";
-    folder.imf(&format!("{small} --steps 600 --rate 4e-3 --out small")).done();
+    folder.imf(&format!("{small} --steps 600 --rate 4e-3 --no-calibrate --out small")).done();
     let scene = model().scene;
     let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, ToolPoints::SharpPoints).unwrap();
     let random = OrientationSet::parse("random:20:3").unwrap().orientations;
@@ -214,6 +214,7 @@ fn eval_says_of_both_families_what_plain_sums_say() {
         ("field.safetensors", "harmonic", &harmonic.field),
         ("small/field.safetensors", "factored", &expanded),
     ] {
+        folder.calibrate_quickly(file);
         let asked = format!("eval {file} --random 20 --seed 3 --imf fibonacci:30 --out {family}");
         let report = folder.json(&asked);
         let (mse, mpe, variance) = errors(field, &plan, &random);

@@ -198,7 +198,7 @@ fn travel_is_told_with_line_axis_value_and_range() {
 #[test]
 fn access_looks_from_where_the_machine_turns_to_and_names_its_angles() {
     let folder = workshop();
-    let usual = "access block.obj --unit mm --pitch 3 --tool paper --orientations axes";
+    let usual = "access block.obj --unit mm --pitch 6 --tool paper --orientations axes";
     let run = |more: &str| folder.json(&format!("{usual} {more}"));
     let found = run("--machine trunnion.toml --out reach");
     // A tilts to −110° and 30°: everything but from below.
@@ -243,7 +243,7 @@ fn access_looks_from_where_the_machine_turns_to_and_names_its_angles() {
 fn set_ups_reach_what_the_machine_reaches_with_the_part_placed_so() {
     let folder = workshop();
     folder.write("short.toml", "travel = { x = [-10, 10] }\n[offsets]\nG54 = [0, 0, 0]\n");
-    let usual = "access block.obj --unit mm --pitch 2 --tool paper --orientations axes --out out";
+    let usual = "access block.obj --unit mm --pitch 4 --tool paper --orientations axes --out out";
     let share = |value: &Value| value.as_f64().unwrap();
     for (machine, count) in [("trunnion.toml", 2), ("short.toml", 6)] {
         let machine = format!("--machine {machine}");

@@ -9,6 +9,7 @@ use imf_fields::harmonic::fit;
 use serde_json::json;
 
 use crate::binary::Workdir;
+use crate::saved::HARMONIC;
 use crate::shapes::cuboid;
 
 /// The bracket on 675 voxels, and a network that a step takes a millisecond or two.
@@ -36,6 +37,7 @@ fn a_part_becomes_the_field_that_fit_and_distillation_make_one_by_one() {
         assert!(work.bytes(&format!("field/{file}")) == work.bytes(&format!("apart/{file}")), "{file}");
     }
 
+    work.calibrate_quickly("field/field.safetensors");
     let eval = "eval field/field.safetensors --random 8 --imf fibonacci:20 --json";
     let row = &work.imf(eval).done().json()["rows"][2];
     let [mse, variance] = ["mse", "variance"].map(|name| row[name].as_f64().unwrap());
@@ -52,7 +54,7 @@ fn a_part_becomes_the_field_that_fit_and_distillation_make_one_by_one() {
     // Weights kept in f16 are half the file.
     work.imf(&format!("{train} --half").replace("--out field", "--out half")).done();
     let [whole, half] =
-        ["field", "half"].map(|folder| work.bytes(&format!("{folder}/field.safetensors")).len());
+        ["apart", "half"].map(|folder| work.bytes(&format!("{folder}/field.safetensors")).len());
     assert!(half < whole, "{half} of {whole} bytes");
 }
 
@@ -76,24 +78,18 @@ fn symmetry_is_found_used_and_kept_unless_none_is_wanted() {
     // It is settled where a training begins: gone on with, and handed on to a changed part.
     train("--out told --resume").done();
     train("--out told --resume --set symmetry=false").refused(&["told/checkpoint.safetensors", "symmetry"]);
-    work.imf("train harmonic teapot --dims 16,20,32 --degree 5 --no-calibrate --out other.safetensors")
-        .done();
-    work.imf(
-        "train factored other.safetensors --from told/field.safetensors --steps 5 --no-calibrate --out tuned",
-    )
-    .done();
+    let fit = "--degree 5 --no-calibrate";
+    let from = "--from told/field.safetensors --steps 5 --no-calibrate";
+    work.imf(&format!("train harmonic teapot --dims 16,20,32 {fit} --out other.safetensors")).done();
+    work.imf(&format!("train factored other.safetensors {from} --out tuned")).done();
     assert_eq!(symmetry("tuned"), symmetry("told"));
 
     // Fields that leave functions out tell of it too, sections do not.
-    work.imf("train harmonic teapot --dims 15,19,31 --degree 5 --components 20 --no-calibrate --out few.safetensors").done();
-    work.imf(
-        "train factored few.safetensors --from told/field.safetensors --steps 5 --no-calibrate --out few",
-    )
-    .done();
+    work.imf(&format!("train harmonic teapot --dims 15,19,31 {fit} --components 20 --out few.safetensors"))
+        .done();
+    work.imf(&format!("train factored few.safetensors {from} --out few")).done();
     // So does a changed part itself.
-    let changed =
-        "train teapot --dims 16,20,32 --degree 5 --from told/field.safetensors --steps 5 --out changed";
-    work.imf(changed).done();
+    work.imf(&format!("train teapot --dims 16,20,32 --degree 5 {from} --out changed")).done();
     assert_eq!(symmetry("changed"), symmetry("told"));
     let words = ["--set symmetry=true", "--online", "leave out one of them"];
     train("--online 40 --set symmetry=true --out no").refused(&words);
@@ -115,15 +111,13 @@ fn symmetry_is_found_used_and_kept_unless_none_is_wanted() {
 #[test]
 fn a_training_from_another_field_has_rates_of_its_own_and_is_resumed_by_them() {
     let work = Workdir::new();
-    work.imf("train harmonic teapot --dims 15,19,31 --degree 4 --no-calibrate --out field.safetensors")
-        .done();
-    let network = "--network 2x16";
-    work.imf(&format!("train factored field.safetensors {network} --steps 5 --no-calibrate --out small"))
-        .done();
-    let from = "--from small/field.safetensors";
+    work.imf(HARMONIC).done();
     let train = |more: &str| {
         work.imf(&format!("train factored field.safetensors --steps 5 --no-calibrate --json {more}"))
     };
+    let network = "--network 2x16";
+    train(&format!("{network} --out small")).done();
+    let from = "--from small/field.safetensors";
     let solve_every = |more: &str| train(more).done().json()["settings"]["solve_every"].as_u64();
     assert_eq!(solve_every(&format!("{network} --out plain")), Some(25));
     for (out, rate) in [("own", ""), ("given", "--rate 1e-4")] {
@@ -160,12 +154,12 @@ fn left_to_itself_it_takes_the_degree_that_suits_the_tool() {
 #[cfg(unix)]
 fn an_interrupted_part_goes_on_to_the_bytes_of_one_in_one_go() {
     let work = Workdir::new();
-    let train = format!("train {PART} --degree 4 {NETWORK} --steps 4000 --set checkpoint_every=0.02");
+    let train = format!("train {PART} --degree 4 {NETWORK} --steps 400 --set checkpoint_every=0.02");
     work.imf(&format!("{train} --out whole")).done();
     // A folder of the part's name is not the part.
     let begin = format!("{train} --out bracket");
     work.imf(&format!("{begin} --resume")).refused(&["nothing to resume", "bracket/checkpoint.safetensors"]);
-    work.interrupted_once_there_is("bracket/checkpoint.safetensors", &begin)
+    work.interrupted_after(5, &begin)
         .interrupted(&["is saved in bracket/checkpoint.safetensors", "--resume"]);
     assert!(!work.path("bracket/field.safetensors").exists());
     work.imf(&begin).refused(&["bracket/checkpoint.safetensors", "unfinished", "--resume"]);
@@ -173,7 +167,7 @@ fn an_interrupted_part_goes_on_to_the_bytes_of_one_in_one_go() {
     // Before a fit of minutes.
     for (given, other, words) in [
         ("--degree 4", "--degree 5", "other sections (degree: 4, not 5)"),
-        ("--steps 4000", "--steps 4001", "other settings (steps: 4000, not 4001)"),
+        ("--steps 400", "--steps 401", "other settings (steps: 400, not 401)"),
         ("--dims 5,15,9", "--dims 6,15,9", "another scene"),
     ] {
         let refused =
@@ -193,12 +187,6 @@ fn sections_alone_train_a_part_and_go_on_where_they_stopped() {
     let train = format!("train {PART} --degree 4 {NETWORK} --online 30 --set checkpoint_every=0.02 --steps");
     let made = work.json(&format!("{train} 1500 --out whole"));
     assert_eq!(made["settings"]["online"]["pool"], json!(30));
-    let eval = "eval whole/field.safetensors --random 8 --imf fibonacci:20 --json";
-    let row = &work.imf(eval).done().json()["rows"][2];
-    let [mse, variance] = ["mse", "variance"].map(|name| row[name].as_f64().unwrap());
-    // What degree 4 leaves out is most of it.
-    assert!(mse < 0.5 * variance, "{row}");
-
     let begin = format!("{train} 1500 --out part");
     work.interrupted_once_there_is("part/checkpoint.safetensors", &begin)
         .interrupted(&["is saved in part/checkpoint.safetensors", "--resume"]);
@@ -207,6 +195,13 @@ fn sections_alone_train_a_part_and_go_on_where_they_stopped() {
     assert!(!refused.stderr.contains("sections to fit"), "{}", refused.stderr);
     work.imf(&format!("{begin} --resume")).done();
     assert!(work.bytes("whole/field.safetensors") == work.bytes("part/field.safetensors"));
+
+    work.calibrate_quickly("whole/field.safetensors");
+    let eval = "eval whole/field.safetensors --random 8 --imf fibonacci:20 --json";
+    let row = &work.imf(eval).done().json()["rows"][2];
+    let [mse, variance] = ["mse", "variance"].map(|name| row[name].as_f64().unwrap());
+    // What degree 4 leaves out is most of it.
+    assert!(mse < 0.5 * variance, "{row}");
 }
 
 #[test]
@@ -318,10 +313,13 @@ fn the_papers_network_of_a_part_is_that_of_its_dataset() {
     assert!(bytes[0] == bytes[1], "a file of the same seed differs");
 
     // What is sampled is taken as it is, and what is finished is not gone on with.
+    let train = format!("{train} --no-calibrate");
     let again = work.imf(&train).done();
     assert!(again.stderr.contains("0 shards made, 1 kept"), "{}", again.stderr);
     work.imf(&train.replace("5,15,9", "6,15,9")).refused(&["model/dataset", "another dataset"]);
     let resume = format!("{train} --resume --json");
+    // It is the same field however it was calibrated.
+    work.calibrate_quickly("model/field.safetensors");
     // No sample is needed for what is known without.
     std::fs::remove_dir_all(work.path("model/dataset")).unwrap();
     let other = resume.replace("5,15,9", "6,15,9");
@@ -338,8 +336,9 @@ fn the_papers_network_of_a_part_is_that_of_its_dataset() {
     assert!(!work.path("model/dataset").exists(), "samples were made");
 
     // From another network: as imf finetune does.
-    work.imf("finetune apart/field.safetensors data --device cpu --steps 5 --out tuned").done();
-    work.imf("train siren5 data --from apart/field.safetensors --device cpu --steps 5 --out from").done();
+    let few = "--device cpu --steps 5 --no-calibrate";
+    work.imf(&format!("finetune apart/field.safetensors data {few} --out tuned")).done();
+    work.imf(&format!("train siren5 data --from apart/field.safetensors {few} --out from")).done();
     let [tuned, from] = ["tuned", "from"].map(|folder| work.model(&format!("{folder}/field.safetensors")));
     assert!(tuned.state == from.state && tuned.record.plan == from.record.plan);
 }

@@ -9,7 +9,7 @@ use serde_json::json;
 use crate::binary::{TRAIN, Workdir};
 
 const SET: &str = "fibonacci:19";
-const HARMONIC: &str =
+pub(crate) const HARMONIC: &str =
     "train harmonic teapot --dims 15,19,31 --degree 4 --no-calibrate --out field.safetensors";
 
 #[test]
@@ -43,7 +43,8 @@ fn options_of_a_part_are_refused_beside_a_saved_field() {
 fn sections_of_networks_are_the_librarys() {
     let work = Workdir::with_dataset();
     work.imf(HARMONIC).done();
-    work.imf("train factored field.safetensors --network 2x32 --steps 50 --out factored").done();
+    work.imf("train factored field.safetensors --network 2x32 --steps 50 --no-calibrate --out factored")
+        .done();
     work.imf(&format!("{TRAIN} --steps 50 --out siren")).done();
     let orientations = OrientationSet::parse(SET).unwrap().orientations;
     for (file, family) in [("factored/field.safetensors", "factored"), ("siren/field.safetensors", "siren5")]
@@ -97,7 +98,7 @@ fn sections_of_networks_are_the_librarys() {
 #[test]
 fn what_was_made_before_is_kept_and_no_source_is_replaced() {
     let work = Workdir::new();
-    let small = "--network 2x16 --steps 5 --set batch=64";
+    let small = "--network 2x16 --steps 5 --set batch=64 --no-calibrate";
     work.imf("train harmonic teapot --dims 9,11,17 --degree 2 --out own/field.safetensors --no-calibrate")
         .done();
     let source = work.bytes("own/field.safetensors");
@@ -106,7 +107,8 @@ fn what_was_made_before_is_kept_and_no_source_is_replaced() {
     assert!(work.bytes("own/field.safetensors") == source);
     work.imf(&format!("train factored own/field.safetensors {small} --out network")).done();
     let first = work.bytes("network/field.safetensors");
-    let from = "train factored own/field.safetensors --from network/field.safetensors --steps 5";
+    let from =
+        "train factored own/field.safetensors --from network/field.safetensors --steps 5 --no-calibrate";
     work.imf(&format!("{from} --out network")).refused(&refused);
     assert!(work.bytes("network/field.safetensors") == first);
     // Another run's result gives way, and stays.
@@ -122,7 +124,8 @@ fn networks_reach_what_they_nearly_take_for_free() {
     let work = Workdir::with_dataset();
     work.imf("train siren5 data --network 2x16 --epochs 1 --out siren").done();
     let sections = "field siren/field.safetensors --orientations fibonacci:5";
-    let summary = work.json(&format!("{sections} --imf --out least"));
+    let text = work.imf(&format!("{sections} --imf --out least")).done().stdout;
+    let summary = work.read_json("least/summary.json");
     let values = work.npy::<f32>("least/imf.npy");
     let scene = FieldFile::read(&work.path("siren/field.safetensors")).unwrap().scene().clone();
     let free = values.iter().zip(&scene.obstacle.solid);
@@ -132,7 +135,6 @@ fn networks_reach_what_they_nearly_take_for_free() {
     let free = free.filter(|&(&value, &solid)| solid == 0 && value <= tau).count();
     assert_eq!(summary["accessible_outside"], json!(free));
     assert_eq!(summary["tau"].as_f64().unwrap() as f32, tau);
-    let text = work.imf(&format!("{sections} --imf --out least")).done().stdout;
     for said in
         [format!("at most {tau:.3e} counts as free, the field's calibrated threshold"), "verdict ".into()]
     {
@@ -143,9 +145,10 @@ fn networks_reach_what_they_nearly_take_for_free() {
     // Without a calibration nothing is called free.
     work.imf("train siren5 data --network 2x16 --epochs 1 --no-calibrate --out plain").done();
     let plain = "field plain/field.safetensors --orientations fibonacci:5 --imf --out plainly";
-    let summary = work.json(plain);
+    let text = work.imf(plain).done().stdout;
+    assert!(text.contains("not calibrated, so that nothing is called accessible"), "{text}");
+    let summary = work.read_json("plainly/summary.json");
     assert_eq!((&summary["accessible_outside"], &summary["tau"]), (&json!(null), &json!(null)));
-    assert!(work.imf(plain).done().stdout.contains("not calibrated, so that nothing is called accessible"));
     let info = work.imf("info siren/field.safetensors").done().stdout;
     assert!(info.contains("none by its own values"), "{info}");
 }

@@ -14,7 +14,9 @@ fn share(value: &Value) -> f64 {
 fn the_foot_of_a_wall_takes_its_height() {
     let folder = workshop();
     let run = "--tool short.toml --tool long.toml --orientations 0,0 --stickout";
-    let summary = folder.json(&arguments(run));
+    let text = folder.imf(&arguments(run)).done().stdout;
+    assert!(text.contains("stick-out of short (tool 0) (set to 6.0 mm, shortest 6.0)"), "{text}");
+    let summary = folder.read_json("out/summary.json");
     let rows = summary["stick_outs"].as_array().unwrap();
     let [short, long] = &rows[..] else { panic!("{rows:?}") };
     let lengths = |row: &Value| ["given", "shortest"].map(|name| share(&row[name]));
@@ -35,8 +37,6 @@ fn the_foot_of_a_wall_takes_its_height() {
     }
     let ply = String::from_utf8_lossy(&folder.bytes("out/surface.ply")).into_owned();
     assert!(ply.contains("property float stick_out_tool_1\n"), "no stick-out by triangle");
-    let text = folder.imf(&arguments(run)).done().stdout;
-    assert!(text.contains("stick-out of short (tool 0) (set to 6.0 mm, shortest 6.0)"), "{text}");
 
     // No farther than the tool is long, and a tool without a holder has none.
     let fixed = mill("fixed", 6.0)
