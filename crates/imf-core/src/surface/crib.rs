@@ -8,7 +8,7 @@
 
 use super::level_ring::RingPlaces;
 use super::sample_query::{DirectionQuery, Last, SampleQuery};
-use super::{SurfaceError, SurfaceSample, SurfaceTool, ToolDirection, Verdict};
+use super::{Revolved, SurfaceError, SurfaceSample, SurfaceTool, ToolDirection, Verdict};
 use crate::control::Control;
 use crate::field::solid::OutsidePlane;
 use crate::orientation::Orientation;
@@ -44,9 +44,11 @@ pub fn crib_access(
 
 /// Tools that touch a surface at the same poses, by index, those of the thinner cutters first; a mesh tool is alone.
 fn same_cutters(tools: &[SurfaceTool]) -> Vec<Vec<usize>> {
+    let same_cutter = |(a, b): (&Revolved, &Revolved)| {
+        (&a.end, &a.outline, a.plunge_only) == (&b.end, &b.outline, b.plunge_only)
+    };
     let same = |a: &SurfaceTool, b: &SurfaceTool| {
-        a.tolerance == b.tolerance
-            && a.revolved().zip(b.revolved()).is_some_and(|(a, b)| a.end == b.end && a.outline == b.outline)
+        a.tolerance == b.tolerance && a.revolved().zip(b.revolved()).is_some_and(same_cutter)
     };
     let mut groups: Vec<Vec<usize>> = Vec::new();
     for (index, tool) in tools.iter().enumerate() {
@@ -258,6 +260,8 @@ mod tests {
                 tools.push(Tool { back_cutting: index == 3, ..tool });
             }
         }
+        // As the first, but that it cuts along its axis alone.
+        tools.push(Tool { plunge_only: true, ..tools[0].clone() });
         tools
     }
 
@@ -275,7 +279,7 @@ mod tests {
         // A slimmer shank is another shoulder of a slot cutter, and where the shank is as wide as the cutter there is none.
         let mut sizes: Vec<usize> = same_cutters(&tools).iter().map(Vec::len).collect();
         sizes.sort_unstable();
-        assert_eq!(sizes, [1, 1, 1, 4, 4, 4, 5]);
+        assert_eq!(sizes, [1, 1, 1, 1, 4, 4, 4, 5]);
         let directions = orientations("axes+fibonacci:40");
         let together = crib_access(&tools, &part.samples, &directions, Control::quiet()).unwrap();
         let mut counts = [0; 4];

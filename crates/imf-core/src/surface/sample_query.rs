@@ -164,6 +164,10 @@ impl<'a> SampleQuery<'a> {
         let Some(facing) = ContactFrame::new(sample.normal, turn.axis, tool.highest) else {
             return Outcome::NoContact;
         };
+        let DirectionQuery { last, rest, mut is_free, rings: places, .. } = direction;
+        let in_hole = |tip| !tool.plunge_only || self.is_in_hole(tool, tip, turn.axis);
+        let is_free = |tip| in_hole(tip) && is_free(tip);
+        let mut direction = DirectionQuery { turn, last, rest, is_free, rings: places };
         let mut rings = 0;
         tool.outline.touches(facing.slope, tolerance, |touch| {
             if best.is_good() {
@@ -188,11 +192,7 @@ impl<'a> SampleQuery<'a> {
                 }
             };
             best = best.or(match outcome {
-                Outcome::Good(tip) | Outcome::Obstructed(tip)
-                    if tool.plunge_only && !self.is_in_hole(tool, tip, turn.axis) =>
-                {
-                    Outcome::NoContact
-                }
+                Outcome::Obstructed(tip) if !in_hole(tip) => Outcome::NoContact,
                 outcome => outcome,
             });
         });
