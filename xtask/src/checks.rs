@@ -74,7 +74,7 @@ const MOST_CRATES: usize = 22;
 const MOST_CRATES_OF_FIELDS: usize = 53;
 
 /// `imf-core` and `imf-fields` without their features, of which the second asks none of the first's: for browsers where the target is
-/// there or can be had, else for this machine; and few crates.
+/// there or can be had, else for this machine, which the tests build with all features; and few crates.
 fn alone() -> Result<()> {
     count_crates(&["-p", "imf-core", "--no-default-features", "--target", TARGET], MOST_CRATES)?;
     count_crates(&["-p", "imf-fields", "--no-default-features"], MOST_CRATES_OF_FIELDS)?;

@@ -51,7 +51,8 @@ pub(crate) struct CheckArguments {
     #[arg(long, value_name = "LENGTH", value_parser = parse_room)]
     pub(crate) contact: Option<f64>,
     /// The stock that the path cuts, followed line by line: box, box:MARGIN around the part, or a file in the part's frame, set up with it;
-    /// FILE@STEPS as for --fixture. --contact loosens it too. Nothing but the cutter may touch it, and no rapid may cut it
+    /// FILE@STEPS as for --fixture. --contact loosens it too. Nothing but the cutter may touch it, no rapid may cut it, and no drill
+    /// aside
     #[arg(long, value_name = "STOCK", value_parser = parse_stock)]
     pub(crate) stock: Option<StockArgument>,
     /// The shortest stick-out of each tool with which shank and holder are free on the whole path, its holder moved along its shank

@@ -3,8 +3,8 @@
 //! At each pose of a check, in the order of the path, shank and holder are tested against the stock that is left;
 //! then the cutter removes the voxels whose centres it holds. On a rapid, and where the path begins (the approach is
 //! not in the file), the cutter must keep out as well: it is tested against the stock from before the first of such
-//! motions in a row. So must a drill's, or that of another tool that cuts along its axis alone, where it moves otherwise.
-//! Stock that belongs to the part is left to the check of the part.
+//! motions in a row. The cutter of a drill, or of another tool that cuts along its axis alone, must keep out wherever it
+//! moves otherwise; each such motion is tested by itself. Stock that belongs to the part is left to the check of the part.
 //!
 //! The holder, what a machine's head carries, and everything with a clearance must hold no centre. A shank as wide as
 //! its cutter rubs in what the cutter has just cut. So stock is accepted where, as seen from the tool's axis, the

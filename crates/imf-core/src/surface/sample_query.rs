@@ -1,6 +1,8 @@
 //! The contact poses of one tool at one sample, tested direction by direction.
 
-use glam::DVec3;
+use std::f64::consts::FRAC_PI_2;
+
+use glam::{DQuat, DVec3};
 
 use super::contact::{ContactFrame, Touch};
 use super::level_ring::RingPlaces;
@@ -40,8 +42,6 @@ impl Outcome {
 
 /// Most steps by which a gouging cutter is moved aside.
 const GOUGE_STEPS: usize = 24;
-/// How far beyond a hole's surface its wall is looked for, in pitches: farther than half a voxel's diagonal.
-const HOLE_WALL: f64 = 1.0;
 /// Cosine of the angle to a tool's axis within which a hole's floor is level.
 const LEVEL_FLOOR: f64 = 0.999;
 /// Points of a mesh tool that are tried.
@@ -199,22 +199,21 @@ impl<'a> SampleQuery<'a> {
         best
     }
 
-    /// Whether the part stands all around the tool that touches the sample, at its height: what a tool machines that cuts along its axis
-    /// alone is a hole of its own outline. On a level floor, around its widest place one voxel above.
+    /// Whether the part stands all around the tool that touches the sample, as below the sample itself: what a tool machines that cuts
+    /// along its axis alone is a hole of its own outline. On a level floor, around its widest place one voxel above.
     fn is_in_hole(&self, tool: &Revolved, tip: DVec3, axis: DVec3) -> bool {
         let part = tool.cutter.voxels().occupancy();
-        let from_tip = self.sample.point - tip;
-        let height = from_tip.dot(axis);
-        let aside = from_tip - height * axis;
-        let on_floor = self.sample.normal.dot(axis) > LEVEL_FLOOR;
-        let (height, radius) =
-            if on_floor { (height + part.grid.pitch, tool.radius) } else { (height, aside.length()) };
-        let towards = aside.try_normalize().unwrap_or_else(|| axis.any_orthonormal_vector());
-        let across = axis.cross(towards);
-        let beyond = radius + HOLE_WALL * part.grid.pitch;
-        [-towards, across, -across].into_iter().all(|way| {
-            let voxel = part.grid.continuous(tip + height * axis + beyond * way);
-            part.grid.index_at(voxel).is_some_and(|index| part.solid[index] == 1)
+        let (from_tip, pitch) = (self.sample.point - tip, part.grid.pitch);
+        let beyond = if self.sample.normal.dot(axis) > LEVEL_FLOOR {
+            (from_tip.dot(axis) + pitch) * axis + (tool.radius + pitch) * axis.any_orthonormal_vector()
+        } else {
+            // A voxel that holds it is solid: it lies farther in than half a voxel's diagonal.
+            from_tip - pitch * self.sample.normal
+        };
+        (0..4).all(|quarter| {
+            let turned = DQuat::from_axis_angle(axis, f64::from(quarter) * FRAC_PI_2) * beyond;
+            let voxel = part.grid.index_at(part.grid.continuous(tip + turned));
+            voxel.is_some_and(|index| part.solid[index] == 1)
         })
     }
 

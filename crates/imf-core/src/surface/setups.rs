@@ -18,8 +18,8 @@ pub struct SetupTool<'a> {
     pub brought: Option<&'a (dyn Fn(&PartSetup) -> SurfaceTool + Sync)>,
 }
 
-/// The samples, weighing their areas, that any of the tools reaches in each set-up, but for those that the part stands on; `None` where the control asks to
-/// stop. One unit of progress is one set-up. `directions` are those that the tools' access and the set-ups count.
+/// The samples, weighing their areas, that any of the tools reaches in each set-up, but for those that the part stands on; `None`
+/// where the control asks to stop. One unit of progress is one set-up. `directions` are those that the tools' access and the set-ups count.
 ///
 /// # Panics
 /// If the numbers of samples or directions differ.

@@ -17,7 +17,8 @@ pub enum SampleReach {
     },
     /// The cutter itself does not fit: it would cut deeper into the part than the tolerance.
     Gouged,
-    /// The cutter has no point that could touch the surface from any of the directions: none faces it.
+    /// The cutter has no point that could touch the surface from any of the directions: none faces it, or the tool cuts along its axis
+    /// alone and stands in no hole of its own there.
     NotFaced,
 }
 

@@ -213,7 +213,7 @@ impl Program<'_> {
                 &format!("the program moves without G20 or G21: its unit is taken to be {unit}"),
             );
         }
-        if !self.positioning_is_said {
+        if !self.positioning_is_said && !block.in_machine_coordinates {
             self.remark(
                 line,
                 "positioning",

@@ -258,7 +258,7 @@ class Scene:
         cutter, 0.05 mm by default. step: farthest that any point of the tool moves between two poses that are looked at, by default a
         quarter of the pitch. frame: "part" or "world", of the path: by default the part's, with a machine the world's, where its G54 is.
         stick_out: also finds the shortest stick-out of every tool. stock: what the path cuts (:data:`Stock`): nothing but the cutter may
-        touch it, and no rapid may cut it.
+        touch it, no rapid may cut it, and no drill aside.
         """
         if frame not in (None, "part", "world"):
             raise ValueError(f"frame must be 'part' or 'world', not {frame!r}")

@@ -216,7 +216,7 @@ impl StockResult {
         }
         if let Some((line, _)) = first_hit(checked, &is_aside) {
             rapids.push(format!(
-                "line {} is the first that moves a tool aside in it which cuts along its axis alone",
+                "line {} is the first on which a tool that cuts along its axis alone moves aside in it",
                 line.line
             ));
         }

@@ -162,13 +162,11 @@ fn describe_element(element: &Element, tool: &Tool) -> (Line, serde_json::Value)
     let radii =
         if least == largest { short(largest) } else { format!("{} to {}", short(least), short(largest)) };
     let (unit, percent) = (tool.unit, 100.0 * volume / tool.volume());
-    let cuts = match name {
-        "cutter" if tool.plunge_only => "; it cuts along its axis alone",
-        "cutter" if tool.back_cutting => "; its upper end cuts too",
-        _ => "",
-    };
+    let is_cutter = name == "cutter";
+    let back = if tool.back_cutting && is_cutter { "; its upper end cuts too" } else { "" };
+    let along = if tool.plunge_only && is_cutter { "; it cuts along its axis alone" } else { "" };
     let text = format!(
-        "{} to {} {unit} above the tip, radius {radii} {unit}, {percent:.1} % of the volume{cuts}",
+        "{} to {} {unit} above the tip, radius {radii} {unit}, {percent:.1} % of the volume{back}{along}",
         short(from),
         short(to)
     );

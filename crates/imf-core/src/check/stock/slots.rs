@@ -258,4 +258,8 @@ fn a_drill_that_is_moved_aside_in_the_stock_collides_and_one_that_plunges_cuts()
     let [(7, "cutter", depth)] = hits(&report)[..] else { panic!("{:?}", hits(&report)) };
     assert!((2.0..=3.0).contains(&depth), "{depth}");
     assert!(hits(&cut_with(&end_mill(3.0, 3.0), program, &stock, &settings)).is_empty());
+    // Its tip stays where it is, and its axis tilts.
+    let path = "x,y,z,i,j,k\n0,0,5,0,0,1\n0,0,-3,0,0,1\n0,0,-3,0.5,0,1\n";
+    let path = Toolpath::parse(path, LengthUnit::Mm, "path.csv").unwrap();
+    assert!(matches!(hits(&cut(&drill, &path, &stock, &settings))[..], [(4, "cutter", _), ..]));
 }

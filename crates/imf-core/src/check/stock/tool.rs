@@ -14,6 +14,8 @@ use crate::tool::{Element, ElementKind, Tool};
 const TOGETHER: usize = 16;
 /// Sine of the angle to its axis within which a tool moves along it: files round their numbers.
 const ALONG: f64 = 1e-3;
+/// Lengths that are none.
+const ROUNDING: f64 = 1e-9;
 
 /// The cutter: what it holds goes.
 struct Cutter {
@@ -83,11 +85,15 @@ impl<'a> StockTool<'a> {
 
     /// Whether a tool that cuts along its axis alone moves otherwise.
     pub(super) fn must_not_cut(&self, motion: &Motion<'_>) -> bool {
-        let [from, to] = [0.0, 1.0].map(|fraction| motion.at(fraction));
-        let way = to.position - from.position;
-        let is_along =
-            |pose: &Pose| pose.axis().is_some_and(|axis| way.cross(axis).length() <= ALONG * way.length());
-        self.plunge_only && !(is_along(&from) && is_along(&to))
+        let mut before = motion.at(0.0);
+        let Some(axis) = before.axis() else { return self.plunge_only };
+        let mut moves_aside = |pose: Pose| {
+            let way = pose.position - before.position;
+            let turned = pose.axis().is_none_or(|own| own.cross(axis).length() > ALONG);
+            before = pose;
+            turned || way.cross(axis).length() > ALONG * way.length() + ROUNDING
+        };
+        self.plunge_only && motion.poses().any(|(_, pose)| moves_aside(pose))
     }
 
     /// What the cutter holds of the stock beside the part at a motion that must not cut, nothing being taken. `begins` where the

@@ -3,7 +3,7 @@
 use anyhow::Result;
 use imf_core::grid::Grid;
 use imf_core::surface::{ElementCollision, MinimumOverlap, SurfaceSample, culprits, minimum_overlaps};
-use imf_core::tool::ElementKind;
+use imf_core::tool::{Assembly, ElementKind};
 
 use super::cavities::voxels_around;
 use super::{AccessRun, Surface, Verdict};
@@ -63,11 +63,19 @@ impl Blame {
     }
 }
 
-/// What would free a place, by what obstructs it; `quantified` are remedies that were found, in words.
-pub(super) fn remedy(verdict: Verdict, hits: &[ElementCollision], quantified: &[String]) -> String {
+/// What would free a place, by what obstructs it; `quantified` are remedies that were found, in words, `tools` all that were tried.
+pub(super) fn remedy(
+    verdict: Verdict,
+    hits: &[ElementCollision],
+    quantified: &[String],
+    tools: &[Assembly],
+) -> String {
     let any = |is: &dyn Fn(&ElementCollision) -> bool| hits.iter().any(is);
     let other = match verdict {
         Verdict::Reached => "",
+        Verdict::NotFaced if tools.iter().all(|tool| tool.tool().plunge_only) => {
+            "a mill: these tools machine holes of their own diameter alone"
+        }
         Verdict::NotFaced => "a direction from the other side",
         _ if any(&|hit| hit.kind == ElementKind::Cutter && hit.body == 0) => {
             "a smaller cutter, or another direction"

@@ -169,7 +169,7 @@ impl Surface {
             would_help: match fault {
                 _ if closed_off => CLOSED_OFF.to_owned(),
                 Some(_) => REMEDY.to_owned(),
-                None => remedy(verdict, hits, &quantified),
+                None => remedy(verdict, hits, &quantified, &run.tools),
             },
         }
     }

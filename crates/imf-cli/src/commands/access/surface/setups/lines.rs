@@ -75,7 +75,7 @@ pub(super) struct StockRow {
 #[derive(Debug, Serialize)]
 pub(super) struct LeftRow {
     pub(super) reached_from_other_directions: f64,
-    /// Reached from other directions or these, if a chosen set-up did not stand on it.
+    /// Reached from some direction of all, and a chosen set-up stands on it.
     pub(super) stood_on: f64,
     /// Reached by direction in some candidate, but obstructed by the machine's travel, head or table.
     pub(super) kept_away_by_the_machine: f64,
