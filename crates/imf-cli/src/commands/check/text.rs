@@ -80,9 +80,10 @@ pub(super) fn text(checked: &CheckRun<'_>) -> String {
         "accepted: {accepted}; clearance: holder {}, shank {}, cutter {} {unit}",
         clearance.holder, clearance.shank, clearance.cutter
     );
+    let within = if clearance.is_zero() { "" } else { ", and what comes nearer than its clearance by more" };
     let _ = writeln!(
         text,
-        "certain to be detected: overlaps deeper than {} {unit}, in walls no thinner; shallower ones where a voxel's centre lies in \
+        "certain to be detected: overlaps deeper than {} {unit}{within}, in walls no thinner; shallower ones where a voxel's centre lies in \
          them (voxels of {} {unit}; a smaller --pitch sees more)",
         short(report.sure_depth),
         short(record.grid.pitch)
