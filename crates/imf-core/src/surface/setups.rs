@@ -42,17 +42,12 @@ pub fn reached_in_setups(
         let mut reached = vec![false; samples.len()];
         for tool in tools {
             let Some(brought) = tool.brought.map(|brought| brought(setup)) else {
-                let of_all = |sample: usize| {
-                    tool.access.is_free_within(sample, &given) && !setup.stands_on(&samples[sample])
-                };
+                let of_all = |sample: usize| tool.access.is_free_within(sample, &given);
                 reached.iter_mut().enumerate().for_each(|(sample, any)| *any |= of_all(sample));
                 continue;
             };
             let mut last = vec![[None; 2]; turns.len()];
             for (sample, any) in reached.iter_mut().enumerate().filter(|(_, any)| !**any) {
-                if setup.stands_on(&samples[sample]) {
-                    continue;
-                }
                 if control.is_cancelled() {
                     return Vec::new();
                 }
@@ -61,7 +56,8 @@ pub fn reached_in_setups(
             }
         }
         (control.progress)(1);
-        (0..samples.len()).filter(|&sample| reached[sample]).collect::<Vec<usize>>()
+        let is_reached = |&sample: &usize| reached[sample] && !setup.stands_on(&samples[sample]);
+        (0..samples.len()).filter(is_reached).collect::<Vec<usize>>()
     });
     control.check().ok()?;
     let mut problem = CoverProblem::new(samples.iter().map(|sample| sample.area).collect());

@@ -85,15 +85,18 @@ impl<'a> StockTool<'a> {
 
     /// Whether a tool that cuts along its axis alone moves otherwise.
     pub(super) fn must_not_cut(&self, motion: &Motion<'_>) -> bool {
+        if !self.plunge_only {
+            return false;
+        }
         let mut before = motion.at(0.0);
-        let Some(axis) = before.axis() else { return self.plunge_only };
+        let Some(axis) = before.axis() else { return true };
         let mut moves_aside = |pose: Pose| {
             let way = pose.position - before.position;
             let turned = pose.axis().is_none_or(|own| own.cross(axis).length() > ALONG);
             before = pose;
             turned || way.cross(axis).length() > ALONG * way.length() + ROUNDING
         };
-        self.plunge_only && motion.poses().any(|(_, pose)| moves_aside(pose))
+        motion.poses().any(|(_, pose)| moves_aside(pose))
     }
 
     /// What the cutter holds of the stock beside the part at a motion that must not cut, nothing being taken. `begins` where the
