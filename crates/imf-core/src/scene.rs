@@ -11,6 +11,7 @@ mod pitch;
 mod resolution;
 mod saved;
 mod spec;
+mod transform;
 mod warning;
 
 pub use builder::{BuiltScene, SceneBuilder};
@@ -23,6 +24,7 @@ pub(crate) use resolution::decided;
 // For the stock, which is not a body of a scene.
 #[doc(hidden)]
 pub use resolution::solid_voxels;
+pub use transform::TransformFault;
 pub use warning::SceneWarning;
 // What the builder is made of, for the command, which checks memory between the steps.
 #[doc(hidden)]
@@ -31,7 +33,7 @@ pub use spec::SceneSpec;
 #[doc(hidden)]
 pub use saved::SavedVoxelsError;
 
-use glam::{DMat4, DVec4};
+use glam::DMat4;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -291,20 +293,13 @@ pub enum SceneError {
     /// An invalid mesh.
     #[error("the mesh of '{0}' has a triangle whose vertex is not there, or a coordinate that is not finite")]
     Unsound(String),
-    /// A transform that does not turn, scale and move points.
-    #[error(
-        "the transform of '{name}' must be of finite numbers, with the last row 0 0 0 1 and the translation in the last column, not with \
-         the last row {} {} {} {}{}",
-        row.x, row.y, row.z, row.w,
-        if *transposed { ": it is transposed" } else { "" }
-    )]
+    /// A transform that does not turn, move, and scale evenly.
+    #[error("the transform of '{name}': {fault}")]
     Transform {
         /// The part or fixture.
         name: String,
-        /// The last row.
-        row: DVec4,
-        /// Its transpose has the right last row.
-        transposed: bool,
+        /// What else it does.
+        fault: TransformFault,
     },
     /// The part has no triangle.
     #[error("the part '{0}' has no triangle")]

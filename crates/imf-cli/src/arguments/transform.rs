@@ -1,7 +1,8 @@
 //! The part's set-up as text: steps that are applied one after the other.
 
 use anyhow::{Context, Result, bail, ensure};
-use glam::{DMat4, DQuat, DVec3};
+use glam::{DMat4, DQuat, DVec3, DVec4};
+use imf_core::scene::TransformFault;
 
 /// Reads steps separated by `;`, the first applied first:
 /// `rotate:X,Y,Z:ANGLE` (axis, degrees), `translate:X,Y,Z`, or `matrix:` and 12 or 16 numbers (three or four rows of four) that
@@ -37,24 +38,10 @@ fn parse_step(step: &str) -> Result<DMat4> {
                 v.len() == 12 || v[12..] == [0.0, 0.0, 0.0, 1.0],
                 "the last row of a matrix must be 0,0,0,1: write it row by row, the translation at the end of the first three rows"
             );
-            let column = |c: usize| DVec3::new(v[c], v[4 + c], v[8 + c]);
-            let (x, y, z) = (column(0), column(1), column(2));
-            let scales = [x, y, z].map(DVec3::length);
-            let scale = scales.iter().sum::<f64>() / 3.0;
-            ensure!(
-                scale > 0.0 && scales.iter().all(|s| (s / scale - 1.0).abs() < 1e-6),
-                "the matrix scales by {}, {} and {} along its axes: a part may be scaled by one factor only",
-                scales[0],
-                scales[1],
-                scales[2]
-            );
-            let square = scale * scale;
-            ensure!(
-                [x.dot(y), y.dot(z), z.dot(x)].iter().all(|e| e.abs() < 1e-6 * square),
-                "the matrix shears: its axes must be at right angles to each other"
-            );
-            ensure!(x.cross(y).dot(z) > 0.0, "the matrix mirrors: a set-up turns and moves a part");
-            Ok(DMat4::from_cols(x.extend(0.0), y.extend(0.0), z.extend(0.0), column(3).extend(1.0)))
+            let column = |c: usize, w: f64| DVec4::new(v[c], v[4 + c], v[8 + c], w);
+            let matrix = DMat4::from_cols(column(0, 0.0), column(1, 0.0), column(2, 0.0), column(3, 1.0));
+            TransformFault::check(&matrix)?;
+            Ok(matrix)
         }
         _ => bail!("use rotate:X,Y,Z:ANGLE, translate:X,Y,Z or matrix: with 12 or 16 numbers"),
     }

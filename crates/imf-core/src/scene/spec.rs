@@ -1,10 +1,10 @@
 //! What a scene is made from, and its voxels.
 
-use glam::{DMat4, DVec3, DVec4};
+use glam::{DMat4, DVec3};
 
 use super::resolution::solid_voxels;
 use super::saved::crc32;
-use super::{Bodies, Fixture, GridExtent, Resolution, Scene, SceneError, SceneRecord};
+use super::{Bodies, Fixture, GridExtent, Resolution, Scene, SceneError, SceneRecord, TransformFault};
 use crate::control::Control;
 use crate::grid::Grid;
 use crate::mesh::Mesh;
@@ -264,7 +264,7 @@ impl<'a> SceneSpec<'a> {
     /// The part's box in the world.
     ///
     /// # Errors
-    /// A mesh without triangles, or a transform with another last row than 0 0 0 1.
+    /// A mesh without triangles, or a transform that does not turn, move, and scale evenly.
     pub fn part_bounds(&self) -> Result<(DVec3, DVec3), SceneError> {
         check_transform(self.part, &self.transform)?;
         let bounds = self.mesh.transformed(&self.transform).bounds();
@@ -284,14 +284,7 @@ impl<'a> SceneSpec<'a> {
     }
 }
 
-/// Refuses matrices that are not affine: their last row would be ignored.
+/// Refuses matrices that do more than turn, move, and scale evenly.
 fn check_transform(name: &str, transform: &DMat4) -> Result<(), SceneError> {
-    let row = transform.row(3);
-    // Rounding errors of the inverse count as 0.
-    let is_last = |row: DVec4| transform.is_finite() && row.abs_diff_eq(DVec4::W, 1e-9);
-    if is_last(row) {
-        return Ok(());
-    }
-    let transposed = is_last(transform.w_axis);
-    Err(SceneError::Transform { name: name.to_owned(), row, transposed })
+    TransformFault::check(transform).map_err(|fault| SceneError::Transform { name: name.to_owned(), fault })
 }

@@ -11,6 +11,8 @@ use crate::tool::{Clearance, ElementKind, Segment};
 
 static CUBE: LazyLock<Mesh> = LazyLock::new(unit_cube);
 static TOOL: LazyLock<Tool> = LazyLock::new(Tool::paper);
+static CLAMP: LazyLock<Mesh> =
+    LazyLock::new(|| Mesh::cuboid(DVec3::new(-6.0, 1.0, 4.0), DVec3::new(10.0, 3.0, 5.0)));
 
 /// A cube of 4 mm, held by a clamp that lies on it and sticks out 6 mm to either side.
 fn spec<'a>(fixtures: &'a [Fixture<'a>]) -> SceneSpec<'a> {
@@ -25,8 +27,7 @@ fn spec<'a>(fixtures: &'a [Fixture<'a>]) -> SceneSpec<'a> {
 }
 
 fn clamp() -> Fixture<'static> {
-    let place = DMat4::from_translation(DVec3::new(-6.0, 1.0, 4.0));
-    Fixture { name: "clamp", mesh: &CUBE, transform: place * DMat4::from_scale(DVec3::new(16.0, 2.0, 1.0)) }
+    Fixture { name: "clamp", mesh: &CLAMP, transform: DMat4::IDENTITY }
 }
 
 #[test]
@@ -39,6 +40,28 @@ fn a_transform_with_another_last_row_is_refused() {
     let fixtures = [Fixture { transform: doubled, ..clamp() }];
     let refusal = spec(&fixtures).scene().unwrap_err().to_string();
     assert!(refusal.contains("'clamp'") && refusal.ends_with("row 0 0 0 2"), "{refusal}");
+}
+
+#[test]
+fn a_transform_that_changes_the_shape_is_refused() {
+    let scaled = |x: f64, y: f64, z: f64| DMat4::from_scale(DVec3::new(x, y, z));
+    for (transform, words) in [
+        (scaled(2.0, 1.0, 1.0), "scales by 2, 1 and 1"),
+        (scaled(0.0, 0.0, 0.0), "scales by 0, 0 and 0"),
+        (scaled(-1.0, 1.0, 1.0), "mirrors"),
+        (DMat4 { y_axis: DVec3::new(0.6, 0.8, 0.0).extend(0.0), ..DMat4::IDENTITY }, "shears"),
+    ] {
+        let of_part = SceneSpec { transform, ..spec(&[]) };
+        let refusal = of_part.scene().unwrap_err().to_string();
+        assert!(refusal.contains("'cube'") && refusal.contains(words), "{refusal}");
+        let fixtures = [Fixture { transform, ..clamp() }];
+        let refusal = spec(&fixtures).scene().unwrap_err().to_string();
+        assert!(refusal.contains("'clamp'") && refusal.contains(words), "{refusal}");
+    }
+    // A turned clamp in inches.
+    let inches = DMat4::from_rotation_z(0.3) * DMat4::from_scale(DVec3::splat(1.0 / 25.4));
+    let fixtures = [Fixture { transform: inches, ..clamp() }];
+    assert!(!matches!(spec(&fixtures).scene(), Err(SceneError::Transform { .. })));
 }
 
 #[test]
@@ -100,11 +123,11 @@ fn a_scene_may_stand_among_fixtures_that_stick_out() {
 
 #[test]
 fn a_fixture_between_the_centres_is_refused() {
+    let mesh = Mesh::cuboid(DVec3::ZERO, DVec3::new(2.0, 2.0, 0.1));
     let plate = |z: f64| Fixture {
         name: "plate",
-        mesh: &CUBE,
-        transform: DMat4::from_translation(DVec3::new(0.5, 0.5, z))
-            * DMat4::from_scale(DVec3::new(2.0, 2.0, 0.1)),
+        mesh: &mesh,
+        transform: DMat4::from_translation(DVec3::new(0.5, 0.5, z)),
     };
     // Centres stand at 0.25 and 0.75 above every millimetre.
     let thin = [plate(1.4)];
@@ -142,8 +165,10 @@ fn a_clearance_offsets_the_tool_and_is_written_down() {
 
 #[test]
 fn conservative_grids_hold_every_voxel_that_the_surface_touches() {
+    let mesh = Mesh::cuboid(DVec3::ZERO, DVec3::new(20.0, 20.0, 2.0));
     let wall = |resolution: Resolution, margin: usize| SceneSpec {
-        transform: DMat4::from_scale(DVec3::new(20.0, 20.0, 2.0)),
+        mesh: &mesh,
+        transform: DMat4::IDENTITY,
         resolution,
         margin,
         conservative: true,
@@ -166,10 +191,7 @@ fn conservative_grids_hold_every_voxel_that_the_surface_touches() {
 #[test]
 fn fixtures_that_overlap_the_part_are_warned_about_with_the_volume() {
     let clamp = clamp();
-    let sunk = [Fixture {
-        transform: DMat4::from_translation(DVec3::new(0.0, 0.0, -0.5)) * clamp.transform,
-        ..clamp.clone()
-    }];
+    let sunk = [Fixture { transform: DMat4::from_translation(DVec3::new(0.0, 0.0, -0.5)), ..clamp.clone() }];
     for conservative in [false, true] {
         let told = |fixtures: &[Fixture<'_>]| {
             let spec = SceneSpec { conservative, around: GridExtent::All, ..spec(fixtures) };
