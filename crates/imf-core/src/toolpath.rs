@@ -8,6 +8,7 @@ mod apt;
 mod csv;
 mod error;
 mod gcode;
+mod of_poses;
 
 pub use csv::column_remedy;
 pub use error::ToolpathError;
@@ -38,7 +39,7 @@ pub enum MoveKind {
 /// A pose of the tool, and the line that says so.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Location {
-    /// Line of the file, from 1.
+    /// Line of the file, from 1; of poses in a list, their place from 1.
     pub line: usize,
     /// Tip and rotation.
     pub pose: Pose,
@@ -159,14 +160,19 @@ impl Toolpath {
         if path.locations.is_empty() {
             return Err(ToolpathError::Empty(name.to_owned()));
         }
+        path.mark_starts();
+        Ok(path)
+    }
+
+    /// No way leads to the first location of a tool.
+    fn mark_starts(&mut self) {
         let mut last = None;
-        for location in &mut path.locations {
+        for location in &mut self.locations {
             if last != Some(location.tool) {
                 location.kind = MoveKind::Start;
             }
             last = Some(location.tool);
         }
-        Ok(path)
     }
 
     fn of_text(text: &str, reading: &PathReading<'_>, name: &str) -> Result<Self, Fault> {
