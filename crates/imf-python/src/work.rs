@@ -24,17 +24,30 @@ pub(crate) type Progress<'py> = Option<Bound<'py, PyAny>>;
 /// First wait for the work, which is short for most calls, and the longest.
 const WAITS: [Duration; 2] = [Duration::from_millis(5), Duration::from_millis(100)];
 
+/// Most threads on any machine, and most for each core where it has many, as in the command: starting more takes minutes.
+const MAX_THREADS: usize = 1024;
+const MAX_THREADS_A_CORE: usize = 8;
+
 /// Computes on `threads` threads from now on; all cores with 0.
 ///
 /// # Errors
-/// Threads that the system does not give.
+/// What is no number of threads, more than a machine has a use for, and those that the system does not give.
 #[pyfunction]
-pub(crate) fn set_threads(threads: usize) -> PyResult<()> {
-    let pool = match threads {
+pub(crate) fn set_threads(py: Python<'_>, threads: &Bound<'_, PyAny>) -> PyResult<()> {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let most = MAX_THREADS.max(MAX_THREADS_A_CORE * cores);
+    let count: Option<usize> = threads.extract().ok().filter(|&count| count <= most);
+    let Some(count) = count else {
+        return Err(value_error(format!(
+            "threads must be a whole number from 0, all of the {cores} cores, to {most}, not {}",
+            threads.repr()?
+        )));
+    };
+    let pool = match count {
         0 => None,
         _ => {
-            let pool = ThreadPoolBuilder::new().num_threads(threads).build();
-            Some(Arc::new(pool.map_err(|error| value_error(format!("{threads} threads: {error}")))?))
+            let pool = py.detach(|| ThreadPoolBuilder::new().num_threads(count).build());
+            Some(Arc::new(pool.map_err(|error| value_error(format!("{count} threads: {error}")))?))
         }
     };
     *POOL.write().unwrap_or_else(PoisonError::into_inner) = pool;
