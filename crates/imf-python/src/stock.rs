@@ -5,6 +5,7 @@ use imf_core::access::removable;
 use imf_core::check::StockReport;
 use imf_core::control::Control;
 use imf_core::mesh::Mesh;
+use imf_core::obstacle::Obstacle;
 use imf_core::occupancy::Occupancy;
 use imf_core::scene::{SceneError, solid_voxels};
 use numpy::{IntoPyArray as _, PyArray3, PyArrayMethods as _};
@@ -90,8 +91,10 @@ pub(crate) fn removable_stock<'py>(
     let held = whole.on(&stock.grid).ok_or_else(|| value_error("the grids of part and stock do not meet"))?;
     stock.solid.iter_mut().zip(&held.solid).for_each(|(stock, &held)| *stock &= 1 - held);
     let assembly = record.assembly().map_err(|error| value_error(error.to_string()))?;
+    // With contact the cutter may enter the part's layer, as in the scene's sections.
+    let obstacle = Obstacle::from(&*own.scene);
     let found = run(py, (&progress, "removable", 2 * set.len() as u64), |control: Control<'_>| {
-        removable(&whole, &assembly, &stock, &set.orientations, 0.0, control)
+        removable(obstacle, &assembly, &stock, &set.orientations, 0.0, control)
     })?;
     let grid = stock.grid;
     let dict = PyDict::new(py);

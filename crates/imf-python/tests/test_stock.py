@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from conftest import CUTTER, HOLDER, box
+from conftest import CUTTER, HOLDER, box, slotted_block
 
 import imf
 
@@ -17,10 +17,10 @@ def test_a_path_takes_a_slot_of_the_stock_and_its_holder_is_told(block: imf.Scen
     assert not report.collides and report.stock is not None
     left = report.stock
     assert left.volume == pytest.approx(30**3)
-    assert left.lines.tolist() == [2, 3, 4] and left.removed[:2].tolist() == [0, 0]
+    assert left.lines.tolist() == [1, 2, 3] and left.removed[:2].tolist() == [0, 0]
     assert left.removed[2] == pytest.approx(8 * 4 * 30, rel=0.03)
     assert left.removed_of_part.tolist() == [0, 0, 0]
-    gone = left.removed_by_line == 4
+    gone = left.removed_by_line == 3
     assert gone.sum() * left.grid.pitch**3 == pytest.approx(left.removed[2])
     assert not (gone & left.remaining).any()
     assert left.left_beside_part == pytest.approx(30**3 - 20**3 - left.removed[2])
@@ -28,7 +28,7 @@ def test_a_path_takes_a_slot_of_the_stock_and_its_holder_is_told(block: imf.Scen
     mesh = box((-5, -5, -5), (25, 25, 25))
     report = block.check(imf.poses([[-30, 10, 40], [-30, 10, -10], [-10, 10, -10]], [0, 0, 1]), stock=mesh)
     assert report.stock is not None and report.stock.volume == pytest.approx(30**3)
-    assert [(hit.element, hit.against, hit.line) for hit in report.collisions] == [("holder 1", "stock", 4)]
+    assert [(hit.element, hit.against, hit.row) for hit in report.collisions] == [("holder 1", "stock", 2)]
     assert block.check(path).stock is None
 
 
@@ -41,6 +41,15 @@ def test_what_lies_below_the_block_stays(block: imf.Scene) -> None:
     assert not (found.covered & ~found.possible).any()
     # From all six sides but the corners and edges, which are too thin for nothing here, all goes.
     assert block.removable(5, "axes").fraction[0] == pytest.approx(1.0, abs=0.01)
+
+
+def test_contact_lets_the_cutter_into_a_slot_as_wide_as_itself(mill: imf.Tool) -> None:
+    # The slot is half a millimetre narrower than the cutter; stock fills it.
+    fractions = []
+    for contact in (None, 0.75):
+        scene = imf.Scene(slotted_block(7.5, 10.0), mill, pitch=0.5, contact=contact, name="block")
+        fractions.append(scene.removable(0.0, [[0, 0, 1]]).fraction[0])
+    assert fractions[0] < 0.5 and fractions[1] > 0.9
 
 
 @pytest.mark.parametrize("stock", [-1.0, float("nan")])
@@ -57,7 +66,8 @@ def test_a_crib_has_the_verdicts_of_its_tools_one_by_one(block: imf.Scene) -> No
     def cube(tool: imf.Tool) -> imf.Scene:
         return imf.Scene(box((0, 0, 0), (20, 20, 20)), tool, pitch=2.0, name="block")
 
-    crib = cube(tools[0]).crib(tools, "axes", samples=1_000)
+    crib = cube(tools[0]).crib((tool for tool in tools), "axes", samples=1_000)
+    assert crib.names == [tool.name for tool in tools] and crib == crib
     for tool, verdict in zip(tools, crib.verdict):
         alone = cube(tool).access("axes", samples=1_000)
         np.testing.assert_array_equal(verdict, alone.verdict)
