@@ -55,18 +55,17 @@ impl Default for Nearest {
 impl Checker {
     /// Poses of this tool.
     fn rows<'a>(&self, poses: &'a PyReadonlyArray2<'_, f64>) -> PyResult<PoseRows<'a>> {
-        let round = matches!(self.field.assembly().tool().shape, ToolShape::Revolved(_));
-        Ok(PoseRows::new(poses)?.of_round_tool(round))
+        Ok(PoseRows::new(poses)?.of_round_tool(self.is_round()))
     }
 
     /// Lengths are those of tools of revolution.
     fn check_revolved(&self) -> PyResult<()> {
-        match self.field.assembly().tool().shape {
-            ToolShape::Revolved(_) => Ok(()),
-            ToolShape::Mesh(_) => Err(value_error(
-                "distances are of tools of revolution: describe the tool by cutter, shank and holder",
-            )),
+        if self.is_round() {
+            return Ok(());
         }
+        Err(value_error(
+            "distances are of tools of revolution: describe the tool by cutter, shank and holder",
+        ))
     }
 }
 
@@ -88,6 +87,12 @@ impl Checker {
         })?;
         let checker = world::Checker::of_field(&field, scene.record.unit);
         Ok(Self { field, checker })
+    }
+
+    /// True where the roll about the tool's axis does not matter.
+    #[getter]
+    fn is_round(&self) -> bool {
+        matches!(self.field.assembly().tool().shape, ToolShape::Revolved(_))
     }
 
     /// By pose, 0 free and 1 colliding; an invalid pose collides.

@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays::{mesh_arrays, rows_of};
-use crate::errors::{Failure, Raise, value_error};
+use crate::errors::{self, Failure, Raise, value_error};
 use crate::scene::Scene;
 use crate::sections::DirectionsInput;
 use crate::surface::cover_settings;
@@ -55,7 +55,7 @@ pub(crate) fn crib<'py>(
     })?;
     let (vertices, faces) = mesh_arrays(py, &samples.mesh)?;
     let found = PyDict::new(py);
-    found.set_item("warnings", warnings.iter().flatten().map(ToString::to_string).collect::<Vec<_>>())?;
+    found.set_item("warnings", warnings.iter().flatten().map(errors::warning).collect::<Vec<_>>())?;
     let flat = verdicts.iter().flatten().map(|verdict| *verdict as u8).collect::<Vec<_>>();
     found.set_item("verdict", rows_of(py, flat, samples.samples.len())?)?;
     found.set_item(

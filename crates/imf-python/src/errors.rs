@@ -2,13 +2,13 @@
 //! `ValueError` where what was given makes no sense, `ImfError` where a computation failed.
 
 use imf_core::access::RemovableError;
-use imf_core::check::CheckError;
+use imf_core::check::{CheckError, LineFault};
 use imf_core::control::Cancelled;
 use imf_core::field::{EngineError, FieldError};
 use imf_core::file_error::{FaultKind, FileError};
 use imf_core::orientation::OrientationSetError;
 use imf_core::parts::UnknownPart;
-use imf_core::scene::SceneError;
+use imf_core::scene::{SceneError, SceneWarning};
 use imf_core::section::SectionError;
 use imf_core::surface::{SurfaceError, TooManySetups};
 use imf_core::tool::{ClearanceError, ToolError};
@@ -72,9 +72,43 @@ pub(crate) fn value_error(text: impl Into<String>) -> PyErr {
     PyValueError::new_err(text.into())
 }
 
-/// With its words and those of its causes.
-fn invalid(error: &dyn std::error::Error) -> PyErr {
-    value_error(words(error))
+/// With its words and those of its causes, and what the remedy is called here.
+fn invalid(error: &(dyn std::error::Error + 'static)) -> PyErr {
+    let mut causes = std::iter::successors(Some(error), |error| error.source());
+    match causes.find_map(remedy) {
+        Some(keywords) => value_error(format!("{} ({keywords})", words(error))),
+        None => value_error(words(error)),
+    }
+}
+
+/// The keywords that a library's remedy means here.
+fn remedy(cause: &(dyn std::error::Error + 'static)) -> Option<&'static str> {
+    match cause.downcast_ref() {
+        Some(SceneError::FixtureOutside(_)) => return Some("around='all', or margin"),
+        Some(SceneError::ThinFixture { .. } | SceneError::NoSolid { .. }) => {
+            return Some("conservative=True");
+        }
+        Some(SceneError::Coarse(_)) => return Some("imf.Scene: allow_coarse=True"),
+        Some(SceneError::NoTool(_)) => return Some("imf.Tool"),
+        _ => {}
+    }
+    match cause.downcast_ref()? {
+        CheckError::Tools(_)
+        | CheckError::Line { fault: LineFault::ToolChange { .. } | LineFault::NoTool { .. }, .. } => {
+            Some("tools={NUMBER: TOOL}")
+        }
+        CheckError::Line { fault: LineFault::NoRoll { .. }, .. } => Some("or poses with quaternions, (n, 7)"),
+        _ => None,
+    }
+}
+
+/// A warning, and what its remedy is called here.
+pub(crate) fn warning(warning: &SceneWarning) -> String {
+    let keywords = match warning {
+        SceneWarning::Step { .. } | SceneWarning::Lost { .. } => " (conservative=True)",
+        _ => "",
+    };
+    format!("{warning}{keywords}")
 }
 
 fn failed(error: &dyn std::error::Error) -> PyErr {
@@ -82,7 +116,7 @@ fn failed(error: &dyn std::error::Error) -> PyErr {
 }
 
 /// What the system said to a file is its source; everything else is what the file holds.
-fn of_file(error: &dyn std::error::Error) -> PyErr {
+fn of_file(error: &(dyn std::error::Error + 'static)) -> PyErr {
     match error.source().and_then(|source| source.downcast_ref::<std::io::Error>()) {
         Some(system) if system.kind() == std::io::ErrorKind::NotFound => {
             PyFileNotFoundError::new_err(words(error))

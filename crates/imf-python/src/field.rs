@@ -4,10 +4,13 @@ use std::path::Path;
 
 use glam::{DQuat, DVec3};
 use imf_core::field::{Best, FieldError, Gradient, PoseField as _};
+use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::pose::Pose;
 use imf_core::section::Quantity;
+use imf_core::tool::Clearance;
 use imf_fields::field::{self, LoadError};
 use imf_fields::file::FieldFile;
+use numpy::ndarray::ArrayView1;
 use numpy::{PyArray1, PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
 use rayon::prelude::*;
@@ -15,6 +18,8 @@ use rayon::prelude::*;
 use crate::arrays::rows_of;
 use crate::errors::value_error;
 use crate::poses::PoseRows;
+use crate::sections::DirectionsInput;
+use crate::tool::Tool;
 use crate::work::{Progress, run};
 
 /// A field, and its file, which it can be saved to again.
@@ -101,6 +106,36 @@ impl Field {
         self.field.calibration().map(|calibration| calibration.verdict().to_string())
     }
 
+    /// Lower and upper bound of its values.
+    #[getter]
+    fn range(&self) -> [f64; 2] {
+        self.field.quantity().bounds(self.field.scene().record.grid.pitch)
+    }
+
+    /// The tool without clearance.
+    #[getter]
+    fn tool(&self) -> Tool {
+        Tool(self.field.scene().record.bare_tool().clone())
+    }
+
+    /// Room around holder, shank and cutter.
+    #[getter]
+    fn clearance(&self) -> [f64; 3] {
+        let Clearance { holder, shank, cutter } = self.field.scene().record.clearance;
+        [holder, shank, cutter]
+    }
+
+    /// Root mean square error of the harmonic fit at orientations that were not fitted; none of siren5.
+    #[getter]
+    fn fit_error(&self) -> Option<f64> {
+        let report = match &self.file {
+            FieldFile::Harmonic(file) => &file.field.report,
+            FieldFile::Factored(file) => &file.report,
+            FieldFile::Siren(_) => return None,
+        };
+        Some(report.validation.mse.sqrt())
+    }
+
     /// By pose, the value.
     fn values<'py>(
         &self,
@@ -150,24 +185,22 @@ impl Field {
             .decisions(py, &progress, |poses, decisions| self.field.classify(poses, decisions))
     }
 
-    /// At every point `[n, 3]` the best of directions `[m, 3]`.
+    /// At every point `[n, 3]` the best of directions.
     fn best<'py>(
         &self,
         py: Python<'py>,
         points: PyReadonlyArray2<'py, f64>,
-        directions: PyReadonlyArray2<'py, f64>,
+        directions: DirectionsInput<'py>,
         progress: Progress<'py>,
     ) -> PyResult<BestOf<'py>> {
-        let vectors = |name: &str, array: &PyReadonlyArray2<'py, f64>| -> PyResult<Vec<DVec3>> {
-            let array = array.as_array();
-            if array.ncols() != 3 {
-                return Err(value_error(format!("{name} must have the shape (n, 3), not {:?}", array.dim())));
-            }
-            Ok(array.rows().into_iter().map(|row| DVec3::new(row[0], row[1], row[2])).collect())
-        };
-        let (points, axes) = (vectors("points", &points)?, vectors("directions", &directions)?);
-        let rotations: Vec<DQuat> =
-            axes.into_iter().map(|axis| Pose::along(DVec3::ZERO, axis).rotation).collect();
+        let points = points.as_array();
+        if points.ncols() != 3 {
+            return Err(value_error(format!("points must have the shape (n, 3), not {:?}", points.dim())));
+        }
+        let point = |row: ArrayView1<'_, f64>| DVec3::new(row[0], row[1], row[2]);
+        let points: Vec<DVec3> = points.rows().into_iter().map(point).collect();
+        let set = directions.by(py, OrientationSet::parse)?;
+        let rotations: Vec<DQuat> = set.orientations.iter().map(Orientation::quaternion).collect();
         let found = run(py, (&progress, "points", points.len() as u64), |control| {
             let mut best = vec![Best::NONE; points.len()];
             // 4,096 points at a time, on all threads.

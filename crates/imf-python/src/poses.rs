@@ -45,6 +45,11 @@ impl<'a> PoseRows<'a> {
         Self { round, ..self }
     }
 
+    /// Quaternions say how the tool is rolled about its axis.
+    pub(crate) fn say_roll(&self) -> bool {
+        self.width == 7
+    }
+
     pub(crate) fn len(&self) -> usize {
         self.numbers.len() / self.width
     }

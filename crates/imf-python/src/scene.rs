@@ -17,8 +17,9 @@ use numpy::{IntoPyArray as _, PyArray3, PyArrayMethods as _, PyReadonlyArray2};
 use pyo3::prelude::*;
 
 use crate::arrays::{MeshArrays, OrientationArrays, mesh_arrays, orientation_arrays};
-use crate::errors::{Raise, value_error};
+use crate::errors::{self, Raise, value_error};
 use crate::memory;
+use crate::sections::DirectionsInput;
 use crate::tool::Tool;
 use crate::work::{Progress, run};
 
@@ -247,7 +248,7 @@ impl Scene {
         let built =
             run(py, (&progress, "voxelising", rows as u64), |control| builder.control(control).build())?;
         let scene::BuiltScene { scene, mesh, fixtures, bodies, warnings, chosen_pitch, .. } = built;
-        let mut warnings: Vec<String> = warnings.iter().map(ToString::to_string).collect();
+        let mut warnings: Vec<String> = warnings.iter().map(errors::warning).collect();
         warnings.extend(chosen_pitch.map(|chosen| chosen.to_string()));
         warnings.extend(
             overruled.map(|stated| format!("{name} says that it is in {stated}; unit='{unit}' overrules it")),
@@ -329,8 +330,19 @@ impl Scene {
     }
 
     /// Of a set.
-    fn orientations<'py>(&self, py: Python<'py>, text: &str) -> PyResult<OrientationArrays<'py>> {
-        let set = py.detach(|| self.set(text)).map_err(Raise::raise)?;
-        orientation_arrays(py, &set.orientations)
+    fn orientations<'py>(
+        &self,
+        py: Python<'py>,
+        directions: DirectionsInput<'py>,
+    ) -> PyResult<OrientationArrays<'py>> {
+        orientation_arrays(py, &directions.of(py, self)?.orientations)
+    }
+
+    /// True where the tool's roll counts, and directions do not say it.
+    fn lacks_roll(&self, py: Python<'_>, directions: DirectionsInput<'_>) -> PyResult<bool> {
+        if self.scene.record.bare_tool().is_axisymmetric() || directions.say_roll() {
+            return Ok(false);
+        }
+        Ok(directions.of(py, self)?.orientations.iter().all(|own| own.roll == 0.0))
     }
 }

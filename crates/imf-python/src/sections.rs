@@ -3,10 +3,13 @@
 use std::sync::{Mutex, PoisonError};
 
 use glam::{DQuat, DVec3};
-use imf_core::orientation::{Orientation, OrientationSet};
+use imf_core::orientation::{Orientation, OrientationSet, OrientationSetError};
 use imf_core::scene;
 use imf_core::section::{SectionError, SectionPlan, ToolPoints, imf, stream_sections};
-use numpy::{IntoPyArray as _, PyArray1, PyArray3, PyArray4, PyArrayMethods as _, PyReadonlyArray2};
+use numpy::{
+    IntoPyArray as _, PyArray1, PyArray3, PyArray4, PyArrayMethods as _, PyReadonlyArray2,
+    PyUntypedArrayMethods as _,
+};
 use pyo3::prelude::*;
 
 use crate::arrays::{OrientationArrays, orientation_arrays};
@@ -30,10 +33,24 @@ impl DirectionsInput<'_> {
         given.unwrap_or_else(|| Self::Text(scene.usual_directions().into())).of(py, scene)
     }
 
+    /// Quaternions say how the tool is rolled about its axis.
+    pub(crate) fn say_roll(&self) -> bool {
+        matches!(self, Self::Rows(rows) if rows.shape()[1] == 4)
+    }
+
     /// The orientations, for a scene's part.
     pub(crate) fn of(&self, py: Python<'_>, scene: &Scene) -> PyResult<OrientationSet> {
+        self.by(py, |text| scene.set(text))
+    }
+
+    /// The orientations, texts by a reader of sets.
+    pub(crate) fn by(
+        &self,
+        py: Python<'_>,
+        read: impl FnOnce(&str) -> Result<OrientationSet, OrientationSetError> + Send,
+    ) -> PyResult<OrientationSet> {
         match self {
-            Self::Text(text) => py.detach(|| scene.set(text)).map_err(Raise::raise),
+            Self::Text(text) => py.detach(|| read(text)).map_err(Raise::raise),
             Self::Rows(rows) => {
                 let rows = rows.as_array();
                 let orientation = |row: numpy::ndarray::ArrayView1<'_, f64>| match row.len() {

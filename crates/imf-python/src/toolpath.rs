@@ -12,11 +12,13 @@ use imf_core::machine::Machine;
 use imf_core::scene::Bodies;
 use imf_core::tool;
 use imf_core::toolpath::{PathReading, Toolpath};
+use numpy::PyReadonlyArray2;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde_json::json;
 
-use crate::errors::{Raise, value_error};
+use crate::errors::{self, Raise, value_error};
+use crate::poses::PoseRows;
 use crate::scene::{Scene, clearance_of};
 use crate::stock::{self, StockInput};
 use crate::tool::Tool;
@@ -24,9 +26,9 @@ use crate::work::{Progress, run};
 
 /// A path as Python gives it.
 #[derive(FromPyObject)]
-pub(crate) enum PathInput {
-    /// Its text, and what errors call it.
-    Text(String, String),
+pub(crate) enum PathInput<'py> {
+    /// Rows of poses; of those with a quaternion the roll counts.
+    Poses(PyReadonlyArray2<'py, f64>),
     /// Its file.
     File(String),
 }
@@ -36,7 +38,7 @@ pub(crate) enum PathInput {
 pub(crate) fn check<'py>(
     py: Python<'py>,
     scene: &Bound<'py, Scene>,
-    path: PathInput,
+    path: PathInput<'py>,
     tools: Vec<(Option<u32>, Py<Tool>)>,
     machine: Option<&str>,
     clearance: Option<[f64; 3]>,
@@ -58,10 +60,15 @@ pub(crate) fn check<'py>(
     let machine = machine.map(|machine| machine.in_unit(record.unit));
     let lengths: Vec<_> = tools.iter().map(|(number, tool)| (*number, tool.length())).collect();
     let reading = PathReading { unit: record.unit, machine: machine.as_ref(), lengths: &lengths };
-    let path = py.detach(|| match &path {
-        PathInput::File(file) => Toolpath::read(Path::new(file), reading),
-        PathInput::Text(text, name) => Toolpath::parse(text, reading, name),
-    });
+    let path = match &path {
+        PathInput::File(file) => py.detach(|| Toolpath::read(Path::new(file), reading)),
+        PathInput::Poses(poses) => {
+            let rows = PoseRows::new(poses)?;
+            py.detach(|| {
+                Toolpath::of_poses((0..rows.len()).map(|row| rows.pose(row)), rows.say_roll(), reading)
+            })
+        }
+    };
     // A machine stands where the part is set up.
     let by_machine = machine.is_some() && record.transform != DMat4::IDENTITY;
     if by_machine && in_world == Some(false) {
@@ -89,7 +96,7 @@ pub(crate) fn check<'py>(
         let found = own
             .with_spec(Control::quiet(), |spec| spec.assembly(tool, &settings.clearance, &record.grid))
             .map_err(Raise::raise)?;
-        remarks.extend(found.1.iter().map(ToString::to_string));
+        remarks.extend(found.1.iter().map(errors::warning));
     }
     remarks.extend(cutters_not_compared(&path, &numbered));
     remarks.extend(never_near(&path, &numbered, &bodies.part));

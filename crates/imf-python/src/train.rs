@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use imf_core::control::Cancelled;
 use imf_core::field::EngineError;
+use imf_core::orientation::OrientationSet;
 use imf_core::scene;
 use imf_core::section::{Quantity, SectionError, SectionPlan, ToolPoints};
 use imf_core::tool::{Clearance, ClearanceError, Tool, ToolShape};
@@ -31,6 +32,7 @@ use crate::errors::{ImfError, Raise, value_error};
 use crate::field::Field;
 use crate::memory;
 use crate::scene::Scene;
+use crate::sections::DirectionsInput;
 use crate::work::{Progress, run};
 
 /// Weights that are trained between two reports, at which Ctrl-C is polled: half a second or so on two cores.
@@ -62,7 +64,7 @@ pub(crate) fn train<'py>(
     steps: Option<u64>,
     layers: Option<(usize, usize)>,
     omega: Option<f32>,
-    directions: &str,
+    directions: DirectionsInput<'py>,
     seed: u64,
     wants_calibration: bool,
     progress: Progress<'py>,
@@ -89,7 +91,7 @@ pub(crate) fn train<'py>(
                     "siren5, the paper's network, learns overlaps alone: take family='factored' for depths",
                 ));
             }
-            FieldFile::Siren(Box::new(of.siren5(py, &progress, own, directions)?))
+            FieldFile::Siren(Box::new(of.siren5(py, &progress, &directions.of(py, own)?)?))
         }
         other => {
             return Err(value_error(format!(
@@ -195,14 +197,7 @@ impl Training<'_> {
         })
     }
 
-    fn siren5(
-        &self,
-        py: Python<'_>,
-        progress: &Progress<'_>,
-        own: &Scene,
-        directions: &str,
-    ) -> PyResult<Model> {
-        let set = own.set(directions).map_err(Raise::raise)?;
+    fn siren5(&self, py: Python<'_>, progress: &Progress<'_>, set: &OrientationSet) -> PyResult<Model> {
         let usual = SirenShape::default();
         let (hidden, width) = self.layers.unwrap_or((usual.hidden, usual.width));
         let shape = SirenShape { hidden, width, omega: self.omega.unwrap_or(usual.omega), ..usual };
@@ -219,7 +214,7 @@ impl Training<'_> {
         let folder = tempfile::tempdir().map_err(|error| ImfError::new_err(error.to_string()))?;
         let sampling = Sampling { seed: self.seed, ..Sampling::default() };
         let (manifest, scene, samples) = run(py, (progress, "sections", set.len() as u64), |control| {
-            generate(folder.path(), self.scene, &set, &sampling, control)?;
+            generate(folder.path(), self.scene, set, &sampling, control)?;
             load(folder.path())
         })?;
         drop(folder);

@@ -65,12 +65,13 @@ def test_the_best_direction_is_the_least_value(harmonic: imf.Field, poses: Float
     np.testing.assert_allclose(found.value, values.min(axis=0), atol=1e-6)
     chosen = values[found.direction, np.arange(50)]
     np.testing.assert_allclose(chosen, values.min(axis=0), atol=1e-6)
+    np.testing.assert_array_equal(harmonic.best(poses[:50, :3], "0,0;30,40").direction < 2, True)
 
 
 OPTIONS: dict[str, dict[str, Any]] = {
     "harmonic": {"degree": 3},
     "factored": {"degree": 3, "steps": 40, "layers": (2, 16)},
-    "siren5": {"steps": 40, "layers": (2, 16), "directions": "fibonacci:10"},
+    "siren5": {"steps": 40, "layers": [2, 16], "directions": np.eye(3)},
 }
 
 
@@ -109,6 +110,9 @@ def test_depths_decide_and_say_what_that_is_worth(mill: imf.Tool) -> None:
     scene = imf.Scene(box((0, 0, 0), (20, 20, 20)), mill, pitch=2.0, margin=6, name="block")
     field = imf.train(scene, "harmonic", degree=10)
     assert field.quantity == "depth" and field.verdict
+    # Two voxels of room make depths decide; eight are told apart.
+    assert field.clearance == {"holder": 4.0, "shank": 4.0, "cutter": 0.0} and field.range == (-16.0, 16.0)
+    assert field.tool.name == "mill" and field.fit_error is not None and 0 < field.fit_error < 2.0
     # High above, and in the middle.
     assert field.classify(imf.poses([[10, 10, 29], [10, 10, 10]], [0, 0, 1])).tolist() == [0, 1]
     assert field([10, 10, 29, 0, 0, 1]) < 0 < field([10, 10, 10, 0, 0, 1])
@@ -128,6 +132,10 @@ def test_what_a_family_cannot_have_is_refused(bracket: imf.Scene, mill: imf.Tool
             imf.train(bracket, family, **{unknown: 3})
     with pytest.raises(ValueError, match="seed must be a whole number of at least 0, not -1"):
         imf.train(bracket, "siren5", seed=-1)
+    with pytest.raises(ValueError, match="layers must be 2 whole numbers .hidden layers, neurons of each., not 64"):
+        imf.train(bracket, "siren5", layers=64)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="'bracket' is not an imf.Scene"):
+        imf.train("bracket")  # type: ignore[arg-type]
     with pytest.raises(FileNotFoundError, match="none.safetensors"):
         imf.load(tmp_path / "none.safetensors")
     (tmp_path / "other.safetensors").write_bytes(b"no field")

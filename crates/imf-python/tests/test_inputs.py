@@ -15,6 +15,8 @@ import imf
 CUBE = box((0, 0, 0), (20, 20, 20))
 SHIFT = np.eye(4)
 SHIFT[:3, 3] = [100, 0, -20]
+SHEAR = np.eye(4)
+SHEAR[:3, 1] = [0.6, 0.8, 0]
 
 
 def test_every_kind_of_mesh_is_the_same_part(mill: imf.Tool, block: imf.Scene, tmp_path: Path) -> None:
@@ -39,6 +41,15 @@ def test_every_kind_of_mesh_is_the_same_part(mill: imf.Tool, block: imf.Scene, t
         assert scene.mesh[0].shape == (8, 3) and scene.mesh[1].shape == (12, 3)
 
 
+def test_voxels_come_back_as_they_were(mill: imf.Tool) -> None:
+    # At random: with cavities, pieces that meet in an edge or a corner, and the box's ends.
+    solid = np.random.default_rng(1).random((12, 9, 7)) < 0.5
+    solid[0, 0, 0] = solid[-1, -1, -1] = True
+    scene = imf.Scene(imf.voxel_mesh(solid, origin=(1.5, -2, 5), pitch=2.0), mill, pitch=2.0)
+    np.testing.assert_array_equal(scene.solid, solid)
+    np.testing.assert_allclose(scene.grid.origin, [1.5, -2, 5])
+
+
 def test_a_set_up_moves_the_part(mill: imf.Tool) -> None:
     scene = imf.Scene(CUBE, mill, pitch=1.0, transform=SHIFT)
     np.testing.assert_allclose(scene.grid.origin, [100, 0, -20], atol=1e-9)
@@ -50,7 +61,7 @@ def test_warnings_are_warnings(mill: imf.Tool) -> None:
     with pytest.warns(imf.SceneWarning, match="12 of 12 triangles faced the wrong way"):
         imf.Scene((vertices, faces[:, ::-1]), mill, pitch=1.0, name="cube")
     shank = imf.Tool({"shape": "flat", "diameter": 8, "length": 20}, shank={"diameter": 9, "length": 20})
-    with pytest.warns(imf.SceneWarning, match="the shank .* is 0.5 mm a side wider than the cutter"):
+    with pytest.warns(imf.SceneWarning, match="the shank .* is 0.5 mm a side wider than the cutter.*conservative=True"):
         imf.Scene(CUBE, shank, pitch=1.0)
 
 
@@ -66,6 +77,7 @@ def test_a_tool_is_described_as_in_its_file(tmp_path: Path) -> None:
     points = imf.Tool(CUTTER, sharp_points=[[4.0, 0, 0], [-4.0, 0, 0]], name="two points")
     assert imf.Tool(CUTTER, sharp_points=np.int64(8)).reach == points.reach
     assert points.reach == pytest.approx(np.hypot(4, 30))
+    assert imf.Tool(CUTTER, sharp_points=[0, 0, 0]).reach == imf.Tool(CUTTER).reach
 
 
 @pytest.mark.parametrize(
@@ -81,12 +93,17 @@ def test_a_tool_is_described_as_in_its_file(tmp_path: Path) -> None:
         (lambda mill: imf.Scene(CUBE, mill, unit="furlong"), ValueError, "furlong"),
         (lambda mill: imf.Scene(CUBE, mill, pitch=-1.0), ValueError, "the pitch must be a positive finite number"),
         (lambda mill: imf.Scene(CUBE, mill, pitch=1.0, dims=(3, 3, 3)), ValueError, "pitch or dims"),
-        (lambda mill: imf.Scene(CUBE, mill, pitch=8.0), ValueError, "or allow it"),
+        (lambda mill: imf.Scene(CUBE, mill, pitch=8.0), ValueError, "or allow it.*allow_coarse=True"),
         (lambda mill: imf.Scene(CUBE, mill, pitch=1.0, clearance={"tip": 1}), ValueError, "not of tip"),
         (lambda mill: imf.Scene(CUBE, mill, pitch=1.0, transform=np.eye(3)), ValueError, "4 × 4"),
-        (lambda mill: imf.Scene(CUBE, mill, pitch=1.0, transform=SHIFT.T), ValueError, "of 'part' .* it is transposed"),
+        (lambda mill: imf.Scene(CUBE, mill, pitch=1.0, transform=SHIFT.T), ValueError, "of 'part': .* it is transposed"),
         (lambda mill: imf.Scene(CUBE, mill, pitch=1.0, transform=2 * SHIFT), ValueError, "last row 0 0 0 2"),
         (lambda mill: imf.Scene(CUBE, mill, pitch=1.0, transform=SHIFT * np.nan), ValueError, "finite numbers"),
+        (lambda mill: imf.Scene(CUBE, mill, transform=np.diag([1, 1, 2, 1])), ValueError, "'part': the matrix scales by 1, 1 and 2"),
+        (lambda mill: imf.Scene(CUBE, mill, transform=np.diag([0, 0, 0, 1])), ValueError, "the matrix scales by 0, 0 and 0"),
+        (lambda mill: imf.Scene(CUBE, mill, transform=np.diag([1, -1, 1, 1])), ValueError, "the matrix mirrors"),
+        (lambda mill: imf.Scene(CUBE, mill, transform=SHEAR), ValueError, "the matrix shears"),
+        (lambda mill: imf.Scene(CUBE, mill, pitch=1.0, fixtures=[(CUBE, SHEAR)]), ValueError, "fixture 1.* the matrix shears"),
         (lambda mill: imf.Scene(CUBE, mill, pitch=1.0, fixtures=[(CUBE, SHIFT.T)]), ValueError, "fixture 1.* transposed"),
         (lambda mill: imf.Scene(CUBE, mill, pitch=1.0, fixtures=[(CUBE, SHIFT[:3])]), ValueError, "4 × 4"),
         (lambda mill: imf.Scene(CUBE, mill, pitch=1.0, fixtures="clamp.stl"), ValueError, "are a list: give .'clamp.stl'"),
@@ -95,6 +112,8 @@ def test_a_tool_is_described_as_in_its_file(tmp_path: Path) -> None:
         (lambda mill: imf.Scene(CUBE, "mill.toml"), ValueError, "'mill.toml' is not an imf.Tool"),
         (lambda mill: imf.Scene(CUBE, mill, dims=[9.5, 9, 9]), ValueError, "dims must be a whole number of at least 1, not 9.5"),
         (lambda mill: imf.Scene(CUBE, mill, pitch=1.0, margin=-1), ValueError, "margin must be a whole number"),
+        (lambda mill: imf.Scene(CUBE, mill, dims=7), ValueError, "dims must be 3 whole numbers .*, not 7"),
+        (lambda mill: imf.Scene(CUBE, mill, pitch=1.0, clearance=None), ValueError, "a clearance, .* must be a number, not None"),
         (lambda mill: imf.Scene(CUBE, mill, pitch=1.0).section("axes"), ValueError, "for several use sections"),
         (lambda mill: imf.Scene(CUBE, mill, pitch=1.0).section([[0, 0, 1], [1, 0, 0]]), ValueError, "for several use sections"),
         (lambda mill: imf.Scene(CUBE, mill, pitch=1.0).removable(True), ValueError, "bool is not a mesh"),
@@ -103,6 +122,15 @@ def test_a_tool_is_described_as_in_its_file(tmp_path: Path) -> None:
         (lambda mill: imf.Tool(CUTTER, holder={"diameter": 20, "length": 9}), ValueError, "a list of parts"),
         (lambda mill: imf.Tool({"shape": "flat", "diameter": 8}), ValueError, "length"),
         (lambda mill: imf.Tool(CUTTER | {"flutes": 3}), ValueError, "flutes"),
+        (lambda mill: imf.Tool(CUTTER | {"diameter": None}), ValueError, "diameter of .cutter. must be a number, not None"),
+        (lambda mill: imf.Tool("paper"), ValueError, "not by 'paper'; Tool.read.path. reads a file"),
+        (lambda mill: imf.Tool(CUTTER, sharp_points=3.0), ValueError, "sharp_points must be 'tip', .*, not 3.0"),
+        (lambda mill: imf.Tool(CUTTER, sharp_points=[1, 2]), ValueError, "sharp_points must be 'tip'"),
+        (lambda mill: imf.Checker("bracket"), ValueError, "'bracket' is not an imf.Scene"),
+        (lambda mill: imf.voxel_mesh(np.ones((3, 3, 3))), ValueError, "must be booleans .* not float64 of the shape"),
+        (lambda mill: imf.set_threads(10**6), ValueError, "a whole number from 0, .*, not 1000000"),
+        (lambda mill: imf.set_threads(-1), ValueError, "a whole number from 0, .*, not -1"),
+        (lambda mill: imf.set_threads(1.5), ValueError, "a whole number from 0, .*, not 1.5"),
         (lambda mill: imf.Tool.read("none.toml"), FileNotFoundError, "none.toml"),
         (lambda mill: imf.Scene(CUBE, mill, pitch=1.0).imf("spiral:9"), ValueError, "spiral:9"),
         (lambda mill: imf.Scene(CUBE, mill, pitch=1.0).imf([[0, 0, 0]]), ValueError, "direction 0 has no length"),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -52,6 +54,7 @@ def test_the_minimum_is_that_of_the_sections(bracket: imf.Scene) -> None:
     np.testing.assert_array_equal(found.best, sections.values.argmin(axis=0))
     np.testing.assert_array_equal(found.directions, sections.directions)
     np.testing.assert_array_equal(bracket.imf(sections.directions).values, found.values)
+    np.testing.assert_allclose(bracket.directions(2 * sections.directions), sections.directions, atol=1e-12)
 
 
 def test_a_rotation_is_its_direction(bracket: imf.Scene) -> None:
@@ -85,6 +88,23 @@ def test_the_best_rotation_of_a_tool_that_is_not_round_is_free(tmp_path: Path) -
     best = found.best[tuple(places.T)]
     checker = imf.Checker(scene)
     assert len(places) > 1000 and not checker.classify(imf.poses(tips, found.rotations[best])).any()
-    # A direction does not say how the tool is rolled.
-    assert checker.classify(imf.poses(tips, found.directions[best])).any()
+    # A direction does not say how the tool is rolled, which is said once of a checker.
+    with pytest.warns(imf.SceneWarning, match=r"not round, .* poses \(n, 7\)") as said:
+        assert checker.classify(imf.poses(tips, found.directions[best])).any()
+        checker.is_free([0, 0, 50, 0, 0, 1])
+    assert len(said) == 1 and said[0].filename == __file__
+    unrolled: list[Callable[[], object]] = [
+        lambda: scene.section([0, 0, 1]),
+        lambda: scene.sections("axes"),
+        lambda: scene.imf(DIRECTIONS),
+        lambda: scene.access("axes", samples=50),
+    ]
+    for ask in unrolled:
+        with pytest.warns(imf.SceneWarning, match="not round, .* so3:N") as said:
+            ask()
+        assert said[0].filename == __file__
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        scene.section([0, 0, 0, 1])
+        scene.imf("so3:3")
     np.testing.assert_array_equal(scene.rotations("so3:40"), found.rotations)

@@ -59,6 +59,10 @@ def test_the_floor_of_a_slot_takes_the_stick_out_of_its_depth() -> None:
     assert (stick_outs.given, stick_outs.longest) == (12.0, 50.0)
     # The slot is 16 deep; voxels' centres begin half a pitch below the top.
     np.testing.assert_allclose(stick_outs.length[floor], 16.0, atol=0.5)
+    # No stick-out helps the bottom.
+    reachable = np.isfinite(stick_outs.length)
+    assert 0 < reachable.mean() < 1
+    assert stick_outs.fraction(np.inf) == pytest.approx(found.areas[reachable].sum() / found.areas.sum())
     longer = imf.Tool(CUTTER | {"length": 10}, shank, HOLDER, stick_out=16.5, name="long")
     again = imf.Scene(slotted_block(12.0, 16.0), longer, pitch=0.5, name="block").access([[0.0, 0.0, 1.0]], samples=1_500)
     assert (again.verdict[floor] == imf.Verdict.REACHED).all()

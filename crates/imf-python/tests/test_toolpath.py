@@ -7,15 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from conftest import CUTTER, HOLDER, box, slotted_block
+from conftest import CUTTER, HOLDER, box, head, slotted_block
 
 import imf
 
 
 def test_a_plunge_is_as_deep_as_it_goes(block: imf.Scene) -> None:
     report = block.check(imf.poses([[10, 10, 25], [10, 10, 20], [10, 10, 17]], [0, 0, 1]))
-    assert report.collides and report.lines == [4] and report.locations == 3
+    assert report.collides and report.lines == [3] and report.locations == 3
+    assert report == report and report != block.check(imf.poses([10, 10, 25], [0, 0, 1]))
     (hit,) = report.collisions
+    assert (hit.line, hit.row) == (3, 2)
     assert (hit.element, hit.against, hit.kind) == ("cutter", "part", "feed")
     assert hit.depth == pytest.approx(3.0, abs=0.6)
     np.testing.assert_allclose(hit.position, [10, 10, 17], atol=0.2)
@@ -49,7 +51,7 @@ def test_a_program_in_g_code_collides_on_its_own_line(block: imf.Scene, tmp_path
     # A cutter of radius 4 beside the face at x = 0 reaches 3 mm into it, going there and going up.
     assert report.lines == [6, 7]
     assert report.collisions[0].depth == pytest.approx(3.0, abs=0.6)
-    assert report.collisions[0].tool == 1
+    assert report.collisions[0].tool == 1 and report.collisions[0].row is None
 
 
 def test_the_least_stick_out_of_a_path() -> None:
@@ -68,8 +70,25 @@ def test_faults_of_a_path_name_its_line(block: imf.Scene, tmp_path: Path) -> Non
         block.check(path)
     with pytest.raises(FileNotFoundError, match="none.csv"):
         block.check(tmp_path / "none.csv")
-    with pytest.raises(ValueError, match=r"\(n, 6\), not \(2, 5\)"):
+    with pytest.raises(ValueError, match=r"\(n, 6\).*not \(2, 5\)"):
         block.check(np.zeros((2, 5)))
+    with pytest.raises(ValueError, match="poses, line 2: a pose must be of finite numbers, its axis or quaternion not zero"):
+        block.check([[10, 10, 30, 0, 0, 1], [10, 10, 30, 0, 0, 0]])
+
+
+def test_a_tool_that_is_not_round_is_rolled_by_its_quaternions(tmp_path: Path) -> None:
+    # Long along its x: beside the cube it hits unless that is turned away.
+    part, tool = box((0, 0, 0), (20, 20, 20)), head(tmp_path, (-3, -3, 0), (9, 3, 12))
+    scene = imf.Scene(part, tool, pitch=1.0, name="block")
+    half = np.sqrt(0.5)
+    rows = imf.poses([[-5, 10, 30], [-5, 10, 5]], [0, 0, half, half])
+    assert scene.check(rows).passes
+    unturned = scene.check(imf.poses([[-5, 10, 30], [-5, 10, 5]], [0, 0, 0, 1]))
+    assert [hit.row for hit in unturned.collisions] == [1]
+    (tmp_path / "path.csv").write_text("x,y,z,i,j,k,roll\n-5,10,30,0,0,1,90\n-5,10,5,0,0,1,90\n")
+    assert scene.check(tmp_path / "path.csv").passes
+    with pytest.raises(ValueError, match=r"does not say how it is rolled .*or poses with quaternions, \(n, 7\)"):
+        scene.check(imf.poses([[-5, 10, 30], [-5, 10, 5]], [0, 0, 1]))
 
 
 def test_a_tool_that_voxels_do_not_show_is_refused(block: imf.Scene) -> None:

@@ -36,6 +36,7 @@ from .stock import RemovableStock, StockLeft
 from .surface import Access, Crib, FewestTools, PartSetup, SetupPlan, StickOuts
 from .tool import Tool
 from .toolpath import CheckReport, Collision, TravelFault
+from .voxels import voxel_mesh
 
 __all__ = [
     "DIRECTIONS",
@@ -71,4 +72,5 @@ __all__ = [
     "poses",
     "set_threads",
     "train",
+    "voxel_mesh",
 ]

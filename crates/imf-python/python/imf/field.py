@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _imf
-from ._numbers import whole
+from ._numbers import whole, wholes
 from ._poses import rows_of
 from ._progress import Progress, listener
 from .results import Grid
-from .scene import Scene
+from .scene import Directions, Scene, directions_input, native_scene
+from .tool import Tool
 
 
 class Gradient(NamedTuple):
@@ -44,7 +45,8 @@ class Field:
     """A field of every position and direction; ``field(poses)`` are its values.
 
     Of ``quantity`` "overlap" a value is the fraction of the tool inside the obstacle, of "depth" how far the tool must be moved to
-    be free, in ``unit``, below 0 how far it may be moved. Outside ``bounds`` values are those of the nearest point inside.
+    be free, in ``unit``, below 0 how far it may be moved; depths beyond eight pitches, the ends of ``range``, are not told apart.
+    Outside ``bounds`` values are those of the nearest point inside.
     """
 
     def __init__(self, native: _imf.Field) -> None:
@@ -82,6 +84,28 @@ class Field:
         return None if bounds is None else np.array(bounds)
 
     @property
+    def range(self) -> tuple[float, float]:
+        """Lower and upper bound of the values: 0 and 1 of an overlap, eight pitches to either side of a depth."""
+        lower, upper = self._native.range
+        return lower, upper
+
+    @property
+    def tool(self) -> Tool:
+        """The tool that it was made for, without clearance."""
+        return Tool._of(self._native.tool)
+
+    @property
+    def clearance(self) -> dict[str, float]:
+        """Room that holder, shank and cutter keep in it: the values are those of the tool with this room around it."""
+        return dict(zip(("holder", "shank", "cutter"), self._native.clearance))
+
+    @property
+    def fit_error(self) -> float | None:
+        """Root mean square error of the harmonic fit at directions that were not fitted, in the values' unit; of a factored field that
+        of the fit that it was distilled from. None for siren5."""
+        return self._native.fit_error
+
+    @property
     def verdict(self) -> str | None:
         """What its decisions are worth, in a sentence; None where that was not measured, and it decides nothing then."""
         return self._native.verdict
@@ -104,10 +128,10 @@ class Field:
         """By pose a :class:`Decision` as a number, ``(n,)``, by the field's calibration."""
         return self._native.classify(rows_of(poses)[0], listener(progress))
 
-    def best(self, points: ArrayLike, directions: ArrayLike, *, progress: Progress = None) -> Best:
-        """The minimum over directions ``(m, 3)`` at points ``(n, 3)``."""
-        rows = [np.ascontiguousarray(np.atleast_2d(given), dtype=np.float64) for given in (points, directions)]
-        return Best(*self._native.best(rows[0], rows[1], listener(progress)))
+    def best(self, points: ArrayLike, directions: Directions, *, progress: Progress = None) -> Best:
+        """The minimum over directions (:data:`Directions`, of a text those that name no part) at points ``(n, 3)``."""
+        tips = np.ascontiguousarray(np.atleast_2d(points), dtype=np.float64)
+        return Best(*self._native.best(tips, directions_input(directions), listener(progress)))
 
     def to_xarray(self, direction: ArrayLike) -> Any:
         """The values of one direction at every voxel centre, as a ``xarray.DataArray``."""
@@ -150,7 +174,7 @@ def train(
     steps: int | None = None,
     layers: tuple[int, int] | None = None,
     omega: float | None = None,
-    directions: str | None = None,
+    directions: Directions | None = None,
     seed: int = 0,
     calibrate: bool = True,
     progress: Progress = None,
@@ -170,15 +194,16 @@ def train(
     for name, value in given.items():
         if value is not None and family in _OPTIONS and name not in _OPTIONS[family]:
             raise ValueError(f"{family} has no {name}: it takes {', '.join(_OPTIONS[family])}")
+    shape = None if layers is None else wholes("layers", layers, "hidden layers", "neurons of each")
     native = _imf.train(
-        scene._native,
+        native_scene(scene),
         family,
         quantity,
         None if degree is None else whole("degree", degree),
         None if steps is None else whole("steps", steps, 1),
-        None if layers is None else (whole("layers", layers[0], 1), whole("layers", layers[1], 1)),
+        None if shape is None else (shape[0], shape[1]),
         omega,
-        "axes+fibonacci:225" if directions is None else directions,
+        "axes+fibonacci:225" if directions is None else directions_input(directions),
         whole("seed", seed),
         calibrate,
         listener(progress),

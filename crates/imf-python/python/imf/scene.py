@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _imf
 from ._mesh import Mesh, mesh_input
-from ._numbers import whole
+from ._numbers import number, whole, wholes
+from ._poses import rows_of
 from ._progress import Progress, listener
 from .results import Grid, Inaccessibility, Section, Sections
 from .stock import RemovableStock, Stock, StockLeft, stock_input
@@ -34,12 +35,13 @@ class SceneWarning(UserWarning):
 def clearance_input(clearance: Clearance) -> list[float]:
     """Of holder, shank and cutter."""
     if not isinstance(clearance, Mapping):
-        return [float(clearance), float(clearance), 0.0]
+        room = number("a clearance, of shank and holder or of elements by name,", clearance)
+        return [room, room, 0.0]
     names = ("holder", "shank", "cutter")
     unknown = set(clearance) - set(names)
     if unknown:
         raise ValueError(f"a clearance is of holder, shank and cutter, not of {', '.join(sorted(unknown))}")
-    return [float(clearance.get(name, 0.0)) for name in names]
+    return [number(f"the clearance of the {name}", clearance.get(name, 0.0)) for name in names]
 
 
 def directions_input(directions: Directions) -> str | NDArray[np.float64]:
@@ -47,6 +49,19 @@ def directions_input(directions: Directions) -> str | NDArray[np.float64]:
     if isinstance(directions, str):
         return directions
     return np.ascontiguousarray(np.atleast_2d(np.asarray(directions, dtype=np.float64)))
+
+
+def warn_of_roll(remedy: str) -> None:
+    """Of a tool that is not round, to whoever called what calls this function's caller."""
+    text = f"the tool is not round, and is taken without roll about its axis: {remedy}"
+    warnings.warn(text, SceneWarning, stacklevel=4)
+
+
+def native_scene(scene: Scene) -> _imf.Scene:
+    """What the native module reads."""
+    if not isinstance(scene, Scene):
+        raise ValueError(f"{scene!r} is not an imf.Scene: make one, by imf.Scene(part, tool)")
+    return scene._native
 
 
 def one_direction(direction: ArrayLike) -> NDArray[np.float64]:
@@ -81,10 +96,13 @@ class Scene:
     pitch, dims: the edge of a voxel, or voxels along x, y and z; by default the pitch follows from tool and part.
     margin: empty voxels on each side. A field that is to be trained of a part wants some six.
     unit: mm, cm, m or inch, of files and arrays that do not state theirs; STL files need it.
-    transform: ``(4, 4)``, where the part's own coordinates stand in the world.
-    fixtures: meshes that the tool must not touch either, or pairs of a mesh and its transform.
+    transform: ``(4, 4)``, where the part's own coordinates stand in the world: it turns, moves, and may scale by one factor. Poses,
+    directions, ``grid``, ``mesh`` and what is computed of them are the world's; a path of :meth:`check` is the part's.
+    fixtures: meshes that the tool must not touch either, or pairs of a mesh and its transform, into the world. Arrays, and files that
+    do not state their unit, are in the part's unit; a transform may scale them (from inch to mm by 25.4).
     clearance: room that shank and holder keep (:data:`Clearance`), in the scene's unit.
-    contact: how deep below the part's surface the cutter may reach.
+    contact: how deep below the part's surface the cutter may reach: in sections, :meth:`imf`, :meth:`removable`, a :class:`Checker`
+    and fields that are trained. :meth:`check` has its own, and what is asked of the surface a ``tolerance``.
     conservative: every voxel that the surface touches is solid, not those alone whose centre is inside.
     allow_coarse: a tool that passes between the voxels' centres is a warning, not an error.
     around: what the grid is chosen around: "part" or "all", the fixtures too.
@@ -127,7 +145,7 @@ class Scene:
             None if tool is None else native(tool),
             unit=unit,
             pitch=None if pitch is None else float(pitch),
-            dims=None if dims is None else [whole("dims", n, 1) for n in dims],
+            dims=None if dims is None else wholes("dims", dims, "voxels along x", "along y", "along z"),
             margin=whole("margin", margin),
             transform=_matrix(transform),
             fixtures=held,
@@ -173,7 +191,7 @@ class Scene:
 
     @property
     def solid(self) -> NDArray[np.bool_]:
-        """Voxels of part and fixtures, ``(nx, ny, nz)``: a copy."""
+        """Voxels of part and fixtures where they stand in the world, ``(nx, ny, nz)``: a copy."""
         return self._native.solid.view(np.bool_)
 
     @property
@@ -181,27 +199,40 @@ class Scene:
         """Vertices ``(n, 3)`` and triangles ``(m, 3)`` of the part where it stands in the world, facing outwards: copies."""
         return self._native.mesh
 
-    def directions(self, text: str | None = None) -> NDArray[np.float64]:
-        """The directions of a set, ``(n, 3)``; by default those that questions about this part are asked with."""
-        return self._native.orientations(self._native.usual_directions if text is None else text)[0]
+    def directions(self, directions: Directions | None = None) -> NDArray[np.float64]:
+        """The directions of a set as unit vectors, ``(n, 3)``; by default those that questions about this part are asked with."""
+        return self._native.orientations(self._usual(directions))[0]
 
-    def rotations(self, text: str | None = None) -> NDArray[np.float64]:
+    def rotations(self, directions: Directions | None = None) -> NDArray[np.float64]:
         """The same as quaternions ``x, y, z, w``, ``(n, 4)``: with the roll, which counts for tools that are not round."""
-        return self._native.orientations(self._native.usual_directions if text is None else text)[1]
+        return self._native.orientations(self._usual(directions))[1]
+
+    def _usual(self, directions: Directions | None) -> str | NDArray[np.float64]:
+        return self._native.usual_directions if directions is None else directions_input(directions)
+
+    def _rolled(self, directions: Directions) -> str | NDArray[np.float64]:
+        """As the native module reads them, with a warning where they do not say the roll of a tool that is not round."""
+        given = directions_input(directions)
+        if self._native.lacks_roll(given):
+            warn_of_roll("for its rolls give so3:N, or quaternions (n, 4)")
+        return given
+
+    def _sections(self, directions: str | NDArray[np.float64], progress: Progress) -> Sections:
+        values, found = _imf.sections(self._native, directions, listener(progress))
+        return Sections(values, *found, self.grid, self.unit)
 
     def section(self, direction: ArrayLike, *, progress: Progress = None) -> Section:
         """The exact collision measure of one direction ``(3,)`` (or rotation ``(4,)``) at every voxel."""
-        return self.sections(one_direction(direction), progress=progress)[0]
+        return self._sections(self._rolled(one_direction(direction)), progress)[0]
 
     def sections(self, directions: Directions, *, progress: Progress = None) -> Sections:
         """The exact collision measure of several directions at every voxel: 4 bytes a voxel and direction."""
-        values, found = _imf.sections(self._native, directions_input(directions), listener(progress))
-        return Sections(values, *found, self.grid, self.unit)
+        return self._sections(self._rolled(directions), progress)
 
     def imf(self, directions: Directions | None = None, *, progress: Progress = None) -> Inaccessibility:
         """The inaccessibility measure: the minimum over directions at every voxel, which holds no section."""
-        asked = self._native.usual_directions if directions is None else directions
-        values, best, found = _imf.minimum(self._native, directions_input(asked), listener(progress))
+        asked = self._native.usual_directions if directions is None else self._rolled(directions)
+        values, best, found = _imf.minimum(self._native, asked, listener(progress))
         return Inaccessibility(values, best, *found, self.grid, self.unit)
 
     def access(
@@ -217,7 +248,7 @@ class Scene:
         samples: the surface is cut into at least about so many. tolerance: how deep the cutter may cut below the surface, by default
         0.05 mm or a tenth of the pitch, whichever is more.
         """
-        asked = None if directions is None else directions_input(directions)
+        asked = None if directions is None else self._rolled(directions)
         count = whole("samples", samples, 1)
         return Access(_imf.access(self._native, asked, count, tolerance, listener(progress)), self.unit)
 
@@ -253,8 +284,9 @@ class Scene:
     ) -> CheckReport:
         """Checks every motion of a five-axis toolpath, exactly, element by element.
 
-        path: a file (CSV, APT/CL or G-code), or poses ``(n, 6)``. tools: by number, where the path changes them; else the scene's.
-        machine: its file, for paths that need one. clearance: by default the scene's. contact: how deep the part may lie in the
+        path: a file (CSV, APT/CL or G-code), or poses ``(n, 6)``, or ``(n, 7)`` for a tool that is not round, whose roll counts; the
+        tool follows them at feed rate. tools: by number, where the path changes them; else the scene's. machine: its file, for paths
+        that need one; poses are ``(n, 6)`` then, as its axes decide the roll. clearance: by default the scene's. contact: how deep the part may lie in the
         cutter, 0.05 mm by default. step: farthest that any point of the tool moves between two poses that are looked at, by default a
         quarter of the pitch. frame: "part" or "world", of the path: by default the part's, with a machine the world's, where its G54 is.
         stick_out: also finds the shortest stick-out of every tool. stock: what the path cuts (:data:`Stock`): nothing but the cutter may
@@ -262,14 +294,7 @@ class Scene:
         """
         if frame not in (None, "part", "world"):
             raise ValueError(f"frame must be 'part' or 'world', not {frame!r}")
-        if isinstance(path, (str, os.PathLike)):
-            given: str | tuple[str, str] = os.fspath(path)
-        else:
-            rows = np.asarray(path, dtype=np.float64)
-            if rows.ndim != 2 or rows.shape[1] != 6:
-                raise ValueError(f"the poses of a path must have the shape (n, 6), not {rows.shape}")
-            lines = (",".join(map(repr, row)) for row in rows.tolist())
-            given = ("x,y,z,i,j,k\n" + "\n".join(lines) + "\n", "poses")
+        given = os.fspath(path) if isinstance(path, (str, os.PathLike)) else rows_of(path)[0]
         text, remarks, left = _imf.check(
             self._native,
             given,
@@ -283,7 +308,8 @@ class Scene:
             None if stock is None else stock_input(stock),
             listener(progress),
         )
-        return CheckReport.of(text, remarks, None if left is None else StockLeft.of(left), self.unit)
+        left_over = None if left is None else StockLeft.of(left)
+        return CheckReport.of(text, remarks, left_over, self.unit, of_rows=not isinstance(given, str))
 
     def removable(
         self, stock: Stock = 0.0, directions: Directions | None = None, *, progress: Progress = None
@@ -296,7 +322,7 @@ class Scene:
 
     def crib(
         self,
-        tools: Sequence[Tool],
+        tools: Iterable[Tool],
         directions: Directions | None = None,
         *,
         samples: int = 8_000,
@@ -305,6 +331,7 @@ class Scene:
     ) -> Crib:
         """Which of many tools reach which places of the surface: the same verdicts as one by one, many times sooner."""
         asked = None if directions is None else directions_input(directions)
+        tools = list(tools)
         natives = [native(tool) for tool in tools]
         count = whole("samples", samples, 1)
         found = _imf.crib(self._native, natives, asked, count, tolerance, listener(progress))

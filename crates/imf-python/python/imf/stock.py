@@ -23,9 +23,10 @@ def stock_input(stock: Stock) -> float | Native:
     return mesh_input(stock, "stock")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RemovableStock:
-    """What a cutter removes of a stock, from any of the directions, in whatever order. Arrays are ``(nx, ny, nz)``."""
+    """What a cutter removes of a stock, from any of the directions, in whatever order. Arrays are ``(nx, ny, nz)``, the grid in the
+    world."""
 
     stock: NDArray[np.bool_]
     """The voxels that neither part nor fixtures hold."""
@@ -49,12 +50,12 @@ class RemovableStock:
         return float(self.covered.sum() / whole), float(self.possible.sum() / whole)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class StockLeft:
-    """What a toolpath leaves of a stock; volumes in the scene's unit cubed."""
+    """What a toolpath leaves of a stock; volumes in the scene's unit cubed, the grid in the world."""
 
     lines: NDArray[np.int64]
-    """``(m,)``: every line of the path's file that leads somewhere."""
+    """``(m,)``: every line of the path's file that leads somewhere; of an array of poses the row + 1."""
     kinds: list[str]
     """How the tool comes there: start, rapid or feed."""
     removed: NDArray[np.float64]
@@ -70,7 +71,7 @@ class StockLeft:
     remaining: NDArray[np.bool_]
     """``(nx, ny, nz)``: what of the stock is left, the part in it included."""
     removed_by_line: NDArray[np.uint32]
-    """``(nx, ny, nz)``: the line that took each voxel; 0 of others."""
+    """``(nx, ny, nz)``: the line, as in ``lines``, that took each voxel; 0 of others."""
     grid: Grid
 
     @classmethod

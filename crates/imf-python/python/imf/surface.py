@@ -29,7 +29,10 @@ class Obstruction(NamedTuple):
 
 
 class Access:
-    """The surface in small triangles, one sample in the middle of each, and what the tool reaches. Lengths are in ``unit``."""
+    """The surface in small triangles, one sample in the middle of each, and what the tool reaches.
+
+    Lengths are in ``unit``; points and directions are the world's, where the scene's transform sets the part up.
+    """
 
     points: NDArray[np.float64]
     """``(n, 3)``: the samples."""
@@ -140,7 +143,7 @@ class Access:
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Crib:
     """What each of many tools reaches of a surface."""
 
@@ -180,7 +183,7 @@ class FewestTools(NamedTuple):
     """The fraction of the area that they reach together."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PartSetup:
     """One way to put the part on the machine."""
 
@@ -200,7 +203,7 @@ class PartSetup:
     """The fraction that no other chosen set-up reaches."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SetupPlan:
     """The fewest set-ups; fractions are of the surface's area."""
 
@@ -223,7 +226,7 @@ class SetupPlan:
         return self.at_least == len(self.setups)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class StickOuts:
     """The shortest stick-out with which a tool reaches each sample of a surface, in the scene's unit."""
 
@@ -243,5 +246,7 @@ class StickOuts:
     """Its overall length; infinite where that is not known."""
 
     def fraction(self, length: float) -> float:
-        """The fraction of the area that needs no more than a length."""
-        return float(self.areas[self.length <= length].sum() / self.areas.sum())
+        """The fraction of the area that is reached with a length; with ``np.inf`` all that any length reaches."""
+        # Infinite are those that no length helps.
+        reached = np.isfinite(self.length) & (self.length <= length)
+        return float(self.areas[reached].sum() / self.areas.sum())

@@ -12,20 +12,34 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _imf
-from ._numbers import whole
+from ._numbers import number, whole
 
 
-def _toml(value: Any) -> str:
+def _toml(name: str, value: Any) -> str:
     """A value as a tool file has it."""
     if isinstance(value, str):
         return json.dumps(value, ensure_ascii=False)
     if isinstance(value, (bool, np.bool_)):
         return "true" if value else "false"
     if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{key} = {_toml(own)}" for key, own in value.items()) + " }"
+        return "{ " + ", ".join(f"{key} = {_toml(key, own)}" for key, own in value.items()) + " }"
     if isinstance(value, (Sequence, np.ndarray)):
-        return "[" + ", ".join(_toml(own) for own in value) + "]"
-    return repr(float(value))
+        return "[" + ", ".join(_toml(name, own) for own in value) + "]"
+    return repr(number(name, value))
+
+
+def _points(given: Any) -> NDArray[np.float64]:
+    """Sharp points as rows."""
+    try:
+        points = np.atleast_2d(np.asarray(given, dtype=np.float64))
+    except (TypeError, ValueError):
+        points = np.empty(0)
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise ValueError(
+            "sharp_points must be 'tip', 'boundary', a whole number of points, or points (n, 3) in the tool's frame, not "
+            f"{given!r}"
+        )
+    return points
 
 
 class Tool:
@@ -37,7 +51,7 @@ class Tool:
     shank: ``diameter`` and, where it is known, ``length``, with ``stick_out`` all of it, what is in the holder included.
     holder: parts from the tip upwards, each ``diameter`` and ``length``, and ``top_diameter`` of a cone.
     stick_out: from the tip to the holder's face; by default cutter and shank end to end.
-    sharp_points: "tip", "boundary", a number of points on the cutter, or points ``(n, 3)`` in the tool's frame.
+    sharp_points: "tip", "boundary", a number of points on the cutter, or points ``(n, 3)`` or ``(3,)`` in the tool's frame.
 
     The keys are those of tool files, and so are the errors (``ValueError``).
     """
@@ -55,21 +69,27 @@ class Tool:
         name: str = "tool",
         unit: str = "mm",
     ) -> None:
-        lines = [f"name = {_toml(name)}", f"unit = {_toml(unit)}"]
+        lines = [f"name = {_toml('name', name)}", f"unit = {_toml('unit', unit)}"]
         if stick_out is not None:
-            lines.append(f"stick_out = {_toml(stick_out)}")
+            lines.append(f"stick_out = {_toml('stick_out', stick_out)}")
         if isinstance(sharp_points, (int, np.integer)):
             lines.append(f"sharp_points = {whole('sharp_points', sharp_points, 1)}")
         elif isinstance(sharp_points, str):
-            lines.append(f"sharp_points = {_toml(sharp_points)}")
+            lines.append(f"sharp_points = {_toml('sharp_points', sharp_points)}")
         else:
-            lines.append(f"sharp_points = {_toml(np.asarray(sharp_points))}")
+            lines.append(f"sharp_points = {_toml('sharp_points', _points(sharp_points))}")
         if isinstance(holder, Mapping):
             raise ValueError("a holder is a list of parts from the tip upwards: give [{...}]")
         tables = [("[cutter]", cutter), ("[shank]", shank), *(("[[holder]]", part) for part in holder)]
         for heading, table in tables:
-            if table is not None:
-                lines += [heading, *(f"{key} = {_toml(value)}" for key, value in table.items())]
+            if table is None:
+                continue
+            if not isinstance(table, Mapping):
+                raise ValueError(
+                    f"{heading} is described by names and numbers, such as {{'diameter': 10, 'length': 35}}, not by {table!r}; "
+                    "Tool.read(path) reads a file, Tool.paper() is the paper's tool"
+                )
+            lines += [heading, *(f"{key} = {_toml(f'{key} of {heading}', value)}" for key, value in table.items())]
         self._native = _imf.Tool.parse("\n".join(lines), name)
 
     @classmethod

@@ -13,12 +13,17 @@ from .results import optional
 from .stock import StockLeft
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Collision:
-    """One element that collides with one body on the way to a line, at its deepest. Lengths are in the scene's unit."""
+    """One element that collides with one body on the way to a line, at its deepest.
+
+    Lengths are in the scene's unit; points and axes are in the path's frame, which is the part's own where ``frame`` says nothing else.
+    """
 
     line: int
-    """Of the path's file, from 1."""
+    """Of the path's file, from 1; of an array of poses the row + 1."""
+    row: int | None
+    """Of an array of poses, from 0; None for a file."""
     tool: int | None
     """The tool's number, where the file names one."""
     kind: str
@@ -47,9 +52,10 @@ class Collision:
 
 @dataclass(frozen=True)
 class TravelFault:
-    """Where an axis of the machine leaves its range, in the scene's unit or in degrees."""
+    """Where an axis of the machine leaves its range, in the scene's unit or in degrees; ``line`` and ``row`` as of a collision."""
 
     line: int
+    row: int | None
     axis: str
     value: float
     farthest: float
@@ -57,7 +63,7 @@ class TravelFault:
     fraction: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CheckReport:
     """The answer for a whole toolpath."""
 
@@ -85,15 +91,16 @@ class CheckReport:
     unit: str
 
     @classmethod
-    def of(cls, text: str, remarks: list[str], stock: StockLeft | None, unit: str) -> CheckReport:
-        """From the library's report."""
+    def of(cls, text: str, remarks: list[str], stock: StockLeft | None, unit: str, of_rows: bool) -> CheckReport:
+        """From the library's report, of a file or of rows of poses."""
         found = json.loads(text)
         report = found["report"]
         hits = ((line, hit) for line in report["colliding"] for hit in line["collisions"])
         return cls(
-            collisions=[_collision(line, hit) for line, hit in hits],
+            collisions=[_collision(line | _row(line, of_rows), hit) for line, hit in hits],
             out_of_travel=[
-                TravelFault(**{**fault, "range": tuple(fault["range"])}) for fault in report["out_of_travel"]
+                TravelFault(**(fault | _row(fault, of_rows) | {"range": tuple(fault["range"])}))
+                for fault in report["out_of_travel"]
             ],
             locations=report["locations"],
             poses=report["poses"],
@@ -143,12 +150,16 @@ class CheckReport:
         return xarray.Dataset(columns, coords={"component": ["x", "y", "z"]}, attrs={"unit": self.unit})
 
 
+def _row(line: dict[str, Any], of_rows: bool) -> dict[str, Any]:
+    return {"row": line["line"] - 1 if of_rows else None}
+
+
 def _collision(line: dict[str, Any], hit: dict[str, Any]) -> Collision:
     against = hit["against"]
     if isinstance(against, dict):
         ((kind, name),) = against.items()
         against = f"machine's {name}" if kind == "machine" else name
-    own: dict[str, Any] = {name: line[name] for name in ("line", "tool", "kind")}
+    own: dict[str, Any] = {name: line[name] for name in ("line", "row", "tool", "kind")}
     own |= {name: hit[name] for name in ("element", "depth", "clearance", "fraction", "volume")}
     own |= {name: np.array(hit[name]) for name in ("position", "axis", "contact")}
     return Collision(against=against, joints=hit.get("joints"), **own)
