@@ -177,7 +177,7 @@ impl Surface {
             pool: ThreadPoolBuilder::new().num_threads(THREADS).build()?,
             samples,
             directions,
-            surroundings: CollisionEnvironment::new(&solid.clone().into(), &[]),
+            surroundings: CollisionEnvironment::new(&solid.clone().into(), &[]).with_surface(&mesh),
             solid,
             tolerance,
         })

@@ -15,7 +15,7 @@ use glam::{DVec2, DVec3, I64Vec3};
 use thiserror::Error;
 
 use crate::control::{Cancelled, Control};
-use crate::field::solid::{SolidField, SolidVoxels};
+use crate::field::solid::{Known, SolidField, SolidVoxels};
 use crate::grid::Grid;
 use crate::obstacle::Obstacle;
 use crate::parallel;
@@ -300,7 +300,7 @@ impl<'a> Search<'a> {
         self.blocking.iter().all(|blocking| {
             let grid = &blocking.field.voxels().occupancy().grid;
             let tip = grid.origin + (voxel.as_dvec3() + 0.5) * grid.pitch;
-            !blocking.field.meets(tip, direction, None, None)
+            !blocking.field.meets(tip, direction, Known::default(), None)
         })
     }
 

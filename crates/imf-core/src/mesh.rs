@@ -14,6 +14,7 @@ pub(crate) mod groups;
 pub mod read;
 pub(crate) mod solid_angle;
 mod stability;
+mod surface_points;
 pub mod topology;
 pub(crate) mod weld;
 #[cfg(feature = "formats")]
@@ -22,6 +23,7 @@ pub mod write;
 pub use face_orientation::FaceRepair;
 pub use features::MachiningDirection;
 pub(crate) use features::SAME;
+pub(crate) use surface_points::{SMOOTH, surface_points};
 
 /// A triangle mesh in its own unit. Vertices may be shared or repeated; orientation may be any.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

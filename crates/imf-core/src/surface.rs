@@ -1,11 +1,12 @@
 //! How much of a part's surface a tool reaches, sample by sample and direction by direction, at contact poses.
 //!
 //! A sample is reached from a direction where some contact pose is good: shank and holder, offset by their clearance,
-//! hold no solid voxel centre, and the cutter none of the part deeper below its own surface than a tolerance in
-//! length, and none of a fixture at all. On a facet of a curved surface a cutter that would cut deeper may turn about
+//! hold no solid voxel centre, and the cutter neither a centre nor a point of the surface of the part deeper below its own
+//! surface than a tolerance in length, and no centre of a fixture at all. On a facet of a curved surface a cutter that would cut deeper may turn about
 //! the sample as far as the facet's neighbours do, its own surface within the tolerance of the sample: a hole of
 //! facets takes the cutter of its diameter. Voxel centres that the part does not hold are never solid, so that the
-//! result converges with the pitch, from above.
+//! result converges with the pitch, from above; by points of the surface, where there are
+//! ([`CollisionEnvironment::with_surface`]), it does so quickly.
 
 mod access;
 mod candidates;
@@ -52,7 +53,7 @@ use level_ring::RingPlaces;
 use sample_query::{DirectionQuery, Last, Outcome, SampleQuery, TOUCH};
 
 use crate::control::Cancelled;
-use crate::field::solid::{SolidField, SolidVoxels};
+use crate::field::solid::{Known, SolidField, SolidVoxels};
 use crate::tool::{Assembly, ClearanceError, Element, ElementKind, Tool, ToolShape};
 use crate::unit::LengthUnit;
 
@@ -318,7 +319,7 @@ impl SurfaceTool {
     }
 
     fn is_rest_free(&self, tip: DVec3, axis: DVec3, last: &mut Last) -> bool {
-        self.rest().is_none_or(|rest| !rest.meets(tip, axis, None, Some(last)))
+        self.rest().is_none_or(|rest| !rest.meets(tip, axis, Known::default(), Some(last)))
     }
 
     /// True where it cannot be brought to every pose.
@@ -336,7 +337,7 @@ impl SurfaceTool {
         for (index, (element, against)) in self.elements.iter().enumerate() {
             for (body, solid) in against.iter().enumerate() {
                 let blamed = element.kind != ElementKind::Cutter || body > 0;
-                if blamed && solid.meets(tip, axis, None, None) {
+                if blamed && solid.meets(tip, axis, Known::default(), None) {
                     // The last bit stands for all bodies beyond.
                     hits |= 1 << (index * self.bodies + body.min(self.bodies - 1));
                 }

@@ -12,11 +12,13 @@ mod lateral_separation;
 mod lines;
 mod nearest;
 mod oriented;
+mod point_tree;
 mod runs;
 mod segment;
 mod sphere_tree;
 mod voxels;
 
+use std::cell::Cell;
 use std::sync::OnceLock;
 
 use glam::{DQuat, DVec3};
@@ -25,12 +27,14 @@ use pulp::Arch;
 use crate::parallel::make_once;
 use crate::pose::{Pose, axis_of};
 use crate::tool::{Element, Segment, Tool, ToolError, ToolShape, snapped};
+use crate::vectorised::vectorised;
 use crate::workspaces::Workspaces;
 use batch::{BatchSpheres, Scratch};
 use inscribed::InscribedSpheres;
 pub(crate) use lines::{BodyLines, LineVisitor};
 pub(crate) use nearest::Separation;
 use oriented::OrientedTools;
+pub(crate) use point_tree::{HalfSpace, PointTree};
 use runs::{Lines, Within, count};
 use segment::{PlacedSegment, VoxelPose};
 pub(crate) use sphere_tree::FreeBall;
@@ -74,6 +78,15 @@ struct Part {
     segment: Segment,
     /// Largest radius, a little generous.
     widest: f64,
+}
+
+/// What is known of a tool at a pose.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Known<'a> {
+    /// No solid centre in it lies in the tool.
+    pub(crate) free_ball: Option<&'a FreeBall>,
+    /// The tool lies in it.
+    pub(crate) stays_in: Option<&'a HalfSpace>,
 }
 
 /// Voxels from the grid beyond which a tip is not counted by whole voxels.
@@ -219,32 +232,86 @@ impl SolidField {
     pub(crate) fn collides(&self, pose: &Pose) -> bool {
         let Some(axis) = pose.axis() else { return true };
         match &self.shape {
-            Shape::Bodies(_) => self.meets(pose.position, axis, None, None),
+            Shape::Bodies(_) => self.meets(pose.position, axis, Known::default(), None),
             Shape::Definition(tool, oriented) => self.definition_count(tool, oriented, pose) > 0,
         }
     }
 
     /// [`SolidField::collides`] with the tip at a position and the axis along a unit vector, for poses that follow one
-    /// another: `last` is a voxel that collided before, and is tried first. No solid centre within `free_ball` may lie
-    /// in the tool.
+    /// another: `last` is what collided before, and is tried first. True as well where the tool holds a point of the obstacle's
+    /// surface.
     #[inline]
     pub(crate) fn meets(
         &self,
         tip: DVec3,
         axis: DVec3,
-        free_ball: Option<&FreeBall>,
+        known: Known<'_>,
         last: Option<&mut Option<[f64; 3]>>,
     ) -> bool {
         match &self.shape {
             Shape::Bodies(bodies) => {
                 let pieces = self.spheres(bodies).roots();
                 let placed = self.voxel_pose(tip, axis);
-                self.bodies_collide(bodies, placed, free_ball, pieces, |_| Lines::ALL, last)
+                if let Some(points) = self.voxels.surface() {
+                    let contains =
+                        |point: [f64; 3]| bodies.iter().any(|body| placed.contains(&body.profile, point));
+                    if last.as_ref().is_some_and(|last| last.is_some_and(contains)) {
+                        return true;
+                    }
+                    if let Some(held) = self.points_in(points, placed, known.stays_in, |_| true) {
+                        if let Some(last) = last {
+                            *last = Some(held);
+                        }
+                        return true;
+                    }
+                }
+                self.bodies_collide(bodies, placed, known.free_ball, pieces, |_| Lines::ALL, last)
             }
             Shape::Definition(tool, oriented) => {
                 self.definition_count(tool, oriented, &Pose::along(tip, axis)) > 0
             }
         }
+    }
+
+    /// Visits the points of the obstacle's surface in the tool, each with its height on the tool's axis and its distance from it, in
+    /// world units.
+    pub(crate) fn visit_surface(&self, pose: &Pose, visit: impl Fn(f64, f64)) {
+        if let Some(axis) = pose.axis() {
+            self.deepest_surface_point(pose.position, axis, |height, away| {
+                visit(height, away);
+                0.0
+            });
+        }
+    }
+
+    /// The point of the obstacle's surface in the tool that is deepest, by its height on the tool's axis and its distance from
+    /// it, in world units.
+    pub(crate) fn deepest_surface_point(
+        &self,
+        tip: DVec3,
+        axis: DVec3,
+        depth: impl Fn(f64, f64) -> f64,
+    ) -> Option<[f64; 3]> {
+        let deepest = Cell::new((f64::NEG_INFINITY, None));
+        self.points_in(self.voxels.surface()?, self.voxel_pose(tip, axis), None, |point| {
+            let [height, away] = self.along_and_away(tip, axis, point);
+            let depth = depth(height, away);
+            if depth > deepest.get().0 {
+                deepest.set((depth, Some(point)));
+            }
+            false
+        });
+        deepest.get().1
+    }
+
+    fn points_in(
+        &self,
+        points: &PointTree,
+        placed: VoxelPose,
+        stays_in: Option<&HalfSpace>,
+        counts: impl Fn([f64; 3]) -> bool,
+    ) -> Option<[f64; 3]> {
+        vectorised!(self.arch, points.first_in(self.bodies(), placed, stays_in, counts))
     }
 
     /// True where the tool holds a point, given in continuous voxel coordinates; false of a mesh.

@@ -4,7 +4,9 @@
 mod bodies;
 mod cutter_clearance;
 mod drills;
+mod points;
 pub(super) mod solids;
+mod tapers;
 
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -20,7 +22,7 @@ use crate::parts::shell::{circle, pocketed, rounded_rectangle};
 use crate::section::test_shapes::{line, orientations};
 use crate::tool::{SharpPoints, Tool};
 use crate::voxelize::voxelize;
-use solids::{ball, cylinder, dimpled, extruded, flat, of_mesh, slotted, tapered, tool};
+use solids::{ball, cylinder, dimpled, extruded, flat, of_mesh, slotted, tool};
 
 const PITCHES: [f64; 4] = [2.0, 1.0, 0.5, 0.25];
 /// Minimum number of samples of a part: some 0.8 to 1.5 mm apart.
@@ -48,7 +50,8 @@ impl Part {
     pub(super) fn on(grid: &Grid, mesh: &Mesh, samples: usize) -> Self {
         let solid = Arc::new(voxelize(mesh, grid, false));
         let samples = SurfaceSamples::new(mesh, &solid, samples).samples;
-        Self { samples, environment: CollisionEnvironment::new(&solid.into(), &[]), pitch: grid.pitch }
+        let environment = CollisionEnvironment::new(&solid.into(), &[]).with_surface(mesh);
+        Self { samples, environment, pitch: grid.pitch }
     }
 
     pub(super) fn tolerance(&self) -> f64 {
@@ -317,41 +320,6 @@ fn a_cylinder_is_reached_by_the_flank_and_its_end_by_the_bottom() {
         let found = part.found(&flat(3.0), DOWN);
         assert_eq!(found.reached(|s| s.normal.z > -0.5), 1.0, "{pitch}");
         assert_eq!(found.share(|s| s.normal.z < -0.5, |r| *r == SampleReach::NotFaced), 1.0, "{pitch}");
-    }
-}
-
-#[test]
-fn a_groove_with_draft_is_reached_by_tapers_up_to_its_own() {
-    // A floor 8 wide, 10 deep, walls that lean by 15 degrees.
-    let (floor_half, depth, degrees) = (4.0, 10.0, 15.0_f64);
-    let top_half = floor_half + depth * degrees.to_radians().tan();
-    let x = |offset: f64| 20.0 + offset;
-    let profile = [
-        [0.0, 0.0],
-        [16.0, 0.0],
-        [16.0, x(-top_half)],
-        [6.0, x(-floor_half)],
-        [6.0, x(floor_half)],
-        [16.0, x(top_half)],
-        [16.0, 40.0],
-        [0.0, 40.0],
-    ];
-    let mesh = extruded(&profile, 20.0);
-    let inner = |s: &SurfaceSample| (s.point.x - 20.0).abs() < top_half && (6.01..15.99).contains(&s.point.z);
-    let floor = |s: &SurfaceSample| (s.point.x - 20.0).abs() < floor_half && (s.point.z - 6.0).abs() < 0.01;
-    let wall = |s: &SurfaceSample| inner(s) && s.normal.y.abs() < 0.5;
-    for pitch in PITCHES {
-        let part = Part::sampled(&mesh, pitch, 600);
-        // Its flank lies on the wall; a steeper one touches with its rim.
-        for taper in [15.0, 5.0] {
-            let found = part.found(&tapered(2.0, taper, 12.0), DOWN);
-            let found = [found.reached(wall), found.reached(floor)];
-            assert!(found.iter().all(|&share| share > 0.99), "{pitch} {taper}: {found:?}");
-        }
-        // A flatter one, 4 high, touches with its upper edge: a wall as far as the edge is above the floor, or as the tip is
-        // above the other wall.
-        let found = part.found(&tapered(2.0, 30.0, 4.0), DOWN).reached(wall);
-        assert_near(found, 1.0 - 4.0 / depth, 0.05 + 0.1 * pitch, pitch);
     }
 }
 

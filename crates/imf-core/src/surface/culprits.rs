@@ -7,6 +7,8 @@
 //! poses fixed, `J` is linear in the material of each voxel, so that [`culprits`] is its exact derivative: what J loses when a
 //! voxel goes.
 
+use std::cell::Cell;
+
 use glam::DVec3;
 
 use super::contact::{ContactFrame, Touch};
@@ -30,13 +32,15 @@ pub struct MinimumOverlap {
     pub voxels: u32,
     /// Number of those that obstruct the cutter.
     pub of_cutter: u32,
+    /// Number of points of the part's surface in the cutter.
+    pub surface: u32,
 }
 
 impl MinimumOverlap {
     /// Less is nearer to being reached.
     #[must_use]
-    pub fn key(&self) -> (bool, u32) {
-        (self.of_cutter > 0, self.voxels)
+    pub fn key(&self) -> (bool, u32, u32) {
+        (self.of_cutter > 0 || self.surface > 0, self.voxels, self.surface)
     }
 }
 
@@ -47,9 +51,10 @@ pub struct ElementCollision {
     pub kind: ElementKind,
     /// 0 the part, then the fixtures.
     pub body: usize,
-    /// Solid voxels whose centres are in it; of the cutter those deeper than the tolerance.
+    /// Solid voxels whose centres are in it; of the cutter those deeper than the tolerance, 0 where it holds points of the part's
+    /// surface alone.
     pub voxels: u32,
-    /// How deep below its surface the deepest of these centres lies.
+    /// How deep below its surface the deepest of these centres and points lies.
     pub depth: f64,
     /// With a radius smaller by this at every height it would hold none of them.
     pub slimmer: f64,
@@ -76,15 +81,17 @@ const AROUND: u32 = 8;
 const CHUNK: usize = 16;
 
 impl SurfaceTool {
-    /// Solid voxels that obstruct all of the tool, and its cutter among the part.
-    fn overlap(&self, pose: &Pose) -> [u32; 2] {
+    /// Solid voxels that obstruct all of the tool, and its cutter among the part, and points of the surface in it.
+    fn overlap(&self, pose: &Pose) -> [u32; 3] {
         let count = |piece: &SolidField| piece.count(pose).unwrap_or(u32::MAX);
         match &*self.shape {
-            Shape::Mesh { whole, .. } => [count(whole), 0],
+            Shape::Mesh { whole, .. } => [count(whole), 0, 0],
             Shape::Revolved(tool) => {
                 let of_cutter = count(&tool.cutter);
                 let others = tool.held.iter().chain(&tool.rest).map(count);
-                [others.fold(of_cutter, u32::saturating_add), of_cutter]
+                let surface = Cell::new(0);
+                tool.cutter.visit_surface(pose, |_, _| surface.set(surface.get() + 1));
+                [others.fold(of_cutter, u32::saturating_add), of_cutter, surface.get()]
             }
         }
     }
@@ -124,8 +131,8 @@ impl SurfaceTool {
         for (direction, turn) in turns.iter().enumerate() {
             self.contact_tips(sample, turn, |tip| {
                 let pose = Pose::new(tip, turn.rotation);
-                let [voxels, of_cutter] = self.overlap(&pose);
-                let here = MinimumOverlap { direction: direction as u32, pose, voxels, of_cutter };
+                let [voxels, of_cutter, surface] = self.overlap(&pose);
+                let here = MinimumOverlap { direction: direction as u32, pose, voxels, of_cutter, surface };
                 if least.is_none_or(|before| here.key() < before.key()) {
                     least = Some(here);
                 }
@@ -139,13 +146,19 @@ impl SurfaceTool {
     pub fn collisions(&self, at: &MinimumOverlap) -> Vec<ElementCollision> {
         let mut found = Vec::new();
         let mut try_one = |element: &Element, body: usize, solid: &SolidField| {
-            let Some(voxels) = solid.count(&at.pose).filter(|&voxels| voxels > 0) else { return };
             let is_cutter = element.kind == ElementKind::Cutter;
-            let (mut depth, mut slimmer) = (0.0_f64, 0.0_f64);
+            let Some(voxels) = solid.count(&at.pose) else { return };
+            let deepest = Cell::new(None);
+            let visit = |height: f64, radius: f64| {
+                let (depth, slimmer) = deepest.get().unwrap_or((0.0_f64, 0.0_f64));
+                let own = element.depth(height, radius, !is_cutter);
+                deepest.set(Some((depth.max(own), slimmer.max(element.radius_at(height) - radius))));
+            };
             element.visit_inside(solid.voxels().occupancy(), &at.pose, |_, height, radius| {
-                depth = depth.max(element.depth(height, radius, !is_cutter));
-                slimmer = slimmer.max(element.radius_at(height) - radius);
+                visit(height, radius)
             });
+            solid.visit_surface(&at.pose, visit);
+            let Some((mut depth, slimmer)) = deepest.get() else { return };
             // The cutter is tried without its outermost layer.
             depth += if is_cutter { self.tolerance } else { 0.0 };
             found.push(ElementCollision { kind: element.kind, body, voxels, depth, slimmer });

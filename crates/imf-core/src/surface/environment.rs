@@ -2,11 +2,19 @@
 
 use std::sync::Arc;
 
-use crate::field::solid::SolidVoxels;
+use glam::DVec3;
+
+use crate::field::solid::{PointTree, SolidVoxels};
 use crate::grid::Grid;
+use crate::mesh::{Mesh, surface_points};
 use crate::occupancy::Occupancy;
 use crate::scene::{Bodies, Resolution, SceneError, SceneSpec};
 use crate::voxelize::voxelize_with;
+
+/// How far points of a surface are apart, in pitches.
+const SPACING: f64 = 0.5;
+/// Squares of the spacing that a surface is divided into, at most.
+const MOST_POINTS: f64 = 4e6;
 
 /// A part, as two sets of voxels on one grid.
 #[derive(Clone, Debug)]
@@ -66,6 +74,15 @@ impl CollisionEnvironment {
         }
     }
 
+    /// The same with points of the part's surface, which a cutter that touches it must not hold either: between the centres of
+    /// voxels it would cut up to a voxel deep. `part` is the mesh in the grid's coordinates.
+    #[must_use]
+    pub fn with_surface(self, part: &Mesh) -> Self {
+        let grid = &self.part().grid;
+        let points = Arc::new(PointTree::new(points_of(part, grid.pitch), grid));
+        Self { part: self.part.with_surface(points), ..self }
+    }
+
     /// Part and fixtures of a scene as tools meet them, of `bodies` that were made of it.
     ///
     /// # Errors
@@ -76,14 +93,14 @@ impl CollisionEnvironment {
         let on_grid =
             |voxels: &Occupancy| Arc::new(voxels.on(grid).unwrap_or_else(|| Occupancy::empty(*grid)));
         let keep_out = on_grid(&bodies.part);
+        let mesh = spec.mesh.transformed(&spec.transform);
         let centres = if spec.conservative {
-            let mesh = spec.mesh.transformed(&spec.transform);
             Arc::new(voxelize_with(&mesh, grid, false, spec.control)?.solid)
         } else {
             keep_out.clone()
         };
         let fixtures: Vec<_> = bodies.fixtures.iter().map(|(_, voxels)| on_grid(voxels)).collect();
-        Ok(Self::new(&SolidBody { centres, keep_out }, &fixtures))
+        Ok(Self::new(&SolidBody { centres, keep_out }, &fixtures).with_surface(&mesh))
     }
 
     /// The part by the rule of voxel centres.
@@ -120,10 +137,14 @@ impl CollisionEnvironment {
     }
 }
 
+/// The points of a part's surface that a cutter must not hold.
+pub(super) fn points_of(part: &Mesh, pitch: f64) -> Vec<DVec3> {
+    let area: f64 = part.all_corners().map(|[a, b, c]| 0.5 * (b - a).cross(c - a).length()).sum();
+    surface_points(part, (SPACING * pitch).max((area / MOST_POINTS).sqrt()))
+}
+
 #[cfg(test)]
 mod tests {
-    use glam::DVec3;
-
     use super::*;
     use crate::mesh::Mesh;
     use crate::parts::ReferencePart;

@@ -8,6 +8,7 @@ use glam::DVec3;
 
 use super::Revolved;
 use super::sample_query::{DirectionQuery, Outcome, SampleQuery};
+use crate::field::solid::Known;
 use crate::pose::Pose;
 
 /// Start points around a level ring, how many of them are refined, steps of each refinement, and rounds in which each step
@@ -111,7 +112,7 @@ impl SampleQuery<'_> {
             let tip = middle + offset;
             (0..3).find_map(|solid| {
                 let (of, mut found) = (solids[solid]?, None);
-                of.meets(tip, turn.axis, None, Some(&mut found));
+                of.meets(tip, turn.axis, Known::default(), Some(&mut found));
                 let voxel = found?;
                 Some(Blocker { solid, voxel, step: of.lateral_separation_from(tip, turn.axis, voxel)? })
             })

@@ -7,7 +7,7 @@ use glam::{DQuat, DVec3};
 use super::contact::{ContactFrame, Touch};
 use super::level_ring::RingPlaces;
 use super::{Revolved, Shape, SurfaceSample, SurfaceTool, ToolDirection, Verdict};
-use crate::field::solid::{FreeBall, OutsidePlane, SolidField};
+use crate::field::solid::{FreeBall, HalfSpace, Known, OutsidePlane, SolidField};
 use crate::pose::Pose;
 
 /// The result of a contact pose, or the best one of a direction; from best to worst.
@@ -49,6 +49,9 @@ const VERTICES: usize = 48;
 /// Solid centres outside the tangent plane that are tried one by one in every direction.
 const FEW: u32 = 16;
 
+/// Voxels outside the tangent plane within which a point of the surface counts as in it: more than single precision rounds.
+const ROUNDING: f64 = 0.01;
+
 /// How far an obstructed tool stands off the surface when it is tried once more, in tolerances: a shank as wide as its cutter touches the
 /// wall that the cutter touches, and rounding must not decide.
 pub(super) const TOUCH: f64 = 0.01;
@@ -84,6 +87,8 @@ pub(super) struct SampleQuery<'a> {
     sample: &'a SurfaceSample,
     /// All solid centres in this ball that a cutter could hold are listed.
     free_ball: Option<FreeBall>,
+    /// Of a convex cutter that touches: outside the tangent plane.
+    stays_in: Option<HalfSpace>,
     listed: Vec<[f64; 3]>,
 }
 
@@ -106,9 +111,12 @@ impl<'a> SampleQuery<'a> {
         sample: &'a SurfaceSample,
         around: Option<&OutsidePlane>,
     ) -> Self {
-        let mut query = Self { tool, sample, free_ball: None, listed: Vec::new() };
+        let mut query = Self { tool, sample, free_ball: None, stays_in: None, listed: Vec::new() };
         if let Some(revolved) = tool.revolved().filter(|revolved| revolved.outline.convex) {
             let (near, across) = (revolved.near, revolved.near_across);
+            let middle = DVec3::from_array(revolved.cutter.voxel_of(sample.point));
+            let offset = middle.dot(sample.normal) + ROUNDING;
+            query.stays_in = Some(HalfSpace { normal: sample.normal, offset });
             query.free_ball =
                 [near, 0.5 * (near + across), across].into_iter().find_map(|radius| match around {
                     Some(around) => around.free_ball(radius, FEW, &mut query.listed),
@@ -252,12 +260,14 @@ impl<'a> SampleQuery<'a> {
             let known = self.listed.iter().chain(&met[..count]);
             let mut blocker = known.copied().rfind(|&voxel| tool.cutter.contains(now, axis, voxel));
             if blocker.is_none() {
-                if !tool.cutter.meets(now, axis, None, Some(&mut blocker)) {
+                let deep = |height: f64, away: f64| tool.eroded.depth(height, away, true);
+                blocker = tool.cutter.deepest_surface_point(now, axis, deep);
+                if blocker.is_none() && !tool.cutter.meets(now, axis, Known::default(), Some(&mut blocker)) {
                     if !tool.touching.contains(now, axis, sample) {
                         break;
                     }
                     // The cutter may cross the tangent plane.
-                    let of_cutter = of_cutter(tool, now, axis, None, direction.last);
+                    let of_cutter = of_cutter(tool, now, axis, Known::default(), direction.last);
                     return direction.with_rest(of_cutter);
                 }
                 let Some(voxel) = blocker else { break };
@@ -300,21 +310,16 @@ impl<'a> SampleQuery<'a> {
         if last.as_ref().is_some_and(among) || self.listed.iter().any(among) {
             return Outcome::Gouged;
         }
-        of_cutter(tool, tip, axis, self.free_ball.as_ref(), last)
+        let known = Known { free_ball: self.free_ball.as_ref(), stays_in: self.stays_in.as_ref() };
+        of_cutter(tool, tip, axis, known, last)
     }
 }
 
 /// The cutter at a pose, among part and fixtures.
-fn of_cutter(
-    tool: &Revolved,
-    tip: DVec3,
-    axis: DVec3,
-    free_ball: Option<&FreeBall>,
-    last: &mut Last,
-) -> Outcome {
-    if tool.cutter.meets(tip, axis, free_ball, Some(last)) {
+fn of_cutter(tool: &Revolved, tip: DVec3, axis: DVec3, known: Known<'_>, last: &mut Last) -> Outcome {
+    if tool.cutter.meets(tip, axis, known, Some(last)) {
         return Outcome::Gouged;
     }
-    let held = tool.held.as_ref().is_some_and(|held| held.meets(tip, axis, None, None));
+    let held = tool.held.as_ref().is_some_and(|held| held.meets(tip, axis, Known::default(), None));
     if held { Outcome::Obstructed(tip) } else { Outcome::Good(tip) }
 }

@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 
-use crate::mesh::Mesh;
 use crate::mesh::topology::{EdgeUse, boundary_chain, component_count, neighbours, runs, sorted_edges};
+use crate::mesh::{Mesh, SMOOTH};
 use crate::occupancy::Occupancy;
 use crate::parallel;
 
@@ -33,8 +33,6 @@ pub struct SurfaceSamples {
     pub hidden_area: f64,
 }
 
-/// Cosine of the angle between two facets beyond which their edge is sharp: 30 degrees.
-const SMOOTH: f64 = 0.866;
 /// How far outside the surface its voxel is looked up, in pitches.
 const OUTSIDE: f64 = 0.75;
 /// How far on either side of the surface crossings are counted, in pitches.

@@ -15,7 +15,7 @@ use super::sample_query::{DirectionQuery, Last, Outcome, SampleQuery};
 use super::skyline::{Body, CellQueue, Skyline, boundary};
 use super::{CollisionEnvironment, Shape, SurfaceError, SurfaceSample, SurfaceTool, ToolDirection, Verdict};
 use crate::control::Control;
-use crate::field::solid::SolidField;
+use crate::field::solid::{Known, SolidField};
 use crate::orientation::Orientation;
 use crate::parallel;
 use crate::pose::Pose;
@@ -170,7 +170,7 @@ impl StickOutTool {
             let tip = pose.position;
             tip.is_finite()
                 && self.is_bared_free(tip, axis, length)
-                && !self.at_holder.meets(tip + axis * length, axis, None, None)
+                && !self.at_holder.meets(tip + axis * length, axis, Known::default(), None)
                 && self.tool.is_rest_free(tip, axis, &mut None)
         })
     }
@@ -196,7 +196,7 @@ impl StickOutTool {
             if !self.is_bared_free(tip, axis, length) {
                 return None;
             }
-            if !self.at_holder.meets(tip + axis * length, axis, None, None) {
+            if !self.at_holder.meets(tip + axis * length, axis, Known::default(), None) {
                 return Some(length);
             }
             // Between the voxels of the boundary, into the inside.
@@ -214,7 +214,7 @@ impl StickOutTool {
         let piece = ((bared / (PIECE * self.pitch) * (1.0 + 1e-12)).log2().floor().max(0.0) as usize)
             .min(self.bared.len() - 1);
         let long = PIECE * self.pitch * (piece as f64).exp2();
-        let at = |height: f64| self.bared[piece].meets(tip + axis * height, axis, None, None);
+        let at = |height: f64| self.bared[piece].meets(tip + axis * height, axis, Known::default(), None);
         !at(self.shortest) && !at(self.shortest + (bared - long).max(0.0))
     }
 }

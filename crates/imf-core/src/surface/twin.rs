@@ -1,4 +1,5 @@
-//! The fast contact path against its definition: at every contact pose every solid voxel centre against every element.
+//! The fast contact path against its definition: at every contact pose every solid voxel centre, and every point of the part's surface,
+//! against every element.
 
 use std::sync::Arc;
 
@@ -56,6 +57,8 @@ fn centres(of: &Occupancy) -> Vec<DVec3> {
 /// Part and fixtures as points, and a tool as elements: what the fast path has prepared.
 struct Definition {
     bodies: Vec<Vec<DVec3>>,
+    /// Points of the part's surface, for the cutter.
+    surface: Vec<DVec3>,
     outline: Outline,
     tolerance: f64,
     /// What lies deeper than the tolerance in the cutter.
@@ -69,8 +72,12 @@ struct Definition {
 
 impl Definition {
     fn any(&self, body: usize, element: &Element, tip: DVec3, axis: DVec3) -> bool {
-        let held = |&centre: &DVec3| contains(&element.profile, axis, centre - tip, self.slack);
-        self.bodies[body].iter().any(held)
+        self.holds(&self.bodies[body], element, tip, axis)
+    }
+
+    fn holds(&self, points: &[DVec3], element: &Element, tip: DVec3, axis: DVec3) -> bool {
+        let held = |&point: &DVec3| contains(&element.profile, axis, point - tip, self.slack);
+        points.iter().any(held)
     }
 
     /// What collides with what, from the tip upwards.
@@ -96,7 +103,8 @@ impl Definition {
         for touch in touches {
             let contact::Touch::Point { height, radius } = touch else { return None };
             let at = |tip: DVec3| {
-                if self.any(0, &self.cutter, tip, axis) {
+                let cutter = &self.cutter;
+                if self.any(0, cutter, tip, axis) || self.holds(&self.surface, cutter, tip, axis) {
                     return (Outcome::Gouged, Vec::new());
                 }
                 match self.hits(tip, axis) {
@@ -150,6 +158,7 @@ fn verdicts_are_those_of_every_voxel_against_every_element() {
         let offset = tool.offset_elements(&clearance).unwrap();
         let definition = Definition {
             bodies: solids.iter().map(|solid| centres(solid)).collect(),
+            surface: environment::points_of(&part, pitch),
             outline,
             tolerance,
             cutter: at(tolerance),
@@ -158,7 +167,7 @@ fn verdicts_are_those_of_every_voxel_against_every_element() {
             slack: crate::tool::SLACK * pitch * pitch,
         };
         let [body, fixture] = solids;
-        let environment = CollisionEnvironment::new(&body.into(), &[fixture]);
+        let environment = CollisionEnvironment::new(&body.into(), &[fixture]).with_surface(&part);
         let assembly = Tool::offset(tool, &clearance).unwrap();
         let fast = SurfaceTool::new(&environment, &assembly, tolerance).unwrap();
         let found = surface_access(&fast, &samples, &directions, Control::quiet()).unwrap();

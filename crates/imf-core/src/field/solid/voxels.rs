@@ -4,8 +4,8 @@ use std::sync::{Arc, OnceLock};
 
 use glam::DVec3;
 
-use super::FreeBall;
 use super::runs::Columns;
+use super::{FreeBall, PointTree};
 use crate::distance::{DistanceField, squared_depths};
 use crate::occupancy::Occupancy;
 use crate::parallel::{self, make_once};
@@ -13,7 +13,10 @@ use crate::parallel::{self, make_once};
 /// An obstacle's voxels with their running sums and, from the first decision on, their distance transform. Cloning it
 /// copies nothing.
 #[derive(Clone)]
-pub(crate) struct SolidVoxels(Arc<SolidTables>);
+pub(crate) struct SolidVoxels {
+    tables: Arc<SolidTables>,
+    surface: Option<Arc<PointTree>>,
+}
 
 #[derive(Clone)]
 struct SolidTables {
@@ -28,13 +31,14 @@ struct SolidTables {
 impl From<Arc<Occupancy>> for SolidVoxels {
     fn from(occupancy: Arc<Occupancy>) -> Self {
         let columns = Columns::new(&occupancy);
-        Self(Arc::new(SolidTables {
+        let tables = SolidTables {
             occupancy,
             columns,
             distances: OnceLock::new(),
             depths: OnceLock::new(),
             bytes: Default::default(),
-        }))
+        };
+        Self { tables: Arc::new(tables), surface: None }
     }
 }
 
@@ -45,22 +49,31 @@ fn byte(distances: &DistanceField, index: usize, parts: u32) -> u8 {
 
 impl SolidVoxels {
     pub(crate) fn occupancy(&self) -> &Occupancy {
-        &self.0.occupancy
+        &self.tables.occupancy
+    }
+
+    /// The same with points of the body's surface, which a tool must not hold either.
+    pub(crate) fn with_surface(self, points: Arc<PointTree>) -> Self {
+        Self { surface: Some(points), ..self }
+    }
+
+    pub(super) fn surface(&self) -> Option<&PointTree> {
+        self.surface.as_deref()
     }
 
     /// The voxels themselves.
     pub(crate) fn shared(&self) -> Arc<Occupancy> {
-        self.0.occupancy.clone()
+        self.tables.occupancy.clone()
     }
 
     /// Makes some voxels solid or empty, each of `changed` once and in order, and updates everything derived from
     /// them as if it were computed anew. In place where nobody else shares it; otherwise it is copied first and the
     /// others keep theirs.
     pub(crate) fn change(&mut self, changed: &[usize]) {
-        if Arc::get_mut(&mut self.0).is_none() {
-            self.0 = Arc::new(SolidTables::clone(&self.0));
+        if Arc::get_mut(&mut self.tables).is_none() {
+            self.tables = Arc::new(SolidTables::clone(&self.tables));
         }
-        let Some(prepared) = Arc::get_mut(&mut self.0) else { return };
+        let Some(prepared) = Arc::get_mut(&mut self.tables) else { return };
         let SolidTables { occupancy, columns, distances, depths, bytes } = prepared;
         let occupancy = Arc::make_mut(occupancy);
         changed.iter().for_each(|&index| occupancy.solid[index] ^= 1);
@@ -80,36 +93,37 @@ impl SolidVoxels {
     }
 
     pub(super) fn columns(&self) -> &Columns {
-        &self.0.columns
+        &self.tables.columns
     }
 
     pub(crate) fn distances(&self) -> &DistanceField {
-        make_once(&self.0.distances, || DistanceField::new(&self.0.occupancy))
+        make_once(&self.tables.distances, || DistanceField::new(&self.tables.occupancy))
     }
 
     /// For each voxel the distance to the nearest solid centre in units of 1/`parts` voxel (`parts` is 1, 2, 4 or 8),
     /// rounded down, 255 where it is larger. Computed at the first batch.
     pub(super) fn bytes(&self, parts: u32) -> &[u8] {
         let distances = self.distances();
-        let made = || parallel::map(self.0.occupancy.grid.len(), |index| byte(distances, index, parts));
-        make_once(&self.0.bytes[parts.trailing_zeros() as usize & 3], made).as_slice()
+        let made = || parallel::map(self.tables.occupancy.grid.len(), |index| byte(distances, index, parts));
+        make_once(&self.tables.bytes[parts.trailing_zeros() as usize & 3], made).as_slice()
     }
 
     /// By voxel the distance to the nearest empty centre, in voxels, rounded down; 0 where empty. Made at the first bound of a
     /// penetration.
     pub(super) fn depths(&self) -> &[f32] {
         let round_down = |squared: u64| ((squared as f64).sqrt() as f32).next_down().max(0.0);
-        let made = || -> Vec<f32> { squared_depths(&self.0.occupancy).into_iter().map(round_down).collect() };
-        make_once(&self.0.depths, made).as_slice()
+        let made =
+            || -> Vec<f32> { squared_depths(&self.tables.occupancy).into_iter().map(round_down).collect() };
+        make_once(&self.tables.depths, made).as_slice()
     }
 
     /// Visits the solid centres within a radius of a point, all in voxels; `visit` may make the radius smaller.
     pub(super) fn visit_ball(&self, middle: DVec3, mut radius: f64, mut visit: impl FnMut([f64; 3]) -> f64) {
-        let [nx, ny, nz] = self.0.occupancy.grid.dims;
+        let [nx, ny, nz] = self.tables.occupancy.grid.dims;
         let (x0, x1) = whole_within(middle.x, radius, nx);
         for x in x0..x1 {
             let left = radius * radius - (x as f64 - middle.x).powi(2);
-            let (first, last) = self.0.columns.row(x);
+            let (first, last) = self.tables.columns.row(x);
             if left < 0.0 || first > last {
                 continue;
             }
@@ -117,7 +131,7 @@ impl SolidVoxels {
             for y in y0.max(first as usize)..y1.min(last as usize + 1) {
                 let left = radius * radius - (x as f64 - middle.x).powi(2) - (y as f64 - middle.y).powi(2);
                 let (from, to) = whole_within(middle.z, left.max(0.0).sqrt(), nz);
-                let sums = self.0.columns.sums(x, y);
+                let sums = self.tables.columns.sums(x, y);
                 if left < 0.0 || from >= to || sums[to] == sums[from] {
                     continue;
                 }
@@ -138,7 +152,7 @@ impl SolidVoxels {
         most: u32,
     ) -> Option<OutsidePlane> {
         let mut listed = Vec::new();
-        let grid = &self.0.occupancy.grid;
+        let grid = &self.tables.occupancy.grid;
         let middle = grid.continuous(point);
         let [nx, ny, nz] = grid.dims;
         let wide = radius + MARGIN;
@@ -147,7 +161,7 @@ impl SolidVoxels {
             let dx = x as f64 - middle.x;
             let left = wide * wide - dx * dx;
             let (y0, y1) = whole_within(middle.y, left.max(0.0).sqrt(), ny);
-            let (first, last) = self.0.columns.row(x);
+            let (first, last) = self.tables.columns.row(x);
             if first > last {
                 continue;
             }
@@ -171,7 +185,7 @@ impl SolidVoxels {
                 if from >= to {
                     continue;
                 }
-                let sums = self.0.columns.sums(x, y);
+                let sums = self.tables.columns.sums(x, y);
                 if sums[to] == sums[from] {
                     continue;
                 }

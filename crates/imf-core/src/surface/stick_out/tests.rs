@@ -51,7 +51,7 @@ fn is_free(
 ) -> bool {
     let set = tool.with_stick_out(length).unwrap().offset(clearance).unwrap();
     let field = SolidField::of_tool(part.environment.keep_out.clone(), set.noncutting().unwrap());
-    !field.meets(tip, axis, None, None)
+    !field.meets(tip, axis, Known::default(), None)
 }
 
 #[test]
@@ -164,7 +164,7 @@ fn the_best_direction_is_the_best_of_each_alone_and_of_trial() {
             // A ball touches in one pose alone.
             let SurfaceSample { point, normal, bend, .. } = part.samples[sample];
             let one_pose = bend == 0.0 && normal.dot(axis) > 0.05;
-            if one_pose && sample % 5 == 0 && matches!(found, StickOut::Reached { .. } | StickOut::Obstructed)
+            if one_pose && sample % 3 == 0 && matches!(found, StickOut::Reached { .. } | StickOut::Obstructed)
             {
                 let tip = point + 2.5 * (normal - axis);
                 let lengths = (0..160).map(|step| 8.0 + 0.25 * f64::from(step));

@@ -51,19 +51,20 @@ impl ObstructedRow {
     }
 }
 
-/// States that walls are known to within a voxel, whether or not shank and holder avoid all voxels that the surface
-/// touches: the cutter meets voxel centres in either case.
+/// Radius of the largest circle among points of a surface, in pitches.
+const CORNER: f64 = 0.36;
+
+/// States how well walls are known to the cutter, by points of the surface half a pitch apart, and to shank and holder, by voxels: the
+/// corner of a cutter passes between points no deeper than the hole among them is wide.
 pub(crate) fn resolved(pitch: f64, conservative: bool, unit: LengthUnit) -> String {
-    let pitch = short(pitch);
+    let (corner, pitch) = (short(CORNER * pitch), short(pitch));
     let rest = match conservative {
-        false => " (of shank and holder too, unless --conservative)".to_owned(),
-        true => {
-            format!("; for shank and holder none does, and one up to {pitch} {unit} wider may be blocked")
-        }
+        false => "passes for one that fits, unless --conservative".to_owned(),
+        true => format!("passes for none, and one up to {pitch} {unit} wider may be blocked"),
     };
     format!(
-        "walls are known to within voxels of {pitch} {unit}: a cutter may cut so much deeper than said, and a gap up to {pitch} {unit} too \
-         narrow for it passes for one that fits{rest}"
+        "walls are known to shank and holder to within voxels of {pitch} {unit}: a gap up to so much too narrow for them {rest}; the corner of \
+         a cutter may cut up to {corner} {unit} deeper than said, a round less"
     )
 }
 

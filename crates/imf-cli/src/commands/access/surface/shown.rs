@@ -135,10 +135,17 @@ impl Surface {
                 0 => "the part",
                 fixture => run.fixtures.get(fixture - 1).map_or("a fixture", String::as_str),
             };
-            let volume = show_measure(f64::from(hit.voxels) * run.query.voxel_volume());
+            // What holds no centre holds points of the surface.
+            let volume = f64::from(hit.voxels) * run.query.voxel_volume();
+            let volume = (hit.voxels > 0).then(|| format!(", {} {unit}³", show_measure(volume)));
             // Centres that lie on its surface but for rounding.
             let depth = if hit.depth < 1e-6 * run.query.pitch { 0.0 } else { hit.depth };
-            format!("{} {} {unit} deep in {body}, {volume} {unit}³", hit.kind, show_measure(depth))
+            format!(
+                "{} {} {unit} deep in {body}{}",
+                hit.kind,
+                show_measure(depth),
+                volume.unwrap_or_default()
+            )
         });
         let mut quantified = Vec::new();
         let of_tool = |sample: &&usize| nearest.as_ref().is_some_and(|near| near.2 == self.best[**sample].1);

@@ -1,0 +1,29 @@
+//! What a cutter does not fit into is told from points of the surface: alike at every pitch.
+
+use super::*;
+use crate::parts::shell::rectangle;
+
+#[test]
+fn what_a_cutter_leaves_in_a_sharp_corner_is_told_alike_at_every_pitch() {
+    let (radius, side, depth) = (3.0, 20.0, 10.0);
+    let outline = rectangle([5.0, 5.0 + side], [5.0, 5.0 + side]);
+    let mesh = pocketed(DVec3::new(30.0, 30.0, 20.0), &outline, depth);
+    let inside = |s: &SurfaceSample| (s.point.truncate() - 15.0).abs().max_element() < 10.1;
+    let wall = |s: &SurfaceSample| inside(s) && is_wall(s);
+    let floor = |s: &SurfaceSample| inside(s) && s.normal.z > 0.5 && s.point.z < 19.0;
+    for tolerance in [0.05, 0.2] {
+        // The cutter's axis stays so far off the walls.
+        let off = radius - tolerance;
+        let on_wall = 1.0 - 2.0 * off / side;
+        let on_floor = 1.0 - (4.0 - PI) * radius * radius / (side * side);
+        for pitch in [3.0, 1.5, 0.75] {
+            let part = Part::sampled(&mesh, pitch, 6000);
+            let tool = SurfaceTool::new(&part.environment, &(&flat(radius)).into(), tolerance).unwrap();
+            let reach = part.access(&tool, &orientations(DOWN)).reach;
+            let found = SampleVerdicts { samples: &part.samples, tool, reach };
+            // Points stand half a pitch apart, samples half a millimetre.
+            assert_near(found.reached(wall), on_wall, 0.015, (tolerance, pitch));
+            assert_near(found.reached(floor), on_floor, 0.02, (tolerance, pitch));
+        }
+    }
+}
