@@ -180,14 +180,25 @@ pub(crate) fn squared_depths(obstacle: &Occupancy) -> Vec<u64> {
     depths
 }
 
-/// The solid voxels that lie deeper than `depth` (in the grid's unit) below the surface. The surface is taken to lie
-/// half-way between solid and empty centres: a solid voxel is as deep below it as its centre's distance to the nearest
-/// empty centre, less half a pitch.
+/// The solid voxels that lie deeper than `depth` (in the grid's unit) below the surface, and those in the middle of a wall,
+/// however thin: none around is deeper. The surface is taken to lie half-way between solid and empty centres: a solid
+/// voxel is as deep below it as its centre's distance to the nearest empty centre, less half a pitch.
 #[must_use]
 pub(crate) fn deeper_than(part: &Occupancy, depth: f64) -> Occupancy {
     // Rounded to a billionth, so that a depth of whole pitches compares as exact.
     let limit = (depth / part.grid.pitch + 0.5 + 1e-9).powi(2);
-    let solid = squared_depths(part).iter().map(|&squared| u8::from(squared as f64 > limit)).collect();
+    let depths = squared_depths(part);
+    let [nx, ny, nz] = part.grid.dims;
+    let solid = parallel::map(depths.len(), |voxel| {
+        let squared = depths[voxel];
+        let is_deepest = || {
+            let [x, y, z] = part.grid.voxel(voxel);
+            let around = |at: usize, count: usize| at.saturating_sub(1)..(at + 2).min(count);
+            let mut near = around(x, nx).flat_map(|x| around(y, ny).map(move |y| (x, y)));
+            near.all(|(x, y)| around(z, nz).all(|z| depths[part.grid.index([x, y, z])] <= squared))
+        };
+        u8::from(squared as f64 > limit || squared > 0 && is_deepest())
+    });
     Occupancy { grid: part.grid, solid }
 }
 
@@ -221,6 +232,32 @@ mod tests {
     fn brute(obstacle: &Occupancy, wanted: u8, index: usize) -> Option<u64> {
         let chosen = (0..obstacle.solid.len()).filter(|&i| obstacle.solid[i] == wanted);
         chosen.map(|i| squared_distance(obstacle.grid.dims, index, i)).min()
+    }
+
+    #[test]
+    fn the_middle_of_a_wall_counts_as_deep_however_thin_it_is() {
+        let grid = Grid { origin: DVec3::ZERO, pitch: 0.5, dims: [24, 20, 20] };
+        for thick in 1..6 {
+            // A rib on a plate.
+            let solid = |[x, y, z]: [usize; 3]| {
+                (1..7).contains(&x) && y > 0 && y < 19 && z > 0 && z < 19
+                    || (7..22).contains(&x) && (8..8 + thick).contains(&y) && z > 0 && z < 19
+            };
+            let solid: Vec<u8> = (0..grid.len()).map(|v| u8::from(solid(grid.voxel(v)))).collect();
+            let part = Occupancy { grid, solid };
+            let deep = deeper_than(&part, 2.0);
+            for x in 10..18 {
+                let across: Vec<u8> = (0..20).map(|y| deep.solid[grid.index([x, y, 10])]).collect();
+                assert_eq!(
+                    across.iter().map(|&d| usize::from(d)).sum::<usize>(),
+                    2 - thick % 2,
+                    "{thick} {x}"
+                );
+                assert!(across[8 + thick / 2] == 1, "{thick} {x}");
+            }
+            // The faces of what is thicker are not deep.
+            assert!((1..19).all(|y| deep.solid[grid.index([1, y, 10])] == 0));
+        }
     }
 
     #[test]

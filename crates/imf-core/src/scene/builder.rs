@@ -163,7 +163,8 @@ impl<'a> SceneBuilder<'a> {
         Self { clearance, ..self }
     }
 
-    /// How deep below the part's surface the cutter may reach.
+    /// How deep below the part's surface the cutter may reach: it may hold voxels whose centres lie no deeper, but for those in the
+    /// middle of a wall.
     pub fn contact(self, depth: f64) -> Self {
         Self { contact: Some(depth), ..self }
     }

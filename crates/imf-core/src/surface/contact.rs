@@ -26,7 +26,6 @@ pub(super) struct Slope {
 
 impl Slope {
     const DOWN: Self = Self { sine: -1.0, cosine: 0.0 };
-    const ACROSS: Self = Self { sine: 0.0, cosine: 1.0 };
     const UP: Self = Self { sine: 1.0, cosine: 0.0 };
 
     /// Of a vector, by its parts along the axis and away from it.
@@ -108,9 +107,6 @@ impl Outline {
         let shoulder = radius - neck > SAME * radius;
         if shoulder && tool.back_cutting {
             builder.step(height, [radius, neck]);
-        } else if radius >= neck {
-            // The end of its edges cuts as steeply as a wall.
-            builder.turn(Slope::ACROSS, height, radius);
         }
         let all = elements.iter().flat_map(|e| &e.profile);
         let mut widest = 0.0;
@@ -355,10 +351,9 @@ mod tests {
         assert_eq!(found(&drill, -90.0), [Touch::Point { height: 0.0, radius: 0.0 }]);
         assert_eq!(found(&drill, -45.0).len(), 33 + 2);
         assert_eq!(found(&drill, -20.0), [Touch::Point { height: 2.0, radius: 2.0 }]);
-        // The widest end of a cone cuts walls that are steeper than itself.
+        // With the end of its flank alone a cone machines no wall.
         let cone = revolved([(ElementKind::Cutter, vec![line(0.0, 4.0, 1.0, 3.0)])]);
-        let end = Touch::Point { height: 4.0, radius: 3.0 };
-        assert_eq!((found(&cone, -10.0), found(&cone, 10.0)), (vec![end], vec![]));
+        assert_eq!((found(&cone, -10.0), found(&cone, 10.0)), (vec![], vec![]));
     }
 
     #[test]

@@ -27,7 +27,8 @@ pub struct ObstacleMesh {
     pub pitch: Option<f64>,
     /// Whether every voxel that the surface touches is solid; `None` for what the world says.
     pub conservative: Option<bool>,
-    /// How deep below its surface the cutter may reach, in the world's unit, to voxels; 0 for what is not to be cut.
+    /// How deep below its surface the cutter may reach, in the world's unit: it may hold voxels whose centres lie no deeper, but for
+    /// those in the middle of a wall, and so goes up to a pitch deeper. 0 for what is not to be cut.
     pub contact: f64,
 }
 
