@@ -187,6 +187,8 @@ pub struct Bodies {
     pub fixtures: Vec<(String, Occupancy)>,
     /// Fraction of the centres in or near the part that its mesh leaves undecided (inside or outside).
     pub undecided: f64,
+    /// The same of each fixture.
+    pub fixtures_undecided: Vec<f64>,
 }
 
 impl Bodies {
@@ -218,7 +220,13 @@ impl Bodies {
         let part = meshes.next().map_or_else(|| Ok(self.part.clone()), |mesh| of(mesh, &self.part.grid))?;
         let fixtures = meshes.zip(&self.fixtures);
         let fixtures = fixtures.map(|(mesh, (name, own))| Ok((name.clone(), of(mesh, &own.grid)?)));
-        Ok(Self { part, fixtures: fixtures.collect::<Result<_, SceneError>>()?, ..*self })
+        let (undecided, fixtures_undecided) = (self.undecided, self.fixtures_undecided.clone());
+        Ok(Self {
+            part,
+            fixtures: fixtures.collect::<Result<_, SceneError>>()?,
+            undecided,
+            fixtures_undecided,
+        })
     }
 
     fn with_fixtures(&self, mut solid: Occupancy) -> Occupancy {

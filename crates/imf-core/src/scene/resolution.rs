@@ -159,8 +159,8 @@ impl SceneSpec<'_> {
         Ok((assembly, warnings))
     }
 
-    /// Warnings about part and fixtures on their grid: voxels left undecided by openings of the part's mesh, a part
-    /// of few voxels across, walls that lie between the centres, fixtures that overlap the part.
+    /// Warnings about part and fixtures on their grid: voxels left undecided by openings of their meshes, a part of few
+    /// voxels across, walls that lie between the centres, fixtures that overlap the part.
     ///
     /// # Errors
     /// As [`SceneSpec::bodies`].
@@ -173,9 +173,9 @@ impl SceneSpec<'_> {
         warnings.extend(lost(self.part, self.mesh, &self.transform, &bodies.part));
         let part = self.part_bounds()?;
         let boxes = self.fixture_boxes()?;
-        for ((fixture, (_, voxels)), (name, low, high)) in
-            self.fixtures.iter().zip(&bodies.fixtures).zip(boxes)
-        {
+        let placed = self.fixtures.iter().zip(&bodies.fixtures).zip(&bodies.fixtures_undecided);
+        for (((fixture, (_, voxels)), &undecided), (name, low, high)) in placed.zip(boxes) {
+            warnings.extend(SceneWarning::of_openings(name, fixture.mesh, undecided));
             warnings.extend(lost(name, fixture.mesh, &fixture.transform, voxels));
             let (lower, upper) = (low.max(part.0), high.min(part.1));
             // Faces that touch overlap in no volume.
@@ -228,15 +228,19 @@ impl SceneSpec<'_> {
 impl SceneWarning {
     /// Warnings about a body's voxels; `undecided` is the fraction of centres that its mesh leaves undecided.
     pub(crate) fn of_body(part: &str, mesh: &Mesh, solid: &Occupancy, undecided: f64) -> Vec<Self> {
-        let (part, pitch, voxels) = (part.to_owned(), solid.grid.pitch, thickness(solid));
-        let thin = (voxels <= THIN).then(|| Self::Thin { part: part.clone(), voxels, pitch });
+        let (pitch, voxels) = (solid.grid.pitch, thickness(solid));
+        let thin = (voxels <= THIN).then(|| Self::Thin { part: part.to_owned(), voxels, pitch });
+        thin.into_iter().chain(Self::of_openings(part, mesh, undecided)).collect()
+    }
+
+    /// Of a mesh that leaves a fraction of the centres undecided.
+    fn of_openings(part: &str, mesh: &Mesh, undecided: f64) -> Option<Self> {
         // Triangles that meet without sharing corners leave edges open, and nothing undecided.
-        let open = (undecided > 0.0).then(|| Self::Open {
+        (undecided > 0.0).then(|| Self::Open {
+            part: part.to_owned(),
             boundary_edges: boundary_chain(mesh).len(),
             fraction: undecided,
-            part,
-        });
-        thin.into_iter().chain(open).collect()
+        })
     }
 
     /// Of surface that the voxels of a body in its place lost, within a grid.

@@ -217,8 +217,9 @@ impl<'a> SceneSpec<'a> {
             return Err(SceneError::NoSolid { part: self.part.to_owned(), pitch: grid.pitch });
         }
         let mut fixtures: Vec<(String, Occupancy)> = Vec::new();
+        let mut fixtures_undecided = Vec::new();
         for fixture in self.fixtures {
-            let (mesh, solid, _) = body(fixture.name, fixture.mesh, &fixture.transform)?;
+            let (mesh, solid, undecided) = body(fixture.name, fixture.mesh, &fixture.transform)?;
             // Its surface passes through the grid, and yet it holds none of the centres: it is too thin for them. One that only touches
             // the grid from without is not in it.
             let (lower, upper) = (grid.origin, grid.origin + grid.size());
@@ -236,8 +237,9 @@ impl<'a> SceneSpec<'a> {
             let same = self.fixtures[..before].iter().filter(|other| other.name == fixture.name).count();
             let number = if same > 0 { format!(" ({})", same + 1) } else { String::new() };
             fixtures.push((format!("{}{number}", fixture.name), solid.cropped()));
+            fixtures_undecided.push(undecided);
         }
-        Ok(Bodies { part, fixtures, undecided })
+        Ok(Bodies { part, fixtures, undecided, fixtures_undecided })
     }
 
     /// Part and fixtures where they are placed, in the order of [`Bodies`].

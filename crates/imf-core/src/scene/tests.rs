@@ -241,6 +241,15 @@ fn a_mesh_that_does_not_say_what_is_inside_is_refused_and_one_with_a_hole_is_not
     let (scene, bodies) = SceneSpec { mesh: &open, ..spec(&[]) }.scene_alone().unwrap();
     assert_eq!(scene.obstacle.count(), 512);
     assert!((0.1..0.5).contains(&bodies.undecided), "{}", bodies.undecided);
+    // A fixture's openings are told by its name.
+    let fixtures = [Fixture { mesh: &open, ..clamp() }];
+    let held = SceneSpec { around: GridExtent::All, ..spec(&fixtures) };
+    let told = held.warnings(&held.scene_alone().unwrap().1).unwrap();
+    let is_open = |warning: &SceneWarning| {
+        matches!(warning, SceneWarning::Open { part, boundary_edges, fraction }
+            if part == "clamp" && *boundary_edges > 0 && *fraction > 0.0)
+    };
+    assert!(told.iter().any(is_open), "{told:?}");
     // Half of the triangles turned, as good as at random.
     let turned = |t: usize| t.wrapping_mul(2_654_435_761) >> 13 & 1 == 1;
     for (_, corners) in cube.triangles.iter_mut().enumerate().filter(|(t, _)| turned(*t)) {

@@ -69,7 +69,7 @@ pub enum SceneWarning {
         percent(*.fraction)
     )]
     Open {
-        /// The part.
+        /// The part or fixture.
         part: String,
         /// Edges of its boundary.
         boundary_edges: usize,

@@ -74,7 +74,8 @@ impl ObstacleMesh {
         let mut warnings = SceneWarning::of_repair(&name, &repair, mesh.triangles.len());
         warnings.extend(SceneWarning::of_body(&name, &mesh, &solid, undecided));
         warnings.extend(SceneWarning::of_lost_surface(&name, &mesh, &solid, &grid, unit));
-        let body = Bodies { part: solid.cropped(), fixtures: Vec::new(), undecided };
+        let body =
+            Bodies { part: solid.cropped(), fixtures: Vec::new(), undecided, fixtures_undecided: Vec::new() };
         let obstacle = match contact {
             0.0 => body.part.into(),
             depth => Obstacle::with_cuttable(&body.part, body.layer(depth)),

@@ -153,7 +153,8 @@ fn a_layer_that_only_the_cutter_may_enter_is_counted_for_the_rest() {
     };
     let part = Occupancy { grid, solid: (0..grid.len()).map(|i| inside(i, 2, 11)).collect() };
     let fixtures = Occupancy { grid, solid: (0..grid.len()).map(|i| inside(i, 10, 13)).collect() };
-    let bodies = Bodies { part, fixtures: vec![("clamp".into(), fixtures)], undecided: 0.0 };
+    let fixtures = vec![("clamp".into(), fixtures)];
+    let bodies = Bodies { part, fixtures, undecided: 0.0, fixtures_undecided: vec![0.0] };
     let obstacle = Obstacle::with_cuttable(&bodies.obstacle(), bodies.layer(4.0));
     assert!(obstacle.forbidden.count() > 0 && obstacle.cuttable.as_ref().unwrap().count() > 0);
     for sharp_points in [SharpPoints::Tip, SharpPoints::Points(vec![[1.0, 0.0, 3.0].into()])] {

@@ -89,7 +89,7 @@ fn elements_are_their_definition_and_sum_to_the_section_flat_and_deep() {
 fn contact_and_clearance_are_counted_by_their_definition() {
     let (part, clamp) = clamped_block();
     let fixtures = vec![("clamp".to_owned(), clamp.clone())];
-    let bodies = Bodies { part: part.clone(), fixtures, undecided: 0.0 };
+    let bodies = Bodies { part: part.clone(), fixtures, undecided: 0.0, fixtures_undecided: vec![0.0] };
     let obstacle = Obstacle::with_cuttable(&bodies.obstacle(), bodies.layer(1.0));
     let (forbidden, cuttable) = (&obstacle.forbidden, obstacle.cuttable.as_ref().unwrap());
     assert!(forbidden.solid.iter().zip(&cuttable.solid).all(|(a, b)| a & b == 0));
