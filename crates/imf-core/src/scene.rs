@@ -44,7 +44,7 @@ use crate::grid::{Grid, GridError};
 use crate::mesh::Mesh;
 use crate::obstacle::Obstacle;
 use crate::occupancy::Occupancy;
-use crate::tool::{Assembly, Clearance, ClearanceError, Tool};
+use crate::tool::{Assembly, Clearance, ClearanceError, Tool, ToolError};
 use crate::unit::{ImplausibleSize, LengthUnit};
 use crate::voxelize::voxelize_with;
 
@@ -271,6 +271,9 @@ pub enum SceneError {
          for built-in parts"
     )]
     NoTool(String),
+    /// A tool without volume, or whose elements do not stand on one another.
+    #[error(transparent)]
+    Tool(#[from] ToolError),
     /// A tool that would pass between the voxels' centres undetected.
     #[error("{0}; or allow it, knowing that collisions are missed")]
     Coarse(CoarseTool),

@@ -190,7 +190,8 @@ impl SectionPlan {
             ToolPoints::Tip => assembly.whole().with_tip_only(),
             ToolPoints::SharpPoints => assembly.whole().clone(),
         };
-        tool.check()?;
+        // As it was given: what is offset or eroded need not stand on one another.
+        assembly.tool().check()?;
         let own = *obstacle.grid();
         let sharp_points = tool.sharp_point_positions(own.pitch);
         let query = query_box(&own, query_grid, &sharp_points)?;

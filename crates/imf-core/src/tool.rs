@@ -4,6 +4,7 @@
 //! inside where `0 ≤ z < length` and `r ≤ ρ(z)`. Elements do not overlap: each owns its own range of heights.
 
 mod assembly;
+mod check;
 mod depth;
 mod erode;
 #[cfg(feature = "formats")]
@@ -89,6 +90,25 @@ pub enum ToolError {
         name: String,
         /// What is missing.
         what: String,
+    },
+    /// Pieces that do not stand on one another, or a radius that is none.
+    #[error("the tool '{name}' is no body of revolution from its tip upwards: {what}")]
+    Outline {
+        /// The tool.
+        name: String,
+        /// What is wrong, and with which element.
+        what: String,
+    },
+    /// A mesh that is not closed.
+    #[error(
+        "the mesh of the tool '{name}' is open ({boundary_edges} boundary edges), so that it does not say everywhere what is inside: \
+         close its holes, make it one closed solid, and export it again"
+    )]
+    Open {
+        /// The tool.
+        name: String,
+        /// Edges of its boundary.
+        boundary_edges: usize,
     },
     /// Longer or wider than any machine.
     #[error(
@@ -299,45 +319,11 @@ impl Tool {
         let widths = self.elements().iter().map(|e| (e.kind.to_string(), 2.0 * e.max_radius()));
         widths.min_by(|(_, a), (_, b)| a.total_cmp(b)).unwrap_or_default()
     }
-
-    /// Checks that the tool has a volume, and lengths that a machine can hold.
-    ///
-    /// # Errors
-    /// [`ToolError::Empty`] with what is missing, [`ToolError::TooLong`].
-    pub fn check(&self) -> Result<(), ToolError> {
-        let empty = |what: &str| ToolError::Empty { name: self.name.clone(), what: what.into() };
-        match &self.shape {
-            ToolShape::Revolved(elements) if elements.is_empty() => return Err(empty("it has no element")),
-            ToolShape::Mesh(mesh) if mesh.triangles.is_empty() => {
-                return Err(empty("its mesh has no triangle"));
-            }
-            _ => {}
-        }
-        if let Some(Element { kind, .. }) = self.elements().iter().find(|element| !element.runs_upwards()) {
-            return Err(empty(&format!("the outline of its {kind} does not run upwards without gaps")));
-        }
-        let volume = self.volume();
-        if !(volume.is_finite() && volume > 0.0) {
-            return Err(empty(&format!("its volume is {volume}")));
-        }
-        if let SharpPoints::Cutter(count) = self.sharp_points
-            && count > MOST_SHARP_POINTS
-        {
-            return Err(ToolError::SharpPoints { name: self.name.clone(), count });
-        }
-        let (name, unit) = (self.name.clone(), self.unit);
-        let length = self.reach();
-        if length * unit.in_mm() > LONGEST_MM {
-            return Err(ToolError::TooLong { name, length, unit });
-        }
-        Ok(())
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::section::test_shapes::revolved;
 
     #[test]
     fn the_papers_tool_has_the_papers_reach_and_volume() {
@@ -356,20 +342,5 @@ mod tests {
         assert!((inches.volume() * 25.4f64.powi(3) - tool.volume()).abs() < 1e-6);
         assert!((inches.sharp_point_positions(1.0)[0].x * 25.4 - 1.0).abs() < 1e-12);
         assert!(!inches.is_axisymmetric() && Tool::paper().is_axisymmetric());
-    }
-
-    #[test]
-    fn tools_without_volume_are_refused() {
-        let none = Tool { shape: ToolShape::Revolved(vec![]), ..Tool::paper() };
-        assert!(none.check().unwrap_err().to_string().contains("no element"));
-        assert!(Tool::paper().check().is_ok());
-        // A stick-out of 4e9 mm.
-        let far = revolved([
-            (ElementKind::Cutter, vec![Segment::cylinder(0.0, 9.0, 3.0)]),
-            (ElementKind::Shank, vec![Segment::cylinder(9.0, 4e9, 2.0)]),
-        ]);
-        let text = far.check().unwrap_err().to_string();
-        assert!(text.contains("4e9 mm") && text.contains("stick-out"), "{text}");
-        assert_eq!(far.thinnest(), ("shank".into(), 4.0));
     }
 }

@@ -113,6 +113,19 @@ pub fn voxelize_with(
     Ok(VoxelizeResult { solid: occupancy, undecided })
 }
 
+/// Voxels along a mesh's longest side by which it is seen whether it encloses a volume.
+const ACROSS: f64 = 64.0;
+
+/// Boundary edges of a mesh that does not say everywhere what is inside; `None` of a closed one, also where triangles meet without
+/// sharing corners.
+pub(crate) fn openings(mesh: &Mesh) -> Option<usize> {
+    let boundary_edges = boundary_chain(mesh).len();
+    let (lower, upper) = mesh.bounds().filter(|_| boundary_edges > 0)?;
+    let grid = Grid::with_pitch(lower, upper, (upper - lower).max_element() / ACROSS, 1).ok()?;
+    let voxels = voxelize_with(mesh, &grid, false, Control::quiet()).ok()?;
+    (voxels.undecided > 0.0).then_some(boundary_edges)
+}
+
 /// Generalised winding number of the mesh at a point: the definition.
 pub(crate) fn winding_number(mesh: &Mesh, point: DVec3) -> f64 {
     solid_angle::winding_number(mesh.all_corners(), point)

@@ -70,7 +70,7 @@ pub fn access_map(
 ) -> Result<AccessMap, SectionError> {
     let (obstacle, assembly) = (obstacle.into(), assembly.into());
     let (tool, layer) = (assembly.whole(), cuttable_and_noncutting(&obstacle, &assembly));
-    tool.check()?;
+    assembly.tool().check()?;
     let grid = obstacle.grid();
     let sharp_points = tool.sharp_point_positions(grid.pitch);
     let at = (point - grid.centre([0; 3])) / grid.pitch;

@@ -36,6 +36,7 @@ use super::{Machine, MachineSolid, PreferredBranch, RotaryAxis, Side, SolidShape
 use crate::file_error::{Fault, FaultKind, FileError};
 use crate::mesh::read::read_mesh_file;
 use crate::unit::LengthUnit;
+use crate::voxelize::openings;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -229,6 +230,12 @@ impl Reader<'_> {
                         kind: FaultKind::Empty,
                         ..wrong("has a mesh without a triangle".into())
                     });
+                }
+                if let Some(edges) = openings(&mesh) {
+                    return Err(wrong(format!(
+                        "has an open mesh ({edges} boundary edges), which does not say everywhere what is inside: close its holes, make it \
+                         one closed solid, and export it again"
+                    )));
                 }
                 SolidShape::Mesh(mesh)
             }

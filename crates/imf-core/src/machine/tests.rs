@@ -319,6 +319,11 @@ fn files_are_read_and_mistakes_named_with_their_line() {
     assert_eq!((machine.solids[0].level, machine.solids[1].side), (2, Side::Head));
     let voxels = machine.solids[0].voxels(1.0, crate::control::Control::quiet()).unwrap().solid;
     assert!((voxels.volume() / (std::f64::consts::PI * 625.0 * 20.0) - 1.0).abs() < 0.01);
+    std::fs::write(
+        folder.path().join("open.obj"),
+        "v 0 0 0\nv 9 0 0\nv 0 9 0\nv 0 0 9\nf 1 2 4\nf 2 3 4\nf 3 1 4\n",
+    )
+    .unwrap();
     let cases = [
         ("", "G54"),
         ("[offsets]\nG60 = [0, 0, 0]\n", "line 2"),
@@ -327,6 +332,10 @@ fn files_are_read_and_mistakes_named_with_their_line() {
         ("prefer = 'B+'\n[offsets]\nG54 = [0, 0, 0]\n", "line 1: prefer"),
         ("[offsets]\nG54 = [0, 0, 0]\n[[solid]]\nname = 'x'\non = 'Q'\nmesh = 'x.stl'\n", "'Q'"),
         ("[offsets]\nG54 = [0, 0, 0]\n[[solid]]\nname = 'x'\non = 'table'\nmesh = 'none.stl'\n", "none.stl"),
+        (
+            "[offsets]\nG54 = [0, 0, 0]\n[[solid]]\nname = 'x'\non = 'table'\nmesh = 'open.obj'\n",
+            "open mesh (3 boundary edges)",
+        ),
         ("[offsets]\nG54 = [0, 0, 0]\n[[solid]]\nname = 'x'\non = 'table'\n", "one shape"),
     ];
     for (text, said) in cases {

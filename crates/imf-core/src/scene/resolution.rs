@@ -124,8 +124,9 @@ impl SceneSpec<'_> {
     /// Warnings about a tool (in any unit, without clearance) on a grid.
     ///
     /// # Errors
-    /// [`SceneError::Coarse`] of a tool thinner than √2 voxels, its tip too, or with a disc thinner than one, unless the spec allows it.
+    /// A tool that [`Tool::check`] refuses; [`SceneError::Coarse`] of a tool thinner than √2 voxels, its tip too, or with a disc thinner than one, unless the spec allows it.
     pub fn check_tool(&self, tool: &Tool, grid: &Grid) -> Result<Vec<SceneWarning>, SceneError> {
+        tool.check()?;
         let tool = tool.in_unit(self.unit);
         let (lower, upper) = self.part_bounds()?;
         let proportion = proportion_check((upper - lower).max_element(), tool.thinnest().1, self.unit);

@@ -242,7 +242,8 @@ fn a_mesh_that_does_not_say_what_is_inside_is_refused_and_one_with_a_hole_is_not
     assert_eq!(scene.obstacle.count(), 512);
     assert!((0.1..0.5).contains(&bodies.undecided), "{}", bodies.undecided);
     // A fixture's openings are told by its name.
-    let fixtures = [Fixture { mesh: &open, ..clamp() }];
+    let beside = DMat4::from_translation(DVec3::new(-6.0, 0.0, 0.0)) * DMat4::from_scale(DVec3::splat(4.0));
+    let fixtures = [Fixture { mesh: &open, transform: beside, ..clamp() }];
     let held = SceneSpec { around: GridExtent::All, ..spec(&fixtures) };
     let told = held.warnings(&held.scene_alone().unwrap().1).unwrap();
     let is_open = |warning: &SceneWarning| {

@@ -37,7 +37,7 @@ use toml::Spanned;
 
 use super::library;
 use super::stack::{Stack, line, rounded};
-use super::{Segment, SharpPoints, Tool, ToolShape};
+use super::{Segment, SharpPoints, Tool, ToolError, ToolShape};
 use crate::file_error::{Fault, FaultKind, FileError};
 use crate::mesh::read::read_mesh_file;
 use crate::unit::LengthUnit;
@@ -180,8 +180,11 @@ fn text_of(bytes: &[u8]) -> Result<&str, Fault> {
 }
 
 fn checked(tool: Tool) -> Result<Tool, Fault> {
-    tool.check().map_err(|error| Fault::new(FaultKind::Empty, error.to_string()))?;
-    Ok(tool)
+    match tool.check() {
+        Ok(()) => Ok(tool),
+        Err(error @ ToolError::Open { .. }) => Err(Fault::malformed(error.to_string())),
+        Err(error) => Err(Fault::new(FaultKind::Empty, error.to_string())),
+    }
 }
 
 /// The text being read, for errors that name their line.
@@ -223,7 +226,9 @@ impl Reader<'_> {
                     ..self.wrong(mesh, error.to_string())
                 })?;
                 let unit = text.unit.or(file.unit).unwrap_or_default();
-                Tool { unit, shape: ToolShape::Mesh(file.in_unit(unit)), ..Tool::revolved(name, []) }
+                // A tool has no warnings: what is repaired is what would be of a part.
+                let (mesh, _) = file.in_unit(unit).with_consistent_faces();
+                Tool { unit, shape: ToolShape::Mesh(mesh), ..Tool::revolved(name, []) }
             }
             (Some(mesh), _) => {
                 let what = "mesh stands alone: remove cutter, shank, holder and stick_out, or remove mesh";

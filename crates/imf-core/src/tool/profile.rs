@@ -30,6 +30,11 @@ impl ElementKind {
     }
 }
 
+/// Whether what begins at a height stands on what ends at one: they are equal up to the rounding of sums.
+pub(super) fn meets(end: f64, from: f64) -> bool {
+    (from - end).abs() <= 1e-9 * (from.abs() + end.abs())
+}
+
 impl fmt::Display for ElementKind {
     /// `cutter`, `shank`, or `holder 1` for the segment nearest to the tip.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -56,10 +61,16 @@ impl Element {
         let mut end = None;
         self.profile.iter().all(|segment| {
             let (from, to) = segment.range();
-            let follows = end.is_none_or(|end: f64| (from - end).abs() <= 1e-9 * (from.abs() + end.abs()));
+            let follows = end.is_none_or(|end| meets(end, from));
             end = Some(to);
             from <= to && follows
         })
+    }
+
+    /// True where every radius is finite and, up to rounding, at least 0.
+    pub(super) fn has_radii(&self) -> bool {
+        let least = -1e-9 * self.max_radius();
+        self.profile.iter().flat_map(Segment::radii).all(|radius| radius.is_finite() && radius >= least)
     }
 
     /// Largest radius of the element.
@@ -144,6 +155,14 @@ impl Segment {
                 let rise = height - centre_height;
                 centre_radius + (arc_radius * arc_radius - rise * rise).max(0.0).sqrt()
             }
+        }
+    }
+
+    /// Its radii at its ends, where the smallest is; of an arc its own too.
+    fn radii(&self) -> [f64; 3] {
+        match *self {
+            Self::Line { radius_from, radius_to, .. } => [radius_from, radius_to, radius_to],
+            Self::Arc { from, to, arc_radius, .. } => [self.radius(from), self.radius(to), arc_radius],
         }
     }
 

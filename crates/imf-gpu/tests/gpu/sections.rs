@@ -164,7 +164,7 @@ fn a_layer_that_only_the_cutter_may_enter_is_counted_for_the_rest() {
             unreachable!("the paper's tool has elements")
         };
         let of = |elements: Vec<Element>| Tool { shape: ToolShape::Revolved(elements), ..tool.clone() };
-        let segment = Segment::Line { from: 40.0, to: 41.0, radius_from: 0.4, radius_to: 0.4 };
+        let segment = Segment::Line { from: 35.0, to: 36.0, radius_from: 0.4, radius_to: 0.4 };
         let holder = Element { kind: ElementKind::Holder(0), profile: vec![segment] };
         let cutter = Element { kind: ElementKind::Cutter, ..elements[0].clone() };
         let thin = of(vec![holder.clone()]);

@@ -67,6 +67,20 @@ fn a_mesh_says_which_of_its_vertices_cut() {
         let Fault { line, cause, .. } = read(wrong).unwrap_err().fault;
         assert!(line == Some(2) && cause.contains("within"), "{wrong}: {cause}");
     }
+    // A face the other way round, and corners of each face's own: repaired.
+    let whole = read("10").unwrap().volume();
+    let turned = corners.replace("f 1 3 2", "f 1 2 3");
+    let apart = "v -1 -1 0\nv 1 -1 0\nv 0 1 0\nv 0 1 0\nv 1 -1 0\nv 0 0 30\nv -1 -1 0\nv 1 -1 0\nv 0 0 30\nv 0 1 0\nv -1 -1 0\n\
+                 v 0 0 30\nf 1 3 2\nf 7 8 9\nf 5 4 6\nf 10 11 12\n";
+    for repaired in [&turned, apart] {
+        std::fs::write(folder.path().join("head.obj"), repaired).unwrap();
+        assert!((read("10").unwrap().volume() - whole).abs() < 1e-9);
+    }
+    // Without its bottom it says nowhere for certain what is inside.
+    std::fs::write(folder.path().join("head.obj"), corners.replace("f 1 3 2\n", "")).unwrap();
+    let Fault { kind, cause, .. } = read("10").unwrap_err().fault;
+    assert!(kind == FaultKind::Malformed && cause.contains("open (3 boundary edges)"), "{cause}");
+    assert!(cause.contains("one closed solid"), "{cause}");
 }
 
 #[test]
