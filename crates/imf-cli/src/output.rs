@@ -8,7 +8,7 @@ mod stale;
 use std::fs::{self, File, TryLockError};
 use std::io::{Error, ErrorKind, Write as _, stdout};
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
 use anyhow::{Context as _, Result, bail, ensure};
 use imf_core::atomic_file::{keep_previous, remove_all_leftovers, remove_leftovers, write_atomically};
@@ -24,6 +24,8 @@ use crate::session::{Remarks, Session, remarks};
 #[derive(Debug)]
 pub struct OutputFolder {
     pub(crate) path: PathBuf,
+    /// From the first result until the folder is dropped.
+    lock: OnceLock<FolderLock>,
 }
 
 impl OutputFolder {
@@ -50,7 +52,7 @@ impl OutputFolder {
         // A name of its own: other threads and processes may be asking about the same folder.
         let probe = Builder::new().prefix(".imf-").suffix(".probe").tempfile_in(existing);
         probe.and_then(NamedTempFile::close).with_context(fail)?;
-        Ok(Self { path: path.to_owned() })
+        Ok(Self { path: path.to_owned(), lock: OnceLock::new() })
     }
 
     pub(crate) fn create(&self) -> Result<()> {
@@ -58,9 +60,17 @@ impl OutputFolder {
             .with_context(|| format!("cannot create the folder {}", self.path.display()))
     }
 
-    /// Makes the folder, or clears it of what an earlier run of this program left there, killed ones included.
-    pub(crate) fn begin(&self, session: &Session) -> Result<()> {
+    /// Makes the folder, this run's own until it is dropped: the files of two runs would be mixed.
+    pub(crate) fn create_locked(&self) -> Result<()> {
         self.create()?;
+        let lock = lock_folder(&self.path)?;
+        self.lock.get_or_init(|| lock);
+        Ok(())
+    }
+
+    /// As [`OutputFolder::create_locked`], and clears it of what an earlier run of this program left there, killed ones included.
+    pub(crate) fn begin(&self, session: &Session) -> Result<()> {
+        self.create_locked()?;
         remove_all_leftovers(&self.path);
         let removed = remove_stale(&self.path)?;
         if removed > 0 {
@@ -77,6 +87,7 @@ impl OutputFolder {
 
 /// A lock on a folder: this run alone writes to it until the lock is dropped.
 #[must_use = "another run may write to the folder as soon as this is dropped"]
+#[derive(Debug)]
 pub struct FolderLock {
     /// Nothing where this run locked the folder before, and where folders cannot be locked: on Windows, and on some network drives.
     locked: Option<(PathBuf, File)>,

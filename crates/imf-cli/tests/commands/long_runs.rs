@@ -187,9 +187,18 @@ fn a_folder_is_written_to_by_one_run_at_a_time() {
     let other = std::fs::File::open(work.path("model")).unwrap();
     other.lock().unwrap();
     let train = format!("{TRAIN} --steps 30 --out model");
-    work.imf(&train).refused(&["another run of imf is writing to model", "another --out"]);
+    let all = [
+        train.as_str(),
+        "voxelize bracket --pitch 6 --out model",
+        "field bracket --pitch 6 --orientations 0,0 --out model",
+    ];
+    for command in all {
+        work.imf(command).refused(&["another run of imf is writing to model", "another --out"]);
+    }
     drop(other);
-    work.imf(&train).done();
+    for command in all {
+        work.imf(command).done();
+    }
 }
 
 #[test]
