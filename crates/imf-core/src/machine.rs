@@ -114,7 +114,7 @@ pub struct OutOfTravel {
 const SLACK: f64 = 1e-7;
 
 impl Machine {
-    /// What is wrong with the machine, if anything: axes without direction, twice of one letter or parallel, ranges the wrong
+    /// What is wrong with the machine, if anything: axes whose direction is not of length 1, twice of one letter or parallel, ranges the wrong
     /// way round, no offset 54.
     #[must_use]
     pub fn fault(&self) -> Option<String> {
@@ -127,10 +127,10 @@ impl Machine {
             if !matches!(letter, 'A' | 'B' | 'C') {
                 return Some(format!("a rotary axis is called A, B or C, not {letter}"));
             }
-            if !axis.direction.is_normalized() || !axis.centre.is_finite() {
-                return Some(format!(
-                    "the axis {letter} needs a direction that is not zero, and a finite centre"
-                ));
+            // Another length would scale all that the axis turns.
+            let is_unit = (axis.direction.length() - 1.0).abs() < 1e-9;
+            if !is_unit || !axis.centre.is_finite() {
+                return Some(format!("the axis {letter} needs a direction of length 1, and a finite centre"));
             }
             if !is_range(&axis.range) {
                 return Some(format!(

@@ -128,7 +128,7 @@ pub enum WorldError {
     #[error("the world has no obstacle {}", .0.0)]
     Unknown(ObstacleId),
     /// A tool that would pass between the voxels' centres undetected.
-    #[error("{tool}, as those of the obstacle '{obstacle}'")]
+    #[error("at the obstacle '{obstacle}' {tool}")]
     Coarse {
         /// What of it is not detected.
         tool: CoarseTool,

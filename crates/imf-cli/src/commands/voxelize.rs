@@ -17,7 +17,7 @@ pub(crate) fn run(session: &Session, arguments: &VoxelizeArguments) -> Result<()
     let grid = obstacle.grid;
     let solid = &obstacle.solid[..];
 
-    folder.create()?;
+    folder.create_locked()?;
     let (npy, vti, png) = (folder.file("solid.npy"), folder.file("solid.vti"), folder.file("slices.png"));
     write_npy(&npy, grid.dims, solid)?;
     write_vti(&vti, &grid, &[NamedField::new("solid", solid)])?;
@@ -57,7 +57,7 @@ pub(crate) fn run(session: &Session, arguments: &VoxelizeArguments) -> Result<()
         let added = match (mesh.components > 1, differs) {
             (true, _) => ", of all components added up",
             (false, true) => {
-                " by the sides that its faces show, not the voxels': it crosses itself, or some of it faces inwards"
+                " by the sides that its faces show, not the voxels': it is hardly thicker than a voxel, crosses itself, or some of it faces inwards"
             }
             (false, false) => "",
         };

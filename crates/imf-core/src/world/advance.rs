@@ -100,12 +100,15 @@ impl Checker {
     /// [`Machine::out_of_travel`](crate::machine::Machine::out_of_travel).
     ///
     /// # Errors
-    /// As [`Checker::check_motion`]; a machine in another unit than the world's.
+    /// As [`Checker::check_motion`]; a machine with a [fault](crate::machine::Machine::fault), or in another unit than the world's.
     pub fn check_machine_motion(
         &self,
         motion: &MachineMotion<'_>,
         options: &MotionOptions,
     ) -> Result<MotionResult, QueryError> {
+        if let Some(fault) = motion.machine().fault() {
+            return Err(QueryError::Machine { name: motion.machine().name.clone(), fault });
+        }
         let (machine, world) = (motion.machine().unit, self.tool.unit);
         if machine != world {
             return Err(QueryError::Unit { machine, world });

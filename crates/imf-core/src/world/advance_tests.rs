@@ -214,6 +214,16 @@ fn motions_of_a_machines_joints_agree_with_dense_ones() {
     let motion = MachineMotion::new(&inches, stand, stand, 2.0, true);
     let refused = checker.check_machine_motion(&motion, &MotionOptions::default());
     assert!(matches!(refused, Err(QueryError::Unit { .. })));
+    // An axis of another length turns the tool elsewhere than the motion's bound has it.
+    for length in [1.001, 2.0] {
+        let mut bent = machine.clone();
+        bent.rotary[1].direction *= length;
+        let turn = Joints { rotary: [0.0, 40.0], ..stand };
+        let motion = MachineMotion::new(&bent, stand, turn, 50.0, true);
+        let refused = checker.check_machine_motion(&motion, &MotionOptions::default()).unwrap_err();
+        let text = refused.to_string();
+        assert!(text.contains("'test'") && text.contains("C needs a direction of length 1"), "{text}");
+    }
     // Ends that are not numbers.
     let bad = Joints { linear: DVec3::NAN, ..stand };
     let motion = MachineMotion::new(&machine, stand, bad, 50.0, true);

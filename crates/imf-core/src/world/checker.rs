@@ -1,6 +1,6 @@
 //! One tool among the obstacles of a world: whether it is free at a pose, and what it hits.
 
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -15,7 +15,7 @@ use crate::tool::{Assembly, Clearance, ClearanceError, ElementKind, Segment, Too
 use crate::unit::LengthUnit;
 
 /// Why a query has no result.
-#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum QueryError {
     /// A number that is not finite, or a rotation of no length.
@@ -31,6 +31,12 @@ pub enum QueryError {
         "distances and motions are proven for tools of revolution: describe the tool by cutter, shank and holder"
     )]
     Mesh,
+    /// No distances for an outline that bends inwards.
+    #[error(
+        "distances are not measured for a tool with an arc around a centre beyond its axis, or with an element of more than 64 pieces: \
+         describe the arc by cones, or the element by fewer pieces"
+    )]
+    Outline,
     /// The tool cannot be offset.
     #[error("the tool cannot be offset by a small clearance")]
     Offset,
@@ -46,6 +52,14 @@ pub enum QueryError {
         given: f64,
         /// The finest.
         least: f64,
+    },
+    /// A machine whose motion is not what its axes say.
+    #[error("the machine '{name}' cannot be followed: {fault}")]
+    Machine {
+        /// The machine.
+        name: String,
+        /// What is wrong with it.
+        fault: String,
     },
     /// A machine in another unit.
     #[error("the machine is in {machine}, the obstacles are in {world}: convert the machine")]
@@ -79,6 +93,8 @@ pub(super) struct CheckedTool {
     radius: f64,
     /// Largest distance of any of its points from its tip.
     pub(super) reach: f64,
+    /// Pitches of voxels that are known to see all of it.
+    pub(super) resolved: Mutex<Vec<f64>>,
 }
 
 /// The tool around one obstacle, in the obstacle's frame.
@@ -130,7 +146,8 @@ impl Checker {
 
     fn without_obstacles(assembly: Assembly, unit: LengthUnit) -> Self {
         let (middle, radius) = ball(assembly.whole());
-        let tool = CheckedTool { unit, middle, radius, reach: radius + middle.abs(), assembly };
+        let (reach, resolved) = (radius + middle.abs(), Mutex::default());
+        let tool = CheckedTool { unit, middle, radius, reach, resolved, assembly };
         Self { tool: Arc::new(tool), placed: Arc::new([]) }
     }
 
@@ -179,11 +196,16 @@ impl Checker {
         if world.unit != tool.unit {
             return Err(WorldError::Unit { checker: tool.unit, world: world.unit });
         }
+        let mut resolved = tool.resolved.lock().unwrap_or_else(PoisonError::into_inner);
         for standing in world.obstacles.iter().filter(|_| !world.allow_coarse) {
             let pitch = standing.prepared.obstacle().grid().pitch;
+            if resolved.contains(&pitch) {
+                continue;
+            }
             if let Some(coarse) = CoarseTool::of(tool.assembly.tool(), pitch, tool.unit) {
                 return Err(WorldError::Coarse { tool: coarse, obstacle: standing.name.to_string() });
             }
+            resolved.push(pitch);
         }
         Ok(())
     }

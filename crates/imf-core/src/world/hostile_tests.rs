@@ -82,6 +82,7 @@ fn a_disc_between_the_centres_is_refused() {
     let world = world_with(0.0, 2.0);
     let thin = world.checker(&saw(1.0), &Clearance::default()).map(|_| ()).unwrap_err().to_string();
     assert!(thin.contains("cutter") && thin.contains("a pitch of at most 1,"), "{thin}");
+    assert!(thin.starts_with("at the obstacle '"), "{thin}");
     // As thick as a voxel it is seen wherever it stands along its axis.
     let checker = world.checker(&saw(2.0), &Clearance::default()).unwrap();
     for step in 0..40 {

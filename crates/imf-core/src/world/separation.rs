@@ -39,7 +39,7 @@ impl Checker {
     /// How far the tool is from the nearest obstacle, or how deep it is in one. `None` where no obstacle has a solid voxel.
     ///
     /// # Errors
-    /// An invalid pose; a mesh tool.
+    /// An invalid pose; a mesh tool, or one whose outline has an arc around a centre beyond its axis, or too many pieces.
     pub fn distance(&self, pose: &Pose) -> Result<Option<Distance>, QueryError> {
         let middle = self.tool_middle(pose).ok_or(QueryError::InvalidPose)?;
         let mut nearest: Option<Distance> = None;
@@ -49,12 +49,16 @@ impl Checker {
                 continue;
             }
             let local = one.local(pose);
-            one.around.field.clearance_bound(&local).ok_or(QueryError::Mesh)?;
+            one.around.field.clearance_bound(&local).ok_or_else(|| self.not_measured())?;
             if let Some(found) = distance(one, &local) {
                 nearest = nearest.filter(|nearest| nearest.lower <= found.lower).or(Some(found));
             }
         }
         Ok(nearest)
+    }
+
+    fn not_measured(&self) -> QueryError {
+        if self.tool.assembly.tool().mesh().is_some() { QueryError::Mesh } else { QueryError::Outline }
     }
 }
 

@@ -7,8 +7,8 @@ use super::tests::{poses, tool, world, world_of};
 use super::*;
 use crate::mesh::Mesh;
 use crate::orientation::{Orientation, OrientationSet};
-use crate::section::test_shapes::cylinder;
-use crate::tool::ToolShape;
+use crate::section::test_shapes::{arc, cylinder, revolved};
+use crate::tool::{ElementKind, ToolShape};
 
 #[test]
 fn distances_of_free_tools_are_those_of_trying_every_voxel() {
@@ -47,6 +47,9 @@ fn distances_of_free_tools_are_those_of_trying_every_voxel() {
     let meshed = Tool { shape: ToolShape::Mesh(Mesh::cuboid(DVec3::ZERO, DVec3::splat(9.0))), ..tool };
     let meshed = world.checker(&meshed, &Clearance::default()).unwrap();
     assert_eq!(meshed.distance(&far), Err(QueryError::Mesh));
+    let lens = revolved([(ElementKind::Cutter, vec![arc(0.0, 4.0, 2.0, -1.0, 3.0)])]);
+    let lens = world.checker(&lens, &Clearance::default()).unwrap();
+    assert_eq!(lens.distance(&far), Err(QueryError::Outline));
 }
 
 #[test]

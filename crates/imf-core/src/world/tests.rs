@@ -85,6 +85,8 @@ fn counted(world: &World, tool: &Tool, pose: &Pose) -> Vec<u32> {
 fn poses_among_placed_obstacles_are_decided_as_counted() {
     let (world, tool) = (world(), tool());
     let checker = world.checker(&tool, &Clearance::default()).unwrap();
+    // The tool is examined once for each pitch.
+    assert_eq!(*checker.tool.resolved.lock().unwrap(), [1.0, 1.5]);
     let all = poses(2500, 1, 50.0);
     let mut decisions = vec![Decision::Undecided; all.len()];
     checker.classify(&all, &mut decisions).unwrap();
