@@ -57,10 +57,11 @@ impl Pose {
 
     /// The pose at a fraction of the way to another, from 0 to 1: the tip goes along the line, and the axis along the great
     /// circle without rolling; the remaining roll is made about the tool's own axis, the shorter way (half a turn counts as
-    /// left). All three are linear in `fraction`. `None` where a pose is invalid, or the axes are opposite.
+    /// left). All three are linear in `fraction`. `None` where a pose is invalid, the axes are opposite, or
+    /// the fraction is not finite.
     #[must_use]
     pub fn interpolate(&self, to: &Self, fraction: f64) -> Option<Self> {
-        Some(StraightMotion::new(self, to)?.at(fraction))
+        StraightMotion::new(self, to).filter(|_| fraction.is_finite()).map(|way| way.at(fraction))
     }
 
     /// Where the rigid motion takes a pose: both after one another, the inner one first.
@@ -226,6 +227,7 @@ mod tests {
         assert_eq!((motion.at(0.0), motion.at(1.0)), (a, b));
         assert_eq!(a.interpolate(&Pose::along(DVec3::ZERO, DVec3::NEG_Z), 0.5), None);
         assert_eq!(a.interpolate(&Pose::along(DVec3::NAN, DVec3::X), 0.5), None);
+        assert_eq!([f64::NAN, f64::INFINITY].map(|fraction| a.interpolate(&b, fraction)), [None; 2]);
     }
 
     #[test]

@@ -63,7 +63,7 @@ fn batch_size(voxels: usize, sections: usize) -> usize {
 /// of them.
 ///
 /// # Errors
-/// Settings out of range, a failed section, or cancellation.
+/// Settings out of range, directions alone for a tool that is not round, a failed section, or cancellation.
 pub fn fit(
     plan: &SectionPlan,
     domain: Domain,
@@ -129,6 +129,12 @@ fn begin<T>(
     go_on: impl FnOnce(&Source<'_>, Start) -> Result<T, HarmonicError>,
 ) -> Result<T, HarmonicError> {
     settings.check()?;
+    if domain == Domain::Directions && Domain::of_tool(plan.tool()) == Domain::Rotations {
+        let name = &plan.tool().name;
+        return Err(HarmonicError::Settings(format!(
+            "the tool '{name}' is not round, so that its roll matters: choose functions of rotations (Domain::of_tool says which)"
+        )));
+    }
     let planes = Planes::of_plan(plan, domain, settings.quantity);
     let grid = Grid { dims: planes.side(), ..*plan.grid() };
     let side = if planes.is_empty() { None } else { Some(plan.over(&grid)?) };

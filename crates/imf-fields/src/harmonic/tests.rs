@@ -300,6 +300,12 @@ fn tools_that_are_not_of_revolution_have_fields_over_rotations() {
     assert_eq!(field.report.functions, 165);
     let unseen = field.basis.random_set(20, 3).unwrap().orientations;
     let over_rotations = mean_squared(&plan, &field, &unseen);
-    let without_roll = mean_squared(&plan, &made(&plan, &FitSettings { degree: 8, ..settings }), &unseen);
+    // The same directions with another roll.
+    let rolled: Vec<_> = unseen.iter().map(|o| Orientation { roll: o.roll + 180.0, ..*o }).collect();
+    let mut errors = Errors::default();
+    errors.add(&sections(&plan, &unseen, Control::quiet()).unwrap().concat(), &values(&field, &rolled), 1e-3);
+    let without_roll = errors.report(1e-3).mse;
     assert!(over_rotations < 0.5 * without_roll, "{over_rotations} against {without_roll}");
+    let refused = fit(&plan, Domain::Directions, &settings, Control::quiet()).unwrap_err().to_string();
+    assert!(refused.contains("'paper' is not round") && refused.contains("rotations"), "{refused}");
 }
