@@ -9,14 +9,14 @@
 //! Everything here follows vertex indices, as in [`super::topology`]. Where that leaves edges which one triangle uses, corners that
 //! all but coincide are joined first: programs that write each triangle by itself round its corners by themselves.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 
 use glam::DVec3;
 
 use super::Mesh;
 use super::groups::Groups;
 use super::solid_angle::winding_number;
-use super::topology::{EdgeUse, neighbours, runs, sorted_edges};
+use super::topology::{EdgeUse, is_degenerate, neighbours, runs, sorted_edges};
 
 /// Where this much of a patch's area faces one way, that way is meant. Below it the file says nothing.
 const CLEAR_MAJORITY: f64 = 0.9;
@@ -35,6 +35,8 @@ pub struct FaceRepair {
     pub joined: usize,
     /// Triangles that were left out, since each was there more than once.
     pub doubled: usize,
+    /// Triangles without area that were left out, since that leaves fewer edges open.
+    pub flat: usize,
     /// Triangles that were flipped.
     pub flipped: usize,
     /// Triangles of patches that have one side alone, as a Möbius strip has; they stay as they were.
@@ -73,9 +75,9 @@ impl Patch {
 
 impl Mesh {
     /// The same triangles in the same order, flipped where need be so that they face consistently and shells face outwards, and what
-    /// was done. Of triangles that are there twice one is left out, whichever way they face where all are, else where they face alike, and both
-    /// where that leaves fewer edges open; where triangles have edges of their own, vertices closer together than 10⁻⁵ of the mesh's
-    /// diagonal are joined.
+    /// was done. Of triangles that are there twice one is left out, whichever way they face where all are, else where they face alike; both,
+    /// or one of two that face opposite ways, where that leaves fewer edges open. Where triangles have edges of their own, vertices closer
+    /// together than 10⁻⁵ of the mesh's diagonal are joined, and triangles without area left out where that leaves fewer edges open.
     ///
     /// # Panics
     /// If a triangle names a vertex that does not exist.
@@ -85,29 +87,25 @@ impl Mesh {
         let mut repair = FaceRepair::default();
         // Two-sided meshes have each triangle once for either side, which together bound nothing.
         if !edges.is_empty() && runs(&edges).all(|run| run.len() >= 4) {
-            let before = self.triangles.len();
-            let mut known = HashSet::new();
-            self.triangles.retain(|&triangle| {
-                let mut corners = triangle;
-                corners.sort_unstable();
-                known.insert(corners)
-            });
-            repair.doubled = before - self.triangles.len();
+            let once = self.without_repeated(corners, |_| 1);
+            repair.doubled = self.triangles.len() - once.triangles.len();
+            self = once;
             edges = sorted_edges(&self);
         } else if runs(&edges).any(|run| run.len() > 2) {
             // Some may be there twice, facing alike: by chance, as where faces were exported with two bodies, or as the common face of
-            // two bodies of which one faces inwards, which bounds nothing.
-            let once = self.without_repeated(|_| 1);
-            if once.triangles.len() < self.triangles.len() {
-                let odd = self.without_repeated(|count| count % 2);
-                let [of_once, of_odd] = [&once, &odd].map(sorted_edges);
-                let fewer = single_edges(&of_odd) < single_edges(&of_once);
-                let (kept, its_edges) = if fewer { (odd, of_odd) } else { (once, of_once) };
-                repair.doubled = self.triangles.len() - kept.triangles.len();
-                (self, edges) = (kept, its_edges);
+            // two bodies of which one faces inwards, which bounds nothing. Or once more the other way round, by chance too.
+            let mut kept = self.without_repeated(turned, |_| 1);
+            let mut its_edges = sorted_edges(&kept);
+            for other in [self.without_repeated(turned, |n| n % 2), self.without_repeated(corners, |_| 1)] {
+                let edges = sorted_edges(&other);
+                if single_edges(&edges) < single_edges(&its_edges) {
+                    (kept, its_edges) = (other, edges);
+                }
             }
+            repair.doubled = self.triangles.len() - kept.triangles.len();
+            (self, edges) = (kept, its_edges);
         }
-        let single = single_edges(&edges);
+        let mut single = single_edges(&edges);
         if single > 0 {
             let (lower, upper) = self.bounds().unwrap_or_default();
             let joined = self.joined(ONE_CORNER * (upper - lower).length());
@@ -115,6 +113,17 @@ impl Mesh {
             if single_edges(&joined_edges) < single {
                 repair.joined = self.used_vertices() - joined.vertices.len();
                 (self, edges) = (joined, joined_edges);
+                single = single_edges(&edges);
+            }
+            let mut full = self.clone();
+            full.triangles.retain(|corners| !is_degenerate(&corners.map(|v| self.vertices[v as usize])));
+            let flat = self.triangles.len() - full.triangles.len();
+            if flat > 0 {
+                let full_edges = sorted_edges(&full);
+                if single_edges(&full_edges) < single {
+                    repair.flat = flat;
+                    (self, edges) = (full, full_edges);
+                }
             }
         }
         let (of, parity, mut patches) = patches(&self, &edges);
@@ -144,17 +153,16 @@ impl Mesh {
         (self, repair)
     }
 
-    /// Of each group of equal triangles that face alike, keeps `keep(number of them)`.
-    fn without_repeated(&self, keep: impl Fn(usize) -> usize) -> Self {
-        let turned = |&[a, b, c]: &[u32; 3]| [[a, b, c], [b, c, a], [c, a, b]].into_iter().min();
-        let mut left: HashMap<Option<[u32; 3]>, usize> = HashMap::new();
-        for triangle in &self.triangles {
-            *left.entry(turned(triangle)).or_default() += 1;
+    /// Of each group of triangles that have the same `key`, keeps `keep(number of them)`.
+    fn without_repeated(&self, key: fn([u32; 3]) -> [u32; 3], keep: impl Fn(usize) -> usize) -> Self {
+        let mut left: HashMap<[u32; 3], usize> = HashMap::new();
+        for &triangle in &self.triangles {
+            *left.entry(key(triangle)).or_default() += 1;
         }
         left.values_mut().for_each(|count| *count = keep(*count));
         let mut kept = self.clone();
-        kept.triangles.retain(|triangle| {
-            left.get_mut(&turned(triangle)).is_some_and(|left| {
+        kept.triangles.retain(|&triangle| {
+            left.get_mut(&key(triangle)).is_some_and(|left| {
                 let any = *left > 0;
                 *left -= usize::from(any);
                 any
@@ -162,6 +170,23 @@ impl Mesh {
         });
         kept
     }
+}
+
+/// A triangle's corners, the same of triangles that are equal and face alike.
+fn turned([a, b, c]: [u32; 3]) -> [u32; 3] {
+    if a < b && a < c {
+        [a, b, c]
+    } else if b < c {
+        [b, c, a]
+    } else {
+        [c, a, b]
+    }
+}
+
+/// A triangle's corners, the same of triangles that are equal, whichever way they face.
+fn corners(mut triangle: [u32; 3]) -> [u32; 3] {
+    triangle.sort_unstable();
+    triangle
 }
 
 /// Edges that an odd number of triangles uses: none of a closed surface, however its triangles face.

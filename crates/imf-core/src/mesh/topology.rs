@@ -158,7 +158,7 @@ impl MeshReport {
     }
 }
 
-fn is_degenerate(&[a, b, c]: &[DVec3; 3]) -> bool {
+pub(super) fn is_degenerate(&[a, b, c]: &[DVec3; 3]) -> bool {
     let longest = (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared());
     (b - a).cross(c - a).length() <= DEGENERATE_RATIO * longest
 }

@@ -23,8 +23,16 @@ pub enum SceneWarning {
         corners: usize,
     },
     /// Triangles that were there more than once, and were left out.
-    #[error("{part}: {triangles} triangles were there more than once and were left out")]
+    #[error("{part}: {} there more than once and left out", triangles_were(*.triangles))]
     Doubled {
+        /// The part or fixture.
+        part: String,
+        /// How many.
+        triangles: usize,
+    },
+    /// Triangles without area that were left out.
+    #[error("{part}: {} without area and left out, which leaves fewer edges open", triangles_were(*.triangles))]
+    Flat {
         /// The part or fixture.
         part: String,
         /// How many.
@@ -212,11 +220,12 @@ impl SceneWarning {
     /// Warnings about the repairs of a mesh of `triangles` triangles.
     #[must_use]
     pub fn of_repair(part: &str, repair: &FaceRepair, triangles: usize) -> Vec<Self> {
-        let FaceRepair { joined, doubled, flipped, one_sided, nested } = *repair;
+        let FaceRepair { joined, doubled, flat, flipped, one_sided, nested } = *repair;
         let name = || part.to_owned();
         let all = [
             (joined > 0).then(|| Self::Joined { part: name(), corners: joined }),
             (doubled > 0).then(|| Self::Doubled { part: name(), triangles: doubled }),
+            (flat > 0).then(|| Self::Flat { part: name(), triangles: flat }),
             (flipped > 0).then(|| Self::Flipped { part: name(), flipped, triangles }),
             (one_sided > 0).then(|| Self::OneSided { part: name(), triangles: one_sided }),
             (nested > 0).then(|| Self::Nested { part: name(), bodies: nested }),
@@ -251,6 +260,11 @@ fn nested(bodies: usize) -> String {
         1 => "a closed body lies within another and faces outwards as that does".to_owned(),
         _ => format!("each of {bodies} closed bodies lies within another and faces outwards as that does"),
     }
+}
+
+/// So many triangles, as the beginning of a sentence.
+fn triangles_were(count: usize) -> String {
+    if count == 1 { "1 triangle was".to_owned() } else { format!("{count} triangles were") }
 }
 
 /// A fraction in words.

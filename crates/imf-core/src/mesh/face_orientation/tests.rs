@@ -194,8 +194,19 @@ fn of_triangles_that_are_there_twice_one_is_left_out() {
     some.triangles.extend([first, [b, c, a]]);
     let (mended, repair) = some.with_consistent_faces();
     assert_eq!((repair.doubled, repair.flipped, mended.triangles.len()), (2, 0, count));
-    // One that faces the other way is another face.
-    let mut flap = cube.clone();
-    flap.triangles.push([a, c, b]);
-    assert_eq!(flap.with_consistent_faces().1.doubled, 0);
+    // One that faces the other way opens its edges, whichever of the two is first.
+    for order in [0, count] {
+        let mut flap = cube.clone();
+        flap.triangles.insert(order, [a, c, b]);
+        let (mended, repair) = flap.with_consistent_faces();
+        assert_eq!((repair.doubled, mended.triangles.len()), (1, count));
+        assert!(boundary_chain(&mended).is_empty() && (mended.signed_volume() - 1.0).abs() < 1e-12);
+    }
+    // One without area on an edge.
+    let mut needle = cube.clone();
+    needle.vertices.extend([0.2, 0.7].map(|x| cube.vertices[0].lerp(cube.vertices[1], x)));
+    needle.triangles.push([0, 8, 9]);
+    let (mended, repair) = needle.with_consistent_faces();
+    assert_eq!((repair.flat, &mended.triangles), (1, &cube.triangles));
+    assert!(boundary_chain(&mended).is_empty());
 }
