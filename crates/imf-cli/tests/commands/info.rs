@@ -1,5 +1,7 @@
 //! `imf info`.
 
+use std::io::Write as _;
+
 use imf_core::control::Control;
 use imf_core::field::ExactField;
 use imf_core::glam::DVec3;
@@ -32,6 +34,24 @@ fn meshes_and_parts_are_described() {
         run.stderr
     );
     assert!(run.stdout.contains("100 × 100 × 100 m"), "{}", run.stdout);
+    // A file that states its unit.
+    let model = r#"<model unit="meter" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02"><resources><object id="1"><mesh>
+        <vertices><vertex x="0" y="0" z="0"/><vertex x="1" y="0" z="0"/><vertex x="0" y="1" z="0"/><vertex x="0" y="0" z="1"/></vertices>
+        <triangles><triangle v1="0" v2="2" v3="1"/><triangle v1="0" v2="1" v3="3"/><triangle v1="1" v2="2" v3="3"/>
+        <triangle v1="2" v2="0" v3="3"/></triangles></mesh></object></resources><build><item objectid="1"/></build></model>"#;
+    let relationships = r#"<Relationships xmlns="http://schemas.openxmlformats.org/package/2006/relationships"><Relationship Id="r"
+        Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel" Target="/3D/part.model"/></Relationships>"#;
+    let mut archive = zip::ZipWriter::new(std::fs::File::create(folder.path("metre.3mf")).unwrap());
+    for (name, text) in [("_rels/.rels", relationships), ("3D/part.model", model)] {
+        archive.start_file(name, zip::write::SimpleFileOptions::default()).unwrap();
+        archive.write_all(text.as_bytes()).unwrap();
+    }
+    archive.finish().unwrap();
+    for (unit, overruled) in [("m", false), ("mm", true)] {
+        let run = folder.imf(&format!("info metre.3mf --unit {unit}")).done();
+        let text = format!("says that it is in m; --unit {unit} overrules it");
+        assert_eq!(run.stderr.contains(&text), overruled, "{}", run.stderr);
+    }
 }
 
 #[test]

@@ -70,6 +70,7 @@ fn a_crib_says_of_each_tool_what_the_tool_alone_does() {
     let library =
         [entry("flat end mill", "from a library"), entry("lollipop mill", "lollipop"), entry("holder", "h")];
     folder.write("crib/library.json", format!(r#"{{"data": [{}]}}"#, library.join(",")));
+    folder.write("crib/broken.toml", "name = 'broken'\n[cutter]\nshape = 'cube'\n");
     let crib = crib_arguments("--tool crib --orientations fibonacci:30");
     let summary = folder.json(&crib);
     let names: Vec<&str> =
@@ -77,6 +78,12 @@ fn a_crib_says_of_each_tool_what_the_tool_alone_does() {
     assert_eq!(names, ["from a library", "long", "short", "thick"]);
     let undecided = summary["undecided"].to_string();
     assert!(undecided.contains("lollipop") && undecided.contains("unseen"), "{undecided}");
+    assert!(undecided.contains("broken.toml") && undecided.contains("line 3: "), "{undecided}");
+    for file in ["broken.toml", "library.json"] {
+        assert_eq!(undecided.matches(file).count(), 1, "{undecided}");
+    }
+    let alone = crib_arguments("--tool crib/broken.toml --orientations fibonacci:30");
+    folder.imf(&alone).refused(&["broken.toml, line 3"]);
     assert_eq!(folder.text("out/crib.csv").lines().count(), 5);
     let ply = String::from_utf8_lossy(&folder.bytes("out/surface.ply")).into_owned();
     assert!(ply.contains("property float most_rigid\n") && ply.contains("property float chosen\n"));
@@ -101,7 +108,7 @@ fn a_crib_says_of_each_tool_what_the_tool_alone_does() {
     let rigid: f64 = summary["tools"].as_array().unwrap().iter().map(|tool| share(&tool["most_rigid"])).sum();
     assert!((rigid - parts[0]).abs() < 1e-9, "{rigid}");
     let text = folder.imf(&crib).done().stdout;
-    assert!(text.contains("the fewest tools") && text.contains("not decided: 2"), "{text}");
+    assert!(text.contains("the fewest tools") && text.contains("not decided: 3"), "{text}");
 
     folder.write("none/readme.txt", "");
     folder.refuse(&crib_arguments("--tool none"), &["none holds no tool"]);

@@ -37,7 +37,7 @@ impl Stack {
 }
 
 /// By how much files round the diameter of a tapered ball off, of itself.
-const ROUNDED_DIGITS: f64 = 0.01;
+pub(super) const ROUNDED_DIGITS: f64 = 0.01;
 
 pub(super) fn line(from: f64, to: f64, radius_from: f64, radius_to: f64) -> Segment {
     Segment::Line { from, to, radius_from, radius_to }

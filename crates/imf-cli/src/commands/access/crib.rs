@@ -68,13 +68,21 @@ pub(crate) fn run(session: &Session, arguments: &CribArguments) -> Result<()> {
     print_result(session, &report, &report.text())
 }
 
+/// The first tool that is not decided, and why.
+fn first_of(undecided: &[UndecidedTool]) -> String {
+    undecided.first().map_or_else(String::new, |UndecidedTool { tool, why }| format!("{tool}: {why}"))
+}
+
 impl Crib {
     fn find(session: &Session, arguments: &CribArguments) -> Result<Self> {
         let (tools, mut undecided) = tools::read(&arguments.reach.scene.tool)?;
         let scene = SceneArguments { tool: Vec::new(), ..arguments.reach.scene.clone() };
         let mut inputs = scene.read(session, false)?;
         inputs.tools = tools;
-        let first = inputs.tools.first().context("no tool of the crib can be used")?;
+        let first = inputs
+            .tools
+            .first()
+            .with_context(|| format!("no tool of the crib can be used: {}", first_of(&undecided)))?;
         let mesh = inputs.part.mesh.transformed(&inputs.transform);
         let text = arguments.reach.orientations.as_deref().unwrap_or_else(|| default_for(&inputs.tools));
         let mut orientations = Directions::of_part(text, || mesh.machining_directions())?.set;
@@ -135,7 +143,7 @@ impl Crib {
             !among.is_empty(),
             "no tool of the crib can be decided at a pitch of {:.4} {unit}: {}",
             grid.pitch,
-            undecided.first().map_or("", |undecided| &undecided.why)
+            first_of(&undecided)
         );
         let verdicts = session.staged("crib", "samples", samples.samples.len() as u64, |control| {
             crib_access(&among, &samples.samples, &orientations.orientations, control)

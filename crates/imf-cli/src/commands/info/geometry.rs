@@ -42,6 +42,11 @@ pub(super) fn mesh_file(session: &Session, path: &Path, given: Option<LengthUnit
     let file = read_mesh_file(path)?;
     let said = given.or(file.unit);
     let unit = said.unwrap_or_default();
+    if let (Some(given), Some(stated)) = (given, file.unit)
+        && given != stated
+    {
+        session.warn(&format!("{} says that it is in {stated}; --unit {given} overrules it", path.display()));
+    }
     let (mesh, repair) = file.mesh.with_consistent_faces();
     let report = MeshReport::new(&mesh);
     warn_of(session, &SceneWarning::of_repair(&path.display().to_string(), &repair, report.triangles));

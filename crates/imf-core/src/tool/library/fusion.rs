@@ -19,7 +19,7 @@ use std::io::Read as _;
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::{Entry, Fault, Stack, damaged, end_mill, line, pointed, refused, top};
+use super::{Entry, Fault, ROUNDED_DIGITS, Stack, damaged, end_mill, line, pointed, refused, top};
 use crate::tool::{Segment, Tool};
 use crate::unit::LengthUnit;
 
@@ -177,10 +177,14 @@ impl EntryText {
         let or_0 = |name: &str| self.number_of(name).map(Option::unwrap_or_default);
         let tip = || or_0("tip-diameter").map(|tip| 0.5 * tip);
         let point = || self.positive("SIG").map(|whole| 0.5 * whole);
-        let straight = |corner: f64| match or_0("TA")? {
-            taper if taper > 0.0 => {
+        let straight = |corner: f64| match (or_0("TA")?, or_0("RE")?) {
+            (taper, _) if taper > 0.0 => {
                 Err(format!("it has a taper (TA {taper}), which its type '{kind}' has not"))
             }
+            // A ball's is half of a diameter, either of them rounded off; 0 where none is stated.
+            (_, stated) if stated > 0.0 && (stated - corner).abs() > ROUNDED_DIGITS * corner => Err(format!(
+                "it has a corner radius (RE {stated}) that its type '{kind}' has not, where it is {corner}"
+            )),
             _ => end_mill(radius()?, corner, 0.0, edges()?),
         };
         match kind {

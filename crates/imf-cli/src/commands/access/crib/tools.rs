@@ -4,6 +4,7 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
+use imf_core::file_error::FileError;
 use imf_core::tool::{Element, ElementKind, Tool, ToolShape};
 use serde::Serialize;
 
@@ -21,6 +22,12 @@ pub(super) struct UndecidedTool {
 impl UndecidedTool {
     pub(super) fn new(tool: &str, why: &dyn std::fmt::Display) -> Self {
         Self { tool: tool.to_owned(), why: why.to_string() }
+    }
+
+    /// A tool, or tools, whose name is not known.
+    fn of_file(error: &FileError) -> Self {
+        let line = error.fault.line.map(|line| format!("line {line}: ")).unwrap_or_default();
+        Self { tool: error.path.display().to_string(), why: line + &error.fault.cause }
     }
 }
 
@@ -67,11 +74,16 @@ pub(super) fn read(paths: &[String]) -> Result<(Vec<Tool>, Vec<UndecidedTool>)> 
             continue;
         }
         for file in files(path)? {
-            let found = Tool::read_all(&file);
-            for tool in found.with_context(|| format!("the tools of {} cannot be used", file.display()))? {
+            let found = match Tool::read_all(&file) {
+                Ok(found) => found,
+                // Of a folder the other files are of use, whatever one of them is.
+                Err(error) if path.is_dir() => vec![Err(error)],
+                Err(error) => return Err(error).context("its tools cannot be used"),
+            };
+            for tool in found {
                 match tool {
                     Ok(tool) => tools.push(tool),
-                    Err(error) => undecided.push(UndecidedTool::new(&file.display().to_string(), &error)),
+                    Err(error) => undecided.push(UndecidedTool::of_file(&error)),
                 }
             }
         }

@@ -76,6 +76,8 @@ fn fusions_tools_become_cutter_shoulder_shaft_and_holder() {
     let tool = read_entry(&entry).unwrap();
     assert_eq!(elements(&tool).len(), 3);
     close(radius(&tool, 29.0), 3.0);
+    // Its radius in fewer digits.
+    assert!(read_entry(&fusion("ball end mill", "ball", 1, json!({"DC": 3.175, "RE": 1.588}))).is_ok());
     close(radius(&tool, 31.0), 12.7 + 6.35 / 25.4);
 
     let shapes = [
@@ -241,6 +243,8 @@ fn what_fusion_has_and_we_do_not_is_refused_by_name() {
         (fusion("flat end mill", "f", 1, json!({"DC": 0.0})), "DC is 0"),
         (fusion("flat end mill", "f", 1, json!({"LB": "long"})), "LB is"),
         (fusion("bull nose end mill", "b", 1, json!({"RE": 4.0})), "corner radius 4"),
+        (fusion("flat end mill", "f", 1, json!({"RE": 0.5})), "RE 0.5"),
+        (fusion("ball end mill", "b", 1, json!({"RE": 1.0})), "RE 1)"),
         (without_unit, "no unit"),
         (unknown_unit, "'furlongs'"),
         (broken_holder, "holder"),
