@@ -181,11 +181,12 @@ pub(crate) unsafe fn check_motion(
 ) -> Result<(), Refusal> {
     // SAFETY: guaranteed by the caller.
     let (a, b, place) = unsafe { (read_one(a, "a")?, read_one(b, "b")?, output(motion, 1, "motion")?) };
-    let found = checker.check_motion(&a.to_pose(), &b.to_pose(), options).map_err(of_query)?;
+    let found =
+        checker.check_motion(&a.to_pose(), &b.to_pose(), options).map_err(|error| of_query(&error))?;
     place[0].write(found.into());
     Ok(())
 }
 
-pub(crate) fn of_query(error: QueryError) -> Refusal {
+pub(crate) fn of_query(error: &QueryError) -> Refusal {
     Refusal::new(ImfStatus::NoAnswer, error.to_string())
 }

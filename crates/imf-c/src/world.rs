@@ -291,7 +291,7 @@ pub unsafe extern "C" fn imf_checker_distance(
         let (checker, pose, place) = unsafe {
             (read_one(checker, "checker")?, read_one(pose, "pose")?, output(distance, 1, "distance")?)
         };
-        place[0].write(checker.checker.distance(&pose.to_pose()).map_err(of_query)?.into());
+        place[0].write(checker.checker.distance(&pose.to_pose()).map_err(|error| of_query(&error))?.into());
         Ok(())
     })
 }

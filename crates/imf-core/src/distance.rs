@@ -180,8 +180,8 @@ pub(crate) fn squared_depths(obstacle: &Occupancy) -> Vec<u64> {
     depths
 }
 
-/// The solid voxels that lie deeper than `depth` (in the grid's unit) below the surface, and those in the middle of a wall,
-/// however thin: none around is deeper. The surface is taken to lie half-way between solid and empty centres: a solid
+/// The solid voxels that lie deeper than `depth` (in the grid's unit) below the surface, and those in the middle of a wall of
+/// even thickness, however thin: none around is deeper. The surface is taken to lie half-way between solid and empty centres: a solid
 /// voxel is as deep below it as its centre's distance to the nearest empty centre, less half a pitch.
 #[must_use]
 pub(crate) fn deeper_than(part: &Occupancy, depth: f64) -> Occupancy {

@@ -234,7 +234,7 @@ impl Bodies {
         solid
     }
 
-    /// The part's voxels down to `depth` (in the grid's unit) below its surface, but for those in the middle of a wall, however thin;
+    /// The part's voxels down to `depth` (in the grid's unit) below its surface, but for those in the middle of a wall of even thickness;
     /// where part and fixture share a voxel it stays forbidden.
     #[must_use]
     pub fn layer(&self, depth: f64) -> Occupancy {

@@ -227,7 +227,7 @@ impl SolidField {
         }
     }
 
-    /// True where the tool holds any solid voxel's centre, equal to a count above 0, and at an invalid pose.
+    /// True where the tool holds any solid voxel's centre, equal to a count above 0, or a point of the surface, and at an invalid pose.
     #[inline]
     pub(crate) fn collides(&self, pose: &Pose) -> bool {
         let Some(axis) = pose.axis() else { return true };

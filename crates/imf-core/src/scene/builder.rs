@@ -164,7 +164,7 @@ impl<'a> SceneBuilder<'a> {
     }
 
     /// How deep below the part's surface the cutter may reach: it may hold voxels whose centres lie no deeper, but for those in the
-    /// middle of a wall.
+    /// middle of a wall of even thickness.
     pub fn contact(self, depth: f64) -> Self {
         Self { contact: Some(depth), ..self }
     }

@@ -155,7 +155,7 @@ impl SurfaceTool {
                 deepest.set(Some((depth.max(own), slimmer.max(element.radius_at(height) - radius))));
             };
             element.visit_inside(solid.voxels().occupancy(), &at.pose, |_, height, radius| {
-                visit(height, radius)
+                visit(height, radius);
             });
             solid.visit_surface(&at.pose, visit);
             let Some((mut depth, slimmer)) = deepest.get() else { return };

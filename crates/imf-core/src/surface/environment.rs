@@ -13,7 +13,7 @@ use crate::voxelize::voxelize_with;
 
 /// How far points of a surface are apart, in pitches.
 const SPACING: f64 = 0.5;
-/// Squares of the spacing that a surface is divided into, at most.
+/// Squares of the spacing that a surface is divided into, and steps along its edges, at most.
 const MOST_POINTS: f64 = 4e6;
 
 /// A part, as two sets of voxels on one grid.
@@ -140,7 +140,10 @@ impl CollisionEnvironment {
 /// The points of a part's surface that a cutter must not hold.
 pub(super) fn points_of(part: &Mesh, pitch: f64) -> Vec<DVec3> {
     let area: f64 = part.all_corners().map(|[a, b, c]| 0.5 * (b - a).cross(c - a).length()).sum();
-    surface_points(part, (SPACING * pitch).max((area / MOST_POINTS).sqrt()))
+    // Each edge is one of two triangles.
+    let edges: f64 =
+        part.all_corners().map(|[a, b, c]| 0.5 * (a.distance(b) + b.distance(c) + c.distance(a))).sum();
+    surface_points(part, (SPACING * pitch).max((area / MOST_POINTS).sqrt()).max(edges / MOST_POINTS))
 }
 
 #[cfg(test)]

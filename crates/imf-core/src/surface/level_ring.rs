@@ -31,7 +31,7 @@ struct RingPlace {
     blocker: Option<Option<Blocker>>,
 }
 
-/// A solid centre in the tool.
+/// A solid centre, or a point of the part's surface, in the tool.
 #[derive(Clone, Copy)]
 struct Blocker {
     /// In the cutter among the part, in the cutter among the fixtures, or in shank and holder.
@@ -81,7 +81,8 @@ impl SampleQuery<'_> {
                 let (voxel, step) = solids[solid]?.lateral_separation(&pose)?;
                 Some(Blocker { solid, voxel, step })
             };
-            of.filter_map(blocker).max_by(Blocker::order)
+            let surface = of.contains(&0).then(|| surface_blocker(tool, pose.position, turn.axis)).flatten();
+            of.filter_map(blocker).chain(surface).max_by(Blocker::order)
         };
         let of_cutter = 0..2;
         let mut starts: Vec<(DVec3, Blocker)> = Vec::new();
@@ -132,6 +133,12 @@ impl SampleQuery<'_> {
         }
         best
     }
+}
+
+/// The point of the part's surface that is deepest in the cutter.
+fn surface_blocker(tool: &Revolved, tip: DVec3, axis: DVec3) -> Option<Blocker> {
+    let voxel = tool.deepest_surface_point(tip, axis)?;
+    Some(Blocker { solid: 0, voxel, step: tool.cutter.lateral_separation_from(tip, axis, voxel)? })
 }
 
 /// Where the search on a ring between two radii begins.

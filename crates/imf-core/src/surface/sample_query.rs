@@ -49,14 +49,15 @@ const VERTICES: usize = 48;
 /// Solid centres outside the tangent plane that are tried one by one in every direction.
 const FEW: u32 = 16;
 
-/// Voxels outside the tangent plane within which a point of the surface counts as in it: more than single precision rounds.
-const ROUNDING: f64 = 0.01;
+/// Where a point of the surface counts as in the tangent plane: so many voxels outside it, and tolerances, whichever is less.
+const IN_PLANE: [f64; 2] = [0.01, 0.1];
 
 /// How far an obstructed tool stands off the surface when it is tried once more, in tolerances: a shank as wide as its cutter touches the
 /// wall that the cutter touches, and rounding must not decide.
 pub(super) const TOUCH: f64 = 0.01;
 
-/// A voxel that obstructed an earlier pose, and is tried first: for neighbouring samples it is mostly the same.
+/// What obstructed an earlier pose, a voxel or a point of the surface, and is tried first: for neighbouring samples it is mostly the
+/// same.
 pub(super) type Last = Option<[f64; 3]>;
 
 /// A direction, and what decides beside the cutter.
@@ -115,7 +116,8 @@ impl<'a> SampleQuery<'a> {
         if let Some(revolved) = tool.revolved().filter(|revolved| revolved.outline.convex) {
             let (near, across) = (revolved.near, revolved.near_across);
             let middle = DVec3::from_array(revolved.cutter.voxel_of(sample.point));
-            let offset = middle.dot(sample.normal) + ROUNDING;
+            let tolerance = tool.tolerance / revolved.cutter.voxels().occupancy().grid.pitch;
+            let offset = middle.dot(sample.normal) + IN_PLANE[0].min(IN_PLANE[1] * tolerance);
             query.stays_in = Some(HalfSpace { normal: sample.normal, offset });
             query.free_ball =
                 [near, 0.5 * (near + across), across].into_iter().find_map(|radius| match around {
@@ -260,8 +262,7 @@ impl<'a> SampleQuery<'a> {
             let known = self.listed.iter().chain(&met[..count]);
             let mut blocker = known.copied().rfind(|&voxel| tool.cutter.contains(now, axis, voxel));
             if blocker.is_none() {
-                let deep = |height: f64, away: f64| tool.eroded.depth(height, away, true);
-                blocker = tool.cutter.deepest_surface_point(now, axis, deep);
+                blocker = tool.deepest_surface_point(now, axis);
                 if blocker.is_none() && !tool.cutter.meets(now, axis, Known::default(), Some(&mut blocker)) {
                     if !tool.touching.contains(now, axis, sample) {
                         break;
@@ -307,11 +308,26 @@ impl<'a> SampleQuery<'a> {
     /// One contact pose, for all but shank and holder: good where they decide.
     pub(super) fn cutter_at(&self, tool: &Revolved, tip: DVec3, axis: DVec3, last: &mut Last) -> Outcome {
         let among = |voxel: &[f64; 3]| tool.cutter.contains(tip, axis, *voxel);
-        if last.as_ref().is_some_and(among) || self.listed.iter().any(among) {
+        // What lies in the plane is looked for anew: whether it counts must not depend on who met it.
+        let counts = |p: &[f64; 3]| {
+            self.stays_in.is_none_or(|space| space.normal.dot(DVec3::from_array(*p)) > space.offset)
+        };
+        let mut known_blocker = last.filter(counts);
+        if known_blocker.as_ref().is_some_and(among) || self.listed.iter().any(among) {
             return Outcome::Gouged;
         }
         let known = Known { free_ball: self.free_ball.as_ref(), stays_in: self.stays_in.as_ref() };
-        of_cutter(tool, tip, axis, known, last)
+        let outcome = of_cutter(tool, tip, axis, known, &mut known_blocker);
+        *last = known_blocker.or(*last);
+        outcome
+    }
+}
+
+impl Revolved {
+    /// The point of the part's surface that is deepest in the cutter.
+    pub(super) fn deepest_surface_point(&self, tip: DVec3, axis: DVec3) -> Option<[f64; 3]> {
+        let depth = |height: f64, away: f64| self.eroded.depth(height, away, true);
+        self.cutter.deepest_surface_point(tip, axis, depth)
     }
 }
 

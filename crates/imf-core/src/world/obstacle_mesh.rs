@@ -28,7 +28,7 @@ pub struct ObstacleMesh {
     /// Whether every voxel that the surface touches is solid; `None` for what the world says.
     pub conservative: Option<bool>,
     /// How deep below its surface the cutter may reach, in the world's unit: it may hold voxels whose centres lie no deeper, but for
-    /// those in the middle of a wall, and so goes up to a pitch deeper. 0 for what is not to be cut.
+    /// those in the middle of a wall of even thickness, and so goes up to a pitch deeper. 0 for what is not to be cut.
     pub contact: f64,
 }
 

@@ -81,7 +81,7 @@ impl OnMachine {
         at: &MinimumOverlap,
         orientations: &OrientationSet,
     ) -> Option<MachineFault> {
-        if at.voxels > 0 || self.of_setups {
+        if (at.voxels > 0 || at.surface > 0) || self.of_setups {
             return None;
         }
         let axis = orientations.orientations[at.direction as usize].direction();

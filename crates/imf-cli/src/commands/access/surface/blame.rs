@@ -10,7 +10,7 @@ use super::{AccessRun, Surface, Verdict};
 use crate::session::Session;
 
 /// Maximum number of examined samples; beyond it every second, third, … one represents its neighbours.
-const MOST: usize = 2_000;
+const MOST: usize = 5_000;
 
 #[derive(Default)]
 pub(super) struct Blame {

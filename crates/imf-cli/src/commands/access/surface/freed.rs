@@ -22,7 +22,7 @@ pub(super) fn stick_outs(
     for (index, assembly) in run.tools.iter().enumerate() {
         let is_obstructed = |&sample: &usize| {
             // Where the machine alone obstructs, no length is known to help.
-            let in_the_way = surface.blame.nearest[sample].is_some_and(|at| at.voxels > 0);
+            let in_the_way = surface.blame.nearest[sample].is_some_and(|at| at.voxels > 0 || at.surface > 0);
             surface.best[sample] == (Verdict::Obstructed, index) && in_the_way
         };
         let own: Vec<usize> = (0..samples.len()).filter(is_obstructed).collect();

@@ -63,7 +63,7 @@ pub(crate) fn resolved(pitch: f64, conservative: bool, unit: LengthUnit) -> Stri
         true => format!("passes for none, and one up to {pitch} {unit} wider may be blocked"),
     };
     format!(
-        "walls are known to shank and holder to within voxels of {pitch} {unit}: a gap up to so much too narrow for them {rest}; the corner of \
+        "walls are known to shank and holder to within voxels of {pitch} {unit}: a gap up to so much too narrow for them {rest}; the edge of \
          a cutter may cut up to {corner} {unit} deeper than said, a round less"
     )
 }
