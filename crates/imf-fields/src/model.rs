@@ -86,6 +86,9 @@ pub struct TrainingRecord {
     pub groups_per_epoch: Option<usize>,
     /// Part of the model that fine-tuning started from.
     pub fine_tuned_from: Option<String>,
+    /// CRC-32 of that model's weights.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fine_tuned_weights: Option<u32>,
     /// Training loss over time.
     pub losses: Vec<LossPoint>,
     /// Sum of the steps' losses since the last point of the curve, and how many: the curve goes on from there.
@@ -115,6 +118,7 @@ impl TrainingRecord {
             dataset_crc32: 0,
             groups_per_epoch: None,
             fine_tuned_from: None,
+            fine_tuned_weights: None,
             losses: Vec::new(),
             pending_loss: (0.0, 0),
             held_out: None,

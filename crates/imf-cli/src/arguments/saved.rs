@@ -102,7 +102,7 @@ pub(crate) struct EvalArguments {
                         The first line names the columns: x,y,z,i,j,k (tool axis from tip to holder) or \
                         x,y,z,theta,phi (degrees); a column roll (degrees) turns the tool about its own axis. Other columns \
                         are kept. Results add the column depth of a field of depth: how far the tool must be moved to be free, below \
-                        0 how far it may be moved, in the scene's unit, clamped within 8 pitches; of a field of overlaps (imf info says which) the \
+                        0 how far it may be moved, in the scene's unit, known to half a pitch and clamped within 8 pitches (7.5 with --exact); of a field of overlaps (imf info says which) the \
                         column overlap instead, from 0 to 1; with --exact also depth_exact or overlap_exact. With --sharp they are called \
                         depth_sharp or overlap_sharp. The column decision says free, colliding or undecided, by the field's calibration; \
                         the column outside says true where the pose lies outside the box of the voxel centres: it is \
@@ -129,8 +129,8 @@ pub(crate) struct QueryArguments {
 /// Write a field for other programs: as an ONNX graph, its inputs in the scene's units
 #[derive(Args)]
 #[command(
-    after_help = "Example:\n  imf export model/field.safetensors --out model.onnx\n\nInputs: position [poses, 3] in the \
-                  scene's unit, and direction [poses, 3] of the tool's axis from tip to holder; the paper's network takes \
+    after_help = "Example:\n  imf export model/field.safetensors --out model.onnx\n\nInputs: position [poses, 3] of the \
+                  tool's tip less the corner imf.origin of the graph's metadata, in the scene's unit, and direction [poses, 3] of the tool's axis from tip to holder; the paper's network takes \
                   angles [poses, 2] instead, (theta, phi) in degrees. Output: overlap [poses], or depth [poses] of a field of depth, in the scene's unit. What the field is of stands in \
                   the graph's metadata. A harmonic field of a tool without symmetry has no such form."
 )]

@@ -140,7 +140,7 @@ pub(crate) struct RunArguments {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     steps: Option<u64>,
     /// Highest learning rate; by default 1.5e-3 for a factored field in 1,000 steps, lower in more and mostly in fewer, and for
-    /// siren5 one that follows from width and ω; less with --from. --resume goes on with another one
+    /// siren5 one that follows from width and ω; less with --from. With --resume, siren5 goes on with another one
     #[arg(long, value_name = "RATE", value_parser = parse_rate)]
     pub(crate) rate: Option<f32>,
     /// Where it is trained: auto (a discrete or integrated GPU, else the CPU), cpu, gpu, software (software Vulkan), or a

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail, ensure};
 use imf_core::scene::Scene;
+use imf_core::section::Quantity;
 use imf_fields::factored::file::FactoredFile;
 use imf_fields::factored::{DistillSettings, FactoredField, FactoredState, Symmetry};
 use imf_fields::harmonic::basis::Domain;
@@ -17,7 +18,7 @@ use imf_train::distill::{SectionSource, Target, bytes_to_solve, optimiser_bytes,
 
 use super::checkpoint::{LatestCheckpoint, to_resume};
 use super::differences::differences;
-use super::{Settings, Training};
+use super::{Settings, Training, weights_crc32};
 use crate::engine::Device;
 use crate::interrupt;
 use crate::session::Session;
@@ -116,6 +117,12 @@ impl<'a> FactoredStart<'a> {
             checkpoint.display(),
             path.display()
         );
+        ensure!(
+            found.settings.from == Some(weights_crc32(&from.field.parameters)),
+            "{} was not begun from the weights of {}: give the field that it was begun from, or choose another --out",
+            checkpoint.display(),
+            path.display()
+        );
         Ok(())
     }
 
@@ -133,6 +140,7 @@ impl<'a> FactoredStart<'a> {
             plan: TrainingPlan { schedule, ..settings.plan },
             solve_every: begun.solve_every,
             optimiser: optimiser.unwrap_or(begun.optimiser),
+            from: settings.from.or(begun.from),
             ..settings
         }
     }
@@ -316,6 +324,11 @@ fn initial_state(
     ensure!(
         from.field.quantity == field.quantity,
         "--from is a field of another quantity: one is of overlaps, the other of depths"
+    );
+    let [unit, own] = [&from.scene, source.scene].map(|scene| scene.record.unit);
+    ensure!(
+        unit == own || field.quantity == Quantity::Overlap,
+        "--from is a field of depths in {unit}, and this one is in {own}: train that one in the same unit"
     );
     start_from(&from.field, field, &source.scene.obstacle).context("--from")
 }

@@ -122,6 +122,13 @@ pub fn fresh_model(
     data.shards.manifest.fresh_model(data.scene.clone(), samples, shape, plan, state, fine_tuned_from)
 }
 
+/// Of weights that a training begins with, to know them again.
+pub(crate) fn weights_crc32(weights: &[f32]) -> u32 {
+    let mut hasher = crc32fast::Hasher::new();
+    weights.iter().for_each(|weight| hasher.update(&weight.to_le_bytes()));
+    hasher.finalize()
+}
+
 impl LatestCheckpoint<Model> {
     /// Refuses a checkpoint that was not trained on these samples; nothing of them need be there.
     pub(crate) fn require_samples(
@@ -150,11 +157,13 @@ impl LatestCheckpoint<Model> {
         Ok(())
     }
 
-    /// Refuses a training that did not start from a model of this network and part.
+    /// Refuses a training that did not start from this model.
     pub(crate) fn require_origin(&self, start: &Model) -> Result<()> {
         let from = self.model.record.fine_tuned_from.as_ref();
         ensure!(
-            self.model.shape == start.shape && from == Some(&start.scene.record.part),
+            self.model.shape == start.shape
+                && from == Some(&start.scene.record.part)
+                && self.model.record.fine_tuned_weights == Some(weights_crc32(&start.state.parameters)),
             "{} was not fine-tuned from this model: give the one that it was started from, or choose another --out",
             self.path.display()
         );

@@ -27,9 +27,13 @@ impl Report {
         let head = ["", "MSE", "MAE", "MPE", "false-free", "false-colliding", "IoU"];
         let rows: Vec<Vec<String>> = self.rows.iter().map(cells).collect();
         let Validation { orientations, mse, standard_error, .. } = self.validation;
+        let spread = match orientations {
+            1 => String::new(),
+            _ => format!(" ± {standard_error:.1e}"),
+        };
         let Self { guarantee, mse_over_variance, mse_over_nearest, verdict_text, .. } = self;
         format!(
-            "{}{}; {}; {guarantee}.\nMSE at {orientations} random orientations {mse:.2e} ± {standard_error:.1e}, {mse_over_variance:.4} of the \
+            "{}{}; {}; {guarantee}.\nMSE at {orientations} random orientations {mse:.2e}{spread}, {mse_over_variance:.4} of the \
              exact field's variance and {mse_over_nearest:.4} of the nearest {} section's.\n{verdict_text}",
             table(&head, &rows),
             self.units_text(),

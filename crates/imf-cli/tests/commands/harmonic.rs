@@ -148,6 +148,7 @@ fn a_field_is_distilled_into_a_network_through_an_interruption() {
     let words =
         ["tuned/checkpoint.safetensors", "narrow/field.safetensors", "2 layers of 32", "2 layers of 16"];
     folder.refuse(&tuned.replace("whole/", "narrow/"), &words);
+    folder.refuse(&tuned.replace("whole/", "fresh/"), &["was not begun from the weights of fresh/field"]);
     let run = folder.imf(&format!("{tuned} --network 2x20"));
     assert!(run.code == Some(2) && run.stderr.contains("--network"), "{}", run.stderr);
     folder.refuse(&format!("{few} --from field.safetensors --out no"), &["field.safetensors"]);

@@ -113,6 +113,12 @@ fn a_model_is_trained_evaluated_and_adapted() {
     assert!(still.state.parameters == model.state.parameters, "so low a rate moved the weights");
     assert_eq!(still.record.fine_tuned_from.as_deref(), Some("bracket"));
     assert_eq!(still.scene.record.part, "bracket-raw");
+    // It does not go on from another model's weights, though network and part are the same.
+    let other = finetune.replace("model/field", "still/field").replace("raw", "data");
+    work.imf(&format!("{other} --steps 4 --out again")).done();
+    let again = other.replace("still/field", "model/field");
+    work.imf(&format!("{again} --steps 4 --out again --resume"))
+        .refused(&["was not fine-tuned from this model"]);
     let adapted = work.json(&format!("{finetune} --epochs 1 --out adapted"));
     assert_eq!(adapted["steps"], json!((16 * 617u64).div_ceil(256)));
     assert!(work.model("adapted/field.safetensors").state.parameters != model.state.parameters);

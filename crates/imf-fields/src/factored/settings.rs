@@ -36,6 +36,9 @@ pub struct DistillSettings {
     /// The obstacle's symmetry as a prior, where a harmonic field of directions is distilled: [`Symmetry::of`] finds what there is.
     #[serde(skip_serializing_if = "Symmetry::is_none")]
     pub symmetry: Symmetry,
+    /// CRC-32 of the weights of another field that it begins with; none where they are random.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub from: Option<u32>,
 }
 
 /// Steps in which the rate rises; a closed-form output layer needs few.
@@ -74,6 +77,7 @@ impl Default for DistillSettings {
             solve_every: 25,
             online: None,
             symmetry: Symmetry::default(),
+            from: None,
         }
     }
 }

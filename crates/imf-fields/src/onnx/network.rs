@@ -54,7 +54,14 @@ pub(super) fn siren(
     let degrees = graph.numbers(&[2], &[1.0 / 180.0, 1.0 / 90.0]);
     let from_corner = graph.sub(position, &origin);
     let unit = graph.mul(&from_corner, &scale);
-    let turns = graph.mul(angles, &degrees);
+    // Whole turns of θ change nothing.
+    let ([theta, phi], circle) = ([0, 1].map(|angle| graph.column(angles, angle)), graph.number(360.0));
+    let turns = graph.op("Div", &[&theta, &circle]);
+    let whole = graph.op("Floor", &[&turns]);
+    let whole = graph.mul(&whole, &circle);
+    let theta = graph.sub(&theta, &whole);
+    let angles = graph.op_with("Concat", &[&theta, &phi], &[("axis", 1)]);
+    let turns = graph.mul(&angles, &degrees);
     let both = graph.op_with("Concat", &[&unit, &turns], &[("axis", 1)]);
     let named = graph.sub(&both, &one);
     // As `features`: of a vertical direction the middle θ, which is 0 here.

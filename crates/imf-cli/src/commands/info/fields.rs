@@ -268,6 +268,9 @@ fn scene_lines(scene: &SceneRecord) -> Vec<Line> {
             ),
         ),
     ];
+    if !scene.fixtures.is_empty() {
+        lines.push(("fixtures", scene.fixtures.join(", ")));
+    }
     if let Some(depth) = scene.contact {
         lines.push(("contact", format!("the cutter may reach {depth} {unit} below the part's surface")));
     }

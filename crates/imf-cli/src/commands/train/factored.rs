@@ -76,7 +76,8 @@ pub(super) fn run(session: &Session, arguments: &FactoredArguments) -> Result<()
     if let Some((path, from)) = &from {
         begun.require_network_of(path, from)?;
         let DistillSettings { width, hidden, omega, .. } = from.settings;
-        settings = DistillSettings { width, hidden, omega, ..settings };
+        let weights = Some(job::weights_crc32(&from.field.parameters));
+        settings = DistillSettings { width, hidden, omega, from: weights, ..settings };
     }
     settings = begun.resolve_settings(run.rate, set.optimiser(), settings);
     let symmetry = match &from {

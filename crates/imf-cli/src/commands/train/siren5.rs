@@ -175,8 +175,11 @@ fn trained(
                     "the model was made for another tool than the dataset; it will be adapted all the same",
                 );
             }
+            let weights = job::weights_crc32(&start.state.parameters);
             let state = TrainingState::from_parameters(start.state.parameters);
-            job::fresh_model(&data, shape, *plan, state, Some(start.scene.record.part))
+            let mut model = job::fresh_model(&data, shape, *plan, state, Some(start.scene.record.part));
+            model.record.fine_tuned_weights = Some(weights);
+            model
         }
         (None, None) => job::fresh_model(&data, shape, *plan, TrainingState::new(&shape, plan.seed), None),
     };
