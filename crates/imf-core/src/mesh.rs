@@ -23,7 +23,8 @@ pub mod write;
 pub use face_orientation::FaceRepair;
 pub use features::MachiningDirection;
 pub(crate) use features::SAME;
-pub(crate) use surface_points::{SMOOTH, surface_points};
+pub use surface_points::points_memory_estimate;
+pub(crate) use surface_points::{SMOOTH, area_vector, points_at_pitch};
 
 /// A triangle mesh in its own unit. Vertices may be shared or repeated; orientation may be any.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

@@ -7,6 +7,7 @@
 
 mod batch;
 mod decision;
+mod held_points;
 mod inscribed;
 mod lateral_separation;
 mod lines;
@@ -27,7 +28,6 @@ use pulp::Arch;
 use crate::parallel::make_once;
 use crate::pose::{Pose, axis_of};
 use crate::tool::{Element, Segment, Tool, ToolError, ToolShape, snapped};
-use crate::vectorised::vectorised;
 use crate::workspaces::Workspaces;
 use batch::{BatchSpheres, Scratch};
 use inscribed::InscribedSpheres;
@@ -258,7 +258,8 @@ impl SolidField {
                     if last.as_ref().is_some_and(|last| last.is_some_and(contains)) {
                         return true;
                     }
-                    if let Some(held) = self.points_in(points, placed, known.stays_in, |_| true) {
+                    let any = &Cell::new(0.0);
+                    if let Some(held) = self.points_in(points, placed, known.stays_in, any, |_| true) {
                         if let Some(last) = last {
                             *last = Some(held);
                         }
@@ -271,47 +272,6 @@ impl SolidField {
                 self.definition_count(tool, oriented, &Pose::along(tip, axis)) > 0
             }
         }
-    }
-
-    /// Visits the points of the obstacle's surface in the tool, each with its height on the tool's axis and its distance from it, in
-    /// world units.
-    pub(crate) fn visit_surface(&self, pose: &Pose, visit: impl Fn(f64, f64)) {
-        if let Some(axis) = pose.axis() {
-            self.deepest_surface_point(pose.position, axis, |height, away| {
-                visit(height, away);
-                0.0
-            });
-        }
-    }
-
-    /// The point of the obstacle's surface in the tool that is deepest, by its height on the tool's axis and its distance from
-    /// it, in world units.
-    pub(crate) fn deepest_surface_point(
-        &self,
-        tip: DVec3,
-        axis: DVec3,
-        depth: impl Fn(f64, f64) -> f64,
-    ) -> Option<[f64; 3]> {
-        let deepest = Cell::new((f64::NEG_INFINITY, None));
-        self.points_in(self.voxels.surface()?, self.voxel_pose(tip, axis), None, |point| {
-            let [height, away] = self.along_and_away(tip, axis, point);
-            let depth = depth(height, away);
-            if depth > deepest.get().0 {
-                deepest.set((depth, Some(point)));
-            }
-            false
-        });
-        deepest.get().1
-    }
-
-    fn points_in(
-        &self,
-        points: &PointTree,
-        placed: VoxelPose,
-        stays_in: Option<&HalfSpace>,
-        counts: impl Fn([f64; 3]) -> bool,
-    ) -> Option<[f64; 3]> {
-        vectorised!(self.arch, points.first_in(self.bodies(), placed, stays_in, counts))
     }
 
     /// True where the tool holds a point, given in continuous voxel coordinates; false of a mesh.
@@ -342,7 +302,8 @@ impl SolidField {
         let Shape::Bodies(bodies) = &self.shape else { return None };
         let Some(placed) = self.placed(pose) else { return Some(0.0) };
         let most = most / placed.pitch;
-        Some(self.spheres(bodies).clearance(placed, self.voxels.distances(), most) * placed.pitch)
+        let room = |most: f64| self.spheres(bodies).clearance(placed, self.voxels.distances(), most);
+        Some(self.room_among_points(bodies, placed, most, room) * placed.pitch)
     }
 
     /// [`ExactField::penetration_bound`](super::ExactField::penetration_bound) of this obstacle.

@@ -9,10 +9,45 @@ use super::topology::{EdgeUse, runs, sorted_edges};
 /// Cosine of the angle between two facets beyond which their edge is sharp: 30 degrees.
 pub(crate) const SMOOTH: f64 = 0.866;
 
+/// How far points of a surface are apart, in pitches.
+const SPACING: f64 = 0.5;
+/// Squares of the spacing that a surface is divided into, and steps along its edges, at most.
+const MOST_POINTS: f64 = 4e6;
+/// A point twice, and its share of the boxes.
+const POINT_BYTES: f64 = 80.0;
+
+/// The points of a body's surface that a cutter must not hold among voxels of a pitch, and how far they are apart.
+pub(crate) fn points_at_pitch(mesh: &Mesh, pitch: f64) -> (Vec<DVec3>, f64) {
+    let (spacing, _) = spacing(mesh, pitch);
+    (surface_points(mesh, spacing), spacing)
+}
+
+/// Bytes of the points of a body's surface that a cutter must not hold among voxels of a pitch, while they are put in order.
+#[doc(hidden)]
+#[must_use]
+pub fn points_memory_estimate(mesh: &Mesh, pitch: f64) -> u64 {
+    (POINT_BYTES * spacing(mesh, pitch).1) as u64
+}
+
+/// Distance between points of a surface, and about how many there are.
+fn spacing(mesh: &Mesh, pitch: f64) -> (f64, f64) {
+    let area: f64 = mesh.all_corners().map(|corners| area_vector(corners).length()).sum();
+    // Each edge is one of two triangles.
+    let edges: f64 =
+        mesh.all_corners().map(|[a, b, c]| 0.5 * (a.distance(b) + b.distance(c) + c.distance(a))).sum();
+    let spacing = (SPACING * pitch).max((area / MOST_POINTS).sqrt()).max(edges / MOST_POINTS);
+    (spacing, mesh.vertices.len() as f64 + edges / spacing + area / (spacing * spacing))
+}
+
+/// Along a triangle's normal, as long as its area.
+pub(crate) fn area_vector([a, b, c]: [DVec3; 3]) -> DVec3 {
+    0.5 * (b - a).cross(c - a)
+}
+
 /// The vertices, and points on edges and facets no farther apart than `spacing`. Facets of a hollow stand inside of the
 /// curve between their vertices: on them points lie behind the facet, as far as the curve may, but no farther than half the
 /// spacing, and beside their edges there are none.
-pub(crate) fn surface_points(mesh: &Mesh, spacing: f64) -> Vec<DVec3> {
+fn surface_points(mesh: &Mesh, spacing: f64) -> Vec<DVec3> {
     let mesh = &mesh.welded();
     let edges = sorted_edges(mesh);
     let facets = Facets::new(mesh, &edges, 0.5 * spacing);
@@ -81,7 +116,7 @@ impl Facets {
         let outward = if mesh.signed_volume() < 0.0 { -1.0 } else { 1.0 };
         let twice_area: Vec<DVec3> = (0..mesh.triangles.len())
             .map(|facet| mesh.corners(facet))
-            .map(|[a, b, c]| outward * (b - a).cross(c - a))
+            .map(|corners| 2.0 * outward * area_vector(corners))
             .collect();
         let normals: Vec<DVec3> = twice_area.iter().map(|vector| vector.normalize_or_zero()).collect();
         let mut sagitta = vec![0.0_f64; normals.len()];

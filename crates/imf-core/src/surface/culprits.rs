@@ -32,7 +32,7 @@ pub struct MinimumOverlap {
     pub voxels: u32,
     /// Number of those that obstruct the cutter.
     pub of_cutter: u32,
-    /// Number of points of the part's surface in the cutter.
+    /// Number of points of the part's surface in the cutter, where it holds no voxel; 0 where it does.
     pub surface: u32,
 }
 
@@ -81,7 +81,8 @@ const AROUND: u32 = 8;
 const CHUNK: usize = 16;
 
 impl SurfaceTool {
-    /// Solid voxels that obstruct all of the tool, and its cutter among the part, and points of the surface in it.
+    /// Solid voxels that obstruct all of the tool, and its cutter among the part; where these are none, points of the surface in
+    /// it.
     fn overlap(&self, pose: &Pose) -> [u32; 3] {
         let count = |piece: &SolidField| piece.count(pose).unwrap_or(u32::MAX);
         match &*self.shape {
@@ -90,7 +91,9 @@ impl SurfaceTool {
                 let of_cutter = count(&tool.cutter);
                 let others = tool.held.iter().chain(&tool.rest).map(count);
                 let surface = Cell::new(0);
-                tool.cutter.visit_surface(pose, |_, _| surface.set(surface.get() + 1));
+                if of_cutter == 0 {
+                    tool.cutter.visit_surface(pose, |_, _, _| surface.set(surface.get() + 1));
+                }
                 [others.fold(of_cutter, u32::saturating_add), of_cutter, surface.get()]
             }
         }
@@ -157,7 +160,7 @@ impl SurfaceTool {
             element.visit_inside(solid.voxels().occupancy(), &at.pose, |_, height, radius| {
                 visit(height, radius);
             });
-            solid.visit_surface(&at.pose, visit);
+            solid.visit_surface(&at.pose, |_, height, radius| visit(height, radius));
             let Some((mut depth, slimmer)) = deepest.get() else { return };
             // The cutter is tried without its outermost layer.
             depth += if is_cutter { self.tolerance } else { 0.0 };

@@ -2,19 +2,12 @@
 
 use std::sync::Arc;
 
-use glam::DVec3;
-
-use crate::field::solid::{PointTree, SolidVoxels};
+use crate::field::solid::SolidVoxels;
 use crate::grid::Grid;
-use crate::mesh::{Mesh, surface_points};
+use crate::mesh::Mesh;
 use crate::occupancy::Occupancy;
 use crate::scene::{Bodies, Resolution, SceneError, SceneSpec};
 use crate::voxelize::voxelize_with;
-
-/// How far points of a surface are apart, in pitches.
-const SPACING: f64 = 0.5;
-/// Squares of the spacing that a surface is divided into, and steps along its edges, at most.
-const MOST_POINTS: f64 = 4e6;
 
 /// A part, as two sets of voxels on one grid.
 #[derive(Clone, Debug)]
@@ -43,6 +36,7 @@ pub struct CollisionEnvironment {
     pub(super) keep_out: SolidVoxels,
     /// The same body by body: the part, then each fixture.
     pub(super) bodies: Vec<SolidVoxels>,
+    points_apart: f64,
 }
 
 impl CollisionEnvironment {
@@ -71,6 +65,7 @@ impl CollisionEnvironment {
             fixtures: held.then(|| union(&mut fixtures.iter())),
             keep_out: if held { union(&mut all()) } else { bodies[0].clone() },
             bodies,
+            points_apart: f64::INFINITY,
         }
     }
 
@@ -78,9 +73,14 @@ impl CollisionEnvironment {
     /// voxels it would cut up to a voxel deep. `part` is the mesh in the grid's coordinates.
     #[must_use]
     pub fn with_surface(self, part: &Mesh) -> Self {
-        let grid = &self.part().grid;
-        let points = Arc::new(PointTree::new(points_of(part, grid.pitch), grid));
-        Self { part: self.part.with_surface(points), ..self }
+        let (part, points_apart) = self.part.with_surface_of(part);
+        Self { part, points_apart, ..self }
+    }
+
+    /// How far points of the part's surface are apart, in the grid's unit; infinite where there are none.
+    #[must_use]
+    pub fn points_apart(&self) -> f64 {
+        self.points_apart
     }
 
     /// Part and fixtures of a scene as tools meet them, of `bodies` that were made of it.
@@ -137,17 +137,10 @@ impl CollisionEnvironment {
     }
 }
 
-/// The points of a part's surface that a cutter must not hold.
-pub(super) fn points_of(part: &Mesh, pitch: f64) -> Vec<DVec3> {
-    let area: f64 = part.all_corners().map(|[a, b, c]| 0.5 * (b - a).cross(c - a).length()).sum();
-    // Each edge is one of two triangles.
-    let edges: f64 =
-        part.all_corners().map(|[a, b, c]| 0.5 * (a.distance(b) + b.distance(c) + c.distance(a))).sum();
-    surface_points(part, (SPACING * pitch).max((area / MOST_POINTS).sqrt()).max(edges / MOST_POINTS))
-}
-
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+
     use super::*;
     use crate::mesh::Mesh;
     use crate::parts::ReferencePart;

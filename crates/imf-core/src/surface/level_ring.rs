@@ -137,7 +137,7 @@ impl SampleQuery<'_> {
 
 /// The point of the part's surface that is deepest in the cutter.
 fn surface_blocker(tool: &Revolved, tip: DVec3, axis: DVec3) -> Option<Blocker> {
-    let voxel = tool.deepest_surface_point(tip, axis)?;
+    let voxel = tool.deepest_surface_point(tip, axis, f64::INFINITY)?;
     Some(Blocker { solid: 0, voxel, step: tool.cutter.lateral_separation_from(tip, axis, voxel)? })
 }
 

@@ -210,21 +210,32 @@ impl<'a> SampleQuery<'a> {
     }
 
     /// Whether the part stands all around the tool that touches the sample, as below the sample itself: what a tool machines that cuts
-    /// along its axis alone is a hole of its own outline. On a level floor, around its widest place one voxel above.
+    /// along its axis alone is a hole of its own outline. On a level floor and near its axis, around it one voxel above.
     fn is_in_hole(&self, tool: &Revolved, tip: DVec3, axis: DVec3) -> bool {
         let part = tool.cutter.voxels().occupancy();
         let (from_tip, pitch) = (self.sample.point - tip, part.grid.pitch);
-        let beyond = if self.sample.normal.dot(axis) > LEVEL_FLOOR {
-            (from_tip.dot(axis) + pitch) * axis + (tool.radius + pitch) * axis.any_orthonormal_vector()
-        } else {
-            // A voxel that holds it is solid: it lies farther in than half a voxel's diagonal.
-            from_tip - pitch * self.sample.normal
+        let stands_around = |beyond: DVec3| {
+            (0..4).all(|quarter| {
+                let turned = DQuat::from_axis_angle(axis, f64::from(quarter) * FRAC_PI_2) * beyond;
+                let voxel = part.grid.index_at(part.grid.continuous(tip + turned));
+                voxel.is_some_and(|index| part.solid[index] == 1)
+            })
         };
-        (0..4).all(|quarter| {
-            let turned = DQuat::from_axis_angle(axis, f64::from(quarter) * FRAC_PI_2) * beyond;
-            let voxel = part.grid.index_at(part.grid.continuous(tip + turned));
-            voxel.is_some_and(|index| part.solid[index] == 1)
-        })
+        let (facing, height) = (self.sample.normal.dot(axis), from_tip.dot(axis));
+        if facing > LEVEL_FLOOR {
+            let beside = axis.any_orthonormal_vector();
+            return stands_around((height + pitch) * axis + (tool.radius + pitch) * beside);
+        }
+        let beside = (self.sample.normal - facing * axis).normalize_or_zero();
+        // Near the axis a plane that is tilted lies below all quarter turns of a point behind it: there one voxel higher up too.
+        let away = (from_tip - height * axis).length();
+        let is_told = away * (1.0 - facing * facing).max(0.0).sqrt() >= pitch || {
+            let wide = tool.end.radius_at(height + pitch);
+            let wide = if wide > 0.0 { wide } else { tool.radius };
+            stands_around((height + pitch) * axis + (wide + pitch) * beside)
+        };
+        // A voxel that holds it is solid: it lies farther in than half a voxel's diagonal.
+        is_told && stands_around(from_tip - pitch * self.sample.normal)
     }
 
     /// On a facet of a curved surface a gouging cutter is moved aside: as far as the true normal may differ from the facet's, and
@@ -262,7 +273,9 @@ impl<'a> SampleQuery<'a> {
             let known = self.listed.iter().chain(&met[..count]);
             let mut blocker = known.copied().rfind(|&voxel| tool.cutter.contains(now, axis, voxel));
             if blocker.is_none() {
-                blocker = tool.deepest_surface_point(now, axis);
+                // Before the first step one that stays is enough.
+                let enough = if now == tip { most * (1.0 + 1e-9) } else { f64::INFINITY };
+                blocker = tool.deepest_surface_point(now, axis, enough);
                 if blocker.is_none() && !tool.cutter.meets(now, axis, Known::default(), Some(&mut blocker)) {
                     if !tool.touching.contains(now, axis, sample) {
                         break;
@@ -324,10 +337,10 @@ impl<'a> SampleQuery<'a> {
 }
 
 impl Revolved {
-    /// The point of the part's surface that is deepest in the cutter.
-    pub(super) fn deepest_surface_point(&self, tip: DVec3, axis: DVec3) -> Option<[f64; 3]> {
+    /// The point of the part's surface that is deepest in the cutter; one that is deeper than `enough` where there is one.
+    pub(super) fn deepest_surface_point(&self, tip: DVec3, axis: DVec3, enough: f64) -> Option<[f64; 3]> {
         let depth = |height: f64, away: f64| self.eroded.depth(height, away, true);
-        self.cutter.deepest_surface_point(tip, axis, depth)
+        self.cutter.deepest_surface_point(tip, axis, depth, enough)
     }
 }
 

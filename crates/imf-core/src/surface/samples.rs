@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use crate::mesh::topology::{EdgeUse, boundary_chain, component_count, neighbours, runs, sorted_edges};
-use crate::mesh::{Mesh, SMOOTH};
+use crate::mesh::{Mesh, SMOOTH, area_vector};
 use crate::occupancy::Occupancy;
 use crate::parallel;
 
@@ -199,11 +199,6 @@ fn crossing(corners: [DVec3; 3], point: DVec3) -> i32 {
     // Height of the plane over the point.
     let height = normal.dot(relative[0]) / normal.z;
     if turns != 0 && height > 0.0 { turns } else { 0 }
-}
-
-/// Along the normal, as long as the triangle's area.
-fn area_vector([a, b, c]: [DVec3; 3]) -> DVec3 {
-    0.5 * (b - a).cross(c - a)
 }
 
 #[cfg(test)]

@@ -11,7 +11,7 @@ use super::sample_query::TOUCH;
 use super::*;
 use crate::control::Control;
 use crate::grid::Grid;
-use crate::mesh::Mesh;
+use crate::mesh::{Mesh, points_at_pitch};
 use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
 use crate::section::test_shapes::{arc, line};
@@ -158,7 +158,7 @@ fn verdicts_are_those_of_every_voxel_against_every_element() {
         let offset = tool.offset_elements(&clearance).unwrap();
         let definition = Definition {
             bodies: solids.iter().map(|solid| centres(solid)).collect(),
-            surface: environment::points_of(&part, pitch),
+            surface: points_at_pitch(&part, pitch).0,
             outline,
             tolerance,
             cutter: at(tolerance),

@@ -10,6 +10,7 @@ use anyhow::{Context, Result, ensure};
 use imf_core::control::Cancelled;
 use imf_core::field_files::write_ply;
 use imf_core::machine::{AxisLimits, Machine};
+use imf_core::mesh::points_memory_estimate;
 use imf_core::orientation::OrientationSet;
 use imf_core::scene::{Guarantee, SceneSpec};
 use imf_core::set_cover::{CoverProblem, CoverSettings};
@@ -36,6 +37,8 @@ struct Crib {
     part: String,
     unit: LengthUnit,
     pitch: f64,
+    /// Points of the part's surface, which a cutter must not hold.
+    points_apart: f64,
     orientations: OrientationSet,
     tolerance: f64,
     /// The weakest of the tools'.
@@ -112,7 +115,9 @@ impl Crib {
         // A machine's head reaches farther than the tools.
         let reach = if machine.is_some() { f64::INFINITY } else { reach };
         let grid = spec.obstacle_grid(&query, reach)?;
-        let needed = 30 * grid.len() as u64 + kept.len() as u64 * (200_000 + 8 * SAMPLES as u64);
+        let needed = 30 * grid.len() as u64
+            + kept.len() as u64 * (200_000 + 8 * SAMPLES as u64)
+            + points_memory_estimate(&mesh, grid.pitch);
         session.require_memory(needed, || {
             format!("{} voxels and {} tools; use a larger --pitch", grid.len(), kept.len())
         })?;
@@ -155,6 +160,7 @@ impl Crib {
             part: inputs.part.name.clone(),
             unit,
             pitch: grid.pitch,
+            points_apart: environment.points_apart(),
             orientations,
             tolerance,
             guarantee: weakest.unwrap_or(Guarantee::Centres),

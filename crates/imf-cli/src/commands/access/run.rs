@@ -7,7 +7,7 @@ use glam::DVec3;
 use imf_core::access::{memory_estimate, position_grid, removable_memory_estimate};
 use imf_core::grid::Grid;
 use imf_core::machine::{AxisLimits, Machine};
-use imf_core::mesh::{MachiningDirection, Mesh};
+use imf_core::mesh::{MachiningDirection, Mesh, points_memory_estimate};
 use imf_core::obstacle::Obstacle;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::{Limits, OrientationSet};
@@ -328,7 +328,11 @@ fn needed(
     let fixtures = spec.fixtures.len() as u64;
     let each = if spec.conservative { 2 } else { 1 };
     let sets = each + fixtures + if fixtures > 0 { 2 } else { 0 };
+    // Its points, at twice the pitch too.
+    let part = spec.mesh.transformed(&spec.transform);
+    let points = [1.0, 2.0].map(|times| points_memory_estimate(&part, times * obstacle.pitch));
     let surface = (13 * sets + 10) * obstacle.len() as u64
+        + points.iter().sum::<u64>()
         + SurfaceSettings::memory_estimate(orientations.len(), tools.len());
     let bodies = spec.fixture_voxels(obstacle)? + 4 * obstacle.len() as u64;
     Ok(most.max(surface) + bodies + results + stock)

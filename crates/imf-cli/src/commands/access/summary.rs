@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use imf_core::access::{Component, Components, RemovableStock};
 use imf_core::mesh::MachiningDirection;
-use imf_core::tool::Clearance;
+use imf_core::tool::{Clearance, ToolShape};
 use imf_core::unit::LengthUnit;
 use serde::Serialize;
 
@@ -176,7 +176,10 @@ impl Summary {
             clearance: run.clearance,
             contact: run.contact,
             guarantee: run.guarantee.to_string(),
-            resolved: surface.map(|_| resolved(run.query.pitch, run.conservative, run.unit)),
+            resolved: surface.map(|surface| {
+                let meshes = run.tools.iter().any(|tool| matches!(tool.tool().shape, ToolShape::Mesh(_)));
+                resolved(run.query.pitch, surface.points_apart, run.conservative, run.unit, meshes)
+            }),
             solid: measure(run.solid.count()),
             accessible: region(&findings.accessible),
             inaccessible: region(&findings.inaccessible),

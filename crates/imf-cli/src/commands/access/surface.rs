@@ -83,6 +83,8 @@ pub(super) struct Surface {
     /// Fraction of the area that is reached at twice the pitch; the same samples.
     coarse: f64,
     tolerance: f64,
+    /// Points of the part's surface, which a cutter must not hold.
+    pub(super) points_apart: f64,
     /// Area that each direction reaches with any tool.
     by_direction: Vec<f64>,
     pub(super) setups: Option<setups::Setups>,
@@ -132,6 +134,7 @@ impl Surface {
             best,
             coarse: 0.0,
             tolerance: settings.tolerance,
+            points_apart: settings.environment.points_apart(),
             by_direction,
             setups: None,
             blame: blame::Blame::default(),

@@ -1,8 +1,10 @@
 //! Points of a body's surface beside its voxel centres: a tool that holds one cuts into the body, though it may hold no
 //! centre.
 //!
-//! A tree of boxes, eight below each: those that a tool surely stays out of are left out eight at a time, in single
+//! A tree of boxes, sixteen below each: those that a tool surely stays out of are left out sixteen at a time, in single
 //! precision with a margin; points that are left are tried with the predicate that defines the tool.
+
+use std::cell::Cell;
 
 use glam::DVec3;
 
@@ -12,9 +14,9 @@ use crate::grid::Grid;
 use crate::tool::Segment;
 
 /// Boxes below a box, or points in it.
-const WIDTH: usize = 8;
-/// Nodes that wait, at most: seven on each level but the last.
-const WAITING: usize = 7 * 12;
+const WIDTH: usize = 16;
+/// Nodes that wait, at most: all but one of each level.
+const WAITING: usize = 15 * 9;
 /// Boxes are wider by this many voxels, and by as much for each voxel of the grid's size: more than single precision rounds.
 const MARGIN: [f32; 2] = [1e-3, 1e-6];
 
@@ -35,7 +37,7 @@ pub(crate) struct PointTree {
 
 type Lanes = [f32; WIDTH];
 
-/// Eight boxes, by coordinate.
+/// Boxes side by side, by coordinate.
 #[derive(Clone, Debug)]
 struct Node {
     middle: [Lanes; 3],
@@ -62,24 +64,26 @@ impl PointTree {
 
     /// Adds the node of some points, the first of which is `first` of all, and what is below; sorts the points.
     fn divide(&mut self, points: &mut [DVec3], first: usize) -> u32 {
-        let mut pieces = vec![(0, points.len())];
-        while pieces.len() < WIDTH && points.len() > WIDTH {
-            let mut halves = Vec::with_capacity(2 * pieces.len());
-            for (from, to) in pieces {
-                let half = (to - from).div_ceil(2);
-                halve(&mut points[from..to], half);
-                halves.extend([(from, from + half), (from + half, to)]);
-            }
-            pieces = halves;
+        // What a box below holds at most: all but the last are full.
+        let mut most = 1;
+        while most * WIDTH < points.len() {
+            most *= WIDTH;
         }
-        let holds_points = points.len() <= WIDTH;
+        let holds_points = most == 1;
+        let mut pieces = vec![(0, points.len())];
         if holds_points {
             pieces = (0..points.len()).map(|point| (point, point + 1)).collect();
+        }
+        while let Some(piece) = pieces.iter().position(|(from, to)| to - from > most) {
+            let (from, to) = pieces.swap_remove(piece);
+            let half = (to - from).div_ceil(most).div_ceil(2) * most;
+            halve(&mut points[from..to], half);
+            pieces.extend([(from, from + half), (from + half, to)]);
         }
         let at = self.nodes.len();
         let nowhere = [[f32::INFINITY; WIDTH]; 3];
         self.nodes.push(Node { middle: nowhere, half: [[0.0; WIDTH]; 3], below: [0; WIDTH], holds_points });
-        for (lane, (from, to)) in pieces.into_iter().enumerate().filter(|(_, (from, to))| from < to) {
+        for (lane, (from, to)) in pieces.into_iter().enumerate() {
             let own = &mut points[from..to];
             let (low, high) = bounds(own);
             let below = if holds_points { (first + from) as u32 } else { self.divide(own, first + from) };
@@ -94,13 +98,35 @@ impl PointTree {
     }
 
     /// A point that some of the bodies hold at a pose, by the predicate that defines the tool, and for which `counts`. They must
-    /// lie in `stays_in`.
+    /// lie in `stays_in`. Points that are no deeper than `deeper` voxels below a body's surface, ends included, need not be tried,
+    /// and that may grow meanwhile.
     #[inline(always)]
     pub(super) fn first_in(
         &self,
         bodies: &[Body],
         placed: VoxelPose,
         stays_in: Option<&HalfSpace>,
+        deeper: &Cell<f64>,
+        counts: impl Fn([f64; 3]) -> bool,
+    ) -> Option<[f64; 3]> {
+        self.first_near(
+            bodies,
+            placed,
+            stays_in,
+            deeper,
+            #[inline(always)]
+            |point| bodies.iter().any(|body| placed.contains(&body.profile, point)) && counts(point),
+        )
+    }
+
+    /// A point that may be as deep as `deeper` in some body, or less than so far from it where that is negative, and for which `counts`.
+    #[inline(always)]
+    pub(super) fn first_near(
+        &self,
+        bodies: &[Body],
+        placed: VoxelPose,
+        stays_in: Option<&HalfSpace>,
+        deeper: &Cell<f64>,
         counts: impl Fn([f64; 3]) -> bool,
     ) -> Option<[f64; 3]> {
         let mut stack = [0; WAITING];
@@ -108,15 +134,14 @@ impl PointTree {
         while waiting > 0 {
             waiting -= 1;
             let node = &self.nodes[stack[waiting] as usize];
-            let mut near = 0;
+            let mut near = [0; WIDTH];
             for body in bodies {
-                near |= node.near(body, placed);
+                node.near(body, placed, deeper.get() as f32, &mut near);
             }
-            if let Some(space) = stays_in
-                && near != 0
-            {
-                near &= node.inside(space);
+            if let Some(space) = stays_in {
+                node.inside(space, &mut near);
             }
+            let mut near = bits(&near);
             while near != 0 {
                 let below = node.below[near.trailing_zeros() as usize];
                 near &= near - 1;
@@ -126,10 +151,8 @@ impl PointTree {
                     continue;
                 }
                 let point = self.points[below as usize].to_array();
-                for body in bodies {
-                    if placed.contains(&body.profile, point) && counts(point) {
-                        return Some(point);
-                    }
+                if counts(point) {
+                    return Some(point);
                 }
             }
         }
@@ -151,130 +174,157 @@ fn halve(points: &mut [DVec3], half: usize) {
     }
 }
 
-/// A bit for each lane.
+/// A bit for each lane that is 1.
 #[inline(always)]
-fn bits(lanes: [bool; WIDTH]) -> u32 {
+fn bits(lanes: &[u32; WIDTH]) -> u32 {
     let mut bits = 0;
-    for (lane, set) in lanes.into_iter().enumerate() {
-        bits |= u32::from(set) << lane;
+    for lane in 0..WIDTH {
+        bits |= lanes[lane] << lane;
     }
     bits
 }
 
 impl Node {
+    /// Leaves 1 where boxes may hold a point of a half-space.
     #[inline(always)]
-    fn each<T: Copy + Default>(value: impl Fn(usize) -> T) -> [T; WIDTH] {
-        let mut all = [T::default(); WIDTH];
-        for (lane, own) in all.iter_mut().enumerate() {
-            *own = value(lane);
-        }
-        all
-    }
-
-    /// Which boxes may hold a point of a half-space.
-    #[inline(always)]
-    fn inside(&self, space: &HalfSpace) -> u32 {
+    fn inside(&self, space: &HalfSpace, near: &mut [u32; WIDTH]) {
         let ([x, y, z], [wx, wy, wz]) = (&self.middle, &self.half);
         let (n, offset) = (space.normal.as_vec3(), space.offset as f32);
         let size = n.abs();
-        let farthest = Self::each(
-            #[inline(always)]
-            |i| x[i] * n.x + y[i] * n.y + z[i] * n.z + wx[i] * size.x + wy[i] * size.y + wz[i] * size.z,
-        );
-        bits(Self::each(
-            #[inline(always)]
-            |i| farthest[i] >= offset,
-        ))
+        for i in 0..WIDTH {
+            let farthest = wx[i] * size.x + wy[i] * size.y + wz[i] * size.z;
+            near[i] &= u32::from(x[i] * n.x + y[i] * n.y + z[i] * n.z + farthest >= offset);
+        }
     }
 
-    /// Which boxes a body may reach into: none of some directions in which a box stays out of it does.
+    /// Sets 1 where a body may reach into boxes with what lies deeper below its surface, or above it where that is negative: a box
+    /// stays out of that in none of some directions.
     #[inline(always)]
-    fn near(&self, body: &Body, placed: VoxelPose) -> u32 {
+    fn near(&self, body: &Body, placed: VoxelPose, deeper: f32, near: &mut [u32; WIDTH]) {
+        let (deeper, above) = (deeper.max(0.0), (-deeper).max(0.0));
+        let (Some(first), Some(last)) = (body.parts.first(), body.parts.last()) else { return };
+        let bottom = first.segment.range().0 as f32 + deeper;
+        let top = last.segment.range().1 as f32 - deeper;
         let ([x, y, z], [wx, wy, wz]) = (&self.middle, &self.half);
         let (tip, a) = (placed.tip.as_vec3(), placed.direction.as_vec3());
         let along = a.abs();
-        let height = Self::each(
-            #[inline(always)]
-            |i| (x[i] - tip.x) * a.x + (y[i] - tip.y) * a.y + (z[i] - tip.z) * a.z,
-        );
-        // The way out from the axis.
-        let out = [
-            Self::each(
-                #[inline(always)]
-                |i| x[i] - tip.x - height[i] * a.x,
-            ),
-            Self::each(
-                #[inline(always)]
-                |i| y[i] - tip.y - height[i] * a.y,
-            ),
-            Self::each(
-                #[inline(always)]
-                |i| z[i] - tip.z - height[i] * a.z,
-            ),
-        ];
-        let away = Self::each(
-            #[inline(always)]
-            |i| (out[0][i] * out[0][i] + out[1][i] * out[1][i] + out[2][i] * out[2][i]).sqrt(),
-        );
-        let tall = Self::each(
-            #[inline(always)]
-            |i| wx[i] * along.x + wy[i] * along.y + wz[i] * along.z,
-        );
-        // Times the distance from the axis.
-        let wide = Self::each(
-            #[inline(always)]
-            |i| wx[i] * out[0][i].abs() + wy[i] * out[1][i].abs() + wz[i] * out[2][i].abs(),
-        );
-        let mut near = 0;
+        // Of each box: the height of its middle and its distance from the axis; how far it extends along the axis, and away from it
+        // times that distance.
+        let (mut height, mut away) = ([0.0; WIDTH], [0.0; WIDTH]);
+        let (mut tall, mut wide) = ([0.0; WIDTH], [0.0; WIDTH]);
+        for i in 0..WIDTH {
+            let (dx, dy, dz) = (x[i] - tip.x, y[i] - tip.y, z[i] - tip.z);
+            let up = dx * a.x + dy * a.y + dz * a.z;
+            let (ox, oy, oz) = (dx - up * a.x, dy - up * a.y, dz - up * a.z);
+            height[i] = up;
+            away[i] = (ox * ox + oy * oy + oz * oz).sqrt();
+            tall[i] = wx[i] * along.x + wy[i] * along.y + wz[i] * along.z;
+            wide[i] = wx[i] * ox.abs() + wy[i] * oy.abs() + wz[i] * oz.abs();
+        }
         for part in &body.parts {
             let (from, to) = part.segment.range();
-            let (from, to, widest) = (from as f32, to as f32, part.widest as f32);
-            let reached = Self::each(
-                #[inline(always)]
-                |i| {
-                    height[i] + tall[i] >= from
-                        && height[i] - tall[i] <= to
-                        && away[i] * (away[i] - widest) <= wide[i]
-                },
-            );
-            let mut own = bits(reached);
-            if own & !near == 0 {
-                continue;
+            let (lowest, highest) = (bottom.max(from as f32) - above, top.min(to as f32) + above);
+            let (from, to, widest) = (from as f32, to as f32, part.widest as f32 - deeper + above);
+            let mut own = [0; WIDTH];
+            for i in 0..WIDTH {
+                let level = (height[i] + tall[i] >= lowest) & (height[i] - tall[i] <= highest);
+                own[i] = u32::from(level & (away[i] * (away[i] - widest) <= wide[i]));
             }
             match part.segment {
                 Segment::Line { radius_from, radius_to, .. } if radius_from == radius_to => {}
                 Segment::Line { radius_from, radius_to, .. } => {
                     // Across the flank.
                     let (rise, run) = ((radius_to - radius_from) as f32, to - from);
-                    let radius = radius_from as f32;
-                    let steep = rise.abs();
-                    own &= bits(Self::each(
-                        #[inline(always)]
-                        |i| {
-                            let across = (away[i] - radius) * run - (height[i] - from) * rise;
-                            across * away[i] <= wide[i] * run + tall[i] * steep * away[i]
-                        },
-                    ));
+                    let radius = radius_from as f32 - deeper;
+                    let (steep, slant) = (rise.abs(), rise.hypot(run) * above);
+                    for i in 0..WIDTH {
+                        let across = (away[i] - radius) * run - (height[i] - from) * rise;
+                        let reached = across * away[i] <= wide[i] * run + (tall[i] * steep + slant) * away[i];
+                        own[i] &= u32::from(reached);
+                    }
                 }
                 Segment::Arc { centre_height, centre_radius, arc_radius, .. } => {
-                    // The arc is the end of a disc that moves out from the axis.
+                    // The arc is the end of a disc that moves out from the axis; what is deeper is no farther out.
                     let (centre, across, radius) =
-                        (centre_height as f32, centre_radius as f32, arc_radius as f32);
-                    own &= bits(Self::each(
-                        #[inline(always)]
-                        |i| {
-                            let (up, beyond) = (height[i] - centre, away[i] - across);
-                            let beyond = if beyond > 0.0 { beyond } else { 0.0 };
-                            let squared = up * up + beyond * beyond;
-                            let distance = squared.sqrt();
-                            (squared - radius * distance) * away[i]
-                                <= wide[i] * beyond + tall[i] * up.abs() * away[i]
-                        },
-                    ));
+                        (centre_height as f32, centre_radius as f32 - deeper, arc_radius as f32 + above);
+                    for i in 0..WIDTH {
+                        let (up, beyond) = (height[i] - centre, (away[i] - across).max(0.0));
+                        let squared = up * up + beyond * beyond;
+                        let reached = (squared - radius * squared.sqrt()) * away[i]
+                            <= wide[i] * beyond + tall[i] * up.abs() * away[i];
+                        own[i] &= u32::from(reached);
+                    }
                 }
             }
-            near |= own;
+            for i in 0..WIDTH {
+                near[i] |= own[i];
+            }
         }
-        near
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+
+    use super::super::tests::{awkward, random_pose};
+    use super::super::{SolidField, SolidVoxels};
+    use super::*;
+    use crate::occupancy::Occupancy;
+    use crate::section::test_shapes::{arc, line, number};
+    use crate::tool::{Element, ElementKind, Tool};
+
+    #[test]
+    fn the_points_in_a_tool_and_the_deepest_of_them_are_those_of_all() {
+        let mut random = ChaCha8Rng::seed_from_u64(7);
+        let grid = Grid { origin: DVec3::splat(-20.0), pitch: 0.8, dims: [50; 3] };
+        let unit = |random: &mut ChaCha8Rng| DVec3::new(number(random), number(random), number(random));
+        let points: Vec<DVec3> = (0..4000).map(|_| grid.origin + unit(&mut random) * grid.size()).collect();
+        let tree = Arc::new(PointTree::new(points.clone(), &grid));
+        let voxels = SolidVoxels::from(Arc::new(Occupancy::empty(grid))).with_surface(tree);
+        let stepped = [line(0.0, 4.0, 3.0, 3.0), line(4.0, 9.0, 6.0, 2.0), arc(9.0, 12.0, 9.0, 4.0, 5.0)];
+        let profiles = [
+            stepped.to_vec(),
+            awkward().cutter().unwrap().0.profile,
+            Tool::paper().cutter().unwrap().0.profile,
+        ];
+        let (mut held, mut deep) = (0, 0);
+        for profile in profiles {
+            let element = Element { kind: ElementKind::Cutter, profile };
+            let field = SolidField::of_elements(voxels.clone(), std::slice::from_ref(&element)).unwrap();
+            let depth = |height: f64, away: f64| element.depth(height, away, true);
+            for index in 0..600 {
+                let pose = random_pose(&grid, 3, index);
+                let (tip, axis) = (pose.position, pose.axis().unwrap());
+                let of = |point: [f64; 3]| {
+                    let [height, away] = field.along_and_away(tip, axis, point);
+                    depth(height, away)
+                };
+                let all = points.iter().map(|&point| field.voxel_of(point));
+                let depths: Vec<f64> =
+                    all.filter(|&point| field.contains(tip, axis, point)).map(of).collect();
+                let visited = Cell::new(0);
+                field.visit_surface(&pose, |_, _, _| visited.set(visited.get() + 1));
+                assert_eq!(visited.get(), depths.len(), "{index}");
+                assert_eq!(field.collides(&pose), !depths.is_empty(), "{index}");
+                held += depths.len();
+                let most = depths.iter().copied().max_by(f64::total_cmp);
+                for enough in [f64::INFINITY, 3.0, 1.0, 0.0] {
+                    let found = field.deepest_surface_point(tip, axis, depth, enough).map(of);
+                    if let (Some(found), Some(most)) = (found, most)
+                        && most > enough
+                    {
+                        assert!(found > enough, "{index}: {found} {enough}");
+                        deep += 1;
+                        continue;
+                    }
+                    assert_eq!(found, most, "{index} {enough}");
+                }
+            }
+        }
+        assert!(held > 5000 && deep > 500, "{held} {deep}");
     }
 }

@@ -7,6 +7,7 @@ use glam::DVec3;
 use super::runs::Columns;
 use super::{FreeBall, PointTree};
 use crate::distance::{DistanceField, squared_depths};
+use crate::mesh::{Mesh, points_at_pitch};
 use crate::occupancy::Occupancy;
 use crate::parallel::{self, make_once};
 
@@ -52,8 +53,16 @@ impl SolidVoxels {
         &self.tables.occupancy
     }
 
+    /// The same with points of the body's surface, and how far they are apart; `mesh` is the body in the grid's coordinates.
+    pub(crate) fn with_surface_of(self, mesh: &Mesh) -> (Self, f64) {
+        let grid = &self.occupancy().grid;
+        let (points, apart) = points_at_pitch(mesh, grid.pitch);
+        let points = PointTree::new(points, grid);
+        (self.with_surface(points.into()), apart)
+    }
+
     /// The same with points of the body's surface, which a tool must not hold either.
-    pub(crate) fn with_surface(self, points: Arc<PointTree>) -> Self {
+    pub(super) fn with_surface(self, points: Arc<PointTree>) -> Self {
         Self { surface: Some(points), ..self }
     }
 

@@ -53,6 +53,25 @@ fn a_drill_machines_the_wall_of_its_hole_and_nothing_else() {
         let found = part.found(&drill(4.0), DOWN);
         assert!(found.reached(floor) > 0.99 - 0.03 * pitch, "{pitch}: {}", found.reached(floor));
     }
+    // Tilted with the hole, it reaches the floor, and no flat face: nothing at all from straight above.
+    for (pitch, degrees) in [(1.0, 10.0), (1.0, 27.0), (0.5, 20.0), (0.25, 29.0)] {
+        let place = glam::DMat4::from_rotation_y(f64::to_radians(degrees));
+        let part = Part::new(&drilled(centre, 4.0, 6.0).transformed(&place), pitch);
+        let within = |s: &SurfaceSample| {
+            let point = place.inverse().transform_point3(s.point);
+            floor(&SurfaceSample { point, ..*s })
+        };
+        let found = part.found(&drill(4.0), &format!("0,{degrees}"));
+        assert!(found.reached(within) > 0.99 - 0.03 * pitch, "{pitch}: {}", found.reached(within));
+        let on_face = |s: &SurfaceSample| s.normal.dot(place.z_axis.truncate()).abs() > 0.9;
+        assert_eq!(found.reached(on_face), 0.0, "{pitch} {degrees}");
+        for tool in [drill(4.0), Tool { plunge_only: true, ..ball(4.0) }] {
+            let found = part.found(&tool, DOWN);
+            assert_eq!(found.reached(on_face), 0.0, "{pitch} {degrees}");
+            // The wall of the hole within a voxel of its mouth.
+            assert!(found.reached(|_| true) < 0.005, "{pitch} {degrees}");
+        }
+    }
     // In a slot as wide as the drill the wall stands on two sides alone.
     let slot = rounded_rectangle(DVec2::new(8.0, 8.0), DVec2::new(32.0, 16.0), 4.0, 12);
     for pitch in [1.0, 0.5] {

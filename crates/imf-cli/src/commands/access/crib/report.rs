@@ -103,7 +103,10 @@ impl Report {
             orientation_count: crib.orientations.len(),
             tolerance: crib.tolerance,
             guarantee: crib.guarantee.to_string(),
-            resolved: resolved(crib.pitch, crib.conservative, crib.unit),
+            resolved: {
+                let meshes = crib.tools.iter().any(|tool| tool.diameter.is_none());
+                resolved(crib.pitch, crib.points_apart, crib.conservative, crib.unit, meshes)
+            },
             area: total,
             samples: samples.len(),
             hidden_area: crib.samples.hidden_area,

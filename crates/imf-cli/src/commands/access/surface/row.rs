@@ -51,20 +51,32 @@ impl ObstructedRow {
     }
 }
 
-/// Radius of the largest circle among points of a surface, in pitches.
-const CORNER: f64 = 0.36;
+/// Radius of the largest circle among points of a surface, as many times as they are apart.
+const CORNER: f64 = 0.72;
 
-/// States how well walls are known to the cutter, by points of the surface half a pitch apart, and to shank and holder, by voxels: the
-/// corner of a cutter passes between points no deeper than the hole among them is wide.
-pub(crate) fn resolved(pitch: f64, conservative: bool, unit: LengthUnit) -> String {
-    let (corner, pitch) = (short(CORNER * pitch), short(pitch));
+/// States how well walls are known to the cutter, by points of the surface that are so far apart, and to shank and holder, by voxels:
+/// the corner of a cutter passes between points no deeper than the hole among them is wide. `meshes`: whether some tools are meshes.
+pub(crate) fn resolved(
+    pitch: f64,
+    points_apart: f64,
+    conservative: bool,
+    unit: LengthUnit,
+    meshes: bool,
+) -> String {
+    let (corner, pitch) = (short(CORNER * points_apart), short(pitch));
     let rest = match conservative {
         false => "passes for one that fits, unless --conservative".to_owned(),
         true => format!("passes for none, and one up to {pitch} {unit} wider may be blocked"),
     };
+    let of_meshes = match meshes {
+        true => format!(
+            "; a tool that is a mesh is known to voxels alone and may cut up to {pitch} {unit} deeper"
+        ),
+        false => String::new(),
+    };
     format!(
         "walls are known to shank and holder to within voxels of {pitch} {unit}: a gap up to so much too narrow for them {rest}; the edge of \
-         a cutter may cut up to {corner} {unit} deeper than said, a round less"
+         a cutter may cut up to {corner} {unit} deeper than said, a round less{of_meshes}"
     )
 }
 

@@ -1,0 +1,92 @@
+//! Which points of the obstacle's surface a tool holds.
+
+use std::cell::Cell;
+
+use glam::DVec3;
+
+use super::point_tree::{HalfSpace, PointTree};
+use super::segment::VoxelPose;
+use super::{Body, SolidField};
+use crate::pose::Pose;
+use crate::vectorised::vectorised;
+
+/// A surface lies in front of its solid centres by so many voxels or less, but for what is thin.
+const IN_FRONT: f64 = 1.0;
+/// A room that is not worth looking for, in voxels.
+const SHORT: f64 = 0.25;
+
+impl SolidField {
+    /// A distance in voxels, up to `most`, within which the tool meets neither a point of the surface nor what `room` knows of, up to a
+    /// distance; 0 where it is short.
+    pub(super) fn room_among_points(
+        &self,
+        bodies: &[Body],
+        placed: VoxelPose,
+        most: f64,
+        room: impl Fn(f64) -> f64,
+    ) -> f64 {
+        let Some(points) = self.voxels.surface() else { return room(most) };
+        let room = room(most + IN_FRONT);
+        let free = |room: &f64| {
+            let within = &Cell::new(-room);
+            vectorised!(self.arch, points.first_near(bodies, placed, None, within, |_| true)).is_none()
+        };
+        let tries = [room - IN_FRONT, 0.5 * room].map(|room| room.min(most));
+        tries.into_iter().find(|room| *room > SHORT && free(room)).unwrap_or(0.0)
+    }
+
+    /// Visits the points of the obstacle's surface in the tool, in voxels, each with its height on the tool's axis and its distance
+    /// from it, in world units.
+    pub(crate) fn visit_surface(&self, pose: &Pose, visit: impl Fn([f64; 3], f64, f64)) {
+        let (Some(points), Some(axis)) = (self.voxels.surface(), pose.axis()) else { return };
+        let placed = self.voxel_pose(pose.position, axis);
+        self.points_in(points, placed, None, &Cell::new(0.0), |point| {
+            let [height, away] = self.along_and_away(pose.position, axis, point);
+            visit(point, height, away);
+            false
+        });
+    }
+
+    /// The point of the obstacle's surface in the tool that is deepest, by the depth below the tool's surface of a height on its axis
+    /// and a distance from it, in world units; the first found that is deeper than `enough`.
+    pub(crate) fn deepest_surface_point(
+        &self,
+        tip: DVec3,
+        axis: DVec3,
+        depth: impl Fn(f64, f64) -> f64,
+        enough: f64,
+    ) -> Option<[f64; 3]> {
+        let points = self.voxels.surface()?;
+        let placed = self.voxel_pose(tip, axis);
+        let depth = |point| {
+            let [height, away] = self.along_and_away(tip, axis, point);
+            depth(height, away)
+        };
+        let too_deep = |point| depth(point) > enough;
+        let found = self.points_in(points, placed, None, &Cell::new(enough / placed.pitch), too_deep);
+        if found.is_some() {
+            return found;
+        }
+        let (deepest, found) = (Cell::new(0.0), Cell::new(None));
+        self.points_in(points, placed, None, &deepest, |point| {
+            let depth = depth(point) / placed.pitch;
+            if found.get().is_none() || depth > deepest.get() {
+                deepest.set(depth);
+                found.set(Some(point));
+            }
+            false
+        });
+        found.get()
+    }
+
+    pub(super) fn points_in(
+        &self,
+        points: &PointTree,
+        placed: VoxelPose,
+        stays_in: Option<&HalfSpace>,
+        deeper: &Cell<f64>,
+        counts: impl Fn([f64; 3]) -> bool,
+    ) -> Option<[f64; 3]> {
+        vectorised!(self.arch, points.first_in(self.bodies(), placed, stays_in, deeper, counts))
+    }
+}
