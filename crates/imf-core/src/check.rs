@@ -4,7 +4,8 @@
 //! a step from one to the next, roll included. Each stretch is checked with its own tool. Holder and shank, offset by
 //! their clearance, must hold no solid voxel's centre. The cutter must touch what it cuts: it may hold centres of the part's
 //! voxels, but none deeper below its own surface than `contact`, a length that does not follow the pitch. What lies deep in the
-//! cutter may be a thin wall, so that none is cut through unseen. With fixtures nothing is accepted.
+//! cutter may be a thin wall, so that none is cut through unseen. With the part's mesh it must not hold points of its surface so deep
+//! either. With fixtures nothing is accepted.
 //!
 //! A collision's depth is measured from both sides: a solid centre that lies so deep in the element and so deep in the part has a
 //! ball around it in either, so no translation shorter than the sum of both radii separates them. The depth of a pose is
@@ -32,6 +33,7 @@ pub use stock::{LineRemoval, StockLeft, StockReport, check_stock};
 use serde::Serialize;
 
 use crate::control::Control;
+use crate::mesh::Mesh;
 use crate::occupancy::Occupancy;
 use crate::parallel;
 use crate::scene::{PathGuarantee, SceneRecord};
@@ -65,6 +67,9 @@ pub struct CheckSettings {
     /// may cut is `contact`.
     pub step: f64,
 }
+
+/// Radius of the largest circle among points of a surface that holds none, as many times as they are apart.
+const EMPTY_CIRCLE: f64 = 0.72;
 
 /// Contact that is accepted by default, in mm: chord errors and tolerances of CAM programs are a few hundredths.
 const CONTACT: f64 = 0.05;
@@ -138,6 +143,9 @@ impl CheckSettings {
 pub struct CheckBodies<'a> {
     /// The part that is cut.
     pub part: &'a Occupancy,
+    /// The part's mesh in world coordinates, whose surface a cutter that may touch it is held against between the voxels' centres
+    /// too; without it the centres decide.
+    pub surface: Option<&'a Mesh>,
     /// What holds it, by name.
     pub fixtures: &'a [(String, Occupancy)],
     /// The machine that follows the path; the path is read for it.
@@ -164,7 +172,12 @@ pub fn check_toolpath(
     // Every motion is validated before any pose is checked.
     let machine = bodies.machine.map(MachineBodies::machine);
     let motions = motions(toolpath, tools, settings, machine)?;
-    let hit = Body::all(bodies.part, bodies.fixtures);
+    let mut hit = Body::all(bodies.part, bodies.fixtures);
+    let mut points_apart = None;
+    if let (Some(mesh), true) = (bodies.surface, settings.contact > 0.0) {
+        let (part, apart) = hit[0].with_surface_of(mesh);
+        (hit[0], points_apart) = (part, Some(apart));
+    }
     bodies.machine.map_or(Ok(()), |machine| machine.check(bodies.part.grid.pitch))?;
     let world = rigid(&toolpath.set_up);
     let mut lines: Vec<report::MotionFindings> = Vec::with_capacity(motions.len());
@@ -204,9 +217,20 @@ pub fn check_toolpath(
         ToolShape::Mesh(_) => ball,
     };
     report.sure_depth = tools.iter().map(of_tip).fold(ball, f64::max);
+    let known = |_: &f64| tools.iter().all(|(_, tool)| tool.mesh().is_none());
+    report.sure_gouge = points_apart.filter(known).and_then(|apart| {
+        let of = |(_, tool): &(Option<u32>, &Tool)| {
+            let (cutter, exposed) = tool.cutter()?;
+            Some(cutter.depth_of_circle(settings.contact, EMPTY_CIRCLE * apart, exposed))
+        };
+        let deepest = tools.iter().filter_map(of).reduce(f64::max)? + 0.5 * settings.step;
+        deepest.is_finite().then_some(deepest)
+    });
     Ok(report)
 }
 
+#[cfg(test)]
+mod between_centres;
 #[cfg(test)]
 mod machine_oracle;
 #[cfg(test)]

@@ -5,6 +5,7 @@
 
 mod assembly;
 mod check;
+mod circle_depth;
 mod depth;
 mod erode;
 #[cfg(feature = "formats")]

@@ -81,6 +81,8 @@ pub struct PathReading<'a> {
 /// An axis jumps if it turns at least `JUMP` degrees and at least `TIMES` times as far as the tool's direction: near
 /// the axis's own direction smooth paths turn it a few times as far.
 const JUMP: f64 = 45.0;
+/// Rounding of a rotation.
+const SCALED: f64 = 1e-6;
 const TIMES: f64 = 4.0;
 
 impl From<LengthUnit> for PathReading<'_> {
@@ -127,6 +129,10 @@ pub struct Toolpath {
     pub set_up: DMat4,
     /// Remarks in words on what was assumed, with the line.
     pub remarks: Vec<String>,
+    /// Lines with motions that are not checked, since some axis was not said by then.
+    pub unchecked: Vec<usize>,
+    /// The file says its own unit.
+    pub states_unit: bool,
 }
 
 impl Toolpath {
@@ -281,7 +287,14 @@ impl Toolpath {
             Location { pose, ..*location }
         };
         let locations = self.locations.iter().map(placed).collect();
-        Self { locations, set_up: *set_up * self.set_up, ..self.clone() }
+        let mut placed = Self { locations, set_up: *set_up * self.set_up, ..self.clone() };
+        let scale = set_up.x_axis.truncate().length();
+        if self.states_unit && (scale - 1.0).abs() > SCALED {
+            placed.remarks.push(format!(
+                "the path says its own unit, and is multiplied by {scale} as the part is that it goes around"
+            ));
+        }
+        placed
     }
 
     /// The numbers of its tools, each once, in the order of the file; `None` where the file names none.

@@ -101,7 +101,14 @@ pub(crate) fn check<'py>(
     remarks.extend(cutters_not_compared(&path, &numbered));
     remarks.extend(never_near(&path, &numbered, &bodies.part));
     let lines = path.locations.len() as u64;
-    let around = CheckBodies { part: &bodies.part, fixtures: &bodies.fixtures, machine: machine.as_ref() };
+    let placed = own.with_spec(Control::quiet(), |spec| Ok(spec.mesh.transformed(&spec.transform)));
+    let mesh = placed.map_err(Raise::raise)?;
+    let around = CheckBodies {
+        part: &bodies.part,
+        surface: Some(&mesh),
+        fixtures: &bodies.fixtures,
+        machine: machine.as_ref(),
+    };
     remarks.extend(machine_remarks(around, &numbered, &path.set_up));
     let mut report = run(py, (&progress, "checking", lines), |control| {
         check_toolpath(around, &numbered, &path, &settings, control)

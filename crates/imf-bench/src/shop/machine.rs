@@ -9,6 +9,7 @@ use imf_cli::session::Session;
 use imf_core::check::{CheckBodies, CheckReport, CheckSettings, MachineBodies, check_toolpath};
 use imf_core::control::Control;
 use imf_core::machine::Machine;
+use imf_core::mesh::Mesh;
 use imf_core::occupancy::Occupancy;
 use imf_core::parts::ReferencePart;
 use imf_core::tool::Tool;
@@ -42,6 +43,7 @@ pub(super) struct Row {
 struct Work {
     pool: ThreadPool,
     part: Occupancy,
+    mesh: Mesh,
     machine: MachineBodies,
     tool: Tool,
     bounds: (DVec3, DVec3),
@@ -96,6 +98,7 @@ impl Work {
         Ok(Self {
             pool: ThreadPoolBuilder::new().num_threads(1).build()?,
             part: voxels(&mesh)?,
+            mesh: mesh.clone(),
             machine: MachineBodies::new(Machine::read(&file)?, PITCH, Control::quiet())?,
             tool: mill(End::Ball, 5.0, 30.0, 60.0, [20.0, 40.0]),
             bounds: mesh.bounds().unwrap_or_default(),
@@ -103,7 +106,12 @@ impl Work {
     }
 
     fn check(&self, path: &Toolpath) -> Result<CheckReport> {
-        let bodies = CheckBodies { part: &self.part, fixtures: &[], machine: Some(&self.machine) };
+        let bodies = CheckBodies {
+            part: &self.part,
+            surface: Some(&self.mesh),
+            fixtures: &[],
+            machine: Some(&self.machine),
+        };
         let settings = CheckSettings::of_pitch(PITCH, LengthUnit::Mm);
         let check = || check_toolpath(bodies, &[(None, &self.tool)], path, &settings, Control::quiet());
         Ok(self.pool.install(check)?)

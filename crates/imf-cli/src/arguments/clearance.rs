@@ -21,7 +21,7 @@ pub struct ClearanceArguments {
     /// Room that the shank must keep, instead of --clearance
     #[arg(help_heading = HEADING, long, value_name = "LENGTH", value_parser = parse_room)]
     clearance_shank: Option<f64>,
-    /// Room that the cutter must keep from what it may not touch
+    /// Room that the cutter must keep from fixtures, and from the part where nothing may touch it; not from stock
     #[arg(help_heading = HEADING, long, default_value_t = 0.0, value_name = "LENGTH", value_parser = parse_room)]
     clearance_cutter: f64,
     /// In voxels instead, for shank and holder: the cutter may touch.

@@ -154,6 +154,9 @@ pub(crate) struct Stock {
     left_by: Option<f64>,
 }
 
+/// Cosine of the angle to an axis within which a voxel's face stands along it, in a file of single precision.
+const ALONG_AXES: f64 = 0.999;
+
 /// Before the pitch of the voxels in the comment of what a path's check leaves of a stock.
 pub(crate) const BY_VOXELS: &str = "by voxels of ";
 
@@ -167,6 +170,15 @@ fn left_by(path: &Path) -> Option<(f64, LengthUnit)> {
 }
 
 impl Stock {
+    /// Whether its faces do, as those of voxels.
+    fn lies_along_axes(&self) -> bool {
+        let corners = |triangle: &[u32; 3]| triangle.map(|vertex| self.mesh.vertices[vertex as usize]);
+        self.mesh.triangles.iter().map(corners).all(|[a, b, c]| {
+            let normal = (b - a).cross(c - a);
+            normal.abs().max_element() >= ALONG_AXES * normal.length()
+        })
+    }
+
     /// The stock of a part whose box is `part_box`; `transform` sets the part up.
     pub(crate) fn read(
         argument: &StockArgument,
@@ -201,6 +213,15 @@ impl Stock {
                 self.name,
                 short(pitch),
                 short(0.75_f64.sqrt() * pitch)
+            ));
+        }
+        if self.left_by.is_some() && !self.lies_along_axes() {
+            session.warn(&format!(
+                "the stock '{}' is what was left by voxels that stand askew here: its faces are steps of theirs, and a cutter that goes \
+                 where one went before may touch them up to {} deep; follow all programs of a set-up before the part is turned, and take a \
+                 smaller pitch",
+                self.name,
+                short(0.75_f64.sqrt() * self.left_by.unwrap_or_default())
             ));
         }
         let VoxelizeResult { solid, undecided } = solid_voxels(&self.name, &self.mesh, grid, false, control)?;

@@ -42,6 +42,7 @@ struct CheckRun<'a> {
     arguments: &'a CheckArguments,
     frame: Frame,
     record: &'a SceneRecord,
+    toolpath: &'a Toolpath,
     /// In the part's unit.
     tools: Vec<(Option<u32>, Tool)>,
     machine: Option<&'a MachineBodies>,
@@ -105,7 +106,12 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
     let stage = session.stage("checking", "lines", lines);
     let advance = |n| stage.advance(n);
     let control = session.control(&advance);
-    let around = CheckBodies { part: &bodies.part, fixtures: &bodies.fixtures, machine: machine.as_ref() };
+    let around = CheckBodies {
+        part: &bodies.part,
+        surface: Some(&meshes[0].1),
+        fixtures: &bodies.fixtures,
+        machine: machine.as_ref(),
+    };
     machine_remarks(around, &numbered, &toolpath.set_up).iter().for_each(|remark| session.warn(remark));
     let report = check_toolpath(around, &numbered, &toolpath, &settings, control);
     let with_name = |error| in_toolpath(error, arguments);
@@ -150,8 +156,17 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
     let back = set_up.inverse();
     report.place(&back);
     stock.iter_mut().for_each(|stock| stock.place(&back));
-    let checked =
-        CheckRun { arguments, frame, record, tools, machine: machine.as_ref(), report, stock, stick_outs };
+    let checked = CheckRun {
+        arguments,
+        frame,
+        record,
+        toolpath: &toolpath,
+        tools,
+        machine: machine.as_ref(),
+        report,
+        stock,
+        stick_outs,
+    };
     if let Some(page) = &page {
         let shown = view::CheckScene::new(&checked, &meshes, &back, &set_up);
         let path = page.begin()?;
@@ -211,7 +226,8 @@ impl CheckRun<'_> {
             "toolpath": self.arguments.toolpath, "frame": self.frame, "part": self.record.part, "tools": tools,
             "unit": self.record.unit, "pitch": self.record.grid.pitch, "conservative": self.record.conservative,
             "passes": !self.fails(), "collides": !self.report.colliding.is_empty(), "machine": self.machine.map(|bodies| &bodies.machine().name),
-            "report": self.report, "guarantee": self.guarantee(), "stick_outs": self.stick_outs,
+            "report": self.report, "guarantee": self.guarantee(), "stick_outs": self.stick_outs, "stick_outs_among": ["part", "fixtures"],
+            "remarks": self.toolpath.remarks, "unchecked_lines": self.toolpath.unchecked,
             "stock": self.stock.as_ref().map(|stock| stock.json(&self.report)),
         })
     }

@@ -23,8 +23,10 @@ fn check_at(pitch: &str, name: &str, toolpath: &str, more: &str) -> Finished {
 
 #[test]
 fn a_finishing_pass_is_free_and_says_what_was_accepted() {
-    // The ball touches the top, and the uppermost centres are 0.04 deep in it.
-    let run = check("pass.cl", "GOTO/-12,0,19.46,0,0,1\nGOTO/12,0,19.46\n", "");
+    // Where the uppermost centres are 0.04 deep in the ball, the top is 0.54 deep; where the top is 0.04 deep in it nothing collides.
+    let deep = check("pass.cl", "GOTO/-12,0,19.46,0,0,1\nGOTO/12,0,19.46\n", "");
+    assert_eq!(deep.code, Some(3), "{}", deep.stdout);
+    let run = check("pass.cl", "GOTO/-12,0,19.96,0,0,1\nGOTO/12,0,19.96\n", "");
     assert_eq!(run.code, Some(0), "{}", run.stderr);
     assert!(run.stdout.starts_with("no collision: 2 lines"), "{}", run.stdout);
     for said in ["accepted: the part up to 0.05 mm deep in the cutter", "deeper than 2.0821 mm"] {
@@ -292,5 +294,35 @@ fn a_shank_that_voxels_see_at_some_walls_alone_is_warned_of_by_every_command() {
         let run = folder.imf(&line).done();
         let warnings = run.stderr.matches("is 0.5 mm a side wider than the cutter").count();
         assert_eq!(warnings, 1, "`imf {line}`:\n{}", run.stderr);
+    }
+}
+
+#[test]
+fn what_is_not_checked_is_said_beside_the_verdict_and_in_json() {
+    let program = "G21 G90 G17\nT1 M6\nG0 Z95.\nY-60.\nY60.\nX0.\n";
+    let said = check("path.nc", program, "--tool 1=paper");
+    assert!(said.stdout.contains("not checked: the motions of line 5"), "{}", said.stdout);
+    let found = check("path.nc", program, "--tool 1=paper --json").json();
+    assert_eq!(found["unchecked_lines"], serde_json::json!([5]));
+    let remarks = found["remarks"].as_array().unwrap();
+    assert!(remarks.iter().any(|remark| remark.as_str().unwrap().contains("is not checked")), "{found}");
+    // The part is scaled, and with it a path that says millimetres.
+    let scaled = check("path.nc", program, "--tool 1=paper --transform matrix:2,0,0,0,0,2,0,0,0,0,2,0");
+    assert!(scaled.stderr.contains("is multiplied by 2"), "{}", scaled.stderr);
+    // As it is set the tool is asked of part and fixtures alone.
+    let path = "x,y,z\n0,0,25\n5,0,25\n";
+    let stick_out = check("path.csv", path, "--stock box:5 --stickout");
+    assert!(stick_out.stdout.contains("the stock is not considered"), "{}", stick_out.stdout);
+}
+
+/// Of a cutter a millimetre above or below the top of the block, between the centres of voxels of 4 mm.
+#[test]
+fn a_gouge_that_no_centre_shows_is_told_from_the_parts_own_faces() {
+    for (depth, collides) in [(0.04, false), (0.3, true), (1.5, true)] {
+        let path = format!("x,y,z\n-6,0,{0}\n6,0,{0}\n", 20.0 - depth);
+        let found = check_at("4", "path.csv", &path, "--json --allow-coarse").json();
+        assert_eq!(found["collides"], collides, "{depth}: {found}");
+        let sure = found["report"]["sure_gouge"].as_f64().unwrap();
+        assert!(sure < 1.0 && found["report"]["sure_depth"].as_f64().unwrap() > 7.0, "{found}");
     }
 }

@@ -1,5 +1,6 @@
 //! The elements of one tool against part and fixtures: which collide at a pose, and how deep.
 
+use std::cell::Cell;
 use std::f64::consts::SQRT_2;
 use std::sync::{Arc, OnceLock};
 
@@ -10,6 +11,7 @@ use super::{CheckError, CheckSettings, Collision, HitBody};
 use crate::distance::squared_depths;
 use crate::field::solid::{SolidField, SolidVoxels};
 use crate::grid::Grid;
+use crate::mesh::Mesh;
 use crate::mesh::distance::distance_to_mesh;
 use crate::occupancy::Occupancy;
 use crate::parallel::make_once;
@@ -29,6 +31,8 @@ pub(super) fn room(field: &SolidField, pose: &Pose, most: f64) -> Option<f64> {
 /// Something that may be hit.
 pub(super) struct Body {
     pub(super) voxels: SolidVoxels,
+    /// With points of its surface, for a cutter that touches it.
+    cut: Option<SolidVoxels>,
     pub(super) against: HitBody,
     /// By voxel, how deep its centre lies below the surface; made at the first collision.
     depths: OnceLock<Vec<f32>>,
@@ -36,7 +40,14 @@ pub(super) struct Body {
 
 impl Body {
     pub(super) fn new(voxels: impl Into<Arc<Occupancy>>, against: HitBody) -> Arc<Self> {
-        Arc::new(Self { voxels: voxels.into().into(), against, depths: OnceLock::new() })
+        Arc::new(Self { voxels: voxels.into().into(), cut: None, against, depths: OnceLock::new() })
+    }
+
+    /// The same with points of its surface, and how far they are apart.
+    pub(super) fn with_surface_of(&self, mesh: &Mesh) -> (Arc<Self>, f64) {
+        let (voxels, against) = (self.voxels.clone(), self.against.clone());
+        let (cut, apart) = voxels.clone().with_surface_of(mesh);
+        (Arc::new(Self { voxels, cut: Some(cut), against, depths: OnceLock::new() }), apart)
     }
 
     /// The part, then the fixtures.
@@ -114,11 +125,13 @@ pub(super) struct Group {
 /// All elements of one tool.
 pub(super) struct Elements(Vec<Group>);
 
-/// The deepest centre in an element.
+/// The deepest solid centre in an element, or point of the body's surface.
 pub(super) struct DeepestCentre {
     pub(super) depth: f64,
     in_tool: f64,
     voxel: usize,
+    /// Where a point of the surface is deeper than any centre, in voxels.
+    point: Option<DVec3>,
     voxels: u32,
 }
 
@@ -135,7 +148,7 @@ impl Elements {
         }
         let measured =
             |element: &Element| DepthElement::new(element.clone(), true, clearance.of(element.kind));
-        let mut wanted: Vec<(&Arc<Body>, Vec<Element>, Vec<DepthElement>)> = Vec::new();
+        let mut wanted = Vec::new();
         for body in bodies {
             let mut stay_out = offset.clone();
             if body.against == HitBody::Part
@@ -147,15 +160,18 @@ impl Elements {
                 let deep = cutter.eroded(settings.contact, exposed).filter(is_seen).ok_or_else(|| {
                     CheckError::Contact { tool: tool.name.clone(), contact: settings.contact }
                 })?;
-                wanted.push((body, vec![deep], vec![DepthElement::new(cutter, exposed, 0.0)]));
+                let voxels = body.cut.as_ref().unwrap_or(&body.voxels);
+                wanted.push((body, voxels, vec![deep], vec![DepthElement::new(cutter, exposed, 0.0)]));
                 stay_out.retain(|element| element.kind != ElementKind::Cutter);
             }
             let rest = stay_out.iter().map(measured).collect();
-            wanted.push((body, stay_out, rest));
+            wanted.push((body, &body.voxels, stay_out, rest));
         }
         let mut groups = Vec::new();
-        for (body, decided, elements) in wanted.into_iter().filter(|(_, decided, _)| !decided.is_empty()) {
-            let Some(field) = SolidField::of_elements(body.voxels.clone(), &decided) else {
+        for (body, voxels, decided, elements) in
+            wanted.into_iter().filter(|(_, _, decided, _)| !decided.is_empty())
+        {
+            let Some(field) = SolidField::of_elements(voxels.clone(), &decided) else {
                 if clearance.is_zero() {
                     return Ok(Self::whole(bodies, tool));
                 }
@@ -174,6 +190,12 @@ impl Elements {
             body: body.clone(),
         };
         Self(bodies.iter().map(group).collect())
+    }
+
+    /// Whether anything collides at a pose.
+    #[cfg(test)]
+    pub(super) fn any(&self, pose: &Pose) -> bool {
+        self.0.iter().any(|group| group.field.collides(pose))
     }
 
     /// What collides on a motion, each element with each body once, at its deepest.
@@ -229,7 +251,7 @@ impl Group {
         {
             let (against, grid) = (&self.body.against, self.body.grid());
             if track.meets(step, grid.pitch)
-                && let Some(deepest) = element.deepest(&self.body, pose)
+                && let Some(deepest) = element.deepest(&self.field, &self.body, pose)
             {
                 track.take(deepest.depth, || deepest.collision(element, against, grid, step.fraction, pose));
             }
@@ -287,8 +309,8 @@ impl Track {
 }
 
 impl DepthElement {
-    /// `None` where it holds no solid centre.
-    fn deepest(&self, body: &Body, pose: &Pose) -> Option<DeepestCentre> {
+    /// `None` where it holds no solid centre, and the field no point of the surface.
+    fn deepest(&self, field: &SolidField, body: &Body, pose: &Pose) -> Option<DeepestCentre> {
         let mut found = DeepestCentre::default();
         match &self.shape {
             Shape::Revolved(elements) => {
@@ -296,6 +318,18 @@ impl DepthElement {
                     element.visit_inside(body.voxels.occupancy(), pose, |voxel, height, radius| {
                         found.take(voxel, element.depth(height, radius, *exposed), body.depth(voxel));
                     });
+                }
+                let deepest = Cell::new((found.depth, None));
+                field.visit_surface(pose, |point, height, radius| {
+                    let depth =
+                        |(element, exposed): &(Element, bool)| element.depth(height, radius, *exposed);
+                    let depth = elements.iter().map(depth).fold(0.0, f64::max);
+                    if depth > deepest.get().0 {
+                        deepest.set((depth, Some(DVec3::from_array(point))));
+                    }
+                });
+                if let (depth, Some(point)) = deepest.get() {
+                    found = DeepestCentre { depth, in_tool: depth, point: Some(point), ..found };
                 }
             }
             Shape::Mesh(tool) => {
@@ -313,13 +347,13 @@ impl DepthElement {
                 visited?;
             }
         }
-        (found.voxels > 0).then_some(found)
+        (found.voxels > 0 || found.point.is_some()).then_some(found)
     }
 }
 
 impl Default for DeepestCentre {
     fn default() -> Self {
-        Self { depth: -1.0, in_tool: 0.0, voxel: 0, voxels: 0 }
+        Self { depth: -1.0, in_tool: 0.0, voxel: 0, point: None, voxels: 0 }
     }
 }
 
@@ -340,13 +374,15 @@ impl DeepestCentre {
         fraction: f64,
         pose: &Pose,
     ) -> Collision {
+        let centre = || DVec3::from_array(grid.voxel(self.voxel).map(|v| v as f64));
+        let contact = grid.origin + (self.point.unwrap_or_else(centre) + 0.5) * grid.pitch;
         Collision {
             element: element.name.clone(),
             against: against.clone(),
             clearance: element.clearance,
             depth: self.depth,
             depth_in_tool: self.in_tool,
-            contact: grid.centre(grid.voxel(self.voxel)).to_array(),
+            contact: contact.to_array(),
             position: pose.position.to_array(),
             axis: pose.axis().unwrap_or(DVec3::NAN).to_array(),
             roll: matches!(element.shape, Shape::Mesh(_)).then(|| pose.orientation().roll),

@@ -202,7 +202,7 @@ fn check_path(
     path: &Toolpath,
     settings: &CheckSettings,
 ) -> Result<CheckReport, CheckError> {
-    let bodies = CheckBodies { part, fixtures: &[], machine: Some(bodies) };
+    let bodies = CheckBodies { part, surface: None, fixtures: &[], machine: Some(bodies) };
     check_toolpath(bodies, &[(None, &tool())], path, settings, Control::quiet())
 }
 
@@ -329,8 +329,7 @@ fn a_head_keeps_its_clearance_and_a_mesh_or_thin_solid_says_what_it_cannot() {
     };
     assert!(!hits(run(&machine, 0.0).unwrap()).contains(&"nose".to_owned()));
     assert!(hits(run(&machine, 2.5).unwrap()).contains(&"nose".to_owned()));
-    machine.solids[0].shape =
-        SolidShape::Mesh(crate::mesh::Mesh::cuboid(DVec3::splat(-5.0), DVec3::splat(5.0)));
+    machine.solids[0].shape = SolidShape::Mesh(Mesh::cuboid(DVec3::splat(-5.0), DVec3::splat(5.0)));
     assert!(hits(run(&machine, 0.0).unwrap()).contains(&"nose".to_owned()));
     assert!(run(&machine, 1.0).unwrap_err().to_string().contains("'nose' is a mesh"));
     machine.solids[0].shape = SolidShape::Box { lower: DVec3::ZERO, upper: DVec3::new(9.0, 9.0, 1.0) };

@@ -51,7 +51,7 @@ pub struct Collision {
     pub depth: f64,
     /// How deep the contact point lies below the surface of the element, offset by its clearance.
     pub depth_in_tool: f64,
-    /// The solid voxel's centre that is so deep.
+    /// The solid voxel's centre that is so deep, or the point of the part's surface.
     pub contact: [f64; 3],
     /// Tip at that pose.
     pub position: [f64; 3],
@@ -64,7 +64,7 @@ pub struct Collision {
     pub joints: Option<Joints>,
     /// How far on the way to the line that pose is, from 0 to 1.
     pub fraction: f64,
-    /// Solid voxels in the element at that pose; where the part or a fixture hits the machine, its own that do.
+    /// Solid voxels in the element at that pose, none where it holds points of the part's surface alone; where the part or a fixture hits the machine, its own that do.
     pub voxels: u32,
     /// Their volume in units cubed.
     pub volume: f64,
@@ -143,6 +143,9 @@ pub struct CheckReport {
     /// How deep an overlap must be to be certain to be detected, in walls no thinner: it then holds the ball of
     /// [`CheckSettings::sure_depth`], which a slender tip does only where it is deep enough to be as wide.
     pub sure_depth: f64,
+    /// How deep a cutter must enter the part's surface to be certain to be detected; `None` where the surface is not known, nothing may
+    /// touch it, there is no cutter, or a tool is a mesh.
+    pub sure_gouge: Option<f64>,
     /// Lines of the toolpath that lead somewhere.
     pub locations: usize,
     /// Locations whose approach is not in the file: the first one, the first after each tool change, and, without a
@@ -193,7 +196,8 @@ pub(super) fn gather(
         }
     }
     let sure_depth = settings.sure_depth(pitch);
-    CheckReport { settings: *settings, sure_depth, locations, starts, poses, colliding, out_of_travel }
+    let settings = *settings;
+    CheckReport { settings, sure_depth, sure_gouge: None, locations, starts, poses, colliding, out_of_travel }
 }
 
 impl LineCollisions {
@@ -299,6 +303,7 @@ mod tests {
         let report = CheckReport {
             settings: CheckSettings::of_pitch(1.0, crate::unit::LengthUnit::Mm),
             sure_depth: 2.0,
+            sure_gouge: None,
             locations: 2,
             starts: 0,
             poses: 2,

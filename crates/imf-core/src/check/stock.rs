@@ -37,10 +37,11 @@ impl CheckSettings {
         self.contact + 0.5 * self.step
     }
 
-    /// Depth below the cutter's surface from which on stock is certain to be detected at rapid rate.
+    /// Depth below the cutter's surface from which on stock is certain to be detected at rapid rate: behind a corner of the stock the
+    /// nearest solid centre lies up to a voxel's diagonal away, behind a face a pitch.
     #[must_use]
     pub fn sure_depth_of_rapids(&self, pitch: f64) -> f64 {
-        self.accepted_in_stock() + 0.5 * 3f64.sqrt() * pitch
+        self.accepted_in_stock() + 0.5 * self.step + 3f64.sqrt() * pitch
     }
 
     /// Diameter of the smallest ball of stock in the holder, or in anything that has a clearance or is wider than the
@@ -141,7 +142,7 @@ impl StockReport {
 /// let grid = Grid { origin: DVec3::splat(-20.0), pitch: 1.0, dims: [40, 40, 20] };
 /// let stock = Occupancy { grid, solid: vec![1; grid.len()] };
 /// let part = Occupancy { grid, solid: vec![0; grid.len()] };
-/// let bodies = CheckBodies { part: &part, fixtures: &[], machine: None };
+/// let bodies = CheckBodies { part: &part, surface: None, fixtures: &[], machine: None };
 /// let path = Toolpath::parse("x,y,z\n-30,0,-5\n30,0,-5\n", LengthUnit::Mm, "path.csv")?;
 /// let settings = CheckSettings::of_pitch(1.0, LengthUnit::Mm);
 /// let report = check_stock(bodies, &stock, &[(None, &Tool::paper())], &path, &settings, Control::quiet())?;

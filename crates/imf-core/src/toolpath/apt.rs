@@ -66,8 +66,8 @@ pub(super) fn parse(text: &str, unit: LengthUnit) -> Result<Toolpath, Fault> {
             state.take(line, &text, unit).map_err(|fault| fault.on_line(line))?;
         }
     }
-    let State { locations, cutters, remarks, .. } = state;
-    Ok(Toolpath { locations, cutters, remarks, ..Toolpath::default() })
+    let State { locations, cutters, remarks, has_unit: states_unit, .. } = state;
+    Ok(Toolpath { locations, cutters, remarks, states_unit, ..Toolpath::default() })
 }
 
 /// Why a statement that is not followed is refused.

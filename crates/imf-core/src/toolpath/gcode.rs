@@ -181,6 +181,7 @@ impl Program<'_> {
         self.plane = block.plane.unwrap_or(self.plane);
         if let Some(mm) = block.unit_in_mm {
             self.factor = Some(mm / self.reading.unit.in_mm());
+            self.path.states_unit = true;
         }
         if let Some(offset) = block.offset {
             self.set_offset(offset)?;

@@ -76,6 +76,8 @@ class CheckReport:
     """Poses that were checked."""
     sure_depth: float
     """Diameter of the smallest ball whose overlap is certain to be detected."""
+    sure_gouge: float | None
+    """How deep a cutter must be in the part's surface to be certain to be detected; None where nothing may touch the part."""
     contact: float
     """How deep the part might lie in the cutter."""
     step: float
@@ -105,6 +107,7 @@ class CheckReport:
             locations=report["locations"],
             poses=report["poses"],
             sure_depth=report["sure_depth"],
+            sure_gouge=report["sure_gouge"],
             contact=report["settings"]["contact"],
             step=report["settings"]["step"],
             stock=stock,

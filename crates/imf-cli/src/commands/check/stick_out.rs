@@ -22,6 +22,11 @@ pub(super) fn lines(checked: &CheckRun<'_>) -> String {
     } else {
         ""
     };
+    let stock = if checked.stock.is_some() {
+        "; the stock is not considered: what is still there then may take more"
+    } else {
+        ""
+    };
     let left_out: usize = checked.stick_outs.iter().map(|found| found.left_out).sum();
     let left_out = match left_out {
         0 => String::new(),
@@ -40,7 +45,7 @@ pub(super) fn lines(checked: &CheckRun<'_>) -> String {
     });
     format!(
         "{lines}  so set, shank and holder with their clearance and {between} {unit} more, for what lies between two poses, hold no \
-         voxel's centre on the whole path{machine}{left_out}{surface}\n"
+         voxel's centre on the whole path{machine}{stock}{left_out}{surface}\n"
     )
 }
 

@@ -216,7 +216,8 @@ impl StockResult {
         }
         if let Some((line, _)) = first_hit(checked, &is_aside) {
             rapids.push(format!(
-                "line {} is the first on which a tool that cuts along its axis alone moves aside in it",
+                "line {} is the first on which a tool that cuts along its axis alone moves aside in it, or one that does not cut with its back \
+                 goes back into it",
                 line.line
             ));
         }
@@ -309,7 +310,7 @@ fn is_rapid((line, hit): Hit<'_>) -> bool {
     hit.element == "cutter" && line.kind == MoveKind::Rapid
 }
 
-/// By a tool that cuts along its axis alone, and moves otherwise.
+/// By a tool that cuts along its axis alone and moves otherwise, or one that does not cut with its back and goes back.
 fn is_aside((line, hit): Hit<'_>) -> bool {
     hit.element == "cutter" && line.kind == MoveKind::Feed
 }

@@ -46,6 +46,13 @@ pub(super) fn text(checked: &CheckRun<'_>) -> String {
         report.poses,
         short(settings.step)
     );
+    if let [first, more @ ..] = &checked.toolpath.unchecked[..] {
+        let more = if more.is_empty() { String::new() } else { format!(" and {} more", more.len()) };
+        let _ = writeln!(
+            text,
+            "not checked: the motions of line {first}{more}, where some axis was not said by then"
+        );
+    }
     text += &stick_out::lines(checked);
     if report.starts > 1 {
         let _ = writeln!(
@@ -81,10 +88,13 @@ pub(super) fn text(checked: &CheckRun<'_>) -> String {
         clearance.holder, clearance.shank, clearance.cutter
     );
     let within = if clearance.is_zero() { "" } else { ", and what comes nearer than its clearance by more" };
+    let of_cutter = report.sure_gouge.map_or_else(String::new, |depth| {
+        format!("a cutter deeper than {} {unit} in the part's surface, as far as the mesh says where that is; other ", short(depth))
+    });
     let _ = writeln!(
         text,
-        "certain to be detected: overlaps deeper than {} {unit}{within}, in walls no thinner; shallower ones where a voxel's centre lies in \
-         them (voxels of {} {unit}; a smaller --pitch sees more)",
+        "certain to be detected: {of_cutter}overlaps deeper than {} {unit}{within}, in walls no thinner; shallower ones where a voxel's \
+         centre lies in them (voxels of {} {unit}; a smaller --pitch sees more)",
         short(report.sure_depth),
         short(record.grid.pitch)
     );

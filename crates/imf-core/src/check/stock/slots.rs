@@ -41,7 +41,7 @@ fn cut_with(tool: &Tool, program: &str, stock: &Occupancy, settings: &CheckSetti
 
 fn cut(tool: &Tool, path: &Toolpath, stock: &Occupancy, settings: &CheckSettings) -> StockReport {
     let part = Occupancy::empty(stock.grid);
-    let bodies = CheckBodies { part: &part, fixtures: &[], machine: None };
+    let bodies = CheckBodies { part: &part, surface: None, fixtures: &[], machine: None };
     check_stock(bodies, stock, &[(None, tool)], path, settings, Control::quiet()).unwrap()
 }
 
@@ -224,7 +224,7 @@ fn the_part_is_no_stock_and_what_is_cut_of_it_is_told() {
     let stock = block(1.0);
     let mut part = stock.clone();
     (0..part.grid.len()).filter(|&v| part.grid.voxel(v)[2] >= 17).for_each(|v| part.solid[v] = 0);
-    let bodies = CheckBodies { part: &part, fixtures: &[], machine: None };
+    let bodies = CheckBodies { part: &part, surface: None, fixtures: &[], machine: None };
     let program = "G21 G90\nG0 X-40. Y0. Z-6.\nG1 X0. F100\n";
     let path = Toolpath::parse(program, LengthUnit::Mm, "path.nc").unwrap();
     let tool = end_mill(3.0, 3.0);
@@ -262,4 +262,21 @@ fn a_drill_that_is_moved_aside_in_the_stock_collides_and_one_that_plunges_cuts()
     let path = "x,y,z,i,j,k\n0,0,5,0,0,1\n0,0,-3,0,0,1\n0,0,-3,0.5,0,1\n";
     let path = Toolpath::parse(path, LengthUnit::Mm, "path.csv").unwrap();
     assert!(matches!(hits(&cut(&drill, &path, &stock, &settings))[..], [(4, "cutter", _), ..]));
+}
+
+#[test]
+fn a_cutter_that_does_not_cut_with_its_back_collides_where_it_is_fed_back_into_stock() {
+    let (stock, settings) = (block(0.5), usual(0.5));
+    let disc = revolved([
+        (ElementKind::Cutter, vec![line(0.0, 3.0, 5.0, 5.0)]),
+        (ElementKind::Shank, vec![line(3.0, 30.0, 2.0, 2.0)]),
+    ]);
+    // From the side, below the top; straight up through what stands above it, and down again.
+    let program = "G21 G90\nG0 X-40. Y0. Z-8.\nG1 X0. F100\nZ-4.\nZ-8.\n";
+    let of_cutter = |tool: &Tool| -> Vec<usize> {
+        let report = cut_with(tool, program, &stock, &settings);
+        hits(&report).iter().filter(|hit| hit.1 == "cutter").map(|hit| hit.0).collect()
+    };
+    assert_eq!(of_cutter(&disc), [4]);
+    assert!(of_cutter(&Tool { back_cutting: true, ..disc }).is_empty());
 }

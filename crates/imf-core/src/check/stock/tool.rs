@@ -31,6 +31,8 @@ pub(super) struct StockTool<'a> {
     non_cutting: Vec<NonCuttingBody>,
     heads: Option<Heads<'a>>,
     plunge_only: bool,
+    /// Its cutter is wider than what stands on it, and does not cut there.
+    has_back: bool,
 }
 
 impl<'a> StockTool<'a> {
@@ -48,6 +50,7 @@ impl<'a> StockTool<'a> {
         let accepted = settings.accepted_in_stock();
         let whole = tool.cutter();
         let widest = whole.as_ref().map(|(cutter, _)| cutter.max_radius());
+        let has_back = whole.as_ref().is_some_and(|(_, exposed)| *exposed) && !tool.back_cutting;
         let cutter = |(element, exposed): (Element, bool)| {
             let contact = settings.contact;
             let deep = element
@@ -73,6 +76,7 @@ impl<'a> StockTool<'a> {
             non_cutting: stay_out.map(one).collect::<Result<_, _>>()?,
             heads,
             plunge_only: tool.plunge_only,
+            has_back,
         })
     }
 
@@ -83,20 +87,21 @@ impl<'a> StockTool<'a> {
         self.heads.iter_mut().for_each(Heads::forget);
     }
 
-    /// Whether a tool that cuts along its axis alone moves otherwise.
+    /// Whether a tool that cuts along its axis alone moves otherwise, or one that does not cut with its back goes back along its axis.
     pub(super) fn must_not_cut(&self, motion: &Motion<'_>) -> bool {
-        if !self.plunge_only {
+        if !self.plunge_only && !self.has_back {
             return false;
         }
         let mut before = motion.at(0.0);
         let Some(axis) = before.axis() else { return true };
-        let mut moves_aside = |pose: Pose| {
+        let mut must_not = |pose: Pose| {
             let way = pose.position - before.position;
             let turned = pose.axis().is_none_or(|own| own.cross(axis).length() > ALONG);
             before = pose;
-            turned || way.cross(axis).length() > ALONG * way.length() + ROUNDING
+            let aside = turned || way.cross(axis).length() > ALONG * way.length() + ROUNDING;
+            aside && self.plunge_only || !aside && self.has_back && way.dot(axis) > ROUNDING
         };
-        motion.poses().any(|(_, pose)| moves_aside(pose))
+        motion.poses().any(|(_, pose)| must_not(pose))
     }
 
     /// What the cutter holds of the stock beside the part at a motion that must not cut, nothing being taken. `begins` where the

@@ -109,7 +109,7 @@ pub(super) struct Block {
 
 /// G words that move nothing and change no coordinate, in tenths: exact stop, no cutter compensation, no scaling, end of a cycle, path
 /// modes, no rotation, kinds of feed, the cycles' level.
-const STILL_G: [u32; 12] = [90, 400, 800, 610, 611, 690, 930, 940, 950, 970, 980, 990];
+const STILL_G: [u32; 15] = [90, 131, 150, 400, 610, 611, 670, 690, 800, 930, 940, 950, 970, 980, 990];
 /// G words of which one alone is in force, in tenths: plane, unit, absolute or steps, tool length, work offset, path mode.
 const EXCLUDING_G: [&[u32]; 6] = [
     &[170, 180, 190],

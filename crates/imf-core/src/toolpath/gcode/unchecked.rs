@@ -97,6 +97,7 @@ impl Program<'_> {
             "the motion here is not checked{more}: where {} was not said by then (name every axis first, before one moves again)",
             self.unchecked.unknown
         );
+        self.path.unchecked = self.unchecked.lines.iter().map(|&(line, _)| line).collect();
         self.remark(line, "unchecked", &text);
     }
 

@@ -1,0 +1,188 @@
+//! What a cutter does to a part between the centres of its voxels, by the part's own faces.
+
+use glam::{DMat4, DQuat, DVec3};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+
+use super::elements::{Body, Elements};
+use super::motions::motions;
+use super::*;
+use crate::control::Control;
+use crate::grid::Grid;
+use crate::mesh::points_at_pitch;
+use crate::section::test_shapes::{arc, holds, line, number, revolved};
+use crate::tool::{ElementKind, Segment};
+use crate::voxelize::voxelize;
+
+/// A ball, a flat and a bull-nosed end, a dovetail cutter, a point of 60 degrees, a slender round one, and one with a step.
+fn cutters() -> Vec<Tool> {
+    let profiles = [
+        vec![Segment::ball_end(3.0), line(3.0, 25.0, 3.0, 3.0)],
+        vec![line(0.0, 25.0, 3.0, 3.0)],
+        vec![arc(0.0, 1.2, 1.2, 2.5, 1.2), line(1.2, 25.0, 3.7, 3.7)],
+        vec![line(0.0, 3.0, 5.0, 3.5), line(3.0, 25.0, 3.0, 3.0)],
+        vec![line(0.0, 6.0, 0.0, 6.0 * 30f64.to_radians().tan()), line(6.0, 25.0, 4.0, 4.0)],
+        vec![arc(0.0, 0.4, 0.4, 0.0, 0.4), line(0.4, 12.4, 0.4, 2.8)],
+        vec![line(0.0, 5.0, 2.0, 2.0), line(5.0, 25.0, 4.0, 4.0)],
+    ];
+    profiles.into_iter().map(|profile| revolved([(ElementKind::Cutter, profile)])).collect()
+}
+
+/// A block that lies askew in its grid, in the world.
+fn block(random: &mut ChaCha8Rng, pitch: f64) -> (Mesh, DMat4, Occupancy) {
+    let turn = DQuat::from_axis_angle(
+        DVec3::new(number(random) - 0.5, number(random) - 0.5, number(random) - 0.5).normalize(),
+        3.0 * number(random),
+    );
+    let place = DMat4::from_rotation_translation(turn, DVec3::new(number(random), number(random), -5.0));
+    let mesh = Mesh::cuboid(DVec3::splat(-20.0), DVec3::splat(20.0)).transformed(&place);
+    let (low, high) = mesh.bounds().unwrap();
+    let solid = voxelize(&mesh, &Grid::with_pitch(low, high, pitch, 2).unwrap(), false);
+    (mesh, place, solid)
+}
+
+/// How far the lowest point of a cutter lies along a direction from its tip.
+fn lowest(tool: &Tool, axis: DVec3, up: DVec3) -> f64 {
+    let (level, across) = (axis.dot(up), axis.cross(up).length());
+    let along = |segment: &Segment| {
+        let (from, to) = segment.range();
+        let height = move |step: u32| from + (to - from) * f64::from(step) / 2000.0;
+        let segment = *segment;
+        (0..=2000).map(move |step| height(step) * level - segment.radius(height(step)) * across)
+    };
+    tool.segments().flat_map(along).fold(f64::INFINITY, f64::min)
+}
+
+fn check_path(bodies: CheckBodies<'_>, tool: &Tool, text: &str, settings: &CheckSettings) -> CheckReport {
+    let path = Toolpath::parse(text, LengthUnit::Mm, "path").unwrap();
+    check_toolpath(bodies, &[(None, tool)], &path, settings, Control::quiet()).unwrap()
+}
+
+fn pose_line(tip: DVec3, axis: DVec3) -> String {
+    format!("{},{},{},{},{},{}\n", tip.x, tip.y, tip.z, axis.x, axis.y, axis.z)
+}
+
+#[test]
+fn a_cutter_in_the_surface_is_told_from_the_depth_on_that_is_certain_and_not_up_to_the_contact() {
+    let mut random = ChaCha8Rng::seed_from_u64(11);
+    let random_unit = |random: &mut ChaCha8Rng| 2.0 * number(random) - 1.0;
+    let mut shallow = 0;
+    for (tool, pitch) in cutters().iter().flat_map(|tool| [2.0, 1.0].map(|pitch| (tool, pitch))) {
+        let (mesh, place, solid) = block(&mut random, pitch);
+        let bodies = CheckBodies { part: &solid, surface: Some(&mesh), fixtures: &[], machine: None };
+        let settings = CheckSettings::of_pitch(pitch, LengthUnit::Mm);
+        for case in 0..40 {
+            let up = place.transform_vector3([DVec3::X, DVec3::NEG_Y, DVec3::Z][case % 3]);
+            let u = up.any_orthonormal_vector();
+            let beside = 4.0 * (u * random_unit(&mut random) + up.cross(u) * random_unit(&mut random));
+            let touched = place.transform_point3(DVec3::ZERO) + 20.0 * up + beside;
+            // Upright and level now and then, as a path lies.
+            let tilt = [0.0, 1.0, number(&mut random), number(&mut random)][case % 4];
+            let around = u * random_unit(&mut random) + up.cross(u) * random_unit(&mut random);
+            let axis = (up * (1.0 - tilt) + around.normalize() * tilt).normalize();
+            let at = |depth: f64| touched - up * (depth + lowest(tool, axis, up));
+            let run = |depth: f64| {
+                let text = format!("x,y,z,i,j,k\n{}", pose_line(at(depth), axis));
+                check_path(bodies, tool, &text, &settings)
+            };
+            let clear = run(settings.contact - 1e-3);
+            assert!(clear.colliding.is_empty(), "{pitch} {case} {:?} {clear:?}", tool.shape);
+            // At that pose itself: between poses the tool is half a step nearer.
+            let sure = clear.sure_gouge.unwrap() - 0.5 * settings.step;
+            assert!(sure < settings.contact + 1.7 * pitch && sure < clear.sure_depth, "{pitch} {sure}");
+            let found = run(sure + 1e-3);
+            let told = found.colliding.first();
+            let line = told.unwrap_or_else(|| panic!("{pitch} {case} {tilt} {sure} {:?}", tool.shape));
+            let hit = &line.collisions[0];
+            assert!(hit.depth > settings.contact, "{hit:?}");
+            if hit.voxels == 0 {
+                shallow += 1;
+                assert!(hit.depth < sure + 2e-3, "{hit:?}");
+                let contact = DVec3::from_array(hit.contact);
+                assert!(((contact - touched).dot(up)).abs() < 1e-9, "{hit:?}");
+            }
+        }
+    }
+    assert!(shallow > 50, "{shallow}");
+}
+
+#[test]
+fn a_cutter_collides_where_a_centre_or_a_point_of_the_surface_is_deep_in_it() {
+    let mut random = ChaCha8Rng::seed_from_u64(12);
+    let (mut hits, mut by_points) = (0, 0);
+    for tool in &cutters() {
+        let pitch = 0.8 + number(&mut random);
+        let (mesh, place, solid) = block(&mut random, pitch);
+        let grid = solid.grid;
+        let bodies = CheckBodies { part: &solid, surface: Some(&mesh), fixtures: &[], machine: None };
+        let settings = CheckSettings { contact: 0.2, ..CheckSettings::of_pitch(pitch, LengthUnit::Mm) };
+        let points = points_at_pitch(&mesh, pitch).0;
+        let (cutter, exposed) = tool.cutter().unwrap();
+        for case in 0..150 {
+            let mut way = || 2.0 * number(&mut random) - 1.0;
+            let axis = DVec3::new(way(), way(), way()).normalize();
+            let face = [DVec3::X, DVec3::NEG_Y, DVec3::Z][case % 3];
+            // Beyond edges too.
+            let tip = DVec3::new(way(), way(), way()) * 24.0 * (1.0 - face.abs()) + face * (20.0 + way());
+            let tip = place.transform_point3(tip);
+            let deepest = |points: &mut dyn Iterator<Item = DVec3>| {
+                let within = points.filter_map(|point| {
+                    let height = (point - tip).dot(axis);
+                    let away = (point - tip - axis * height).length();
+                    holds(&cutter.profile, height, away).then(|| cutter.depth(height, away, exposed))
+                });
+                within.fold(0.0, f64::max)
+            };
+            let of_points = deepest(&mut points.iter().copied());
+            let solids = (0..grid.len()).filter(|&index| solid.solid[index] == 1);
+            let of_centres = deepest(&mut solids.map(|index| grid.centre(grid.voxel(index))));
+            let depth = of_points.max(of_centres);
+            // In the groove of a step what is less deep counts too.
+            if (depth - settings.contact).abs() < 0.01 {
+                continue;
+            }
+            let text = format!("x,y,z,i,j,k\n{}", pose_line(tip, axis));
+            let found = check_path(bodies, tool, &text, &settings);
+            assert_eq!(!found.colliding.is_empty(), depth > settings.contact, "{case} {depth} {of_points}");
+            if let Some(line) = found.colliding.first() {
+                hits += 1;
+                by_points += usize::from(of_centres < settings.contact);
+                assert!(line.collisions[0].depth > of_points - 1e-9, "{case} {of_points} {line:?}");
+            }
+        }
+    }
+    assert!(hits > 300 && by_points > 20, "{hits} {by_points}");
+}
+
+#[test]
+fn no_pose_of_a_motion_is_skipped_at_which_the_cutter_holds_a_point_of_the_surface() {
+    let mut random = ChaCha8Rng::seed_from_u64(13);
+    let (mut colliding, mut free) = (0, 0);
+    for tool in &cutters() {
+        let (mesh, place, solid) = block(&mut random, 1.3);
+        let settings = CheckSettings::of_pitch(1.3, LengthUnit::Mm);
+        let mut hit = Body::all(&solid, &[]);
+        hit[0] = hit[0].with_surface_of(&mesh).0;
+        let elements = Elements::new(&hit, tool, &settings).unwrap();
+        for _ in 0..60 {
+            let mut way = || 2.0 * number(&mut random) - 1.0;
+            let mut pose = || {
+                let axis = DVec3::new(way(), way(), 1.0).normalize();
+                pose_line(
+                    place.transform_point3(DVec3::new(26.0 * way(), 26.0 * way(), 22.0 + 3.0 * way())),
+                    axis,
+                )
+            };
+            let text = format!("x,y,z,i,j,k\n{}{}", pose(), pose());
+            let path = Toolpath::parse(&text, LengthUnit::Mm, "path").unwrap();
+            for motion in motions(&path, &[(None, tool)], &settings, None).unwrap() {
+                let poses = motion.poses().filter(|(_, pose)| elements.any(pose)).count() as u64;
+                let found = elements.collisions(&motion).iter().map(|hit| hit.poses).sum::<u64>();
+                assert_eq!(found, poses, "{text}");
+                colliding += u32::from(poses > 0);
+                free += u32::from(poses == 0);
+            }
+        }
+    }
+    assert!(colliding > 100 && free > 100, "{colliding} {free}");
+}
