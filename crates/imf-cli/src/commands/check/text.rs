@@ -173,12 +173,13 @@ fn one(collision: &Collision, poses: u64, checked: &CheckRun<'_>) -> String {
     let point = |place: [f64; 3]| place.map(short).join(",");
     let [i, j, k] = collision.axis;
     let roll = collision.roll.map_or_else(String::new, |roll| format!(", roll {roll:.1}°"));
+    let size = match collision.voxels {
+        0 => "the part's surface, no voxel's centre".to_owned(),
+        voxels => format!("{voxels} voxels, {} {unit}³", show_measure(collision.volume)),
+    };
     format!(
-        "{what}{comma} at {}: {} voxels, {} {unit}³, at worst with the tip at {} and the axis \
-         {i:.4},{j:.4},{k:.4}{roll}; {} of {poses} poses",
+        "{what}{comma} at {}: {size}, at worst with the tip at {} and the axis {i:.4},{j:.4},{k:.4}{roll}; {} of {poses} poses",
         point(collision.contact),
-        collision.voxels,
-        show_measure(collision.volume),
         point(collision.position),
         collision.poses
     )
