@@ -5,7 +5,7 @@
 //! ```text
 //! position   f32 [poses, 3]   the tool's tip less `imf.origin`, in the scene's unit, along the world's axes
 //! direction  f32 [poses, 3]   the tool's axis from tip to holder, of any length but 0     harmonic and factored fields
-//! angles     f32 [poses, 2]   (θ, φ) in degrees, θ in [0, 360), φ in [0, 180]             the paper's network
+//! angles     f32 [poses, 2]   (θ, φ) in degrees, θ of any size, φ in [0, 180]             the paper's network
 //! overlap    f32 [poses]      the fraction of the tool's volume in the obstacle, in [0, 1]; or, of fields of depth,
 //! depth      f32 [poses]      how far the tool must be moved to be free, below 0 how far it may be moved
 //! ```
@@ -58,7 +58,7 @@ const MOST_BYTES: u64 = (1 << 31) - (1 << 24);
 
 const POSITION: &str = "the tool's tip less imf.origin, in the scene's unit, along the world's axes";
 const DIRECTION: &str = "the tool's axis from tip to holder, of any length but 0";
-const ANGLES: &str = "(theta, phi) of the tool's axis in degrees: theta in [0, 360), phi in [0, 180]";
+const ANGLES: &str = "(theta, phi) of the tool's axis in degrees: theta of any size, phi in [0, 180]";
 const DEPTH: &str =
     "how far the tool must be moved to be free, in the scene's unit; below 0 how far it may be moved";
 const OVERLAP: &str = "the fraction of the tool's volume in the obstacle, in [0, 1]";

@@ -98,10 +98,10 @@ impl Work {
         Ok(Self {
             pool: ThreadPoolBuilder::new().num_threads(1).build()?,
             part: voxels(&mesh)?,
-            mesh: mesh.clone(),
             machine: MachineBodies::new(Machine::read(&file)?, PITCH, Control::quiet())?,
             tool: mill(End::Ball, 5.0, 30.0, 60.0, [20.0, 40.0]),
             bounds: mesh.bounds().unwrap_or_default(),
+            mesh,
         })
     }
 

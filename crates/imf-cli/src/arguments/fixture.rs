@@ -215,13 +215,13 @@ impl Stock {
                 short(0.75_f64.sqrt() * pitch)
             ));
         }
-        if self.left_by.is_some() && !self.lies_along_axes() {
+        if let Some(pitch) = self.left_by.filter(|_| !self.lies_along_axes()) {
             session.warn(&format!(
                 "the stock '{}' is what was left by voxels that stand askew here: its faces are steps of theirs, and a cutter that goes \
                  where one went before may touch them up to {} deep; follow all programs of a set-up before the part is turned, and take a \
                  smaller pitch",
                 self.name,
-                short(0.75_f64.sqrt() * self.left_by.unwrap_or_default())
+                short(0.75_f64.sqrt() * pitch)
             ));
         }
         let VoxelizeResult { solid, undecided } = solid_voxels(&self.name, &self.mesh, grid, false, control)?;

@@ -4,14 +4,13 @@ use std::f64::consts::{PI, SQRT_2};
 
 use glam::DVec2;
 
+use super::thin::last_held;
 use super::{Element, Segment};
 
 /// Sine of half a corner's angle beyond which it is none.
 const SMOOTH: f64 = 0.9999;
 /// What rounding may take from a ball, of its radius.
 const SLACK: f64 = 1e-6;
-/// In which a height is found.
-const HALVINGS: usize = 60;
 
 impl Element {
     /// How deep a plane must enter the element, wherever it touches it first, until what lies deeper than `contact` holds a circle of
@@ -81,15 +80,13 @@ impl Element {
 /// The lowest height at which an element is so wide; infinite where it is nowhere.
 fn first_height(element: &Element, radius: f64) -> f64 {
     let wide = |segment: &Segment| {
-        let (mut below, mut height) = segment.range();
-        if segment.radius(below) >= radius {
-            return Some(below);
+        let (from, to) = segment.range();
+        let is_narrow = |height: f64| segment.radius(height) < radius;
+        match [from, to].map(is_narrow) {
+            [false, _] => Some(from),
+            [true, false] => Some(last_held(from, to, is_narrow)),
+            [true, true] => None,
         }
-        for _ in 0..HALVINGS {
-            let middle = 0.5 * (below + height);
-            *(if segment.radius(middle) < radius { &mut below } else { &mut height }) = middle;
-        }
-        (segment.radius(height) >= radius).then_some(height)
     };
     element.profile.iter().filter_map(wide).fold(f64::INFINITY, f64::min)
 }

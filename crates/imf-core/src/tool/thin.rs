@@ -117,7 +117,7 @@ fn end(outline: &[Spot<'_>], peak: usize, step: isize, level: f64) -> f64 {
 }
 
 /// The last number on the way from one at which a condition holds to one at which it does not, by halving.
-fn last_held(mut held: f64, mut failed: f64, holds: impl Fn(f64) -> bool) -> f64 {
+pub(super) fn last_held(mut held: f64, mut failed: f64, holds: impl Fn(f64) -> bool) -> f64 {
     for _ in 0..HALVINGS {
         let middle = 0.5 * (held + failed);
         *(if holds(middle) { &mut held } else { &mut failed }) = middle;
