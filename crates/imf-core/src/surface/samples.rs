@@ -57,7 +57,7 @@ impl SurfaceSamples {
         // One body alone hides none of its own surface.
         let touching = runs(&edges).any(|run| run.len() > 2);
         let several = touching || component_count(&welded) > 1;
-        let crossings = several.then(|| Crossings::new(&fine, grid.pitch));
+        let crossings = several.then(|| Crossings::new(&welded, grid.pitch));
         let is_closed = several && boundary_chain(&welded).is_empty();
         let found = parallel::map(fine.triangles.len(), |triangle| {
             let corners = fine.corners(triangle);
@@ -70,7 +70,7 @@ impl SurfaceSamples {
             };
             let Some(crossings) = &crossings else { return Some((sample, false)) };
             let is_inside = |side: f64| {
-                crossings.winding(&fine, sample.point + sample.normal * (side * CLOSE * grid.pitch)) != 0
+                crossings.winding(&welded, sample.point + sample.normal * (side * CLOSE * grid.pitch)) != 0
             };
             let before = is_inside(1.0);
             if is_closed {
@@ -149,16 +149,13 @@ impl Crossings {
         let cell = pitch.max((upper - lower).max_element() / 1000.0);
         let dims = [0, 1].map(|axis| ((upper - lower)[axis] / cell) as usize + 1);
         let mut triangles = vec![Vec::new(); dims[0] * dims[1]];
+        let cell_at = |at: f64, axis: usize| (at.max(0.0) as usize).min(dims[axis] - 1);
         for triangle in 0..mesh.triangles.len() {
             let corners = mesh.corners(triangle).map(|c| (c - lower) / cell);
-            let [x, y] = [0, 1].map(|axis| {
-                let along = corners.map(|c| c[axis]);
-                let ends =
-                    [f64::min, f64::max].map(|pick| along.into_iter().reduce(pick).unwrap_or_default());
-                ends.map(|end| (end.max(0.0) as usize).min(dims[axis] - 1))
-            });
-            for column in x[0]..=x[1] {
-                for row in y[0]..=y[1] {
+            let [first, last] = range_of(corners.map(|c| c.x));
+            for column in cell_at(first, 0)..=cell_at(last, 0) {
+                let [low, high] = within_strip(corners, [column as f64 - SLACK, column as f64 + 1.0 + SLACK]);
+                for row in cell_at(low - SLACK, 1)..=cell_at(high + SLACK, 1) {
                     triangles[column * dims[1] + row].push(triangle as u32);
                 }
             }
@@ -175,6 +172,31 @@ impl Crossings {
         let above = self.triangles[at.x as usize * self.dims[1] + at.y as usize].iter();
         above.map(|&triangle| crossing(mesh.corners(triangle as usize), point)).sum()
     }
+}
+
+/// Rounding in a cell's bounds, in cells.
+const SLACK: f64 = 1e-6;
+
+fn range_of(values: [f64; 3]) -> [f64; 2] {
+    [values.into_iter().fold(f64::INFINITY, f64::min), values.into_iter().fold(f64::NEG_INFINITY, f64::max)]
+}
+
+/// The range of y of a triangle between two values of x; slivers lie in few cells, though their box holds many.
+fn within_strip(corners: [DVec3; 3], [from, to]: [f64; 2]) -> [f64; 2] {
+    let [mut low, mut high] = [f64::INFINITY, f64::NEG_INFINITY];
+    for (a, b) in [(0, 1), (1, 2), (2, 0)] {
+        let (a, b) = (corners[a], corners[b]);
+        if a.x.max(b.x) < from || a.x.min(b.x) > to {
+            continue;
+        }
+        for (end, other) in [(a, b), (b, a)] {
+            let held = end.x.clamp(from, to);
+            let part = if held == end.x { 0.0 } else { (held - end.x) / (other.x - end.x) };
+            let y = end.y + part * (other.y - end.y);
+            (low, high) = (low.min(y), high.max(y));
+        }
+    }
+    [low, high]
 }
 
 /// ±1 where a triangle lies above a point, by the side that it turns to it. An edge on the line belongs to one of its two
@@ -208,7 +230,7 @@ mod tests {
     use crate::mesh::tests::unit_cube;
     use crate::parts::shell::{Axis, Shell, circle};
     use crate::voxelize::voxelize;
-    use glam::{DMat4, DVec2};
+    use glam::{DMat4, DQuat, DVec2};
 
     #[test]
     fn samples_divide_the_area_and_face_outward_even_from_a_mesh_that_is_inside_out() {
@@ -228,6 +250,27 @@ mod tests {
                 assert_eq!(sample.bend, 0.0);
             }
         }
+    }
+
+    #[test]
+    fn crossings_are_those_of_all_triangles_and_slivers_lie_in_few_cells() {
+        let mut shell = Shell::default();
+        shell.prism(Axis::Z, &circle(DVec2::ZERO, 10.0, 200), [0.0, 6.0]);
+        let turn = DQuat::from_euler(glam::EulerRot::XYZ, 0.3, 0.5, 0.7);
+        let mesh = shell.into_mesh().transformed(&DMat4::from_quat(turn));
+        let crossings = Crossings::new(&mesh, 0.05);
+        let listed: usize = crossings.triangles.iter().map(Vec::len).sum();
+        assert!(listed < 20 * crossings.triangles.len(), "{listed}");
+        let (mut inside, all) = (0, 4000);
+        for place in 0..all {
+            let part = |step: f64| 24.0 * (f64::from(place) * step).fract() - 12.0;
+            let point = DVec3::new(part(0.618), part(0.755), part(0.57));
+            let corners = (0..mesh.triangles.len()).map(|triangle| mesh.corners(triangle));
+            let winding = crossings.winding(&mesh, point);
+            assert_eq!(winding, corners.map(|corners| crossing(corners, point)).sum::<i32>(), "{point}");
+            inside += winding.abs();
+        }
+        assert!((300..all / 2).contains(&inside), "{inside}");
     }
 
     #[test]
