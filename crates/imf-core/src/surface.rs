@@ -91,10 +91,11 @@ pub enum SurfaceError {
     Cancelled(#[from] Cancelled),
 }
 
-/// How deep a cutter may cut below the surface by default, in `unit`: 0.05 mm or a tenth of the pitch, whichever is more.
+/// How deep a cutter may cut below the surface by default, in `unit`: 0.05 mm, but no less than a tenth of the pitch and no more than a
+/// quarter of it, which small parts are measured by.
 #[must_use]
 pub fn default_tolerance(pitch: f64, unit: LengthUnit) -> f64 {
-    (0.05 / unit.in_mm()).max(0.1 * pitch)
+    (0.05 / unit.in_mm()).clamp(0.1 * pitch, 0.25 * pitch)
 }
 
 /// Whether the tool can be brought to a pose: of the tip, and of a unit vector along the tool's axis.

@@ -27,3 +27,12 @@ fn what_a_cutter_leaves_in_a_sharp_corner_is_told_alike_at_every_pitch() {
         }
     }
 }
+
+#[test]
+fn a_small_part_is_measured_by_its_own_pitch() {
+    let of = |pitch: f64| default_tolerance(pitch, LengthUnit::Mm);
+    assert_eq!([0.002, 0.04].map(|pitch| of(pitch) / pitch), [0.25; 2]);
+    assert_eq!([0.25, 0.5].map(of), [0.05; 2]);
+    assert_eq!(of(4.0), 0.4);
+    assert!((default_tolerance(0.01, LengthUnit::Inch) * 25.4 - 0.05).abs() < 1e-12);
+}
