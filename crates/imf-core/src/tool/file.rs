@@ -60,7 +60,7 @@ struct ToolText {
 #[serde(untagged)]
 enum SharpText {
     Name(String),
-    Count(usize),
+    Count(f64),
     Points(Vec<[f64; 3]>),
     /// The vertices of a mesh within a distance of its tip.
     Within {
@@ -328,10 +328,12 @@ impl Reader<'_> {
         };
         let half_angle = match (&cutter.half_angle, cutter.shape == CutterShape::Tapered) {
             (Some(angle), true) if *angle.get_ref() > 0.0 && *angle.get_ref() < 80.0 => *angle.get_ref(),
-            (Some(angle), _) => {
-                let what =
-                    "cutter.half_angle belongs to shape = \"tapered\" and lies between 0 and 80 degrees";
+            (Some(angle), true) => {
+                let what = "cutter.half_angle of a tapered cutter is more than 0 and less than 80 degrees";
                 return Err(self.wrong(angle, what));
+            }
+            (Some(angle), false) => {
+                return Err(self.wrong(angle, "cutter.half_angle belongs to shape = \"tapered\""));
             }
             (None, true) => {
                 return Err(self.wrong(&cutter.diameter, "a tapered cutter needs cutter.half_angle"));
@@ -350,8 +352,8 @@ fn sharp_points(text: &SharpText, shape: &ToolShape) -> Option<SharpPoints> {
     match text {
         SharpText::Name(name) if name == "tip" => Some(SharpPoints::Tip),
         SharpText::Name(name) if name == "boundary" && revolved => Some(SharpPoints::Boundary(None)),
-        SharpText::Count(count) if (*count == 1 || *count >= 5) && revolved => {
-            Some(SharpPoints::Cutter(*count))
+        SharpText::Count(count) if (*count == 1.0 || *count >= 5.0) && count.fract() == 0.0 && revolved => {
+            Some(SharpPoints::Cutter(*count as usize))
         }
         SharpText::Points(points) if !points.is_empty() && points.iter().flatten().all(|v| v.is_finite()) => {
             Some(SharpPoints::Points(points.iter().map(|&p| DVec3::from_array(p)).collect()))

@@ -1,7 +1,7 @@
 //! FreeCAD's tool bits: one tool a file, its shape by name, its measures as texts with units.
 //!
 //! Diameter, cutting edge and length are those of FreeCAD's own shapes: `TipAngle` and `CuttingEdgeAngle` are the whole angle
-//! of the point. `CuttingEdgeHeight` is the height of a chamfer's cone, whose width follows from it and not from `Diameter`; of a
+//! of the point, `TaperAngle` that of a tapered ball's cone up to `TaperDiameter`. `CuttingEdgeHeight` is the height of a chamfer's cone, whose width follows from it and not from `Diameter`; of a
 //! V-bit it is that of a cylinder above the cone. The tool is as long as its `Stickout`, where there is one, else as its `Length`.
 
 use std::collections::HashMap;
@@ -9,7 +9,7 @@ use std::collections::HashMap;
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::{Entry, Fault, Stack, damaged, end_mill, line, pointed, refused, top};
+use super::{Entry, Fault, ROUNDED_DIGITS, Stack, damaged, end_mill, line, pointed, refused, top};
 use crate::tool::{Segment, Tool};
 use crate::unit::LengthUnit;
 
@@ -56,6 +56,7 @@ impl Bit {
         let cutter = match kind.as_str() {
             "endmill" | "reamer" => end_mill(radius()?, 0.0, 0.0, edge()?)?,
             "ballend" => end_mill(radius()?, radius()?, 0.0, edge()?)?,
+            "taperedballnose" => self.tapered_ball(radius()?, edge()?)?,
             "bullnose" | "torus" => end_mill(radius()?, self.corner(radius()?)?, 0.0, edge()?)?,
             "drill" => pointed(0.0, radius()?, 0.5 * self.angle("TipAngle")?, whole)?,
             "vbit" => {
@@ -75,6 +76,29 @@ impl Bit {
         let face = self.optional_length("Stickout")?.filter(|&length| length > 0.0).unwrap_or(whole);
         let end = top(&shank).max(top(&cutter));
         Ok(Stack { cutter, shank, face: face.min(end), holder: Vec::new() })
+    }
+
+    /// A ball, the cone that touches it, as far as its diameter at the top, and a cylinder up to the edge's end.
+    fn tapered_ball(&self, ball: f64, edge: f64) -> Result<Vec<Segment>, String> {
+        let half_angle = 0.5 * self.angle("TaperAngle")?;
+        let (sine, cosine) = half_angle.to_radians().sin_cos();
+        let flank = ball * (1.0 - sine) / cosine;
+        let mut profile = end_mill(flank, ball, half_angle, edge)?;
+        let Some(widest) = self.optional_length("TaperDiameter")?.filter(|&widest| widest > 0.0) else {
+            return Ok(profile);
+        };
+        let [below, above] =
+            [ball, profile.last().map_or(0.0, |cone| cone.radius(edge))].map(|radius| 2.0 * radius);
+        if !(below * (1.0 - ROUNDED_DIGITS)..=above * (1.0 + ROUNDED_DIGITS)).contains(&widest) {
+            return Err(format!(
+                "TaperDiameter is {widest} mm, and its Diameter, TaperAngle and CuttingEdgeHeight make a cone from {below} to {above:.3} mm"
+            ));
+        }
+        let top = (0.5 * widest - flank) * cosine / sine;
+        if let Some(cone) = profile.pop_if(|cone| cone.range().0 < top && top < edge) {
+            profile.extend([cone.between(cone.range().0, top), line(top, edge, 0.5 * widest, 0.5 * widest)]);
+        }
+        Ok(profile)
     }
 
     fn corner(&self, radius: f64) -> Result<f64, String> {

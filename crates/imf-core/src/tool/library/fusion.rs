@@ -157,6 +157,12 @@ impl EntryText {
         let unit_here = unit(&named)?;
         let cutter = self.cutter(&kind)?;
         let face = self.positive("LB")?;
+        let whole = self.number_of("OAL")?.filter(|&whole| whole > 0.0);
+        if let Some(whole) = whole.filter(|whole| face > whole * (1.0 + 1e-9)) {
+            return Err(format!(
+                "it sticks out of its holder (LB {face}) by more than its length (OAL {whole})"
+            ));
+        }
         let width = cutter.last().map_or(0.0, |last| last.radius(top(&cutter)));
         let shank = self.shank(top(&cutter), width, face)?;
         let Segments { unit: named, segments } = Self::segments(&self.holder, "its holder")?;
@@ -196,7 +202,7 @@ impl EntryText {
                 _ => end_mill(radius()?, or_0("RE")?, or_0("TA")?, edges()?),
             },
             "ball end mill" => straight(radius()?),
-            "bull nose end mill" => straight(or_0("RE")?),
+            "bull nose end mill" => straight(self.number_of("RE")?.ok_or("its geometry has no RE")?),
             "tapered mill" => end_mill(radius()?, or_0("RE")?, or_0("TA")?, edges()?),
             "chamfer mill" => pointed(tip()?, radius()?, or_0("TA")?, edges()?),
             "drill" => pointed(0.0, radius()?, point()?, edges()?),

@@ -109,6 +109,30 @@ fn freecads_bits_become_cutter_and_shank() {
         json!({"CuttingEdgeHeight": 40, "Diameter": 6, "Length": "50 mm", "ShankDiameter": "3 mm"}),
     );
     close(radius(&read(&ball).unwrap(), 1.0), (9.0_f64 - 4.0).sqrt());
+    let tapered = |edge: &str, widest: &str| {
+        bit(
+            "TaperedBallNose",
+            json!({
+                "CuttingEdgeHeight": edge, "Diameter": "2 mm", "TaperAngle": "20 °", "TaperDiameter": widest, "Length": "50 mm",
+                "ShankDiameter": "6 mm"
+            }),
+        )
+    };
+    let tool = read(&tapered("20 mm", "6 mm")).unwrap();
+    let (sine, cosine) = 10.0_f64.to_radians().sin_cos();
+    close(radius(&tool, 0.5), 0.75_f64.sqrt());
+    // The cone touches the ball, and ends where it is as wide as it says.
+    close(radius(&tool, 1.0 - sine), cosine);
+    close(radius(&tool, 5.0), cosine + (4.0 + sine) * sine / cosine);
+    let top = 1.0 - sine + (3.0 - cosine) * cosine / sine;
+    assert!(top < 19.0);
+    close(radius(&tool, top), 3.0);
+    close(radius(&tool, 19.0), 3.0);
+    for (edge, widest) in [("10 mm", "6 mm"), ("20 mm", "1.5 mm")] {
+        let refused = read(&tapered(edge, widest)).unwrap_err();
+        assert!(refused.contains("TaperDiameter is") && refused.contains("a cone from 2 to"), "{refused}");
+    }
+
     let pointed = bit(
         "V-Bit",
         json!({

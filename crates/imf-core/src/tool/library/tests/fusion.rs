@@ -244,6 +244,8 @@ fn what_fusion_has_and_we_do_not_is_refused_by_name() {
         (fusion("flat end mill", "f", 1, json!({"LB": "long"})), "LB is"),
         (fusion("bull nose end mill", "b", 1, json!({"RE": 4.0})), "corner radius 4"),
         (fusion("flat end mill", "f", 1, json!({"RE": 0.5})), "RE 0.5"),
+        (fusion("bull nose end mill", "b", 1, json!({})), "no RE"),
+        (fusion("flat end mill", "f", 1, json!({"LB": 60.0})), "LB 60"),
         (fusion("ball end mill", "b", 1, json!({"RE": 1.0})), "RE 1)"),
         (without_unit, "no unit"),
         (unknown_unit, "'furlongs'"),
