@@ -128,6 +128,7 @@ def test_a_tool_is_described_as_in_its_file(tmp_path: Path) -> None:
         (lambda mill: imf.Tool(CUTTER, sharp_points=[1, 2]), ValueError, "sharp_points must be 'tip'"),
         (lambda mill: imf.Checker("bracket"), ValueError, "'bracket' is not an imf.Scene"),
         (lambda mill: imf.voxel_mesh(np.ones((3, 3, 3))), ValueError, "must be booleans .* not float64 of the shape"),
+        (lambda mill: imf.voxel_mesh(np.ones((3, 3, 3), bool), pitch=-1), ValueError, "pitch must be a positive length, not -1"),
         (lambda mill: imf.set_threads(10**6), ValueError, "a whole number from 0, .*, not 1000000"),
         (lambda mill: imf.set_threads(-1), ValueError, "a whole number from 0, .*, not -1"),
         (lambda mill: imf.set_threads(1.5), ValueError, "a whole number from 0, .*, not 1.5"),

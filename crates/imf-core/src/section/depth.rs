@@ -6,9 +6,8 @@
 //! and crosses zero with slope one, where an overlap leaves zero slowly, shallow contact having almost no volume. So
 //! an error of a tenth of a voxel in a learnt depth moves its decisions by a tenth of a voxel.
 //!
-//! Positions on voxel centres resolve a depth to half a voxel. Depths are clamped to eight pitches (`DEPTH_CAP`); positions as
-//! far around the
-//! grid count as well, so that its faces make no difference.
+//! Moves by whole voxels resolve a depth to about a voxel: the nearest move that collides may lie beside the shortest of all. Depths
+//! are clamped to eight pitches (`DEPTH_CAP`); positions as far around the grid count as well, so that its faces make no difference.
 
 use pulp::Arch;
 use serde::{Deserialize, Serialize};

@@ -24,7 +24,8 @@ pub struct Distance {
     pub upper: f64,
     /// The nearest obstacle, or the one in which the tool is deepest, as far as that is proven.
     pub obstacle: ObstacleId,
-    /// The element that is nearest to it; where the tool collides, the one with the deepest voxel.
+    /// The element that is nearest to it; where the tool collides, the one whose stretch of the tool, with all clearances, holds the
+    /// deepest voxel.
     pub element: ElementKind,
     /// The point of the element's surface that is nearest to `obstacle_point`.
     pub tool_point: DVec3,

@@ -33,7 +33,8 @@ class Distances(NamedTuple):
     upper: NDArray[np.float64]
     """``(n,)``: it is at most this, equal to ``lower`` where the tool is free."""
     element: list[str]
-    """The element that is nearest; where the tool collides, the one with the deepest voxel; empty where there is none."""
+    """The element that is nearest; where the tool collides, the one whose stretch of the tool, with all clearances, holds the deepest
+    voxel; empty where there is none."""
     tool_point: NDArray[np.float64]
     """``(n, 3)``: the point of that element's surface, with its clearance, nearest to ``obstacle_point``."""
     obstacle_point: NDArray[np.float64]

@@ -31,6 +31,9 @@ def voxel_mesh(
             "solid must be booleans (nx, ny, nz), some of them True, such as densities > 0.5; "
             f"not {solid.dtype} of the shape {solid.shape}"
         )
+    pitch = float(pitch)
+    if not (np.isfinite(pitch) and pitch > 0):
+        raise ValueError(f"pitch must be a positive length, not {pitch}")
     padded = np.pad(solid, 1).astype(np.int8)
     dims = tuple(n + 1 for n in solid.shape)
     unit = np.eye(3, dtype=np.int64)

@@ -20,6 +20,8 @@ const ROLL: [&str; 2] = ["roll", "psi"];
 
 /// Where the tool's direction stands in a line.
 enum Direction {
+    /// Along +z: there are no columns but the position's.
+    Upright,
     /// Tool axis from tip to holder, of any length.
     Vector([usize; 3]),
     /// θ and φ in degrees.
@@ -84,7 +86,10 @@ impl<R: Read> PoseReader<R> {
     pub(super) fn new(input: R, name: String) -> Result<Self> {
         let mut reader = ReaderBuilder::new().trim(Trim::All).from_reader(input);
         let header = reader.headers().map_err(|error| explain(&name, &error))?.clone();
-        ensure!(!header.is_empty(), "{name} is empty; its first line must be x,y,z,i,j,k or x,y,z,theta,phi");
+        ensure!(
+            !header.is_empty(),
+            "{name} is empty; its first line must be x,y,z,i,j,k or x,y,z,theta,phi, or x,y,z alone"
+        );
         if let [whole] = &header.iter().collect::<Vec<_>>()[..]
             && whole.contains([';', '\t'])
         {
@@ -102,7 +107,7 @@ impl<R: Read> PoseReader<R> {
                 let columns = header.iter().collect::<Vec<_>>().join(",");
                 let what = known.unwrap_or_else(|| {
                     format!(
-                        "there is no column {column} in '{columns}'; the first line must name x,y,z,i,j,k or x,y,z,theta,phi"
+                        "there is no column {column} in '{columns}'; the first line must name x,y,z,i,j,k or x,y,z,theta,phi, or x,y,z alone of an upright tool"
                     )
                 });
                 format!("{name}, line 1: {what}")
@@ -119,6 +124,8 @@ impl<R: Read> PoseReader<R> {
                 "{name}, line 1: it names both i,j,k and theta,phi; rename the columns that shall not be read"
             ),
             (true, false) => Direction::Vector(all3(VECTOR)?),
+            // As in a toolpath.
+            (false, false) if header.len() == POSITION.len() => Direction::Upright,
             (false, _) => Direction::Angles([need(ANGLES[0])?, need(ANGLES[1])?]),
         };
         let roll = match (find(ROLL[0])?, find(ROLL[1])?) {
@@ -191,6 +198,7 @@ impl<R: Read> PoseReader<R> {
         };
         let position = vector(self.position)?;
         let orientation = match self.direction {
+            Direction::Upright => Orientation::new(0.0, 0.0),
             Direction::Vector(columns) => {
                 Orientation::from_direction(vector(columns)?).with_context(|| {
                     format!("{}, line {line}, columns i,j,k: the direction must not be zero", self.name)
@@ -267,6 +275,7 @@ mod tests {
         let rolled = read("roll,x,y,z,i,j,k\n30,1,2,3,0,5,0\n").unwrap();
         let orientation = Orientation { theta: 90.0, phi: 90.0, roll: 30.0 };
         assert_eq!(rolled[0].rotation, orientation.quaternion());
+        assert_eq!(read("x,y,z\n1,2,3\n").unwrap()[0].axis(), Some(DVec3::Z));
         let poses = read("\u{feff}x,y,z,i,j,k\r\n1,2,3,0,0,-2\r\n").unwrap();
         assert_eq!(poses[0].axis(), Some(DVec3::NEG_Z));
     }
@@ -275,7 +284,7 @@ mod tests {
     fn what_is_wrong_is_named_with_line_and_column() {
         for (text, expected) in [
             ("", "poses is empty"),
-            ("x,y,z\n", "no column theta"),
+            ("x,y,z,w\n", "no column theta"),
             ("x,y,i,j,k\n", "no column z"),
             ("x,y,z,i,j\n", "no column k"),
             ("x,y,z,x,i,j,k\n", "more than one column x"),
