@@ -4,8 +4,8 @@
 //! a step from one to the next, roll included. Each stretch is checked with its own tool. Holder and shank, offset by
 //! their clearance, must hold no solid voxel's centre. The cutter must touch what it cuts: it may hold centres of the part's
 //! voxels, but none deeper below its own surface than `contact`, a length that does not follow the pitch. What lies deep in the
-//! cutter may be a thin wall, so that none is cut through unseen. With the part's mesh it must not hold points of its surface so deep
-//! either. With fixtures nothing is accepted.
+//! cutter may be a thin wall, so that none is cut through unseen. Where meshes are given, no element may hold points of their
+//! surfaces deeper than `contact` either; that much is what touches, of fixtures too.
 //!
 //! A collision's depth is measured from both sides: a solid centre that lies so deep in the element and so deep in the part has a
 //! ball around it in either, so no translation shorter than the sum of both radii separates them. The depth of a pose is
@@ -37,7 +37,7 @@ use crate::mesh::Mesh;
 use crate::occupancy::Occupancy;
 use crate::parallel;
 use crate::scene::{PathGuarantee, SceneRecord};
-use crate::tool::{Clearance, Tool, ToolShape};
+use crate::tool::{Clearance, Element, ElementKind, Tool, ToolShape};
 use crate::toolpath::Toolpath;
 use crate::unit::LengthUnit;
 use elements::{Body, Elements};
@@ -61,7 +61,8 @@ use motions::{motions, rigid};
 pub struct CheckSettings {
     /// Room around each kind of element.
     pub clearance: Clearance,
-    /// How deep the part may lie in the cutter; 0 accepts nothing, and the cutter's clearance applies.
+    /// How deep the part may lie in the cutter, and points of any surface in the other elements, clearances included; 0 accepts nothing,
+    /// and the cutter's clearance applies.
     pub contact: f64,
     /// How closely the path is followed: farthest that any point of the tool moves between two poses that are checked. What the cutter
     /// may cut is `contact`.
@@ -143,11 +144,11 @@ impl CheckSettings {
 pub struct CheckBodies<'a> {
     /// The part that is cut.
     pub part: &'a Occupancy,
-    /// The part's mesh in world coordinates, whose surface a cutter that may touch it is held against between the voxels' centres
-    /// too; without it the centres decide.
-    pub surface: Option<&'a Mesh>,
     /// What holds it, by name.
     pub fixtures: &'a [(String, Occupancy)],
+    /// The meshes of the part and of the fixtures, in that order and in world coordinates: unless the contact is 0, tools are held
+    /// against their surfaces between the voxels' centres too. Without them the centres decide.
+    pub surfaces: &'a [&'a Mesh],
     /// The machine that follows the path; the path is read for it.
     pub machine: Option<&'a MachineBodies>,
 }
@@ -173,11 +174,15 @@ pub fn check_toolpath(
     let machine = bodies.machine.map(MachineBodies::machine);
     let motions = motions(toolpath, tools, settings, machine)?;
     let mut hit = Body::all(bodies.part, bodies.fixtures);
-    let mut points_apart = None;
-    if let (Some(mesh), true) = (bodies.surface, settings.contact > 0.0) {
-        let (part, apart) = hit[0].with_surface_of(mesh);
-        (hit[0], points_apart) = (part, Some(apart));
+    let mut points_apart: Vec<f64> = Vec::new();
+    if settings.contact > 0.0 {
+        for (body, mesh) in hit.iter_mut().zip(bodies.surfaces) {
+            let (with_points, apart) = body.with_surface_of(mesh);
+            *body = with_points;
+            points_apart.push(apart);
+        }
     }
+    let (mut used, mut surfaces_known) = (Vec::new(), true);
     bodies.machine.map_or(Ok(()), |machine| machine.check(bodies.part.grid.pitch))?;
     let world = rigid(&toolpath.set_up);
     let mut lines: Vec<report::MotionFindings> = Vec::with_capacity(motions.len());
@@ -187,6 +192,8 @@ pub fn check_toolpath(
             continue;
         }
         let elements = Elements::new(&hit, tool, settings)?;
+        surfaces_known &= elements.know_the_surfaces();
+        used.push(*tool);
         let pairs = bodies.machine.map(|machine| MachinePairs::new(machine, &hit, tool, settings, &world));
         let pairs = pairs.transpose()?;
         lines.extend(parallel::try_map(own.len(), |place| {
@@ -217,16 +224,36 @@ pub fn check_toolpath(
         ToolShape::Mesh(_) => ball,
     };
     report.sure_depth = tools.iter().map(of_tip).fold(ball, f64::max);
-    let known = |_: &f64| tools.iter().all(|(_, tool)| tool.mesh().is_none());
-    report.sure_gouge = points_apart.filter(known).and_then(|apart| {
-        let of = |(_, tool): &(Option<u32>, &Tool)| {
-            let (cutter, exposed) = tool.cutter()?;
-            Some(cutter.depth_of_circle(settings.contact, EMPTY_CIRCLE * apart, exposed))
-        };
-        let deepest = tools.iter().filter_map(of).reduce(f64::max)? + 0.5 * settings.step;
-        deepest.is_finite().then_some(deepest)
-    });
+    if surfaces_known {
+        let by_centres = report.sure_depth;
+        [report.sure_gouge, report.sure_overlap] = sure_depths(&used, settings, &points_apart, by_centres)?;
+    }
     Ok(report)
+}
+
+/// How deep a cutter must enter the part's surface, and anything else a surface, to hold a point of it, or of the latter a centre, for
+/// which `by_centres` is enough; `None` where there are no such elements, or a cutter is too thin. `apart` is the distance of points, of
+/// the part and of each fixture.
+fn sure_depths(
+    tools: &[&Tool],
+    settings: &CheckSettings,
+    apart: &[f64],
+    by_centres: f64,
+) -> Result<[Option<f64>; 2], CheckError> {
+    let Some(&of_part) = apart.first() else { return Ok([None, None]) };
+    let farthest = apart.iter().copied().fold(of_part, f64::max);
+    let sure = |element: &Element, exposed: bool, apart: f64| {
+        element.depth_of_circle(settings.contact, EMPTY_CIRCLE * apart, exposed) + 0.5 * settings.step
+    };
+    let (mut gouges, mut overlaps) = (Vec::new(), Vec::new());
+    for tool in tools {
+        gouges.extend(tool.cutter().map(|(cutter, exposed)| sure(&cutter, exposed, of_part)));
+        let mut elements = tool.offset_elements(&settings.clearance)?;
+        elements.retain(|element| element.kind != ElementKind::Cutter || apart.len() > 1);
+        overlaps.extend(elements.iter().map(|element| sure(element, true, farthest).min(by_centres)));
+    }
+    let worst = |depths: Vec<f64>| depths.into_iter().reduce(f64::max).filter(|depth| depth.is_finite());
+    Ok([gouges, overlaps].map(worst))
 }
 
 #[cfg(test)]

@@ -46,5 +46,5 @@ M30
 report = scene.check("program.nc", tools={1: mill})
 for hit in report.collisions:
     print(f"line {hit.line}: {hit.element} hits {hit.against}, {hit.depth:.1f} {report.unit} deep, tip at {hit.position.round(1)}")
-print(f"{report.poses} poses checked; an overlap of {report.sure_depth:.1f} {report.unit} is certain to be found")
+print(f"{report.poses} poses checked; an overlap of {report.sure_overlap:.1f} {report.unit} is certain to be found")
 assert {hit.against for hit in report.collisions} == {"part", "fixture 1"}

@@ -101,12 +101,12 @@ pub(crate) fn check<'py>(
     remarks.extend(cutters_not_compared(&path, &numbered));
     remarks.extend(never_near(&path, &numbered, &bodies.part));
     let lines = path.locations.len() as u64;
-    let placed = own.with_spec(Control::quiet(), |spec| Ok(spec.mesh.transformed(&spec.transform)));
-    let mesh = placed.map_err(Raise::raise)?;
+    let placed = own.with_spec(Control::quiet(), |spec| Ok(spec.placed())).map_err(Raise::raise)?;
+    let surfaces: Vec<_> = placed.iter().collect();
     let around = CheckBodies {
         part: &bodies.part,
-        surface: Some(&mesh),
         fixtures: &bodies.fixtures,
+        surfaces: &surfaces,
         machine: machine.as_ref(),
     };
     remarks.extend(machine_remarks(around, &numbered, &path.set_up));
@@ -136,7 +136,15 @@ pub(crate) fn check<'py>(
     if stick_out {
         stick_outs = run(py, (&progress, "stick-out", lines), |control| {
             let by = machine.as_ref().map(MachineBodies::machine);
-            shortest_stick_outs(&bodies.obstacle().into(), &numbered, &path, &settings, by, control)
+            shortest_stick_outs(
+                &bodies.obstacle().into(),
+                &surfaces,
+                &numbered,
+                &path,
+                &settings,
+                by,
+                control,
+            )
         })?;
     }
     let weakest = settings.guarantee(tools.iter().map(|(_, tool)| tool), record);

@@ -108,8 +108,8 @@ impl Work {
     fn check(&self, path: &Toolpath) -> Result<CheckReport> {
         let bodies = CheckBodies {
             part: &self.part,
-            surface: Some(&self.mesh),
             fixtures: &[],
+            surfaces: &[&self.mesh],
             machine: Some(&self.machine),
         };
         let settings = CheckSettings::of_pitch(PITCH, LengthUnit::Mm);

@@ -5,8 +5,8 @@ use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use glam::DMat4;
 use imf_core::grid::Grid;
-use imf_core::mesh::Mesh;
 use imf_core::mesh::topology::MeshReport;
+use imf_core::mesh::{Mesh, points_memory_estimate};
 use imf_core::scene::{Bodies, GridExtent, Scene, SceneRecord, SceneSpec, SceneWarning};
 use imf_core::section::{DEPTH_CAP, ElementPlans, Quantity, SectionPlan};
 use imf_core::tool::Tool;
@@ -163,7 +163,7 @@ impl SceneArguments {
         let inputs = self.read(session, false)?;
         let bodies = self.with_spec(session, &inputs, |spec| {
             let grid = spec.grid()?;
-            require_memory_for_voxels(session, spec, &grid, 0)?;
+            require_memory_for_voxels(session, spec, &grid, (0, 0))?;
             let bodies = voxelise_with_progress(session, spec, &grid, |spec| spec.bodies_within(&grid))?;
             warn_of(session, &spec.warnings(&bodies)?);
             Ok(bodies)
@@ -180,8 +180,9 @@ impl SceneArguments {
     ) -> Result<(Scene, Bodies, NamedMeshes)> {
         self.with_spec(session, &self.read(session, true)?, |spec| {
             let wide = spec.wide_grid(&spec.grid()?, f64::INFINITY)?;
-            // Beside the voxels, counts and distances of the part and of the fixtures.
-            require_memory_for_voxels(session, spec, &wide, 16)?;
+            // Beside the voxels, counts and distances of the part and of the fixtures, and points of their surfaces.
+            let points = spec.placed().iter().map(|mesh| points_memory_estimate(mesh, wide.pitch)).sum();
+            require_memory_for_voxels(session, spec, &wide, (16, points))?;
             let (scene, bodies) =
                 voxelise_with_progress(session, spec, &wide, |spec| spec.scene_and_bodies(f64::INFINITY))?;
             let part = (spec.part.to_owned(), spec.mesh.transformed(&spec.transform));
@@ -323,11 +324,16 @@ fn require_memory_for_sections(
     Ok(())
 }
 
-/// Refuses grids whose voxels, and so many bytes more for each, would take more memory than there is.
-fn require_memory_for_voxels(session: &Session, spec: &SceneSpec<'_>, grid: &Grid, more: u64) -> Result<()> {
+/// Refuses grids whose voxels, and so many bytes more for each and in all, would take more memory than there is.
+fn require_memory_for_voxels(
+    session: &Session,
+    spec: &SceneSpec<'_>,
+    grid: &Grid,
+    (more, in_all): (u64, u64),
+) -> Result<()> {
     // The voxels of the part, of all fixtures and of both, the voxeliser's, and a copy to write; those of each fixture.
     let fixtures = (1 + more) * spec.fixture_voxels(grid)?;
-    session.require_memory((6 + more) * grid.len() as u64 + fixtures, || {
+    session.require_memory((6 + more) * grid.len() as u64 + fixtures + in_all, || {
         let [x, y, z] = grid.dims;
         format!("{x}×{y}×{z} voxels around part and fixtures; check their units, or use a larger --pitch")
     })

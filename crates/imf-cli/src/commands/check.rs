@@ -17,6 +17,7 @@ use imf_core::check::{
     cutters_not_compared, machine_remarks, never_near, shortest_stick_outs,
 };
 use imf_core::machine::Machine;
+use imf_core::mesh::Mesh;
 use imf_core::scene::SceneRecord;
 use imf_core::tool::{Tool, ToolShape};
 use imf_core::toolpath::{PathReading, Toolpath, ToolpathError};
@@ -106,10 +107,11 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
     let stage = session.stage("checking", "lines", lines);
     let advance = |n| stage.advance(n);
     let control = session.control(&advance);
+    let surfaces: Vec<&Mesh> = meshes.iter().map(|(_, mesh)| mesh).collect();
     let around = CheckBodies {
         part: &bodies.part,
-        surface: Some(&meshes[0].1),
         fixtures: &bodies.fixtures,
+        surfaces: &surfaces,
         machine: machine.as_ref(),
     };
     machine_remarks(around, &numbered, &toolpath.set_up).iter().for_each(|remark| session.warn(remark));
@@ -122,7 +124,7 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
         let by = machine.as_ref().map(MachineBodies::machine);
         let found = session.staged("stick-out", "lines", lines, |control| {
             let obstacle = Arc::new(bodies.obstacle());
-            shortest_stick_outs(&obstacle, &numbered, &toolpath, &settings, by, control)
+            shortest_stick_outs(&obstacle, &surfaces, &numbered, &toolpath, &settings, by, control)
         });
         stick_outs = found.map_err(with_name)?;
     }

@@ -29,7 +29,8 @@ fn a_finishing_pass_is_free_and_says_what_was_accepted() {
     let run = check("pass.cl", "GOTO/-12,0,19.96,0,0,1\nGOTO/12,0,19.96\n", "");
     assert_eq!(run.code, Some(0), "{}", run.stderr);
     assert!(run.stdout.starts_with("no collision: 2 lines"), "{}", run.stdout);
-    for said in ["accepted: the part up to 0.05 mm deep in the cutter", "deeper than 2.0821 mm"] {
+    let sure = "a cutter deeper than 0.1881 mm in the part's surface; other overlaps deeper than 0.7048 mm";
+    for said in ["accepted: the part up to 0.05 mm deep in the cutter", sure] {
         assert!(run.stdout.contains(said), "{}", run.stdout);
     }
     // At twice the pitch the same length is accepted.
@@ -267,12 +268,39 @@ fn a_needle_is_said_to_pass_between_the_centres_and_a_pitch_of_its_own_sees_it()
     let both = "check block.obj two.csv --unit mm --pitch 1 --tool 1=paper --tool 2=needle.toml";
     folder.refuse(both, &["the slender tip of the tool"]);
     let coarse = run("--pitch 1 --allow-coarse");
-    let (_, sure) = coarse.stdout.split_once("overlaps deeper than ").unwrap();
+    let (_, sure) = coarse.stdout.split_once("a cutter deeper than ").unwrap();
     let sure: f64 = sure.split_whitespace().next().unwrap().parse().unwrap();
-    // 5 deep is not certain to be found, and a ball of 2.08 fits into the needle from some 10 on.
-    assert!(sure > 9.0, "{}", coarse.stdout);
+    // Between points half a voxel apart it is as wide as the circle that holds none, below its contact, from 2.07 on.
+    let tilt = 5_f64.to_radians();
+    let wide = (0.36 + 0.05 / tilt.cos() - 0.25 * tilt.cos()) / tilt.tan() + 0.25 * (1.0 - tilt.sin());
+    assert!((sure - wide - 0.125).abs() < 1e-3, "{wide} {}", coarse.stdout);
+    assert_eq!(coarse.code, Some(3), "{}", coarse.stdout);
     let chosen = run("");
     assert_eq!(chosen.code, Some(3), "{}{}", chosen.stdout, chosen.stderr);
+}
+
+#[test]
+fn what_enters_the_surface_of_a_fixture_between_the_centres_is_told() {
+    let jaw = BLOCK.replace(" 10", " 40").replace(" -10", " 20");
+    let run = |more: &str| {
+        let folder = Workdir::new();
+        folder.write("block.obj", BLOCK);
+        folder.write("jaw.obj", &jaw);
+        // The jaw's side at x = 20 is 0.3 deep in the cutter, and no centre.
+        folder.write("beside.csv", "x,y,z\n15.3,30,12\n");
+        let asked =
+            "check block.obj beside.csv --unit mm --pitch 1 --tool paper --fixture jaw.obj@unit:mm --json";
+        folder.imf(&format!("{asked} {more}"))
+    };
+    let (told, strict) = (run(""), run("--contact 0"));
+    assert_eq!(told.code, Some(3), "{}{}", told.stdout, told.stderr);
+    let hit = &told.json()["report"]["colliding"][0]["collisions"][0];
+    // Half of half a voxel beside the axis the round is 0.007 shallower.
+    assert!((0.29..0.300_001).contains(&hit["depth"].as_f64().unwrap()) && hit["voxels"] == 0, "{hit}");
+    // Where nothing may touch, voxels alone are known, and it is said.
+    let report = &strict.json()["report"];
+    assert!(strict.code == Some(0) && report["sure_overlap"].is_null(), "{}", strict.stdout);
+    assert!(report["sure_depth"].as_f64().unwrap() > 1.7, "{report}");
 }
 
 /// The shank is half a voxel wider a side than the cutter.

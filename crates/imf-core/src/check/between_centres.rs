@@ -53,6 +53,31 @@ fn lowest(tool: &Tool, axis: DVec3, up: DVec3) -> f64 {
     tool.segments().flat_map(along).fold(f64::INFINITY, f64::min)
 }
 
+/// The block that is hit as the part or, far from the part, as a fixture.
+struct Hit {
+    part: Occupancy,
+    fixtures: Vec<(String, Occupancy)>,
+    meshes: Vec<Mesh>,
+}
+
+impl Hit {
+    fn new(mesh: Mesh, solid: Occupancy, is_part: bool) -> Self {
+        if is_part {
+            return Self { part: solid, fixtures: Vec::new(), meshes: vec![mesh] };
+        }
+        let (low, high) = (DVec3::splat(500.0), DVec3::splat(510.0));
+        let part = Mesh::cuboid(low, high);
+        let solid_part = voxelize(&part, &Grid::with_pitch(low, high, solid.grid.pitch, 2).unwrap(), false);
+        Self { part: solid_part, fixtures: vec![("block".into(), solid)], meshes: vec![part, mesh] }
+    }
+
+    fn check(&self, tool: &Tool, text: &str, settings: &CheckSettings) -> CheckReport {
+        let surfaces: Vec<&Mesh> = self.meshes.iter().collect();
+        let Self { part, fixtures, .. } = self;
+        check_path(CheckBodies { part, fixtures, surfaces: &surfaces, machine: None }, tool, text, settings)
+    }
+}
+
 fn check_path(bodies: CheckBodies<'_>, tool: &Tool, text: &str, settings: &CheckSettings) -> CheckReport {
     let path = Toolpath::parse(text, LengthUnit::Mm, "path").unwrap();
     check_toolpath(bodies, &[(None, tool)], &path, settings, Control::quiet()).unwrap()
@@ -63,13 +88,14 @@ fn pose_line(tip: DVec3, axis: DVec3) -> String {
 }
 
 #[test]
-fn a_cutter_in_the_surface_is_told_from_the_depth_on_that_is_certain_and_not_up_to_the_contact() {
+fn what_enters_a_surface_is_told_from_the_depth_on_that_is_certain_and_a_cutter_not_up_to_the_contact() {
     let mut random = ChaCha8Rng::seed_from_u64(11);
     let random_unit = |random: &mut ChaCha8Rng| 2.0 * number(random) - 1.0;
     let mut shallow = 0;
-    for (tool, pitch) in cutters().iter().flat_map(|tool| [2.0, 1.0].map(|pitch| (tool, pitch))) {
+    let kinds = [(2.0, true), (1.0, true), (1.0, false)];
+    for (tool, (pitch, is_part)) in cutters().iter().flat_map(|tool| kinds.map(|kind| (tool, kind))) {
         let (mesh, place, solid) = block(&mut random, pitch);
-        let bodies = CheckBodies { part: &solid, surface: Some(&mesh), fixtures: &[], machine: None };
+        let bodies = Hit::new(mesh, solid, is_part);
         let settings = CheckSettings::of_pitch(pitch, LengthUnit::Mm);
         for case in 0..40 {
             let up = place.transform_vector3([DVec3::X, DVec3::NEG_Y, DVec3::Z][case % 3]);
@@ -83,12 +109,14 @@ fn a_cutter_in_the_surface_is_told_from_the_depth_on_that_is_certain_and_not_up_
             let at = |depth: f64| touched - up * (depth + lowest(tool, axis, up));
             let run = |depth: f64| {
                 let text = format!("x,y,z,i,j,k\n{}", pose_line(at(depth), axis));
-                check_path(bodies, tool, &text, &settings)
+                bodies.check(tool, &text, &settings)
             };
-            let clear = run(settings.contact - 1e-3);
+            // A fixture's centres are hit at any depth.
+            let clear = run(if is_part { settings.contact } else { 0.0 } - 1e-3);
             assert!(clear.colliding.is_empty(), "{pitch} {case} {:?} {clear:?}", tool.shape);
             // At that pose itself: between poses the tool is half a step nearer.
-            let sure = clear.sure_gouge.unwrap() - 0.5 * settings.step;
+            let sure = if is_part { clear.sure_gouge } else { clear.sure_overlap };
+            let sure = sure.unwrap() - 0.5 * settings.step;
             assert!(sure < settings.contact + 1.7 * pitch && sure < clear.sure_depth, "{pitch} {sure}");
             let found = run(sure + 1e-3);
             let told = found.colliding.first();
@@ -114,7 +142,7 @@ fn a_cutter_collides_where_a_centre_or_a_point_of_the_surface_is_deep_in_it() {
         let pitch = 0.8 + number(&mut random);
         let (mesh, place, solid) = block(&mut random, pitch);
         let grid = solid.grid;
-        let bodies = CheckBodies { part: &solid, surface: Some(&mesh), fixtures: &[], machine: None };
+        let bodies = CheckBodies { part: &solid, fixtures: &[], surfaces: &[&mesh], machine: None };
         let settings = CheckSettings { contact: 0.2, ..CheckSettings::of_pitch(pitch, LengthUnit::Mm) };
         let points = points_at_pitch(&mesh, pitch).0;
         let (cutter, exposed) = tool.cutter().unwrap();
@@ -155,16 +183,73 @@ fn a_cutter_collides_where_a_centre_or_a_point_of_the_surface_is_deep_in_it() {
 }
 
 #[test]
+fn shank_and_holder_collide_where_they_hold_a_centre_or_a_point_deeper_than_the_contact() {
+    let mut random = ChaCha8Rng::seed_from_u64(14);
+    let tool = revolved([
+        (ElementKind::Cutter, vec![Segment::ball_end(3.0), line(3.0, 8.0, 3.0, 3.0)]),
+        (ElementKind::Shank, vec![line(8.0, 14.0, 3.0, 5.0)]),
+        (ElementKind::Holder(0), vec![line(14.0, 17.0, 6.0, 9.0), arc(17.0, 21.0, 17.0, 5.0, 4.0)]),
+    ]);
+    let (mut hits, mut by_points) = (0, 0);
+    for case in 0..24 {
+        let (pitch, is_part) = (0.8 + number(&mut random), case % 2 == 0);
+        let (mesh, place, solid) = block(&mut random, pitch);
+        let points = points_at_pitch(&mesh, pitch).0;
+        let grid = solid.grid;
+        let solids = (0..grid.len()).filter(|&index| solid.solid[index] == 1);
+        let centres: Vec<DVec3> = solids.map(|index| grid.centre(grid.voxel(index))).collect();
+        let bodies = Hit::new(mesh, solid, is_part);
+        let clearance =
+            [Clearance::default(), Clearance { holder: 1.5, shank: 0.4, cutter: 0.2 }][case % 3 / 2];
+        let usual = CheckSettings::of_pitch(pitch, LengthUnit::Mm);
+        let settings = CheckSettings { contact: 0.2, clearance, ..usual };
+        let elements = tool.offset_elements(&clearance).unwrap();
+        for _ in 0..40 {
+            let mut way = || 2.0 * number(&mut random) - 1.0;
+            let axis = place.transform_vector3(DVec3::new(way(), way(), 0.3 * way())).normalize();
+            // Above the top, beyond its edges too.
+            let tip = place.transform_point3(DVec3::new(24.0 * way(), 24.0 * way(), 25.5 + 3.5 * way()));
+            let text = format!("x,y,z,i,j,k\n{}", pose_line(tip, axis));
+            let found = bodies.check(&tool, &text, &settings);
+            let found: Vec<_> = found.colliding.iter().flat_map(|line| &line.collisions).collect();
+            for element in elements.iter().filter(|own| !(is_part && own.kind == ElementKind::Cutter)) {
+                let of = |point: &DVec3| {
+                    let height = (point - tip).dot(axis);
+                    (height, (point - tip - axis * height).length())
+                };
+                let held = |point: &DVec3| holds(&element.profile, of(point).0, of(point).1);
+                let depth = |point: &DVec3| element.depth(of(point).0, of(point).1, true);
+                let deepest = points.iter().filter(|point| held(point)).map(depth).fold(0.0, f64::max);
+                if (deepest - settings.contact).abs() < 1e-6 {
+                    continue;
+                }
+                let (by_centre, by_point) = (centres.iter().any(held), deepest > settings.contact);
+                let name = element.kind.to_string();
+                let hit = found.iter().find(|hit| hit.element == name);
+                assert_eq!(hit.is_some(), by_centre || by_point, "{case} {name} {by_centre} {deepest}");
+                hits += usize::from(hit.is_some());
+                by_points += usize::from(by_point && !by_centre);
+                if by_point {
+                    assert!(hit.unwrap().depth > deepest - 1e-9, "{case} {name} {deepest} {hit:?}");
+                }
+            }
+        }
+    }
+    assert!(hits > 200 && by_points > 20, "{hits} {by_points}");
+}
+
+#[test]
 fn no_pose_of_a_motion_is_skipped_at_which_the_cutter_holds_a_point_of_the_surface() {
     let mut random = ChaCha8Rng::seed_from_u64(13);
     let (mut colliding, mut free) = (0, 0);
-    for tool in &cutters() {
+    for (tool, is_part) in cutters().iter().flat_map(|tool| [true, false].map(|is_part| (tool, is_part))) {
         let (mesh, place, solid) = block(&mut random, 1.3);
         let settings = CheckSettings::of_pitch(1.3, LengthUnit::Mm);
-        let mut hit = Body::all(&solid, &[]);
-        hit[0] = hit[0].with_surface_of(&mesh).0;
+        let bodies = Hit::new(mesh, solid, is_part);
+        let mut hit = Body::all(&bodies.part, &bodies.fixtures);
+        hit.iter_mut().zip(&bodies.meshes).for_each(|(body, mesh)| *body = body.with_surface_of(mesh).0);
         let elements = Elements::new(&hit, tool, &settings).unwrap();
-        for _ in 0..60 {
+        for _ in 0..40 {
             let mut way = || 2.0 * number(&mut random) - 1.0;
             let mut pose = || {
                 let axis = DVec3::new(way(), way(), 1.0).normalize();

@@ -31,8 +31,8 @@ pub(super) fn room(field: &SolidField, pose: &Pose, most: f64) -> Option<f64> {
 /// Something that may be hit.
 pub(super) struct Body {
     pub(super) voxels: SolidVoxels,
-    /// With points of its surface, for a cutter that touches it.
-    cut: Option<SolidVoxels>,
+    /// With points of its surface, for tools that may touch it.
+    with_points: Option<SolidVoxels>,
     pub(super) against: HitBody,
     /// By voxel, how deep its centre lies below the surface; made at the first collision.
     depths: OnceLock<Vec<f32>>,
@@ -40,14 +40,14 @@ pub(super) struct Body {
 
 impl Body {
     pub(super) fn new(voxels: impl Into<Arc<Occupancy>>, against: HitBody) -> Arc<Self> {
-        Arc::new(Self { voxels: voxels.into().into(), cut: None, against, depths: OnceLock::new() })
+        Arc::new(Self { voxels: voxels.into().into(), with_points: None, against, depths: OnceLock::new() })
     }
 
     /// The same with points of its surface, and how far they are apart.
     pub(super) fn with_surface_of(&self, mesh: &Mesh) -> (Arc<Self>, f64) {
         let (voxels, against) = (self.voxels.clone(), self.against.clone());
-        let (cut, apart) = voxels.clone().with_surface_of(mesh);
-        (Arc::new(Self { voxels, cut: Some(cut), against, depths: OnceLock::new() }), apart)
+        let (with_points, apart) = voxels.clone().with_surfaces_of(&[mesh]);
+        (Arc::new(Self { voxels, with_points: Some(with_points), against, depths: OnceLock::new() }), apart)
     }
 
     /// The part, then the fixtures.
@@ -150,6 +150,7 @@ impl Elements {
             |element: &Element| DepthElement::new(element.clone(), true, clearance.of(element.kind));
         let mut wanted = Vec::new();
         for body in bodies {
+            let voxels = body.with_points.as_ref().unwrap_or(&body.voxels);
             let mut stay_out = offset.clone();
             if body.against == HitBody::Part
                 && settings.contact > 0.0
@@ -160,18 +161,19 @@ impl Elements {
                 let deep = cutter.eroded(settings.contact, exposed).filter(is_seen).ok_or_else(|| {
                     CheckError::Contact { tool: tool.name.clone(), contact: settings.contact }
                 })?;
-                let voxels = body.cut.as_ref().unwrap_or(&body.voxels);
-                wanted.push((body, voxels, vec![deep], vec![DepthElement::new(cutter, exposed, 0.0)]));
+                let deep = SolidField::of_elements(voxels.clone(), &[deep]);
+                wanted.push((body, deep, vec![DepthElement::new(cutter, exposed, 0.0)]));
                 stay_out.retain(|element| element.kind != ElementKind::Cutter);
             }
-            let rest = stay_out.iter().map(measured).collect();
-            wanted.push((body, &body.voxels, stay_out, rest));
+            let rest: Vec<DepthElement> = stay_out.iter().map(measured).collect();
+            if !rest.is_empty() {
+                let field = SolidField::of_elements(voxels.clone(), &stay_out);
+                wanted.push((body, field.map(|field| field.touching(&stay_out, settings.contact)), rest));
+            }
         }
         let mut groups = Vec::new();
-        for (body, voxels, decided, elements) in
-            wanted.into_iter().filter(|(_, _, decided, _)| !decided.is_empty())
-        {
-            let Some(field) = SolidField::of_elements(voxels.clone(), &decided) else {
+        for (body, field, elements) in wanted {
+            let Some(field) = field else {
                 if clearance.is_zero() {
                     return Ok(Self::whole(bodies, tool));
                 }
@@ -190,6 +192,11 @@ impl Elements {
             body: body.clone(),
         };
         Self(bodies.iter().map(group).collect())
+    }
+
+    /// Whether all of them are held against points of surfaces.
+    pub(super) fn know_the_surfaces(&self) -> bool {
+        self.0.iter().all(|group| group.field.knows_the_surface())
     }
 
     /// Whether anything collides at a pose.
@@ -246,12 +253,12 @@ impl Group {
         if tracks.len() > 1 {
             self.field.element_counts(pose, counts);
         }
-        for ((track, element), _) in
-            tracks.iter_mut().zip(&self.elements).zip(counts.iter()).filter(|(_, count)| **count > 0)
-        {
+        let held = counts.iter().enumerate().filter(|(_, count)| **count > 0);
+        for (place, _) in held {
+            let (track, element) = (&mut tracks[place], &self.elements[place]);
             let (against, grid) = (&self.body.against, self.body.grid());
             if track.meets(step, grid.pitch)
-                && let Some(deepest) = element.deepest(&self.field, &self.body, pose)
+                && let Some(deepest) = element.deepest((&self.field, place), &self.body, pose)
             {
                 track.take(deepest.depth, || deepest.collision(element, against, grid, step.fraction, pose));
             }
@@ -309,8 +316,13 @@ impl Track {
 }
 
 impl DepthElement {
-    /// `None` where it holds no solid centre, and the field no point of the surface.
-    fn deepest(&self, field: &SolidField, body: &Body, pose: &Pose) -> Option<DeepestCentre> {
+    /// `None` where it holds no solid centre, and its body in the field, by index, no point of the surface.
+    fn deepest(
+        &self,
+        (field, index): (&SolidField, usize),
+        body: &Body,
+        pose: &Pose,
+    ) -> Option<DeepestCentre> {
         let mut found = DeepestCentre::default();
         match &self.shape {
             Shape::Revolved(elements) => {
@@ -320,7 +332,10 @@ impl DepthElement {
                     });
                 }
                 let deepest = Cell::new((found.depth, None));
-                field.visit_surface(pose, |point, height, radius| {
+                field.visit_surface(pose, |own, point, height, radius| {
+                    if own != index {
+                        return;
+                    }
                     let depth =
                         |(element, exposed): &(Element, bool)| element.depth(height, radius, *exposed);
                     let depth = elements.iter().map(depth).fold(0.0, f64::max);

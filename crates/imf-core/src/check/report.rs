@@ -146,6 +146,9 @@ pub struct CheckReport {
     /// How deep a cutter must enter the part's surface to be certain to be detected; `None` where the surface is not known, nothing may
     /// touch it, there is no cutter, or a tool is a mesh.
     pub sure_gouge: Option<f64>,
+    /// How deep shank and holder, each with its clearance, must enter part or fixtures, and a cutter the fixtures, to be certain to be
+    /// detected; `None` where there are none of them, and where [`CheckReport::sure_gouge`] is `None`.
+    pub sure_overlap: Option<f64>,
     /// Lines of the toolpath that lead somewhere.
     pub locations: usize,
     /// Locations whose approach is not in the file: the first one, the first after each tool change, and, without a
@@ -197,7 +200,17 @@ pub(super) fn gather(
     }
     let sure_depth = settings.sure_depth(pitch);
     let settings = *settings;
-    CheckReport { settings, sure_depth, sure_gouge: None, locations, starts, poses, colliding, out_of_travel }
+    CheckReport {
+        settings,
+        sure_depth,
+        sure_gouge: None,
+        sure_overlap: None,
+        locations,
+        starts,
+        poses,
+        colliding,
+        out_of_travel,
+    }
 }
 
 impl LineCollisions {
@@ -304,6 +317,7 @@ mod tests {
             settings: CheckSettings::of_pitch(1.0, crate::unit::LengthUnit::Mm),
             sure_depth: 2.0,
             sure_gouge: None,
+            sure_overlap: None,
             locations: 2,
             starts: 0,
             poses: 2,

@@ -12,6 +12,7 @@ use super::motions::{Motion, motions};
 use super::{CheckError, CheckSettings, LineFault};
 use crate::control::Control;
 use crate::machine::{Machine, Side};
+use crate::mesh::Mesh;
 use crate::occupancy::Occupancy;
 use crate::parallel;
 use crate::surface::{CollisionEnvironment, StickOutSearch, StickOutTool, default_tolerance};
@@ -45,13 +46,14 @@ pub struct PathStickOut {
 const AHEAD: f64 = 1.25;
 
 /// For each tool that the path uses the minimum stick-out with which shank and holder, with their clearance, are free
-/// of `obstacle` on the whole path, also between the sampled poses. The cutter is not checked, nor are a machine's
-/// head, table and travel. One unit of progress is one location.
+/// of `obstacle` on the whole path, also between the sampled poses; the holder is free of points of `surfaces` too, the meshes of
+/// part and fixtures. The cutter is not checked, nor are a machine's head, table and travel. One unit of progress is one location.
 ///
 /// # Errors
 /// As of [`check_toolpath`](super::check_toolpath); a tool without a holder; a path on which the tip moves with the tool's length.
 pub fn shortest_stick_outs(
     obstacle: &Arc<Occupancy>,
+    surfaces: &[&Mesh],
     tools: &[(Option<u32>, &Tool)],
     toolpath: &Toolpath,
     settings: &CheckSettings,
@@ -70,7 +72,10 @@ pub fn shortest_stick_outs(
         return Err(LineFault::TipMoves.on_line(location.line));
     }
     let grid = obstacle.grid;
-    let environment = CollisionEnvironment::new(&obstacle.clone().into(), &[]);
+    let mut environment = CollisionEnvironment::new(&obstacle.clone().into(), &[]);
+    if settings.contact > 0.0 {
+        environment = environment.with_surfaces_around_holder(surfaces);
+    }
     let Clearance { holder, shank, cutter } = settings.clearance;
     let between = 0.5 * settings.step;
     let room = Clearance { holder: holder + between, shank: shank + between, cutter };
@@ -202,9 +207,19 @@ mod tests {
     }
 
     fn found(text: &str, overall: Option<f64>, settings: &CheckSettings) -> PathStickOut {
+        found_among(&[], text, overall, settings)
+    }
+
+    fn found_among(
+        surfaces: &[&Mesh],
+        text: &str,
+        overall: Option<f64>,
+        settings: &CheckSettings,
+    ) -> PathStickOut {
         let path = Toolpath::parse(text, LengthUnit::Mm, "path").unwrap();
         let (wall, tool) = (wall(), mill(overall));
-        let found = shortest_stick_outs(&wall, &[(None, &tool)], &path, settings, None, Control::quiet());
+        let tools = [(None, &tool)];
+        let found = shortest_stick_outs(&wall, surfaces, &tools, &path, settings, None, Control::quiet());
         found.unwrap().remove(0)
     }
 
@@ -245,6 +260,21 @@ mod tests {
     }
 
     #[test]
+    fn a_holder_stays_off_the_surface_between_the_centres() {
+        let usual = CheckSettings::of_pitch(1.0, LengthUnit::Mm);
+        let plate = Mesh::cuboid(DVec3::new(-20.0, -20.0, -4.0), DVec3::new(40.0, 20.0, 0.0));
+        let block = Mesh::cuboid(DVec3::new(14.0, -20.0, -4.0), DVec3::new(26.0, 20.0, 30.0));
+        let by_centres = found(ALONG, None, &usual).minimum.unwrap();
+        let minimum = found_among(&[&plate, &block], ALONG, None, &usual).minimum.unwrap();
+        // From the lowest tip beside the wall to its top, and half a step.
+        let needed = 30.0 - 8.3 + 0.5 * usual.step;
+        assert!(
+            by_centres < needed - 0.4 && (needed..needed + 0.25).contains(&minimum),
+            "{by_centres} {minimum}"
+        );
+    }
+
+    #[test]
     fn where_the_shortest_serves_no_line_decides_and_where_none_does_one_is_named() {
         let usual = CheckSettings::of_pitch(1.0, LengthUnit::Mm);
         let above = found("x,y,z\n-10,0,40\n10,0,40\n", None, &usual);
@@ -257,7 +287,8 @@ mod tests {
         assert!(more.minimum.unwrap() > 28.0 && more.line == Some(2), "{more:?}");
         let bare = revolved([(ElementKind::Cutter, vec![line(0.0, 10.0, 3.0, 3.0)])]);
         let path = Toolpath::parse("x,y,z\n-10,0,40\n", LengthUnit::Mm, "path").unwrap();
-        let refused = shortest_stick_outs(&wall(), &[(None, &bare)], &path, &usual, None, Control::quiet());
+        let refused =
+            shortest_stick_outs(&wall(), &[], &[(None, &bare)], &path, &usual, None, Control::quiet());
         assert!(refused.unwrap_err().to_string().contains("has no holder"));
     }
 }

@@ -48,6 +48,8 @@ pub(crate) struct SolidField {
     /// The tool's, for messages.
     name: String,
     shape: Shape,
+    /// The shape as elements, and how deep in them points of the surface may lie.
+    touching: Option<(Vec<Element>, f64)>,
     /// Largest distance of any of the tool's points from its tip.
     reach: f64,
     arch: Arch,
@@ -141,11 +143,18 @@ impl SolidField {
         Some(Self::new(voxels, "elements", shape, reach))
     }
 
+    /// The same, which may hold points of the obstacle's surface as deep as `contact`: what touches it does, by rounding. The elements
+    /// are those that the field was made of, each with its upper end.
+    pub(crate) fn touching(self, elements: &[Element], contact: f64) -> Self {
+        Self { touching: Some((elements.to_vec(), contact)), ..self }
+    }
+
     fn new(voxels: SolidVoxels, name: &str, shape: Shape, reach: f64) -> Self {
         Self {
             voxels,
             name: name.to_owned(),
             shape,
+            touching: None,
             reach,
             arch: Arch::new(),
             spheres: OnceLock::new(),
@@ -192,7 +201,7 @@ impl SolidField {
         tool.count_inside(obstacle, pose.position, &orientation)
     }
 
-    /// Solid voxels in each element, in the order they were given; 0 at an invalid pose.
+    /// Solid voxels, and points of the surface, in each element, in the order they were given; 0 at an invalid pose.
     ///
     /// # Panics
     /// If `counts` has not as many places as there are elements.
@@ -203,6 +212,8 @@ impl SolidField {
         for (count, body) in counts.iter_mut().zip(bodies) {
             *count = self.body_count(body, placed, false);
         }
+        let counts = Cell::from_mut(counts).as_slice_of_cells();
+        self.visit_surface(pose, |body, _, _, _| counts[body].set(counts[body].get() + 1));
     }
 
     /// The tool's own count in a rotation with its tip on a voxel centre: what overlaps are divided by.
@@ -252,6 +263,8 @@ impl SolidField {
             Shape::Bodies(bodies) => {
                 let pieces = self.spheres(bodies).roots();
                 let placed = self.voxel_pose(tip, axis);
+                // How deep what collided last may lie depends on what it is.
+                let last = if self.touching.is_some() { None } else { last };
                 if let Some(points) = self.voxels.surface() {
                     let contains =
                         |point: [f64; 3]| bodies.iter().any(|body| placed.contains(&body.profile, point));
@@ -259,7 +272,8 @@ impl SolidField {
                         return true;
                     }
                     let any = &Cell::new(0.0);
-                    if let Some(held) = self.points_in(points, placed, known.stays_in, any, |_| true) {
+                    let counts = |point| (0..bodies.len()).any(|body| self.holds_point(body, placed, point));
+                    if let Some(held) = self.points_in(points, placed, known.stays_in, any, counts) {
                         if let Some(last) = last {
                             *last = Some(held);
                         }
@@ -303,7 +317,7 @@ impl SolidField {
         let Some(placed) = self.placed(pose) else { return Some(0.0) };
         let most = most / placed.pitch;
         let room = |most: f64| self.spheres(bodies).clearance(placed, self.voxels.distances(), most);
-        Some(self.room_among_points(bodies, placed, most, room) * placed.pitch)
+        Some(self.room_among_points(placed, most, room) * placed.pitch)
     }
 
     /// [`ExactField::penetration_bound`](super::ExactField::penetration_bound) of this obstacle.

@@ -92,7 +92,7 @@ impl SurfaceTool {
                 let others = tool.held.iter().chain(&tool.rest).map(count);
                 let surface = Cell::new(0);
                 if of_cutter == 0 {
-                    tool.cutter.visit_surface(pose, |_, _, _| surface.set(surface.get() + 1));
+                    tool.cutter.visit_surface(pose, |_, _, _, _| surface.set(surface.get() + 1));
                 }
                 [others.fold(of_cutter, u32::saturating_add), of_cutter, surface.get()]
             }
@@ -160,7 +160,7 @@ impl SurfaceTool {
             element.visit_inside(solid.voxels().occupancy(), &at.pose, |_, height, radius| {
                 visit(height, radius);
             });
-            solid.visit_surface(&at.pose, |_, height, radius| visit(height, radius));
+            solid.visit_surface(&at.pose, |_, _, height, radius| visit(height, radius));
             let Some((mut depth, slimmer)) = deepest.get() else { return };
             // The cutter is tried without its outermost layer.
             depth += if is_cutter { self.tolerance } else { 0.0 };

@@ -36,6 +36,8 @@ pub struct CollisionEnvironment {
     pub(super) keep_out: SolidVoxels,
     /// The same body by body: the part, then each fixture.
     pub(super) bodies: Vec<SolidVoxels>,
+    /// As `keep_out`, for a holder that slides.
+    pub(super) around_holder: SolidVoxels,
     points_apart: f64,
 }
 
@@ -60,10 +62,12 @@ impl CollisionEnvironment {
             SolidVoxels::from(Arc::new(union))
         };
         let held = !fixtures.is_empty();
+        let keep_out = if held { union(&mut all()) } else { bodies[0].clone() };
         Self {
             part: centres,
             fixtures: held.then(|| union(&mut fixtures.iter())),
-            keep_out: if held { union(&mut all()) } else { bodies[0].clone() },
+            around_holder: keep_out.clone(),
+            keep_out,
             bodies,
             points_apart: f64::INFINITY,
         }
@@ -73,8 +77,15 @@ impl CollisionEnvironment {
     /// voxels it would cut up to a voxel deep. `part` is the mesh in the grid's coordinates.
     #[must_use]
     pub fn with_surface(self, part: &Mesh) -> Self {
-        let (part, points_apart) = self.part.with_surface_of(part);
+        let (part, points_apart) = self.part.with_surfaces_of(&[part]);
         Self { part, points_apart, ..self }
+    }
+
+    /// The same where a holder that slides must not hold points of some surfaces either, those of part and fixtures in the grid's
+    /// coordinates.
+    pub(crate) fn with_surfaces_around_holder(self, meshes: &[&Mesh]) -> Self {
+        let (around_holder, _) = self.around_holder.with_surfaces_of(meshes);
+        Self { around_holder, ..self }
     }
 
     /// How far points of the part's surface are apart, in the grid's unit; infinite where there are none.

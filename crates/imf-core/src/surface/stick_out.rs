@@ -128,7 +128,7 @@ impl StickOutTool {
         });
         Ok(Self {
             holder: Body::new(outline).ok_or_else(no_holder)?,
-            at_holder: SolidField::of_tool(environment.keep_out.clone(), &holder),
+            at_holder: SolidField::of_tool(environment.around_holder.clone(), &holder),
             bared: bared.collect::<Option<_>>().ok_or_else(no_holder)?,
             shortest,
             longest: given.overall_length.unwrap_or(f64::INFINITY),

@@ -31,8 +31,9 @@ impl Element {
             if left > radius { of_ball } else { ball * SQRT_2 }
         };
         // A slender tip is wide enough only farther up.
+        let foot = self.profile.first().map_or(0.0, |lowest| lowest.range().0);
         let mut deepest =
-            self.eroded(contact, exposed).map_or(f64::INFINITY, |deep| first_height(&deep, radius));
+            self.eroded(contact, exposed).map_or(f64::INFINITY, |deep| first_height(&deep, radius) - foot);
         // The outline goes from the axis out, up and back; of each piece the directions at both its ends, in height and radius.
         let mut pieces: Vec<(DVec2, [DVec2; 2])> = Vec::new();
         let mut last = 0.0;
@@ -99,8 +100,12 @@ mod tests {
 
     #[test]
     fn depths_are_those_of_geometry() {
-        let of = |profile, exposed| {
-            Element { kind: ElementKind::Cutter, profile }.depth_of_circle(0.1, 0.5, exposed)
+        let of = |profile: Vec<Segment>, exposed| {
+            // Wherever on the tool it is.
+            let element = Element { kind: ElementKind::Holder(0), profile };
+            let [found, raised] = [0.0, 35.0].map(|by| element.raised(by).depth_of_circle(0.1, 0.5, exposed));
+            assert!(found == raised || (found - raised).abs() < 1e-9, "{found} {raised}");
+            found
         };
         let cap = |radius: f64| 0.1 + (radius - 0.1) - ((radius - 0.1_f64).powi(2) - 0.25).sqrt();
         let ball = vec![Segment::ball_end(4.0), Segment::cylinder(4.0, 20.0, 4.0)];

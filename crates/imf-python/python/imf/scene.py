@@ -246,7 +246,7 @@ class Scene:
         """What of the part's surface the tool reaches, from which directions.
 
         samples: the surface is cut into at least about so many. tolerance: how deep the cutter may cut below the surface, by default
-        0.05 mm or a tenth of the pitch, whichever is more.
+        0.05 mm, but no less than a tenth of the pitch and no more than a quarter of it.
         """
         asked = None if directions is None else self._rolled(directions)
         count = whole("samples", samples, 1)
@@ -286,8 +286,8 @@ class Scene:
 
         path: a file (CSV, APT/CL or G-code), or poses ``(n, 6)``, or ``(n, 7)`` for a tool that is not round, whose roll counts; the
         tool follows them at feed rate. tools: by number, where the path changes them; else the scene's. machine: its file, for paths
-        that need one; poses are ``(n, 6)`` then, as its axes decide the roll. clearance: by default the scene's. contact: how deep the part may lie in the
-        cutter, 0.05 mm by default. step: farthest that any point of the tool moves between two poses that are looked at, by default a
+        that need one; poses are ``(n, 6)`` then, as its axes decide the roll. clearance: by default the scene's. contact: how deep the part
+        may lie in the cutter, and points of any surface in shank and holder, 0.05 mm by default. step: farthest that any point of the tool moves between two poses that are looked at, by default a
         quarter of the pitch. frame: "part" or "world", of the path: by default the part's, with a machine the world's, where its G54 is.
         stick_out: also finds the shortest stick-out of every tool. stock: what the path cuts (:data:`Stock`): nothing but the cutter may
         touch it, no rapid may cut it, and no drill aside.

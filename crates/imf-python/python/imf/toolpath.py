@@ -78,8 +78,11 @@ class CheckReport:
     """Diameter of the smallest ball whose overlap is certain to be detected."""
     sure_gouge: float | None
     """How deep a cutter must be in the part's surface to be certain to be detected; None where nothing may touch the part."""
+    sure_overlap: float | None
+    """How deep shank and holder must be in part or fixtures, and a cutter in fixtures, to be certain to be detected; None where nothing
+    may touch. With a machine's head and table it is `sure_depth`."""
     contact: float
-    """How deep the part might lie in the cutter."""
+    """How deep the part might lie in the cutter, and points of any surface in shank and holder."""
     step: float
     """Farthest that any point of the tool moved between two poses that were checked."""
     stock: StockLeft | None
@@ -108,6 +111,7 @@ class CheckReport:
             poses=report["poses"],
             sure_depth=report["sure_depth"],
             sure_gouge=report["sure_gouge"],
+            sure_overlap=report["sure_overlap"],
             contact=report["settings"]["contact"],
             step=report["settings"]["step"],
             stock=stock,

@@ -77,10 +77,17 @@ pub(super) fn text(checked: &CheckRun<'_>) -> String {
         );
     }
     let clearance = &settings.clearance;
-    let accepted = if checked.tools.iter().any(|(_, tool)| tool.has_cutter()) && settings.contact > 0.0 {
-        format!("the part up to {} {unit} deep in the cutter", short(settings.contact))
-    } else {
-        "no overlap at all".to_owned()
+    let deep = short(settings.contact);
+    let in_cutter = checked.tools.iter().any(|(_, tool)| tool.has_cutter()) && settings.contact > 0.0;
+    let accepted = match (in_cutter, report.sure_overlap.is_some()) {
+        (true, true) => {
+            format!(
+                "the part up to {deep} {unit} deep in the cutter, and points of surfaces as deep in the rest"
+            )
+        }
+        (true, false) => format!("the part up to {deep} {unit} deep in the cutter"),
+        (false, true) => format!("points of surfaces up to {deep} {unit} deep"),
+        (false, false) => "no overlap at all".to_owned(),
     };
     let _ = writeln!(
         text,
@@ -89,26 +96,31 @@ pub(super) fn text(checked: &CheckRun<'_>) -> String {
     );
     let within = if clearance.is_zero() { "" } else { ", and what comes nearer than its clearance by more" };
     let of_cutter = report.sure_gouge.map_or_else(String::new, |depth| {
-        format!("a cutter deeper than {} {unit} in the part's surface, as far as the mesh says where that is; other ", short(depth))
+        format!("a cutter deeper than {} {unit} in the part's surface; other ", short(depth))
     });
+    let (known_by, said_by) = match report.sure_overlap {
+        Some(_) => {
+            ("a point of a surface or a voxel's centre", ", as far as the meshes say where surfaces are")
+        }
+        None => ("a voxel's centre", ""),
+    };
     let _ = writeln!(
         text,
-        "certain to be detected: {of_cutter}overlaps deeper than {} {unit}{within}, in walls no thinner; shallower ones where a voxel's \
-         centre lies in them (voxels of {} {unit}; a smaller --pitch sees more)",
-        short(report.sure_depth),
+        "certain to be detected: {of_cutter}overlaps deeper than {} {unit}{within}, in walls no thinner{said_by}; shallower ones where \
+         {known_by} lies in them (voxels of {} {unit}; a smaller --pitch sees more)",
+        short(report.sure_overlap.unwrap_or(report.sure_depth)),
         short(record.grid.pitch)
     );
     if let Some(bodies) = checked.machine {
         let machine = bodies.machine();
         let is_moved = |solid: &&MachineSolid| solid.side == Side::Head || solid.level > 0;
         let moving = machine.solids.iter().filter(is_moved).count();
-        let seen = bodies.coarsest_pitch().map_or_else(String::new, |pitch| {
-            let sure = 3f64.sqrt() * pitch + settings.step;
-            format!(
-                "; with its table, overlaps deeper than {} {unit} are certain to be detected",
-                short(sure)
-            )
-        });
+        let coarsest = bodies.coarsest_pitch().unwrap_or(0.0).max(record.grid.pitch);
+        let sure = short(3f64.sqrt() * coarsest + settings.step);
+        let seen = format!(
+            "; with its head or table, overlaps deeper than {sure} {unit} are certain to be detected"
+        );
+        let seen = if machine.solids.is_empty() { String::new() } else { seen };
         let _ = writeln!(
             text,
             "machine: {}, {} rotary axes, {} solids that move with them{seen}; between two lines its rotary axes turn evenly",
@@ -174,7 +186,7 @@ fn one(collision: &Collision, poses: u64, checked: &CheckRun<'_>) -> String {
     let [i, j, k] = collision.axis;
     let roll = collision.roll.map_or_else(String::new, |roll| format!(", roll {roll:.1}°"));
     let size = match collision.voxels {
-        0 => "the part's surface, no voxel's centre".to_owned(),
+        0 => "a point of its surface, no voxel's centre".to_owned(),
         voxels => format!("{voxels} voxels, {} {unit}³", show_measure(collision.volume)),
     };
     format!(

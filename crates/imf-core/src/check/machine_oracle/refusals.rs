@@ -39,7 +39,7 @@ fn no_stick_out_is_found_where_the_tip_moves_with_the_length() {
     let least = |locations: Vec<Location>| {
         let path = Toolpath { locations, ..Toolpath::default() };
         let tools = [(None, &tool())];
-        shortest_stick_outs(&obstacle, &tools, &path, &strict(0.25), Some(&machine), Control::quiet())
+        shortest_stick_outs(&obstacle, &[], &tools, &path, &strict(0.25), Some(&machine), Control::quiet())
     };
     let found = |b: f64, straight: bool| {
         let joints = Joints { linear: DVec3::new(0.0, 0.0, 200.0), rotary: [b, 30.0] };

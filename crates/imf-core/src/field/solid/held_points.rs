@@ -4,10 +4,12 @@ use std::cell::Cell;
 
 use glam::DVec3;
 
+use super::SolidField;
+use super::lateral_separation::height_and_radius;
 use super::point_tree::{HalfSpace, PointTree};
 use super::segment::VoxelPose;
-use super::{Body, SolidField};
 use crate::pose::Pose;
+use crate::tool::Element;
 use crate::vectorised::vectorised;
 
 /// A surface lies in front of its solid centres by so many voxels or less, but for what is thin.
@@ -16,33 +18,34 @@ const IN_FRONT: f64 = 1.0;
 const SHORT: f64 = 0.25;
 
 impl SolidField {
+    /// Whether the tool is held against points of the obstacle's surface.
+    pub(crate) fn knows_the_surface(&self) -> bool {
+        self.voxels.surface().is_some() && !self.bodies().is_empty()
+    }
+
     /// A distance in voxels, up to `most`, within which the tool meets neither a point of the surface nor what `room` knows of, up to a
     /// distance; 0 where it is short.
-    pub(super) fn room_among_points(
-        &self,
-        bodies: &[Body],
-        placed: VoxelPose,
-        most: f64,
-        room: impl Fn(f64) -> f64,
-    ) -> f64 {
+    pub(super) fn room_among_points(&self, placed: VoxelPose, most: f64, room: impl Fn(f64) -> f64) -> f64 {
         let Some(points) = self.voxels.surface() else { return room(most) };
         let room = room(most + IN_FRONT);
         let free = |room: &f64| {
             let within = &Cell::new(-room);
-            vectorised!(self.arch, points.first_near(bodies, placed, None, within, |_| true)).is_none()
+            vectorised!(self.arch, points.first_near(self.bodies(), placed, None, within, |_| true)).is_none()
         };
         let tries = [room - IN_FRONT, 0.5 * room].map(|room| room.min(most));
         tries.into_iter().find(|room| *room > SHORT && free(room)).unwrap_or(0.0)
     }
 
-    /// Visits the points of the obstacle's surface in the tool, in voxels, each with its height on the tool's axis and its distance
-    /// from it, in world units.
-    pub(crate) fn visit_surface(&self, pose: &Pose, visit: impl Fn([f64; 3], f64, f64)) {
+    /// Visits the points of the obstacle's surface in each body of the tool: the body's place, the point in voxels, its height on the
+    /// tool's axis and its distance from it, in world units.
+    pub(crate) fn visit_surface(&self, pose: &Pose, visit: impl Fn(usize, [f64; 3], f64, f64)) {
         let (Some(points), Some(axis)) = (self.voxels.surface(), pose.axis()) else { return };
         let placed = self.voxel_pose(pose.position, axis);
         self.points_in(points, placed, None, &Cell::new(0.0), |point| {
             let [height, away] = self.along_and_away(pose.position, axis, point);
-            visit(point, height, away);
+            for body in (0..self.bodies().len()).filter(|&body| self.holds_point(body, placed, point)) {
+                visit(body, point, height, away);
+            }
             false
         });
     }
@@ -77,6 +80,16 @@ impl SolidField {
             false
         });
         found.get()
+    }
+
+    /// Whether a body holds a point of the surface, in voxels, and deeper than it may.
+    #[inline]
+    pub(super) fn holds_point(&self, body: usize, placed: VoxelPose, point: [f64; 3]) -> bool {
+        let deeper = |(elements, contact): &(Vec<Element>, f64)| {
+            let [height, away] = height_and_radius(placed, point);
+            elements[body].depth(height, away, true) > *contact
+        };
+        placed.contains(&self.bodies()[body].profile, point) && self.touching.as_ref().is_none_or(deeper)
     }
 
     pub(super) fn points_in(

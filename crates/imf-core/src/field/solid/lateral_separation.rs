@@ -58,9 +58,7 @@ impl SolidField {
     /// Height of a voxel along the axis of a tool, and its distance from it, in world units.
     #[inline]
     pub(crate) fn along_and_away(&self, tip: DVec3, axis: DVec3, voxel: [f64; 3]) -> [f64; 2] {
-        let placed = self.voxel_pose(tip, axis);
-        let (height, away) = seen_from_the_side(placed, voxel);
-        [height * placed.pitch, away.length() * placed.pitch]
+        height_and_radius(self.voxel_pose(tip, axis), voxel)
     }
 
     /// The lateral step that separates the tool from one voxel, in world units; `None` where it lies on the axis, and of a mesh.
@@ -80,6 +78,13 @@ fn voxels_beside(at: f64, count: usize) -> [usize; 2] {
     }
     let low = at as usize;
     [low.min(count - 1), low.saturating_add(1).min(count - 1)]
+}
+
+/// Height of a voxel along the axis of a placed tool, and its distance from it, in world units.
+#[inline]
+pub(super) fn height_and_radius(placed: VoxelPose, voxel: [f64; 3]) -> [f64; 2] {
+    let (height, away) = seen_from_the_side(placed, voxel);
+    [height * placed.pitch, away.length() * placed.pitch]
 }
 
 /// Height of a voxel along the axis, and the way from the axis to it.

@@ -307,7 +307,7 @@ mod tests {
                 let depths: Vec<f64> =
                     all.filter(|&point| field.contains(tip, axis, point)).map(of).collect();
                 let visited = Cell::new(0);
-                field.visit_surface(&pose, |_, _, _| visited.set(visited.get() + 1));
+                field.visit_surface(&pose, |_, _, _, _| visited.set(visited.get() + 1));
                 assert_eq!(visited.get(), depths.len(), "{index}");
                 assert_eq!(field.collides(&pose), !depths.is_empty(), "{index}");
                 held += depths.len();

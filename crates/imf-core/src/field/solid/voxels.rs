@@ -53,12 +53,17 @@ impl SolidVoxels {
         &self.tables.occupancy
     }
 
-    /// The same with points of the body's surface, and how far they are apart; `mesh` is the body in the grid's coordinates.
-    pub(crate) fn with_surface_of(self, mesh: &Mesh) -> (Self, f64) {
+    /// The same with points of surfaces, and how far they are apart; the meshes are in the grid's coordinates.
+    pub(crate) fn with_surfaces_of(self, meshes: &[&Mesh]) -> (Self, f64) {
         let grid = &self.occupancy().grid;
-        let (points, apart) = points_at_pitch(mesh, grid.pitch);
+        let (mut points, mut farthest) = (Vec::new(), 0.0_f64);
+        for mesh in meshes {
+            let (own, apart) = points_at_pitch(mesh, grid.pitch);
+            points.extend(own);
+            farthest = farthest.max(apart);
+        }
         let points = PointTree::new(points, grid);
-        (self.with_surface(points.into()), apart)
+        (self.with_surface(points.into()), farthest)
     }
 
     /// The same with points of the body's surface, which a tool must not hold either.
