@@ -102,7 +102,11 @@ impl<T: Checkpoint> Training<'_, T> {
         let steps = resumed.then_some(progress.steps);
         let mut stage = session.stage("training", "steps", total);
         stage.begin_at(progress.steps);
-        let log = writing.then(|| Log::open(&out.join(LOG), progress.steps)).transpose()?;
+        let log = out.join(LOG);
+        if writing && !resumed && log.exists() {
+            session.note(&format!("an earlier training in {} is replaced", out.display()));
+        }
+        let log = writing.then(|| Log::open(&log, progress.steps)).transpose()?;
         let mut run = Run {
             session,
             settings,
