@@ -73,7 +73,7 @@ pub struct GlobalArguments {
     /// Results as JSON on standard output
     #[arg(long, global = true, help_heading = EVERYWHERE)]
     pub(crate) json: bool,
-    /// No progress and no remarks, only results and errors
+    /// No progress and no remarks, only results, warnings and errors
     #[arg(short, long, global = true, help_heading = EVERYWHERE, conflicts_with = "verbose")]
     pub(crate) quiet: bool,
     /// Also say how it is computed: transform sizes, devices, limits
