@@ -81,9 +81,9 @@ fn count_one_by_one(
 fn count_in_mesh(turned: &Mesh, obstacle: &Occupancy, tip: DVec3, (lower, upper): (DVec3, DVec3)) -> u32 {
     let grid = &obstacle.grid;
     let [xs, ys, zs] = ranges(grid, tip, (lower, upper));
-    if [&xs, &ys, &zs].into_iter().any(Range::is_empty) {
-        return 0;
-    }
+    let Some([first, last]) = solid_box(obstacle, [&xs, &ys, &zs]) else { return 0 };
+    let below = tip.floor();
+    let (lower, upper) = (lower.max(first - below), upper.min(last - below));
     match mesh_voxels(turned, grid.pitch, tip, (lower, upper)) {
         Some(voxels) => voxels.count_in(obstacle, tip.floor().to_array().map(|v| v as i64)),
         None => {
@@ -91,6 +91,22 @@ fn count_in_mesh(turned: &Mesh, obstacle: &Occupancy, tip: DVec3, (lower, upper)
             count_one_by_one(obstacle, tip, [xs, ys, zs], inside)
         }
     }
+}
+
+/// The first and the last solid voxel along each axis within some ranges; `None` where all are empty. A tool that touches a body has
+/// little of it in its box, and making the tool's voxels is what takes the time.
+fn solid_box(obstacle: &Occupancy, [xs, ys, zs]: [&Range<usize>; 3]) -> Option<[DVec3; 2]> {
+    let (mut first, mut last) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    for (x, y) in xs.clone().flat_map(|x| ys.clone().map(move |y| (x, y))) {
+        let start = obstacle.grid.index([x, y, 0]);
+        let line = obstacle.solid.get(start + zs.start..start + zs.end)?;
+        let is_solid = |&voxel: &u8| voxel != 0;
+        if let (Some(low), Some(high)) = (line.iter().position(is_solid), line.iter().rposition(is_solid)) {
+            let at = |z: usize| DVec3::new(x as f64, y as f64, (zs.start + z) as f64);
+            (first, last) = (first.min(at(low)), last.max(at(high)));
+        }
+    }
+    first.is_finite().then_some([first, last])
 }
 
 /// A turned mesh's own voxels, relative to the voxel below its tip; `None` where it is too large to be made of voxels.
