@@ -16,6 +16,7 @@
 //! With a machine the motions are its own, its head and table are bodies that move with its axes, and an axis that
 //! leaves its range is reported.
 
+mod deepest;
 mod elements;
 mod error;
 mod machine;

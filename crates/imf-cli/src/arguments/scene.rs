@@ -181,15 +181,13 @@ impl SceneArguments {
         self.with_spec(session, &self.read(session, true)?, |spec| {
             let wide = spec.wide_grid(&spec.grid()?, f64::INFINITY)?;
             // Beside the voxels, counts and distances of the part and of the fixtures, and points of their surfaces.
-            let points = spec.placed().iter().map(|mesh| points_memory_estimate(mesh, wide.pitch)).sum();
+            let placed = spec.placed();
+            let points = placed.iter().map(|mesh| points_memory_estimate(mesh, wide.pitch)).sum();
             require_memory_for_voxels(session, spec, &wide, (16, points))?;
             let (scene, bodies) =
                 voxelise_with_progress(session, spec, &wide, |spec| spec.scene_and_bodies(f64::INFINITY))?;
-            let part = (spec.part.to_owned(), spec.mesh.transformed(&spec.transform));
-            let fixtures = spec.fixtures.iter().zip(&bodies.fixtures);
-            let fixtures =
-                fixtures.map(|(own, (name, _))| (name.clone(), own.mesh.transformed(&own.transform)));
-            let meshes = std::iter::once(part).chain(fixtures).collect();
+            let fixtures = bodies.fixtures.iter().map(|(name, _)| name.clone());
+            let meshes = std::iter::once(spec.part.to_owned()).chain(fixtures).zip(placed).collect();
             let scene = self.announce(session, spec, scene, &bodies)?;
             for tool in others {
                 let clearance = self.clearance.at(scene.record.grid.pitch, tool);

@@ -20,7 +20,8 @@ use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
 
-use super::elements::{Body, DepthElement, Group, Track, room};
+use super::deepest::DepthElement;
+use super::elements::{Body, Group, Track, room};
 use super::motions::{Motion, Step, look_at_poses, poses_needed};
 use super::{CheckError, CheckSettings, Collision, HitBody, LineFault, TravelFault};
 use crate::control::Control;

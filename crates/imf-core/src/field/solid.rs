@@ -266,9 +266,7 @@ impl SolidField {
                 // How deep what collided last may lie depends on what it is.
                 let last = if self.touching.is_some() { None } else { last };
                 if let Some(points) = self.voxels.surface() {
-                    let contains =
-                        |point: [f64; 3]| bodies.iter().any(|body| placed.contains(&body.profile, point));
-                    if last.as_ref().is_some_and(|last| last.is_some_and(contains)) {
+                    if last.as_ref().is_some_and(|last| last.is_some_and(|point| self.holds(placed, point))) {
                         return true;
                     }
                     let any = &Cell::new(0.0);
@@ -291,7 +289,11 @@ impl SolidField {
     /// True where the tool holds a point, given in continuous voxel coordinates; false of a mesh.
     #[inline]
     pub(crate) fn contains(&self, tip: DVec3, axis: DVec3, point: [f64; 3]) -> bool {
-        let placed = self.voxel_pose(tip, axis);
+        self.holds(self.voxel_pose(tip, axis), point)
+    }
+
+    #[inline]
+    fn holds(&self, placed: VoxelPose, point: [f64; 3]) -> bool {
         self.bodies().iter().any(|body| placed.contains(&body.profile, point))
     }
 

@@ -152,8 +152,8 @@ impl Crossings {
         let cell_at = |at: f64, axis: usize| (at.max(0.0) as usize).min(dims[axis] - 1);
         for triangle in 0..mesh.triangles.len() {
             let corners = mesh.corners(triangle).map(|c| (c - lower) / cell);
-            let [first, last] = range_of(corners.map(|c| c.x));
-            for column in cell_at(first, 0)..=cell_at(last, 0) {
+            let [a, b, c] = corners;
+            for column in cell_at(a.min(b).min(c).x, 0)..=cell_at(a.max(b).max(c).x, 0) {
                 let [low, high] = within_strip(corners, [column as f64 - SLACK, column as f64 + 1.0 + SLACK]);
                 for row in cell_at(low - SLACK, 1)..=cell_at(high + SLACK, 1) {
                     triangles[column * dims[1] + row].push(triangle as u32);
@@ -176,10 +176,6 @@ impl Crossings {
 
 /// Rounding in a cell's bounds, in cells.
 const SLACK: f64 = 1e-6;
-
-fn range_of(values: [f64; 3]) -> [f64; 2] {
-    [values.into_iter().fold(f64::INFINITY, f64::min), values.into_iter().fold(f64::NEG_INFINITY, f64::max)]
-}
 
 /// The range of y of a triangle between two values of x; slivers lie in few cells, though their box holds many.
 fn within_strip(corners: [DVec3; 3], [from, to]: [f64; 2]) -> [f64; 2] {

@@ -36,16 +36,19 @@ pub(super) fn lines(checked: &CheckRun<'_>) -> String {
     };
     let between = short(0.5 * checked.report.settings.step);
     let (record, settings) = (&checked.record, &checked.report.settings);
-    let nearer_by = checked.tools.iter().filter_map(|(_, tool)| {
-        let pitch = record.grid.pitch;
-        Guarantee::new(record.conservative, tool, &settings.clearance, true, pitch).surface_nearer_by(pitch)
-    });
-    let nearer_by = nearer_by.reduce(f64::max);
+    let nearer_by = || {
+        let nearer = checked.tools.iter().filter_map(|(_, tool)| {
+            let pitch = record.grid.pitch;
+            let guarantee = Guarantee::new(record.conservative, tool, &settings.clearance, true, pitch);
+            guarantee.surface_nearer_by(pitch)
+        });
+        nearer.reduce(f64::max)
+    };
     let (points, surface) = if settings.contact > 0.0 {
         (", and the holder no point of a surface,", String::new())
     } else {
         let nearer = |nearer| format!("; {}", length::surface_nearer(nearer, record.conservative, unit));
-        ("", nearer_by.map_or_else(String::new, nearer))
+        ("", nearer_by().map_or_else(String::new, nearer))
     };
     format!(
         "{lines}  so set, shank and holder with their clearance and {between} {unit} more, for what lies between two poses, hold no \

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use glam::DMat4;
-use imf_core::check::{Collision, LineCollisions, TravelFault};
+use imf_core::check::{CheckSettings, Collision, LineCollisions, TravelFault};
 use imf_core::machine::{MachineSolid, Side};
 use imf_core::toolpath::MoveKind;
 use imf_core::unit::LengthUnit;
@@ -98,7 +98,7 @@ pub(super) fn text(checked: &CheckRun<'_>) -> String {
     let of_cutter = report.sure_gouge.map_or_else(String::new, |depth| {
         format!("a cutter deeper than {} {unit} in the part's surface; other ", short(depth))
     });
-    let (known_by, said_by) = match report.sure_overlap {
+    let (known_by, said_by) = match report.sure_overlap.or(report.sure_gouge) {
         Some(_) => {
             ("a point of a surface or a voxel's centre", ", as far as the meshes say where surfaces are")
         }
@@ -116,7 +116,7 @@ pub(super) fn text(checked: &CheckRun<'_>) -> String {
         let is_moved = |solid: &&MachineSolid| solid.side == Side::Head || solid.level > 0;
         let moving = machine.solids.iter().filter(is_moved).count();
         let coarsest = bodies.coarsest_pitch().unwrap_or(0.0).max(record.grid.pitch);
-        let sure = short(3f64.sqrt() * coarsest + settings.step);
+        let sure = short(CheckSettings { contact: 0.0, ..*settings }.sure_depth(coarsest));
         let seen = format!(
             "; with its head or table, overlaps deeper than {sure} {unit} are certain to be detected"
         );

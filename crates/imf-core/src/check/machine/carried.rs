@@ -6,7 +6,8 @@ use glam::DQuat;
 
 use super::Pair;
 use crate::check::CheckError;
-use crate::check::elements::{Body, DepthElement, Group, Shape};
+use crate::check::deepest::{DepthElement, Shape};
+use crate::check::elements::{Body, Group};
 use crate::field::solid::SolidField;
 use crate::machine::{Ball, Machine, MachineSolid, SolidShape};
 use crate::mesh::Mesh;

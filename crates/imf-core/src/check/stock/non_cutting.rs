@@ -3,7 +3,8 @@
 use glam::{DQuat, DVec3};
 
 use super::super::HitBody;
-use super::super::elements::{DeepestCentre, DepthElement, Shape, Track};
+use super::super::deepest::{DeepestCentre, DepthElement, Shape};
+use super::super::elements::Track;
 use super::super::motions::Step;
 use super::voxels::{BLOCK, BitLines, StockScanner, StockVoxels};
 use crate::field::solid::BodyLines;

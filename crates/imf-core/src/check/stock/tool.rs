@@ -1,6 +1,7 @@
 //! One tool among the stock: what its cutter removes, and its bodies that must not touch.
 
-use super::super::elements::{DepthElement, Track};
+use super::super::deepest::DepthElement;
+use super::super::elements::Track;
 use super::super::motions::Motion;
 use super::super::{CheckError, CheckSettings, Collision};
 use super::head::Heads;

@@ -1,8 +1,8 @@
 //! FreeCAD's tool bits: one tool a file, its shape by name, its measures as texts with units.
 //!
 //! Diameter, cutting edge and length are those of FreeCAD's own shapes: `TipAngle` and `CuttingEdgeAngle` are the whole angle
-//! of the point, `TaperAngle` that of a tapered ball's cone up to `TaperDiameter`. `CuttingEdgeHeight` is the height of a chamfer's cone, whose width follows from it and not from `Diameter`; of a
-//! V-bit it is that of a cylinder above the cone. The tool is as long as its `Stickout`, where there is one, else as its `Length`.
+//! of the point, `TaperAngle` that of a tapered ball's cone up to `TaperDiameter`. `CuttingEdgeHeight` is the height of a chamfer's
+//! cone, whose width follows from it and not from `Diameter`; of a V-bit it is that of a cylinder above the cone. The tool is as long as its `Stickout`, where there is one, else as its `Length`.
 
 use std::collections::HashMap;
 

@@ -143,9 +143,7 @@ impl EntryText {
     fn tool(&self) -> Result<Tool, Fault> {
         let name = self.title();
         let (unit, stack) = self.stack().map_err(|what| refused(&name, &what))?;
-        // A library that states none has 0.
-        let overall_length =
-            self.number_of("OAL").map_err(|what| refused(&name, &what))?.filter(|&l| l > 0.0);
+        let overall_length = self.overall().map_err(|what| refused(&name, &what))?;
         let plunge_only = matches!(&*word(&self.kind), "drill" | "spot drill" | "counter sink" | "reamer");
         Ok(Tool { overall_length, plunge_only, ..stack.tool(name, unit) })
     }
@@ -157,8 +155,7 @@ impl EntryText {
         let unit_here = unit(&named)?;
         let cutter = self.cutter(&kind)?;
         let face = self.positive("LB")?;
-        let whole = self.number_of("OAL")?.filter(|&whole| whole > 0.0);
-        if let Some(whole) = whole.filter(|whole| face > whole * (1.0 + 1e-9)) {
+        if let Some(whole) = self.overall()?.filter(|whole| face > whole * (1.0 + 1e-9)) {
             return Err(format!(
                 "it sticks out of its holder (LB {face}) by more than its length (OAL {whole})"
             ));
@@ -247,6 +244,11 @@ impl EntryText {
                 _ => Err(format!("its geometry's {name} is {value}")),
             },
         }
+    }
+
+    /// From end to end; a library that states none has 0.
+    fn overall(&self) -> Result<Option<f64>, String> {
+        Ok(self.number_of("OAL")?.filter(|&whole| whole > 0.0))
     }
 
     fn positive(&self, name: &str) -> Result<f64, String> {
