@@ -107,7 +107,8 @@ pub(crate) fn run(session: &Session, arguments: &AccessArguments) -> Result<()> 
 
     let tool = mill(End::Ball, RADIUS, CUTTER, SHANK, HOLDER);
     let tolerance = default_tolerance(grid.pitch, LengthUnit::Mm);
-    let body = (&CollisionEnvironment::new(&solid.clone().into(), &[]).with_surface(&mesh), &tool, tolerance);
+    let body =
+        (&CollisionEnvironment::new(&solid.clone().into(), &[]).with_surfaces(&[&mesh]), &tool, tolerance);
     let ours = |pool: &ThreadPool, tool: &SurfaceTool| -> Result<SurfaceAccess> {
         Ok(pool.install(|| surface_access(tool, &samples, &directions, Control::quiet()))?)
     };

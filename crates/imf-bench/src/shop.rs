@@ -177,7 +177,7 @@ impl Surface {
             pool: ThreadPoolBuilder::new().num_threads(THREADS).build()?,
             samples,
             directions,
-            surroundings: CollisionEnvironment::new(&solid.clone().into(), &[]).with_surface(&mesh),
+            surroundings: CollisionEnvironment::new(&solid.clone().into(), &[]).with_surfaces(&[&mesh]),
             solid,
             tolerance,
         })

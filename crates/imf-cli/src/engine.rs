@@ -1,5 +1,7 @@
 //! Choosing where networks run.
 
+use std::path::Path;
+
 use anyhow::{Context, Result, ensure};
 use imf_core::field::{Decision, FieldError, GridField, values_on_all_threads};
 use imf_core::pose::Pose;
@@ -56,6 +58,13 @@ impl DeviceField {
         let chunks = poses.par_chunks(DECIDED_AT_ONCE).zip(decisions.par_chunks_mut(DECIDED_AT_ONCE));
         chunks.try_for_each(|(poses, decisions)| self.field.classify(poses, decisions))
     }
+}
+
+/// Reads a saved field, which takes its file's size twice meanwhile.
+pub(crate) fn read_field(session: &Session, path: &Path) -> Result<FieldFile> {
+    let bytes = std::fs::metadata(path).map_or(0, |file| file.len());
+    session.require_memory(2 * bytes, || format!("the field in {}", path.display()))?;
+    Ok(FieldFile::read(path)?)
 }
 
 /// The CPU engine or an opened GPU.

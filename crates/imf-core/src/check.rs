@@ -83,25 +83,15 @@ impl CheckSettings {
         Self { clearance: Clearance::default(), contact: CONTACT / unit.in_mm(), step: pitch / 4.0 }
     }
 
-    /// The defaults for a scene, with its clearance; `contact` and `step` where they are given. Conservative voxels reach out of the part
-    /// by up to half their diagonal: the cutter may enter deeper by that.
+    /// The defaults for a scene, with its clearance; `contact` and `step` where they are given.
     #[must_use]
     pub fn of_scene(record: &SceneRecord, contact: Option<f64>, step: Option<f64>) -> Self {
-        let pitch = record.grid.pitch;
-        let usual = Self::of_pitch(pitch, record.unit);
-        let deeper = if record.conservative { 0.75_f64.sqrt() * pitch } else { 0.0 };
+        let usual = Self::of_pitch(record.grid.pitch, record.unit);
         Self {
             clearance: record.clearance,
-            contact: contact.unwrap_or(usual.contact + deeper),
+            contact: contact.unwrap_or(usual.contact),
             step: step.unwrap_or(usual.step),
         }
-    }
-
-    /// The same for stock, whose voxels do not reach out of it as conservative ones do: `contact`, a length in `unit`, where it is
-    /// given, else 0.05 mm.
-    #[must_use]
-    pub fn for_stock(self, contact: Option<f64>, unit: LengthUnit) -> Self {
-        Self { contact: contact.unwrap_or(CONTACT / unit.in_mm()), ..self }
     }
 
     /// The weakest guarantee of some tools on a path in a scene; `None` without tools.
@@ -143,8 +133,10 @@ impl CheckSettings {
 /// What must not be hit: voxels on grids of one pitch, in world coordinates.
 #[derive(Clone, Copy, Debug)]
 pub struct CheckBodies<'a> {
-    /// The part that is cut.
+    /// The part.
     pub part: &'a Occupancy,
+    /// The part by the rule of voxel centres, where `part` is conservative: what the cutter touches and must not cut into.
+    pub by_centres: Option<&'a Occupancy>,
     /// What holds it, by name.
     pub fixtures: &'a [(String, Occupancy)],
     /// The meshes of the part and of the fixtures, in that order and in world coordinates: unless the contact is 0, tools are held
@@ -175,12 +167,17 @@ pub fn check_toolpath(
     let machine = bodies.machine.map(MachineBodies::machine);
     let motions = motions(toolpath, tools, settings, machine)?;
     let mut hit = Body::all(bodies.part, bodies.fixtures);
+    let mut cut =
+        bodies.by_centres.map_or_else(|| hit[0].clone(), |part| Body::new(part.clone(), HitBody::Part));
     let mut points_apart: Vec<f64> = Vec::new();
     if settings.contact > 0.0 {
         for (body, mesh) in hit.iter_mut().zip(bodies.surfaces) {
             let (with_points, apart) = body.with_surface_of(mesh);
             *body = with_points;
             points_apart.push(apart);
+        }
+        if !bodies.surfaces.is_empty() {
+            cut = cut.with_points_of(&hit[0]);
         }
     }
     let (mut used, mut surfaces_known) = (Vec::new(), true);
@@ -192,7 +189,7 @@ pub fn check_toolpath(
         if own.is_empty() {
             continue;
         }
-        let elements = Elements::new(&hit, tool, settings)?;
+        let elements = Elements::new(&hit, &cut, tool, settings)?;
         surfaces_known &= elements.know_the_surfaces();
         used.push(*tool);
         let pairs = bodies.machine.map(|machine| MachinePairs::new(machine, &hit, tool, settings, &world));

@@ -221,6 +221,12 @@ impl Grid {
         (point - self.origin) / self.pitch - 0.5
     }
 
+    /// The world point of continuous voxel coordinates.
+    #[must_use]
+    pub(crate) fn world(&self, continuous: DVec3) -> DVec3 {
+        self.origin + (continuous + 0.5) * self.pitch
+    }
+
     /// Position in a C-ordered array of the voxel that holds a place in continuous voxel coordinates; `None` outside the grid.
     #[must_use]
     pub fn index_at(&self, continuous: DVec3) -> Option<usize> {

@@ -26,11 +26,11 @@ pub(crate) mod test_shapes;
 
 pub use cursor::SectionCursor;
 pub use depth::{DEPTH_CAP, DepthPlan, DepthScratch, Quantity};
-pub(crate) use direct::minimum_mean;
+use direct::minimum_mean;
 pub use direct::{direct_cmf, direct_count, direct_element_measures};
 pub use elements::{ElementMeasures, ElementPlans, ElementScratch, elements_at_best};
 pub use overlap::Method;
-pub(crate) use overlap::{cuttable_and_noncutting, rotated_if_thick};
+use overlap::cuttable_and_noncutting;
 pub use reading::overlap_fraction;
 pub use size::QueryBox;
 pub(crate) use stream::stream_orientations;
@@ -320,7 +320,7 @@ impl SectionPlan {
             return Ok(elements.iter().map(|&(_, measure)| measure).sum());
         }
         let at = DVec3::from_array(at.map(|v| v as f64));
-        Ok(minimum_mean(&self.obstacle.forbidden, rotated, None, &self.sharp_points, orientation, at))
+        Ok(minimum_mean(&self.obstacle.forbidden, rotated, &self.sharp_points, orientation, at))
     }
 
     /// The voxels where overlaps are counted: those of the grid, and where points off the tip are sharp as many

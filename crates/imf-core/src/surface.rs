@@ -1,12 +1,12 @@
 //! How much of a part's surface a tool reaches, sample by sample and direction by direction, at contact poses.
 //!
 //! A sample is reached from a direction where some contact pose is good: shank and holder, offset by their clearance,
-//! hold no solid voxel centre, and the cutter neither a centre nor a point of the surface of the part deeper below its own
-//! surface than a tolerance in length, and no centre of a fixture at all. On a facet of a curved surface a cutter that would cut deeper may turn about
+//! hold no solid voxel centre and no point of a surface (a shank none deeper below its own than a tolerance in length), the cutter neither
+//! a centre nor a point of the part's surface deeper than that, and nothing of a fixture at all. On a facet of a curved surface a cutter that would cut deeper may turn about
 //! the sample as far as the facet's neighbours do, its own surface within the tolerance of the sample: a hole of
 //! facets takes the cutter of its diameter. Voxel centres that the part does not hold are never solid, so that the
 //! result converges with the pitch, from above; by points of the surface, where there are
-//! ([`CollisionEnvironment::with_surface`]), it does so quickly.
+//! ([`CollisionEnvironment::with_surfaces`]), it does so quickly.
 
 mod access;
 mod candidates;
@@ -31,6 +31,7 @@ pub use candidates::{TooManySetups, candidate_setups, ways_up, with_ways_up};
 pub use contact::contact_reach;
 pub use crib::crib_access;
 pub use culprits::{ElementCollision, MinimumOverlap, culprits, minimum_overlaps};
+use environment::contact;
 pub use environment::{CollisionEnvironment, SolidBody};
 pub use obstructed::ObstructedAreas;
 pub use part_setup::PartSetup;
@@ -194,14 +195,21 @@ impl SurfaceTool {
         let room = assembly.clearance().cutter;
         let at_contact = || cutter.eroded(TOUCH * tolerance, outline.shoulder).ok_or_else(too_thick);
         let clear = if room > 0.0 { cutter.offset(room) } else { at_contact()? };
-        let held = environment.fixtures.as_ref().map(|all| among(all, &clear)).transpose()?;
-        let alone = |element: &Element| bodies.iter().map(|body| among(body, element)).collect();
+        // Of fixtures it may hold nothing.
+        let nothing = |field: SolidField| field.touching(std::slice::from_ref(&clear), |_| f64::NEG_INFINITY);
+        let held = environment.fixtures.as_ref().map(|all| among(all, &clear).map(nothing)).transpose()?;
         if held.is_some() {
-            let against: Result<Vec<_>, _> = alone(&clear);
+            let against = bodies.iter().map(|body| among(body, &clear).map(nothing));
+            let against: Result<Vec<_>, _> = against.collect();
             elements.push((clear, against?));
         }
         for element in offset.into_iter().filter(|e| e.kind != ElementKind::Cutter) {
-            elements.extend(alone(&element).ok().map(|alone| (element, alone)));
+            let touching = |field: SolidField| {
+                field.touching(std::slice::from_ref(&element), |element| contact(element, tolerance))
+            };
+            let against = bodies.iter().map(|body| Ok(touching(among(body, &element)?)));
+            elements
+                .extend(against.collect::<Result<_, SurfaceError>>().ok().map(|all| (element.clone(), all)));
         }
         let pitch = environment.part.occupancy().grid.pitch;
         let across = 2.0 * radius / pitch + 2.0;
@@ -212,7 +220,7 @@ impl SurfaceTool {
             eroded,
             held,
             above: assembly.noncutting().cloned(),
-            rest: assembly.noncutting().map(|tool| SolidField::of_tool(environment.keep_out.clone(), tool)),
+            rest: assembly.noncutting().map(|tool| environment.rest_field(tool, tolerance)),
             radius,
             plunge_only: tool.plunge_only,
             near: (end / pitch + across).min(FARTHEST.max(across)),

@@ -101,7 +101,16 @@ impl PathReading<'_> {
     /// The same for a line that needs it.
     fn known_length_of(&self, tool: Option<u32>) -> Result<f64, String> {
         let length = self.length_of(tool);
-        length.ok_or_else(|| "the length of its tool is not known: no tool of this number is given".into())
+        length.ok_or_else(|| {
+            let which = match tool {
+                Some(number) => format!("no tool {number} is given"),
+                None => {
+                    "it names no tool, and those that are given have numbers: give one tool without a number"
+                        .into()
+                }
+            };
+            format!("the length of its tool is not known: {which}")
+        })
     }
 }
 

@@ -103,8 +103,16 @@ pub(crate) fn check<'py>(
     let lines = path.locations.len() as u64;
     let placed = own.with_spec(Control::quiet(), |spec| Ok(spec.placed())).map_err(Raise::raise)?;
     let surfaces: Vec<_> = placed.iter().collect();
+    let bare: Option<Bodies> = match record.conservative {
+        true => Some(run(py, (&None, "", 0), |control| {
+            own.with_spec(control, |spec| bodies.by_centres(&spec.placed(), control))
+        })?),
+        false => None,
+    };
+    let bare = bare.as_ref().unwrap_or(bodies);
     let around = CheckBodies {
         part: &bodies.part,
+        by_centres: record.conservative.then_some(&bare.part),
         fixtures: &bodies.fixtures,
         surfaces: &surfaces,
         machine: machine.as_ref(),
@@ -116,20 +124,12 @@ pub(crate) fn check<'py>(
     let mut stock_left = None;
     if let Some(stock) = stock {
         let voxels = stock.voxels(py, own)?;
-        let bare: Option<Bodies> = match record.conservative {
-            true => Some(run(py, (&None, "", 0), |control| {
-                own.with_spec(control, |spec| bodies.by_centres(&spec.placed(), control))
-            })?),
-            false => None,
-        };
-        let bodies = bare.as_ref().unwrap_or(bodies);
-        let around = CheckBodies { part: &bodies.part, fixtures: &bodies.fixtures, ..around };
+        let around = CheckBodies { part: &bare.part, fixtures: &bare.fixtures, ..around };
         let mut found = run(py, (&progress, "cutting the stock", lines), |control| {
-            let settings = settings.for_stock(contact, record.unit);
             check_stock(around, &voxels, &numbered, &path, &settings, control)
         })?;
         report.add(std::mem::take(&mut found.colliding));
-        stock_left = Some(stock::report_dict(py, found, &bodies.part)?);
+        stock_left = Some(stock::report_dict(py, found, &bare.part)?);
     }
     report.place(&set_up.inverse());
     let mut stick_outs = Vec::new();

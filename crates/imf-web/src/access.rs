@@ -34,7 +34,7 @@ impl SurfaceAccess {
         let record = &scene.scene.record;
         let solid = scene.solid_voxels();
         let samples = SurfaceSamples::new(&scene.mesh, &solid, samples);
-        let environment = CollisionEnvironment::new(&solid.into(), &[]).with_surface(&scene.mesh);
+        let environment = CollisionEnvironment::new(&solid.into(), &[]).with_surfaces(&[&scene.mesh]);
         let tolerance = default_tolerance(record.grid.pitch, record.unit);
         let tool = SurfaceTool::new(&environment, &record.assembly()?, tolerance)?;
         Ok(Self { samples, tool, directions, reach: Vec::new() })

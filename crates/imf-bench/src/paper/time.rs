@@ -5,7 +5,6 @@ use anyhow::Result;
 use imf_cli::engine::Device;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::section::{SectionPlan, ToolPoints, stream_sections};
-use imf_fields::model::Model;
 use imf_fields::siren::over_grid;
 use imf_gpu::GpuSections;
 use serde::{Deserialize, Serialize};
@@ -15,6 +14,7 @@ use super::table::{Kind, PaperComparison, Row, Table};
 use super::{Bench, Training, part_label};
 use crate::cells::Cell;
 use crate::measurement::seconds;
+use crate::recipe::Recipe;
 
 /// The sections that the paper evaluates.
 const SECTIONS: &str = "grid:15";
@@ -36,15 +36,17 @@ struct TimingResult {
     sections_bytes: u64,
 }
 
-fn measure(bench: &Bench<'_>, model: &Model) -> Result<TimingResult> {
+/// Any weights take as long as those that were learnt.
+fn measure(bench: &Bench<'_>, recipe: &Recipe) -> Result<TimingResult> {
     let session = bench.session;
-    let grid = model.scene.record.grid;
+    let (scene, shape) = (bench.scene(&recipe.scene)?, recipe.network.shape());
+    let grid = scene.record.grid;
     let set = OrientationSet::parse(SECTIONS)?.orientations;
-    let plan = SectionPlan::of_scene(&model.scene, ToolPoints::Tip)?;
+    let plan = SectionPlan::of_scene(&scene, ToolPoints::Tip)?;
     let stage = session.stage("timing", "sections", 3 * set.len() as u64);
     let advance = |n| stage.advance(n);
     let control = session.control(&advance);
-    let mut engine = bench.device.evaluator(model.shape, &model.state.parameters)?;
+    let mut engine = bench.device.evaluator(shape, &shape.initial_parameters(0))?;
     let mut section = |orientation: &Orientation, values: &mut [f32]| {
         over_grid::section(engine.as_mut(), &grid, orientation.angles(), values)
     };
@@ -76,7 +78,7 @@ fn measure(bench: &Bench<'_>, model: &Model) -> Result<TimingResult> {
         network,
         exact_cpu,
         exact_gpu,
-        network_bytes: 4 * model.shape.parameter_count() as u64,
+        network_bytes: 4 * shape.parameter_count() as u64,
         sections_bytes: (4 * set.len() * grid.len()) as u64,
     })
 }
@@ -106,18 +108,11 @@ pub(super) fn table(bench: &Bench<'_>) -> Result<Table> {
                 continue;
             }
         };
-        let key = (bench.protocol.recipe("single", Some(part.name()))?, SECTIONS);
+        let source = bench.protocol.recipe("single", Some(part.name()))?;
         let name = format!("time-{}", part.name());
-        let mut measured = bench.cells.find(&name, &key)?;
-        if measured.is_none()
-            && let Some(model) = run.model()?
-        {
-            measured = bench.cell(&name, &key, || measure(bench, &model))?;
-        }
+        let measured = bench.cell(&name, &(&source, SECTIONS), || measure(bench, &source.recipe()?))?;
         let Some(Cell { made_on, value: measured, .. }) = measured else {
-            table
-                .notes
-                .push(format!("{}: not timed yet, for which its network must be here.", part_label(part)));
+            table.notes.push(format!("{}: not timed yet.", part_label(part)));
             continue;
         };
         let others = bench.baselines(part)?;

@@ -108,6 +108,7 @@ impl Work {
     fn check(&self, path: &Toolpath) -> Result<CheckReport> {
         let bodies = CheckBodies {
             part: &self.part,
+            by_centres: None,
             fixtures: &[],
             surfaces: &[&self.mesh],
             machine: Some(&self.machine),

@@ -75,7 +75,7 @@ impl SetupCase {
     fn new(pool: &ThreadPool, mesh: &Mesh, points: usize, directions: &[Orientation]) -> Result<Self> {
         let solid = Arc::new(voxels(mesh)?);
         let samples = drawn(SurfaceSamples::new(mesh, &solid, points).samples, points);
-        let surroundings = CollisionEnvironment::new(&solid.into(), &[]).with_surface(mesh);
+        let surroundings = CollisionEnvironment::new(&solid.into(), &[]).with_surfaces(&[mesh]);
         let tool = SurfaceTool::new(
             &surroundings,
             &mill(End::Flat, 3.0, LENGTH, LENGTH, [12.0, 40.0]).into(),

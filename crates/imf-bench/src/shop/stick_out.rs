@@ -4,7 +4,9 @@ use anyhow::Result;
 use imf_cli::session::Session;
 use imf_core::control::Control;
 use imf_core::orientation::Orientation;
-use imf_core::surface::{StickOut, StickOutTool, SurfaceSample, shortest_stick_outs};
+use imf_core::surface::{
+    StickOut, StickOutTool, SurfaceSample, SurfaceTool, shortest_stick_outs, surface_access,
+};
 use imf_core::tool::Assembly;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -36,7 +38,7 @@ struct Checks {
     optimistic: usize,
     /// Longer than the shortest by a voxel at least: what is one voxel shorter is a tool too.
     longer: usize,
-    /// Of these, free one voxel shorter.
+    /// Of these, free one voxel shorter, of centres and of points of the surface.
     pessimistic: usize,
 }
 
@@ -111,8 +113,8 @@ impl Surface {
             let samples: Vec<SurfaceSample> =
                 self.samples[first..].iter().chain(&self.samples).take(8 * each).copied().collect();
             let found = self.least(tool, &samples, &[direction])?;
-            let answers = found.iter().filter_map(|found| match found {
-                StickOut::Reached { length, tip, .. } => Some((*length, *tip)),
+            let answers = samples.iter().zip(&found).filter_map(|found| match found {
+                (sample, StickOut::Reached { length, tip, .. }) => Some((*length, *tip, *sample)),
                 _ => None,
             });
             let answers: Vec<_> = answers.take(each.min(checks - all.answers)).collect();
@@ -122,9 +124,13 @@ impl Surface {
                 Some(set.noncutting()?.count_inside(&self.solid, tip, &direction) == 0)
             };
             let verdicts: Vec<_> = self.pool.install(|| {
-                let verdict = |&(length, tip): &(f64, _)| {
+                let verdict = |&(length, tip, sample): &(f64, _, SurfaceSample)| {
                     let below = length - pitch;
-                    (free(length, tip), (below >= tool.shortest()).then(|| free(below, tip)))
+                    let shorter = || {
+                        let is_free = free(below, tip) != Some(false);
+                        is_free && self.reaches(assembly, below, sample, direction)
+                    };
+                    (free(length, tip), (below >= tool.shortest()).then(shorter))
                 };
                 answers.par_iter().map(verdict).collect()
             });
@@ -132,9 +138,25 @@ impl Surface {
                 all.answers += 1;
                 all.optimistic += usize::from(at != Some(true));
                 all.longer += usize::from(below.is_some());
-                all.pessimistic += usize::from(below.is_some_and(|below| below != Some(false)));
+                all.pessimistic += usize::from(below == Some(true));
             }
         }
         Ok(all)
+    }
+
+    /// Whether the tool reaches a point as it is set to a length: where no centre is in the way, a point of the surface may be.
+    fn reaches(
+        &self,
+        assembly: &Assembly,
+        length: f64,
+        sample: SurfaceSample,
+        direction: Orientation,
+    ) -> bool {
+        let set =
+            assembly.tool().with_stick_out(length).and_then(|set| set.offset(assembly.clearance()).ok());
+        let tool = set.and_then(|set| SurfaceTool::new(&self.surroundings, &set, self.tolerance).ok());
+        let reached =
+            tool.and_then(|tool| surface_access(&tool, &[sample], &[direction], Control::quiet()).ok());
+        reached.is_none_or(|reached| reached.is_free(0, 0))
     }
 }

@@ -31,8 +31,8 @@ pub(crate) struct ReachArguments {
     /// surface only what it reaches within its travel, its head and table out of the way
     #[arg(long, value_name = "FILE", conflicts_with = "limits")]
     pub(crate) machine: Option<PathBuf>,
-    /// How deep the cutter may cut below the part's surface and still count as touching it; by default 0.05 mm or a tenth of
-    /// the pitch, whichever is more
+    /// How deep the cutter may cut below the part's surface and still count as touching it, and a shank stand in it; by default 0.05 mm,
+    /// but no less than a tenth of the pitch and no more than a quarter of it
     #[arg(long, value_name = "LENGTH", value_parser = parse_length)]
     pub(crate) tolerance: Option<f64>,
     /// Folder to write to

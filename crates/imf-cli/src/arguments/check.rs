@@ -46,8 +46,7 @@ pub(crate) struct CheckArguments {
     /// Farthest that any point of the tool moves between two checked poses; a quarter of a voxel by default
     #[arg(long, value_name = "LENGTH", value_parser = parse_length)]
     pub(crate) step: Option<f64>,
-    /// How deep the part may lie in the cutter, and points of any surface in shank and holder; 0.05 mm by default, with --conservative
-    /// √3/2 of a voxel more, by which such voxels reach out of the part
+    /// How deep the part may lie in the cutter, and points of any surface in shank and holder; 0.05 mm by default
     #[arg(long, value_name = "LENGTH", value_parser = parse_room)]
     pub(crate) contact: Option<f64>,
     /// The stock that the path cuts, followed line by line: box, box:MARGIN around the part, or a file in the part's frame, set up with it;

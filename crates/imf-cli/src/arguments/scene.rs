@@ -183,7 +183,8 @@ impl SceneArguments {
             // Beside the voxels, counts and distances of the part and of the fixtures, and points of their surfaces.
             let placed = spec.placed();
             let points = placed.iter().map(|mesh| points_memory_estimate(mesh, wide.pitch)).sum();
-            require_memory_for_voxels(session, spec, &wide, (16, points))?;
+            let bytes = if spec.conservative { 32 } else { 16 };
+            require_memory_for_voxels(session, spec, &wide, (bytes, points))?;
             let (scene, bodies) =
                 voxelise_with_progress(session, spec, &wide, |spec| spec.scene_and_bodies(f64::INFINITY))?;
             let fixtures = bodies.fixtures.iter().map(|(name, _)| name.clone());

@@ -70,7 +70,7 @@ pub(crate) fn run(session: &Session, arguments: &CalibrateArguments) -> Result<(
     print_result(
         session,
         &json,
-        &format!("{}Verdict: {}.", text(&calibration, &shown), calibration.verdict()),
+        &format!("{}Verdict: {}.", text(&calibration, quantity, &shown), calibration.verdict()),
     )
 }
 
@@ -194,7 +194,7 @@ pub(crate) fn threshold_text(value: f64, quantity: Quantity, unit: impl std::fmt
 }
 
 /// The record as a table; `shown` is of a value in words.
-fn text(calibration: &Calibration, shown: &dyn Fn(f64) -> String) -> String {
+fn text(calibration: &Calibration, quantity: Quantity, shown: &dyn Fn(f64) -> String) -> String {
     let threshold = |value: Option<f32>| value.map_or("never".into(), |v| shown(f64::from(v)));
     let goals = &calibration.goals;
     let mut text = format!(
@@ -207,22 +207,30 @@ fn text(calibration: &Calibration, shown: &dyn Fn(f64) -> String) -> String {
     );
     for (name, judged) in [("uniform", &calibration.uniform), ("boundary", &calibration.boundary)] {
         // Writing to a string does not fail.
-        let _ = writeln!(text, "{name:<8}  {}", decision_rates(judged, shown));
+        let _ = writeln!(text, "{name:<8}  {}", decision_rates(judged, quantity, shown));
     }
     text
 }
 
 /// One kind of poses in a line.
-pub(crate) fn decision_rates(judged: &DecisionRates, shown: &dyn Fn(f64) -> String) -> String {
+pub(crate) fn decision_rates(
+    judged: &DecisionRates,
+    quantity: Quantity,
+    shown: &dyn Fn(f64) -> String,
+) -> String {
     let rate = |rate: &Rate| {
         format!("{} of {} ({:.1e}, at most {:.1e})", rate.wrong, rate.of, rate.fraction(), rate.bound)
     };
     format!(
-        "{} poses: colliding called free {}; clear called colliding {}; undecided {:.2} %; largest error {}",
+        "{} poses: colliding called free {}; clear called colliding {}; undecided {:.2} %; {} {}",
         judged.poses,
         rate(&judged.false_free),
         rate(&judged.false_colliding),
         100.0 * judged.undecided_fraction(),
+        match quantity {
+            Quantity::Overlap => "largest error at some of them",
+            Quantity::Depth => "farthest on the wrong side",
+        },
         shown(judged.largest_error)
     )
 }

@@ -89,7 +89,7 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
     }
     let numbered: Vec<(Option<u32>, &Tool)> = tools.iter().map(|(number, tool)| (*number, tool)).collect();
     let settings = arguments.settings(record);
-    let bare = match record.conservative && arguments.stock.is_some() {
+    let bare = match record.conservative {
         true => {
             let placed = meshes.iter().map(|(_, mesh)| mesh);
             Cow::Owned(bodies.by_centres(placed, session.control(&|_| {}))?)
@@ -110,6 +110,7 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
     let surfaces: Vec<&Mesh> = meshes.iter().map(|(_, mesh)| mesh).collect();
     let around = CheckBodies {
         part: &bodies.part,
+        by_centres: record.conservative.then_some(&bare.part),
         fixtures: &bodies.fixtures,
         surfaces: &surfaces,
         machine: machine.as_ref(),
@@ -131,7 +132,6 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
     let mut stock = match stock {
         None => None,
         Some(stock) => {
-            let settings = settings.for_stock(arguments.contact, record.unit);
             let around = CheckBodies { part: &bare.part, fixtures: &bare.fixtures, ..around };
             let found = session.staged("cutting the stock", "lines", lines, |control| {
                 check_stock(around, &stock.voxels, &numbered, &toolpath, &settings, control)

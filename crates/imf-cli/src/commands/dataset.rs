@@ -6,7 +6,8 @@ use std::path::Path;
 
 use anyhow::Result;
 use imf_core::orientation::OrientationSet;
-use imf_core::scene::Scene;
+use imf_core::scene::{Scene, SceneRecord};
+use imf_core::section::SectionPlan;
 use imf_fields::recipe::Sampling;
 use imf_train::dataset::{DatasetError, GenerateSummary, Layout, Manifest, generate_partition};
 use serde_json::json;
@@ -31,8 +32,9 @@ fn make_new(session: &Session, arguments: &DatasetMakeArguments) -> Result<()> {
     let set = directions(&arguments.orientations)?;
     let sampling = arguments.sampling()?;
     let scene = arguments.scene.scene_with(session, &arguments.contact)?;
-    prepare_folder(&arguments.out)?;
     let layout = Layout { shard_samples: arguments.shard_samples, partition: arguments.shard };
+    require_shard(session, &arguments.out, &scene, &set, &sampling, &layout)?;
+    prepare_folder(&arguments.out)?;
     let _lock = lock_if_whole(&arguments.out, &layout)?;
     make(session, &arguments.out, &scene, &set, &sampling, &layout)
 }
@@ -84,6 +86,22 @@ fn make(
     print_result(session, &json, &text)
 }
 
+/// Refuses shards that do not fit the memory.
+fn require_shard(
+    session: &Session,
+    folder: &Path,
+    scene: &Scene,
+    set: &OrientationSet,
+    sampling: &Sampling,
+    layout: &Layout,
+) -> Result<()> {
+    let SceneRecord { grid, tool, .. } = &scene.record;
+    let shard = layout.shard_memory(folder, grid.len(), sampling, set.len());
+    session.require_memory(shard + SectionPlan::memory_estimate(grid, tool, session.threads()), || {
+        "a shard of samples beside the exact sections; choose fewer --shard-samples".into()
+    })
+}
+
 /// Makes what a folder lacks of a dataset, or of a partition of it.
 pub(super) fn sample_sections(
     session: &Session,
@@ -93,6 +111,7 @@ pub(super) fn sample_sections(
     sampling: &Sampling,
     layout: &Layout,
 ) -> Result<GenerateSummary> {
+    require_shard(session, folder, scene, set, sampling, layout)?;
     let _keeping = interrupt::stop_cleanly();
     let stage = session.stage("sampling", "sections", set.len() as u64);
     let advance = |n| stage.advance(n);

@@ -12,7 +12,7 @@ use imf_fields::harmonic::basis::Basis;
 
 use crate::arguments::saved::EvalArguments;
 use crate::commands::calibrate::{DecisionQuality, measure_decisions};
-use crate::engine::{Device, DeviceField, Workload};
+use crate::engine::{Device, DeviceField, Workload, read_field};
 use crate::output::{prepare_folder, print_result, short};
 use crate::report::{EvaluationSettings, Report, Subject, evaluate};
 use crate::session::Session;
@@ -27,7 +27,7 @@ pub(crate) fn run(session: &Session, arguments: &EvalArguments) -> Result<()> {
     if let Some(folder) = &arguments.out {
         prepare_folder(folder)?;
     }
-    let saved = FieldFile::read(&arguments.model)?;
+    let saved = read_field(session, &arguments.model)?;
     let device = Device::for_field(&arguments.device.device, session, &saved)?;
     let settings = eval_settings(arguments, &saved)?;
     let report = make_report(session, &device, &saved, &settings, arguments.out.as_deref())?;
@@ -45,6 +45,7 @@ pub(super) fn make_report(
     let record = &saved.scene().record;
     let needed = SectionPlan::memory_estimate(&record.grid, &record.tool, session.threads())
         + 40 * record.grid.len() as u64 * session.threads() as u64
+        + Device::Cpu.copied_bytes(saved, Workload::Many)
         + device.copied_bytes(saved, Workload::Many);
     session.require_memory(needed, || "the exact field beside the other one; use fewer --threads".into())?;
     let subject = Subject::of_saved_field(saved)?;

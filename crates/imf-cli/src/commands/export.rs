@@ -1,11 +1,11 @@
 //! `imf export`: a field for other programs.
 
 use anyhow::{Result, ensure};
-use imf_fields::file::FieldFile;
 use imf_fields::onnx::{onnx_bytes, write_onnx};
 use serde_json::json;
 
 use crate::arguments::saved::ExportArguments;
+use crate::engine::read_field;
 use crate::output::{OutputFile, print_json};
 use crate::session::{Session, show_bytes};
 
@@ -21,7 +21,7 @@ pub(crate) fn run(session: &Session, arguments: &ExportArguments) -> Result<()> 
         out.display()
     );
     let file = OutputFile::check(out)?;
-    let saved = FieldFile::read(field)?;
+    let saved = read_field(session, field)?;
     let bytes = onnx_bytes(&saved);
     session.require_memory(COPIES * bytes, || format!("a graph of {}", show_bytes(bytes)))?;
     write_onnx(&saved, file.begin()?)?;

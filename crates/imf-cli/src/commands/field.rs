@@ -30,7 +30,7 @@ use super::calibrate::threshold_text;
 use super::notes;
 use crate::arguments::field::FieldArguments;
 use crate::arguments::orientations::Directions;
-use crate::engine::Device;
+use crate::engine::{Device, read_field};
 use crate::output::{OutputFolder, SUMMARY, same_digits, short};
 use crate::picture::MaskStyle;
 use crate::session::Session;
@@ -91,7 +91,7 @@ fn of_part(session: &Session, arguments: &FieldArguments, folder: OutputFolder) 
 }
 
 fn of_saved(session: &Session, arguments: &FieldArguments, path: &Path, folder: OutputFolder) -> Result<()> {
-    let saved = FieldFile::read(path)?;
+    let saved = read_field(session, path)?;
     let scene = saved.scene().clone();
     let text = arguments.orientations.as_deref();
     let text =

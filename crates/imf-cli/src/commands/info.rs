@@ -11,11 +11,11 @@ use anyhow::{Result, bail};
 use imf_core::parts::ReferencePart;
 use imf_core::tool::Tool;
 use imf_core::unit::LengthUnit;
-use imf_fields::file::FieldFile;
 use serde_json::Value;
 
 use super::field::is_field;
 use crate::arguments::InfoArguments;
+use crate::engine::read_field;
 use crate::output::{aligned, print_result};
 use crate::session::Session;
 
@@ -57,7 +57,7 @@ fn describe(session: &Session, path: &Path, unit: Option<LengthUnit>) -> Result<
         return fields::dataset(path);
     }
     if is_field(path) {
-        return fields::field(path, &FieldFile::read(path)?);
+        return fields::field(path, &read_field(session, path)?);
     }
     let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
     match ending.as_deref() {

@@ -15,6 +15,17 @@ pub(super) fn of_training(session: &Session, path: &Path, model: &Model) {
     }
 }
 
+/// Says so of a network of the paper's kind where the tool's roll counts.
+pub(super) fn of_roll(session: &Session, record: &SceneRecord) {
+    if !record.bare_tool().with_tip_only().is_axisymmetric() {
+        session.note(&format!(
+            "a network of the paper's kind knows no roll, which counts for the tool '{}': its overlaps are the same at every roll; exact \
+             queries read the column roll",
+            record.tool.name
+        ));
+    }
+}
+
 /// Says what tool and part are to each other.
 pub(super) fn of_scene(session: &Session, record: &SceneRecord) {
     if let Some(text) = clearance_text(&record.clearance, record.unit) {

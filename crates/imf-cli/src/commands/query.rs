@@ -21,7 +21,7 @@ use self::poses::Poses;
 use self::results::{ResultChunk, ResultWriter};
 use super::notes;
 use crate::arguments::saved::QueryArguments;
-use crate::engine::{Device, DeviceField, Workload};
+use crate::engine::{Device, DeviceField, Workload, read_field};
 use crate::interrupt::{self, Interruption};
 use crate::output::{OutputFile, short, standard_output_failed};
 use crate::session::Session;
@@ -37,11 +37,12 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
     let out = arguments.out.as_deref().map(OutputFile::check).transpose()?;
     let (poses, count) = poses::open(&arguments.poses)?;
     let name = &arguments.device.device;
-    let file = FieldFile::read(&arguments.model)?;
+    let file = read_field(session, &arguments.model)?;
     let device = Device::for_field(name, session, &file)?;
     let quantity = file.quantity();
     if let (Device::Gpu(_), FieldFile::Harmonic(_)) = (&device, &file) {
-        session.require_memory(device.copied_bytes(&file, Workload::Many), || {
+        // Beside the field's own, and while they are copied.
+        session.require_memory(3 * device.copied_bytes(&file, Workload::Many), || {
             "the field's coefficients at every voxel on the device; take --device cpu".into()
         })?;
     }
@@ -54,15 +55,8 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
     }
     notes::of_scene(session, record);
     // The roll changes what the tool overlaps, and the field is of directions alone.
-    if poses.roll.is_some()
-        && matches!(file, FieldFile::Siren(_))
-        && !record.bare_tool().with_tip_only().is_axisymmetric()
-    {
-        session.note(&format!(
-            "a network of the paper's kind knows no roll, which counts for the tool '{}': its overlaps are the same at every \
-             roll, and --exact reads the column roll",
-            record.tool.name
-        ));
+    if poses.roll.is_some() && matches!(file, FieldFile::Siren(_)) {
+        notes::of_roll(session, record);
     }
     session.note(&match quantity.is_overlap() {
         true => format!("a field is not a proof; --exact counts: {}", record.guarantee()),

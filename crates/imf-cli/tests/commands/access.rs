@@ -371,7 +371,7 @@ fn a_stock_that_does_not_hold_the_part_is_told() {
 #[test]
 fn what_voxels_resolve_is_said_once_in_every_answer_about_the_surface() {
     let folder = workshop();
-    let said = "walls are known to shank and holder to within voxels of 2 mm";
+    let said = "walls are known by points of the surfaces";
     let one = "--tool long.toml --orientations axes";
     for line in [arguments(&format!("{one} --setups")), crib_arguments(one)] {
         let run = folder.imf(&line).done();

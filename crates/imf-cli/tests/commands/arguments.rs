@@ -109,15 +109,16 @@ fn what_does_not_fit_the_memory_is_refused_with_an_estimate() {
     let work = Workdir::with_dataset();
     work.imf(&format!("{TRAIN} --steps 3 --out model")).done();
     let eval = "eval model/field.safetensors --device cpu --random 2 --imf fibonacci:2";
-    for (line, remedy) in [
-        (DATASET.replace("--out data", "--out new"), "--pitch"),
-        (format!("{TRAIN} --steps 3 --out other"), "--density"),
-        (eval.to_owned(), "--threads"),
+    for (line, limit, remedy) in [
+        (DATASET.replace("--out data", "--out new"), 1, "--pitch"),
+        (format!("{TRAIN} --steps 3 --out other"), 1, "--density"),
+        (eval.to_owned(), 1, "the field in model"),
+        (eval.to_owned(), 30, "--threads"),
     ] {
-        work.imf(&format!("{line} --memory 1KiB")).refused(&[
+        work.imf(&format!("{line} --memory {limit}KiB")).refused(&[
             "this needs about",
             "iB of memory",
-            "1 KiB may be used",
+            &format!("{limit} KiB may be used"),
             remedy,
             "--memory",
         ]);

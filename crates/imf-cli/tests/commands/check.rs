@@ -38,11 +38,11 @@ fn a_finishing_pass_is_free_and_says_what_was_accepted() {
     assert_eq!(run.code, Some(3), "{}{}", run.stdout, run.stderr);
     assert!(run.stdout.contains("the part up to 0.05 mm deep"), "{}", run.stdout);
     let run = check("pass.csv", "x,y,z\n-12,0,20\n12,0,20\n", "--conservative");
-    assert!(run.code == Some(0) && run.stdout.contains("up to 0.916 mm deep"), "{}", run.stdout);
+    assert!(run.code == Some(0) && run.stdout.contains("up to 0.05 mm deep"), "{}", run.stdout);
     // What is hit is told with what its depths are.
     for (options, told) in [("--conservative", true), ("", false)] {
         let run = check("deep.csv", "x,y,z\n0,0,10\n", options);
-        let said = run.stdout.contains("depths are those in the conservative voxels");
+        let said = run.stdout.contains("are those in the conservative voxels");
         assert!(run.code == Some(3) && said == told, "{}{}", run.stdout, run.stderr);
     }
 }

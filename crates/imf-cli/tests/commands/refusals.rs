@@ -134,6 +134,9 @@ fn work_larger_than_memory_is_refused_with_the_estimate() {
         .refuse(&huge, &["GiB of memory, and 2.0 GiB may be used", "reaches 9000 voxels", "larger --pitch"]);
     let voxels = "voxelize bracket --pitch 0.2 --memory 1MiB --out out";
     folder.refuse(voxels, &["and 1 MiB may be used", "245×735×435 voxels"]);
+    let dense =
+        "dataset bracket --dims 12,36,22 --orientations fibonacci:600 --density 1 --memory 60MiB --out out";
+    folder.refuse(dense, &["and 60 MiB may be used", "a shard of samples", "--shard-samples"]);
 }
 
 #[test]

@@ -35,7 +35,8 @@ fn options_of_a_part_are_refused_beside_a_saved_field() {
         work.imf(&format!("train field.safetensors --out none {option}"))
             .refused(&["applies only to a part"]);
     }
-    work.imf(&format!("{sections} --out none --memory 1KiB")).refused(&["values", "--memory"]);
+    work.imf(&format!("{sections} --out none --memory 1KiB"))
+        .refused(&["the field in field.safetensors", "--memory"]);
     work.imf("field missing.safetensors --orientations 0,0 --out none").refused(&["missing.safetensors"]);
 }
 
@@ -88,7 +89,7 @@ fn sections_of_networks_are_the_librarys() {
     // What is refused leaves what was there.
     let kept = work.bytes("factored-sections/cmf-00018.npy");
     let missed = format!(
-        "field factored/field.safetensors --orientations {SET} --out factored-sections --memory 1KiB"
+        "field factored/field.safetensors --orientations {SET} --out factored-sections --memory 30KiB"
     );
     work.imf(&missed).refused(&["at most 16 sections", "--memory"]);
     assert!(work.bytes("factored-sections/cmf-00018.npy") == kept);

@@ -3,11 +3,12 @@
 use glam::DVec3;
 
 use crate::control::Control;
+use crate::field::{Best, ExactField, FieldError, PoseField};
 use crate::obstacle::Obstacle;
 use crate::orientation::{Limits, Orientation};
 use crate::parallel;
-use crate::section::{SectionError, cuttable_and_noncutting, minimum_mean, rotated_if_thick};
-use crate::tool::{Assembly, ToolVoxels};
+use crate::pose::Pose;
+use crate::tool::Assembly;
 
 /// Collision measures over cells of longitude θ and latitude 90° − φ of the tool's axis.
 #[derive(Clone, Debug, PartialEq)]
@@ -55,37 +56,29 @@ impl AccessMap {
     }
 }
 
-/// The collision measure at the world point `point` for every cell of directions, by direct counts: what a section of
-/// that direction reads there, the minimum over the sharp points `k` of the trilinear mean around `point − R k`. The
-/// tool's lengths are in the grid's unit. One unit of progress is one direction.
+/// The collision measure at the world point `point` for every cell of directions, by direct counts: the least over the
+/// tool's sharp points, each put exactly there. At voxel centres it is what a section reads, where the tip alone is sharp. The tool's
+/// lengths are in the grid's unit. One unit of progress is one direction.
 ///
 /// # Errors
-/// A tool that does not fit the grid; [`SectionError::Cancelled`] when the control asks to stop.
+/// A tool that does not fit the grid; [`FieldError::Cancelled`] when the control asks to stop.
 pub fn access_map(
     obstacle: impl Into<Obstacle>,
     assembly: impl Into<Assembly>,
     point: DVec3,
     cells: [usize; 2],
     control: Control<'_>,
-) -> Result<AccessMap, SectionError> {
-    let (obstacle, assembly) = (obstacle.into(), assembly.into());
-    let (tool, layer) = (assembly.whole(), cuttable_and_noncutting(&obstacle, &assembly));
-    assembly.tool().check()?;
-    let grid = obstacle.grid();
-    let sharp_points = tool.sharp_point_positions(grid.pitch);
-    let at = (point - grid.centre([0; 3])) / grid.pitch;
+) -> Result<AccessMap, FieldError> {
+    let field = ExactField::new(obstacle, assembly);
+    field.assembly().tool().check()?;
     let values = parallel::try_map(cells[0] * cells[1], |cell| {
         control.check()?;
         let orientation = AccessMap::orientation(cells, cell / cells[1], cell % cells[1]);
-        let rotated = ToolVoxels::new(tool, &orientation, grid.pitch)?;
-        let rest = layer.map(|(voxels, tool)| rotated_if_thick(tool, &orientation, voxels.grid.pitch));
-        let rest = rest.transpose()?.flatten();
-        let layer = layer.zip(rest.as_ref()).map(|((voxels, _), rest)| (&**voxels, rest));
+        let rotation = Pose::oriented(point, &orientation).rotation;
+        let mut best = [Best::NONE];
+        field.best(&[point], &[rotation], &mut best)?;
         (control.progress)(1);
-        Ok::<_, SectionError>(
-            minimum_mean(&obstacle.forbidden, &rotated, layer, &sharp_points, &orientation, at).min(1.0)
-                as f32,
-        )
+        Ok::<_, FieldError>(best[0].value)
     })?;
     Ok(AccessMap { cells, values })
 }
@@ -94,8 +87,8 @@ pub fn access_map(
 mod tests {
     use super::*;
     use crate::access::tests::{slotted, small_tool};
-    use crate::section::{SectionPlan, SectionScratch, ToolPoints, direct_cmf};
-    use crate::tool::{SharpPoints, Tool};
+    use crate::section::direct_cmf;
+    use crate::tool::{SharpPoints, Tool, ToolVoxels};
 
     #[test]
     fn at_a_voxel_centre_it_is_the_direct_measure_of_every_direction() {
@@ -124,38 +117,34 @@ mod tests {
     }
 
     #[test]
-    fn it_is_what_sections_read_whatever_is_sharp_and_at_any_point() {
+    fn at_any_point_it_counts_what_the_tool_holds_there_whatever_is_sharp() {
         let obstacle = slotted();
         let sharp = SharpPoints::Points(vec![DVec3::new(0.4, -0.3, 0.8), DVec3::new(0.0, 0.0, 1.7)]);
-        let cells = [4, 3];
+        let (cells, pitch) = ([4, 3], obstacle.grid.pitch);
+        let mut free = 0;
         for sharp_points in [SharpPoints::Tip, sharp, SharpPoints::Boundary(None)] {
             let tool = Tool { sharp_points, ..small_tool() };
-            let (at, step) = ([6, 5, 4], DVec3::new(0.25, 0.5, 0.75));
-            let centre = obstacle.grid.centre(at);
-            let map = |point| access_map(&obstacle, &tool, point, cells, Control::quiet()).unwrap().values;
-            let (there, between) = (map(centre), map(centre + step * obstacle.grid.pitch));
-            let plan = SectionPlan::new(&obstacle, &tool, ToolPoints::Tip).unwrap();
-            let whole = SectionPlan::new(&obstacle, &tool, ToolPoints::SharpPoints).unwrap();
-            let mut cmf = vec![0.0; obstacle.grid.len()];
-            for cell in 0..12 {
+            let below = obstacle.grid.centre([6, 5, 4]) + DVec3::new(0.25, 0.5, 0.75) * pitch;
+            let above = below + DVec3::Z * obstacle.grid.size().z;
+            let of = |point| access_map(&obstacle, &tool, point, cells, Control::quiet()).unwrap().values;
+            let all = [below, above].into_iter().flat_map(|point| {
+                of(point).into_iter().enumerate().map(move |(cell, value)| (point, cell, value))
+            });
+            for (point, cell, value) in all {
                 let orientation = AccessMap::orientation(cells, cell / 3, cell % 3);
-                whole.cmf(&orientation, &mut SectionScratch::default(), &mut cmf).unwrap();
-                assert_eq!(there[cell], cmf[obstacle.grid.index(at)], "{:?} {cell}", tool.sharp_points);
-                if tool.sharp_points == SharpPoints::Tip {
-                    // Between centres the tip's measure is the mean of the eight sections' values around.
-                    plan.cmf(&orientation, &mut SectionScratch::default(), &mut cmf).unwrap();
-                    let mean: f64 = (0..8usize)
-                        .map(|corner| {
-                            let bits = [corner >> 2 & 1, corner >> 1 & 1, corner & 1];
-                            let weight: f64 =
-                                (0..3).map(|a| if bits[a] == 1 { step[a] } else { 1.0 - step[a] }).product();
-                            let voxel = [0, 1, 2].map(|a| at[a] + bits[a]);
-                            weight * f64::from(cmf[obstacle.grid.index(voxel)])
-                        })
-                        .sum();
-                    assert!((f64::from(between[cell]) - mean).abs() < 1e-6, "{cell}");
-                }
+                let whole = ToolVoxels::new(&tool, &orientation, pitch).unwrap().count;
+                let held = tool.sharp_point_positions(pitch).into_iter().map(|sharp| {
+                    tool.count_inside(&obstacle, point - orientation.rotation() * sharp, &orientation)
+                });
+                let expected = f64::from(held.min().unwrap()) / f64::from(whole);
+                assert!(
+                    (f64::from(value) - expected.min(1.0)).abs() < 1e-6,
+                    "{:?} {cell}",
+                    tool.sharp_points
+                );
+                free += usize::from(value == 0.0);
             }
         }
+        assert!((1..72).contains(&free), "{free}");
     }
 }

@@ -74,7 +74,12 @@ impl Hit {
     fn check(&self, tool: &Tool, text: &str, settings: &CheckSettings) -> CheckReport {
         let surfaces: Vec<&Mesh> = self.meshes.iter().collect();
         let Self { part, fixtures, .. } = self;
-        check_path(CheckBodies { part, fixtures, surfaces: &surfaces, machine: None }, tool, text, settings)
+        check_path(
+            CheckBodies { part, by_centres: None, fixtures, surfaces: &surfaces, machine: None },
+            tool,
+            text,
+            settings,
+        )
     }
 }
 
@@ -85,6 +90,33 @@ fn check_path(bodies: CheckBodies<'_>, tool: &Tool, text: &str, settings: &Check
 
 fn pose_line(tip: DVec3, axis: DVec3) -> String {
     format!("{},{},{},{},{},{}\n", tip.x, tip.y, tip.z, axis.x, axis.y, axis.z)
+}
+
+#[test]
+fn among_conservative_voxels_a_cutter_meets_the_part_as_among_its_centres() {
+    let mut random = ChaCha8Rng::seed_from_u64(5);
+    let pitch = 1.0;
+    let (mesh, place, solid) = block(&mut random, pitch);
+    let larger = voxelize(&mesh, &solid.grid, true);
+    assert!(larger.count() > solid.count());
+    let settings = CheckSettings::of_pitch(pitch, LengthUnit::Mm);
+    let (up, top) = (place.transform_vector3(DVec3::Z), place.transform_point3(DVec3::ZERO));
+    let mut hits = [0; 2];
+    for (tool, case) in cutters().iter().flat_map(|tool| (0..40).map(move |case| (tool, case))) {
+        let depth = 0.03 * f64::from(case) - 0.4;
+        let tip = top + up * (20.0 - depth - lowest(tool, up, up));
+        let text = format!("x,y,z,i,j,k\n{}", pose_line(tip, up));
+        let of = |part, by_centres| {
+            let bodies = CheckBodies { part, by_centres, fixtures: &[], surfaces: &[&mesh], machine: None };
+            let found = check_path(bodies, tool, &text, &settings);
+            let cutters = found.colliding.iter().flat_map(|line| line.collisions.clone());
+            cutters.filter(|hit| hit.element == "cutter").map(|hit| hit.depth).collect::<Vec<_>>()
+        };
+        let found = of(&solid, None);
+        assert_eq!(of(&larger, Some(&solid)), found, "{depth} {:?}", tool.shape);
+        hits[usize::from(!found.is_empty())] += 1;
+    }
+    assert!(hits[0] > 40 && hits[1] > 40, "{hits:?}");
 }
 
 #[test]
@@ -142,7 +174,8 @@ fn a_cutter_collides_where_a_centre_or_a_point_of_the_surface_is_deep_in_it() {
         let pitch = 0.8 + number(&mut random);
         let (mesh, place, solid) = block(&mut random, pitch);
         let grid = solid.grid;
-        let bodies = CheckBodies { part: &solid, fixtures: &[], surfaces: &[&mesh], machine: None };
+        let bodies =
+            CheckBodies { part: &solid, by_centres: None, fixtures: &[], surfaces: &[&mesh], machine: None };
         let settings = CheckSettings { contact: 0.2, ..CheckSettings::of_pitch(pitch, LengthUnit::Mm) };
         let points = points_at_pitch(&mesh, pitch).0;
         let (cutter, exposed) = tool.cutter().unwrap();
@@ -248,7 +281,7 @@ fn no_pose_of_a_motion_is_skipped_at_which_the_cutter_holds_a_point_of_the_surfa
         let bodies = Hit::new(mesh, solid, is_part);
         let mut hit = Body::all(&bodies.part, &bodies.fixtures);
         hit.iter_mut().zip(&bodies.meshes).for_each(|(body, mesh)| *body = body.with_surface_of(mesh).0);
-        let elements = Elements::new(&hit, tool, &settings).unwrap();
+        let elements = Elements::new(&hit, &hit[0], tool, &settings).unwrap();
         for _ in 0..40 {
             let mut way = || 2.0 * number(&mut random) - 1.0;
             let mut pose = || {

@@ -131,7 +131,7 @@ impl DeepestCentre {
         pose: &Pose,
     ) -> Collision {
         let centre = || DVec3::from_array(grid.voxel(self.voxel).map(|v| v as f64));
-        let contact = grid.origin + (self.point.unwrap_or_else(centre) + 0.5) * grid.pitch;
+        let contact = grid.world(self.point.unwrap_or_else(centre));
         Collision {
             element: element.name.clone(),
             against: against.clone(),

@@ -45,8 +45,16 @@ impl Body {
     /// The same with points of its surface, and how far they are apart.
     pub(super) fn with_surface_of(&self, mesh: &Mesh) -> (Arc<Self>, f64) {
         let (voxels, against) = (self.voxels.clone(), self.against.clone());
-        let (with_points, apart) = voxels.clone().with_surfaces_of(&[mesh]);
+        let (with_points, apart) = voxels.clone().with_surface_of(mesh);
         (Arc::new(Self { voxels, with_points: Some(with_points), against, depths: OnceLock::new() }), apart)
+    }
+
+    /// The same with the points of another one's surface.
+    pub(super) fn with_points_of(&self, other: &Self) -> Arc<Self> {
+        let surfaces = other.with_points.as_ref().map_or(&[][..], SolidVoxels::surfaces);
+        let (voxels, against) = (self.voxels.clone(), self.against.clone());
+        let with_points = Some(voxels.clone().with_surfaces(surfaces));
+        Arc::new(Self { voxels, with_points, against, depths: OnceLock::new() })
     }
 
     /// The part, then the fixtures.
@@ -55,6 +63,11 @@ impl Body {
             |(name, voxels): &(String, V)| Self::new(voxels.clone(), HitBody::Fixture(name.clone()));
         let part = Self::new(part.clone(), HitBody::Part);
         std::iter::once(part).chain(fixtures.iter().map(fixture)).collect()
+    }
+
+    /// With points of its surface where they are known.
+    fn tool_voxels(&self) -> &SolidVoxels {
+        self.with_points.as_ref().unwrap_or(&self.voxels)
     }
 
     pub(super) fn grid(&self) -> &Grid {
@@ -91,8 +104,10 @@ pub(super) struct Group {
 pub(super) struct Elements(Vec<Group>);
 
 impl Elements {
+    /// `cut` is the part as the cutter meets it.
     pub(super) fn new(
         bodies: &[Arc<Body>],
+        cut: &Arc<Body>,
         tool: &Tool,
         settings: &CheckSettings,
     ) -> Result<Self, CheckError> {
@@ -105,7 +120,7 @@ impl Elements {
             |element: &Element| DepthElement::new(element.clone(), true, clearance.of(element.kind));
         let mut wanted = Vec::new();
         for body in bodies {
-            let voxels = body.with_points.as_ref().unwrap_or(&body.voxels);
+            let voxels = body.tool_voxels();
             let mut stay_out = offset.clone();
             if body.against == HitBody::Part
                 && settings.contact > 0.0
@@ -116,14 +131,14 @@ impl Elements {
                 let deep = cutter.eroded(settings.contact, exposed).filter(is_seen).ok_or_else(|| {
                     CheckError::Contact { tool: tool.name.clone(), contact: settings.contact }
                 })?;
-                let deep = SolidField::of_elements(voxels.clone(), &[deep]);
-                wanted.push((body, deep, vec![DepthElement::new(cutter, exposed, 0.0)]));
+                let deep = SolidField::of_elements(cut.tool_voxels().clone(), &[deep]);
+                wanted.push((cut, deep, vec![DepthElement::new(cutter, exposed, 0.0)]));
                 stay_out.retain(|element| element.kind != ElementKind::Cutter);
             }
             let rest: Vec<DepthElement> = stay_out.iter().map(measured).collect();
             if !rest.is_empty() {
                 let field = SolidField::of_elements(voxels.clone(), &stay_out);
-                wanted.push((body, field.map(|field| field.touching(&stay_out, settings.contact)), rest));
+                wanted.push((body, field.map(|field| field.touching(&stay_out, |_| settings.contact)), rest));
             }
         }
         let mut groups = Vec::new();

@@ -202,7 +202,7 @@ fn check_path(
     path: &Toolpath,
     settings: &CheckSettings,
 ) -> Result<CheckReport, CheckError> {
-    let bodies = CheckBodies { part, fixtures: &[], surfaces: &[], machine: Some(bodies) };
+    let bodies = CheckBodies { part, by_centres: None, fixtures: &[], surfaces: &[], machine: Some(bodies) };
     check_toolpath(bodies, &[(None, &tool())], path, settings, Control::quiet())
 }
 

@@ -44,7 +44,7 @@ fn check_text(
     text: &str,
     settings: &CheckSettings,
 ) -> Result<CheckReport, CheckError> {
-    let bodies = CheckBodies { part, fixtures: &[], surfaces: &[], machine: None };
+    let bodies = CheckBodies { part, by_centres: None, fixtures: &[], surfaces: &[], machine: None };
     let path = Toolpath::parse(text, LengthUnit::Mm, "path").unwrap();
     check_toolpath(bodies, &[(None, tool)], &path, settings, Control::quiet())
 }

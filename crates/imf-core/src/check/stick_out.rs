@@ -1,7 +1,7 @@
 //! The minimum stick-out with which a tool's shank and holder are free on a whole path.
 //!
 //! The path is followed at poses as close together as for a check, and shank and holder are offset by half of what moves between
-//! two of them, beside their clearance: what holds no voxel centre then holds none at any time.
+//! two of them, beside their clearance: what holds no voxel centre and no point of a surface then holds none at any time.
 
 use std::sync::Arc;
 
@@ -46,8 +46,8 @@ pub struct PathStickOut {
 const AHEAD: f64 = 1.25;
 
 /// For each tool that the path uses the minimum stick-out with which shank and holder, with their clearance, are free
-/// of `obstacle` on the whole path, also between the sampled poses; the holder is free of points of `surfaces` too, the meshes of
-/// part and fixtures. The cutter is not checked, nor are a machine's head, table and travel. One unit of progress is one location.
+/// of `obstacle` on the whole path, also between the sampled poses, and of points of `surfaces`, the meshes of part and fixtures, but for
+/// what a shank touches. The cutter is not checked, nor are a machine's head, table and travel. One unit of progress is one location.
 ///
 /// # Errors
 /// As of [`check_toolpath`](super::check_toolpath); a tool without a holder; a path on which the tip moves with the tool's length.
@@ -74,7 +74,9 @@ pub fn shortest_stick_outs(
     let grid = obstacle.grid;
     let mut environment = CollisionEnvironment::new(&obstacle.clone().into(), &[]);
     if settings.contact > 0.0 {
-        environment = environment.with_surfaces_around_holder(surfaces);
+        let mut all = Mesh::default();
+        surfaces.iter().for_each(|mesh| all.append(mesh));
+        environment = environment.with_surfaces(&[&all]);
     }
     let Clearance { holder, shank, cutter } = settings.clearance;
     let between = 0.5 * settings.step;
@@ -89,8 +91,11 @@ pub fn shortest_stick_outs(
         if own.is_empty() && left_out.is_empty() {
             continue;
         }
+        let touching = default_tolerance(grid.pitch, tool.unit);
+        let touching = if settings.contact > 0.0 { touching.min(settings.contact) } else { touching };
+        // What is added for what lies between two poses may lie in a wall that the shank touches.
         let prepared =
-            StickOutTool::new(&environment, &tool.offset(&room)?, default_tolerance(grid.pitch, tool.unit))?;
+            StickOutTool::with_contact(&environment, &tool.offset(&room)?, touching, touching + between)?;
         let mut search = Search { tool: &prepared, length: prepared.shortest(), line: None };
         let lines = |motion: usize| toolpath.locations[motion].line;
         // A tool that sticks out farther moves farther between two poses.
@@ -266,6 +271,11 @@ mod tests {
         let block = Mesh::cuboid(DVec3::new(14.0, -20.0, -4.0), DVec3::new(26.0, 20.0, 30.0));
         let by_centres = found(ALONG, None, &usual).minimum.unwrap();
         let minimum = found_among(&[&plate, &block], ALONG, None, &usual).minimum.unwrap();
+        // A shank as wide as its cutter rubs along the wall with it.
+        let along_the_wall = "x,y,z\n11,0,60\n11,0,5\n11,5,5\n11,5,60\n";
+        let rubbing = found_among(&[&plate, &block], along_the_wall, None, &usual).minimum.unwrap();
+        let needed = 30.0 - 5.0 + 0.5 * usual.step;
+        assert!((needed..needed + 0.01).contains(&rubbing), "{rubbing}");
         // From the lowest tip beside the wall to its top, and half a step.
         let needed = 30.0 - 8.3 + 0.5 * usual.step;
         assert!(

@@ -46,7 +46,8 @@ fn check_with(
     settings: &CheckSettings,
 ) -> Result<CheckReport, CheckError> {
     let fixtures: Vec<_> = fixture.map(|post| ("post".to_owned(), post.clone())).into_iter().collect();
-    let bodies = CheckBodies { part: &block(), fixtures: &fixtures, surfaces: &[], machine: None };
+    let bodies =
+        CheckBodies { part: &block(), fixtures: &fixtures, surfaces: &[], machine: None, by_centres: None };
     check_toolpath(bodies, &[(None, &Tool::paper())], &path(text), settings, Control::quiet())
 }
 
@@ -97,7 +98,7 @@ fn a_cutter_that_goes_too_deep_collides_as_deep_as_it_goes() {
 #[test]
 fn a_wall_of_two_voxels_is_not_cut_through_unseen() {
     let wall = solid_within(DVec3::new(-20.0, 4.0, 0.0), DVec3::new(20.0, 6.0, 20.0));
-    let bodies = CheckBodies { part: &wall, fixtures: &[], surfaces: &[], machine: None };
+    let bodies = CheckBodies { part: &wall, by_centres: None, fixtures: &[], surfaces: &[], machine: None };
     let tool = Tool::paper();
     let path = path("0,-10,10\n0,20,10\n");
     let report = check_toolpath(bodies, &[(None, &tool)], &path, &usual(), Control::quiet()).unwrap();
@@ -128,7 +129,7 @@ fn each_stretch_is_checked_with_its_own_tool() {
     elements[1].profile[0] = Segment::cylinder(10.0, 58.0, 14.5);
     let short = Tool { name: "short".into(), shape: ToolShape::Revolved(elements), ..short };
     let block = block();
-    let bodies = CheckBodies { part: &block, fixtures: &[], surfaces: &[], machine: None };
+    let bodies = CheckBodies { part: &block, by_centres: None, fixtures: &[], surfaces: &[], machine: None };
     let run = |text: &str, tools: &[(Option<u32>, &Tool)]| {
         let path = Toolpath::parse(text, LengthUnit::Mm, "path").unwrap();
         check_toolpath(bodies, tools, &path, &usual(), Control::quiet())
@@ -262,7 +263,8 @@ fn the_mesh_itself_is_safe_between_poses_only_with_half_the_step_more() {
     let grid = Grid { origin: DVec3::splat(-3.0), pitch: 1.0, dims: [7; 3] };
     let mut part = Occupancy::empty(grid);
     part.solid[grid.index([3; 3])] = 1;
-    let (bodies, step) = (CheckBodies { part: &part, fixtures: &[], surfaces: &[], machine: None }, 1.0);
+    let (bodies, step) =
+        (CheckBodies { part: &part, by_centres: None, fixtures: &[], surfaces: &[], machine: None }, 1.0);
     let (out, centre, vertex) = (DVec3::ONE.normalize(), DVec3::splat(0.5), DVec3::ONE);
     let across = out.any_orthonormal_vector();
     let guarantee = |room: f64| {

@@ -48,8 +48,8 @@ pub(crate) struct SolidField {
     /// The tool's, for messages.
     name: String,
     shape: Shape,
-    /// The shape as elements, and how deep in them points of the surface may lie.
-    touching: Option<(Vec<Element>, f64)>,
+    /// The shape as elements, each with how deep in it points of surfaces may lie.
+    touching: Option<Vec<(Element, f64)>>,
     /// Largest distance of any of the tool's points from its tip.
     reach: f64,
     arch: Arch,
@@ -143,10 +143,11 @@ impl SolidField {
         Some(Self::new(voxels, "elements", shape, reach))
     }
 
-    /// The same, which may hold points of the obstacle's surface as deep as `contact`: what touches it does, by rounding. The elements
-    /// are those that the field was made of, each with its upper end.
-    pub(crate) fn touching(self, elements: &[Element], contact: f64) -> Self {
-        Self { touching: Some((elements.to_vec(), contact)), ..self }
+    /// The same, whose elements, those that the field was made of, may hold points of surfaces as deep as `contact` says: what touches a
+    /// surface does, by rounding.
+    pub(crate) fn touching(self, elements: &[Element], contact: impl Fn(&Element) -> f64) -> Self {
+        let touching = elements.iter().map(|element| (element.clone(), contact(element))).collect();
+        Self { touching: Some(touching), ..self }
     }
 
     fn new(voxels: SolidVoxels, name: &str, shape: Shape, reach: f64) -> Self {
@@ -263,22 +264,29 @@ impl SolidField {
             Shape::Bodies(bodies) => {
                 let pieces = self.spheres(bodies).roots();
                 let placed = self.voxel_pose(tip, axis);
-                // How deep what collided last may lie depends on what it is.
-                let last = if self.touching.is_some() { None } else { last };
-                if let Some(points) = self.voxels.surface() {
-                    if last.as_ref().is_some_and(|last| last.is_some_and(|point| self.holds(placed, point))) {
+                let mut found = last.as_ref().and_then(|last| **last);
+                if !self.voxels.surfaces().is_empty() {
+                    // A known centre that is no deeper than a point may be is searched for anew.
+                    let counts = |point| (0..bodies.len()).any(|body| self.holds_point(body, placed, point));
+                    if found.take().is_some_and(counts) {
                         return true;
                     }
-                    let any = &Cell::new(0.0);
-                    let counts = |point| (0..bodies.len()).any(|body| self.holds_point(body, placed, point));
-                    if let Some(held) = self.points_in(points, placed, known.stays_in, any, counts) {
+                    if let Some(held) =
+                        self.first_point(placed, known.stays_in, |body| self.contact(body), counts)
+                    {
                         if let Some(last) = last {
                             *last = Some(held);
                         }
                         return true;
                     }
                 }
-                self.bodies_collide(bodies, placed, known.free_ball, pieces, |_| Lines::ALL, last)
+                let wanted = last.is_some().then_some(&mut found);
+                let collides =
+                    self.bodies_collide(bodies, placed, known.free_ball, pieces, |_| Lines::ALL, wanted);
+                if let Some(last) = last {
+                    *last = found.or(*last);
+                }
+                collides
             }
             Shape::Definition(tool, oriented) => {
                 self.definition_count(tool, oriented, &Pose::along(tip, axis)) > 0

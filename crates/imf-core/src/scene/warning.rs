@@ -93,8 +93,8 @@ pub enum SceneWarning {
     /// An element that is wider than the cutter, by less than a voxel.
     #[error(
         "the {element} of the tool '{tool}', with its clearance, is {} {unit} a side wider than the cutter, which voxels of {} {unit} see \
-         at some walls and not at others: what it hits, and keeps from being reached, may be far off; choose a pitch of at most {}, or \
-         conservative voxels",
+         at some walls and not at others: sections, space and stock, which know no points of surfaces, may be far off; choose a pitch of at \
+         most {}, or conservative voxels",
         DisplayLength(*.step), DisplayLength(*.pitch), DisplayLength(*.step)
     )]
     Step {

@@ -30,16 +30,14 @@ pub fn direct_cmf(
     let rotated = ToolVoxels::new(tool, orientation, obstacle.grid.pitch)?;
     let sharp_points = tool.sharp_point_positions(obstacle.grid.pitch);
     let at = DVec3::from_array(voxel.map(|v| v as f64));
-    Ok(minimum_mean(obstacle, &rotated, None, &sharp_points, orientation, at))
+    Ok(minimum_mean(obstacle, &rotated, &sharp_points, orientation, at))
 }
 
 /// The minimum over sharp points of the trilinear means of direct sums around `x − R k`, over the rotated tool's own count.
-/// `layer` is what the cutter may enter with the rotated rest of the tool, where that holds a voxel centre. `at`, x, counts in
-/// voxels from the centre of the obstacle's first one, and may lie outside its grid.
+/// `at`, x, counts in voxels from the centre of the obstacle's first one, and may lie outside its grid.
 pub(crate) fn minimum_mean(
     forbidden: &Occupancy,
     rotated: &ToolVoxels,
-    layer: Option<(&Occupancy, &ToolVoxels)>,
     sharp_points: &[DVec3],
     orientation: &Orientation,
     at: DVec3,
@@ -49,8 +47,7 @@ pub(crate) fn minimum_mean(
     for &sharp in sharp_points {
         let mut mean = 0.0;
         for (position, weight) in around(at - rotation * sharp / pitch) {
-            let more = layer.map_or(0, |(voxels, rest)| direct_count(voxels, rest, position));
-            mean += weight * f64::from(direct_count(forbidden, rotated, position) + more);
+            mean += weight * f64::from(direct_count(forbidden, rotated, position));
         }
         minimum = minimum.min(mean / f64::from(rotated.count));
     }

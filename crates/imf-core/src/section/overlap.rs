@@ -286,7 +286,7 @@ pub(crate) fn cuttable_and_noncutting<'a>(
 }
 
 /// A tool in an orientation; `None` where it is too thin to hold a voxel centre.
-pub(crate) fn rotated_if_thick(
+fn rotated_if_thick(
     tool: &Tool,
     orientation: &Orientation,
     pitch: f64,

@@ -50,7 +50,7 @@ impl Part {
     pub(super) fn on(grid: &Grid, mesh: &Mesh, samples: usize) -> Self {
         let solid = Arc::new(voxelize(mesh, grid, false));
         let samples = SurfaceSamples::new(mesh, &solid, samples).samples;
-        let environment = CollisionEnvironment::new(&solid.into(), &[]).with_surface(mesh);
+        let environment = CollisionEnvironment::new(&solid.into(), &[]).with_surfaces(&[mesh]);
         Self { samples, environment, pitch: grid.pitch }
     }
 

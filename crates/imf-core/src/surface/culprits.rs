@@ -32,15 +32,17 @@ pub struct MinimumOverlap {
     pub voxels: u32,
     /// Number of those that obstruct the cutter.
     pub of_cutter: u32,
-    /// Number of points of the part's surface in the cutter, where it holds no voxel; 0 where it does.
+    /// Number of points of surfaces in the pieces of the tool that hold no voxel.
     pub surface: u32,
+    /// True where the cutter holds neither voxels of the part nor points of its surface.
+    pub cutter_fits: bool,
 }
 
 impl MinimumOverlap {
     /// Less is nearer to being reached.
     #[must_use]
     pub fn key(&self) -> (bool, u32, u32) {
-        (self.of_cutter > 0 || self.surface > 0, self.voxels, self.surface)
+        (!self.cutter_fits, self.voxels, self.surface)
     }
 }
 
@@ -51,8 +53,7 @@ pub struct ElementCollision {
     pub kind: ElementKind,
     /// 0 the part, then the fixtures.
     pub body: usize,
-    /// Solid voxels whose centres are in it; of the cutter those deeper than the tolerance, 0 where it holds points of the part's
-    /// surface alone.
+    /// Solid voxels whose centres are in it; of the cutter those deeper than the tolerance, 0 where it holds points of the surface alone.
     pub voxels: u32,
     /// How deep below its surface the deepest of these centres and points lies.
     pub depth: f64,
@@ -81,20 +82,28 @@ const AROUND: u32 = 8;
 const CHUNK: usize = 16;
 
 impl SurfaceTool {
-    /// Solid voxels that obstruct all of the tool, and its cutter among the part; where these are none, points of the surface in
-    /// it.
-    fn overlap(&self, pose: &Pose) -> [u32; 3] {
-        let count = |piece: &SolidField| piece.count(pose).unwrap_or(u32::MAX);
+    /// What obstructs the tool at a pose.
+    fn overlap(&self, direction: u32, pose: Pose) -> MinimumOverlap {
+        // Voxels, or else points of surfaces.
+        let count = |piece: &SolidField| {
+            let (voxels, surface) = (piece.count(&pose).unwrap_or(u32::MAX), Cell::new(0));
+            if voxels == 0 {
+                piece.visit_surface(&pose, |_, _, _, _| surface.set(surface.get() + 1));
+            }
+            (voxels, surface.get())
+        };
         match &*self.shape {
-            Shape::Mesh { whole, .. } => [count(whole), 0, 0],
+            Shape::Mesh { whole, .. } => {
+                let (voxels, surface) = count(whole);
+                MinimumOverlap { direction, pose, voxels, of_cutter: 0, surface, cutter_fits: true }
+            }
             Shape::Revolved(tool) => {
-                let of_cutter = count(&tool.cutter);
+                let cutter = count(&tool.cutter);
                 let others = tool.held.iter().chain(&tool.rest).map(count);
-                let surface = Cell::new(0);
-                if of_cutter == 0 {
-                    tool.cutter.visit_surface(pose, |_, _, _, _| surface.set(surface.get() + 1));
-                }
-                [others.fold(of_cutter, u32::saturating_add), of_cutter, surface.get()]
+                let (voxels, surface) =
+                    others.fold(cutter, |a, b| (a.0.saturating_add(b.0), a.1.saturating_add(b.1)));
+                let cutter_fits = cutter == (0, 0);
+                MinimumOverlap { direction, pose, voxels, of_cutter: cutter.0, surface, cutter_fits }
             }
         }
     }
@@ -133,9 +142,7 @@ impl SurfaceTool {
         let mut least: Option<MinimumOverlap> = None;
         for (direction, turn) in turns.iter().enumerate() {
             self.contact_tips(sample, turn, |tip| {
-                let pose = Pose::new(tip, turn.rotation);
-                let [voxels, of_cutter, surface] = self.overlap(&pose);
-                let here = MinimumOverlap { direction: direction as u32, pose, voxels, of_cutter, surface };
+                let here = self.overlap(direction as u32, Pose::new(tip, turn.rotation));
                 if least.is_none_or(|before| here.key() < before.key()) {
                     least = Some(here);
                 }
@@ -276,9 +283,9 @@ mod tests {
         let obstruction = |solid: &Occupancy| -> f64 {
             let environment = CollisionEnvironment::new(&Arc::new(solid.clone()).into(), &[]);
             let tool = SurfaceTool::new(&environment, &short().into(), 0.1).unwrap();
-            poses.iter().map(|(area, at)| area * f64::from(tool.overlap(&at.pose)[0])).sum()
+            poses.iter().map(|(area, at)| area * f64::from(tool.overlap(0, at.pose).voxels)).sum()
         };
-        assert!(poses.iter().all(|(_, at)| at.voxels > 0));
+        assert!(poses.iter().all(|(_, at)| at.voxels > 0 || at.surface > 0));
         let (grid, blame) = culprits(&tool_here, &poses, no).unwrap().unwrap();
         assert_eq!(grid, solid.grid);
         let whole = obstruction(&solid);
@@ -302,14 +309,16 @@ mod tests {
         assert_eq!(found.iter().map(|hit| hit.voxels).sum::<u32>(), poses[0].1.voxels);
         let blamed = |hit: &ElementCollision| hit.kind != ElementKind::Cutter && hit.body == 0;
         assert!(found.iter().all(blamed), "{found:?}");
-        // As deep as the deepest centre, by trying all, and slim enough when its radius is that much less.
+        // As deep as the deepest centre or point, by trying all, and slim enough when its radius is that much less.
         let ToolShape::Revolved(elements) = short().shape else { panic!() };
         for hit in &found {
             let element = elements.iter().find(|e| e.kind == hit.kind).unwrap();
             let pose = poses[0].1.pose;
             let axis = pose.axis().unwrap();
-            let inside = (0..grid.len()).filter(|&v| solid.solid[v] != 0).filter_map(|voxel| {
-                let offset = grid.centre(grid.voxel(voxel)) - pose.position;
+            let centres =
+                (0..grid.len()).filter(|&v| solid.solid[v] != 0).map(|v| grid.centre(grid.voxel(v)));
+            let inside = centres.chain(part.environment.keep_out.points()).filter_map(|place| {
+                let offset = place - pose.position;
                 let height = offset.dot(axis);
                 let radius = (offset - axis * height).length();
                 let segment =

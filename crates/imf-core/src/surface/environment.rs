@@ -2,11 +2,12 @@
 
 use std::sync::Arc;
 
-use crate::field::solid::SolidVoxels;
+use crate::field::solid::{SolidField, SolidVoxels};
 use crate::grid::Grid;
 use crate::mesh::Mesh;
 use crate::occupancy::Occupancy;
 use crate::scene::{Bodies, Resolution, SceneError, SceneSpec};
+use crate::tool::{Element, ElementKind, Tool, ToolShape};
 use crate::voxelize::voxelize_with;
 
 /// A part, as two sets of voxels on one grid.
@@ -25,6 +26,11 @@ impl From<Arc<Occupancy>> for SolidBody {
     }
 }
 
+/// How deep points of surfaces may lie in an element above the cutter.
+pub(super) fn contact(element: &Element, tolerance: f64) -> f64 {
+    if element.kind == ElementKind::Shank { tolerance } else { 0.0 }
+}
+
 /// A part and its fixtures on one grid, prepared for any number of tools.
 #[derive(Clone)]
 pub struct CollisionEnvironment {
@@ -36,8 +42,6 @@ pub struct CollisionEnvironment {
     pub(super) keep_out: SolidVoxels,
     /// The same body by body: the part, then each fixture.
     pub(super) bodies: Vec<SolidVoxels>,
-    /// As `keep_out`, for a holder that slides.
-    pub(super) around_holder: SolidVoxels,
     points_apart: f64,
 }
 
@@ -66,29 +70,34 @@ impl CollisionEnvironment {
         Self {
             part: centres,
             fixtures: held.then(|| union(&mut fixtures.iter())),
-            around_holder: keep_out.clone(),
             keep_out,
             bodies,
             points_apart: f64::INFINITY,
         }
     }
 
-    /// The same with points of the part's surface, which a cutter that touches it must not hold either: between the centres of
-    /// voxels it would cut up to a voxel deep. `part` is the mesh in the grid's coordinates.
+    /// The same with points of the surfaces, which a tool must not hold either: between the centres of voxels it would reach up to a voxel
+    /// deep. The meshes are the part's and then those of the fixtures, in the grid's coordinates.
+    ///
+    /// # Panics
+    /// If there are not as many meshes as bodies.
     #[must_use]
-    pub fn with_surface(self, part: &Mesh) -> Self {
-        let (part, points_apart) = self.part.with_surfaces_of(&[part]);
-        Self { part, points_apart, ..self }
+    pub fn with_surfaces(self, meshes: &[&Mesh]) -> Self {
+        assert_eq!(meshes.len(), self.bodies.len(), "one mesh for each body");
+        let of = |(body, mesh): (SolidVoxels, &&Mesh)| body.with_surface_of(mesh);
+        let (bodies, apart): (Vec<SolidVoxels>, Vec<f64>) =
+            self.bodies.into_iter().zip(meshes).map(of).unzip();
+        let all: Vec<_> = bodies.iter().flat_map(|body| body.surfaces().iter().cloned()).collect();
+        Self {
+            part: self.part.with_surfaces(&all[..1]),
+            fixtures: self.fixtures.map(|fixtures| fixtures.with_surfaces(&all[1..])),
+            keep_out: self.keep_out.with_surfaces(&all),
+            points_apart: apart.into_iter().fold(0.0, f64::max),
+            bodies,
+        }
     }
 
-    /// The same where a holder that slides must not hold points of some surfaces either, those of part and fixtures in the grid's
-    /// coordinates.
-    pub(crate) fn with_surfaces_around_holder(self, meshes: &[&Mesh]) -> Self {
-        let (around_holder, _) = self.around_holder.with_surfaces_of(meshes);
-        Self { around_holder, ..self }
-    }
-
-    /// How far points of the part's surface are apart, in the grid's unit; infinite where there are none.
+    /// How far points of the surfaces are apart at the most, in the grid's unit; infinite where there are none.
     #[must_use]
     pub fn points_apart(&self) -> f64 {
         self.points_apart
@@ -104,14 +113,25 @@ impl CollisionEnvironment {
         let on_grid =
             |voxels: &Occupancy| Arc::new(voxels.on(grid).unwrap_or_else(|| Occupancy::empty(*grid)));
         let keep_out = on_grid(&bodies.part);
-        let mesh = spec.mesh.transformed(&spec.transform);
         let centres = if spec.conservative {
+            let mesh = spec.mesh.transformed(&spec.transform);
             Arc::new(voxelize_with(&mesh, grid, false, spec.control)?.solid)
         } else {
             keep_out.clone()
         };
         let fixtures: Vec<_> = bodies.fixtures.iter().map(|(_, voxels)| on_grid(voxels)).collect();
-        Ok(Self::new(&SolidBody { centres, keep_out }, &fixtures).with_surface(&mesh))
+        let placed = spec.placed();
+        let meshes: Vec<&Mesh> = placed.iter().collect();
+        Ok(Self::new(&SolidBody { centres, keep_out }, &fixtures).with_surfaces(&meshes))
+    }
+
+    /// Shank and holder among everything: a shank may be as wide as its cutter, and touches what that does.
+    pub(super) fn rest_field(&self, tool: &Tool, tolerance: f64) -> SolidField {
+        let field = SolidField::of_tool(self.keep_out.clone(), tool);
+        match &tool.shape {
+            ToolShape::Revolved(elements) => field.touching(elements, |element| contact(element, tolerance)),
+            ToolShape::Mesh(_) => field,
+        }
     }
 
     /// The part by the rule of voxel centres.

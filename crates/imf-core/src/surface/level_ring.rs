@@ -31,7 +31,7 @@ struct RingPlace {
     blocker: Option<Option<Blocker>>,
 }
 
-/// A solid centre, or a point of the part's surface, in the tool.
+/// A solid centre, or a point of a surface, in the tool.
 #[derive(Clone, Copy)]
 struct Blocker {
     /// In the cutter among the part, in the cutter among the fixtures, or in shank and holder.
@@ -77,12 +77,26 @@ impl SampleQuery<'_> {
         let solids = [Some(&tool.cutter), tool.held.as_ref(), rest];
         let blocker = |of: Range<usize>, offset: DVec3| {
             let pose = Pose::new(middle + offset, turn.rotation);
-            let blocker = |solid: usize| {
+            let centre = |solid: usize| {
                 let (voxel, step) = solids[solid]?.lateral_separation(&pose)?;
                 Some(Blocker { solid, voxel, step })
             };
-            let surface = of.contains(&0).then(|| surface_blocker(tool, pose.position, turn.axis)).flatten();
-            of.filter_map(blocker).chain(surface).max_by(Blocker::order)
+            // The deepest point of a surface.
+            let point = |solid: usize| {
+                let of = solids[solid]?;
+                let voxel = match solid {
+                    0 => tool.deepest_surface_point(pose.position, turn.axis, f64::INFINITY),
+                    _ => of.deepest_held_point(pose.position, turn.axis),
+                }?;
+                let step = of.lateral_separation_from(pose.position, turn.axis, voxel)?;
+                Some(Blocker { solid, voxel, step })
+            };
+            // Of shank and holder, which may hold many, where they hold no centre.
+            let both = |solid| match (centre(solid), solid) {
+                (found @ Some(_), 1..) => [found, None],
+                (found, _) => [found, point(solid)],
+            };
+            of.flat_map(both).flatten().max_by(Blocker::order)
         };
         let of_cutter = 0..2;
         let mut starts: Vec<(DVec3, Blocker)> = Vec::new();
@@ -133,12 +147,6 @@ impl SampleQuery<'_> {
         }
         best
     }
-}
-
-/// The point of the part's surface that is deepest in the cutter.
-fn surface_blocker(tool: &Revolved, tip: DVec3, axis: DVec3) -> Option<Blocker> {
-    let voxel = tool.deepest_surface_point(tip, axis, f64::INFINITY)?;
-    Some(Blocker { solid: 0, voxel, step: tool.cutter.lateral_separation_from(tip, axis, voxel)? })
 }
 
 /// Where the search on a ring between two radii begins.

@@ -141,7 +141,7 @@ struct Level {
 pub(super) type CellQueue = Vec<(u32, u32, f64)>;
 
 impl Skyline {
-    /// Of voxel centres, seen along the unit vector `axis` from tip to holder.
+    /// Of points, seen along the unit vector `axis` from tip to holder.
     pub(super) fn new(centres: &[DVec3], pitch: f64, axis: DVec3) -> Self {
         let (u, v) = axis.any_orthonormal_pair();
         let seen: Vec<[f64; 3]> = centres.iter().map(|c| [c.dot(u), c.dot(v), c.dot(axis)]).collect();

@@ -2,8 +2,8 @@
 //!
 //! The cutter and the part of the shank that is always outside the holder are checked at contact poses as for a fixed
 //! tool. If they are free, the holder is raised along the shank until it is free (one skyline query, no search), and
-//! the bared shank is checked. Each result is verified by an exact count: the tool set to that length holds no voxel
-//! centre that it must avoid. What stands above the end of the holder's outline is ignored, so a longer stick-out
+//! the bared shank is checked. Each result is verified: the tool set to that length holds neither a voxel centre nor a point of a surface
+//! that it must avoid. What stands above the end of the holder's outline is ignored, so a longer stick-out
 //! than the minimum may collide again: a groove of the holder may be where something protrudes.
 
 use std::sync::Arc;
@@ -22,7 +22,7 @@ use crate::pose::Pose;
 use crate::tool::{Assembly, Element, ElementKind, ToolShape};
 
 /// Directions that are seen at once: their skylines are held together.
-const DIRECTIONS: usize = 16;
+const DIRECTIONS: usize = 4;
 /// Samples that one thread takes at once.
 const CHUNK: usize = 64;
 /// The shortest piece of bared shank that is checked, in pitches: stick-outs that bare less are rounded up to it.
@@ -88,7 +88,7 @@ pub struct StickOutTool {
     longest: f64,
     given: f64,
     pitch: f64,
-    /// Of what shank and holder must stay out of.
+    /// Of what shank and holder must stay out of: centres of voxels, and points of surfaces.
     boundary: Vec<DVec3>,
 }
 
@@ -102,6 +102,16 @@ impl StickOutTool {
         assembly: &Assembly,
         tolerance: f64,
     ) -> Result<Self, SurfaceError> {
+        Self::with_contact(environment, assembly, tolerance, tolerance)
+    }
+
+    /// The same where points of surfaces may lie as deep in the shank as `contact`.
+    pub(crate) fn with_contact(
+        environment: &CollisionEnvironment,
+        assembly: &Assembly,
+        tolerance: f64,
+        contact: f64,
+    ) -> Result<Self, SurfaceError> {
         let (given, clearance) = (assembly.tool(), assembly.clearance());
         let no_holder = || SurfaceError::NoHolder(given.name.clone());
         let mut tool = SurfaceTool::new(environment, assembly, tolerance)?;
@@ -111,8 +121,7 @@ impl StickOutTool {
         let fixed = given.with_stick_out(shortest).ok_or_else(no_holder)?.without_holder();
         let fixed = fixed.offset(clearance)?;
         let as_set = revolved.rest.take().ok_or_else(no_holder)?;
-        revolved.rest =
-            fixed.noncutting().map(|shank| SolidField::of_tool(environment.keep_out.clone(), shank));
+        revolved.rest = fixed.noncutting().map(|shank| environment.rest_field(shank, contact));
         let holder = given.holder().ok_or_else(no_holder)?.with_clearance(clearance)?;
         let ToolShape::Revolved(elements) = &holder.shape else { return Err(no_holder()) };
         let outline = elements.iter().flat_map(|element| element.profile.iter().copied());
@@ -124,17 +133,18 @@ impl StickOutTool {
         let bared = (0..=pieces).map(|piece| {
             let profile = given.extension(0.0, PIECE * pitch * f64::from(piece).exp2()).into_iter().collect();
             let piece = Element { kind: ElementKind::Shank, profile }.offset(clearance.shank);
-            SolidField::of_elements(environment.keep_out.clone(), &[piece])
+            let field = SolidField::of_elements(environment.keep_out.clone(), std::slice::from_ref(&piece))?;
+            Some(field.touching(&[piece], |_| contact))
         });
         Ok(Self {
             holder: Body::new(outline).ok_or_else(no_holder)?,
-            at_holder: SolidField::of_tool(environment.around_holder.clone(), &holder),
+            at_holder: environment.rest_field(&holder, contact),
             bared: bared.collect::<Option<_>>().ok_or_else(no_holder)?,
             shortest,
             longest: given.overall_length.unwrap_or(f64::INFINITY),
             given: given.stick_out().ok_or_else(no_holder)?,
             pitch,
-            boundary: boundary(solid),
+            boundary: [boundary(solid), environment.keep_out.points()].concat(),
             tool,
             as_set,
         })

@@ -1,5 +1,5 @@
-//! The fast contact path against its definition: at every contact pose every solid voxel centre, and every point of the part's surface,
-//! against every element.
+//! The fast contact path against its definition: at every contact pose every solid voxel centre, and every point of the surfaces, against
+//! every element.
 
 use std::sync::Arc;
 
@@ -57,8 +57,8 @@ fn centres(of: &Occupancy) -> Vec<DVec3> {
 /// Part and fixtures as points, and a tool as elements: what the fast path has prepared.
 struct Definition {
     bodies: Vec<Vec<DVec3>>,
-    /// Points of the part's surface, for the cutter.
-    surface: Vec<DVec3>,
+    /// Points of their surfaces.
+    surfaces: Vec<Vec<DVec3>>,
     outline: Outline,
     tolerance: f64,
     /// What lies deeper than the tolerance in the cutter.
@@ -71,22 +71,26 @@ struct Definition {
 }
 
 impl Definition {
-    fn any(&self, body: usize, element: &Element, tip: DVec3, axis: DVec3) -> bool {
-        self.holds(&self.bodies[body], element, tip, axis)
-    }
-
-    fn holds(&self, points: &[DVec3], element: &Element, tip: DVec3, axis: DVec3) -> bool {
-        let held = |&point: &DVec3| contains(&element.profile, axis, point - tip, self.slack);
-        points.iter().any(held)
+    /// Whether it holds a centre of the body, or a point of its surface, deeper than `contact` if that is given.
+    fn any(&self, body: usize, element: &Element, contact: Option<f64>, tip: DVec3, axis: DVec3) -> bool {
+        let held = |&&point: &&DVec3| contains(&element.profile, axis, point - tip, self.slack);
+        let deep = |point: &DVec3| {
+            let height = (point - tip).dot(axis);
+            let away = (point - tip - axis * height).length();
+            contact.is_none_or(|contact| element.depth(height, away, true) > contact)
+        };
+        self.bodies[body].iter().any(|centre| held(&centre))
+            || self.surfaces[body].iter().filter(held).any(deep)
     }
 
     /// What collides with what, from the tip upwards.
     fn hits(&self, tip: DVec3, axis: DVec3) -> Vec<(ElementKind, usize)> {
         let all = 0..self.bodies.len();
-        let cutter = all.clone().skip(1).filter(|&body| self.any(body, &self.at_fixtures, tip, axis));
+        let cutter = all.clone().skip(1).filter(|&body| self.any(body, &self.at_fixtures, None, tip, axis));
         let mut hits: Vec<_> = cutter.map(|body| (ElementKind::Cutter, body)).collect();
         for element in &self.rest {
-            let bodies = all.clone().filter(|&body| self.any(body, element, tip, axis));
+            let contact = if element.kind == ElementKind::Shank { self.tolerance } else { 0.0 };
+            let bodies = all.clone().filter(|&body| self.any(body, element, Some(contact), tip, axis));
             hits.extend(bodies.map(|body| (element.kind, body)));
         }
         hits
@@ -104,7 +108,7 @@ impl Definition {
             let contact::Touch::Point { height, radius } = touch else { return None };
             let at = |tip: DVec3| {
                 let cutter = &self.cutter;
-                if self.any(0, cutter, tip, axis) || self.holds(&self.surface, cutter, tip, axis) {
+                if self.any(0, cutter, None, tip, axis) {
                     return (Outcome::Gouged, Vec::new());
                 }
                 match self.hits(tip, axis) {
@@ -158,7 +162,7 @@ fn verdicts_are_those_of_every_voxel_against_every_element() {
         let offset = tool.offset_elements(&clearance).unwrap();
         let definition = Definition {
             bodies: solids.iter().map(|solid| centres(solid)).collect(),
-            surface: points_at_pitch(&part, pitch).0,
+            surfaces: [&part, &clamp].map(|mesh| points_at_pitch(mesh, pitch).0).to_vec(),
             outline,
             tolerance,
             cutter: at(tolerance),
@@ -167,7 +171,7 @@ fn verdicts_are_those_of_every_voxel_against_every_element() {
             slack: crate::tool::SLACK * pitch * pitch,
         };
         let [body, fixture] = solids;
-        let environment = CollisionEnvironment::new(&body.into(), &[fixture]).with_surface(&part);
+        let environment = CollisionEnvironment::new(&body.into(), &[fixture]).with_surfaces(&[&part, &clamp]);
         let assembly = Tool::offset(tool, &clearance).unwrap();
         let fast = SurfaceTool::new(&environment, &assembly, tolerance).unwrap();
         let found = surface_access(&fast, &samples, &directions, Control::quiet()).unwrap();

@@ -245,8 +245,8 @@ class Scene:
     ) -> Access:
         """What of the part's surface the tool reaches, from which directions.
 
-        samples: the surface is cut into at least about so many. tolerance: how deep the cutter may cut below the surface, by default
-        0.05 mm, but no less than a tenth of the pitch and no more than a quarter of it.
+        samples: the surface is cut into at least about so many. tolerance: how deep the cutter may cut below the surface, and a shank
+        stand in it, by default 0.05 mm, but no less than a tenth of the pitch and no more than a quarter of it.
         """
         asked = None if directions is None else self._rolled(directions)
         count = whole("samples", samples, 1)

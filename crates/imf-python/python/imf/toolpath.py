@@ -41,7 +41,7 @@ class Collision:
     axis: NDArray[np.float64]
     """``(3,)``: the tool's axis there, from tip to holder."""
     contact: NDArray[np.float64]
-    """``(3,)``: the solid voxel's centre that is so deep."""
+    """``(3,)``: the solid voxel's centre, or the point of a surface, that is so deep."""
     joints: dict[str, Any] | None
     """Where a machine's axes stand there (``linear`` x, y, z; ``rotary`` in degrees), on a path that says so."""
     fraction: float

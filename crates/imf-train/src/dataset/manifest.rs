@@ -23,7 +23,7 @@ const FORMAT: &str = "imf-dataset";
 const VERSION: u32 = 1;
 const MANIFEST: &str = "manifest.json";
 /// Samples that a shard holds at most by default, unless one section has more: 8 bytes each.
-const SHARD_SAMPLES: u64 = 4_000_000;
+pub(super) const SHARD_SAMPLES: u64 = 4_000_000;
 
 /// Why a dataset cannot be made or read. Every message names the file.
 #[derive(Debug, Error)]
@@ -176,8 +176,7 @@ impl Manifest {
     ) -> Result<(Self, bool), DatasetError> {
         create_folder(folder)?;
         let per_section = scene.record.grid.len() as f64 * sampling.density;
-        let most = layout.shard_samples.unwrap_or(SHARD_SAMPLES) as f64 / per_section;
-        let sections_per_shard = (most as usize).clamp(1, set.len().max(1));
+        let sections_per_shard = layout.sections_per_shard(per_section, set.len());
         let fresh = Self {
             format: FORMAT.into(),
             version: VERSION,

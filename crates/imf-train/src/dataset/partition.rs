@@ -1,9 +1,13 @@
 //! How a dataset is cut up, and which shards a machine makes when several make it together.
 
 use std::fmt;
+use std::path::Path;
 use std::str::FromStr;
 
+use imf_fields::recipe::Sampling;
 use thiserror::Error;
+
+use super::manifest::{Manifest, SHARD_SAMPLES};
 
 /// How a dataset is cut up, and which part of it is made here.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -13,6 +17,26 @@ pub struct Layout {
     pub shard_samples: Option<u64>,
     /// The partition to make; `None` makes all of it.
     pub partition: Option<Partition>,
+}
+
+/// Bytes that a sample takes while its shard is written: itself, in the tables of the file, and in the file.
+const SAMPLE_BYTES: u64 = 24;
+
+impl Layout {
+    /// Memory of a shard of the dataset in a folder, or of a new one, of so many sections over a grid of so many voxels.
+    #[must_use]
+    pub fn shard_memory(&self, folder: &Path, voxels: usize, sampling: &Sampling, sections: usize) -> u64 {
+        let per_section = voxels as f64 * sampling.density;
+        let known = Manifest::read(folder).ok().map(|manifest| manifest.sections_per_shard);
+        let sections = known.unwrap_or_else(|| self.sections_per_shard(per_section, sections));
+        SAMPLE_BYTES * (per_section * sections as f64) as u64
+    }
+
+    /// Sections of a new shard.
+    pub(super) fn sections_per_shard(&self, per_section: f64, sections: usize) -> usize {
+        let most = self.shard_samples.unwrap_or(SHARD_SAMPLES) as f64 / per_section;
+        (most as usize).clamp(1, sections.max(1))
+    }
 }
 
 /// Share `index` (from 1) of `of`: every `of`-th shard.

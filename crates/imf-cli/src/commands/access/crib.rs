@@ -117,7 +117,7 @@ impl Crib {
         let grid = spec.obstacle_grid(&query, reach)?;
         let needed = 30 * grid.len() as u64
             + kept.len() as u64 * (200_000 + 8 * SAMPLES as u64)
-            + points_memory_estimate(&mesh, grid.pitch);
+            + spec.placed().iter().map(|mesh| points_memory_estimate(mesh, grid.pitch)).sum::<u64>();
         session.require_memory(needed, || {
             format!("{} voxels and {} tools; use a larger --pitch", grid.len(), kept.len())
         })?;

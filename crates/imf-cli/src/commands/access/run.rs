@@ -328,11 +328,12 @@ fn needed(
     let fixtures = spec.fixtures.len() as u64;
     let each = if spec.conservative { 2 } else { 1 };
     let sets = each + fixtures + if fixtures > 0 { 2 } else { 0 };
-    // Its points, at twice the pitch too.
-    let part = spec.mesh.transformed(&spec.transform);
-    let points = [1.0, 2.0].map(|times| points_memory_estimate(&part, times * obstacle.pitch));
+    // Their points, at twice the pitch too, and as a holder that slides sees them from some directions.
+    let placed = spec.placed();
+    let of = |times: f64| placed.iter().map(move |mesh| points_memory_estimate(mesh, times * obstacle.pitch));
+    let points: u64 = [1.0, 1.0, 1.0, 1.0, 2.0].into_iter().flat_map(of).sum();
     let surface = (13 * sets + 10) * obstacle.len() as u64
-        + points.iter().sum::<u64>()
+        + points
         + SurfaceSettings::memory_estimate(orientations.len(), tools.len());
     let bodies = spec.fixture_voxels(obstacle)? + 4 * obstacle.len() as u64;
     Ok(most.max(surface) + bodies + results + stock)

@@ -20,7 +20,7 @@ use imf_core::surface::{
     surface_access, surface_memory_estimate,
 };
 
-use row::DirectionRow;
+use row::{DirectionRow, edge_between_points};
 pub(super) use row::{ObstructedRow, SurfaceRow, proof, resolved};
 pub(super) use setups::{SetupSettings, SetupsRow};
 pub(super) use shown::UnreachedPatch;
@@ -232,12 +232,16 @@ impl Surface {
         }
     }
 
+    /// How much deeper than said a holder's edge may stand in a surface; `None` where it does not.
+    pub(super) fn surface_nearer_by(&self, run: &AccessRun) -> Option<f64> {
+        run.guarantee
+            .surface_nearer_by(run.query.pitch)
+            .map(|nearer| nearer.min(edge_between_points(self.points_apart)))
+    }
+
     pub(super) fn stick_out_rows(&self, run: &AccessRun) -> Vec<StickOutRow> {
-        let nearer = run.guarantee.surface_nearer_by(run.query.pitch);
-        self.stick_outs
-            .iter()
-            .map(|found| found.row(&self.samples, &run.orientations, (nearer, run.conservative)))
-            .collect()
+        let nearer = self.surface_nearer_by(run);
+        self.stick_outs.iter().map(|found| found.row(&self.samples, &run.orientations, nearer)).collect()
     }
 
     pub(super) fn reached_by(&self, tool: usize) -> f64 {

@@ -45,7 +45,7 @@ pub(super) fn lines(checked: &CheckRun<'_>) -> String {
         nearer.reduce(f64::max)
     };
     let (points, surface) = if settings.contact > 0.0 {
-        (", and the holder no point of a surface,", String::new())
+        (" and no point of a surface", String::new())
     } else {
         let nearer = |nearer| format!("; {}", length::surface_nearer(nearer, record.conservative, unit));
         ("", nearer_by().map_or_else(String::new, nearer))

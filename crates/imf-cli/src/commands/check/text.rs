@@ -70,10 +70,11 @@ pub(super) fn text(checked: &CheckRun<'_>) -> String {
     }
     if record.conservative && !report.colliding.is_empty() {
         let beyond = 0.5 * 3.0_f64.sqrt() * record.grid.pitch;
+        let of_cutter = if settings.contact > 0.0 { ", but for a cutter's in the part," } else { "" };
         let _ = writeln!(
             text,
-            "depths are those in the conservative voxels, whose centres lie up to {beyond:.4} {unit} outside the bodies: by so much the \
-             bodies themselves may be hit less deep, or not at all"
+            "depths{of_cutter} are those in the conservative voxels, whose centres lie up to {beyond:.4} {unit} outside \
+             the bodies: by so much the bodies themselves may be hit less deep, or not at all"
         );
     }
     let clearance = &settings.clearance;

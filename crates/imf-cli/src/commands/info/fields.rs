@@ -228,8 +228,8 @@ fn calibration_lines(calibration: Option<&Calibration>, quantity: Quantity, unit
                 known.goals.confidence * 100.0
             ),
         ),
-        ("  anywhere", decision_rates(&known.uniform, &shown)),
-        ("  at contact", decision_rates(&known.boundary, &shown)),
+        ("  anywhere", decision_rates(&known.uniform, quantity, &shown)),
+        ("  at contact", decision_rates(&known.boundary, quantity, &shown)),
         ("verdict", known.verdict().to_string()),
     ]
 }

@@ -23,6 +23,7 @@ use crate::arguments::settings::checkpoint_every;
 use crate::arguments::train::{FinetuneArguments, Siren5Arguments, Siren5Training};
 use crate::commands::calibrate::calibrate_written;
 use crate::commands::dataset::sample_sections;
+use crate::commands::notes;
 use crate::engine::Device;
 use crate::job::{self, Data, FIELD, Footprint, LatestCheckpoint, Settings};
 use crate::output::{OutputFolder, lock_folder, print_result, require_other};
@@ -150,6 +151,7 @@ fn trained(
             let set = OrientationSet::parse(OrientationSet::usual(true, false))?;
             let sampling = Sampling { seed: plan.seed, ..Sampling::default() };
             let scene = scene.scene_with(session, contact)?;
+            notes::of_roll(session, &scene.record);
             if is_over(&|found| found.require_samples(&scene.record, &set, &sampling))? {
                 return Ok(());
             }

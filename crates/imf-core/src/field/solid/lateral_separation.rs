@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::runs::Lines;
 use super::segment::VoxelPose;
 use super::{Part, Shape, SolidField};
 use crate::pose::Pose;
@@ -19,7 +20,8 @@ impl SolidField {
         let Shape::Bodies(bodies) = &self.shape else { return None };
         let placed = self.placed(pose)?;
         // What holds no centre at all is sooner known.
-        if !self.collides(pose) {
+        let pieces = self.spheres(bodies).roots();
+        if !self.bodies_collide(bodies, placed, None, pieces, |_| Lines::ALL, None) {
             return None;
         }
         let distances = self.voxels.distances();

@@ -4,8 +4,6 @@
 //! A tree of boxes, sixteen below each: those that a tool surely stays out of are left out sixteen at a time, in single
 //! precision with a margin; points that are left are tried with the predicate that defines the tool.
 
-use std::cell::Cell;
-
 use glam::DVec3;
 
 use super::Body;
@@ -97,36 +95,21 @@ impl PointTree {
         at as u32
     }
 
-    /// A point that some of the bodies hold at a pose, by the predicate that defines the tool, and for which `counts`. They must
-    /// lie in `stays_in`. Points that are no deeper than `deeper` voxels below a body's surface, ends included, need not be tried,
-    /// and that may grow meanwhile.
-    #[inline(always)]
-    pub(super) fn first_in(
-        &self,
-        bodies: &[Body],
-        placed: VoxelPose,
-        stays_in: Option<&HalfSpace>,
-        deeper: &Cell<f64>,
-        counts: impl Fn([f64; 3]) -> bool,
-    ) -> Option<[f64; 3]> {
-        self.first_near(
-            bodies,
-            placed,
-            stays_in,
-            deeper,
-            #[inline(always)]
-            |point| bodies.iter().any(|body| placed.contains(&body.profile, point)) && counts(point),
-        )
+    /// All of them.
+    pub(crate) fn points(&self) -> &[DVec3] {
+        &self.points
     }
 
-    /// A point that may be as deep as `deeper` in some body, or less than so far from it where that is negative, and for which `counts`.
+    /// A point for which `counts`, of those that lie in `stays_in` and may be in some body at a pose. Those that are no deeper than
+    /// `deeper` voxels below its surface, ends included, need not be tried, by body, and that may grow meanwhile; where it is negative,
+    /// those that are not so far from the body are tried too.
     #[inline(always)]
     pub(super) fn first_near(
         &self,
         bodies: &[Body],
         placed: VoxelPose,
         stays_in: Option<&HalfSpace>,
-        deeper: &Cell<f64>,
+        deeper: impl Fn(usize) -> f64,
         counts: impl Fn([f64; 3]) -> bool,
     ) -> Option<[f64; 3]> {
         let mut stack = [0; WAITING];
@@ -135,8 +118,8 @@ impl PointTree {
             waiting -= 1;
             let node = &self.nodes[stack[waiting] as usize];
             let mut near = [0; WIDTH];
-            for body in bodies {
-                node.near(body, placed, deeper.get() as f32, &mut near);
+            for (at, body) in bodies.iter().enumerate() {
+                node.near(body, placed, deeper(at) as f32, &mut near);
             }
             if let Some(space) = stays_in {
                 node.inside(space, &mut near);
@@ -265,6 +248,7 @@ impl Node {
 
 #[cfg(test)]
 mod tests {
+    use std::cell::Cell;
     use std::sync::Arc;
 
     use rand::SeedableRng;
@@ -284,7 +268,7 @@ mod tests {
         let unit = |random: &mut ChaCha8Rng| DVec3::new(number(random), number(random), number(random));
         let points: Vec<DVec3> = (0..4000).map(|_| grid.origin + unit(&mut random) * grid.size()).collect();
         let tree = Arc::new(PointTree::new(points.clone(), &grid));
-        let voxels = SolidVoxels::from(Arc::new(Occupancy::empty(grid))).with_surface(tree);
+        let voxels = SolidVoxels::from(Arc::new(Occupancy::empty(grid))).with_surfaces(&[tree]);
         let stepped = [line(0.0, 4.0, 3.0, 3.0), line(4.0, 9.0, 6.0, 2.0), arc(9.0, 12.0, 9.0, 4.0, 5.0)];
         let profiles = [
             stepped.to_vec(),

@@ -16,7 +16,7 @@ use crate::parallel::{self, make_once};
 #[derive(Clone)]
 pub(crate) struct SolidVoxels {
     tables: Arc<SolidTables>,
-    surface: Option<Arc<PointTree>>,
+    surfaces: Arc<[Arc<PointTree>]>,
 }
 
 #[derive(Clone)]
@@ -39,7 +39,7 @@ impl From<Arc<Occupancy>> for SolidVoxels {
             depths: OnceLock::new(),
             bytes: Default::default(),
         };
-        Self { tables: Arc::new(tables), surface: None }
+        Self { tables: Arc::new(tables), surfaces: Arc::default() }
     }
 }
 
@@ -53,26 +53,28 @@ impl SolidVoxels {
         &self.tables.occupancy
     }
 
-    /// The same with points of surfaces, and how far they are apart; the meshes are in the grid's coordinates.
-    pub(crate) fn with_surfaces_of(self, meshes: &[&Mesh]) -> (Self, f64) {
+    /// The same with points of the body's surface, and how far they are apart; the mesh is in the grid's coordinates.
+    pub(crate) fn with_surface_of(self, mesh: &Mesh) -> (Self, f64) {
         let grid = &self.occupancy().grid;
-        let (mut points, mut farthest) = (Vec::new(), 0.0_f64);
-        for mesh in meshes {
-            let (own, apart) = points_at_pitch(mesh, grid.pitch);
-            points.extend(own);
-            farthest = farthest.max(apart);
-        }
-        let points = PointTree::new(points, grid);
-        (self.with_surface(points.into()), farthest)
+        let (points, apart) = points_at_pitch(mesh, grid.pitch);
+        let points = Arc::new(PointTree::new(points, grid));
+        (self.with_surfaces(&[points]), apart)
     }
 
-    /// The same with points of the body's surface, which a tool must not hold either.
-    pub(super) fn with_surface(self, points: Arc<PointTree>) -> Self {
-        Self { surface: Some(points), ..self }
+    /// The same with points of surfaces, which a tool must not hold either.
+    pub(crate) fn with_surfaces(self, surfaces: &[Arc<PointTree>]) -> Self {
+        Self { surfaces: surfaces.into(), ..self }
     }
 
-    pub(super) fn surface(&self) -> Option<&PointTree> {
-        self.surface.as_deref()
+    /// All points of surfaces, in the world.
+    pub(crate) fn points(&self) -> Vec<DVec3> {
+        let grid = &self.occupancy().grid;
+        let points = self.surfaces.iter().flat_map(|surface| surface.points());
+        points.map(|&point| grid.world(point)).collect()
+    }
+
+    pub(crate) fn surfaces(&self) -> &[Arc<PointTree>] {
+        &self.surfaces
     }
 
     /// The voxels themselves.

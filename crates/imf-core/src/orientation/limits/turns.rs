@@ -4,8 +4,8 @@ use glam::DVec3;
 
 use super::{Limits, SLACK, TiltingAxis};
 
-/// A direction this near to +z or −z has no longitude.
-const FLAT: f64 = 1e-12;
+/// A direction this near to +z or −z has no longitude: no machine tilts so little, and printed directions have no more digits.
+const FLAT: f64 = 2e-6;
 /// All turns.
 const WHOLE: [f64; 2] = [0.0, 360.0];
 
@@ -24,7 +24,7 @@ impl Limits {
             Self::Cone { axis, half_angle } => {
                 let flats = [axis, direction].map(|d| d.x.hypot(d.y));
                 let across = flats[0] * flats[1];
-                if across < FLAT {
+                if flats[0].min(flats[1]) < FLAT {
                     return if self.reach(direction) { vec![WHOLE] } else { Vec::new() };
                 }
                 let within = |angle: f64| (angle.to_radians().cos() - axis.z * direction.z) / across;
@@ -160,5 +160,11 @@ mod tests {
         let [b, c] = limits.angles(DVec3::new(-0.6, 0.0, 0.8), SLACK).unwrap();
         assert!((b + 36.869_897_645_844_02).abs() < 1e-9 && c.abs() < 1e-9, "{b} {c}");
         assert_eq!(Limits::parse("cone:0,0,1:10").unwrap().angles(DVec3::Z, SLACK), None);
+        // Straight up but for the digits that are printed, whatever C is.
+        let quarter = Limits::parse("ac:0:90:0:90").unwrap();
+        let printed = DVec3::new(7e-7, 7e-7, 1.0).normalize();
+        assert_eq!(quarter.angles(printed, SLACK).unwrap()[1], 0.0);
+        assert_eq!(quarter.turns(printed), [WHOLE]);
+        assert_eq!(quarter.angles(DVec3::new(1e-3, 1e-3, 1.0).normalize(), SLACK), None);
     }
 }

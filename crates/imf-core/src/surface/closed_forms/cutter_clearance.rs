@@ -12,8 +12,8 @@ fn a_cutter_keeps_its_clearance_from_a_clamp_beside_the_part() {
             let room = Clearance { holder: 0.0, shank: 0.0, cutter };
             let tool = flat(3.0).offset(&room).unwrap();
             let top = top_among(&clamp, &tool, pitch, false, tolerance);
-            // The cutter's edge stays 3 before the clamp; centres lie up to half a pitch behind its face.
-            assert_near(top, (30.0 - cutter) / 30.0, (0.5 * pitch + 0.8) / 30.0, (pitch, cutter));
+            // The cutter's edge stays 3 before the clamp; samples are as large as this.
+            assert_near(top, (30.0 - cutter) / 30.0, 0.8 / 30.0, (pitch, cutter));
         }
     }
 }
@@ -27,8 +27,9 @@ fn top_among(fixtures: &[Mesh], tool: &Assembly, pitch: f64, conservative: bool,
     let grid = Grid::with_pitch(lower, upper, pitch, 1).unwrap();
     let voxels = |mesh: &Mesh, conservative| Arc::new(voxelize(mesh, &grid, conservative));
     let part = SolidBody { centres: voxels(&mesh, false), keep_out: voxels(&mesh, conservative) };
-    let fixtures: Vec<_> = fixtures.iter().map(|mesh| voxels(mesh, conservative)).collect();
-    let environment = CollisionEnvironment::new(&part, &fixtures);
+    let held: Vec<_> = fixtures.iter().map(|mesh| voxels(mesh, conservative)).collect();
+    let meshes: Vec<&Mesh> = std::iter::once(&mesh).chain(fixtures).collect();
+    let environment = CollisionEnvironment::new(&part, &held).with_surfaces(&meshes);
     let samples = SurfaceSamples::new(&mesh, environment.part(), SAMPLES).samples;
     let tool = SurfaceTool::new(&environment, tool, tolerance).unwrap();
     let reach = surface_access(&tool, &samples, &orientations(DOWN), Control::quiet()).unwrap().reach;

@@ -52,7 +52,7 @@ pub(super) fn stick_out(lengths: impl Iterator<Item = f64>) -> Option<(f64, f64)
 /// That, in words.
 pub(super) fn stick_out_text(
     (length, fraction): (f64, f64),
-    voxel: f64,
+    edge: f64,
     assembly: &Assembly,
     unit: LengthUnit,
     on_machine: bool,
@@ -60,8 +60,8 @@ pub(super) fn stick_out_text(
     let given = assembly.tool().stick_out()?;
     let what =
         if fraction < 1.0 { format!("{:.0} % of it", (100.0 * fraction).floor()) } else { "it".into() };
-    // The surface lies up to a voxel nearer than its centres.
-    let length = length + voxel;
+    // An edge may stand so deep between points of a surface.
+    let length = length + edge;
     let near = |value: f64| length::nearest(value, unit);
     let beyond = match assembly.tool().overall_length {
         Some(overall) if length > overall => format!(", more than its overall length of {}", near(overall)),

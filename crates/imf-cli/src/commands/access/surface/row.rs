@@ -54,8 +54,12 @@ impl ObstructedRow {
 /// Radius of the largest circle among points of a surface, as many times as they are apart.
 const CORNER: f64 = 0.72;
 
-/// States how well walls are known to the cutter, by points of the surface that are so far apart, and to shank and holder, by voxels:
-/// the corner of a cutter passes between points no deeper than the hole among them is wide. `meshes`: whether some tools are meshes.
+/// How deep an edge of a tool may stand in a surface between points of it that are so far apart: no deeper than the hole among them is wide.
+pub(crate) fn edge_between_points(points_apart: f64) -> f64 {
+    CORNER * points_apart
+}
+
+/// States how well walls are known, by points of surfaces that are so far apart. `meshes`: whether some tools are meshes.
 pub(crate) fn resolved(
     pitch: f64,
     points_apart: f64,
@@ -63,21 +67,23 @@ pub(crate) fn resolved(
     unit: LengthUnit,
     meshes: bool,
 ) -> String {
-    let (corner, pitch) = (short(CORNER * points_apart), short(pitch));
-    let rest = match conservative {
-        false => "passes for one that fits, unless --conservative".to_owned(),
-        true => format!("passes for none, and one up to {pitch} {unit} wider may be blocked"),
-    };
+    let (corner, pitch) = (short(edge_between_points(points_apart)), short(pitch));
     let of_meshes = match meshes {
         true => format!(
             "; a tool that is a mesh is known to voxels alone and may cut up to {pitch} {unit} deeper"
         ),
         false => String::new(),
     };
-    format!(
-        "walls are known to shank and holder to within voxels of {pitch} {unit}: a gap up to so much too narrow for them {rest}; the edge of \
-         a cutter may cut up to {corner} {unit} deeper than said, a round less{of_meshes}"
-    )
+    match conservative {
+        false => format!(
+            "walls are known by points of the surfaces: an edge of cutter, shank or holder may stand up to {corner} {unit} deeper in them \
+             than said, a round less{of_meshes}"
+        ),
+        true => format!(
+            "walls are known to shank and holder as voxels that they touch, and a gap up to {pitch} {unit} wider than these may be blocked; \
+             the edge of a cutter may cut up to {corner} {unit} deeper than said, a round less{of_meshes}"
+        ),
+    }
 }
 
 /// How sure it is that nothing fewer does, in words.

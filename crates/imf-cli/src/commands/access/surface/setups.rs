@@ -237,7 +237,8 @@ fn removed(
 /// How the part is moved from where it is into a set-up, as `--transform` reads it: onto the zero of G54 where a machine is given.
 fn transform(setup: &PartSetup, place: Option<&Pose>) -> String {
     let (axis, angle) = setup.rotation().to_axis_angle();
-    let number = |value: f64| (1e6 * value).round() / 1e6 + 0.0;
+    // With the digits that keep a direction at a machine's limit within it.
+    let number = |value: f64| (1e10 * value).round() / 1e10 + 0.0;
     let [x, y, z] = axis.to_array().map(number);
     let turned = match number(angle.to_degrees()) {
         0.0 => "rotate:0,0,1:0".into(),

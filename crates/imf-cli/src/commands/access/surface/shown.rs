@@ -152,7 +152,7 @@ impl Surface {
         let longer = stick_out(patch.samples.iter().filter(of_tool).filter_map(|&sample| self.freed[sample]));
         if let Some((_, _, tool, _)) = &nearest {
             let assembly = &run.tools[*tool];
-            let nearer = run.guarantee.surface_nearer_by(run.query.pitch).unwrap_or(0.0);
+            let nearer = self.surface_nearer_by(run).unwrap_or(0.0);
             quantified.extend(
                 longer
                     .and_then(|longer| stick_out_text(longer, nearer, assembly, unit, on_machine.is_some())),

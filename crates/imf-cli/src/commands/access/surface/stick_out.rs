@@ -51,7 +51,7 @@ impl ToolStickOut {
         &self,
         samples: &SurfaceSamples,
         orientations: &OrientationSet,
-        (surface_nearer_by, conservative): (Option<f64>, bool),
+        surface_nearer_by: Option<f64>,
     ) -> StickOutRow {
         let share = |holds: &dyn Fn(&StickOut) -> bool| samples.fraction(|sample| holds(&self.found[sample]));
         let at_most = |most: f64| share(&|found| found.length() <= most);
@@ -106,7 +106,6 @@ impl ToolStickOut {
             longest: longest.is_finite().then_some(longest),
             surface_nearer_by,
             corners_deeper_by,
-            conservative,
             needed_at_most: lengths.into_iter().map(|length| (length, at_most(length))).collect(),
             needed_for: [0.5, 0.9, 0.99]
                 .map(|fraction| (fraction, quantile(fraction).unwrap_or(f64::NAN)))
@@ -139,11 +138,10 @@ pub(crate) struct StickOutRow {
     shortest: f64,
     /// The overall length, where the tool states it.
     longest: Option<f64>,
-    /// How much nearer the surface may lie than the voxels that the lengths are for.
+    /// How deep an edge of the holder may stand in a surface between the points by which that is known.
     surface_nearer_by: Option<f64>,
     /// How much deeper a corner of the surface's triangles lies than its middle, which the lengths are for.
     corners_deeper_by: f64,
-    conservative: bool,
     /// A length, and the fraction that needs no more.
     needed_at_most: Vec<(f64, f64)>,
     /// A fraction of what the tool reaches at some length, and what that needs at most.
@@ -197,7 +195,11 @@ impl StickOutRow {
             ("no direction faces it", self.not_faced),
         ]);
         if let Some(nearer) = self.surface_nearer_by {
-            let _ = writeln!(text, "  {}", length::surface_nearer(nearer, self.conservative, unit));
+            let _ = writeln!(
+                text,
+                "  an edge of the holder may stand so deep in a surface between its points: set {} {unit} more",
+                enough(nearer)
+            );
         }
         if self.corners_deeper_by > 1e-6 * self.given {
             let _ = writeln!(

@@ -141,7 +141,8 @@ impl SetupsRow {
             );
             if !row.rotary.is_empty() {
                 let axes: Vec<String> = row.rotary.iter().map(AxisRow::to_string).collect();
-                let _ = writeln!(text, "     {}", axes.join(", "));
+                let left = if index > 0 { ", for what the set-ups above do not reach" } else { "" };
+                let _ = writeln!(text, "     {}{left}", axes.join(", "));
             }
         }
         text += &left(&[
