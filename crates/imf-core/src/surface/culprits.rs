@@ -210,7 +210,8 @@ pub fn minimum_overlaps(
 
 /// For each voxel of the surroundings' grid: the summed area of the samples whose pose it obstructs, counted once per
 /// piece of the tool (cutter; cutter at fixtures; shank and holder), in the grid's unit squared. Multiplied by the
-/// voxel's volume it is ∂J/∂(material) at fixed poses. `poses` are pairs of a sample's area and its pose. `None` for
+/// voxel's volume it is ∂J/∂(material) at fixed poses; what points of surfaces alone obstruct weighs nothing. `poses` are pairs of a
+/// sample's area and its pose. `None` for
 /// mesh tools.
 ///
 /// # Errors
