@@ -45,7 +45,6 @@ pub(super) fn make_report(
     let record = &saved.scene().record;
     let needed = SectionPlan::memory_estimate(&record.grid, &record.tool, session.threads())
         + 40 * record.grid.len() as u64 * session.threads() as u64
-        + Device::Cpu.copied_bytes(saved, Workload::Many)
         + device.copied_bytes(saved, Workload::Many);
     session.require_memory(needed, || "the exact field beside the other one; use fewer --threads".into())?;
     let subject = Subject::of_saved_field(saved)?;

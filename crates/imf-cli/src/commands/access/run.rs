@@ -330,8 +330,10 @@ fn needed(
     let sets = each + fixtures + if fixtures > 0 { 2 } else { 0 };
     // Their points, at twice the pitch too, and as a holder that slides sees them from some directions.
     let placed = spec.placed();
-    let of = |times: f64| placed.iter().map(move |mesh| points_memory_estimate(mesh, times * obstacle.pitch));
-    let points: u64 = [1.0, 1.0, 1.0, 1.0, 2.0].into_iter().flat_map(of).sum();
+    let of = |times: f64| -> u64 {
+        placed.iter().map(|mesh| points_memory_estimate(mesh, times * obstacle.pitch)).sum()
+    };
+    let points = 4 * of(1.0) + of(2.0);
     let surface = (13 * sets + 10) * obstacle.len() as u64
         + points
         + SurfaceSettings::memory_estimate(orientations.len(), tools.len());
