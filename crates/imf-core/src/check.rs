@@ -167,8 +167,6 @@ pub fn check_toolpath(
     let machine = bodies.machine.map(MachineBodies::machine);
     let motions = motions(toolpath, tools, settings, machine)?;
     let mut hit = Body::all(bodies.part, bodies.fixtures);
-    let mut cut =
-        bodies.by_centres.map_or_else(|| hit[0].clone(), |part| Body::new(part.clone(), HitBody::Part));
     let mut points_apart: Vec<f64> = Vec::new();
     if settings.contact > 0.0 {
         for (body, mesh) in hit.iter_mut().zip(bodies.surfaces) {
@@ -176,10 +174,8 @@ pub fn check_toolpath(
             *body = with_points;
             points_apart.push(apart);
         }
-        if !bodies.surfaces.is_empty() {
-            cut = cut.with_points_of(&hit[0]);
-        }
     }
+    let cut = bodies.by_centres.map_or_else(|| hit[0].clone(), |part| hit[0].of_voxels(part.clone()));
     let (mut used, mut surfaces_known) = (Vec::new(), true);
     bodies.machine.map_or(Ok(()), |machine| machine.check(bodies.part.grid.pitch))?;
     let world = rigid(&toolpath.set_up);

@@ -49,11 +49,11 @@ impl Body {
         (Arc::new(Self { voxels, with_points: Some(with_points), against, depths: OnceLock::new() }), apart)
     }
 
-    /// The same with the points of another one's surface.
-    pub(super) fn with_points_of(&self, other: &Self) -> Arc<Self> {
-        let surfaces = other.with_points.as_ref().map_or(&[][..], SolidVoxels::surfaces);
-        let (voxels, against) = (self.voxels.clone(), self.against.clone());
-        let with_points = Some(voxels.clone().with_surfaces(surfaces));
+    /// The same of other voxels, with the points that are known of its surface.
+    pub(super) fn of_voxels(&self, voxels: impl Into<Arc<Occupancy>>) -> Arc<Self> {
+        let (voxels, against) = (SolidVoxels::from(voxels.into()), self.against.clone());
+        let known = self.with_points.as_ref();
+        let with_points = known.map(|known| voxels.clone().with_surfaces(known.surfaces()));
         Arc::new(Self { voxels, with_points, against, depths: OnceLock::new() })
     }
 
