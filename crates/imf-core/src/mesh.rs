@@ -7,6 +7,7 @@ use std::f64::consts::TAU;
 use glam::{DMat4, DVec3};
 use serde::{Deserialize, Serialize};
 
+pub(crate) mod crossings;
 pub(crate) mod distance;
 mod face_orientation;
 mod features;

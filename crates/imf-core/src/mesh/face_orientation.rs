@@ -9,14 +9,17 @@
 //! Everything here follows vertex indices, as in [`super::topology`]. Where that leaves edges which one triangle uses, corners that
 //! all but coincide are joined first: programs that write each triangle by itself round its corners by themselves.
 
+mod nesting;
+
 use std::collections::HashMap;
 
 use glam::DVec3;
 
 use super::Mesh;
+use super::crossings::CrossingIndex;
 use super::groups::Groups;
-use super::solid_angle::winding_number;
 use super::topology::{EdgeUse, is_degenerate, neighbours, runs, sorted_edges};
+use nesting::{inside_open, shells_around};
 
 /// Where this much of a patch's area faces one way, that way is meant. Below it the file says nothing.
 const CLEAR_MAJORITY: f64 = 0.9;
@@ -25,8 +28,8 @@ const CLEAR_MAJORITY: f64 = 0.9;
 /// last digit of six, which many programs write. A hundredth of a millimetre of a part of one metre.
 const ONE_CORNER: f64 = 1e-5;
 
-/// Points of a shell that must lie in another for the whole to lie in it.
-const SAMPLES: usize = 8;
+/// How far before a triangle it is asked what lies there, in widths of it.
+const NEAR: f64 = 1e-4;
 
 /// What was done to make triangles face consistently, and what was found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -94,16 +97,20 @@ impl Mesh {
         } else if runs(&edges).any(|run| run.len() > 2) {
             // Some may be there twice, facing alike: by chance, as where faces were exported with two bodies, or as the common face of
             // two bodies of which one faces inwards, which bounds nothing. Or once more the other way round, by chance too.
-            let mut kept = self.without_repeated(turned, |_| 1);
-            let mut its_edges = sorted_edges(&kept);
-            for other in [self.without_repeated(turned, |n| n % 2), self.without_repeated(corners, |_| 1)] {
-                let edges = sorted_edges(&other);
-                if single_edges(&edges) < single_edges(&its_edges) {
-                    (kept, its_edges) = (other, edges);
+            let once = self.without_repeated(corners, |_| 1);
+            if once.triangles.len() < self.triangles.len() {
+                let candidates =
+                    [self.without_repeated(turned, |_| 1), self.without_repeated(turned, |n| n % 2), once]
+                        .map(|mesh| (sorted_edges(&mesh), mesh));
+                // Or as the common face of two bodies of which one lies in the other: then all is as it should be.
+                let least = candidates.iter().map(|(edges, _)| unbalanced_edges(edges)).min().unwrap_or(0);
+                let is_right = unbalanced_edges(&edges) < least && self.is_nowhere_inside_out(&edges);
+                let fewest = candidates.into_iter().min_by_key(|(edges, _)| single_edges(edges));
+                if let Some((its_edges, kept)) = fewest.filter(|_| !is_right) {
+                    repair.doubled = self.triangles.len() - kept.triangles.len();
+                    (self, edges) = (kept, its_edges);
                 }
             }
-            repair.doubled = self.triangles.len() - kept.triangles.len();
-            (self, edges) = (kept, its_edges);
         }
         let mut single = single_edges(&edges);
         if single > 0 {
@@ -131,8 +138,14 @@ impl Mesh {
         let closed: Vec<usize> = (0..patches.len()).filter(|&p| patches[p].closed).collect();
         let inwards = closed.iter().any(|&p| patches[p].signed_volume() < 0.0);
         if closed.len() > 1 || inwards || patches.iter().any(|patch| !patch.is_clear()) {
-            let around = shells_around(&self, &of, &parity, &closed, &patches);
-            choose_sides(&around, &closed, &mut patches);
+            let triangles = triangles_of(&of, patches.len());
+            let around = shells_around(&self, &triangles, &parity, &closed, &patches);
+            // What is open has no inside: as seen from the mesh's centre it faces away.
+            for patch in patches.iter_mut().filter(|patch| !patch.closed && !patch.is_clear()) {
+                patch.flipped = patch.volume < 0.0;
+            }
+            let in_open = inside_open(&self, &triangles, &parity, (&closed, &around), &patches);
+            choose_sides(&around, &in_open, &closed, &mut patches);
             let faces_out = |place: usize| patches[closed[place]].signed_volume() > 0.0;
             let in_solid = |place: &usize| {
                 let signs = around[*place]
@@ -151,6 +164,25 @@ impl Mesh {
             }
         }
         (self, repair)
+    }
+
+    /// True where no patch, as it is, has less than nothing before it: bodies that face inwards have. Where the mesh is open it is told as
+    /// far as vertical lines tell it.
+    fn is_nowhere_inside_out(&self, edges: &[EdgeUse]) -> bool {
+        let (of, _, patches) = patches(self, edges);
+        let index = CrossingIndex::new(self.all_corners());
+        let area = |&triangle: &usize| {
+            let [a, b, c] = self.corners(triangle);
+            (b - a).cross(c - a)
+        };
+        triangles_of(&of, patches.len()).iter().all(|own| {
+            let largest = own.iter().max_by(|a, b| area(a).length().total_cmp(&area(b).length()));
+            largest.is_none_or(|triangle| {
+                let ([a, b, c], normal) = (self.corners(*triangle), area(triangle));
+                let before = NEAR * normal.length().sqrt() * normal.normalize_or_zero();
+                index.winding_number((a + b + c) / 3.0 + before) >= 0
+            })
+        })
     }
 
     /// Of each group of triangles that have the same `key`, keeps `keep(number of them)`.
@@ -187,6 +219,12 @@ fn turned([a, b, c]: [u32; 3]) -> [u32; 3] {
 fn corners(mut triangle: [u32; 3]) -> [u32; 3] {
     triangle.sort_unstable();
     triangle
+}
+
+/// Edges that triangles use more often one way than the other: none of a closed surface whose triangles face alike.
+fn unbalanced_edges(edges: &[EdgeUse]) -> usize {
+    let net = |run: &[EdgeUse]| run.iter().map(|&(.., upwards)| if upwards { 1 } else { -1 }).sum::<i32>();
+    runs(edges).filter(|run| net(run) != 0).count()
 }
 
 /// Edges that an odd number of triangles uses: none of a closed surface, however its triangles face.
@@ -264,58 +302,34 @@ fn close(edges: &[EdgeUse], of: &[u32], parity: &[bool], patches: &mut [Patch]) 
 }
 
 /// Decides which way undetermined patches face, and makes outermost shells face outwards. `around` lists for every
-/// closed patch those that it lies in.
-fn choose_sides(around: &[Vec<usize>], closed: &[usize], patches: &mut [Patch]) {
-    // What is open has no inside: as seen from the mesh's centre it faces away.
-    for patch in patches.iter_mut().filter(|patch| !patch.closed && !patch.is_clear()) {
-        patch.flipped = patch.volume < 0.0;
-    }
+/// closed patch those that it lies in; `in_open` says of each patch whether it is an outermost one of these and what is open lies around it.
+fn choose_sides(around: &[Vec<usize>], in_open: &[bool], closed: &[usize], patches: &mut [Patch]) {
     let before: Vec<f64> = patches.iter().map(Patch::signed_volume).collect();
     let is_clear: Vec<bool> = patches.iter().map(Patch::is_clear).collect();
+    // As a cavity of what is open it stays.
+    let is_turned = |outermost: usize| before[outermost] < 0.0 && !in_open[outermost];
     for (around, &shell) in around.iter().zip(closed) {
+        let outermost = around.first().copied().unwrap_or(shell);
         let turn = match around.first() {
-            _ if !is_clear[shell] => (before[shell] < 0.0) == around.len().is_multiple_of(2),
+            _ if !is_clear[shell] => {
+                let depth = around.len() + usize::from(in_open[outermost]);
+                (before[shell] < 0.0) == depth.is_multiple_of(2)
+            }
             // What lies in a shell turns with it: what was a cavity stays one.
-            Some(&outer) => is_clear[outer] && before[outer] < 0.0,
-            None => before[shell] < 0.0,
+            Some(&outer) => is_clear[outer] && is_turned(outer),
+            None => is_turned(shell),
         };
         patches[shell].flipped ^= turn;
     }
 }
 
-/// For every closed patch those that it lies in, the outermost first.
-fn shells_around(
-    mesh: &Mesh,
-    of: &[u32],
-    parity: &[bool],
-    closed: &[usize],
-    patches: &[Patch],
-) -> Vec<Vec<usize>> {
-    let mut triangles = vec![Vec::new(); patches.len()];
+/// The triangles of every patch.
+fn triangles_of(of: &[u32], patches: usize) -> Vec<Vec<usize>> {
+    let mut triangles = vec![Vec::new(); patches];
     for (triangle, &patch) in of.iter().enumerate() {
         triangles[patch as usize].push(triangle);
     }
-    let contains = |outer: usize, inner: usize| {
-        let (a, b) = (&patches[outer], &patches[inner]);
-        if outer == inner || a.lower.cmpgt(b.lower).any() || a.upper.cmplt(b.upper).any() {
-            return false;
-        }
-        let own = &triangles[inner];
-        own.iter().step_by(own.len().div_ceil(SAMPLES)).all(|&triangle| {
-            let [p, q, r] = mesh.corners(triangle);
-            let shell = triangles[outer].iter().map(|&triangle| {
-                let [a, b, c] = mesh.corners(triangle);
-                if parity[triangle] { [a, c, b] } else { [a, b, c] }
-            });
-            winding_number(shell, (p + q + r) / 3.0).abs() > 0.75
-        })
-    };
-    let around = |&inner: &usize| {
-        let mut found: Vec<usize> = closed.iter().copied().filter(|&outer| contains(outer, inner)).collect();
-        found.sort_by(|&a, &b| patches[b].volume.abs().total_cmp(&patches[a].volume.abs()));
-        found
-    };
-    closed.iter().map(around).collect()
+    triangles
 }
 
 #[cfg(test)]

@@ -160,14 +160,21 @@ impl SceneSpec<'_> {
         Ok((assembly, warnings))
     }
 
-    /// Warnings about part and fixtures on their grid: voxels left undecided by openings of their meshes, a part of few
-    /// voxels across, walls that lie between the centres, fixtures that overlap the part.
+    /// Warnings about part and fixtures on their grid: coordinates of few digits, voxels left undecided by openings of their meshes, a part
+    /// of few voxels across, walls that lie between the centres, fixtures that overlap the part.
     ///
     /// # Errors
     /// As [`SceneSpec::bodies`].
     pub fn warnings(&self, bodies: &Bodies) -> Result<Vec<SceneWarning>, SceneError> {
         let grid = bodies.part.grid;
         let mut warnings = SceneWarning::of_body(self.part, self.mesh, &bodies.part, bodies.undecided);
+        let fixtures = self.fixtures.iter().map(|fixture| (fixture.name, fixture.mesh, &fixture.transform));
+        for (name, mesh, transform) in
+            std::iter::once((self.part, self.mesh, &self.transform)).chain(fixtures)
+        {
+            let scale = transform.x_axis.truncate().length();
+            warnings.extend(SceneWarning::of_rounding(name, mesh, scale, grid.pitch, self.unit));
+        }
         let lost = |name: &str, mesh: &Mesh, transform: &DMat4, solid: &Occupancy| {
             SceneWarning::of_lost_surface(name, &mesh.transformed(transform), solid, &grid, self.unit)
         };
@@ -229,7 +236,7 @@ impl SceneSpec<'_> {
 impl SceneWarning {
     /// Warnings about a body's voxels; `undecided` is the fraction of centres that its mesh leaves undecided.
     pub(crate) fn of_body(part: &str, mesh: &Mesh, solid: &Occupancy, undecided: f64) -> Vec<Self> {
-        let (pitch, voxels) = (solid.grid.pitch, thickness(solid));
+        let (pitch, voxels) = (solid.grid.pitch, thickness(solid, THIN));
         let thin = (voxels <= THIN).then(|| Self::Thin { part: part.to_owned(), voxels, pitch });
         thin.into_iter().chain(Self::of_openings(part, mesh, undecided)).collect()
     }
@@ -257,9 +264,9 @@ impl SceneWarning {
     }
 }
 
-/// Voxels across a part where it is thickest: the edge of the largest cube of solid voxels, up to 255. A plate along the axes has its
-/// own thickness, also where a wall stands on it.
-fn thickness(part: &Occupancy) -> usize {
+/// Voxels across a part where it is thickest, or as far as it is seen to be thicker than `enough`: the edge of the largest cube of solid
+/// voxels, up to 255. A plate along the axes has its own thickness, also where a wall stands on it.
+fn thickness(part: &Occupancy, enough: usize) -> usize {
     let [nx, ny, nz] = part.grid.dims;
     // By the voxel that is the cube's last along every axis; one plane and the one before it.
     let (mut before, mut here) = (vec![0_u8; ny * nz], vec![0_u8; ny * nz]);
@@ -281,6 +288,9 @@ fn thickness(part: &Occupancy) -> usize {
                 most = most.max(here[at]);
             }
         }
+        if usize::from(most) > enough {
+            break;
+        }
         std::mem::swap(&mut before, &mut here);
     }
     most.into()
@@ -295,7 +305,7 @@ mod tests {
         let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [9, 8, 7] };
         let of = |inside: &dyn Fn([usize; 3]) -> bool| {
             let solid = (0..grid.len()).map(|index| u8::from(inside(grid.voxel(index)))).collect();
-            thickness(&Occupancy { grid, solid })
+            thickness(&Occupancy { grid, solid }, usize::MAX)
         };
         assert_eq!(of(&|_| false), 0);
         assert_eq!(of(&|_| true), 7);

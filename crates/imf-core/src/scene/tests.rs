@@ -6,7 +6,7 @@ use super::*;
 use crate::control::Control;
 use crate::mesh::tests::unit_cube;
 use crate::parts::ReferencePart;
-use crate::section::test_shapes::revolved;
+use crate::section::test_shapes::{cylinder, revolved};
 use crate::tool::{Clearance, ElementKind, Segment};
 
 static CUBE: LazyLock<Mesh> = LazyLock::new(unit_cube);
@@ -303,4 +303,21 @@ fn a_shank_wider_than_its_cutter_by_less_than_a_voxel_is_told() {
     assert_eq!(told(8.0, 0.5, 1.0), Some((ElementKind::Shank, 0.5)));
     // As wide as the cutter, narrower, and one that voxels see.
     assert_eq!([told(8.0, 0.0, 1.0), told(7.0, 0.0, 1.0), told(9.0, 0.0, 0.5)], [None; 3]);
+}
+
+#[test]
+fn coordinates_of_32_bits_far_from_the_origin_are_told_of() {
+    let tool = cylinder(6.0, 20.0);
+    let told = |corner: f64| {
+        let mesh = Mesh::cuboid(DVec3::splat(corner), DVec3::splat(corner) + DVec3::new(41.0, 30.0, 20.0));
+        let built =
+            Scene::builder().part("block", mesh, LengthUnit::Mm).pitch(1.0).tool(&tool).build().unwrap();
+        built
+            .warnings
+            .iter()
+            .any(|warning| matches!(warning, SceneWarning::Rounded { rounding, .. } if *rounding == 1.0))
+    };
+    assert!(told(1e7));
+    // Near it, and with finer coordinates.
+    assert!(!told(100.0) && !told(1e7 + 0.3));
 }

@@ -8,6 +8,9 @@ use crate::mesh::{FaceRepair, Mesh};
 use crate::tool::{Assembly, Element, ElementKind, Tool};
 use crate::unit::{DisplayLength, ImplausibleProportion, LengthUnit};
 
+/// Rounding of coordinates that matters, in voxels.
+const COARSE_ROUNDING: f64 = 0.02;
+
 /// A warning about a scene. Implements `Error` so that callers may treat it as fatal.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
@@ -68,6 +71,24 @@ pub enum SceneWarning {
         part: String,
         /// Its triangles.
         triangles: usize,
+    },
+    /// Coordinates of 32 bits, far from the origin.
+    #[error(
+        "{part}: its coordinates, up to {} {unit}, are no finer than numbers of 32 bits, which lie {} {unit} apart there: not small beside \
+         voxels of {} {unit}; if they were rounded to that, as an STL file's are, export it nearer to the origin",
+        DisplayLength(*.far), DisplayLength(*.rounding), DisplayLength(*.pitch)
+    )]
+    Rounded {
+        /// The part or fixture.
+        part: String,
+        /// The largest coordinate.
+        far: f64,
+        /// Distance of neighbouring numbers of 32 bits there.
+        rounding: f64,
+        /// The grid's pitch.
+        pitch: f64,
+        /// Of all.
+        unit: LengthUnit,
     },
     /// A mesh that is not closed.
     #[error(
@@ -231,6 +252,22 @@ impl SceneWarning {
             (nested > 0).then(|| Self::Nested { part: name(), bodies: nested }),
         ];
         all.into_iter().flatten().collect()
+    }
+
+    /// Of a mesh as its file has it, whose coordinates are no finer than numbers of 32 bits; `scale` is that of its place.
+    pub(crate) fn of_rounding(
+        part: &str,
+        mesh: &Mesh,
+        scale: f64,
+        pitch: f64,
+        unit: LengthUnit,
+    ) -> Option<Self> {
+        let far = mesh.vertices.iter().map(|vertex| vertex.abs().max_element()).fold(0.0, f64::max);
+        let rounding = scale * f64::from((far as f32).next_up() - far as f32);
+        let is_short = |&value: &f64| f64::from(value as f32) == value;
+        let is_rounded = rounding > COARSE_ROUNDING * pitch
+            && mesh.vertices.iter().all(|vertex| vertex.to_array().iter().all(is_short));
+        is_rounded.then(|| Self::Rounded { part: part.to_owned(), far, rounding, pitch, unit })
     }
 
     /// Warnings about a tool.

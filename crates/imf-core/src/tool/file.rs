@@ -284,6 +284,10 @@ impl Reader<'_> {
                 return Err(self.wrong(stick, what));
             }
         }
+        if let Some(shank) = shank.filter(|_| shank_end.is_none() && stick_out.is_none()) {
+            let what = "nothing says how long the [shank] is: state its length, or stick_out";
+            return Err(self.wrong(&shank.diameter, what));
+        }
         let (end, radius) = (shank_end.unwrap_or(face), diameter.unwrap_or_default() / 2.0);
         let shank =
             diameter.filter(|_| end > cutter_length).map(|_| line(cutter_length, end, radius, radius));

@@ -210,3 +210,59 @@ fn of_triangles_that_are_there_twice_one_is_left_out() {
     assert_eq!((repair.flat, &mended.triangles), (1, &cube.triangles));
     assert!(boundary_chain(&mended).is_empty());
 }
+
+#[test]
+fn bodies_that_share_a_face_stay_as_they_are_where_one_lies_in_the_other() {
+    let at = |corner: [f64; 3]| Mesh::cuboid(DVec3::ZERO, DVec3::from_array(corner));
+    // On one base, one higher; beside each other on it, as the foot of a boss that goes through its plate.
+    let plate = Mesh::cuboid(DVec3::new(-2.0, -2.0, 0.0), DVec3::new(4.0, 5.0, 1.0));
+    for (first, second, repeated) in
+        [(at([4.0, 3.0, 2.0]), at([4.0, 3.0, 5.0]), true), (plate, at([4.0, 3.0, 5.0]), false)]
+    {
+        let both = joined(&[first, second]);
+        let twice = both
+            .triangles
+            .iter()
+            .filter(|one| both.triangles.iter().filter(|o| turned(**o) == turned(**one)).count() > 1);
+        assert_eq!(twice.count() > 0, repeated);
+        assert!(both.clone().with_consistent_faces() == (both, FaceRepair::default()));
+    }
+    // One that faces inwards beside another, whose common face bounds nothing, is turned.
+    let mut beside = unit_cube();
+    beside.append(&reversed(Mesh::cuboid(DVec3::X, DVec3::new(2.0, 1.0, 1.0))));
+    let (mended, repair) = beside.welded().with_consistent_faces();
+    assert!(boundary_chain(&mended).is_empty() && (mended.signed_volume() - 2.0).abs() < 1e-12, "{repair:?}");
+}
+
+#[test]
+fn a_cavity_in_a_shell_with_a_gap_stays_one() {
+    let cavity = cube(0.0, 4.0, true);
+    let mut gap = cube(0.0, 9.0, false);
+    gap.triangles.pop();
+    // A corner on an edge of one of its two triangles alone.
+    let mut junction = Mesh::cuboid(DVec3::splat(-4.5), DVec3::splat(4.5));
+    let [a, b, c] = junction.triangles[0];
+    let middle = junction.vertices.len() as u32;
+    junction.vertices.push(junction.vertices[a as usize].lerp(junction.vertices[b as usize], 0.4));
+    junction.triangles.splice(0..1, [[a, middle, c], [middle, b, c]]);
+    for outer in [gap, junction] {
+        // A body floats in the cavity.
+        let body = cube(0.0, 1.0, false);
+        let right = joined(&[outer.clone(), cavity.clone(), body]);
+        assert!(right.clone().with_consistent_faces() == (right, FaceRepair::default()));
+        let right = joined(&[outer, cavity.clone()]);
+        let first = right.triangles.len() - cavity.triangles.len();
+        let (same, repair) = right.clone().with_consistent_faces();
+        assert!((&same, repair) == (&right, FaceRepair::default()));
+        // Where the file does not say which way it faces it is one too.
+        let (random, flipped) = shuffled(&right, first, 0.5, 3);
+        assert!(random.with_consistent_faces() == (right, flips(flipped)));
+    }
+    // Beside it, a body that faces inwards is turned.
+    let mut gap = cube(0.0, 9.0, false);
+    gap.triangles.pop();
+    let right = joined(&[gap, cube(20.0, 3.0, false)]);
+    let first = right.triangles.len() - cube(20.0, 3.0, false).triangles.len();
+    let (wrong, flipped) = shuffled(&right, first, 1.0, 0);
+    assert!(wrong.with_consistent_faces() == (right, flips(flipped)));
+}

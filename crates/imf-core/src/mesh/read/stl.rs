@@ -15,8 +15,10 @@ const PREAMBLE: usize = HEADER + 4;
 const RECORD: usize = 50;
 
 pub(super) fn parse(bytes: &[u8]) -> Result<MeshFile, Fault> {
-    if is_ascii(bytes) {
-        return parse_ascii(bytes);
+    // Some programs begin a text with a mark of its encoding.
+    let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    if is_ascii(text) {
+        return parse_ascii(text);
     }
     let Some(count) = announced_triangles(bytes) else {
         return Err(Fault::malformed("this is neither a binary nor an ASCII STL file"));
@@ -29,6 +31,11 @@ pub(super) fn parse(bytes: &[u8]) -> Result<MeshFile, Fault> {
     if records.len() < count {
         let cause = format!("it holds {} of the {count} triangles that it announces", records.len());
         return Err(Fault::truncated(cause));
+    }
+    // Other bytes behind them some programs write.
+    if records.len() > count && records.remainder().is_empty() {
+        let cause = format!("it announces {count} triangles and holds {}", records.len());
+        return Err(Fault::malformed(cause));
     }
     let mut welder = Welder::default();
     for (number, record) in records.take(count).enumerate() {
@@ -205,5 +212,12 @@ mod tests {
         assert!(parse_stl(text.as_bytes()).unwrap_err().contains("this is text"));
         let binary = binary(&unit_cube());
         assert!(parse_stl(&binary[..200]).unwrap_err().contains("cut short"));
+        // With the mark of a text.
+        let marked = [b"\xef\xbb\xbf", ascii(&unit_cube()).as_bytes()].concat();
+        assert_eq!(parse_stl(&marked).unwrap().triangles.len(), 12);
+        // Fewer announced than there are.
+        let mut few = binary.clone();
+        few[HEADER] -= 3;
+        assert!(parse_stl(&few).unwrap_err().contains("it announces 9 triangles and holds 12"));
     }
 }

@@ -5,7 +5,7 @@
 //! type `other`, which slicers give to regions of other settings, and which the core specification allows in no item. Items that
 //! slicers mark `printable="0"` (not in the specification) are beside the part and are left out too.
 //! Files that require an extension which changes what is solid are refused: slices, beams, booleans, displacement,
-//! encryption.
+//! encryption; and those of which a slicer says that some volumes of a mesh are cut out or modifiers.
 //!
 //! The crates for this format drop vertices that they cannot read (`threemf2`) or read no components of other models
 //! (`threemf`), so that the XML is read here, by `quick-xml`, strictly.
@@ -33,6 +33,21 @@ const MAX_OF_ANY: usize = 1 << 17;
 /// The deepest nesting of components.
 const DEEPEST: usize = 64;
 
+/// Where slicers say what the volumes in an object's mesh are, and how they say of some that they are not the part: cut out of it, or
+/// regions of other settings. (Where those are objects of their own, of the type `other`, they are left out.)
+const NO_PART: [(&str, &[&str]); 2] = [
+    (
+        "Metadata/Slic3r_PE_model.config",
+        &[
+            "value=\"NegativeVolume\"",
+            "value=\"ParameterModifier\"",
+            "value=\"SupportBlocker\"",
+            "value=\"SupportEnforcer\"",
+        ],
+    ),
+    ("Metadata/model_settings.config", &["subtype=\"negative_part\""]),
+];
+
 /// How every ZIP archive of files begins.
 const ZIP: &[u8] = b"PK";
 
@@ -49,6 +64,18 @@ pub(super) fn parse(bytes: &[u8]) -> Result<MeshFile, Fault> {
     let mut archive = Archive::new(Cursor::new(bytes)).map_err(|error| no_archive(&error))?;
     let mut budget = (bytes.len() as u64).saturating_mul(MAX_UNFOLDING);
     let root = root_name(&mut archive, &mut budget)?;
+    for (name, kinds) in NO_PART {
+        if archive.index_for_name(name).is_none() {
+            continue;
+        }
+        let text = unpack(&mut archive, name, &mut budget)?;
+        if let Some(found) = kinds.iter().find(|kind| text.contains(*kind)) {
+            let cause = format!(
+                "{name} of its slicer says that some of its volumes are no part ({found}); export the part alone, as it is to be made"
+            );
+            return Err(Fault::malformed(cause));
+        }
+    }
     let mut models = HashMap::new();
     // The root, and the models that items and components name.
     let mut wanted = vec![root.clone()];

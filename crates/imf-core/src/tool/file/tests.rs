@@ -99,6 +99,11 @@ fn mistakes_name_their_line_and_key() {
             1,
             "stick_out",
         ),
+        (
+            "[cutter]\nshape = 'ball'\ndiameter = 10\nlength = 20\n[shank]\ndiameter = 10\n[[holder]]\ndiameter = 29\nlength = 48\n",
+            6,
+            "how long the [shank] is",
+        ),
         ("sharp_points = 'all'\n[cutter]\nshape = 'ball'\ndiameter = 10\nlength = 20\n", 1, "sharp_points"),
         ("[cutter\n", 1, ""),
     ];

@@ -108,7 +108,10 @@ impl Bit {
             }
         }
         let flat = self.optional_length("FlatRadius")?.ok_or("CornerRadius is missing")?;
-        Ok(radius - flat)
+        if flat > radius * (1.0 + ROUNDED_DIGITS) {
+            return Err(format!("FlatRadius {flat} mm is larger than the cutter's radius {radius} mm"));
+        }
+        Ok((radius - flat).max(0.0))
     }
 
     fn shank(&self, cutter: &[Segment], whole: f64) -> Result<Vec<Segment>, String> {

@@ -81,6 +81,17 @@ fn freecads_bits_become_cutter_and_shank() {
     close(radius(&tool, 0.0), 1.5);
     close(radius(&tool, 1.5), 3.0);
     close(radius(&tool, 45.0), 1.5);
+    // By its flat bottom instead, which is no wider than the cutter.
+    let by_flat = |flat: &str| {
+        read(&bit(
+            "Bullnose",
+            json!({
+                "CuttingEdgeHeight": "40 mm", "Diameter": "6 mm", "FlatRadius": flat, "Length": "50 mm", "ShankDiameter": "3 mm"
+            }),
+        ))
+    };
+    close(radius(&by_flat("1.5 mm").unwrap(), 0.0), 1.5);
+    assert!(by_flat("3.5 mm").unwrap_err().contains("FlatRadius"));
 
     // Inches, a localised decimal sign, and a stick-out that cuts the shank off.
     let end_mill = bit(

@@ -71,6 +71,31 @@ fn refusal(bytes: &[u8]) -> String {
 }
 
 #[test]
+fn volumes_that_a_slicer_says_are_no_part_are_refused() {
+    let text = cube(&unit_cube());
+    for (name, settings, is_read) in [
+        (
+            "Metadata/Slic3r_PE_model.config",
+            r#"<metadata type="volume" key="volume_type" value="ModelPart"/>"#,
+            true,
+        ),
+        (
+            "Metadata/Slic3r_PE_model.config",
+            r#"<metadata type="volume" key="volume_type" value="NegativeVolume"/>"#,
+            false,
+        ),
+        ("Metadata/model_settings.config", r#"<part id="2" subtype="negative_part">"#, false),
+        ("Metadata/model_settings.config", r#"<metadata key="name" value="negative_part"/>"#, true),
+    ] {
+        let bytes = archive_of(&[("3D/part.model", &text), (name, settings)]);
+        match is_read {
+            true => assert_eq!(parse(&bytes).unwrap().mesh.triangles.len(), 12),
+            false => assert!(refusal(&bytes).contains("no part"), "{}", refusal(&bytes)),
+        }
+    }
+}
+
+#[test]
 fn a_mesh_is_read_in_the_files_unit() {
     let cube_text = cube(&unit_cube());
     let read = parse(&archive(&cube_text)).unwrap();
