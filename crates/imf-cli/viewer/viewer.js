@@ -46,7 +46,7 @@
   scene.add(surface);
 
   const groups = {};
-  const group = (key, name, on) => (groups[key] ??= { name, on, group: new THREE.Group() }).group;
+  const group = (key, name, on, colour) => (groups[key] ??= { name, on, colour, group: new THREE.Group() }).group;
   data.arrows.forEach(({ direction }) => {
     // An arrow stands for a tool that comes from there.
     const towards = new THREE.Vector3(...direction);
@@ -63,7 +63,7 @@
   data.paths.forEach(({ points, colour, name }) => {
     const line = new THREE.BufferGeometry();
     line.setAttribute('position', new THREE.BufferAttribute(floats(points), 3));
-    group('path ' + name, name, true).add(
+    group('path ' + name, name, true, hex(colour)).add(
       new THREE.LineSegments(line, new THREE.LineBasicMaterial({ color: new THREE.Color(hex(colour)) })));
   });
   Object.values(groups).forEach(entry => { entry.group.visible = entry.on; scene.add(entry.group); });
@@ -132,7 +132,9 @@
   Object.values(groups).forEach(entry => {
     const box = element('input', { type: 'checkbox', checked: entry.on });
     box.addEventListener('change', () => { entry.group.visible = box.checked; draw(); });
-    document.getElementById('shown').append(element('label', {}, box, ' ', entry.name));
+    const swatch = element('span', { className: 'swatch' });
+    swatch.style.background = entry.colour;
+    document.getElementById('shown').append(element('label', {}, box, ' ', ...(entry.colour ? [swatch] : []), entry.name));
   });
 
   const tell = (layer, value) => {

@@ -170,7 +170,7 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
         stick_outs,
     };
     if let Some(page) = &page {
-        let shown = view::CheckScene::new(&checked, &meshes, &back, &set_up);
+        let shown = view::CheckScene::new(&checked, &meshes, &bare.part, &back, &set_up);
         let path = page.begin()?;
         view::view(&checked, &shown, &toolpath, &back).write_page(path)?;
         session.note(&format!("wrote {}: open it in a browser", path.display()));

@@ -190,6 +190,13 @@ fn travel_is_told_with_line_axis_value_and_range() {
         assert!(run.stdout.contains(said), "{said}: {}", run.stdout);
     }
     assert!(run.stdout.contains("no collision, 3 lines lead out of the machine's travel"), "{}", run.stdout);
+    // An axis that turns while the others stand leaves its range where it does, not where it ends.
+    let alone = "G21 G90 T1 M6\nG0 A0. C0.\nG43 H1 X0. Y0. Z100.\nG1 A50. F500\n";
+    let run = check(("turn.nc", alone), "--machine trunnion.toml --json");
+    let answer = run.json();
+    let fault = &answer["report"]["out_of_travel"][0];
+    let [value, farthest] = ["value", "farthest"].map(|name| fault[name].as_f64().unwrap());
+    assert!(value > 30.0 && value < 30.2 && farthest == 50.0, "{fault}");
     let run = check(("far.nc", program), "--machine trunnion.toml --json");
     let answer = run.json();
     assert_eq!((run.code, &answer["passes"], &answer["collides"]), (Some(3), &false.into(), &false.into()));
@@ -274,7 +281,8 @@ fn access_counts_only_poses_to_which_the_machine_brings_the_tool() {
         let rows = found["surface"]["obstructed_by"].as_array().unwrap().clone();
         let of_machine =
             rows.iter().find(|row| row["element"] == "machine").map(|row| row["fraction"].clone());
-        let help = found["unreached"].as_array().into_iter().flatten().map(|patch| patch["hits"].to_string());
+        let help =
+            found["unreached"].as_array().into_iter().flatten().map(|patch| patch["fault"].to_string());
         let share = |value: &Value| value.as_f64().unwrap();
         (share(&found["surface"]["reached"]), of_machine.map_or(0.0, |v| share(&v)), help.collect::<String>())
     };

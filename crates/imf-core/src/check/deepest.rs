@@ -72,7 +72,7 @@ impl DepthElement {
                         found.take(voxel, element.depth(height, radius, *exposed), body.depth(voxel));
                     });
                 }
-                let deepest = Cell::new((found.depth, None));
+                let (deepest, in_tool) = (Cell::new((found.depth, None)), Cell::new(found.in_tool));
                 field.visit_surface(pose, |own, point, height, radius| {
                     if own != index {
                         return;
@@ -80,12 +80,14 @@ impl DepthElement {
                     let depth =
                         |(element, exposed): &(Element, bool)| element.depth(height, radius, *exposed);
                     let depth = elements.iter().map(depth).fold(0.0, f64::max);
+                    in_tool.set(in_tool.get().max(depth));
                     if depth > deepest.get().0 {
                         deepest.set((depth, Some(DVec3::from_array(point))));
                     }
                 });
+                found.in_tool = in_tool.get();
                 if let (depth, Some(point)) = deepest.get() {
-                    found = DeepestCentre { depth, in_tool: depth, point: Some(point), ..found };
+                    found = DeepestCentre { depth, point: Some(point), ..found };
                 }
             }
             Shape::Mesh(tool) => {
@@ -116,8 +118,9 @@ impl Default for DeepestCentre {
 impl DeepestCentre {
     pub(super) fn take(&mut self, voxel: usize, in_tool: f64, in_body: f64) {
         self.voxels += 1;
+        self.in_tool = self.in_tool.max(in_tool);
         if in_tool + in_body > self.depth {
-            (self.depth, self.in_tool, self.voxel) = (in_tool + in_body, in_tool, voxel);
+            (self.depth, self.voxel) = (in_tool + in_body, voxel);
         }
     }
 

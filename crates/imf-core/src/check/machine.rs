@@ -32,6 +32,10 @@ use crate::pose::Pose;
 use crate::scene::{LostSurface, decided};
 use crate::tool::{Element, Tool, ToolShape};
 
+/// Degrees by which an axis turns between two places at which its range is looked at, and the most such places on a line.
+const TURN: f64 = 0.1;
+const MOST_TURNS: u64 = 10_000;
+
 /// A machine, and the voxels of what its table carries.
 #[derive(Clone, Debug)]
 pub struct MachineBodies {
@@ -247,7 +251,10 @@ impl MachinePairs {
     pub(super) fn beyond(&self, motion: &Motion<'_>, line: usize) -> Result<Vec<TravelFault>, LineFault> {
         let Some(way) = motion.by_machine() else { return Ok(Vec::new()) };
         let farthest = way.linear_way();
-        let count = poses_needed(farthest, self.step)?;
+        let [from, to] = [0.0, 1.0].map(|fraction| way.joints(fraction).rotary);
+        let turned = (to[0] - from[0]).abs().max((to[1] - from[1]).abs());
+        let turns = ((turned / TURN).ceil() as u64).min(MOST_TURNS);
+        let count = poses_needed(farthest, self.step)?.max(turns);
         let mut found = Vec::new();
         let turns_within_range = way.turns_within_range();
         if turns_within_range && self.machine.room_in_travel(way.joints(0.5).linear) > 0.5 * farthest {

@@ -49,7 +49,8 @@ pub struct Collision {
     /// centres of the body's voxels. It falls short of the depth in the body itself by up to a pitch or so, and exceeds it by up to
     /// half a pitch where a face lies between two centres. Of stock it is the depth in the element, and half a pitch.
     pub depth: f64,
-    /// How deep the contact point lies below the surface of the element, offset by its clearance.
+    /// How deep the deepest of the centres and points in the element, offset by its clearance, lies below its surface; not always the
+    /// contact point. It is more than what is accepted. Of a mesh that of the contact point, at least.
     pub depth_in_tool: f64,
     /// The solid voxel's centre that is so deep, or the point of the part's surface.
     pub contact: [f64; 3],

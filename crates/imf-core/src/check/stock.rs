@@ -4,7 +4,7 @@
 //! then the cutter removes the voxels whose centres it holds. On a rapid, and where the path begins (the approach is
 //! not in the file), the cutter must keep out as well: it is tested against the stock from before the first of such
 //! motions in a row. The cutter of a drill, or of another tool that cuts along its axis alone, must keep out wherever it
-//! moves otherwise; each such motion is tested by itself. Stock that belongs to the part is left to the check of the part.
+//! moves otherwise, in the same way: in however many steps. A feed that moves nothing ends no row. Stock that belongs to the part is left to the check of the part.
 //!
 //! The holder, what a machine's head carries, and everything with a clearance must hold no centre. A shank as wide as
 //! its cutter rubs in what the cutter has just cut. So stock is accepted where, as seen from the tool's axis, the
@@ -212,7 +212,7 @@ struct PathFollower<'a> {
     removed_by: Vec<u32>,
     removed: Vec<LineRemoval>,
     found: Vec<report::MotionFindings>,
-    /// Motions at rapid rate that were checked and have removed nothing yet, each with its collision.
+    /// Motions that must not cut, which were checked and have removed nothing yet, each with its collision.
     waiting: Vec<(usize, Option<Collision>)>,
     control: Control<'a>,
 }
@@ -221,13 +221,18 @@ impl PathFollower<'_> {
     fn follow(&mut self) -> Result<(), CheckError> {
         for (index, motion) in self.motions.iter().enumerate() {
             let kind = self.toolpath.locations[index].kind;
-            if kind != MoveKind::Rapid {
+            let is_still = kind == MoveKind::Feed && motion.poses().all(|(_, pose)| pose == motion.at(0.0));
+            if is_still && !self.waiting.is_empty() {
+                self.waiting.push((index, None));
+                continue;
+            }
+            let tool = self.tools[motion.tool].as_ref();
+            let may_cut = kind == MoveKind::Feed && tool.is_none_or(|tool| !tool.must_not_cut(motion));
+            if may_cut || kind == MoveKind::Start {
                 self.cut_waiting()?;
             }
-            if kind == MoveKind::Feed {
-                let tool = self.tools[motion.tool].as_mut().filter(|tool| tool.must_not_cut(motion));
-                let hit = tool.and_then(|tool| tool.rapid(motion, &self.stock, &self.part, true));
-                self.cut(index, hit)?;
+            if may_cut {
+                self.cut(index, None)?;
                 continue;
             }
             let begins = self.waiting.is_empty();

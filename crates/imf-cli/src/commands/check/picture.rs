@@ -23,6 +23,10 @@ use crate::slices::{self, is_solid};
 const PLACES: usize = 4;
 /// Squares along a side.
 const SIDE: usize = 90;
+/// How far from the contact point a plane may lie, in voxels.
+const BESIDE: f64 = 0.5;
+const OVERLAP: f32 = 4.0;
+const STOCK: f32 = 5.0;
 const CLASSES: [&str; 7] = ["empty", "part", "fixture", "tool", "overlap", "stock", "machine"];
 
 /// The frame that a picture is drawn in.
@@ -71,7 +75,17 @@ pub(super) fn draw(
         .map(|(title, line, hit, tool)| {
             let in_stock = |point: DVec3| stock.is_some_and(|stock| stock.is_there(line, point));
             let moving = MachineSolids::new(hit, bodies.machine.map(MachineBodies::machine), &frame.set_up);
-            let plane = |axis| cut(hit, tool, &moving, bodies, &in_stock, &frame.set_up, axis);
+            let plane = |axis| {
+                let at = |shift| cut(hit, tool, &moving, bodies, &in_stock, &frame.set_up, (axis, shift));
+                let shows = |(_, values): &(Grid, Array2<f32>)| values.iter().any(|&class| class == OVERLAP);
+                // A plane that touches the tool alone shows nothing of it.
+                let beside = [-BESIDE, BESIDE].map(|shift| shift * bodies.part.grid.pitch);
+                let through = at(0.0);
+                if shows(&through) {
+                    return through;
+                }
+                beside.into_iter().map(at).find(shows).unwrap_or(through)
+            };
             let planes: Vec<_> = (0..3).map(plane).collect();
             (title, planes)
         })
@@ -99,7 +113,7 @@ pub(super) fn draw(
     PanelSheet {
         title: "The deepest collisions".into(),
         rows: rows.collect(),
-        notes: vec!["The contact point is in the middle of every panel; the tool without clearance".into()],
+        notes: vec!["The contact point is in the middle of every panel, or half a voxel before or behind it; the tool without clearance".into()],
         pixels_per_voxel: Some(3),
     }
     .save(path)?;
@@ -135,7 +149,8 @@ impl<'a> MachineSolids<'a> {
     }
 }
 
-/// What lies in the plane of the frame at right angles to `axis` through the contact point: a grid of one layer, and its classes.
+/// What lies in the plane of the frame at right angles to `axis` through the contact point, or beside it by `shift` in the world: a grid
+/// of one layer, and its classes. Of overlaps with the stock those of the element that is named.
 fn cut(
     hit: &Collision,
     tool: &Tool,
@@ -143,10 +158,12 @@ fn cut(
     bodies: CheckBodies<'_>,
     in_stock: &impl Fn(DVec3) -> bool,
     set_up: &DMat4,
-    axis: usize,
+    (axis, shift): (usize, f64),
 ) -> (Grid, Array2<f32>) {
     let back = set_up.inverse();
-    let contact = back.transform_point3(DVec3::from_array(hit.contact));
+    let scale = back.x_axis.length();
+    let mut contact = back.transform_point3(DVec3::from_array(hit.contact));
+    contact[axis] += shift * scale;
     let orientation = Orientation::from_direction(DVec3::from_array(hit.axis)).unwrap_or_default();
     let pose = Pose::oriented(
         DVec3::from_array(hit.position),
@@ -154,7 +171,7 @@ fn cut(
     );
     let wide = moving.thickness(&hit.element).unwrap_or_else(|| widest(tool, &hit.element));
     let side = 2.0 * (1.5 * wide).max(8.0 * bodies.part.grid.pitch);
-    let side = side * back.x_axis.length();
+    let side = side * scale;
     let pitch = side / SIDE as f64;
     let mut dims = [SIDE; 3];
     dims[axis] = 1;
@@ -173,24 +190,29 @@ fn cut(
     let values: Vec<f32> = (0..grid.len())
         .map(|index| {
             let point = set_up.transform_point3(grid.centre(grid.voxel(index)));
-            let in_tool = match &turned {
-                Some(voxels) => voxels.solid[index] == 1,
-                None => tool.element_at(&pose, point).is_some(),
+            let (in_tool, is_named) = match &turned {
+                Some(voxels) => (voxels.solid[index] == 1, true),
+                None => {
+                    let element = tool.element_at(&pose, point);
+                    (element.is_some(), element.is_some_and(|kind| kind.to_string() == hit.element))
+                }
             };
             let in_fixture = || bodies.fixtures.iter().any(|(_, fixture)| is_solid(fixture, point));
             let of_head = !in_tool && moving.holds(Side::Head, point);
             let on_table = is_solid(bodies.part, point) || in_fixture();
             let standing = match () {
-                () if hits_table && on_table && moving.holds(Side::Table, point) => 4.0,
+                () if hits_table && on_table && moving.holds(Side::Table, point) => OVERLAP,
                 () if is_solid(bodies.part, point) => 1.0,
                 () if in_fixture() => 2.0,
-                () if in_stock(point) => 5.0,
+                () if in_stock(point) => STOCK,
                 () if moving.holds(Side::Table, point) => 6.0,
                 () => 0.0,
             };
             match (in_tool, of_head) {
                 (false, false) => standing,
-                _ if standing != 0.0 => 4.0,
+                // What the cutter cuts.
+                (true, _) if standing == STOCK && !is_named => 3.0,
+                _ if standing != 0.0 => OVERLAP,
                 (true, _) => 3.0,
                 (false, true) => 6.0,
             }

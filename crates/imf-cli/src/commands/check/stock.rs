@@ -126,17 +126,20 @@ impl StockResult {
         [sum(|line| line.voxels), sum(|line| line.of_part), sum(|line| u64::from(line.voxels > 0))]
     }
 
-    /// Voxels beside the part that go at rapid rate, and where the tool comes in.
-    fn not_at_feed(&self) -> u64 {
+    /// Voxels that go at rapid rate, and where the tool comes in: beside the part, and of the part.
+    fn not_at_feed(&self) -> [u64; 2] {
         let others = self.report.removed.iter().filter(|line| line.kind != MoveKind::Feed);
-        others.map(|line| line.voxels - line.of_part).sum()
+        others.fold([0; 2], |[beside, of_part], line| {
+            [beside + line.voxels - line.of_part, of_part + line.of_part]
+        })
     }
 
     /// Of the row of rapids that a line ends, which is tried on the stock before it, the first line that takes something.
     fn first_of_row(&self, line: usize) -> usize {
         let removed = &self.report.removed;
         let Some(last) = removed.iter().position(|removal| removal.line == line) else { return line };
-        let row = removed[..=last].iter().rev().take_while(|removal| removal.kind == MoveKind::Rapid);
+        let in_row = |removal: &&LineRemoval| removal.kind == MoveKind::Rapid || removal.voxels == 0;
+        let row = removed[..=last].iter().rev().take_while(in_row);
         row.filter(|removal| removal.voxels > 0).last().map_or(line, |removal| removal.line)
     }
 
@@ -156,7 +159,7 @@ impl StockResult {
         json!({
             "stock": self.name, "volume": volume(self.report.voxels), "removed": volume(removed), "removed_of_part": volume(of_part),
             "lines_that_cut": cutting, "lines_that_cut_nothing": self.report.removed.len() as u64 - cutting,
-            "removed_not_at_feed": volume(self.not_at_feed()), "begins_in_stock": begins, "largest": self.largest().map(line), "first_touch": first(first_hit(checked, &is_touch)), "first_rapid_cut": rapid,
+            "removed_not_at_feed": volume(self.not_at_feed().iter().sum()), "begins_in_stock": begins, "largest": self.largest().map(line), "first_touch": first(first_hit(checked, &is_touch)), "first_rapid_cut": rapid,
             "first_cut_aside": aside,
             "left": {
                 "volume": volume(self.left.voxels), "farthest": self.left.farthest,
@@ -206,13 +209,22 @@ impl StockResult {
                     .to_owned(),
             );
         }
-        match self.not_at_feed() {
+        let [brushed, of_part_brushed] = self.not_at_feed();
+        match brushed {
             brushed if rapids.len() == usize::from(self.no_rapids) && brushed > 0 => rapids.push(format!(
                 "at rapid rate and where the path begins {} go, as far as the voxels show less deep in the cutter than is accepted",
                 show(brushed)
             )),
-            _ if rapids.is_empty() => rapids.push("no line is seen to cut it at rapid rate".to_owned()),
+            _ if rapids.is_empty() && of_part_brushed == 0 => {
+                rapids.push("no line is seen to cut it at rapid rate".to_owned());
+            }
             _ => {}
+        }
+        if of_part_brushed > 0 {
+            rapids.push(format!(
+                "{} of the part go at rapid rate or where the path begins",
+                show(of_part_brushed)
+            ));
         }
         if let Some((line, _)) = first_hit(checked, &is_aside) {
             rapids.push(format!(
@@ -274,6 +286,14 @@ impl StockResult {
         let comment = format!("{program}: stock that is left {BY_VOXELS}{pitch} {}", self.unit);
         write_stl(&self.surface(back), folder.file("stock.stl"), &comment)?;
         Ok(["removed.csv", "stock.vti", "stock.stl"])
+    }
+
+    /// The surface of what is left beside the part, by voxels, where `back` leads from the world.
+    pub(super) fn surface_beside(&self, part: &Occupancy, back: &DMat4) -> Option<Mesh> {
+        let mut beside = self.report.remaining.clone();
+        let part = part.on(&beside.grid)?;
+        beside.solid.iter_mut().zip(&part.solid).for_each(|(left, part)| *left &= 1 - part);
+        Some(beside.faces().transformed(back))
     }
 
     /// The surface of what is left, by voxels, where `back` leads from the world.

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use glam::DMat4;
-use imf_core::check::{CheckSettings, Collision, LineCollisions, TravelFault};
+use imf_core::check::{CheckReport, CheckSettings, Collision, LineCollisions, TravelFault};
 use imf_core::machine::{MachineSolid, Side};
 use imf_core::toolpath::MoveKind;
 use imf_core::unit::LengthUnit;
@@ -11,6 +11,15 @@ use imf_core::unit::LengthUnit;
 use super::{CheckRun, stick_out};
 use crate::arguments::check::Frame;
 use crate::output::{short, show_measure};
+
+/// How many lines collide.
+pub(super) fn verdict(report: &CheckReport) -> String {
+    match report.colliding.len() {
+        0 => "no collision".to_owned(),
+        1 => "1 line collides".to_owned(),
+        n => format!("{n} lines collide"),
+    }
+}
 
 pub(super) fn text(checked: &CheckRun<'_>) -> String {
     let CheckRun { report, record, .. } = checked;
@@ -25,11 +34,7 @@ pub(super) fn text(checked: &CheckRun<'_>) -> String {
     for beyond in &report.out_of_travel {
         let _ = writeln!(text, "{}", travel(beyond, &unit.to_string()));
     }
-    let mut verdict = match report.colliding.len() {
-        0 => "no collision".to_owned(),
-        1 => "1 line collides".to_owned(),
-        n => format!("{n} lines collide"),
-    };
+    let mut verdict = verdict(report);
     if checked.machine.is_some() {
         let mut lines: Vec<_> = report.out_of_travel.iter().map(|beyond| beyond.line).collect();
         lines.dedup();

@@ -4,6 +4,7 @@ use glam::{DMat4, DVec3};
 use imf_core::check::{HitBody, MachineBodies};
 use imf_core::machine::{Joints, MachineSolid, Side};
 use imf_core::mesh::Mesh;
+use imf_core::occupancy::Occupancy;
 use imf_core::pose::Pose;
 use imf_core::toolpath::{MoveKind, Toolpath};
 
@@ -32,12 +33,13 @@ pub(super) struct CheckScene {
 }
 
 impl CheckScene {
-    /// `meshes` are in the world, the part first; `back` leads from there to the result's frame, `set_up` from the
+    /// `meshes` are in the world, the part first, of which `part` are the voxels; `back` leads from there to the result's frame, `set_up` from the
     /// path's frame to the world. A machine's solids are where they are at the deepest collision; without one those
     /// alone are shown that go with the part.
     pub(super) fn new(
         checked: &CheckRun<'_>,
         meshes: &[(String, Mesh)],
+        part: &Occupancy,
         back: &DMat4,
         set_up: &DMat4,
     ) -> Self {
@@ -45,8 +47,9 @@ impl CheckScene {
         for (index, (name, mesh)) in meshes.iter().enumerate() {
             shown.add(name, if index == 0 { NONE } else { distinct(index) }, false, &mesh.transformed(back));
         }
-        if let Some(stock) = &checked.stock {
-            shown.add("stock that is left", STOCK, false, &stock.surface(back));
+        let left = checked.stock.as_ref().and_then(|stock| stock.surface_beside(part, back));
+        if let Some(left) = left {
+            shown.add("stock that is left beside the part", STOCK, false, &left);
         }
         let worst = checked.report.worst();
         let places = worst.iter().take(PLACES).map(|(_, hit)| DVec3::from_array(hit.contact));
@@ -116,8 +119,9 @@ pub(super) fn view<'a>(
         columns: vec![("line", true), ("what", false), ("around", false)],
         rows: rows.collect(),
     };
+    let (report, path_name) = (&checked.report, checked.arguments.toolpath.display());
     View {
-        title: format!("{}, path {}", checked.record.part, checked.arguments.toolpath.display()),
+        title: format!("{}, path {path_name}: {}", checked.record.part, text::verdict(report)),
         unit,
         mesh: &shown.mesh,
         focus: shown.focus,

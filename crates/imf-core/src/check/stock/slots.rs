@@ -206,6 +206,9 @@ fn a_rapid_through_stock_is_told_however_it_is_chopped_and_one_out_of_a_cut_is_n
         let found = hits(&cut(&chopped)).first().map(|hit| hit.0).unwrap();
         let deep = 0.05 * f64::from(found as u32 - 2) - 1.0;
         assert!(deep > 0.0 && deep < 0.05 + 1.3 * pitch, "{found}");
+        // With feeds between that move nothing.
+        let fed = chopped.replacen("G0 X0.", "F100 G0 X0.", 1).replace("G0 Z-", "G1 X0.\nG0 Z-");
+        assert!(!hits(&cut(&fed)).is_empty());
     }
 }
 
@@ -258,6 +261,15 @@ fn a_drill_that_is_moved_aside_in_the_stock_collides_and_one_that_plunges_cuts()
     let [(7, "cutter", depth)] = hits(&report)[..] else { panic!("{:?}", hits(&report)) };
     assert!((2.0..=3.0).contains(&depth), "{depth}");
     assert!(hits(&cut_with(&end_mill(3.0, 3.0), program, &stock, &settings)).is_empty());
+    // In however many steps: along an arc, and by tenths.
+    let steps = (1..40).map(|step| format!("X{:.1}\n", 0.1 * f64::from(step))).collect::<String>();
+    for (aside, line) in [("G2 X0. Y0. I2. J0.\n".to_owned(), 4), (steps, 5)] {
+        let report =
+            cut_with(&drill, &format!("G21 G90\nG0 X0. Y0. Z5.\nG1 Z-3. F100\n{aside}"), &stock, &settings);
+        let told = hits(&report);
+        let [(first, "cutter", _), ..] = told[..] else { panic!("{told:?}") };
+        assert!((line..line + 4).contains(&first), "{told:?}");
+    }
     // Its tip stays where it is, and its axis tilts.
     let path = "x,y,z,i,j,k\n0,0,5,0,0,1\n0,0,-3,0,0,1\n0,0,-3,0.5,0,1\n";
     let path = Toolpath::parse(path, LengthUnit::Mm, "path.csv").unwrap();

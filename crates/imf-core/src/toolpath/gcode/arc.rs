@@ -20,6 +20,10 @@ pub(super) struct Arc {
 pub(super) const CHORD: f64 = 0.001;
 /// Farthest that the ends of an arc differ in their distance from its centre, in mm: programs round to three or four digits.
 const ROUND: f64 = 0.01;
+/// An angle, in radians, and a length along the arc, in mm, within which its end is its start: a few times the rounding of double precision,
+/// and half of a program's last digit.
+const ONE_ANGLE: f64 = 1e-6;
+const ONE_PLACE: f64 = 0.000_5;
 /// Chords of a whole turn of a radius of 100 m.
 const MOST: f64 = 25_000.0;
 
@@ -60,8 +64,10 @@ impl Arc {
         }
         let turned = start.perp_dot(end).atan2(start.dot(end));
         let turned = if self.clockwise { -turned } else { turned };
-        // An end at the start is a whole turn, by a centre alone.
-        let sweep = if from.distance(to) < 1e-9 * mm { TAU } else { turned.rem_euclid(TAU) };
+        // An end at the start is a whole turn, by a centre alone; so controls read one that is rounded otherwise.
+        let is_whole =
+            self.radius.is_none() && turned.abs() < ONE_ANGLE && turned.abs() * first < ONE_PLACE * mm;
+        let sweep = if is_whole { TAU } else { turned.rem_euclid(TAU) };
         let step = 2.0 * (1.0 - (CHORD * mm / first.max(last)).min(0.5)).acos();
         let count = (sweep / step).ceil().max(1.0);
         if count > MOST {
@@ -145,6 +151,17 @@ mod tests {
         let whole = Arc { centre: Some(DVec3::new(0.0, 5.0, 0.0)), ..arc([0.0; 3], [0, 1, 2], true) };
         let points = whole.chords(1.0, &mut 100_000).unwrap();
         assert!(points.iter().any(|p| (p.y - 10.0).abs() < 0.01) && points.len() > 50);
+        // Its end is rounded otherwise than its start; the shortest arc that a program writes is one.
+        let of = |to: [f64; 3]| {
+            let from = DVec3::new(0.0, 5.0, 0.0);
+            let centre = Some(DVec3::new(0.0, -5.0, 0.0));
+            Arc { from, centre, ..arc(to, [0, 1, 2], true) }.chords(1.0, &mut 100_000).unwrap().len()
+        };
+        for radial in [0.0, 1e-10, 0.001, -0.009] {
+            assert_eq!(of([0.0, 5.0 + radial, 0.0]), points.len(), "{radial}");
+            assert_eq!(of([1e-10, 5.0 + radial, 0.0]), points.len(), "{radial}");
+        }
+        assert_eq!(of([0.001, 5.0, 0.0]), 1);
     }
 
     #[test]
