@@ -102,3 +102,12 @@ pub(crate) fn clearance_text(clearance: &Clearance, unit: impl std::fmt::Display
     let Clearance { holder, shank, cutter } = clearance;
     (!clearance.is_zero()).then(|| format!("holder {holder}, shank {shank}, cutter {cutter} {unit}"))
 }
+
+/// What a contact allows voxels of a pitch, in words.
+pub(crate) fn contact_text(depth: f64, pitch: f64, unit: impl std::fmt::Display) -> String {
+    let what = "the cutter may hold voxels of the part whose centres lie no deeper than";
+    // The centres next to a face lie half a pitch below it.
+    let none =
+        if depth < 0.5 * pitch { ": none of this pitch, which is more than twice as large" } else { "" };
+    format!("{what} {depth} {unit} below its surface{none}")
+}

@@ -5,7 +5,7 @@ use std::path::Path;
 use imf_core::scene::SceneRecord;
 use imf_fields::model::Model;
 
-use crate::arguments::clearance::clearance_text;
+use crate::arguments::clearance::{clearance_text, contact_text};
 use crate::session::Session;
 
 /// Says so where a training was not ended.
@@ -32,6 +32,6 @@ pub(super) fn of_scene(session: &Session, record: &SceneRecord) {
         session.note(&format!("values are of the tool offset by a clearance ({text})"));
     }
     if let Some(depth) = record.contact {
-        session.note(&format!("the cutter may reach {depth} {} below the part's surface", record.unit));
+        session.note(&contact_text(depth, record.grid.pitch, record.unit));
     }
 }

@@ -8,13 +8,18 @@ pub(crate) fn nearest(value: f64, unit: LengthUnit) -> String {
 }
 
 pub(crate) fn at_least(value: f64, unit: LengthUnit) -> String {
+    nearest(rounded_up(value, unit), unit)
+}
+
+/// Up to the last decimal that is shown, but for a thousandth of it, which is rounding.
+pub(crate) fn rounded_up(value: f64, unit: LengthUnit) -> f64 {
     let scale = 10_f64.powi(decimals(unit) as i32);
-    nearest((value * scale - 1e-6).ceil() / scale, unit)
+    (value * scale - 1e-3).ceil() / scale
 }
 
 pub(crate) fn at_most(value: f64, unit: LengthUnit) -> String {
     let scale = 10_f64.powi(decimals(unit) as i32);
-    nearest((value * scale + 1e-6).floor() / scale, unit)
+    nearest((value * scale + 1e-3).floor() / scale, unit)
 }
 
 /// With `more` decimals in addition, as for a tolerance.

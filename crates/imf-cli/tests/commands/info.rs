@@ -150,7 +150,7 @@ fn contact_is_recorded_with_its_layer_and_exact_answers_know_it() {
     let data = "dataset bracket --dims 15,45,27 --allow-coarse --orientations fibonacci:2";
     folder.imf(&format!("{data} --contact 4 --out data")).done();
     assert_eq!(folder.json("info data")["scene"]["contact"], 4.0);
-    assert!(folder.imf("info data").done().stdout.contains("may reach 4 mm below"));
+    assert!(folder.imf("info data").done().stdout.contains("lie no deeper than 4 mm below its surface"));
     let (_, scene, _) = imf_train::dataset::load(&folder.path("data")).unwrap();
     assert!(scene.layer.as_ref().unwrap().count() > 0);
     let cuttable = Obstacle::from(&scene).cuttable.unwrap();

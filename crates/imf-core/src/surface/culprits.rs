@@ -12,6 +12,7 @@ use std::cell::Cell;
 use glam::DVec3;
 
 use super::contact::{ContactFrame, Touch};
+use super::sample_query::{Outcome, SampleQuery};
 use super::{Revolved, Shape, SurfaceError, SurfaceSample, SurfaceTool, ToolDirection};
 use crate::control::Control;
 use crate::field::solid::SolidField;
@@ -34,7 +35,7 @@ pub struct MinimumOverlap {
     pub of_cutter: u32,
     /// Number of points of surfaces in the pieces of the tool that hold no voxel.
     pub surface: u32,
-    /// True where the cutter holds neither voxels of the part nor points of its surface.
+    /// True where the cutter holds nothing of the part that counts: neither voxels nor points of its surface.
     pub cutter_fits: bool,
 }
 
@@ -82,8 +83,8 @@ const AROUND: u32 = 8;
 const CHUNK: usize = 16;
 
 impl SurfaceTool {
-    /// What obstructs the tool at a pose.
-    fn overlap(&self, direction: u32, pose: Pose) -> MinimumOverlap {
+    /// What obstructs the tool at a pose; nothing its cutter where that is known to fit.
+    fn overlap(&self, direction: u32, pose: Pose, fits: bool) -> MinimumOverlap {
         // Voxels, or else points of surfaces.
         let count = |piece: &SolidField| {
             let (voxels, surface) = (piece.count(&pose).unwrap_or(u32::MAX), Cell::new(0));
@@ -98,7 +99,7 @@ impl SurfaceTool {
                 MinimumOverlap { direction, pose, voxels, of_cutter: 0, surface, cutter_fits: true }
             }
             Shape::Revolved(tool) => {
-                let cutter = count(&tool.cutter);
+                let cutter = if fits { (0, 0) } else { count(&tool.cutter) };
                 let others = tool.held.iter().chain(&tool.rest).map(count);
                 let (voxels, surface) =
                     others.fold(cutter, |a, b| (a.0.saturating_add(b.0), a.1.saturating_add(b.1)));
@@ -140,13 +141,19 @@ impl SurfaceTool {
 
     fn minimum_overlap(&self, sample: &SurfaceSample, turns: &[ToolDirection]) -> Option<MinimumOverlap> {
         let mut least: Option<MinimumOverlap> = None;
+        let query = SampleQuery::new(self, sample, None);
         for (direction, turn) in turns.iter().enumerate() {
-            self.contact_tips(sample, turn, |tip| {
-                let here = self.overlap(direction as u32, Pose::new(tip, turn.rotation));
+            let mut consider = |tip: DVec3, fits: bool| {
+                let here = self.overlap(direction as u32, Pose::new(tip, turn.rotation), fits);
                 if least.is_none_or(|before| here.key() < before.key()) {
                     least = Some(here);
                 }
-            });
+            };
+            // A cutter that steps aside fits where none fits that touches the sample itself.
+            if let Outcome::Obstructed(tip) = self.at_best(&query, turn, &mut [None; 2]) {
+                consider(tip, true);
+            }
+            self.contact_tips(sample, turn, |tip| consider(tip, false));
         }
         least
     }
@@ -173,7 +180,7 @@ impl SurfaceTool {
             depth += if is_cutter { self.tolerance } else { 0.0 };
             found.push(ElementCollision { kind: element.kind, body, voxels, depth, slimmer });
         };
-        if let Some(revolved) = self.revolved() {
+        if let Some(revolved) = self.revolved().filter(|_| !at.cutter_fits) {
             try_one(&revolved.eroded, 0, &revolved.cutter);
         }
         for (element, against) in self.elements.iter() {
@@ -226,7 +233,8 @@ pub fn culprits(
     let elements = revolved.elements(&tool.elements);
     let in_the_way = |_: &mut (), &(area, at): &(f64, MinimumOverlap)| {
         let mut blamed: Vec<(usize, f64)> = Vec::new();
-        for (element, solid) in &elements {
+        // The first is the cutter among the part.
+        for (element, solid) in elements.iter().skip(usize::from(at.cutter_fits)) {
             element
                 .visit_inside(solid.voxels().occupancy(), &at.pose, |voxel, _, _| blamed.push((voxel, area)));
         }
@@ -284,7 +292,10 @@ mod tests {
         let obstruction = |solid: &Occupancy| -> f64 {
             let environment = CollisionEnvironment::new(&Arc::new(solid.clone()).into(), &[]);
             let tool = SurfaceTool::new(&environment, &short().into(), 0.1).unwrap();
-            poses.iter().map(|(area, at)| area * f64::from(tool.overlap(0, at.pose).voxels)).sum()
+            poses
+                .iter()
+                .map(|(area, at)| area * f64::from(tool.overlap(0, at.pose, at.cutter_fits).voxels))
+                .sum()
         };
         assert!(poses.iter().all(|(_, at)| at.voxels > 0 || at.surface > 0));
         let (grid, blame) = culprits(&tool_here, &poses, no).unwrap().unwrap();

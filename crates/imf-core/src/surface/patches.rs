@@ -7,6 +7,12 @@ use glam::DVec3;
 use super::SurfaceSamples;
 use crate::mesh::groups::Groups;
 
+/// A corner, to compare by.
+fn corner_key(corner: DVec3) -> [u64; 3] {
+    // Adding zero turns minus zero into zero.
+    (corner + 0.0).to_array().map(f64::to_bits)
+}
+
 /// Samples of one connected patch of a surface.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SurfacePatch {
@@ -23,6 +29,26 @@ pub struct SurfacePatch {
 }
 
 impl SurfaceSamples {
+    /// Fraction of the area that lies in triangles of which a neighbour across an edge is of another class: what is decided in their middles
+    /// and ends somewhere in them.
+    #[must_use]
+    pub fn border<C: PartialEq>(&self, class: impl Fn(usize) -> C) -> f64 {
+        let mut of_edge: HashMap<[[u64; 3]; 2], usize> = HashMap::new();
+        let mut at_border = vec![false; self.samples.len()];
+        for sample in 0..self.samples.len() {
+            let corners = self.mesh.corners(sample).map(corner_key);
+            for side in 0..3 {
+                let mut edge = [corners[side], corners[(side + 1) % 3]];
+                edge.sort_unstable();
+                let other = *of_edge.entry(edge).or_insert(sample);
+                if class(other) != class(sample) {
+                    (at_border[other], at_border[sample]) = (true, true);
+                }
+            }
+        }
+        self.fraction(|sample| at_border[sample])
+    }
+
     /// The connected patches of the samples that `class` gives a number, the largest area first. Two samples of one number are
     /// connected where their triangles share a corner.
     #[must_use]
@@ -34,9 +60,7 @@ impl SurfaceSamples {
         for &sample in &chosen {
             let Some(class) = class(sample) else { continue };
             for corner in self.mesh.corners(sample) {
-                // Adding zero turns minus zero into zero.
-                let at = (corner + 0.0).to_array().map(f64::to_bits);
-                let first = *first_at.entry((at, class)).or_insert(sample);
+                let first = *first_at.entry((corner_key(corner), class)).or_insert(sample);
                 groups.join(first, sample);
             }
         }
@@ -91,6 +115,18 @@ mod tests {
             assert!((patch.middle.y - 0.5).abs() < 0.1 && (patch.middle.z - 0.5).abs() < 0.1);
             assert!(patch.bounds[0].y < 0.1 && patch.bounds[1].y > 0.9);
         }
+        // Those on both sides of the edges of one face, by trying all pairs.
+        let top = |sample: usize| samples.samples[sample].normal.z > 0.9;
+        let has_other = |sample: usize| {
+            let own = samples.mesh.corners(sample);
+            let shared = |other: usize| {
+                samples.mesh.corners(other).iter().filter(|corner| own.contains(corner)).count()
+            };
+            (0..samples.samples.len()).any(|other| top(other) != top(sample) && shared(other) == 2)
+        };
+        let border = samples.border(top);
+        assert!(border > 0.02 && (border - samples.fraction(has_other)).abs() < 1e-9, "{border}");
+        assert_eq!(samples.border(|_| true), 0.0);
         let adjacent = faces(&[DVec3::X, DVec3::Y]);
         assert_eq!(adjacent.len(), 1);
         assert!((adjacent[0].area - 2.0).abs() < 1e-9);

@@ -22,7 +22,7 @@ use imf_core::tool::Assembly;
 use imf_core::unit::LengthUnit;
 
 use super::on_machine::OnMachine;
-use super::surface::{SAMPLES, rgb};
+use super::surface::{ObstructedRow, SAMPLES, best_tools, rgb};
 use crate::arguments::access::CribArguments;
 use crate::arguments::orientations::{Directions, default_for};
 use crate::arguments::scene::{SceneArguments, voxelise_with_progress, warn_of};
@@ -55,7 +55,7 @@ struct Crib {
     at_least: usize,
     fraction: f64,
     /// What obstructs places where the cutter of some tool fits and none reaches.
-    obstructed: ObstructedAreas,
+    obstructed: Vec<ObstructedRow>,
 }
 
 pub(crate) fn run(session: &Session, arguments: &CribArguments) -> Result<()> {
@@ -173,10 +173,10 @@ impl Crib {
             chosen: Vec::new(),
             at_least: 0,
             fraction: 0.01 * arguments.cover,
-            obstructed: ObstructedAreas::default(),
+            obstructed: Vec::new(),
         };
         crib.choose(session)?;
-        crib.obstructed = crib.obstructed_areas(session, &among)?;
+        crib.obstructed = crib.obstructed_rows(session, &among)?;
         Ok(crib)
     }
 
@@ -197,10 +197,9 @@ impl Crib {
         Ok(())
     }
 
-    /// The best verdict of any tool, and the first tool that has it.
-    fn best(&self, sample: usize) -> (Verdict, usize) {
-        let verdicts = self.verdicts.iter().enumerate().map(|(tool, verdicts)| (verdicts[sample], tool));
-        verdicts.min().unwrap_or((Verdict::NotFaced, 0))
+    /// The best verdict of any tool.
+    fn best(&self, sample: usize) -> Verdict {
+        self.verdicts.iter().map(|verdicts| verdicts[sample]).min().unwrap_or(Verdict::NotFaced)
     }
 
     fn most_rigid(&self, sample: usize) -> Option<usize> {
@@ -208,11 +207,10 @@ impl Crib {
         serving.max_by(|&a, &b| self.tools[a].rigidity.total_cmp(&self.tools[b].rigidity).then(b.cmp(&a)))
     }
 
-    /// What the first tool hits whose cutter fits, where none reaches.
-    fn obstructed_areas(&self, session: &Session, among: &[SurfaceTool]) -> Result<ObstructedAreas> {
-        let best: Vec<(Verdict, usize)> =
-            (0..self.samples.samples.len()).map(|sample| self.best(sample)).collect();
-        let mut places = Vec::new();
+    /// What the tool hits that reaches most of those whose cutter fits, where none reaches.
+    fn obstructed_rows(&self, session: &Session, among: &[SurfaceTool]) -> Result<Vec<ObstructedRow>> {
+        let best = best_tools(&self.samples, among.len(), |tool, sample| self.verdicts[tool][sample]);
+        let mut rows = Vec::new();
         for (index, tool) in among.iter().enumerate() {
             let samples = best.iter().zip(&self.samples.samples);
             let samples: Vec<_> = samples
@@ -223,18 +221,19 @@ impl Crib {
                 continue;
             }
             let control = session.control(&|_| {});
-            let access = surface_access(tool, &samples, &self.orientations.orientations, control);
-            let found = access?.reach.into_iter().zip(&samples);
-            places.extend(found.map(|(reach, sample)| (tool, reach, sample.area)));
+            let access = surface_access(tool, &samples, &self.orientations.orientations, control)?;
+            let found = access.reach.into_iter().zip(&samples);
+            let found = ObstructedAreas::new(found.map(|(reach, sample)| (tool, reach, sample.area)));
+            rows.extend(ObstructedRow::all(tool.name(), &found, &self.fixtures, self.samples.area()));
         }
-        Ok(ObstructedAreas::new(places))
+        Ok(rows)
     }
 
     fn write_surface(&self, path: &std::path::Path) -> Result<()> {
         let each = |value: &dyn Fn(usize) -> f32| -> Vec<f32> {
             (0..self.samples.samples.len()).flat_map(|sample| [value(sample); 3]).collect()
         };
-        let verdict = each(&|sample| f32::from(self.best(sample).0 as u8));
+        let verdict = each(&|sample| f32::from(self.best(sample) as u8));
         let tools = each(&|sample| (0..self.tools.len()).filter(|&t| self.reaches(t, sample)).count() as f32);
         let rigid = each(&|sample| self.most_rigid(sample).map_or(-1.0, |tool| tool as f32));
         let chosen = each(&|sample| {
@@ -248,7 +247,7 @@ impl Crib {
             ("chosen", &chosen[..]),
         ];
         let samples = 0..self.samples.samples.len();
-        let colours: Vec<[u8; 3]> = samples.flat_map(|sample| [rgb(self.best(sample).0); 3]).collect();
+        let colours: Vec<[u8; 3]> = samples.flat_map(|sample| [rgb(self.best(sample)); 3]).collect();
         let comments = [
             format!("imf {}: {} in {}", env!("CARGO_PKG_VERSION"), self.part, self.unit),
             "verdict of the best tool: 0 reached, 1 obstructed by shank, holder or fixture, 2 no cutter fits, 3 no direction faces it"

@@ -14,7 +14,7 @@ use super::pictures::directions;
 use super::run::AccessRun;
 use super::surface::{SetupsRow, StickOutRow, Surface, SurfaceRow, UnreachedPatch, resolved};
 use super::{Findings, Volume};
-use crate::arguments::clearance::clearance_text;
+use crate::arguments::clearance::{clearance_text, contact_text};
 use crate::arguments::orientations::suggested_lines;
 use crate::output::show_measure;
 use crate::progress::show_seconds;
@@ -202,7 +202,8 @@ impl Summary {
     fn surface_lines(&self) -> String {
         let Some(surface) = &self.surface else { return String::new() };
         let unit = self.unit.to_string();
-        let mut text = surface.lines(self.unit);
+        let several = self.tools.len() > 1;
+        let mut text = surface.lines(self.unit, several);
         if let Some(line) = &self.resolved {
             let _ = writeln!(text, "  {line}");
         }
@@ -211,11 +212,11 @@ impl Summary {
                 "  τ and contact are for the space and the stock below: these figures are without them\n",
             );
         }
-        for tool in self.tools.iter().filter(|_| self.tools.len() > 1) {
+        for tool in self.tools.iter().filter(|_| several) {
             let share = 100.0 * tool.surface_reached.unwrap_or_default();
             let _ = writeln!(text, "  {:34}{share:>8.1} %", format!("reached by {}", tool.tool));
         }
-        text.push_str(&UnreachedPatch::lines(&self.unreached, self.unit));
+        text.push_str(&UnreachedPatch::lines(&self.unreached, self.unit, several));
         if let Some(setups) = &self.setups {
             text.push('\n');
             text.push_str(&setups.lines(&unit));
@@ -296,7 +297,7 @@ impl Summary {
             let _ = writeln!(text, "\nclearance: {clearance}");
         }
         if let Some(depth) = self.contact {
-            let _ = writeln!(text, "\nthe cutter may reach {depth} {} below the part's surface", self.unit);
+            let _ = writeln!(text, "\n{}", contact_text(depth, self.pitch, self.unit));
         }
         let _ = write!(text, "\n{}; {}.", show_seconds(self.seconds), self.guarantee);
         text

@@ -78,7 +78,7 @@ pub(super) struct Surface {
     samples: SurfaceSamples,
     /// By tool.
     tools: Vec<(SurfaceAccess, SurfaceTool)>,
-    /// By sample: the best verdict of any tool, and whose it is.
+    /// By sample: the best verdict of any tool, and whose it is: as [`best_tools`].
     best: Vec<(Verdict, usize)>,
     /// Fraction of the area that is reached at twice the pitch; the same samples.
     coarse: f64,
@@ -113,13 +113,10 @@ impl Surface {
         for tool in 0..run.tools.len() {
             tools.push(one_tool(session, run, tool, &settings.environment, settings.tolerance, &samples)?);
         }
-        let best = (0..samples.samples.len()).map(|sample| {
-            let verdicts =
-                tools.iter().map(|(access, _): &(SurfaceAccess, _)| access.reach[sample].verdict());
-            let best = verdicts.enumerate().min_by_key(|&(tool, verdict)| (verdict, tool));
-            best.map_or((Verdict::NotFaced, 0), |(tool, verdict)| (verdict, tool))
-        });
-        let best: Vec<(Verdict, usize)> = best.collect();
+        let verdict = |tool: usize, sample: usize| -> Verdict {
+            (&tools[tool] as &(SurfaceAccess, _)).0.reach[sample].verdict()
+        };
+        let best = best_tools(&samples, tools.len(), verdict);
         let mut by_direction = vec![0.0; orientations.len()];
         for (index, sample) in samples.samples.iter().enumerate() {
             for (direction, area) in by_direction.iter_mut().enumerate() {
@@ -181,15 +178,16 @@ impl Surface {
         (0..self.by_direction.len()).filter(free).max_by(|a, b| area(a).total_cmp(&area(b)).then(b.cmp(a)))
     }
 
-    /// Which element hits which body, with the fraction of the surface that this obstructs; several may obstruct one
+    /// Which element of which tool hits which body, with the fraction of the surface that this obstructs; several may obstruct one
     /// place.
     fn obstructed_by(&self, fixtures: &[String]) -> Vec<ObstructedRow> {
-        let places = self.best.iter().zip(&self.samples.samples).enumerate();
-        let found = ObstructedAreas::new(places.map(|(index, (&(_, tool), sample))| {
-            let (access, surface_tool) = &self.tools[tool];
-            (surface_tool, access.reach[index], sample.area)
-        }));
-        ObstructedRow::all(&found, fixtures, self.samples.area())
+        let rows = self.tools.iter().enumerate().flat_map(|(tool, (access, surface_tool))| {
+            let places = self.best.iter().zip(&self.samples.samples).enumerate();
+            let own = places.filter(|(_, (best, _))| best.1 == tool);
+            let own = own.map(|(index, (_, sample))| (surface_tool, access.reach[index], sample.area));
+            ObstructedRow::all(surface_tool.name(), &ObstructedAreas::new(own), fixtures, self.samples.area())
+        });
+        rows.collect()
     }
 
     /// The number of directions from which its best tool reaches a sample, where it does.
@@ -221,6 +219,7 @@ impl Surface {
             hidden_area: self.samples.hidden_area,
             tolerance: self.tolerance,
             reached,
+            border: self.samples.border(|sample| self.best[sample].0 == Verdict::Reached),
             reached_at_twice_the_pitch: self.coarse,
             difference: reached - self.coarse,
             obstructed: of(Verdict::Obstructed),
@@ -299,6 +298,23 @@ impl Surface {
         }
         Ok(written)
     }
+}
+
+/// By sample the best verdict of any tool, and of the tools that have it the one that reaches most of the surface, whatever their
+/// order; of those that reach alike the first.
+pub(super) fn best_tools(
+    samples: &SurfaceSamples,
+    tools: usize,
+    verdict: impl Fn(usize, usize) -> Verdict,
+) -> Vec<(Verdict, usize)> {
+    let reached = |tool: usize| samples.fraction(|sample| verdict(tool, sample) == Verdict::Reached);
+    let mut ranked: Vec<(usize, f64)> = (0..tools).map(|tool| (tool, reached(tool))).collect();
+    ranked.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let best = |sample: usize| {
+        let verdicts = ranked.iter().map(|&(tool, _)| (verdict(tool, sample), tool));
+        verdicts.min_by_key(|(verdict, _)| *verdict).unwrap_or((Verdict::NotFaced, 0))
+    };
+    (0..samples.samples.len()).map(best).collect()
 }
 
 /// One tool among its surroundings.

@@ -17,7 +17,7 @@ use imf_train::dataset::{Manifest, ShardRecord};
 use serde_json::{Value, json};
 
 use super::{Description, Line};
-use crate::arguments::clearance::clearance_text;
+use crate::arguments::clearance::{clearance_text, contact_text};
 use crate::commands::calibrate::{decision_rates, threshold_text};
 use crate::commands::train::harmonic::validation_text;
 use crate::output::short;
@@ -272,7 +272,7 @@ fn scene_lines(scene: &SceneRecord) -> Vec<Line> {
         lines.push(("fixtures", scene.fixtures.join(", ")));
     }
     if let Some(depth) = scene.contact {
-        lines.push(("contact", format!("the cutter may reach {depth} {unit} below the part's surface")));
+        lines.push(("contact", contact_text(depth, scene.grid.pitch, unit)));
     }
     if let Some(text) = clearance_text(&scene.clearance, unit) {
         lines.push(("clearance", format!("{text}: the field is that of the offset tool")));

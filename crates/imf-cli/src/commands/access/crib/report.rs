@@ -91,7 +91,7 @@ impl Report {
                 chosen: place.map(|place| place + 1),
             }
         });
-        let best: Vec<Verdict> = (0..samples.len()).map(|sample| crib.best(sample).0).collect();
+        let best: Vec<Verdict> = (0..samples.len()).map(|sample| crib.best(sample)).collect();
         let of = |verdict: Verdict| share(&|sample| best[sample] == verdict);
         Self {
             program: format!("imf {}", env!("CARGO_PKG_VERSION")),
@@ -119,7 +119,7 @@ impl Report {
             }),
             reached: of(Verdict::Reached),
             obstructed: of(Verdict::Obstructed),
-            obstructed_by: ObstructedRow::all(&crib.obstructed, &crib.fixtures, total),
+            obstructed_by: crib.obstructed.clone(),
             gouged: of(Verdict::Gouged),
             not_faced: of(Verdict::NotFaced),
             tools: tools.collect(),
@@ -159,7 +159,11 @@ impl Report {
             let _ = writeln!(text, "  {name:34}{:>8}   {rest}", percent(share));
         };
         row("some tool reaches", self.reached, "");
-        row("none: something is in the way", self.obstructed, &ObstructedRow::text(&self.obstructed_by));
+        row(
+            "none: something is in the way",
+            self.obstructed,
+            &ObstructedRow::text(&self.obstructed_by, self.tools.len() > 1),
+        );
         row("none: no cutter fits", self.gouged, "");
         row("none: no direction faces it", self.not_faced, "");
         let _ = writeln!(text, "  {}", self.resolved);

@@ -4,6 +4,7 @@ use anyhow::Result;
 use imf_core::surface::{ElementCollision, StickOutTool, shortest_stick_outs};
 use imf_core::tool::{Assembly, Element, ElementKind, ToolShape};
 use imf_core::unit::LengthUnit;
+use serde::Serialize;
 
 use super::{AccessRun, Surface, SurfaceSettings, Verdict};
 use crate::output::length;
@@ -40,36 +41,51 @@ pub(super) fn stick_outs(
     Ok(found)
 }
 
-/// A stick-out that frees a patch: the length, and the fraction of the examined places that it frees; `None` where
-/// that is less than a hundredth, which is not a remedy.
-pub(super) fn stick_out(lengths: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
-    let all: Vec<f64> = lengths.collect();
-    let freed: Vec<f64> = all.iter().copied().filter(|length| length.is_finite()).collect();
-    let longest = freed.iter().copied().reduce(f64::max)?;
-    (100 * freed.len() >= all.len()).then(|| (longest, freed.len() as f64 / all.len() as f64))
+/// A stick-out that frees some of a patch.
+#[derive(Debug, PartialEq, Serialize)]
+pub(super) struct LongerStickOut {
+    /// To set the tool to, in the part's unit.
+    length: f64,
+    /// The fraction of the examined places that it frees.
+    frees: f64,
+    /// The length before it was rounded up.
+    #[serde(skip)]
+    needed: f64,
 }
 
-/// That, in words.
-pub(super) fn stick_out_text(
-    (length, fraction): (f64, f64),
-    edge: f64,
-    assembly: &Assembly,
-    unit: LengthUnit,
-    on_machine: bool,
-) -> Option<String> {
-    let given = assembly.tool().stick_out()?;
-    let what =
-        if fraction < 1.0 { format!("{:.0} % of it", (100.0 * fraction).floor()) } else { "it".into() };
-    // An edge may stand so deep between points of a surface.
-    let length = length + edge;
-    let near = |value: f64| length::nearest(value, unit);
-    let beyond = match assembly.tool().overall_length {
-        Some(overall) if length > overall => format!(", more than its overall length of {}", near(overall)),
-        _ => String::new(),
-    };
-    let of = if on_machine { " of part and fixtures" } else { "" };
-    let (enough, given) = (length::at_least(length, unit), near(given));
-    Some(format!("a stick-out of {enough} {unit} instead of {given}{beyond} frees {what}{of}"))
+impl LongerStickOut {
+    /// From the minimum stick-outs of places, infinite where none helps, each with the reserve of an edge; `None` where less than a
+    /// hundredth is freed, which is not a remedy.
+    pub(super) fn new(lengths: impl Iterator<Item = f64>, edge: f64, unit: LengthUnit) -> Option<Self> {
+        let all: Vec<f64> = lengths.collect();
+        let freed: Vec<f64> = all.iter().copied().filter(|length| length.is_finite()).collect();
+        let longest = freed.iter().copied().reduce(f64::max)?;
+        let frees = freed.len() as f64 / all.len() as f64;
+        (100 * freed.len() >= all.len()).then(|| Self {
+            length: length::rounded_up(longest + edge, unit),
+            frees,
+            needed: longest + edge,
+        })
+    }
+
+    /// In words.
+    pub(super) fn text(&self, assembly: &Assembly, unit: LengthUnit, on_machine: bool) -> Option<String> {
+        let given = assembly.tool().stick_out()?;
+        let what = match self.frees {
+            frees if frees < 1.0 => format!("{:.0} % of it", (100.0 * frees).floor()),
+            _ => "it".into(),
+        };
+        let near = |value: f64| length::nearest(value, unit);
+        let beyond = match assembly.tool().overall_length {
+            Some(overall) if self.needed > overall => {
+                format!(", more than its overall length of {}", near(overall))
+            }
+            _ => String::new(),
+        };
+        let of = if on_machine { " of part and fixtures" } else { "" };
+        let (enough, given) = (near(self.length), near(given));
+        Some(format!("a stick-out of {enough} {unit} instead of {given}{beyond} frees {what}{of}"))
+    }
 }
 
 /// By how much the diameter of the holder would have to be smaller to be free at a pose where nothing else collides; `None` where that
@@ -95,10 +111,10 @@ mod tests {
     fn a_stick_out_that_frees_next_to_nothing_is_no_remedy() {
         let of = |freed: usize| {
             let all = (0..1000).map(move |at| if at < freed { 20.0 + at as f64 } else { f64::INFINITY });
-            stick_out(all)
+            LongerStickOut::new(all, 0.34, LengthUnit::Mm)
         };
         assert_eq!((of(0), of(1), of(9)), (None, None, None));
-        assert_eq!(of(10), Some((29.0, 0.01)));
-        assert_eq!(stick_out(std::iter::empty()), None);
+        assert_eq!(of(10), Some(LongerStickOut { length: 29.4, frees: 0.01, needed: 29.34 }));
+        assert_eq!(LongerStickOut::new(std::iter::empty(), 0.0, LengthUnit::Mm), None);
     }
 }

@@ -17,9 +17,10 @@ pub(crate) struct DirectionRow {
     pub(super) fraction: f64,
 }
 
-/// An element, a body that it hits, and the fraction of the surface that this obstructs.
-#[derive(Debug, Serialize)]
+/// An element of a tool, a body that it hits, and the fraction of the surface that this obstructs.
+#[derive(Clone, Debug, Serialize)]
 pub(crate) struct ObstructedRow {
+    tool: String,
     element: String,
     /// `part`, or a fixture's name.
     body: String,
@@ -27,27 +28,32 @@ pub(crate) struct ObstructedRow {
 }
 
 impl ObstructedRow {
-    /// The rows of areas obstructed by these fixtures, as fractions of the surface.
-    pub(crate) fn all(found: &ObstructedAreas, fixtures: &[String], area: f64) -> Vec<Self> {
+    /// The rows of areas that a tool is obstructed at by part and fixtures, as fractions of the surface.
+    pub(crate) fn all(tool: &str, found: &ObstructedAreas, fixtures: &[String], area: f64) -> Vec<Self> {
         let hits = found.hits.iter().map(|&(kind, body, own)| {
             let body = match body {
                 0 => "part".into(),
                 fixture => fixtures.get(fixture - 1).cloned().unwrap_or_default(),
             };
-            Self { element: kind.to_string(), body, fraction: own / area }
+            Self { tool: tool.to_owned(), element: kind.to_string(), body, fraction: own / area }
         });
         let [element, body] = IN_THE_WAY.map(str::to_owned);
-        let machine = Self { element, body, fraction: found.by_limit / area };
+        let machine = Self { tool: tool.to_owned(), element, body, fraction: found.by_limit / area };
         hits.chain((found.by_limit > 0.0).then_some(machine)).collect()
     }
 
-    /// All of them in a line.
-    pub(crate) fn text(rows: &[Self]) -> String {
-        let each = rows.iter().map(|Self { element, body, fraction }| {
+    /// All of them in a line, of `several` tools with their names.
+    pub(crate) fn text(rows: &[Self], several: bool) -> String {
+        let each = |Self { element, body, fraction, .. }: &Self| {
             let the = if body == "part" { "the " } else { "" };
             format!("{element} at {the}{body} {:.1} %", 100.0 * fraction)
-        });
-        each.collect::<Vec<_>>().join(", ")
+        };
+        let of_tool = |rows: &[Self]| {
+            let name = if several { format!("{}: ", rows[0].tool) } else { String::new() };
+            name + &rows.iter().map(each).collect::<Vec<_>>().join(", ")
+        };
+        let tools: Vec<String> = rows.chunk_by(|a, b| a.tool == b.tool).map(of_tool).collect();
+        if tools.is_empty() { String::new() } else { format!("nearest to the normal: {}", tools.join("; ")) }
     }
 }
 
@@ -110,11 +116,14 @@ pub(crate) struct SurfaceRow {
     pub(super) hidden_area: f64,
     pub(super) tolerance: f64,
     pub(super) reached: f64,
+    /// Of the triangles on both sides of its border, each of which counts as its middle does.
+    pub(super) border: f64,
     pub(super) reached_at_twice_the_pitch: f64,
     pub(super) difference: f64,
     /// The cutter fits, and something else of the tool collides.
     pub(super) obstructed: f64,
-    /// What collides; several may at once.
+    /// What collides of a place's best tool, of the directions from which its cutter fits in the one nearest to the normal; several may
+    /// at once.
     pub(super) obstructed_by: Vec<ObstructedRow>,
     /// The cutter does not fit.
     pub(super) gouged: f64,
@@ -126,7 +135,8 @@ pub(crate) struct SurfaceRow {
 }
 
 impl SurfaceRow {
-    pub(crate) fn lines(&self, unit: LengthUnit) -> String {
+    /// For people; of `several` tools those are named that something obstructs.
+    pub(crate) fn lines(&self, unit: LengthUnit, several: bool) -> String {
         let mut text = format!(
             "surface, {} {unit}² (the cutter may cut {} {unit} below it)\n",
             show_measure(self.area),
@@ -135,13 +145,12 @@ impl SurfaceRow {
         let mut row = |name: &str, share: f64, rest: &str| {
             let _ = writeln!(text, "  {name:34}{:>8.1} %   {rest}", 100.0 * share);
         };
-        let coarse = format!(
-            "{:.1} % at twice the pitch ({:+.1})",
-            100.0 * self.reached_at_twice_the_pitch,
-            100.0 * self.difference
-        );
+        let [coarse, border] = [self.reached_at_twice_the_pitch, self.border].map(|share| 100.0 * share);
+        let coarse =
+            format!("({coarse:.1} % at twice the pitch; triangles on its border hold {border:.1} %)");
         row(words(Verdict::Reached), self.reached, &coarse);
-        row(words(Verdict::Obstructed), self.obstructed, &ObstructedRow::text(&self.obstructed_by));
+        let hits = ObstructedRow::text(&self.obstructed_by, several);
+        row(words(Verdict::Obstructed), self.obstructed, &hits);
         row(words(Verdict::Gouged), self.gouged, "");
         row(words(Verdict::NotFaced), self.not_faced, "");
         for DirectionRow { direction: [i, j, k], fraction } in &self.best_directions {

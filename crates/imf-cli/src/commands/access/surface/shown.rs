@@ -10,7 +10,7 @@ use serde::Serialize;
 use super::super::on_machine::REMEDY;
 use super::blame::remedy;
 use super::cavities::Cavities;
-use super::freed::{slimmer, stick_out, stick_out_text};
+use super::freed::{LongerStickOut, slimmer};
 use super::{AccessRun, Surface, Verdict, rgb};
 use crate::output::{length, show_measure};
 use crate::view::{Colours, Layer, NONE, Place, Table, TableRow, View, distinct};
@@ -41,12 +41,37 @@ pub(crate) struct UnreachedPatch {
     /// The point of the patch that it comes nearest to reaching: of minimum overlap.
     #[serde(skip_serializing_if = "Option::is_none")]
     nearest: Option<[f64; 3]>,
-    /// Which of its elements stands in what there, how deep and with which volume, the largest volume first.
-    hits: Vec<String>,
-    /// A longer stick-out of that tool that frees it, and the fraction of it that it frees.
+    /// Which of its elements stands in what there, the largest volume first.
+    hits: Vec<Hit>,
+    /// What else keeps it from there.
     #[serde(skip_serializing_if = "Option::is_none")]
-    stick_out: Option<(f64, f64)>,
+    fault: Option<String>,
+    /// A longer stick-out of that tool that frees some of it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    stick_out: Option<LongerStickOut>,
     would_help: String,
+}
+
+/// An element in a body.
+#[derive(Debug, Serialize)]
+struct Hit {
+    element: String,
+    /// `part`, or a fixture's name.
+    body: String,
+    /// How deep its deepest centre or point lies in the element.
+    depth: f64,
+    /// Of the voxels in it, in the unit cubed; 0 where it holds points of the surface alone.
+    volume: f64,
+}
+
+impl Hit {
+    fn text(&self, unit: LengthUnit) -> String {
+        let the = if self.body == "part" { "the " } else { "" };
+        // What holds no centre holds points of the surface.
+        let volume = (self.volume > 0.0).then(|| format!(", {} {unit}³", show_measure(self.volume)));
+        let (element, depth) = (&self.element, show_measure(self.depth));
+        format!("{element} {depth} {unit} deep in {the}{}{}", self.body, volume.unwrap_or_default())
+    }
 }
 
 /// Patches that the summary lists for people.
@@ -54,17 +79,28 @@ const LISTED: usize = 5;
 
 impl UnreachedPatch {
     /// Why, and what collides where the tool comes nearest.
-    fn reason(&self, unit: LengthUnit) -> String {
+    fn reason(&self, unit: LengthUnit, several: bool) -> String {
+        let hits = self.hits.iter().map(|hit| hit.text(unit)).chain(self.fault.clone());
+        let hits: Vec<String> = hits.collect();
+        let of_tool = match &self.tool {
+            Some(tool) if several => format!(" by {tool}"),
+            _ => String::new(),
+        };
         match self.nearest {
-            Some(place) if !self.hits.is_empty() => {
-                format!("{}; least at ({}): {}", self.why, length::place(place, unit), self.hits.join("; "))
+            Some(place) if !hits.is_empty() => {
+                format!(
+                    "{}; least{of_tool} at ({}): {}",
+                    self.why,
+                    length::place(place, unit),
+                    hits.join("; ")
+                )
             }
             _ => self.why.to_owned(),
         }
     }
 
     /// Lines for people about the largest, one of every reason among them.
-    pub(crate) fn lines(all: &[Self], unit: LengthUnit) -> String {
+    pub(crate) fn lines(all: &[Self], unit: LengthUnit, several: bool) -> String {
         let mut text = String::new();
         let is_first = |&at: &usize| all[..at].iter().all(|before| before.why != all[at].why);
         let (first, others): (Vec<usize>, Vec<usize>) = (0..all.len()).partition(is_first);
@@ -76,7 +112,7 @@ impl UnreachedPatch {
                 "  not reached: {} {unit}² around ({}): {}",
                 show_measure(patch.area),
                 length::place(patch.middle, unit),
-                patch.reason(unit)
+                patch.reason(unit, several)
             );
             let _ = writeln!(text, "    would help: {}", patch.would_help);
         }
@@ -130,33 +166,25 @@ impl Surface {
             nearest.as_ref().and_then(|(.., tool, at)| on_machine?.fault(*tool, at, &run.orientations));
         let hits = nearest.as_ref().map_or(&[][..], |(_, hits, ..)| hits);
         let unit = run.unit;
-        let in_words = hits.iter().map(|hit| {
-            let body = match hit.body {
-                0 => "the part",
-                fixture => run.fixtures.get(fixture - 1).map_or("a fixture", String::as_str),
-            };
-            // What holds no centre holds points of the surface.
-            let volume = f64::from(hit.voxels) * run.query.voxel_volume();
-            let volume = (hit.voxels > 0).then(|| format!(", {} {unit}³", show_measure(volume)));
+        let shown = hits.iter().map(|hit| Hit {
+            element: hit.kind.to_string(),
+            body: match hit.body {
+                0 => "part".into(),
+                fixture => run.fixtures.get(fixture - 1).cloned().unwrap_or_else(|| "a fixture".into()),
+            },
             // Centres that lie on its surface but for rounding.
-            let depth = if hit.depth < 1e-6 * run.query.pitch { 0.0 } else { hit.depth };
-            format!(
-                "{} {} {unit} deep in {body}{}",
-                hit.kind,
-                show_measure(depth),
-                volume.unwrap_or_default()
-            )
+            depth: if hit.depth < 1e-6 * run.query.pitch { 0.0 } else { hit.depth },
+            volume: f64::from(hit.voxels) * run.query.voxel_volume(),
         });
         let mut quantified = Vec::new();
         let of_tool = |sample: &&usize| nearest.as_ref().is_some_and(|near| near.2 == self.best[**sample].1);
-        let longer = stick_out(patch.samples.iter().filter(of_tool).filter_map(|&sample| self.freed[sample]));
+        let lengths = patch.samples.iter().filter(of_tool).filter_map(|&sample| self.freed[sample]);
+        // An edge may stand so deep between points of a surface.
+        let longer = LongerStickOut::new(lengths, self.surface_nearer_by(run).unwrap_or(0.0), unit);
         if let Some((_, _, tool, _)) = &nearest {
             let assembly = &run.tools[*tool];
-            let nearer = self.surface_nearer_by(run).unwrap_or(0.0);
-            quantified.extend(
-                longer
-                    .and_then(|longer| stick_out_text(longer, nearer, assembly, unit, on_machine.is_some())),
-            );
+            quantified
+                .extend(longer.as_ref().and_then(|longer| longer.text(assembly, unit, on_machine.is_some())));
             let frees = |diameter: f64| {
                 format!("a holder slimmer by {} {unit} frees that place", length::at_least(diameter, unit))
             };
@@ -171,7 +199,8 @@ impl Surface {
             tool: nearest.as_ref().map(|(_, _, tool, _)| self.tools[*tool].1.name().to_owned()),
             direction: nearest.as_ref().map(|(direction, ..)| (*direction + 0.0).to_array()),
             nearest: place,
-            hits: in_words.chain(fault.as_ref().map(ToString::to_string)).collect(),
+            hits: shown.collect(),
+            fault: fault.as_ref().map(ToString::to_string),
             stick_out: longer.filter(|_| !closed_off),
             would_help: match fault {
                 _ if closed_off => CLOSED_OFF.to_owned(),
@@ -263,7 +292,7 @@ impl Surface {
                     show_measure(patch.area),
                     show(patch.middle),
                     size,
-                    patch.reason(unit),
+                    patch.reason(unit, self.tools.len() > 1),
                     patch.would_help.clone(),
                 ],
             }
