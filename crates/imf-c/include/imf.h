@@ -44,11 +44,12 @@ typedef enum {
   IMF_STATUS_ARGUMENT = 2,
   // The file is missing, foreign, newer, damaged, or its tool cannot be used.
   IMF_STATUS_FILE = 3,
-  // This kind of field does not support the query.
+  // This kind of field, or this tool, does not support the query.
   IMF_STATUS_UNSUPPORTED = 4,
-  // The query has no result: an end of a motion that is an invalid pose, a tool that holds no voxel.
+  // The query has no result: an end of a motion that is an invalid pose or too far from an obstacle, a tool that holds no voxel.
   IMF_STATUS_NO_ANSWER = 5,
-  // A defect of the library, caught. The field can still be used.
+  // A defect of the library, caught. The field can still be used. Memory that is not there is none: it ends the process, so that whoever
+  // asks for a pitch estimates the voxels, of some 20 bytes each.
   IMF_STATUS_DEFECT = 6,
 } ImfStatus;
 
@@ -105,7 +106,7 @@ typedef struct {
   // Position of the tool's tip in the world.
   double position[3];
   // Rotation from the tool's frame (tip at the origin, axis +z from tip to holder) to the world: a quaternion x, y, z, w of
-  // any length but 0. The roll about the tool's axis is idle for tools of revolution.
+  // any length from 1e-150 to 1e150. The roll about the tool's axis is idle for tools of revolution.
   double rotation[4];
 } ImfPose;
 
@@ -121,6 +122,9 @@ typedef struct {
   double unit_in_mm;
   // Clearance by which holder, shank and cutter of the tool are offset in the file's values.
   double clearance[3];
+  // How deep below the part's surface the cutter may reach; 0 for not at all. Voxels of the part whose centres lie no deeper are no
+  // obstacle to it, in values, decisions and proofs alike.
+  double contact;
   // True where the file has thresholds for the model's own decisions: without, it returns undecided.
   bool calibrated;
   // What its values are. An exact field's are overlaps, whatever its file's are.
@@ -131,7 +135,7 @@ typedef struct {
 
 // A value and how it changes.
 typedef struct {
-  // The overlap, not clipped: a model's may lie a little outside 0 to 1. Of a field of depth the depth (ImfInfo.quantity).
+  // The value, not clipped: a model's overlap may lie a little outside 0 to 1, its depth beyond eight pitches (ImfInfo.quantity).
   float value;
   // Change for a move of the tip by one unit of length.
   float position[3];
@@ -146,7 +150,8 @@ typedef struct {
   // The minimum collision measure, in 0 to 1, or the minimum depth (ImfInfo.quantity); NaN for a point that is not
   // finite.
   float value;
-  // Its orientation, by its place in the list: the first of equals, one that is decided free before all others.
+  // Its orientation, by its place in the list: of the least value before it is clipped the first of equals, one that is decided free
+  // before all others.
   uint32_t orientation;
   // What is decided there.
   ImfDecision decision;
@@ -197,8 +202,8 @@ typedef struct {
   uint8_t conservative;
 } ImfMesh;
 
-// A distance with its bounds, in the world's unit: above 0 between the tool, offset by its clearance, and the nearest solid voxel's centre;
-// below 0 minus the shortest translation that frees the tool from the obstacle.
+// A distance with its bounds, in the world's unit: above 0 between the tool, offset by its clearance, and the nearest solid voxel's centre, but for
+// those that the cutter may hold by ImfMesh.contact; below 0 minus the shortest translation that frees the tool from the obstacle.
 typedef struct {
   // The distance is at least this; infinite where there is no obstacle, and then nothing below means anything.
   double lower;
@@ -253,8 +258,8 @@ ImfStatus imf_open_verified_from_memory(const uint8_t *bytes,
 ImfStatus imf_open_model(const char *path,
                          ImfField **field);
 
-// Opens a model whose decisions are proven: free only where no solid voxel's centre lies in the scene's true tool. Values
-// and gradients are the model's. On failure *field is NULL.
+// Opens a model whose decisions are proven: free only where no solid voxel's centre lies in the scene's true tool, but for those that the
+// cutter may hold by ImfInfo.contact. Values and gradients are the model's. On failure *field is NULL.
 //
 // # Safety
 // path is a text that ends with 0, in UTF-8; field has room for a pointer.
@@ -269,7 +274,7 @@ ImfStatus imf_open_verified_with_clearance(const char *path,
                                            ImfField **field);
 
 // Opens the exact field of the scene in a model's file: voxels are counted in the scene's tool, offset by the file's
-// clearance where it has one; the model itself is not used. On failure *field is NULL.
+// clearance where it has one, but for those that the cutter may hold by ImfInfo.contact; the model itself is not used. On failure *field is NULL.
 //
 // # Safety
 // path is a text that ends with 0, in UTF-8; field has room for a pointer.
@@ -298,7 +303,7 @@ ImfStatus imf_values(const ImfField *field,
                      size_t count,
                      float *values);
 
-// The values of imf_values, but overlaps not clipped, with their derivatives. Those of an exact field, whose values are steps,
+// The values of imf_values, but not clipped, with their derivatives. Those of an exact field, whose values are steps,
 // are differences over a voxel's width.
 //
 // # Safety

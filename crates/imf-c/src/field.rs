@@ -35,6 +35,9 @@ pub struct ImfInfo {
     pub unit_in_mm: f64,
     /// Clearance by which holder, shank and cutter of the tool are offset in the file's values.
     pub clearance: [f64; 3],
+    /// How deep below the part's surface the cutter may reach; 0 for not at all. Voxels of the part whose centres lie no deeper are no
+    /// obstacle to it, in values, decisions and proofs alike.
+    pub contact: f64,
     /// True where the file has thresholds for the model's own decisions: without, it returns undecided.
     pub calibrated: bool,
     /// What its values are. An exact field's are overlaps, whatever its file's are.
@@ -60,6 +63,7 @@ impl ImfField {
             pitch: grid.pitch,
             unit_in_mm: record.unit.in_mm(),
             clearance: [clearance.holder, clearance.shank, clearance.cutter],
+            contact: record.contact.unwrap_or(0.0),
             calibrated: calibration.is_some(),
             quantity: quantity.into(),
             bounds: quantity.bounds(grid.pitch),
@@ -146,8 +150,8 @@ pub unsafe extern "C" fn imf_open_model(path: *const c_char, field: *mut *mut Im
     unsafe { open(path, field, opened) }
 }
 
-/// Opens a model whose decisions are proven: free only where no solid voxel's centre lies in the scene's true tool. Values
-/// and gradients are the model's. On failure *field is NULL.
+/// Opens a model whose decisions are proven: free only where no solid voxel's centre lies in the scene's true tool, but for those that the
+/// cutter may hold by ImfInfo.contact. Values and gradients are the model's. On failure *field is NULL.
 ///
 /// # Safety
 /// path is a text that ends with 0, in UTF-8; field has room for a pointer.
@@ -177,7 +181,7 @@ pub unsafe extern "C" fn imf_open_verified_with_clearance(
 }
 
 /// Opens the exact field of the scene in a model's file: voxels are counted in the scene's tool, offset by the file's
-/// clearance where it has one; the model itself is not used. On failure *field is NULL.
+/// clearance where it has one, but for those that the cutter may hold by ImfInfo.contact; the model itself is not used. On failure *field is NULL.
 ///
 /// # Safety
 /// path is a text that ends with 0, in UTF-8; field has room for a pointer.

@@ -67,7 +67,7 @@ pub unsafe extern "C" fn imf_values(
     })
 }
 
-/// The values of imf_values, but overlaps not clipped, with their derivatives. Those of an exact field, whose values are steps,
+/// The values of imf_values, but not clipped, with their derivatives. Those of an exact field, whose values are steps,
 /// are differences over a voxel's width.
 ///
 /// # Safety
@@ -188,5 +188,10 @@ pub(crate) unsafe fn check_motion(
 }
 
 pub(crate) fn of_query(error: &QueryError) -> Refusal {
-    Refusal::new(ImfStatus::NoAnswer, error.to_string())
+    let status = match error {
+        QueryError::Resolution { .. } => ImfStatus::Argument,
+        QueryError::Mesh | QueryError::Outline => ImfStatus::Unsupported,
+        _ => ImfStatus::NoAnswer,
+    };
+    Refusal::new(status, error.to_string())
 }

@@ -16,7 +16,7 @@ pub struct ImfPose {
     /// Position of the tool's tip in the world.
     pub position: [f64; 3],
     /// Rotation from the tool's frame (tip at the origin, axis +z from tip to holder) to the world: a quaternion x, y, z, w of
-    /// any length but 0. The roll about the tool's axis is idle for tools of revolution.
+    /// any length from 1e-150 to 1e150. The roll about the tool's axis is idle for tools of revolution.
     pub rotation: [f64; 4],
 }
 
@@ -47,7 +47,7 @@ pub enum ImfQuantity {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImfGradient {
-    /// The overlap, not clipped: a model's may lie a little outside 0 to 1. Of a field of depth the depth (ImfInfo.quantity).
+    /// The value, not clipped: a model's overlap may lie a little outside 0 to 1, its depth beyond eight pitches (ImfInfo.quantity).
     pub value: f32,
     /// Change for a move of the tip by one unit of length.
     pub position: [f32; 3],
@@ -64,7 +64,8 @@ pub struct ImfBest {
     /// The minimum collision measure, in 0 to 1, or the minimum depth (ImfInfo.quantity); NaN for a point that is not
     /// finite.
     pub value: f32,
-    /// Its orientation, by its place in the list: the first of equals, one that is decided free before all others.
+    /// Its orientation, by its place in the list: of the least value before it is clipped the first of equals, one that is decided free
+    /// before all others.
     pub orientation: u32,
     /// What is decided there.
     pub decision: ImfDecision,
@@ -143,8 +144,8 @@ pub struct ImfMesh {
     pub conservative: u8,
 }
 
-/// A distance with its bounds, in the world's unit: above 0 between the tool, offset by its clearance, and the nearest solid voxel's centre;
-/// below 0 minus the shortest translation that frees the tool from the obstacle.
+/// A distance with its bounds, in the world's unit: above 0 between the tool, offset by its clearance, and the nearest solid voxel's centre, but for
+/// those that the cutter may hold by ImfMesh.contact; below 0 minus the shortest translation that frees the tool from the obstacle.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImfDistance {

@@ -3,9 +3,12 @@
 use std::process::ExitCode;
 
 use imf_core::check::{CheckError, LineFault};
+use imf_core::grid::GridError;
 use imf_core::orientation::OrientationSetError;
 use imf_core::scene::SceneError;
+use imf_core::surface::SurfaceError;
 use imf_core::toolpath::ToolpathError;
+use imf_fields::field::calibrate::CalibrationError;
 use imf_fields::onnx::OnnxError;
 use imf_train::dataset::DatasetError;
 use thiserror::Error;
@@ -76,7 +79,19 @@ fn is_bad_input(error: &anyhow::Error) -> bool {
         cause.is::<WrongArgument>()
             || cause.downcast_ref().is_some_and(set)
             || cause.downcast_ref().is_some_and(path)
-            || matches!(cause.downcast_ref(), Some(SceneError::NoTool(_) | SceneError::Clearance(_)))
+            || matches!(
+                cause.downcast_ref(),
+                Some(
+                    SceneError::NoTool(_)
+                        | SceneError::Clearance(_)
+                        | SceneError::Grid(GridError::Dims(_) | GridError::Margin { .. })
+                )
+            )
+            || matches!(cause.downcast_ref(), Some(CalibrationError::Goal { .. }))
+            || matches!(
+                cause.downcast_ref(),
+                Some(SurfaceError::NoLength(_) | SurfaceError::Tolerance { .. })
+            )
             || cause
                 .downcast_ref::<CheckError>()
                 .is_some_and(|error| !matches!(error, CheckError::Cancelled(_)))

@@ -8,6 +8,7 @@ use serde::Serialize;
 use sysinfo::{MemoryRefreshKind, RefreshKind, System};
 
 use crate::arguments::GlobalArguments;
+use crate::exit::WrongArgument;
 use crate::interrupt;
 use crate::output::eprint_line;
 use crate::progress::Stage;
@@ -182,15 +183,16 @@ const MAX_THREADS_A_CORE: usize = 8;
 /// Refuses no threads, and more than any machine has a use for: starting them alone would take minutes.
 fn require_threads(threads: usize) -> Result<()> {
     if threads == 0 {
-        bail!("--threads must be at least 1");
+        return Err(WrongArgument("--threads must be at least 1".into()).into());
     }
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let most = MAX_THREADS.max(MAX_THREADS_A_CORE * cores);
     if threads > most {
-        bail!(
+        let why = format!(
             "--threads {threads} are more than this machine has a use for: it has {cores} cores, and at most {most} threads are \
              started; leave it out for one a core"
         );
+        return Err(WrongArgument(why).into());
     }
     Ok(())
 }

@@ -139,6 +139,8 @@ pub(crate) struct MidPlaneSheet<'a> {
     /// How the part is marked; `None` leaves it out.
     pub(crate) style: Option<MaskStyle>,
     pub(crate) unit: LengthUnit,
+    /// Whether 0 is free, and has a colour of its own.
+    pub(crate) free: bool,
     /// Small print.
     pub(crate) notes: Vec<String>,
 }
@@ -150,6 +152,7 @@ impl MidPlaneSheet<'_> {
         let masks = [0, 1, 2].map(|axis| mask(self.part, axis, middle(grid, axis)));
         let views: Vec<_> = fields.iter().flat_map(|f| &f.slices).map(|slice| slice.view()).collect();
         let scale = Scale::of_values(&views, self.label);
+        let scale = if self.free { scale.with_free(0.0) } else { scale };
         let panel = |values, axis: usize| Panel {
             title: layer_title(grid, self.unit, axis, middle(grid, axis)),
             values,
@@ -237,6 +240,7 @@ mod tests {
             part: &part,
             style: Some(MaskStyle::Outline),
             unit: LengthUnit::Mm,
+            free: true,
             notes: vec![],
         };
         let folder = tempfile::tempdir().unwrap();

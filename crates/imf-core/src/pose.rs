@@ -10,8 +10,8 @@ use crate::orientation::Orientation;
 /// Where the tool's tip is, in the scene's unit and world frame, and how the tool is turned: from the tool's frame (tip at
 /// the origin, axis +z from tip to holder) into the world.
 ///
-/// The roll about the tool's own axis does not matter for tools of revolution. A quaternion of any length but 0 is taken as its
-/// direction. A pose with a number that is not finite, or a quaternion of no length, is *invalid*: its value is NaN, and it
+/// The roll about the tool's own axis does not matter for tools of revolution. A quaternion of any length from 1e-150 to 1e150 is
+/// taken as its direction. A pose with a number that is not finite, or another quaternion, is *invalid*: its value is NaN, and it
 /// is never free.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Pose {
@@ -23,6 +23,9 @@ pub struct Pose {
 
 /// Components of an axis below this are 0, so that axes along the grid stay on it.
 const NEGLIGIBLE: f64 = 1e-12;
+
+/// The square of the shortest length of a quaternion: a shorter one's has lost digits.
+const SHORTEST: f64 = 1e-301;
 
 /// A thousandth of a degree.
 const SAME: f64 = 1.7e-5;
@@ -171,7 +174,7 @@ impl StraightMotion {
 pub fn axis_of(rotation: DQuat) -> Option<DVec3> {
     let DQuat { x, y, z, w } = rotation;
     let squared = x * x + y * y + z * z + w * w;
-    if !(squared > 0.0 && squared.is_finite()) {
+    if !(squared > SHORTEST && squared.is_finite()) {
         return None;
     }
     let axis = DVec3::new(2.0 * (x * z + w * y), 2.0 * (y * z - w * x), w * w + z * z - x * x - y * y);

@@ -52,6 +52,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::field::PreparedObstacle;
+use crate::grid::GridError;
 use crate::obstacle::Obstacle;
 use crate::pose::Pose;
 use crate::scene::{CoarseTool, SceneError, SceneWarning};
@@ -218,9 +219,12 @@ impl WorldBuilder {
     /// Voxelises the obstacles, in their own frames.
     ///
     /// # Errors
-    /// As [`World::add`] of the first obstacle that is refused.
+    /// A pitch that is none; as [`World::add`] of the first obstacle that is refused.
     pub fn build(self) -> Result<World, WorldError> {
         let mut world = self.world;
+        if let Some(pitch) = world.pitch.filter(|pitch| !(pitch.is_finite() && *pitch > 0.0)) {
+            return Err(SceneError::from(GridError::Pitch(pitch)).into());
+        }
         for mesh in self.meshes {
             world.add(mesh)?;
         }

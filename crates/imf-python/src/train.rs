@@ -158,7 +158,6 @@ impl Training<'_> {
     }
 
     fn factored(&self, py: Python<'_>, progress: &Progress<'_>) -> PyResult<FactoredFile> {
-        let teacher = self.harmonic(py, progress, true)?;
         let usual = DistillSettings::default();
         let length =
             self.steps.map_or(TrainingLength::Epochs(DistillSettings::EPOCHS), TrainingLength::Steps);
@@ -171,10 +170,12 @@ impl Training<'_> {
             plan: TrainingPlan { seed: self.seed, ..usual.plan },
             ..usual
         };
+        // Before the sections, which take long.
+        settings.check().map_err(Raise::raise)?;
+        let teacher = self.harmonic(py, progress, true)?;
         let (settings, shape) = run(py, (&None, "", 0), |_| {
             let symmetry = Symmetry::of(&teacher.field, &self.scene.obstacle);
             let settings = DistillSettings { symmetry, ..settings };
-            settings.check()?;
             let shape = Target::from(&teacher.field).shape(&settings);
             Ok::<_, TrainError>((settings, shape))
         })?;

@@ -19,6 +19,29 @@ SHEAR = np.eye(4)
 SHEAR[:3, 1] = [0.6, 0.8, 0]
 
 
+def unaligned(array: np.ndarray) -> np.ndarray:
+    """The same numbers from an odd place on, as in a packed record."""
+    moved = np.frombuffer(b"\0" + array.tobytes(), dtype=array.dtype, offset=1).reshape(array.shape)
+    assert not moved.flags.aligned
+    return moved
+
+
+def test_numbers_may_lie_anywhere_and_other_shapes_are_refused(mill: imf.Tool, block: imf.Scene) -> None:
+    down = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 1.0]])
+    np.testing.assert_array_equal(block.imf(unaligned(down)).values, block.imf(down).values)
+    poses = imf.poses([10, 10, 25], down)
+    np.testing.assert_array_equal(imf.Checker(block).is_free(unaligned(poses)), imf.Checker(block).is_free(poses))
+    moved = imf.Scene(CUBE, mill, pitch=0.5, transform=unaligned(SHIFT))
+    np.testing.assert_array_equal(moved.solid, imf.Scene(CUBE, mill, pitch=0.5, transform=SHIFT).solid)
+    with pytest.raises(ValueError, match="shape"):
+        block.imf(np.ones((1, 2, 3)))
+    with pytest.raises(ValueError, match="4 × 4"):
+        imf.Scene(CUBE, mill, pitch=0.5, transform=np.ones((1, 4, 4)))
+    for origin in [(0, 0), (np.nan, 0, 0)]:
+        with pytest.raises(ValueError, match="origin"):
+            imf.voxel_mesh(np.ones((2, 2, 2), bool), origin=origin)
+
+
 def test_every_kind_of_mesh_is_the_same_part(mill: imf.Tool, block: imf.Scene, tmp_path: Path) -> None:
     quads = pyvista.Box(bounds=(0, 20, 0, 20, 0, 20), quads=True)
     assert not quads.is_all_triangles
@@ -35,6 +58,7 @@ def test_every_kind_of_mesh_is_the_same_part(mill: imf.Tool, block: imf.Scene, t
         quads.triangulate(),
         # Not contiguous.
         (np.asfortranarray(vertices), np.asfortranarray(faces)),
+        (unaligned(vertices), unaligned(faces)),
     ]:
         scene = imf.Scene(mesh, mill, pitch=0.5)
         np.testing.assert_array_equal(scene.solid, block.solid)

@@ -119,7 +119,7 @@ fn batches_of_any_size_are_answered_as_in_rust() {
         let grid = scene.record.grid;
         assert_eq!((info.pitch, info.unit_in_mm, info.calibrated), (grid.pitch, 1.0, false));
         assert_eq!((info.lower, info.clearance), (grid.centre([0; 3]).to_array(), [grid.pitch; 3]));
-        assert_eq!(info.upper, grid.centre(DIMS.map(|n| n - 1)).to_array());
+        assert_eq!((info.upper, info.contact), (grid.centre(DIMS.map(|n| n - 1)).to_array(), 0.0));
         let depth = Some(&path) == deep.as_ref();
         assert_eq!(info.quantity, if depth { ImfQuantity::Depth } else { ImfQuantity::Overlap });
         assert_eq!(info.bounds, if depth { [-8.0 * grid.pitch, 8.0 * grid.pitch] } else { [0.0, 1.0] });

@@ -89,7 +89,7 @@ pub(crate) struct AccessArguments {
     #[arg(long, value_name = "X,Y,Z", value_parser = parse_point, allow_hyphen_values = true)]
     pub(crate) map: Option<DVec3>,
     /// Cells of the map in degrees
-    #[arg(long, default_value_t = 5.0, value_name = "DEGREES", value_parser = parse_map_step)]
+    #[arg(long, default_value_t = 5.0, value_name = "DEGREES", requires = "map", value_parser = parse_map_step)]
     pub(crate) map_step: f64,
     /// A page with the part in 3D, coloured by what is reached: one file that a browser opens without network
     #[arg(long, value_name = "FILE")]

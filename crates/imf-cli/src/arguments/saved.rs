@@ -115,7 +115,8 @@ pub(crate) struct QueryArguments {
     /// CSV file of results; standard output by default
     #[arg(long, value_name = "FILE")]
     pub(crate) out: Option<PathBuf>,
-    /// Also count the exact overlap, or the exact depth
+    /// Also count the exact overlap, or the exact depth: of the tool with the field's clearance, as the field's own values are (imf info
+    /// says it)
     #[arg(long)]
     pub(crate) exact: bool,
     /// The minimum over the tool's sharp points k, each read or counted at x − R k itself: not the CMF of sections, which

@@ -55,7 +55,7 @@ pub struct SceneArguments {
     #[arg(help_heading = HEADING, long)]
     pub allow_coarse: bool,
     /// A tool file (TOML), a tool of FreeCAD (.fctb) or of Fusion (LIBRARY.json#NAME or #NUMBER), or paper, the built-in
-    /// ball-end mill, which built-in parts have by default; imf access takes several, imf check several as NUMBER=TOOL
+    /// ball-end mill, which built-in parts have by default; imf access takes --tool several times, imf check too as NUMBER=TOOL
     #[arg(help_heading = HEADING, long, value_name = "TOOL")]
     pub tool: Vec<String>,
     /// What holds the part: an OBJ, STL, PLY or 3MF file in the part's unit (3MF: in its own), with its set-up after an @, which may
@@ -220,7 +220,7 @@ impl SceneArguments {
             [tool] => tool,
             [] => &unused,
             _ => bail!(
-                "one --tool at a time: imf access takes several, and imf check several by their numbers"
+                "one --tool at a time: imf access takes several, each behind a --tool of its own, and imf check several by their numbers"
             ),
         };
         make(&self.spec(session, inputs, &inputs.fixtures(), tool))

@@ -186,6 +186,12 @@ impl FactoredArguments {
     /// How the network is trained but for its symmetry, with the settings that were given.
     pub(crate) fn settings(&self) -> Result<(DistillSettings, FactoredSettings)> {
         let set: FactoredSettings = read_settings(&self.run.set)?;
+        if self.run.steps.is_some() && set.epochs.is_some() {
+            return Err(WrongArgument(
+                "--steps and --set epochs= both say how long: give one of them".into(),
+            )
+            .into());
+        }
         let epochs = set.epochs.unwrap_or(DistillSettings::EPOCHS);
         let length = self.run.steps.map_or(TrainingLength::Epochs(epochs), TrainingLength::Steps);
         let seed = set.seed.unwrap_or(0);

@@ -63,7 +63,7 @@ pub(crate) fn run(session: &Session, arguments: &CalibrateArguments) -> Result<(
         session.note(&format!("wrote {}", out.display()));
     }
     let json = json!({
-        "field": arguments.field, "verified": arguments.verify, "meets_its_goals": calibration.meets_its_goals(),
+        "field": arguments.field, "quantity": quantity, "unit": unit, "verified": arguments.verify, "meets_its_goals": calibration.meets_its_goals(),
         "calibration": calibration, "verdict": calibration.verdict(),
     });
     let shown = |value: f64| threshold_text(value, quantity, unit);

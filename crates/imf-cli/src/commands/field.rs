@@ -310,6 +310,8 @@ impl Work<'_> {
             part: &self.scene.obstacle,
             style: Some(MaskStyle::Outline),
             unit: *unit,
+            // A fitted value is not exactly 0.
+            free: matches!(self.values, Values::Exact(_)) && self.measure().quantity.is_overlap(),
             notes,
         };
         sheet.save(planes, &self.folder.file(file))

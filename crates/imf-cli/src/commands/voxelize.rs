@@ -6,11 +6,16 @@ use imf_core::field_files::{NamedField, write_npy, write_vti};
 use serde_json::json;
 
 use crate::arguments::VoxelizeArguments;
+use crate::exit::WrongArgument;
 use crate::output::{OutputFolder, aligned, print_result, short, show_measure};
 use crate::session::Session;
 use crate::slices::{MidPlaneSheet, MidPlanes};
 
 pub(crate) fn run(session: &Session, arguments: &VoxelizeArguments) -> Result<()> {
+    if !arguments.scene.clearance.clearance().is_zero() {
+        let why = "--clearance is of a tool: voxels are those of part and fixtures alone";
+        return Err(WrongArgument(why.into()).into());
+    }
     let folder = OutputFolder::check(&arguments.out)?;
     let (bodies, mesh, unit, part) = arguments.scene.voxels(session)?;
     let obstacle = bodies.obstacle();
@@ -28,6 +33,7 @@ pub(crate) fn run(session: &Session, arguments: &VoxelizeArguments) -> Result<()
         part: &obstacle,
         style: None,
         unit,
+        free: false,
         notes: vec![],
     };
     sheet.save(&[MidPlanes::new(String::new(), &values, &grid)], &png)?;

@@ -6,7 +6,7 @@ use crate::binary::{DATASET, TRAIN, Workdir};
 fn numbers_out_of_range_are_named() {
     let work = Workdir::with_dataset();
     let train = format!("{TRAIN} --steps 3 --threads 0 --out model");
-    work.imf(&train).refused(&["--threads", "at least 1"]);
+    work.imf(&train).bad_input(&["--threads", "at least 1"]);
     assert!(!work.path("model/checkpoint.safetensors").exists());
 
     let dataset = DATASET.replace("--out data", "--out new");

@@ -5,8 +5,19 @@ use crate::shapes::{LAST_FACE, OPEN_CUBE};
 
 /// Both commands that read a scene.
 fn refuse(folder: &Workdir, arguments: &str, expected: &[&str]) {
-    folder.refuse(&format!("voxelize {arguments} --out out"), expected);
-    folder.refuse(&format!("field {arguments} --orientations fibonacci:3 --out out"), expected);
+    runs(arguments).iter().for_each(|run| folder.refuse(run, expected));
+}
+
+/// The same of an argument that is wrong itself.
+fn refuse_argument(folder: &Workdir, arguments: &str, expected: &[&str]) {
+    runs(arguments).iter().for_each(|run| drop(folder.imf(run).bad_input(expected)));
+}
+
+fn runs(arguments: &str) -> [String; 2] {
+    [
+        format!("voxelize {arguments} --out out"),
+        format!("field {arguments} --orientations fibonacci:3 --out out"),
+    ]
 }
 
 #[test]
@@ -39,8 +50,8 @@ fn units_and_sizes() {
     refuse(&folder, "cube.obj --unit m", &["cube.obj", "100 × 100 × 100 m", "0.1 mm to 20 m"]);
     let paper = |more: &str| format!("cube.obj --tool paper {more}");
     refuse(&folder, &paper("--pitch 1e-9"), &["too large", "larger pitch"]);
-    refuse(&folder, &paper("--dims 9,0,9"), &["at least 1"]);
-    refuse(&folder, &paper("--dims 9,9,9 --margin 5"), &["margin"]);
+    refuse_argument(&folder, &paper("--dims 9,0,9"), &["at least 1"]);
+    refuse_argument(&folder, &paper("--dims 9,9,9 --margin 5"), &["margin"]);
     let field = |more: &str| format!("field cube.obj --orientations 0,0 --out out {more}");
     // Without a tool there is no answer, and the message shows how one is described.
     let run = folder.imf(&field(""));
@@ -69,8 +80,8 @@ fn units_and_sizes() {
     assert_eq!(summary["scene"]["grid"]["pitch"], 1.6, "{summary}");
     assert!(summary["choices"][0].as_str().unwrap().contains("a sixth of the tool's thinnest element"));
     std::fs::remove_dir_all(folder.path("out")).unwrap();
-    refuse(&folder, "bracket --threads 0", &["--threads"]);
-    refuse(&folder, "bracket --threads 100000", &["--threads 100000", "cores"]);
+    refuse_argument(&folder, "bracket --threads 0", &["--threads"]);
+    refuse_argument(&folder, "bracket --threads 100000", &["--threads 100000", "cores"]);
 }
 
 #[test]

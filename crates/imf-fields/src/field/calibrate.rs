@@ -194,8 +194,14 @@ pub fn measure_rates(
     control: Control<'_>,
 ) -> Result<[DecisionRates; 2], CalibrationError> {
     settings.check()?;
-    let by_goals = Calibration { goals: settings.goals, ..*calibration };
-    by_goals.measure_rates(&Truth::new(field)?, settings, control)
+    let goals = settings.goals;
+    let by_goals = Calibration { goals, ..*calibration };
+    let rates = by_goals.measure_rates(&Truth::new(field)?, settings, control)?;
+    let colliding = rates[0].false_free.of;
+    if most_errors(colliding, goals.false_free, goals.confidence).is_none() {
+        return Err(CalibrationError::TooFew { colliding: colliding as usize, rate: goals.false_free });
+    }
+    Ok(rates)
 }
 
 impl Calibration {

@@ -19,7 +19,7 @@ Conventions
 - Arrays of ``float64`` in C order are read where they lie; results are NumPy arrays that nothing else holds.
 
 Everything computes without the interpreter's lock, on all cores or on those of :func:`set_threads`, and ends within a second of
-Ctrl-C. ``progress`` is a function of a stage's name, the units that are done and their number, or True for bars by ``tqdm``.
+Ctrl-C, but for the distances of a :class:`Checker`, or of a scene with ``contact``, among tens of millions of voxels. ``progress`` is a function of a stage's name, the units that are done and their number, or True for bars by ``tqdm``.
 
 Errors: ``ValueError`` for what makes no sense, ``OSError`` for files that cannot be read or written, ``MemoryError`` before voxels,
 sections, surfaces, trainings or a stock that would not fit, :class:`ImfError` for a computation that failed; :class:`SceneWarning` for what should be known of a scene that can

@@ -8,6 +8,8 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from ._poses import numbers
+
 Mesh: TypeAlias = Any
 """A path (OBJ, STL, PLY, 3MF) or the name of a built-in part; an object with ``vertices`` and ``faces`` (as of trimesh) or with
 ``points`` and ``faces`` (as of PyVista); or a pair of vertices ``(n, 3)`` and triangles ``(m, 3)``."""
@@ -45,10 +47,10 @@ def padded(faces: NDArray[Any]) -> NDArray[Any]:
 
 def arrays(vertices: Any, faces: Any, name: str) -> Native:
     """Vertices and triangles, each as numbers in rows of three."""
-    points = np.ascontiguousarray(vertices, dtype=np.float64)
+    points = numbers(vertices)
     corners = np.asarray(faces)
     if corners.dtype.kind not in "iu":
         raise ValueError(f"faces must be whole numbers, not {corners.dtype}")
     if points.ndim != 2 or corners.ndim != 2:
         raise ValueError(f"vertices and faces must have the shape (n, 3), not {points.shape} and {corners.shape}")
-    return points, np.ascontiguousarray(corners, dtype=np.int64), name
+    return points, np.require(corners, np.int64, ["C_CONTIGUOUS", "ALIGNED"]), name

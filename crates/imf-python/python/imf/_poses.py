@@ -26,9 +26,14 @@ def poses(positions: ArrayLike, directions: ArrayLike) -> NDArray[np.float64]:
     return rows
 
 
+def numbers(given: ArrayLike) -> NDArray[np.float64]:
+    """Numbers as the native module reads them, in place where they are so: in rows, and aligned."""
+    return np.require(given, np.float64, ["C_CONTIGUOUS", "ALIGNED"])
+
+
 def rows_of(given: ArrayLike) -> tuple[NDArray[np.float64], bool]:
     """Poses as contiguous rows, in place where they are so, and whether one pose was given alone."""
-    rows = np.ascontiguousarray(given, dtype=np.float64)
+    rows = numbers(given)
     alone = np.ndim(given) == 1
     if alone:
         rows = rows.reshape(1, -1)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _imf
 from ._numbers import whole, wholes
-from ._poses import rows_of
+from ._poses import numbers, rows_of
 from ._progress import Progress, listener
 from .results import Grid
 from .scene import Directions, Scene, directions_input, native_scene
@@ -130,7 +130,7 @@ class Field:
 
     def best(self, points: ArrayLike, directions: Directions, *, progress: Progress = None) -> Best:
         """The minimum over directions (:data:`Directions`, of a text those that name no part) at points ``(n, 3)``."""
-        tips = np.ascontiguousarray(np.atleast_2d(points), dtype=np.float64)
+        tips = numbers(np.atleast_2d(points))
         return Best(*self._native.best(tips, directions_input(directions), listener(progress)))
 
     def to_xarray(self, direction: ArrayLike) -> Any:

@@ -98,7 +98,8 @@ class Section:
     """The exact collision measure of one direction at every voxel."""
 
     values: NDArray[np.float32]
-    """``(nx, ny, nz)``, in [0, 1]: the smallest fraction of the tool inside the obstacle with one of its sharp points there."""
+    """``(nx, ny, nz)``, in [0, 1]: the smallest fraction of the tool inside the obstacle with one of its sharp points there. Of a
+    point that is not the tip the mean of the eight overlaps around its place, which may lie above 0 where the tool is free."""
     direction: NDArray[np.float64]
     """Unit vector from tip to holder, ``(3,)``."""
     rotation: NDArray[np.float64]

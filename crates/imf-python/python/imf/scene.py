@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import _imf
 from ._mesh import Mesh, mesh_input
 from ._numbers import number, whole, wholes
-from ._poses import rows_of
+from ._poses import numbers, rows_of
 from ._progress import Progress, listener
 from .results import Grid, Inaccessibility, Section, Sections
 from .stock import RemovableStock, Stock, StockLeft, stock_input
@@ -48,7 +48,10 @@ def directions_input(directions: Directions) -> str | NDArray[np.float64]:
     """As the native module reads them."""
     if isinstance(directions, str):
         return directions
-    return np.ascontiguousarray(np.atleast_2d(np.asarray(directions, dtype=np.float64)))
+    rows = numbers(np.atleast_2d(np.asarray(directions, dtype=np.float64)))
+    if rows.ndim != 2:
+        raise ValueError(f"directions must have the shape (n, 3) or (n, 4), not {np.shape(directions)}")
+    return rows
 
 
 def warn_of_roll(remedy: str) -> None:
@@ -68,7 +71,7 @@ def one_direction(direction: ArrayLike) -> NDArray[np.float64]:
     """Of a question about a single one."""
     if isinstance(direction, str) or np.ndim(direction) != 1:
         raise ValueError("a direction is a vector (3,) or a quaternion (4,); for several use sections() or imf()")
-    return np.asarray(direction, dtype=np.float64)
+    return numbers(direction)
 
 
 def _placed(fixture: Any) -> tuple[Any, ArrayLike | None]:
@@ -83,7 +86,10 @@ def _placed(fixture: Any) -> tuple[Any, ArrayLike | None]:
 
 
 def _matrix(transform: ArrayLike | None) -> NDArray[np.float64]:
-    return np.ascontiguousarray(np.eye(4) if transform is None else transform, dtype=np.float64)
+    matrix = numbers(np.eye(4) if transform is None else transform)
+    if matrix.shape != (4, 4):
+        raise ValueError(f"a transform is a matrix of 4 × 4, not of the shape {matrix.shape}")
+    return matrix
 
 
 class Scene:

@@ -141,7 +141,7 @@ class Tool:
 
     @property
     def volume(self) -> float:
-        """In ``unit`` cubed."""
+        """In ``unit`` cubed; of a mesh that of its closed bodies, added up where they overlap."""
         return self._native.volume
 
     @property

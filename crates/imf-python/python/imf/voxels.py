@@ -34,6 +34,9 @@ def voxel_mesh(
     pitch = float(pitch)
     if not (np.isfinite(pitch) and pitch > 0):
         raise ValueError(f"pitch must be a positive length, not {pitch}")
+    origin = np.asarray(origin, dtype=np.float64)
+    if origin.shape != (3,) or not np.isfinite(origin).all():
+        raise ValueError(f"origin must be three finite numbers, not {origin}")
     padded = np.pad(solid, 1).astype(np.int8)
     dims = tuple(n + 1 for n in solid.shape)
     unit = np.eye(3, dtype=np.int64)
@@ -56,5 +59,5 @@ def voxel_mesh(
             at = tuple(np.moveaxis(corners, 2, 0))
             quads.append(np.ravel_multi_index(at, dims) * 8 + pieces[codes[at], cells])
     used, quad = np.unique(np.concatenate(quads), return_inverse=True)
-    vertices = np.asarray(origin, dtype=np.float64) + pitch * np.stack(np.unravel_index(used // 8, dims), axis=1)
+    vertices = origin + pitch * np.stack(np.unravel_index(used // 8, dims), axis=1)
     return vertices, quad.reshape(-1, 4)[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3).astype(np.int64)
