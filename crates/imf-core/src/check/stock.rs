@@ -4,7 +4,8 @@
 //! then the cutter removes the voxels whose centres it holds. On a rapid, and where the path begins (the approach is
 //! not in the file), the cutter must keep out as well: it is tested against the stock from before the first of such
 //! motions in a row. The cutter of a drill, or of another tool that cuts along its axis alone, must keep out wherever it
-//! moves otherwise, in the same way: in however many steps. A feed that moves nothing ends no row. Stock that belongs to the part is left to the check of the part.
+//! moves otherwise, in the same way: in however many steps. A feed that moves nothing ends no row. Stock that belongs to the
+//! part is left to the check of the part.
 //!
 //! The holder, what a machine's head carries, and everything with a clearance must hold no centre. A shank as wide as
 //! its cutter rubs in what the cutter has just cut. So stock is accepted where, as seen from the tool's axis, the
