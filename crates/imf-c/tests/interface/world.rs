@@ -102,6 +102,9 @@ fn a_world_of_meshes_is_answered_as_in_rust() {
                 let [a, b] = [of(&pair[0]), of(&pair[1])];
                 assert_eq!(imf_checker_distance(checker, &a, &mut distance), ImfStatus::Ok);
                 assert_eq!(distance, expected.distance(&pair[0]).unwrap().into());
+                for none in [-1.0, f64::NAN, 1e-300] {
+                    assert_eq!(imf_checker_motion(checker, &a, &b, none, &mut motion), ImfStatus::Argument);
+                }
                 let status = imf_checker_motion(checker, &a, &b, 0.1, &mut motion);
                 let options = MotionOptions { resolution: Some(0.1) };
                 match expected.check_motion(&pair[0], &pair[1], &options) {
@@ -163,6 +166,10 @@ fn a_world_of_meshes_is_answered_as_in_rust() {
         let mut nothing = null_mut();
         assert_eq!(imf_world_create(4, pitch, &mut nothing), ImfStatus::Argument);
         assert!(nothing.is_null() && last_error().contains("unit 4"), "{}", last_error());
+        for none in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            assert_eq!(imf_world_create(ImfUnit::Mm as u32, none, &mut nothing), ImfStatus::Argument);
+            assert!(nothing.is_null() && last_error().contains("pitch"), "{}", last_error());
+        }
         let bad = [99_u32; 3];
         let bad = ImfMesh { triangles: bad.as_ptr(), triangle_count: 1, vertex_count: 3, ..whole };
         assert_eq!(imf_world_add_mesh(world, &bad, &here, &mut one), ImfStatus::Argument);

@@ -150,3 +150,20 @@ fn a_path_has_one_least_stick_out_and_the_line_that_decides_it() {
     folder.write("bare.toml", "[cutter]\nshape = 'flat'\ndiameter = 3\nlength = 9\n");
     check("bare.toml").bad_input(&["'bare' has no holder"]);
 }
+
+#[test]
+fn what_is_in_the_way_is_said_alike_in_whatever_order_the_tools_are_given() {
+    let folder = workshop();
+    let of = |first: &str, second: &str| {
+        let run = format!("--tool {first}.toml --tool {second}.toml --orientations 0,0");
+        let found = folder.json(&arguments(&run));
+        let rows = found["surface"]["obstructed_by"].as_array().unwrap().clone();
+        let patches = found["unreached"].as_array().unwrap().clone();
+        // The number behind a name is its place; what no direction faces has none.
+        let mut named = rows.iter().chain(&patches).filter_map(|row| row["tool"].as_str());
+        assert!(named.all(|tool| tool.starts_with("long (tool ")), "{rows:?} {patches:?}");
+        rows.iter().map(|row| (row["element"].clone(), row["fraction"].clone())).collect::<Vec<_>>()
+    };
+    let rows = of("short", "long");
+    assert!(!rows.is_empty() && rows == of("long", "short"), "{rows:?}");
+}

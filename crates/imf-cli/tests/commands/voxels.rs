@@ -34,6 +34,8 @@ fn voxels_are_written_whatever_the_tool() {
     folder.write("huge.toml", "[cutter]\nshape = \"flat\"\ndiameter = 9000.0\nlength = 15000.0\n");
     let line = "voxelize bracket --dims 5,15,9 --tool huge.toml --memory 1GiB --out a/b";
     let run = folder.imf(line).done();
+    // What is of a tool alone does nothing here.
+    folder.imf("voxelize bracket --dims 5,15,9 --clearance 2 --out c").bad_input(&["--clearance"]);
     assert!(run.stdout.contains("5×15×9"), "{}", run.stdout);
     let summary = folder.json(line);
     let solid = folder.npy::<u8>("a/b/solid.npy");
