@@ -13,7 +13,7 @@ use glam::DVec3;
 
 use super::contact::{ContactFrame, Touch};
 use super::sample_query::{Outcome, SampleQuery};
-use super::{Revolved, Shape, SurfaceError, SurfaceSample, SurfaceTool, ToolDirection};
+use super::{Revolved, Shape, SurfaceError, SurfaceSample, SurfaceTool, ToolDirection, Verdict};
 use crate::control::Control;
 use crate::field::solid::SolidField;
 use crate::grid::Grid;
@@ -139,9 +139,15 @@ impl SurfaceTool {
         });
     }
 
-    fn minimum_overlap(&self, sample: &SurfaceSample, turns: &[ToolDirection]) -> Option<MinimumOverlap> {
+    fn minimum_overlap(
+        &self,
+        sample: &SurfaceSample,
+        verdict: Verdict,
+        turns: &[ToolDirection],
+    ) -> Option<MinimumOverlap> {
         let mut least: Option<MinimumOverlap> = None;
-        let query = SampleQuery::new(self, sample, None);
+        // A cutter that steps aside fits where none fits that touches the sample itself; where it is gouged none does.
+        let query = (verdict == Verdict::Obstructed).then(|| SampleQuery::new(self, sample, None));
         for (direction, turn) in turns.iter().enumerate() {
             let mut consider = |tip: DVec3, fits: bool| {
                 let here = self.overlap(direction as u32, Pose::new(tip, turn.rotation), fits);
@@ -149,8 +155,8 @@ impl SurfaceTool {
                     least = Some(here);
                 }
             };
-            // A cutter that steps aside fits where none fits that touches the sample itself.
-            if let Outcome::Obstructed(tip) = self.at_best(&query, turn, &mut [None; 2]) {
+            let beside = query.as_ref().map(|query| self.at_best(query, turn, &mut [None; 2]));
+            if let Some(Outcome::Obstructed(tip)) = beside {
                 consider(tip, true);
             }
             self.contact_tips(sample, turn, |tip| consider(tip, false));
@@ -195,7 +201,7 @@ impl SurfaceTool {
     }
 }
 
-/// For each of some samples the [`MinimumOverlap`] of all directions; `None` where the cutter has no point that
+/// For each of some samples, by their numbers and the tool's verdicts, the [`MinimumOverlap`] of all directions; `None` where the cutter has no point that
 /// could touch. On all threads; one unit of progress is one sample.
 ///
 /// # Errors
@@ -206,12 +212,14 @@ impl SurfaceTool {
 pub fn minimum_overlaps(
     tool: &SurfaceTool,
     samples: &[SurfaceSample],
-    chosen: &[usize],
+    chosen: &[(usize, Verdict)],
     directions: &[Orientation],
     control: Control<'_>,
 ) -> Result<Vec<Option<MinimumOverlap>>, SurfaceError> {
     let turns: Vec<ToolDirection> = directions.iter().map(ToolDirection::new).collect();
-    let least = |_: &mut (), &sample: &usize| tool.minimum_overlap(&samples[sample], &turns);
+    let least = |_: &mut (), &(sample, verdict): &(usize, Verdict)| {
+        tool.minimum_overlap(&samples[sample], verdict, &turns)
+    };
     Ok(parallel::map_in_chunks(chosen, CHUNK, control, || (), least)?)
 }
 
@@ -250,8 +258,8 @@ pub fn culprits(
 mod tests {
     use std::sync::Arc;
 
+    use super::super::CollisionEnvironment;
     use super::super::closed_forms::Part;
-    use super::super::{CollisionEnvironment, SampleReach};
     use super::*;
     use crate::occupancy::Occupancy;
     use crate::parts::shell::{circle, pocketed};
@@ -282,12 +290,13 @@ mod tests {
         let directions = orientations("0,0;30,40;200,70");
         let no = Control::quiet();
         let reach = part.access(&tool_here, &directions).reach;
-        let missed: Vec<usize> =
-            (0..samples.len()).filter(|&s| matches!(reach[s], SampleReach::Obstructed { .. })).collect();
+        let verdicts = (0..samples.len()).map(|sample| (sample, reach[sample].verdict()));
+        let missed: Vec<(usize, Verdict)> =
+            verdicts.filter(|(_, verdict)| *verdict == Verdict::Obstructed).collect();
         assert!(missed.len() > 20, "{}", missed.len());
         let least = minimum_overlaps(&tool_here, samples, &missed, &directions, no).unwrap();
         let poses: Vec<(f64, MinimumOverlap)> =
-            missed.iter().zip(least).map(|(&s, least)| (samples[s].area, least.unwrap())).collect();
+            missed.iter().zip(least).map(|(&(s, _), least)| (samples[s].area, least.unwrap())).collect();
         // Something is in the way at all of them, by the definition.
         let obstruction = |solid: &Occupancy| -> f64 {
             let environment = CollisionEnvironment::new(&Arc::new(solid.clone()).into(), &[]);

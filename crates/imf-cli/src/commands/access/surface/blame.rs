@@ -33,16 +33,17 @@ impl Blame {
         }
         session.staged("what is in the way", "samples", 2 * looked_into.len() as u64, |control| {
             for (index, (_, tool)) in surface.tools.iter().enumerate() {
-                let own: Vec<usize> =
-                    looked_into.iter().copied().filter(|&s| surface.best[s].1 == index).collect();
+                let own = looked_into.iter().filter(|&&sample| surface.best[sample].1 == index);
+                let own: Vec<(usize, Verdict)> =
+                    own.map(|&sample| (sample, surface.best[sample].0)).collect();
                 let directions = &run.orientations.orientations;
                 let found = minimum_overlaps(tool, samples, &own, directions, control)?;
                 let poses = own
                     .iter()
                     .zip(&found)
-                    .filter_map(|(&sample, at)| Some((every as f64 * samples[sample].area, (*at)?)));
+                    .filter_map(|(&(sample, _), at)| Some((every as f64 * samples[sample].area, (*at)?)));
                 let poses: Vec<(f64, MinimumOverlap)> = poses.collect();
-                own.iter().zip(found).for_each(|(&sample, at)| blame.nearest[sample] = at);
+                own.iter().zip(found).for_each(|(&(sample, _), at)| blame.nearest[sample] = at);
                 if let Some((grid, area)) = culprits(tool, &poses, control)? {
                     match &mut blame.voxels {
                         Some((_, sum)) => sum.iter_mut().zip(area).for_each(|(sum, area)| *sum += area),
