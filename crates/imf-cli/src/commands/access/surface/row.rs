@@ -27,14 +27,26 @@ pub(crate) struct ObstructedRow {
     fraction: f64,
 }
 
+/// A body that is hit: 0 the part, then the fixtures in their order.
+pub(super) fn body_name(body: usize, fixtures: &[String]) -> String {
+    match body {
+        0 => PART.into(),
+        fixture => fixtures.get(fixture - 1).cloned().unwrap_or_default(),
+    }
+}
+
+/// Its name in a sentence.
+pub(super) fn with_article(body: &str) -> &str {
+    if body == PART { "the part" } else { body }
+}
+
+const PART: &str = "part";
+
 impl ObstructedRow {
     /// The rows of areas that a tool is obstructed at by part and fixtures, as fractions of the surface.
     pub(crate) fn all(tool: &str, found: &ObstructedAreas, fixtures: &[String], area: f64) -> Vec<Self> {
         let hits = found.hits.iter().map(|&(kind, body, own)| {
-            let body = match body {
-                0 => "part".into(),
-                fixture => fixtures.get(fixture - 1).cloned().unwrap_or_default(),
-            };
+            let body = body_name(body, fixtures);
             Self { tool: tool.to_owned(), element: kind.to_string(), body, fraction: own / area }
         });
         let [element, body] = IN_THE_WAY.map(str::to_owned);
@@ -45,8 +57,7 @@ impl ObstructedRow {
     /// All of them in a line, of `several` tools with their names.
     pub(crate) fn text(rows: &[Self], several: bool) -> String {
         let each = |Self { element, body, fraction, .. }: &Self| {
-            let the = if body == "part" { "the " } else { "" };
-            format!("{element} at {the}{body} {:.1} %", 100.0 * fraction)
+            format!("{element} at {} {:.1} %", with_article(body), 100.0 * fraction)
         };
         let of_tool = |rows: &[Self]| {
             let name = if several { format!("{}: ", rows[0].tool) } else { String::new() };

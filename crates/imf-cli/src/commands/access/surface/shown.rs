@@ -11,6 +11,7 @@ use super::super::on_machine::REMEDY;
 use super::blame::remedy;
 use super::cavities::Cavities;
 use super::freed::{LongerStickOut, slimmer};
+use super::row::{body_name, with_article};
 use super::{AccessRun, Surface, Verdict, rgb};
 use crate::output::{length, show_measure};
 use crate::view::{Colours, Layer, NONE, Place, Table, TableRow, View, distinct};
@@ -66,11 +67,10 @@ struct Hit {
 
 impl Hit {
     fn text(&self, unit: LengthUnit) -> String {
-        let the = if self.body == "part" { "the " } else { "" };
         // What holds no centre holds points of the surface.
         let volume = (self.volume > 0.0).then(|| format!(", {} {unit}³", show_measure(self.volume)));
-        let (element, depth) = (&self.element, show_measure(self.depth));
-        format!("{element} {depth} {unit} deep in {the}{}{}", self.body, volume.unwrap_or_default())
+        let (element, depth, body) = (&self.element, show_measure(self.depth), with_article(&self.body));
+        format!("{element} {depth} {unit} deep in {body}{}", volume.unwrap_or_default())
     }
 }
 
@@ -168,10 +168,7 @@ impl Surface {
         let unit = run.unit;
         let shown = hits.iter().map(|hit| Hit {
             element: hit.kind.to_string(),
-            body: match hit.body {
-                0 => "part".into(),
-                fixture => run.fixtures.get(fixture - 1).cloned().unwrap_or_else(|| "a fixture".into()),
-            },
+            body: body_name(hit.body, &run.fixtures),
             // Centres that lie on its surface but for rounding.
             depth: if hit.depth < 1e-6 * run.query.pitch { 0.0 } else { hit.depth },
             volume: f64::from(hit.voxels) * run.query.voxel_volume(),
