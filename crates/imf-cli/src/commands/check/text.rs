@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use glam::DMat4;
-use imf_core::check::{CheckReport, CheckSettings, Collision, LineCollisions, TravelFault};
+use imf_core::check::{CheckSettings, Collision, LineCollisions, TravelFault};
 use imf_core::machine::{MachineSolid, Side};
 use imf_core::toolpath::MoveKind;
 use imf_core::unit::LengthUnit;
@@ -12,13 +12,24 @@ use super::{CheckRun, stick_out};
 use crate::arguments::check::Frame;
 use crate::output::{short, show_measure};
 
-/// How many lines collide.
-pub(super) fn verdict(report: &CheckReport) -> String {
-    match report.colliding.len() {
+/// How many lines collide, and on a machine how many lead out of its travel.
+pub(super) fn verdict(checked: &CheckRun<'_>) -> String {
+    let report = &checked.report;
+    let mut verdict = match report.colliding.len() {
         0 => "no collision".to_owned(),
         1 => "1 line collides".to_owned(),
         n => format!("{n} lines collide"),
+    };
+    if checked.machine.is_some() {
+        let mut lines: Vec<_> = report.out_of_travel.iter().map(|beyond| beyond.line).collect();
+        lines.dedup();
+        verdict += &match lines.len() {
+            0 => ", no axis out of its travel".to_owned(),
+            1 => ", 1 line leads out of the machine's travel".to_owned(),
+            n => format!(", {n} lines lead out of the machine's travel"),
+        };
     }
+    verdict
 }
 
 pub(super) fn text(checked: &CheckRun<'_>) -> String {
@@ -34,19 +45,10 @@ pub(super) fn text(checked: &CheckRun<'_>) -> String {
     for beyond in &report.out_of_travel {
         let _ = writeln!(text, "{}", travel(beyond, &unit.to_string()));
     }
-    let mut verdict = verdict(report);
-    if checked.machine.is_some() {
-        let mut lines: Vec<_> = report.out_of_travel.iter().map(|beyond| beyond.line).collect();
-        lines.dedup();
-        verdict += &match lines.len() {
-            0 => ", no axis out of its travel".to_owned(),
-            1 => ", 1 line leads out of the machine's travel".to_owned(),
-            n => format!(", {n} lines lead out of the machine's travel"),
-        };
-    }
     let _ = writeln!(
         text,
-        "{verdict}: {} lines, {} poses, no point of the tool moving more than {} {unit} between them",
+        "{}: {} lines, {} poses, no point of the tool moving more than {} {unit} between them",
+        verdict(checked),
         report.locations,
         report.poses,
         short(settings.step)

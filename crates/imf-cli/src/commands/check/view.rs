@@ -119,9 +119,9 @@ pub(super) fn view<'a>(
         columns: vec![("line", true), ("what", false), ("around", false)],
         rows: rows.collect(),
     };
-    let (report, path_name) = (&checked.report, checked.arguments.toolpath.display());
+    let path_name = checked.arguments.toolpath.display();
     View {
-        title: format!("{}, path {path_name}: {}", checked.record.part, text::verdict(report)),
+        title: format!("{}, path {path_name}: {}", checked.record.part, text::verdict(checked)),
         unit,
         mesh: &shown.mesh,
         focus: shown.focus,
