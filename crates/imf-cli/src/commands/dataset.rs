@@ -33,10 +33,12 @@ fn make_new(session: &Session, arguments: &DatasetMakeArguments) -> Result<()> {
     let sampling = arguments.sampling()?;
     let scene = arguments.scene.scene_with(session, &arguments.contact)?;
     let layout = Layout { shard_samples: arguments.shard_samples, partition: arguments.shard };
-    require_shard(session, &arguments.out, &scene, &set, &sampling, &layout)?;
-    prepare_folder(&arguments.out)?;
-    let _lock = lock_if_whole(&arguments.out, &layout)?;
-    make(session, &arguments.out, &scene, &set, &sampling, &layout)
+    let folder = &arguments.out;
+    let work = DatasetWork { folder, scene: &scene, set: &set, sampling: &sampling, layout: &layout };
+    work.require_shard(session)?;
+    prepare_folder(folder)?;
+    let _lock = lock_if_whole(folder, &layout)?;
+    work.make(session)
 }
 
 /// Makes what is missing of a dataset from its own manifest.
@@ -47,7 +49,8 @@ fn finish(session: &Session, arguments: &DatasetFinishArguments) -> Result<()> {
     prepare_folder(folder)?;
     let layout = Layout { partition: arguments.shard, ..Layout::default() };
     let _lock = lock_if_whole(folder, &layout)?;
-    make(session, folder, &scene, &manifest.orientations, &manifest.sampling, &layout)
+    let (set, sampling) = (&manifest.orientations, &manifest.sampling);
+    DatasetWork { folder, scene: &scene, set, sampling, layout: &layout }.make(session)
 }
 
 /// A folder that is made whole is this run's own; partitions are made beside each other.
@@ -55,81 +58,74 @@ fn lock_if_whole(folder: &Path, layout: &Layout) -> Result<Option<FolderLock>> {
     layout.partition.is_none().then(|| lock_folder(folder)).transpose()
 }
 
-fn make(
-    session: &Session,
-    folder: &Path,
-    scene: &Scene,
-    set: &OrientationSet,
-    sampling: &Sampling,
-    layout: &Layout,
-) -> Result<()> {
-    let generated = sample_sections(session, folder, scene, set, sampling, layout)?;
-    let GenerateSummary { samples, made, kept, others, .. } = generated;
-    let json = json!({
-        "folder": folder, "sections": set.len(), "samples": samples,
-        "shards_made": made, "shards_kept": kept, "shards_of_others": others,
-    });
-    let text = match layout.partition {
-        Some(partition) => format!(
-            "{}: partition {partition}, {samples} samples in {} of {} shards; join the partitions by: imf dataset merge",
-            folder.display(),
-            made + kept,
-            made + kept + others
-        ),
-        None => format!(
-            "{}: {samples} samples of {} sections in {} shards",
-            folder.display(),
-            set.len(),
-            made + kept
-        ),
-    };
-    print_result(session, &json, &text)
+/// Samples of a scene from a set of directions, in a folder.
+pub(super) struct DatasetWork<'a> {
+    pub(super) folder: &'a Path,
+    pub(super) scene: &'a Scene,
+    pub(super) set: &'a OrientationSet,
+    pub(super) sampling: &'a Sampling,
+    pub(super) layout: &'a Layout,
 }
 
-/// Refuses shards that do not fit the memory.
-fn require_shard(
-    session: &Session,
-    folder: &Path,
-    scene: &Scene,
-    set: &OrientationSet,
-    sampling: &Sampling,
-    layout: &Layout,
-) -> Result<()> {
-    let SceneRecord { grid, tool, .. } = &scene.record;
-    let shard = layout.shard_memory(folder, grid.len(), sampling, set.len());
-    session.require_memory(shard + SectionPlan::memory_estimate(grid, tool, session.threads()), || {
-        "a shard of samples beside the exact sections; choose fewer --shard-samples".into()
-    })
-}
+impl DatasetWork<'_> {
+    fn make(&self, session: &Session) -> Result<()> {
+        let Self { folder, set, layout, .. } = *self;
+        let generated = self.sample(session)?;
+        let GenerateSummary { samples, made, kept, others, .. } = generated;
+        let json = json!({
+            "folder": folder, "sections": set.len(), "samples": samples,
+            "shards_made": made, "shards_kept": kept, "shards_of_others": others,
+        });
+        let text = match layout.partition {
+            Some(partition) => format!(
+                "{}: partition {partition}, {samples} samples in {} of {} shards; join the partitions by: imf dataset merge",
+                folder.display(),
+                made + kept,
+                made + kept + others
+            ),
+            None => format!(
+                "{}: {samples} samples of {} sections in {} shards",
+                folder.display(),
+                set.len(),
+                made + kept
+            ),
+        };
+        print_result(session, &json, &text)
+    }
 
-/// Makes what a folder lacks of a dataset, or of a partition of it.
-pub(super) fn sample_sections(
-    session: &Session,
-    folder: &Path,
-    scene: &Scene,
-    set: &OrientationSet,
-    sampling: &Sampling,
-    layout: &Layout,
-) -> Result<GenerateSummary> {
-    require_shard(session, folder, scene, set, sampling, layout)?;
-    let _keeping = interrupt::stop_cleanly();
-    let stage = session.stage("sampling", "sections", set.len() as u64);
-    let advance = |n| stage.advance(n);
-    let generated = generate_partition(folder, scene, set, sampling, layout, session.control(&advance));
-    let generated = generated.map_err(|error| interruption(error, folder))?;
-    let others = match generated.others {
-        0 => String::new(),
-        others => format!(", {others} of other partitions"),
-    };
-    stage.finish(&format!("{} shards made, {} kept{others}", generated.made, generated.kept));
-    if let Some(sections) = generated.otherwise_cut {
-        session.note(&format!(
+    /// Refuses shards that do not fit the memory.
+    fn require_shard(&self, session: &Session) -> Result<()> {
+        let Self { folder, scene, set, sampling, layout } = *self;
+        let SceneRecord { grid, tool, .. } = &scene.record;
+        let shard = layout.shard_memory(folder, grid.len(), sampling, set.len());
+        session.require_memory(shard + SectionPlan::memory_estimate(grid, tool, session.threads()), || {
+            "a shard of samples beside the exact sections; choose fewer --shard-samples".into()
+        })
+    }
+
+    /// Makes what a folder lacks of a dataset, or of a partition of it.
+    pub(super) fn sample(&self, session: &Session) -> Result<GenerateSummary> {
+        let Self { folder, scene, set, sampling, layout } = *self;
+        self.require_shard(session)?;
+        let _keeping = interrupt::stop_cleanly();
+        let stage = session.stage("sampling", "sections", set.len() as u64);
+        let advance = |n| stage.advance(n);
+        let generated = generate_partition(folder, scene, set, sampling, layout, session.control(&advance));
+        let generated = generated.map_err(|error| interruption(error, folder))?;
+        let others = match generated.others {
+            0 => String::new(),
+            others => format!(", {others} of other partitions"),
+        };
+        stage.finish(&format!("{} shards made, {} kept{others}", generated.made, generated.kept));
+        if let Some(sections) = generated.otherwise_cut {
+            session.note(&format!(
             "--shard-samples is passed over: {} is cut up already, at most {sections} sections a file, and stays so; choose another \
              folder to cut it otherwise",
             folder.display()
         ));
+        }
+        Ok(generated)
     }
-    Ok(generated)
 }
 
 /// An interruption says what is saved; other errors stay as they are.

@@ -10,7 +10,7 @@ use imf_train::dataset::Layout;
 
 use super::make_report;
 use crate::arguments::DemoArguments;
-use crate::commands::dataset::sample_sections;
+use crate::commands::dataset::DatasetWork;
 use crate::engine::Device;
 use crate::job::{self, Data, REPORT_EVERY, Settings};
 use crate::report::Report;
@@ -31,7 +31,8 @@ pub(super) fn run(session: &Session, arguments: &DemoArguments, scene: &Scene) -
     let set = OrientationSet::parse(&format!("fibonacci:{SECTIONS}"))?;
     let folder = arguments.out.join("dataset");
     let sampling = Sampling { seed: arguments.seed, ..Sampling::default() };
-    sample_sections(session, &folder, scene, &set, &sampling, &Layout::default())?;
+    let layout = &Layout::default();
+    DatasetWork { folder: &folder, scene, set: &set, sampling: &sampling, layout }.sample(session)?;
 
     let data = Data::open(&folder)?;
     let plan = TrainingPlan {

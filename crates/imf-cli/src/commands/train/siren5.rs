@@ -22,7 +22,7 @@ use crate::arguments::scene::SceneArguments;
 use crate::arguments::settings::checkpoint_every;
 use crate::arguments::train::{FinetuneArguments, Siren5Arguments, Siren5Training};
 use crate::commands::calibrate::calibrate_written;
-use crate::commands::dataset::sample_sections;
+use crate::commands::dataset::DatasetWork;
 use crate::commands::notes;
 use crate::engine::Device;
 use crate::job::{self, Data, FIELD, Footprint, LatestCheckpoint, Settings};
@@ -163,8 +163,9 @@ fn trained(
             }
             folder.create()?;
             let _lock = lock_folder(&folder.path)?;
-            let dataset = folder.file("dataset");
-            sample_sections(session, &dataset, &scene, &set, &sampling, &Layout::default())?;
+            let (dataset, layout) = (folder.file("dataset"), &Layout::default());
+            DatasetWork { folder: &dataset, scene: &scene, set: &set, sampling: &sampling, layout }
+                .sample(session)?;
             Data::open(&dataset)?
         }
     };
