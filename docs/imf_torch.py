@@ -9,7 +9,7 @@
 
 `overlap` is the share of the tool's volume inside the part, at the tip's position. A field of depth (`field.depth` is true)
 answers depths instead: how far the tool must be moved to be free, below zero how far it may be moved, in the scene's unit,
-held within eight pitches. Outside the box of the voxel centres both answer as at the nearest point inside, as `imf query`
+held within 7.5 pitches. Outside the box of the voxel centres both answer as at the nearest point inside, as `imf query`
 does. Needs torch and safetensors.
 """
 
@@ -83,8 +83,8 @@ class Factored(torch.nn.Module):
         settings, grid = about["settings"], about["scene"]["grid"]
         self.omega, self.scale = settings["omega"], about["scale"]
         self.depth = about["fit"].get("quantity", "overlap") == "depth"
-        # Depths are clamped within eight pitches.
-        self.bounds = (-8.0 * grid["pitch"], 8.0 * grid["pitch"]) if self.depth else (0.0, 1.0)
+        # Depths are clamped within 7.5 pitches.
+        self.bounds = (-7.5 * grid["pitch"], 7.5 * grid["pitch"]) if self.depth else (0.0, 1.0)
         self.register_buffer("components", tensors["components"].float())
         self.register_buffer("mean", tensors["mean"])
         # Of a folded network the last sines are the coefficients.

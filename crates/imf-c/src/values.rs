@@ -38,7 +38,7 @@ pub enum ImfDecision {
 pub enum ImfQuantity {
     /// The fraction of the tool's volume that lies in the obstacle, 0 to 1.
     Overlap = 0,
-    /// How far the tool must be moved to be free, in the scene's unit; below 0 how far it may be moved. Clamped within eight
+    /// How far the tool must be moved to be free, in the scene's unit; below 0 how far it may be moved. Clamped within 7.5
     /// pitches.
     Depth = 1,
 }
@@ -47,7 +47,7 @@ pub enum ImfQuantity {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImfGradient {
-    /// The value, not clipped: a model's overlap may lie a little outside 0 to 1, its depth beyond eight pitches (ImfInfo.quantity).
+    /// The value, not clipped: a model's overlap may lie a little outside 0 to 1, its depth beyond 7.5 pitches (ImfInfo.quantity).
     pub value: f32,
     /// Change for a move of the tip by one unit of length.
     pub position: [f32; 3],

@@ -282,6 +282,15 @@ pub fn short(value: f64) -> String {
     if text == "-0" { "0".into() } else { text.into() }
 }
 
+/// The beginning of a text of any length, such as a set of directions that lists them all.
+pub(crate) fn shortened(text: &str) -> String {
+    const MOST: usize = 100;
+    match text.char_indices().nth(MOST) {
+        Some((end, _)) => format!("{}…", &text[..end]),
+        None => text.to_owned(),
+    }
+}
+
 /// An area or a volume: one decimal, and three digits at least, so that a small part has some in inches.
 pub(crate) fn show_measure(value: f64) -> String {
     if value == 0.0 || !value.is_finite() || value.abs() >= 10.0 {

@@ -8,6 +8,7 @@ pub use subject::Subject;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
+use glam::DVec3;
 use imf_core::control::Control;
 use imf_core::field::GridField;
 use imf_core::grid::Grid;
@@ -22,6 +23,7 @@ use ndarray::Array2;
 use serde::Serialize;
 use serde_json::Value;
 
+use crate::arguments::clearance::title;
 use crate::commands::calibrate::DecisionQuality;
 use crate::output::{short, write_json, write_text};
 use crate::picture::{Bar, BarChart, PanelRow, PanelSheet, Scale};
@@ -100,6 +102,8 @@ pub struct Report {
     /// How deep the cutter may reach below the part's surface, in `unit`.
     contact: Option<f64>,
     guarantee: String,
+    /// The tool has other sharp points than its tip, which no value here has been lowered by.
+    tip_alone: bool,
     #[serde(flatten)]
     made: Provenance,
     /// Sections that it was made from.
@@ -224,6 +228,7 @@ pub(crate) fn evaluate<'a>(
         clearance: record.clearance,
         contact: record.contact,
         guarantee: record.guarantee().to_string(),
+        tip_alone: record.tool.sharp_point_positions(record.grid.pitch) != [DVec3::ZERO],
         made: subject.made.clone(),
         training_sections: training.len(),
         evaluation_engine: engine,
@@ -280,7 +285,15 @@ impl Evaluation<'_> {
                 "Sections of the exact field and of this one at orientations that it was not made from, and their \
                  difference",
             ),
-            ("imf.png", "Inaccessibility measure, exact and of this field, and their difference"),
+            (
+                "imf.png",
+                match self.report.quantity {
+                    Quantity::Overlap => {
+                        "Inaccessibility measure, exact and of this field, and their difference"
+                    }
+                    Quantity::Depth => "Minimum of the depth, exact and of this field, and their difference",
+                },
+            ),
             ("errors.png", "Error of the field beside what any field must beat"),
         ];
         if let Some(record) = self.subject.training.filter(|record| !record.losses.is_empty()) {
@@ -309,7 +322,7 @@ impl Evaluation<'_> {
             planes.push(Comparison::new(title, grid, axis, section, &learnt));
         }
         let plane = slices::layer_title(grid, self.unit(), axis, slices::middle(grid, axis));
-        let title = format!("{}, tool {}", self.report.part, self.report.tool);
+        let title = title(&self.subject.scene.record);
         let note =
             format!("Random orientations that the field was not made from; plane {plane}; outline: the part");
         let measure = match quantity {
@@ -328,11 +341,11 @@ impl Evaluation<'_> {
         });
         let title = format!("{}: minimum over {} orientations", self.report.part, self.settings.imf.len());
         let measure = match self.report.quantity {
-            Quantity::Overlap => "inaccessibility measure IMF",
-            Quantity::Depth => "minimum of the depth",
+            Quantity::Overlap => "inaccessibility measure IMF".to_owned(),
+            Quantity::Depth => format!("minimum of the depth, {}", self.report.unit),
         };
         let note = "Outline: the part".into();
-        self.compare(title, &planes, measure, note, &folder.join("imf.png"))
+        self.compare(title, &planes, &measure, note, &folder.join("imf.png"))
     }
 
     /// A sheet of planes: exact, of the field, and their difference in a scale of its own.
@@ -386,7 +399,10 @@ impl Evaluation<'_> {
                 self.report.part,
                 self.settings.random.len()
             ),
-            value_name: "mean squared error".into(),
+            value_name: match self.report.quantity {
+                Quantity::Overlap => "mean squared error".into(),
+                Quantity::Depth => format!("mean squared error, {}²", self.report.unit),
+            },
             bars: bars.unwrap_or_default(),
         }
     }

@@ -15,6 +15,8 @@ pub struct Errors {
     free: u64,
     false_free: u64,
     false_colliding: u64,
+    both: u64,
+    either: u64,
 }
 
 /// What is reported. MSE and MPE as in the paper; decisions call a pose colliding where the field exceeds `threshold`.
@@ -36,7 +38,7 @@ pub struct ErrorReport {
     pub false_free: f64,
     /// Fraction of the free poses that the field calls colliding.
     pub false_colliding: f64,
-    /// Intersection over union of the configuration-space obstacle, exact and by the field.
+    /// Intersection over union of the configuration-space obstacle, exact and by the field, of the tool that the field is of.
     pub iou: f64,
 }
 
@@ -66,6 +68,8 @@ impl Errors {
             self.exact_sum += e;
             self.exact_squared += e * e;
             let (collides, clear, blocked) = (bare > 0.0, e <= 0.0, f > threshold);
+            self.both += u64::from(!clear && blocked);
+            self.either += u64::from(!clear || blocked);
             self.colliding += u64::from(collides);
             self.free += u64::from(clear);
             self.false_free += u64::from(collides && !blocked);
@@ -86,6 +90,8 @@ impl Errors {
         self.free += other.free;
         self.false_free += other.false_free;
         self.false_colliding += other.false_colliding;
+        self.both += other.both;
+        self.either += other.either;
     }
 
     /// The errors; all zero where nothing was compared.
@@ -93,8 +99,6 @@ impl Errors {
         let n = self.count.max(1) as f64;
         let share = |part: u64, whole: u64| if whole == 0 { 0.0 } else { part as f64 / whole as f64 };
         let mean = self.exact_sum / n;
-        let both = self.colliding - self.false_free;
-        let either = both + self.false_free + self.false_colliding;
         ErrorReport {
             count: self.count,
             mse: self.squared / n,
@@ -104,7 +108,7 @@ impl Errors {
             threshold,
             false_free: share(self.false_free, self.colliding),
             false_colliding: share(self.false_colliding, self.free),
-            iou: if either == 0 { 1.0 } else { share(both, either) },
+            iou: if self.either == 0 { 1.0 } else { share(self.both, self.either) },
         }
     }
 }
@@ -153,7 +157,7 @@ mod tests {
         let mut errors = Errors::default();
         errors.add_beside(&exact, &bare, &[0.3, 0.0, 0.05, 0.9], 0.1);
         let r = errors.report(0.1);
-        assert_eq!((r.false_free, r.false_colliding, r.iou), (1.0, 1.0, 0.0));
+        assert_eq!((r.false_free, r.false_colliding, r.iou), (1.0, 1.0, 0.25));
     }
 
     #[test]

@@ -49,6 +49,16 @@ pub enum FieldFileError {
         /// What is wrong.
         what: String,
     },
+    /// A file of ours, of another kind.
+    #[error("{path} is no {name}: its format is '{found}'")]
+    Foreign {
+        /// What it should be.
+        name: &'static str,
+        /// The file.
+        path: String,
+        /// Its format.
+        found: String,
+    },
     /// Made by a newer program.
     #[error(
         "{path} is a {name} of version {found}, and this program reads version {VERSION}: use a newer imf"
@@ -120,10 +130,16 @@ impl Format {
 
     /// The bytes of a file.
     pub(crate) fn bytes(self, path: &Path) -> Result<Vec<u8>, FieldFileError> {
-        std::fs::read(path).map_err(|source| FieldFileError::Read {
-            name: self.name,
-            path: path.display().to_string(),
-            source,
+        std::fs::read(path).map_err(|source| {
+            let inside = path.join("field.safetensors");
+            let source = match inside.exists() {
+                true => std::io::Error::new(
+                    source.kind(),
+                    format!("it is a folder; the field in it is {}", inside.display()),
+                ),
+                false => source,
+            };
+            FieldFileError::Read { name: self.name, path: path.display().to_string(), source }
         })
     }
 
@@ -137,7 +153,8 @@ impl Format {
         let json = json.ok_or_else(|| damaged("it is a safetensors file, but not one of imf's".into()))?;
         let identity: Identity = serde_json::from_str(json).map_err(|e| damaged(e.to_string()))?;
         if identity.format != self.id {
-            return Err(damaged(format!("its format is '{}', not '{}'", identity.format, self.id)));
+            let path = path.display().to_string();
+            return Err(FieldFileError::Foreign { name: self.name, path, found: identity.format });
         }
         if identity.version > VERSION {
             let path = path.display().to_string();

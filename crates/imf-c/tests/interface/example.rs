@@ -76,8 +76,8 @@ fn the_example_in_c_answers_as_rust_does() {
     for (program, field, says) in [
         (&shared, harmonic(&scene, folder.path()), "overlap 0 1\n"),
         (&fixed, siren(&scene, folder.path()), "overlap 0 1\n"),
-        // Eight pitches: the bracket's 147 mm in 24 voxels.
-        (&shared, harmonic_of(Quantity::Depth, &scene, folder.path()), "depth -49 49\n"),
+        // 7.5 pitches: the bracket's 147 mm in 24 voxels.
+        (&shared, harmonic_of(Quantity::Depth, &scene, folder.path()), "depth -45.9375 45.9375\n"),
     ] {
         let (done, answers, errors) = run(program, &field, &text);
         assert!(done, "{errors}");

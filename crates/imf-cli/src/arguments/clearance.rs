@@ -2,9 +2,11 @@
 
 use anyhow::{Result, ensure};
 use clap::Args;
+use imf_core::scene::SceneRecord;
 use imf_core::tool::{Clearance, Tool, ToolShape};
 
 use super::numbers::parse_room;
+use crate::output::short;
 
 /// Heading of these options.
 const HEADING: &str = "Clearance, in the part's unit";
@@ -99,8 +101,17 @@ impl ContactArguments {
 
 /// A clearance in words: nothing where there is none.
 pub(crate) fn clearance_text(clearance: &Clearance, unit: impl std::fmt::Display) -> Option<String> {
-    let Clearance { holder, shank, cutter } = clearance;
-    (!clearance.is_zero()).then(|| format!("holder {holder}, shank {shank}, cutter {cutter} {unit}"))
+    (!clearance.is_zero()).then(|| {
+        let [holder, shank, cutter] = [clearance.holder, clearance.shank, clearance.cutter].map(short);
+        format!("holder {holder}, shank {shank}, cutter {cutter} {unit}")
+    })
+}
+
+/// A part and the tool around it, for the title of a picture or a page.
+pub(crate) fn title(record: &SceneRecord) -> String {
+    let offset = clearance_text(&record.clearance, record.unit);
+    let offset = offset.map_or_else(String::new, |text| format!(" offset by {text}"));
+    format!("{}, tool {}{offset}", record.part, record.tool.name)
 }
 
 /// What a contact allows voxels of a pitch, in words.

@@ -39,7 +39,7 @@ pub(crate) struct FieldArguments {
     #[arg(long)]
     pub(crate) imf: bool,
     /// Of a part: its values, either overlap, the fraction of the tool's volume that lies in the part, or depth, the signed penetration
-    /// depth (how far the tool must be moved to be free, below 0 how far it may be moved, clamped within 8 pitches)
+    /// depth (how far the tool must be moved to be free, below 0 how far it may be moved, clamped within 7.5 pitches)
     #[arg(long, value_parser = quantity(), default_value = "overlap")]
     pub(crate) quantity: Quantity,
     /// Of a part: also the measures of cutter, shank and each holder segment by themselves

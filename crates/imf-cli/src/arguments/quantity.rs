@@ -21,7 +21,7 @@ pub(crate) fn quantity() -> impl TypedValueParser<Value = Quantity> {
 #[derive(Args, Clone, Copy)]
 pub(crate) struct QuantityArguments {
     /// What the field's values are: depth, the signed penetration depth (how far the tool must be moved to be free, below 0 how far it may
-    /// be moved, clamped within 8 pitches), which decides; or overlap, the fraction of the tool's volume that lies in the part, the paper's
+    /// be moved, clamped within 7.5 pitches), which decides; or overlap, the fraction of the tool's volume that lies in the part, the paper's
     /// measure, which beside a holder hardly sees a small cutter. By default depth, and overlap for the paper's question, a built-in part
     /// with the tool paper. A field of depth is of the tool with its shank and holder offset by two voxels, where no clearance is given; the
     /// cutter may touch. Around a part of your own there are six empty voxels, where neither --margin nor --dims is given

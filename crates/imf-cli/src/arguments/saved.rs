@@ -102,7 +102,7 @@ pub(crate) struct EvalArguments {
                         The first line names the columns: x,y,z,i,j,k (tool axis from tip to holder) or \
                         x,y,z,theta,phi (degrees), or x,y,z alone (a tool along +z); a column roll (degrees) turns the tool about its own axis. Other columns \
                         are kept. Results add the column depth of a field of depth: how far the tool must be moved to be free, below \
-                        0 how far it may be moved, in the scene's unit, known to about a pitch and clamped within 8 pitches (7.5 with --exact); of a field of overlaps (imf info says which) the \
+                        0 how far it may be moved, in the scene's unit, known to about a pitch and clamped within 7.5 pitches; of a field of overlaps (imf info says which) the \
                         column overlap instead, from 0 to 1; with --exact also depth_exact or overlap_exact. With --sharp they are called \
                         depth_sharp or overlap_sharp. The column decision says free, colliding or undecided, by the field's calibration; \
                         the column outside says true where the pose lies outside the box of the voxel centres: it is \

@@ -16,8 +16,8 @@ use imf_core::atomic_file::write_atomically;
 use imf_core::mesh::MachiningDirection;
 use imf_core::obstacle::Obstacle;
 use imf_core::orientation::{Orientation, OrientationSet};
-use imf_core::scene::{Scene, SceneRecord};
-use imf_core::section::{DEPTH_CAP, DepthPlan, ElementPlans, Quantity, SectionPlan, ToolPoints};
+use imf_core::scene::Scene;
+use imf_core::section::{DepthPlan, ElementPlans, Quantity, SectionPlan, ToolPoints};
 use imf_core::unit::LengthUnit;
 use imf_fields::calibration::Calibration;
 use imf_fields::file::FieldFile;
@@ -28,6 +28,7 @@ use self::check::Check;
 use self::saved::SavedField;
 use super::calibrate::threshold_text;
 use super::notes;
+use crate::arguments::clearance::title;
 use crate::arguments::field::FieldArguments;
 use crate::arguments::orientations::Directions;
 use crate::engine::{Device, read_field};
@@ -303,13 +304,12 @@ impl Work<'_> {
 
     /// Draws mid-planes with the part's outline into a file of the folder.
     fn draw(&self, label: &str, planes: &[MidPlanes], notes: Vec<String>, file: &str) -> Result<()> {
-        let SceneRecord { part, tool, unit, .. } = &self.scene.record;
         let sheet = MidPlaneSheet {
-            title: format!("{part}, tool {}", tool.name),
+            title: title(&self.scene.record),
             label,
             part: &self.scene.obstacle,
             style: Some(MaskStyle::Outline),
-            unit: *unit,
+            unit: self.scene.record.unit,
             // A fitted value is not exactly 0.
             free: matches!(self.values, Values::Exact(_)) && self.measure().quantity.is_overlap(),
             notes,
@@ -356,13 +356,13 @@ impl Measure {
 
     /// The largest value in words: depths end at a bound, and what is as deep as that may be deeper.
     fn largest(&self, value: f32) -> String {
-        let is_held = !self.quantity.is_overlap() && f64::from(value) >= self.most - 0.6 * self.pitch;
+        let is_held = !self.quantity.is_overlap() && value >= self.most as f32;
         format!("{}{value:.4}", if is_held { "at least " } else { "" })
     }
 
     /// What a reader of depths must know; nothing of overlaps.
     fn held(&self, unit: LengthUnit) -> Option<String> {
-        let [pitches, most] = [DEPTH_CAP as f64, self.most].map(short);
+        let [pitches, most] = [self.most / self.pitch, self.most].map(short);
         (!self.quantity.is_overlap()).then(|| {
             format!("depths are known within {pitches} voxels, {most} {unit}: what is deeper, or farther away, has that bound")
         })

@@ -26,6 +26,18 @@ pub(super) fn of_roll(session: &Session, record: &SceneRecord) {
     }
 }
 
+/// Says so where poses without a roll are asked of a tool whose roll counts.
+pub(super) fn of_no_roll(session: &Session, record: &SceneRecord, sharp: bool) {
+    let tool = record.bare_tool();
+    let is_round = if sharp { tool.is_axisymmetric() } else { tool.with_tip_only().is_axisymmetric() };
+    if !is_round {
+        session.note(&format!(
+            "the tool '{}' is not axisymmetric, and the poses have no column roll: every answer is of the tool at roll 0",
+            record.tool.name
+        ));
+    }
+}
+
 /// Says what tool and part are to each other.
 pub(super) fn of_scene(session: &Session, record: &SceneRecord) {
     if let Some(text) = clearance_text(&record.clearance, record.unit) {

@@ -14,7 +14,7 @@ use imf_core::atomic_file::write_atomically;
 use imf_core::field::{Decision, ExactField, FieldError, collision_measures, values_on_all_threads};
 use imf_core::grid::Grid;
 use imf_core::pose::Pose;
-use imf_core::section::{DEPTH_CAP, Quantity};
+use imf_core::section::Quantity;
 use imf_fields::file::FieldFile;
 
 use self::poses::Poses;
@@ -54,16 +54,19 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
         notes::of_training(session, &arguments.model, model);
     }
     notes::of_scene(session, record);
-    // The roll changes what the tool overlaps, and the field is of directions alone.
-    if poses.roll.is_some() && matches!(file, FieldFile::Siren(_)) {
-        notes::of_roll(session, record);
+    // The roll changes what the tool overlaps, and the paper's network is of directions alone.
+    match (poses.roll.is_some(), &file) {
+        (true, FieldFile::Siren(_)) => notes::of_roll(session, record),
+        (true, _) => {}
+        (false, _) => notes::of_no_roll(session, record, arguments.sharp),
     }
     session.note(&match quantity.is_overlap() {
         true => format!("a field is not a proof; --exact counts: {}", record.guarantee()),
         false => {
             let [_, most] = quantity.bounds(record.grid.pitch);
             format!(
-                "a field is not a proof; depths are clamped within {DEPTH_CAP} pitches, {} {}; --exact counts: {}",
+                "a field is not a proof; depths are clamped within {} pitches, {} {}; --exact counts: {}",
+                short(most / record.grid.pitch),
                 short(most),
                 record.unit,
                 record.guarantee()

@@ -232,7 +232,7 @@ pub(crate) fn to_resume<T: Checkpoint>(out: &Path, resume: bool) -> Result<Optio
     let current = out.join(CURRENT);
     let [family, command] = T::FAMILY;
     if resume && ![CURRENT, PREVIOUS].iter().any(|name| out.join(name).exists()) {
-        bail!("there is nothing to resume: {} does not exist", current.display());
+        bail!("there is nothing to resume: {} does not exist; begin without --resume", current.display());
     }
     if T::is_other(&current) && (resume || !out.join(FIELD).exists()) {
         bail!(

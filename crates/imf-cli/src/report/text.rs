@@ -6,6 +6,7 @@ use imf_core::section::Quantity;
 use imf_fields::metrics::Validation;
 
 use super::{PAPER_THRESHOLD, Report, Row, ThresholdOf};
+use crate::arguments::clearance::clearance_text;
 use crate::commands::calibrate::threshold_text;
 use crate::output::table;
 
@@ -43,12 +44,20 @@ impl Report {
     }
 
     fn units_text(&self) -> String {
-        match self.quantity {
+        let of = match self.quantity {
             Quantity::Overlap => "MSE and MPE of the overlap, against the exact field".to_owned(),
             Quantity::Depth => {
                 format!("errors of the depth in {0} (MSE in {0}²), against exact depths", self.unit)
             }
-        }
+        };
+        let clearance = clearance_text(&self.clearance, &self.unit);
+        let offset = clearance.map_or_else(String::new, |text| format!(" of the tool offset by {text}"));
+        let tip = if self.tip_alone {
+            ", all with its tip at the voxel: its other sharp points are left out"
+        } else {
+            ""
+        };
+        format!("{of}{offset}{tip}")
     }
 
     /// What counts as colliding, and of which tool.

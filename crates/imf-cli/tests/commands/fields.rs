@@ -257,11 +257,11 @@ fn a_tool_that_is_not_at_its_tip_is_said_and_so_is_how_far_depths_are_known() {
     let run = folder.imf(&asked).done();
     assert!(run.stderr.contains("another of its sharp points, is 50 mm away from it"), "{}", run.stderr);
     assert!(
-        run.stdout.contains("largest depth ") && run.stdout.contains("depths are known within 8 voxels"),
+        run.stdout.contains("largest depth ") && run.stdout.contains("depths are known within 7.5 voxels"),
         "{}",
         run.stdout
     );
     let summary = folder.read_json("out/summary.json");
     let pitch = summary["scene"]["grid"]["pitch"].as_f64().unwrap();
-    assert!((summary["clamped_within"].as_f64().unwrap() / pitch - 8.0).abs() < 1e-6);
+    assert!((summary["clamped_within"].as_f64().unwrap() / pitch - 7.5).abs() < 1e-6);
 }

@@ -85,6 +85,12 @@ fn poses_are_answered_at_their_roll_by_every_family_that_knows_it() {
     assert_eq!(notes, 1, "{}", run.stderr);
     let found = numbers(&run.json(), "overlap");
     assert!(found[..grid.len()] == found[grid.len()..2 * grid.len()]);
+    // Without a roll what is answered is said.
+    folder.write("upright.csv", "x,y,z\n0,0,0\n");
+    for field in ["arm.safetensors", "small/field.safetensors"] {
+        let told = folder.imf(&format!("query {field} upright.csv")).done().stderr;
+        assert!(told.contains("have no column roll: every answer is of the tool at roll 0"), "{told}");
+    }
 
     // Only functions of directions are written for other programs; each family is refused by its name.
     for (field, family) in [("arm.safetensors", "harmonic"), ("small/field.safetensors", "factored")] {

@@ -7,7 +7,8 @@
 //! an error of a tenth of a voxel in a learnt depth moves its decisions by a tenth of a voxel.
 //!
 //! Moves by whole voxels resolve a depth to about a voxel: the nearest move that collides may lie beside the shortest of all. Depths
-//! are clamped to eight pitches (`DEPTH_CAP`); positions as far around the grid count as well, so that its faces make no difference.
+//! are looked for within eight pitches (`DEPTH_CAP`), so that they end at 7.5; positions as far around the grid count as well, so that its
+//! faces make no difference.
 
 use pulp::Arch;
 use serde::{Deserialize, Serialize};
@@ -36,7 +37,7 @@ impl Quantity {
         match self {
             Self::Overlap => value.clamp(0.0, 1.0),
             Self::Depth => {
-                let most = (DEPTH_CAP as f64 * pitch) as f32;
+                let most = (MOST * pitch) as f32;
                 value.clamp(-most, most)
             }
         }
@@ -47,7 +48,7 @@ impl Quantity {
     pub fn bounds(self, pitch: f64) -> [f64; 2] {
         match self {
             Self::Overlap => [0.0, 1.0],
-            Self::Depth => [-1.0, 1.0].map(|sign| sign * DEPTH_CAP as f64 * pitch),
+            Self::Depth => [-MOST * pitch, MOST * pitch],
         }
     }
 
@@ -58,9 +59,11 @@ impl Quantity {
     }
 }
 
-/// Depths are clamped to ±8 pitches. A wider range gives no better decisions (a harmonic fit of degree 14 errs as
-/// much near contact with 6 as without a limit), and needs as wide a margin around the grid.
+/// Positions of the other kind are looked for so many pitches away. A wider range gives no better decisions (a harmonic fit of degree 14
+/// errs as much near contact with 6 as without a limit), and needs as wide a margin around the grid.
 pub const DEPTH_CAP: usize = 8;
+/// The largest depth in pitches: half a pitch less, as every depth.
+const MOST: f64 = DEPTH_CAP as f64 - 0.5;
 /// Its square: distances beyond it are this.
 const LIMIT: u8 = (DEPTH_CAP * DEPTH_CAP) as u8;
 

@@ -161,7 +161,11 @@ pub fn calibrate(
     }
     // Where even half the goal cannot be shown, no error at all is the best there is.
     let most = most_errors(colliding.len() as u64, 0.5 * goals.false_free, goals.confidence).unwrap_or(0);
-    let free_up_to = colliding.get(most as usize).map(|value| value.next_down());
+    // Below every value it would call nothing free.
+    let free_up_to = colliding
+        .get(most as usize)
+        .map(|value| value.next_down())
+        .filter(|&free| seen.iter().any(|seen| seen.value <= free));
     let colliding_from = match most_errors(clear.len() as u64, 0.9 * goals.false_colliding, goals.confidence)
     {
         Some(most) => clear.iter().rev().nth(most as usize).map(|value| value.next_up()),

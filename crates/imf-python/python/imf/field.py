@@ -45,7 +45,7 @@ class Field:
     """A field of every position and direction; ``field(poses)`` are its values.
 
     Of ``quantity`` "overlap" a value is the fraction of the tool inside the obstacle, of "depth" how far the tool must be moved to
-    be free, in ``unit``, below 0 how far it may be moved; depths beyond eight pitches, the ends of ``range``, are not told apart.
+    be free, in ``unit``, below 0 how far it may be moved; depths beyond 7.5 pitches, the ends of ``range``, are not told apart.
     Outside ``bounds`` values are those of the nearest point inside.
     """
 
@@ -85,7 +85,7 @@ class Field:
 
     @property
     def range(self) -> tuple[float, float]:
-        """Lower and upper bound of the values: 0 and 1 of an overlap, eight pitches to either side of a depth."""
+        """Lower and upper bound of the values: 0 and 1 of an overlap, 7.5 pitches to either side of a depth."""
         lower, upper = self._native.range
         return lower, upper
 

@@ -100,7 +100,9 @@ pub(super) fn text(checked: &CheckRun<'_>) -> String {
     let _ = writeln!(
         text,
         "accepted: {accepted}; clearance: holder {}, shank {}, cutter {} {unit}",
-        clearance.holder, clearance.shank, clearance.cutter
+        short(clearance.holder),
+        short(clearance.shank),
+        short(clearance.cutter)
     );
     let within = if clearance.is_zero() { "" } else { ", and what comes nearer than its clearance by more" };
     let of_cutter = report.sure_gouge.map_or_else(String::new, |depth| {

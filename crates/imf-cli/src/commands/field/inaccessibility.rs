@@ -10,7 +10,7 @@ use serde_json::json;
 use super::elements::{self, ElementRow};
 use super::{ORIENTATIONS, SUMMARY, Values, Work};
 use crate::arguments::orientations::suggested_lines;
-use crate::output::{print_result, same_digits, write_json};
+use crate::output::{print_result, same_digits, shortened, write_json};
 use crate::slices::MidPlanes;
 
 pub(super) fn run(work: &Work<'_>) -> Result<()> {
@@ -24,7 +24,7 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
     let note = format!(
         "minimum over {} orientations ({}); outlined: the part; {}",
         work.set.len(),
-        work.set.spec,
+        shortened(&work.set.spec),
         work.exactness()
     );
     let planes = [MidPlanes::new(String::new(), &whole.value, &work.scene.record.grid)];
@@ -56,7 +56,7 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
         Values::Saved(_) => "the field's minimum is at most its threshold there, an estimate",
     };
     let suggested = suggested_lines(work.suggested, &work.scene.record.unit.to_string());
-    let mut text = format!("orientations  {} ({})\n{suggested}", work.set.len(), work.set.spec);
+    let mut text = format!("orientations  {} ({})\n{suggested}", work.set.len(), shortened(&work.set.spec));
     if let Some(outside) = outside {
         text += &format!(
             "accessible    {}: {reached}\ninaccessible  {} voxels outside the part\n",

@@ -5,7 +5,7 @@ use std::path::Path;
 use anyhow::{Context as _, Result, ensure};
 use glam::DMat4;
 use imf_core::scene::SceneRecord;
-use imf_core::section::{DEPTH_CAP, Quantity};
+use imf_core::section::Quantity;
 use imf_core::unit::LengthUnit;
 use imf_fields::calibration::Calibration;
 use imf_fields::factored::file::FactoredFile;
@@ -242,7 +242,8 @@ fn quantity_text(quantity: Quantity, scene: &SceneRecord) -> String {
             let [_, most] = quantity.bounds(scene.grid.pitch);
             format!(
                 "depth in {unit}: how far the tool must be moved to be free, below 0 how far it may be moved; clamped within \
-                 {DEPTH_CAP} pitches, {} {unit}",
+                 {} pitches, {} {unit}",
+                short(most / scene.grid.pitch),
                 short(most)
             )
         }

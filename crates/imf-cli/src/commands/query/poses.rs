@@ -107,7 +107,7 @@ impl<R: Read> PoseReader<R> {
                 let columns = header.iter().collect::<Vec<_>>().join(",");
                 let what = known.unwrap_or_else(|| {
                     format!(
-                        "there is no column {column} in '{columns}'; the first line must name x,y,z,i,j,k or x,y,z,theta,phi, or x,y,z alone of an upright tool"
+                        "there is no column {column} in '{columns}'; the first line must name x,y,z,i,j,k or x,y,z,theta,phi, or x,y,z and no other column where the tool is upright"
                     )
                 });
                 format!("{name}, line 1: {what}")
