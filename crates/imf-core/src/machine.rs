@@ -115,7 +115,8 @@ const SLACK: f64 = 1e-7;
 
 impl Machine {
     /// What is wrong with the machine, if anything: axes whose direction is not of length 1, twice of one letter or parallel, ranges the wrong
-    /// way round, no offset 54.
+    /// way round, a preferred branch of no axis, no offset 54. What is asked of such a machine all the same is answered by its first two axes,
+    /// and means nothing.
     #[must_use]
     pub fn fault(&self) -> Option<String> {
         if self.rotary.len() > 2 {
@@ -156,6 +157,13 @@ impl Machine {
         }
         if let Some(axis) = (0..3).find(|&axis| !is_range(&self.travel[axis])) {
             return Some(format!("the travel of {} goes the wrong way round", ['x', 'y', 'z'][axis]));
+        }
+        if let Some(PreferredBranch { axis, .. }) =
+            self.preferred.filter(|branch| branch.axis >= self.rotary.len())
+        {
+            return Some(format!(
+                "the preferred branch is of rotary axis {axis}, counted from 0, which is not there"
+            ));
         }
         (!self.offsets.contains_key(&54))
             .then(|| "it needs the work offset G54: where the part's zero lies".into())
@@ -198,14 +206,14 @@ impl Machine {
 
     /// Axes of a side from the machine's frame outwards, with their places.
     pub(crate) fn chain(&self, side: Side) -> impl DoubleEndedIterator<Item = (usize, &RotaryAxis)> {
-        self.rotary.iter().enumerate().filter(move |(_, axis)| axis.side == side)
+        self.rotary.iter().enumerate().take(2).filter(move |(_, axis)| axis.side == side)
     }
 
     /// Where what stands on the first `level` axes of a side is, for each level up to the last: a rigid motion from where it is with
     /// all axes at 0; the head's without the linear axes.
     pub(crate) fn placements(&self, side: Side, rotary: &[f64; 2]) -> [Pose; 3] {
         let mut at = [Pose::new(DVec3::ZERO, DQuat::IDENTITY); 3];
-        for (level, (place, axis)) in self.chain(side).enumerate().take(2) {
+        for (level, (place, axis)) in self.chain(side).enumerate() {
             let turn = DQuat::from_axis_angle(axis.direction, rotary[place].to_radians());
             let about = Pose::new(axis.centre - turn * axis.centre, turn);
             let outer = at[level].of_pose(&about);

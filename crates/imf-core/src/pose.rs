@@ -58,13 +58,13 @@ impl Pose {
         if self.position.is_finite() { axis_of(self.rotation) } else { None }
     }
 
-    /// The pose at a fraction of the way to another, from 0 to 1: the tip goes along the line, and the axis along the great
+    /// The pose at a fraction of the way to another, from 0 to 1, its ends beyond: the tip goes along the line, and the axis along the great
     /// circle without rolling; the remaining roll is made about the tool's own axis, the shorter way (half a turn counts as
     /// left). All three are linear in `fraction`. `None` where a pose is invalid, the axes are opposite, or
     /// the fraction is not finite.
     #[must_use]
     pub fn interpolate(&self, to: &Self, fraction: f64) -> Option<Self> {
-        StraightMotion::new(self, to).filter(|_| fraction.is_finite()).map(|way| way.at(fraction))
+        StraightMotion::new(self, to).filter(|_| fraction.is_finite()).map(|way| way.at(fraction.max(0.0)))
     }
 
     /// Where the rigid motion takes a pose: both after one another, the inner one first.

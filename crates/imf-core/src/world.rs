@@ -70,6 +70,14 @@ pub enum WorldError {
     /// A mesh that is not a solid at this pitch.
     #[error(transparent)]
     Mesh(#[from] SceneError),
+    /// Voxels that are no grid.
+    #[error("the obstacle '{name}' cannot be made of voxels: {source}")]
+    Grid {
+        /// The obstacle.
+        name: String,
+        /// Why not.
+        source: GridError,
+    },
     /// A mesh without a triangle.
     #[error("the obstacle '{0}' has no triangle")]
     NoTriangles(String),
@@ -271,7 +279,7 @@ impl World {
     /// Adds an obstacle of voxels, whose grid is in its own frame.
     ///
     /// # Errors
-    /// A place that means nothing; bytes that are not the voxels of one grid.
+    /// A place that means nothing; a grid that is none; bytes that are not the voxels of one grid.
     pub fn add_voxels(
         &mut self,
         name: &str,
@@ -279,6 +287,7 @@ impl World {
         at: Pose,
     ) -> Result<ObstacleId, WorldError> {
         let (at, obstacle) = (placed(name, at)?, obstacle.into());
+        obstacle.grid().check().map_err(|source| WorldError::Grid { name: name.to_owned(), source })?;
         let layer = obstacle.cuttable.as_deref();
         if !obstacle.forbidden.is_sound()
             || layer.is_some_and(|l| !l.is_sound() || l.grid != *obstacle.grid())

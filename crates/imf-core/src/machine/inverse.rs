@@ -81,8 +81,8 @@ impl Machine {
         let mut angles: Vec<[f64; 2]> = raw.into_iter().flat_map(|pair| self.turns(pair, free)).collect();
         let cost = |pair: &[f64; 2]| {
             let preferred = self.preferred.is_none_or(|branch| {
-                let angle = pair[branch.axis];
-                if branch.positive { angle >= -SLACK } else { angle <= SLACK }
+                let right = |angle: &f64| if branch.positive { *angle >= -SLACK } else { *angle <= SLACK };
+                pair.get(branch.axis).is_none_or(right)
             });
             (u8::from(!preferred), pair[0].abs() + pair[1].abs())
         };
@@ -96,6 +96,9 @@ impl Machine {
         let of = |place: usize| -> Vec<f64> {
             let Some(axis) = self.rotary.get(place) else { return vec![0.0] };
             let [low, high] = axis.range;
+            if (low..=high).is_empty() {
+                return Vec::new();
+            }
             if free == Some(place) {
                 return vec![0.0_f64.clamp(low, high)];
             }

@@ -299,6 +299,23 @@ fn axes_beyond_their_range_are_named() {
     assert!((inches.part_zero() * 25.4 - machine.part_zero()).length() < 1e-9);
 }
 
+#[test]
+fn a_machine_that_is_none_has_a_fault_and_ends_no_program() {
+    let third = axis('B', Side::Head, [0.0, 1.0, 0.0], [0.0; 3], FREE);
+    let mut turned_round = trunnion();
+    turned_round.rotary[1].range = [10.0, -10.0];
+    let preferred = Some(PreferredBranch { axis: 2, positive: true });
+    for machine in [
+        Machine { rotary: [trunnion().rotary, vec![third]].concat(), ..trunnion() },
+        Machine { preferred, ..trunnion() },
+        turned_round,
+    ] {
+        assert!(machine.fault().is_some(), "{machine:?}");
+        let _ = machine.forward(&Joints::default(), 100.0);
+        let _ = (machine.inverse(DVec3::Z), machine.inverse(DVec3::X));
+    }
+}
+
 #[cfg(feature = "formats")]
 #[test]
 fn files_are_read_and_mistakes_named_with_their_line() {

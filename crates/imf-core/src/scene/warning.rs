@@ -160,7 +160,7 @@ pub enum SceneWarning {
         /// Of both.
         unit: LengthUnit,
     },
-    /// A mesh tool more of which lies below its tip than above.
+    /// A tool more of which lies below its tip than above.
     #[error(
         "more of the tool '{0}' lies below its tip than above: its holder should be towards +z of its own frame"
     )]
@@ -229,8 +229,9 @@ impl SceneWarning {
         let name = || tool.name.clone();
         let distance = tool.sharp_points_off();
         let off = (distance > 2.0 * pitch).then(|| Self::TipOff { tool: name(), distance, unit: tool.unit });
-        let bounds = tool.mesh().and_then(Mesh::bounds);
-        let turned = bounds.filter(|(lower, upper)| -lower.z > upper.z.max(0.0));
+        let of_mesh = tool.mesh().and_then(Mesh::bounds).map(|(lower, _)| lower.z);
+        let lowest = of_mesh.or_else(|| tool.segments().next().map(|first| first.range().0));
+        let turned = lowest.filter(|&lowest| -lowest > tool.length().max(0.0));
         // As a ball that surely holds a centre; a cutter that is hardly thick enough holds none, and needs none.
         let ball = (0.75_f64.sqrt() * pitch).min(0.5 * tool.thinnest().1);
         let depth = tool.tip_depth(ball).filter(|depth| *depth > SLENDER * pitch);

@@ -54,9 +54,12 @@ impl Tool {
                 return Some(format!("the outline of its {kind} does not run upwards without gaps"));
             }
             let (Some(first), Some(last)) = (element.profile.first(), element.profile.last()) else {
-                continue;
+                return Some(format!("its {kind} has no outline"));
             };
             let from = first.range().0;
+            if last.range().1 <= from {
+                return Some(format!("its {kind} has no height"));
+            }
             if let Some((other, end)) = below.filter(|&(_, end)| !meets(end, from)) {
                 return Some(format!(
                     "its {kind} begins at {from}, where its {other} ends at {end}; let each element begin where the one below it ends"

@@ -81,7 +81,7 @@ impl Tool {
         });
         let mut outline: Vec<Spot<'_>> = spots.collect();
         // Heights that are equal up to rounding are one, at which segments stand in their order.
-        let one = 1e-9 * self.length();
+        let one = 1e-9 * self.reach();
         let level = |spot: &Spot<'_>| (spot.height / one).round();
         outline.sort_by(|a, b| {
             let segments = level(a).total_cmp(&level(b)).then(a.segment.0.cmp(&b.segment.0));

@@ -41,7 +41,7 @@ impl MotionResult {
     /// True where no pose of the motion collides, to the resolution.
     #[must_use]
     pub fn is_free(&self) -> bool {
-        self.first_colliding.is_none()
+        self.first_colliding.is_none() && self.last_valid.is_some_and(|(time, _)| time >= 1.0)
     }
 
     /// True where every pose of the motion is proven free.
@@ -195,15 +195,17 @@ fn advance(
         return Err(QueryError::InvalidPose);
     }
     let free = MotionResult { last_valid: Some(ends[1]), first_colliding: None, proven_until: 1.0 };
-    let Some(pitch) = checker.finest_pitch() else { return Ok(free) };
-    let (given, least) = (options.resolution.unwrap_or(RESOLUTION * pitch), FINEST * pitch);
-    if !(given.is_finite() && given >= least) {
+    let known = checker.finest_pitch();
+    let (given, least) = (options.resolution, FINEST * known.unwrap_or(0.0));
+    if let Some(given) = given.filter(|given| !(given.is_finite() && *given >= least)) {
         return Err(QueryError::Resolution { given, least });
     }
+    let Some(pitch) = known else { return Ok(free) };
+    let given = given.unwrap_or(RESOLUTION * pitch);
     // A tool that stands still takes no time.
     let length = length.max(f64::MIN_POSITIVE);
     // Of positions as large as the farthest on the way, of axes at the tool's far end.
-    let largest = ends[0].1.position.abs().max_element() + length + checker.moved();
+    let largest = ends[0].1.position.abs().max_element() + length + checker.moved(&ends[0].1, length);
     let rounding = 8.0 * f64::EPSILON * largest + ANGLE * checker.tool.reach;
     if rounding >= MARGIN * pitch {
         let hit = ends.into_iter().find(|(_, pose)| !checker.is_free(pose));

@@ -80,7 +80,8 @@ pub struct Contact {
     pub element: Option<ElementKind>,
     /// The voxel's centre in the world; `None` of a mesh too large to be made of voxels.
     pub point: Option<DVec3>,
-    /// How deep it lies below the element's surface, in the world's unit; 0 for a mesh.
+    /// How deep it lies below the element's own surface, of which the faces to the next elements are a part, in the world's unit; 0 for a
+    /// mesh.
     pub depth: f64,
 }
 
@@ -329,9 +330,12 @@ impl Checker {
         self.placed.iter().map(|one| one.around.field.obstacle().grid().pitch)
     }
 
-    /// Farthest that a coordinate is moved by an obstacle's place.
-    pub(super) fn moved(&self) -> f64 {
-        let places = self.placed.iter().filter_map(|one| Some([one.back?.position, one.at.position]));
+    /// Farthest that a coordinate is moved by the place of an obstacle that a way of this length, from a pose on, may reach.
+    pub(super) fn moved(&self, from: &Pose, length: f64) -> f64 {
+        let middle = self.tool_middle(from);
+        let near = |one: &&PlacedField| middle.is_none_or(|middle| self.gap(one, middle) <= length);
+        let placed = self.placed.iter().filter(near);
+        let places = placed.filter_map(|one| Some([one.back?.position, one.at.position]));
         places.flatten().map(|at| at.abs().max_element()).fold(0.0, f64::max)
     }
 

@@ -142,11 +142,53 @@ fn what_is_no_mesh_no_voxels_and_no_outline_is_refused() {
         let refused = World::builder().world.add_voxels("v", obstacle, HERE);
         assert!(matches!(refused, Err(WorldError::Voxels(_))));
     }
+    for wrong in [
+        Grid { origin: DVec3::new(f64::NAN, 0.0, 0.0), ..grid },
+        Grid { pitch: 0.0, ..grid },
+        Grid { pitch: -1.0, ..grid },
+    ] {
+        let voxels = Arc::new(Occupancy { grid: wrong, solid: vec![1; 64] });
+        let refused = World::builder().world.add_voxels("v", voxels, HERE).unwrap_err().to_string();
+        assert!(refused.contains("the obstacle 'v'"), "{refused}");
+    }
+    let fine = ObstacleMesh { pitch: Some(1e-9), ..ObstacleMesh::new("fine", block()) };
+    let refused = World::builder().obstacle(fine).build().map(|_| ()).unwrap_err().to_string();
+    assert!(refused.contains("the obstacle 'fine'"), "{refused}");
     let backwards = [line(0.0, 12.0, 3.0, 3.0), line(5.0, 24.0, 3.0, 3.0)];
     let line = |from, to| Segment::cylinder(from, to, 3.0);
     let gap = vec![line(0.0, 12.0), line(12.1, 24.0)];
     for profile in [backwards.to_vec(), vec![line(12.0, 0.0)], vec![line(12.0, 24.0), line(0.0, 12.0)], gap] {
         let refused = revolved([(ElementKind::Cutter, profile)]).check().unwrap_err();
         assert!(refused.to_string().contains("does not run upwards without gaps"), "{refused}");
+    }
+}
+
+#[test]
+fn an_obstacle_that_is_parked_far_away_changes_nothing_for_motions() {
+    let mut world = world_with(0.0, 1.0);
+    let clamp = world.add(ObstacleMesh::new("clamp", block())).unwrap();
+    world.place(clamp, Pose::new(DVec3::new(1e13, 0.0, 0.0), DQuat::IDENTITY)).unwrap();
+    let checker = world.checker(&tool(), &Clearance::default()).unwrap();
+    let at = |x: f64, z: f64| Pose::new(DVec3::new(x, 20.0, z), DQuat::IDENTITY);
+    let motion = |a: Pose, b: Pose| checker.check_motion(&a, &b, &MotionOptions::default());
+    let (above, through) = (motion(at(-60.0, 42.0), at(60.0, 42.0)), motion(at(-60.0, 10.0), at(60.0, 10.0)));
+    assert!(above.unwrap().is_proven() && !through.unwrap().is_free());
+    let there = motion(at(-60.0, 42.0), at(2e13, 42.0));
+    assert!(matches!(there, Err(QueryError::TooFar)), "{there:?}");
+    let wrong = MotionOptions { resolution: Some(f64::NAN) };
+    let empty = World::builder().build().unwrap().checker(&tool(), &Clearance::default()).unwrap();
+    assert!(empty.check_motion(&at(0.0, 0.0), &at(1.0, 0.0), &wrong).is_err());
+}
+
+#[test]
+fn a_tool_below_its_tip_is_told_and_an_element_without_height_refused() {
+    let below = revolved([(ElementKind::Cutter, vec![Segment::cylinder(-40.0, 0.0, 5.0)])]);
+    let checker = world_with(0.0, 1.0).checker(&below, &Clearance::default()).unwrap();
+    let told = checker.warnings();
+    assert!(told.iter().any(|warning| matches!(warning, SceneWarning::UpsideDown(_))), "{told:?}");
+    let cutter = || vec![Segment::cylinder(0.0, 20.0, 5.0)];
+    for (shank, said) in [(vec![], "no outline"), (vec![Segment::cylinder(20.0, 20.0, 5.0)], "no height")] {
+        let refused = revolved([(ElementKind::Cutter, cutter()), (ElementKind::Shank, shank)]).check();
+        assert!(refused.unwrap_err().to_string().contains(said), "{said}");
     }
 }

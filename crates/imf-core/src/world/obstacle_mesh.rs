@@ -64,8 +64,8 @@ impl ObstacleMesh {
         }
         let conservative = self.conservative.unwrap_or(conservative);
         // A surface on a voxel's face touches both sides.
-        let grid =
-            Grid::with_pitch(lower, upper, pitch, usize::from(conservative)).map_err(SceneError::from)?;
+        let grid = Grid::with_pitch(lower, upper, pitch, usize::from(conservative))
+            .map_err(|source| WorldError::Grid { name: name.clone(), source })?;
         let VoxelizeResult { solid, undecided } =
             solid_voxels(&name, &mesh, &grid, conservative, Control::quiet())?;
         if solid.count() == 0 {
