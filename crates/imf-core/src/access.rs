@@ -12,7 +12,7 @@ mod removable;
 pub use components::{Component, Components, components};
 pub use map::{AccessMap, access_map};
 pub use removable::{
-    RemovableError, RemovableStock, position_grid, removable, removable_by_orientation,
+    RemovableError, RemovableStock, RemovedVoxels, position_grid, removable, removable_by_orientation,
     removable_memory_estimate,
 };
 

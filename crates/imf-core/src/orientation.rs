@@ -10,6 +10,7 @@ mod spread;
 
 pub use limits::{Limits, TiltingAxis};
 pub(crate) use set::AXES;
+pub(crate) use set::joined;
 pub use set::{OrientationSet, OrientationSetError};
 
 use glam::{DMat3, DQuat, DVec3};

@@ -27,7 +27,7 @@ mod stick_out;
 mod verdict;
 
 pub use access::{SurfaceAccess, surface_access, surface_memory_estimate};
-pub use candidates::{TooManySetups, candidate_setups, ways_up, with_ways_up};
+pub use candidates::{CandidatesError, candidate_setups, ways_up, with_fixed_axes, with_ways_up};
 pub use contact::contact_reach;
 pub use crib::crib_access;
 pub use culprits::{ElementCollision, MinimumOverlap, culprits, minimum_overlaps};

@@ -10,7 +10,7 @@ use imf_core::orientation::OrientationSetError;
 use imf_core::parts::UnknownPart;
 use imf_core::scene::{SceneError, SceneWarning};
 use imf_core::section::SectionError;
-use imf_core::surface::{SurfaceError, TooManySetups};
+use imf_core::surface::{CandidatesError, SurfaceError};
 use imf_core::tool::{ClearanceError, ToolError};
 use imf_core::toolpath::ToolpathError;
 use imf_core::unit::UnknownUnit;
@@ -140,8 +140,8 @@ macro_rules! raise_as {
     };
 }
 
-raise_as!(invalid: CheckError, ClearanceError, FieldError except Engine, HarmonicError, LoadError except File, QueryError,
-    RecipeError, RemovableError, SceneError except File, SectionError, ShapeError, SurfaceError, ToolError, TooManySetups,
+raise_as!(invalid: CandidatesError, CheckError, ClearanceError, FieldError except Engine, HarmonicError, LoadError except File, QueryError,
+    RecipeError, RemovableError, SceneError except File, SectionError, ShapeError, SurfaceError, ToolError,
     UnknownPart, UnknownUnit, CalibrationError);
 // `Cancelled`: of work that stopped without a request.
 raise_as!(failed: Cancelled, DatasetError, EngineError, TrainError except Plan);

@@ -18,7 +18,6 @@ use imf_core::access::{
     AccessMap, CombinedAccess, Components, RemovableStock, ToolAccess, access_map, components, removable,
     tool_access,
 };
-use imf_core::field_files::write_npy;
 use imf_core::section::{ElementMeasures, ElementPlans, elements_at_best};
 use serde::Serialize;
 
@@ -73,9 +72,8 @@ pub(crate) fn run(session: &Session, arguments: &AccessArguments) -> Result<()> 
         arguments.certify.then(|| any_direction::find(session, &run, &findings)).transpose()?;
     folder.begin(session)?;
     let mut written = files::write(&run, &findings, &arguments.reach.out)?;
-    if let Some(classes) = &any_direction {
-        write_npy(arguments.reach.out.join(any_direction::FILE), run.query.dims, &classes[..])?;
-        written.push(any_direction::FILE.into());
+    if let Some(any) = &any_direction {
+        written.extend(any.write(&run, &arguments.reach.out)?);
     }
     if let Some(surface) = &surface {
         let files = surface.write(&run, &arguments.reach.out)?;
@@ -83,7 +81,7 @@ pub(crate) fn run(session: &Session, arguments: &AccessArguments) -> Result<()> 
     }
     written.extend(pictures::draw(&run, &findings, &arguments.reach.out)?);
     written.push(SUMMARY.into());
-    let any_direction = any_direction.map(|classes| any_direction::row(&run, &classes));
+    let any_direction = any_direction.map(|any| any.row(&run));
     let seconds = begun.elapsed().as_secs_f64();
     let summary = Summary::new(&run, &findings, surface.as_ref(), any_direction, seconds, written);
     if let Some(surface) = &surface {

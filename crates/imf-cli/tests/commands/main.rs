@@ -26,6 +26,7 @@ mod queries;
 mod refusals;
 mod rolls;
 mod saved;
+mod setups;
 mod shapes;
 
 mod stick_out;

@@ -117,6 +117,19 @@ fn a_crib_says_of_each_tool_what_the_tool_alone_does() {
 
 /// The slot is 20 deep: a holder of 16 that goes along it on its floor stays above the walls.
 #[test]
+fn of_tools_that_do_as_well_the_most_rigid_is_chosen_in_whatever_order_they_are_given() {
+    let folder = workshop();
+    folder.write("stiff.toml", mill("stiff", 18.0));
+    folder.write("weak.toml", mill("weak", 40.0));
+    for tools in ["--tool weak.toml --tool stiff.toml", "--tool stiff.toml --tool weak.toml"] {
+        let found = folder.json(&crib_arguments(&format!("{tools} --orientations axes")));
+        let chosen = found["tools"].as_array().unwrap().iter().filter(|tool| !tool["chosen"].is_null());
+        let names: Vec<&str> = chosen.map(|tool| tool["tool"].as_str().unwrap()).collect();
+        assert_eq!(names, ["stiff"], "{found}");
+    }
+}
+
+#[test]
 fn a_path_has_one_least_stick_out_and_the_line_that_decides_it() {
     let folder = workshop();
     let summary = folder.json(&arguments("--tool short.toml --orientations 0,0"));

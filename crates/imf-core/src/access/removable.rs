@@ -119,8 +119,7 @@ pub fn removable(
     let tool = Some(assembly.clone());
     let mut sweep = Sweep { obstacle, tool, cutter: &cutter, stock, orientations, tau, widest: None };
     let covered = sweep.run(control)?;
-    let offset = Clearance { cutter: slack, ..Clearance::default() };
-    let offset = cutter.with_clearance(&offset).map_err(SectionError::Clearance)?;
+    let offset = offset(&cutter, slack)?;
     let mut left = stock.clone();
     left.solid.iter_mut().zip(&covered).for_each(|(left, &gone)| *left &= 1 - gone);
     let mut possible = covered.clone();
@@ -133,17 +132,30 @@ pub fn removable(
     let after = [0, 1, 2].map(|axis| high[axis] as i64 + 1 - stock.grid.dims[axis] as i64);
     let around = stock.grid.padded(before, after)?;
     if let Some(left) = left.on(&around) {
-        // The tool at a pose holds no more than the tool offset as much at the centre next to it.
-        sweep.widest = (tau > 0.0)
-            .then(|| assembly.offset_further(slack))
-            .transpose()
-            .map_err(SectionError::Clearance)?;
-        (sweep.tool, sweep.cutter, sweep.stock) = (assembly.eroded(slack), &offset, &left);
+        let (tool, widest) = at_most(&assembly, tau, slack)?;
+        (sweep.tool, sweep.widest, sweep.cutter, sweep.stock) = (tool, widest, &offset, &left);
         let more = Occupancy { grid: around, solid: sweep.run(control)? };
         let more = more.on(&stock.grid).ok_or(GridError::Dims(around.dims))?;
         possible.iter_mut().zip(&more.solid).for_each(|(all, &more)| *all |= more);
     }
     Ok(RemovableStock { covered, possible })
+}
+
+/// The cutter offset by a length.
+fn offset(cutter: &Tool, slack: f64) -> Result<Tool, SectionError> {
+    let by = Clearance { cutter: slack, ..Clearance::default() };
+    cutter.with_clearance(&by).map_err(SectionError::Clearance)
+}
+
+/// What of a tool is free at a centre wherever the whole tool is at a pose within `slack` of it, and the tool of whose voxels `tau` is a
+/// fraction there: at such a pose a tool holds no more than the tool offset as much at the centre.
+fn at_most(
+    assembly: &Assembly,
+    tau: f64,
+    slack: f64,
+) -> Result<(Option<Assembly>, Option<Assembly>), SectionError> {
+    let widest = (tau > 0.0).then(|| assembly.offset_further(slack)).transpose();
+    Ok((assembly.eroded(slack), widest.map_err(SectionError::Clearance)?))
 }
 
 /// A cutter that visits every free position.
@@ -159,8 +171,17 @@ struct Sweep<'a> {
     widest: Option<Assembly>,
 }
 
-/// The voxels of `stock` that [`removable`] finds covered, by orientation: their indices, ascending. Of voxels that are given thinned
-/// out the others are left out.
+/// The stock that a cutter removes from one orientation: indices of voxels, ascending.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct RemovedVoxels {
+    /// As of [`RemovableStock::covered`].
+    pub covered: Vec<u32>,
+    /// What may be covered beside them, as of [`RemovableStock::possible`].
+    pub undecided: Vec<u32>,
+}
+
+/// The voxels of `stock` that [`removable`] finds, by orientation. Of voxels that are given thinned out the others are left out. Two
+/// units of progress are one orientation.
 ///
 /// # Errors
 /// As [`removable`].
@@ -171,20 +192,20 @@ pub fn removable_by_orientation(
     orientations: &[Orientation],
     tau: f64,
     control: Control<'_>,
-) -> Result<Vec<Vec<u32>>, RemovableError> {
+) -> Result<Vec<RemovedVoxels>, RemovableError> {
     let (obstacle, assembly) = (obstacle.into(), assembly.into());
-    let cutter = &cutter_of(assembly.tool())?;
-    let tool = Some(assembly);
-    let sweep = Sweep { obstacle, tool, cutter, stock, orientations, tau, widest: None };
-    let parts = sweep.each(control, Vec::new, |found, index, dilation| {
-        let swept = std::mem::replace(dilation, Dilation::new(&stock.grid)).covered();
-        let covered = |&voxel: &usize| swept[voxel] & stock.solid[voxel] == 1;
-        let covered: Vec<u32> = (0..swept.len()).filter(covered).map(|voxel| voxel as u32).collect();
-        found.push((index, covered));
-    })?;
-    let mut all: Vec<(usize, Vec<u32>)> = parts.into_iter().flat_map(|(found, _)| found).collect();
-    all.sort_by_key(|(index, _)| *index);
-    Ok(all.into_iter().map(|(_, covered)| covered).collect())
+    let (cutter, slack) = (cutter_of(assembly.tool())?, HALF_DIAGONAL * stock.grid.pitch);
+    let (offset, (tool, widest)) = (offset(&cutter, slack)?, at_most(&assembly, tau, slack)?);
+    let whole = Some(assembly);
+    let mut sweep = Sweep { obstacle, tool: whole, cutter: &cutter, stock, orientations, tau, widest: None };
+    let certain = sweep.by_orientation(control)?;
+    (sweep.tool, sweep.widest, sweep.cutter) = (tool, widest, &offset);
+    let possible = sweep.by_orientation(control)?;
+    let both = certain.into_iter().zip(possible).map(|(covered, mut undecided)| {
+        undecided.retain(|voxel| covered.binary_search(voxel).is_err());
+        RemovedVoxels { covered, undecided }
+    });
+    Ok(both.collect())
 }
 
 impl Sweep<'_> {
@@ -196,6 +217,20 @@ impl Sweep<'_> {
         let mut covered = whole.covered();
         covered.iter_mut().zip(&self.stock.solid).for_each(|(all, &there)| *all &= there);
         Ok(covered)
+    }
+
+    /// By orientation the voxels of the stock that are covered.
+    fn by_orientation(&self, control: Control<'_>) -> Result<Vec<Vec<u32>>, RemovableError> {
+        let stock = self.stock;
+        let parts = self.each(control, Vec::new, |found, index, dilation| {
+            let swept = std::mem::replace(dilation, Dilation::new(&stock.grid)).covered();
+            let covered = |&voxel: &usize| swept[voxel] & stock.solid[voxel] == 1;
+            let covered: Vec<u32> = (0..swept.len()).filter(covered).map(|voxel| voxel as u32).collect();
+            found.push((index, covered));
+        })?;
+        let mut all: Vec<(usize, Vec<u32>)> = parts.into_iter().flat_map(|(found, _)| found).collect();
+        all.sort_by_key(|(index, _)| *index);
+        Ok(all.into_iter().map(|(_, covered)| covered).collect())
     }
 
     /// Shows after every orientation what each thread has covered.

@@ -104,7 +104,7 @@ impl Limits {
     }
 
     /// Directions that fixed axes leave: that of a cone of half angle 0, and those that a fixed rotary axis leaves to the other one.
-    pub(super) fn own_directions(&self) -> Vec<Orientation> {
+    pub(crate) fn own_directions(&self) -> Vec<Orientation> {
         match *self {
             Self::Cone { half_angle, .. } if half_angle <= SLACK => self.cone(1),
             Self::Cone { .. } => Vec::new(),

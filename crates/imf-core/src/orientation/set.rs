@@ -266,7 +266,7 @@ fn is_csv(text: &str) -> bool {
 }
 
 /// Sets behind one another without what has come before.
-fn joined(sets: &[&[Orientation]]) -> Vec<Orientation> {
+pub(crate) fn joined(sets: &[&[Orientation]]) -> Vec<Orientation> {
     let mut orientations: Vec<Orientation> = Vec::new();
     // By the cell of the direction, so that only neighbours are compared.
     let mut cells: HashMap<[i64; 3], Vec<usize>> = HashMap::new();

@@ -1,10 +1,10 @@
 //! Which set-ups are candidates: ways up that part and vise suggest, and the turns of each that matter.
 
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 
 use super::PartSetup;
 use crate::mesh::{MachiningDirection, Mesh, SAME};
-use crate::orientation::{AXES, Limits, Orientation};
+use crate::orientation::{AXES, Limits, Orientation, OrientationSet, joined};
 
 /// Ways up that a vise and the part suggest: the axes, then the part's own directions, then their opposites; none twice.
 #[must_use]
@@ -27,7 +27,9 @@ pub fn with_ways_up(set: &str, suggested: &[MachiningDirection]) -> String {
     let opposite = ways_up(suggested).into_iter().filter(|way| own(&-*way) && !own(way));
     let opposite = opposite.filter_map(Orientation::from_direction);
     let opposite: Vec<String> = opposite.map(|o| format!("{},{}", o.theta, o.phi)).collect();
-    let rest = set.strip_prefix("axes+normals").map_or(set, |rest| rest.trim_start_matches('+'));
+    let without = |own: &str| set.strip_prefix(own).filter(|rest| rest.is_empty() || rest.starts_with('+'));
+    let rest =
+        without("axes+normals").or_else(|| without("axes")).map_or(set, |rest| rest.trim_start_matches('+'));
     let terms = ["axes+normals", &opposite.join(";"), rest];
     terms.into_iter().filter(|term| !term.is_empty()).collect::<Vec<_>>().join("+")
 }
@@ -35,32 +37,60 @@ pub fn with_ways_up(set: &str, suggested: &[MachiningDirection]) -> String {
 /// More candidates than this take too long to compare.
 const MOST: usize = 20_000;
 
-/// More set-ups are candidates than can be compared.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "more than {MOST} set-ups are candidates, since what this machine reaches depends on how the part is turned on its table: give fewer \
-     directions"
-)]
-pub struct TooManySetups;
+/// A set, and beside each way up what a fixed axis of a machine within `limits` leaves, which no set meets by chance.
+#[must_use]
+pub fn with_fixed_axes(set: OrientationSet, ways: &[DVec3], limits: &Limits) -> OrientationSet {
+    let own = limits.own_directions();
+    let around = ways.iter().flat_map(|&up| {
+        let back = DQuat::from_rotation_arc(up, DVec3::Z).inverse();
+        own.iter().filter_map(move |own| Orientation::from_direction(back * own.direction()))
+    });
+    let orientations = joined(&[&set.orientations, &around.collect::<Vec<_>>()]);
+    match orientations.len() == set.len() {
+        true => set,
+        false => {
+            OrientationSet { spec: format!("{}, and {limits} around each way up", set.spec), orientations }
+        }
+    }
+}
+
+/// Why no set-ups can be compared.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum CandidatesError {
+    /// Too many.
+    #[error(
+        "more than {MOST} set-ups are candidates, since what this machine reaches depends on how the part is turned on its table: give \
+         fewer directions"
+    )]
+    TooMany,
+    /// No direction is of any set-up.
+    #[error(
+        "none of the directions is within {0} of the machine in any of {1} set-ups: give directions that it has, of a fixed axis its own"
+    )]
+    NoDirection(Limits, usize),
+}
 
 /// The set-ups of every way up ([`PartSetup::all`]), those first in which the part stands by itself: of set-ups that reach the same the
 /// first is taken.
 ///
 /// # Errors
-/// More than can be compared.
+/// More than can be compared; none with a direction.
 pub fn candidate_setups(
     part: &Mesh,
     ways: &[DVec3],
     directions: &[Orientation],
     limits: &Limits,
     quarters: bool,
-) -> Result<Vec<PartSetup>, TooManySetups> {
+) -> Result<Vec<PartSetup>, CandidatesError> {
     let mut candidates: Vec<PartSetup> = Vec::new();
     for &up in ways {
         candidates.extend(PartSetup::all(part, up, directions, limits, quarters));
         if candidates.len() > MOST {
-            return Err(TooManySetups);
+            return Err(CandidatesError::TooMany);
         }
+    }
+    if candidates.iter().all(|candidate| candidate.directions.is_empty()) {
+        return Err(CandidatesError::NoDirection(*limits, candidates.len()));
     }
     candidates.sort_by_key(|candidate| !candidate.rests);
     Ok(candidates)
@@ -87,6 +117,18 @@ mod tests {
         let found = candidate_setups(&unit_cube(), &ways, &directions, &limits, false).unwrap();
         assert_eq!(found.iter().map(|setup| setup.rests).collect::<Vec<_>>(), [true, false]);
         assert_eq!(found[0].up, DVec3::Z);
+        let fixed = Limits::parse("ac:30:30:-360:360").unwrap();
+        let none = candidate_setups(&unit_cube(), &ways, &directions, &fixed, false).unwrap_err().to_string();
+        assert!(none.contains("ac:30:30:-360:360") && none.contains("of a fixed axis its own"), "{none}");
+        let axes = OrientationSet::parse("axes").unwrap();
+        let own = with_fixed_axes(axes.clone(), &AXES, &fixed);
+        assert!(own.spec.contains("axes, and ac:30:30:-360:360 around"), "{}", own.spec);
+        assert_eq!(with_fixed_axes(axes.clone(), &AXES, &limits), axes);
+        let texts = ["axes", "axes+normals+0,9", "axes+0,9", "0,9"].map(|set| with_ways_up(set, &[]));
+        assert_eq!(texts, ["axes+normals", "axes+normals+0,9", "axes+normals+0,9", "axes+normals+0,9"]);
+        // Every 5° around each of the six axes.
+        let found = candidate_setups(&unit_cube(), &AXES, &own.orientations, &fixed, false).unwrap();
+        assert!(found.len() == 6 && found.iter().all(|setup| setup.directions.len() == 72), "{found:?}");
         let many = vec![DVec3::Z; MOST + 1];
         let refused = candidate_setups(&unit_cube(), &many, &directions, &limits, false);
         let refused = refused.unwrap_err().to_string();

@@ -184,16 +184,19 @@ impl Crib {
         self.verdicts[tool][sample] == Verdict::Reached
     }
 
-    /// The fewest tools.
+    /// The fewest tools; of those that do as well the most rigid.
     fn choose(&mut self, session: &Session) -> Result<()> {
         let mut problem = CoverProblem::new(self.samples.samples.iter().map(|sample| sample.area).collect());
-        for tool in 0..self.tools.len() {
+        let mut order: Vec<usize> = (0..self.tools.len()).collect();
+        order.sort_by(|&a, &b| self.tools[b].rigidity.total_cmp(&self.tools[a].rigidity));
+        for &tool in &order {
             problem.add((0..self.samples.samples.len()).filter(|&sample| self.reaches(tool, sample)));
         }
         let settings = CoverSettings { fraction: self.fraction, ..CoverSettings::default() };
         let cover = problem.fewest(&settings, session.control(&|_| {}));
         let cover = cover.ok_or(Cancelled)?;
-        (self.chosen, self.at_least) = (cover.sets, cover.at_least);
+        self.chosen = cover.sets.into_iter().map(|set| order[set]).collect();
+        self.at_least = cover.at_least;
         Ok(())
     }
 

@@ -9,6 +9,7 @@ use ndarray::{Array2, ArrayView2};
 use super::Findings;
 use super::files::{OBSTACLE, OUT_OF_REACH, REMOVABLE, UNDECIDED, named, removable_classes};
 use super::run::AccessRun;
+use crate::output::shortened;
 use crate::picture::{Axes, Mask, MaskStyle, Panel, PanelRow, PanelSheet, Scale};
 use crate::slices;
 
@@ -56,7 +57,7 @@ fn draw_slices(run: &AccessRun, findings: &Findings, path: &Path) -> Result<()> 
     let tools = |_: &[ArrayView2<'_, f32>]| Scale::classes(&classes);
     let fields: [Field<'_>; 3] =
         [("minimum overlap", &least, &measure), ("freedom", &share, &free), ("best tool", &tool, &tools)];
-    let (count, set, tau) = (run.orientations.len(), &run.orientations.spec, run.tau);
+    let (count, set, tau) = (run.orientations.len(), shortened(&run.orientations.spec), run.tau);
     let plural = if count == 1 { "" } else { "s" };
     let note = format!(
         "{count} orientation{plural} ({set}), τ = {tau}; grey: part and fixtures; slices where the minimum overlap varies most"

@@ -13,7 +13,7 @@ use imf_core::occupancy::Occupancy;
 use imf_core::orientation::{Limits, OrientationSet};
 use imf_core::scene::{Guarantee, SceneSpec};
 use imf_core::section::{ElementPlans, SectionPlan};
-use imf_core::surface::{SurfaceError, contact_reach, with_ways_up};
+use imf_core::surface::{SurfaceError, contact_reach, ways_up, with_fixed_axes, with_ways_up};
 use imf_core::tool::{Assembly, Clearance, SharpPoints, Tool, ToolShape};
 use imf_core::unit::LengthUnit;
 
@@ -85,7 +85,7 @@ impl AccessRun {
         });
         let text = arguments.reach.orientations.as_deref().unwrap_or_else(|| default_for(&inputs.tools));
         let Directions { set: orientations, suggested } =
-            directions(text, &mesh, setups.is_some(), limits.as_ref())?;
+            directions(text, &mesh, setups.as_ref(), limits.as_ref())?;
         if let Some((machine, _)) = &machine {
             let used = if setups.is_some() {
                 "used for the surface in each set-up, where the middle of the part's foot is on the zero of G54"
@@ -250,12 +250,21 @@ impl AccessRun {
     }
 }
 
-/// The set of this text within the limits; for set-ups with every way up, from which a tool may come.
-fn directions(text: &str, mesh: &Mesh, for_setups: bool, limits: Option<&Limits>) -> Result<Directions> {
+/// The set of this text within the limits; for set-ups with every way up, from which a tool may come, and where it was not given with what
+/// a fixed axis leaves.
+fn directions(
+    text: &str,
+    mesh: &Mesh,
+    setups: Option<&SetupSettings>,
+    limits: Option<&Limits>,
+) -> Result<Directions> {
     let found = OnceCell::new();
     let suggests = || found.get_or_init(|| mesh.machining_directions()).clone();
-    let text = if for_setups { with_ways_up(text, &suggests()) } else { text.to_owned() };
+    let text = if setups.is_some() { with_ways_up(text, &suggests()) } else { text.to_owned() };
     let Directions { mut set, mut suggested } = Directions::of_part(&text, suggests)?;
+    if let Some(setups) = setups.filter(|setups| !setups.every_direction) {
+        set = with_fixed_axes(set, &ways_up(&suggested), &setups.range.limits);
+    }
     if let Some(limits) = limits {
         set = set.within(limits)?;
         suggested.retain(|suggested| limits.reach(suggested.direction));

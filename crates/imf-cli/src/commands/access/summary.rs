@@ -16,7 +16,7 @@ use super::surface::{SetupsRow, StickOutRow, Surface, SurfaceRow, UnreachedPatch
 use super::{Findings, Volume};
 use crate::arguments::clearance::{clearance_text, contact_text};
 use crate::arguments::orientations::suggested_lines;
-use crate::output::show_measure;
+use crate::output::{shortened, show_measure};
 use crate::progress::show_seconds;
 
 /// Pieces of space that the summary lists; the label fields have them all.
@@ -54,6 +54,9 @@ struct ToolRow {
 #[derive(Debug, Serialize)]
 struct StockRow {
     stock: String,
+    /// Of the grid of removable.npy.
+    dims: [usize; 3],
+    origin: [f64; 3],
     to_remove: Volume,
     /// A cutter covers it, the tool's tip on a voxel's centre.
     removable: Volume,
@@ -154,6 +157,8 @@ impl Summary {
             let (removed, possible) = (count(|found| &found.covered), count(|found| &found.possible));
             StockRow {
                 stock: stock.name.clone(),
+                dims: stock.solid.grid.dims,
+                origin: stock.solid.grid.origin.to_array(),
                 to_remove: measure(whole),
                 removable: measure(removed),
                 stays: measure(whole - removed),
@@ -230,7 +235,8 @@ impl Summary {
     }
 
     pub(super) fn table(&self) -> String {
-        let Self { part, dims: [x, y, z], pitch, unit, orientations, orientation_count, tau, .. } = self;
+        let Self { part, dims: [x, y, z], pitch, unit, orientation_count, tau, .. } = self;
+        let orientations = shortened(&self.orientations);
         let accessible_to = |tool: &ToolRow| format!("  accessible to {}", tool.tool);
         let names =
             self.tools.iter().filter(|_| self.tools.len() > 1).map(|t| accessible_to(t).chars().count());
@@ -252,7 +258,11 @@ impl Summary {
         row("accessible around it", self.accessible.volume, &self.accessible.pieces());
         row("inaccessible around it", self.inaccessible.volume, &self.inaccessible.pieces());
         if let Some(any) = &self.any_direction {
-            row("  another direction reaches", any.from_another, "that was not given; one for each place");
+            row(
+                "  another direction reaches",
+                any.from_another,
+                "that was not given; one for each place in any_direction.csv",
+            );
             row("  no direction reaches", any.from_none, "proven, whatever the direction");
             row("  not known", any.open, "");
         }

@@ -9,7 +9,7 @@ use serde::Serialize;
 use super::super::surface::{ObstructedRow, proof, resolved};
 use super::Crib;
 use super::tools::{CribTool, UndecidedTool};
-use crate::output::{SUMMARY, length, show_measure};
+use crate::output::{SUMMARY, length, shortened, show_measure};
 use crate::progress::show_seconds;
 
 /// Tools that the table lists beside the chosen ones; `crib.csv` has all.
@@ -147,7 +147,8 @@ impl Report {
 
     pub(super) fn text(&self) -> String {
         let percent = |share: f64| format!("{:.1} %", 100.0 * share);
-        let Self { part, unit, pitch, orientations, orientation_count, .. } = self;
+        let Self { part, unit, pitch, orientation_count, .. } = self;
+        let orientations = shortened(&self.orientations);
         let mut text = format!(
             "{part}: {} tools, {orientation_count} directions ({orientations}), pitch {pitch:.4} {unit}\n\n\
              surface, {} {unit}² (a cutter may cut {} {unit} below it)\n",

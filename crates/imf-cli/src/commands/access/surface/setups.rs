@@ -44,8 +44,8 @@ pub(crate) struct Setups {
     candidates: Vec<PartSetup>,
     /// What each candidate reaches of the samples.
     surface: CoverProblem,
-    /// What each candidate removes of the stock, where one is given.
-    stock: Option<CoverProblem>,
+    /// Where a stock is given.
+    stock: Option<StockCover>,
     /// What reaches these directions, for people.
     machine: String,
     fraction: f64,
@@ -101,7 +101,7 @@ impl Setups {
         let stock = run.stock.as_ref().map(|stock| removed(session, run, &stock.solid, &candidates));
         let stock = stock.transpose()?;
         let settings = CoverSettings { fraction: question.fraction, ..CoverSettings::default() };
-        let both = stock.as_ref().map(|stock| reached.beside(stock));
+        let both = stock.as_ref().map(|stock| reached.beside(&stock.at_most));
         let chosen = fewest_setups(&candidates, both.as_ref().unwrap_or(&reached), &settings, control);
         let chosen = chosen.ok_or(Cancelled)?;
         let first = |sample: usize| {
@@ -145,6 +145,7 @@ impl Setups {
         let all: Vec<usize> = (0..self.candidates.len()).collect();
         let alone = self.surface.covered_alone(sets);
         let of_stock = |stock: &CoverProblem, sets: &[usize]| stock.covered(sets) / stock.weight();
+        let alone_of_stock = self.stock.as_ref().map(|stock| stock.at_most.covered_alone(sets));
         let chosen = sets.iter().enumerate().map(|(at, &index)| {
             let candidate = &self.candidates[index];
             let up = Orientation::from_direction(candidate.up).unwrap_or(Orientation::new(0.0, 0.0));
@@ -158,7 +159,12 @@ impl Setups {
                 rotary: self.rotary[at].clone(),
                 reached: self.surface.covered(&[index]) / total,
                 alone: alone[at] / total,
-                removed: self.stock.as_ref().map(|stock| of_stock(stock, &[index])),
+                removed: self.stock.as_ref().map(|stock| of_stock(&stock.certain, &[index])),
+                removed_alone: self
+                    .stock
+                    .as_ref()
+                    .zip(alone_of_stock.as_ref())
+                    .map(|(stock, alone)| alone[at] / stock.at_most.weight()),
             }
         });
         let reachable = |sample: usize| all.iter().any(|&set| self.surface.contains(set, sample));
@@ -194,9 +200,10 @@ impl Setups {
             reached: self.surface.covered(sets) / total,
             reachable: self.surface.covered(&all) / total,
             stock: self.stock.as_ref().map(|stock| StockRow {
-                removed: of_stock(stock, sets),
-                removable: of_stock(stock, &all),
-                voxels: stock.elements(),
+                removed: of_stock(&stock.certain, sets),
+                undecided: of_stock(&stock.at_most, sets) - of_stock(&stock.certain, sets),
+                removable: of_stock(&stock.certain, &all),
+                voxels: stock.certain.elements(),
             }),
             left: LeftRow {
                 reached_from_other_directions: of(Verdict::Reached) - kept - stood_on,
@@ -210,28 +217,49 @@ impl Setups {
     }
 }
 
+/// What each candidate removes of the stock.
+struct StockCover {
+    /// The tips on voxels' centres.
+    certain: CoverProblem,
+    /// The same, and of what some candidate certainly removes what this one may with its tip anywhere: by it set-ups are chosen, as what a
+    /// pitch does not decide needs none of its own.
+    at_most: CoverProblem,
+}
+
 /// What each candidate removes of the stock with any of the tools, by voxels drawn evenly from it.
 fn removed(
     session: &Session,
     run: &AccessRun,
     stock: &Occupancy,
     candidates: &[PartSetup],
-) -> Result<CoverProblem> {
+) -> Result<StockCover> {
     let mut held: Vec<usize> = (0..stock.solid.len()).filter(|&voxel| stock.solid[voxel] == 1).collect();
     // In an order that follows no row of voxels.
     held.sort_by_key(|&voxel| (voxel as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15));
     let mut drawn = Occupancy::empty(stock.grid);
     held.iter().take(STOCK).for_each(|&voxel| drawn.solid[voxel] = 1);
     let orientations = &run.orientations.orientations;
-    let mut removed = vec![Vec::new(); orientations.len()];
+    let none = vec![Vec::new(); orientations.len()];
+    let (mut certain, mut at_most) = (none.clone(), none);
     for tool in run.tools.iter().filter(|tool| tool.tool().has_cutter()) {
         let name = format!("set-ups, stock, {}", tool.tool().name);
-        let found = session.staged(&name, "sections", orientations.len() as u64, |control| {
+        let found = session.staged(&name, "sections", 2 * orientations.len() as u64, |control| {
             removable_by_orientation(&run.obstacle, tool, &drawn, orientations, run.tau, control)
         })?;
-        removed.iter_mut().zip(found).for_each(|(all, more)| all.extend(more));
+        for ((certain, at_most), found) in certain.iter_mut().zip(&mut at_most).zip(found) {
+            certain.extend(found.covered);
+            at_most.extend(found.undecided);
+        }
     }
-    Ok(removed_in_setups(&removed, &drawn, candidates))
+    let mut by_any = vec![false; drawn.solid.len()];
+    let given = candidates.iter().flat_map(|candidate| &candidate.directions);
+    given.flat_map(|&direction| &certain[direction]).for_each(|&voxel| by_any[voxel as usize] = true);
+    for (certain, at_most) in certain.iter().zip(&mut at_most) {
+        at_most.retain(|&voxel| by_any[voxel as usize]);
+        at_most.extend(certain);
+    }
+    let cover = |removed: &[Vec<u32>]| removed_in_setups(removed, &drawn, candidates);
+    Ok(StockCover { certain: cover(&certain), at_most: cover(&at_most) })
 }
 
 /// How the part is moved from where it is into a set-up, as `--transform` reads it: onto the zero of G54 where a machine is given.

@@ -57,14 +57,19 @@ pub(super) struct SetupRow {
     pub(super) reached: f64,
     /// Reached in no other of the chosen set-ups.
     pub(super) alone: f64,
-    /// The fraction of the stock that is removed, where one is given.
+    /// The fraction of the stock that is certainly removed, where one is given.
     pub(super) removed: Option<f64>,
+    /// The fraction that no other of the chosen set-ups can remove.
+    pub(super) removed_alone: Option<f64>,
 }
 
 /// What is removed of the stock, as fractions of it.
 #[derive(Debug, Serialize)]
 pub(super) struct StockRow {
+    /// Certainly.
     pub(super) removed: f64,
+    /// Beside that what some candidate removes, and these may with the tip between voxels' centres: this pitch does not decide it.
+    pub(super) undecided: f64,
     /// In any of the candidates.
     pub(super) removable: f64,
     /// The number of voxels that the fractions refer to.
@@ -118,9 +123,14 @@ impl SetupsRow {
             percent(self.reached),
             percent(self.reachable),
             self.stock.as_ref().map_or_else(String::new, |stock| format!(
-                ", and remove {} of the stock, of {}",
+                ", and remove {} of the stock, of {}{}",
                 percent(stock.removed),
-                percent(stock.removable)
+                percent(stock.removable),
+                if stock.undecided > 0.0 {
+                    format!("; {} more are not decided at this pitch", percent(stock.undecided))
+                } else {
+                    String::new()
+                }
             ))
         );
         for (index, row) in self.setups.iter().enumerate() {
@@ -137,7 +147,11 @@ impl SetupsRow {
                 row.transform,
                 percent(row.reached),
                 percent(row.alone),
-                row.removed.map_or_else(String::new, |share| format!(", removes {}", percent(share)))
+                row.removed.zip(row.removed_alone).map_or_else(String::new, |(share, alone)| format!(
+                    ", removes {}, alone {}",
+                    percent(share),
+                    percent(alone)
+                ))
             );
             if !row.rotary.is_empty() {
                 let axes: Vec<String> = row.rotary.iter().map(AxisRow::to_string).collect();
