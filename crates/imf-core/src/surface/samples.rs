@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use crate::mesh::crossings::CrossingIndex;
 use crate::mesh::topology::{EdgeUse, boundary_chain, component_count, neighbours, runs, sorted_edges};
 use crate::mesh::{Mesh, SMOOTH, area_vector};
 use crate::occupancy::Occupancy;
@@ -57,7 +58,7 @@ impl SurfaceSamples {
         // One body alone hides none of its own surface.
         let touching = runs(&edges).any(|run| run.len() > 2);
         let several = touching || component_count(&welded) > 1;
-        let crossings = several.then(|| Crossings::new(&welded, grid.pitch));
+        let crossings = several.then(|| CrossingIndex::new(welded.all_corners()));
         let is_closed = several && boundary_chain(&welded).is_empty();
         let found = parallel::map(fine.triangles.len(), |triangle| {
             let corners = fine.corners(triangle);
@@ -70,7 +71,8 @@ impl SurfaceSamples {
             };
             let Some(crossings) = &crossings else { return Some((sample, false)) };
             let is_inside = |side: f64| {
-                crossings.winding(&welded, sample.point + sample.normal * (side * CLOSE * grid.pitch)) != 0
+                let beside = sample.point + sample.normal * (side * CLOSE * grid.pitch);
+                crossings.winding_number(beside) != 0
             };
             let before = is_inside(1.0);
             if is_closed {
@@ -134,91 +136,6 @@ fn bends(mesh: &Mesh, edges: &[EdgeUse]) -> Vec<f64> {
     bends
 }
 
-/// The triangles above each cell of a lattice in x and y: winding numbers of a closed mesh by counting the crossings of a
-/// line along z.
-struct Crossings {
-    lower: DVec3,
-    cell: f64,
-    dims: [usize; 2],
-    triangles: Vec<Vec<u32>>,
-}
-
-impl Crossings {
-    fn new(mesh: &Mesh, pitch: f64) -> Self {
-        let (lower, upper) = mesh.bounds().unwrap_or_default();
-        let cell = pitch.max((upper - lower).max_element() / 1000.0);
-        let dims = [0, 1].map(|axis| ((upper - lower)[axis] / cell) as usize + 1);
-        let mut triangles = vec![Vec::new(); dims[0] * dims[1]];
-        let cell_at = |at: f64, axis: usize| (at.max(0.0) as usize).min(dims[axis] - 1);
-        for triangle in 0..mesh.triangles.len() {
-            let corners = mesh.corners(triangle).map(|c| (c - lower) / cell);
-            let [a, b, c] = corners;
-            for column in cell_at(a.min(b).min(c).x, 0)..=cell_at(a.max(b).max(c).x, 0) {
-                let [low, high] = within_strip(corners, [column as f64 - SLACK, column as f64 + 1.0 + SLACK]);
-                for row in cell_at(low - SLACK, 1)..=cell_at(high + SLACK, 1) {
-                    triangles[column * dims[1] + row].push(triangle as u32);
-                }
-            }
-        }
-        Self { lower, cell, dims, triangles }
-    }
-
-    /// Signed crossings of the surface above a point.
-    fn winding(&self, mesh: &Mesh, point: DVec3) -> i32 {
-        let at = (point - self.lower) / self.cell;
-        if at.x < 0.0 || at.y < 0.0 || at.x >= self.dims[0] as f64 || at.y >= self.dims[1] as f64 {
-            return 0;
-        }
-        let above = self.triangles[at.x as usize * self.dims[1] + at.y as usize].iter();
-        above.map(|&triangle| crossing(mesh.corners(triangle as usize), point)).sum()
-    }
-}
-
-/// Rounding in a cell's bounds, in cells.
-const SLACK: f64 = 1e-6;
-
-/// The range of y of a triangle between two values of x; slivers lie in few cells, though their box holds many.
-fn within_strip(corners: [DVec3; 3], [from, to]: [f64; 2]) -> [f64; 2] {
-    let [mut low, mut high] = [f64::INFINITY, f64::NEG_INFINITY];
-    for (a, b) in [(0, 1), (1, 2), (2, 0)] {
-        let (a, b) = (corners[a], corners[b]);
-        if a.x.max(b.x) < from || a.x.min(b.x) > to {
-            continue;
-        }
-        for (end, other) in [(a, b), (b, a)] {
-            let held = end.x.clamp(from, to);
-            let part = if held == end.x { 0.0 } else { (held - end.x) / (other.x - end.x) };
-            let y = end.y + part * (other.y - end.y);
-            (low, high) = (low.min(y), high.max(y));
-        }
-    }
-    [low, high]
-}
-
-/// ±1 where a triangle lies above a point, by the side that it turns to it. An edge on the line belongs to one of its two
-/// triangles, as edges are read in one sense of rotation with ends that count once.
-fn crossing(corners: [DVec3; 3], point: DVec3) -> i32 {
-    let relative = corners.map(|c| c - point);
-    let side = |a: DVec3, b: DVec3| {
-        // The same bits whichever triangle reads the edge.
-        let (first, last, sign) = if (a.x, a.y) < (b.x, b.y) { (a, b, 1.0) } else { (b, a, -1.0) };
-        sign * (first.x * last.y - first.y * last.x)
-    };
-    let mut turns = 0;
-    for (a, b) in [(0, 1), (1, 2), (2, 0)] {
-        let (a, b) = (relative[a], relative[b]);
-        match (a.y <= 0.0, b.y <= 0.0) {
-            (true, false) if side(a, b) > 0.0 => turns += 1,
-            (false, true) if side(a, b) < 0.0 => turns -= 1,
-            _ => {}
-        }
-    }
-    let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
-    // Height of the plane over the point.
-    let height = normal.dot(relative[0]) / normal.z;
-    if turns != 0 && height > 0.0 { turns } else { 0 }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -226,7 +143,7 @@ mod tests {
     use crate::mesh::tests::unit_cube;
     use crate::parts::shell::{Axis, Shell, circle};
     use crate::voxelize::voxelize;
-    use glam::{DMat4, DQuat, DVec2};
+    use glam::{DMat4, DVec2};
 
     #[test]
     fn samples_divide_the_area_and_face_outward_even_from_a_mesh_that_is_inside_out() {
@@ -246,27 +163,6 @@ mod tests {
                 assert_eq!(sample.bend, 0.0);
             }
         }
-    }
-
-    #[test]
-    fn crossings_are_those_of_all_triangles_and_slivers_lie_in_few_cells() {
-        let mut shell = Shell::default();
-        shell.prism(Axis::Z, &circle(DVec2::ZERO, 10.0, 200), [0.0, 6.0]);
-        let turn = DQuat::from_euler(glam::EulerRot::XYZ, 0.3, 0.5, 0.7);
-        let mesh = shell.into_mesh().transformed(&DMat4::from_quat(turn));
-        let crossings = Crossings::new(&mesh, 0.05);
-        let listed: usize = crossings.triangles.iter().map(Vec::len).sum();
-        assert!(listed < 20 * crossings.triangles.len(), "{listed}");
-        let (mut inside, all) = (0, 4000);
-        for place in 0..all {
-            let part = |step: f64| 24.0 * (f64::from(place) * step).fract() - 12.0;
-            let point = DVec3::new(part(0.618), part(0.755), part(0.57));
-            let corners = (0..mesh.triangles.len()).map(|triangle| mesh.corners(triangle));
-            let winding = crossings.winding(&mesh, point);
-            assert_eq!(winding, corners.map(|corners| crossing(corners, point)).sum::<i32>(), "{point}");
-            inside += winding.abs();
-        }
-        assert!((300..all / 2).contains(&inside), "{inside}");
     }
 
     #[test]
