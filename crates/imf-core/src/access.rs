@@ -103,7 +103,7 @@ pub(crate) mod tests {
     use super::*;
     use crate::grid::Grid;
     use crate::occupancy::Occupancy;
-    use crate::section::test_shapes::{cylinder, orientations, revolved, voxels};
+    use crate::section::test_shapes::{cylinder, orientations, revolved};
     use crate::section::{ToolPoints, sections};
     use crate::tool::{ElementKind, Segment, Tool};
 
@@ -118,7 +118,7 @@ pub(crate) mod tests {
     /// A block with a slot that opens towards +z, and a loose voxel above.
     pub(crate) fn slotted() -> Occupancy {
         let grid = Grid { origin: DVec3::new(-1.0, 2.0, 0.5), pitch: 1.0, dims: [13, 11, 12] };
-        voxels(grid, |[x, y, z]| {
+        Occupancy::of(grid, |[x, y, z]| {
             let block = (1..12).contains(&x) && (1..10).contains(&y) && (1..9).contains(&z);
             let slot = (5..8).contains(&x) && z >= 3;
             block && !slot || [x, y, z] == [6, 5, 11]

@@ -216,10 +216,8 @@ mod tests {
 
     pub(super) fn scattered(dims: [usize; 3], one_in: usize) -> Occupancy {
         let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims };
-        let solid = (0..grid.len())
-            .map(|i| u8::from((i.wrapping_mul(2_654_435_761) >> 9).is_multiple_of(one_in)))
-            .collect();
-        Occupancy { grid, solid }
+        let hash = |voxel| grid.index(voxel).wrapping_mul(2_654_435_761) >> 9;
+        Occupancy::of(grid, |voxel| hash(voxel).is_multiple_of(one_in))
     }
 
     /// Distance from a point to the nearest solid centre.
@@ -239,12 +237,10 @@ mod tests {
         let grid = Grid { origin: DVec3::ZERO, pitch: 0.5, dims: [24, 20, 20] };
         for thick in 1..6 {
             // A rib on a plate.
-            let solid = |[x, y, z]: [usize; 3]| {
+            let part = Occupancy::of(grid, |[x, y, z]| {
                 (1..7).contains(&x) && y > 0 && y < 19 && z > 0 && z < 19
                     || (7..22).contains(&x) && (8..8 + thick).contains(&y) && z > 0 && z < 19
-            };
-            let solid: Vec<u8> = (0..grid.len()).map(|v| u8::from(solid(grid.voxel(v)))).collect();
-            let part = Occupancy { grid, solid };
+            });
             let deep = deeper_than(&part, 2.0);
             for x in 10..18 {
                 let across: Vec<u8> = (0..20).map(|y| deep.solid[grid.index([x, y, 10])]).collect();
@@ -328,8 +324,7 @@ mod tests {
         let upright = |voxel: [usize; 3]| voxel[0] < 2;
         let oblique = |voxel: [usize; 3]| voxel[0] + voxel[1] + voxel[2] < 9;
         for wall in [&upright as &dyn Fn([usize; 3]) -> bool, &oblique] {
-            let solid = (0..grid.len()).map(|index| u8::from(wall(grid.voxel(index)))).collect();
-            let obstacle = Occupancy { grid, solid };
+            let obstacle = Occupancy::of(grid, wall);
             let field = DistanceField::new(&obstacle);
             for i in 0..500_u32 {
                 let unit =

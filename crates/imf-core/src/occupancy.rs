@@ -24,6 +24,12 @@ impl Occupancy {
         Self { grid, solid: vec![0; grid.len()] }
     }
 
+    /// The voxels of a grid of which it is said that they are solid.
+    pub(crate) fn of(grid: Grid, is_solid: impl Fn([usize; 3]) -> bool) -> Self {
+        let solid = (0..grid.len()).map(|index| u8::from(is_solid(grid.voxel(index)))).collect();
+        Self { grid, solid }
+    }
+
     /// True where there is a byte for each voxel, 0 or 1.
     #[must_use]
     pub fn is_sound(&self) -> bool {
@@ -169,8 +175,7 @@ mod tests {
     #[test]
     fn voxels_keep_their_places_on_another_grid() {
         let grid = Grid { origin: DVec3::new(0.5, 0.0, -2.0), pitch: 0.5, dims: [4, 5, 6] };
-        let solid = (0..grid.len()).map(|i| u8::from(i * i % 7 < 3)).collect();
-        let occupancy = Occupancy { grid, solid };
+        let occupancy = Occupancy::of(grid, |voxel| grid.index(voxel).pow(2) % 7 < 3);
         for (before, after) in [([1, 2, 0], [0, 1, 3]), ([-2, 1, -1], [2, -3, 0]), ([-4, 0, 0], [9, 0, 0])] {
             let other = grid.padded(before, after).unwrap();
             let moved = occupancy.on(&other).unwrap();
@@ -182,8 +187,7 @@ mod tests {
                 assert_eq!(moved.solid[index], expected, "{voxel:?}");
             }
             // Beside voxels that the grid has already, some of them at the same places.
-            let own =
-                Occupancy { grid: other, solid: (0..other.len()).map(|i| u8::from(i % 3 == 0)).collect() };
+            let own = Occupancy::of(other, |voxel| other.index(voxel) % 3 == 0);
             let mut both = own.clone();
             both.add(&occupancy);
             let either = own.solid.iter().zip(&moved.solid).map(|(own, more)| own | more);
@@ -208,8 +212,7 @@ mod tests {
     #[test]
     fn packing_is_undone_by_unpacking_at_a_size_that_is_no_multiple_of_eight() {
         let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [3, 5, 7] };
-        let solid = (0..grid.len()).map(|i| u8::from(i * i % 5 < 2)).collect();
-        let occupancy = Occupancy { grid, solid };
+        let occupancy = Occupancy::of(grid, |voxel| grid.index(voxel).pow(2) % 5 < 2);
         let packed = occupancy.packed();
         assert_eq!(packed.len(), 14);
         assert_eq!(Occupancy::from_packed(grid, &packed).unwrap(), occupancy);
@@ -219,8 +222,7 @@ mod tests {
     #[test]
     fn faces_enclose_the_voxels_and_nothing_else() {
         let grid = Grid { origin: DVec3::new(1.0, -2.0, 0.5), pitch: 0.5, dims: [7, 6, 5] };
-        let solid = |i: usize| u8::from(grid.voxel(i)[0] < 4 || grid.voxel(i)[2] == 2);
-        let steps = Occupancy { grid, solid: (0..grid.len()).map(solid).collect() };
+        let steps = Occupancy::of(grid, |[x, _, z]| x < 4 || z == 2);
         for solid in [steps, scattered([6, 7, 8], 2), scattered([5, 5, 5], 4)] {
             let mesh = solid.faces();
             let volume = solid.count() as f64 * solid.grid.voxel_volume();

@@ -5,7 +5,7 @@ use crate::field::ExactField;
 use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
 use crate::pose::Pose;
-use crate::section::test_shapes::{self, arc, line, orientations, revolved};
+use crate::section::test_shapes::{arc, line, orientations, revolved};
 use crate::tool::{Clearance, ElementKind};
 
 /// A ball end of radius 2 and 8 long, a shank, and a holder that is wider.
@@ -21,7 +21,7 @@ fn mill() -> Tool {
 fn voxels(size: f64, is_solid: impl Fn(DVec3) -> bool) -> Occupancy {
     let dims = [(size / 0.5) as usize; 3];
     let grid = Grid { origin: DVec3::splat(-0.5 * size), pitch: 0.5, dims };
-    test_shapes::voxels(grid, |voxel| is_solid(grid.centre(voxel)))
+    Occupancy::of(grid, |voxel| is_solid(grid.centre(voxel)))
 }
 
 fn empty(solid: &Occupancy) -> Vec<usize> {

@@ -85,9 +85,7 @@ fn tool() -> Tool {
 /// A block on the platter, in the part's frame.
 fn part() -> Occupancy {
     let grid = Grid { origin: DVec3::new(-4.0, -3.0, 0.0), pitch: 1.0, dims: [8, 8, 6] };
-    let solid = (0..grid.len()).map(|i| u8::from(grid.voxel(i)[2] < 4 || grid.voxel(i)[0] < 3));
-    let solid = solid.collect();
-    Occupancy { grid, solid }
+    Occupancy::of(grid, |[x, _, z]| z < 4 || x < 3)
 }
 
 /// How deep a point lies in a body of the head, negative outside; with all axes at 0.

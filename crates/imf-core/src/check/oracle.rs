@@ -14,15 +14,12 @@ use crate::tool::{ElementKind, ToolShape};
 /// A slab with a groove, thin walls on it, and loose voxels.
 fn part() -> Occupancy {
     let grid = Grid { origin: DVec3::new(1.0, -2.0, 0.5), pitch: 0.7, dims: [26, 24, 22] };
-    let solid = (0..grid.len()).map(|index| {
-        let [x, y, z] = grid.voxel(index);
+    Occupancy::of(grid, |[x, y, z]| {
         let slab = z < 7 && !(9..14).contains(&x);
         let wall = (15..17).contains(&y) && z < 13;
-        let loose = z > 14 && index.wrapping_mul(2_654_435_761) >> 9 & 63 == 0;
-        u8::from(slab || wall || loose)
-    });
-    let solid = solid.collect();
-    Occupancy { grid, solid }
+        let loose = z > 14 && grid.index([x, y, z]).wrapping_mul(2_654_435_761) >> 9 & 63 == 0;
+        slab || wall || loose
+    })
 }
 
 fn tool() -> Tool {
@@ -122,9 +119,7 @@ fn elements_and_depths_are_those_of_trying_every_centre() {
 fn no_shorter_translation_parts_tool_and_part_where_the_part_is_one_piece() {
     // A block with room around it; depths are known to half a pitch.
     let grid = Grid { origin: DVec3::ZERO, pitch: 0.5, dims: [40; 3] };
-    let solid =
-        (0..grid.len()).map(|i| u8::from(grid.voxel(i).iter().all(|v| (10..30).contains(v)))).collect();
-    let part = Occupancy { grid, solid };
+    let part = Occupancy::of(grid, |voxel| voxel.iter().all(|v| (10..30).contains(v)));
     let tool = tool();
     let exact = ExactField::new(&part, &tool);
     let ways = OrientationSet::parse("fibonacci:60").unwrap().orientations;

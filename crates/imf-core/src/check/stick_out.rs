@@ -195,11 +195,7 @@ mod tests {
     /// A wall of 12 × 40 that is 30 high, on a plate.
     fn wall() -> Arc<Occupancy> {
         let grid = Grid { origin: DVec3::new(-20.0, -20.0, -4.0), pitch: 1.0, dims: [60, 40, 36] };
-        let solid = (0..grid.len()).map(|index| {
-            let [x, _, z] = grid.voxel(index);
-            u8::from(z < 4 || ((34..46).contains(&x) && z < 34))
-        });
-        Arc::new(Occupancy { grid, solid: solid.collect() })
+        Arc::new(Occupancy::of(grid, |[x, _, z]| z < 4 || ((34..46).contains(&x) && z < 34)))
     }
 
     fn mill(overall_length: Option<f64>) -> Tool {

@@ -15,8 +15,7 @@ use crate::unit::LengthUnit;
 fn solid_within(lower: DVec3, upper: DVec3) -> Occupancy {
     let grid = Grid { origin: DVec3::new(-30.0, -30.0, -5.0), pitch: 1.0, dims: [60, 60, 60] };
     let inside = |p: DVec3| p.cmpgt(lower).all() && p.cmplt(upper).all();
-    let solid = |index| u8::from(inside(grid.centre(grid.voxel(index))));
-    Occupancy { grid, solid: (0..grid.len()).map(solid).collect() }
+    Occupancy::of(grid, |voxel| inside(grid.centre(voxel)))
 }
 
 /// A block of 40×40×20 mm with its top at z = 20, with room around it.

@@ -97,8 +97,7 @@ impl MachineSolid {
         if let SolidShape::Mesh(mesh) = &self.shape {
             return voxelize_with(mesh, &grid, false, control);
         }
-        let inside = |index| u8::from(self.contains(grid.centre(grid.voxel(index))));
-        let solid = Occupancy { grid, solid: (0..grid.len()).map(inside).collect() };
+        let solid = Occupancy::of(grid, |voxel| self.contains(grid.centre(voxel)));
         Ok(VoxelizeResult { solid, undecided: 0.0 })
     }
 

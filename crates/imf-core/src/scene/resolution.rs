@@ -303,10 +303,7 @@ mod tests {
     #[test]
     fn the_thickness_of_plates_and_of_what_stands_on_them() {
         let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [9, 8, 7] };
-        let of = |inside: &dyn Fn([usize; 3]) -> bool| {
-            let solid = (0..grid.len()).map(|index| u8::from(inside(grid.voxel(index)))).collect();
-            thickness(&Occupancy { grid, solid }, usize::MAX)
-        };
+        let of = |inside: &dyn Fn([usize; 3]) -> bool| thickness(&Occupancy::of(grid, inside), usize::MAX);
         assert_eq!(of(&|_| false), 0);
         assert_eq!(of(&|_| true), 7);
         for axis in 0..3 {

@@ -54,19 +54,12 @@ pub(crate) fn walk(profile: &[Segment], exposed: bool, height: f64, radius: f64)
 /// A grid of unit voxels of which so many of four are solid.
 pub(crate) fn scattered(dims: [usize; 3], of_four: usize) -> Occupancy {
     let grid = Grid { origin: DVec3::new(0.3, -1.0, 2.0), pitch: 1.0, dims };
-    let solid = |i: usize| u8::from(i.wrapping_mul(2_654_435_761) >> 7 & 3 < of_four);
-    Occupancy { grid, solid: (0..grid.len()).map(solid).collect() }
+    Occupancy::of(grid, |voxel| grid.index(voxel).wrapping_mul(2_654_435_761) >> 7 & 3 < of_four)
 }
 
 /// From 0 to 1.
 pub(crate) fn number(random: &mut ChaCha8Rng) -> f64 {
     f64::from(random.next_u32()) / f64::from(u32::MAX)
-}
-
-/// A grid's voxels that are solid.
-pub(crate) fn voxels(grid: Grid, is_solid: impl Fn([usize; 3]) -> bool) -> Occupancy {
-    let solid = (0..grid.len()).map(|index| u8::from(is_solid(grid.voxel(index)))).collect();
-    Occupancy { grid, solid }
 }
 
 pub(crate) fn orientations(set: &str) -> Vec<Orientation> {

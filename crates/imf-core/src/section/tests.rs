@@ -171,8 +171,7 @@ fn rounding_of_a_rotation_makes_no_neighbour_count() {
 fn a_box_of_voxels_under_a_one_voxel_line_is_counted_in_closed_form() {
     // A line of 5 voxels going up over a block that fills z < 4: overlap = clamp(4 − z, 0, 5).
     let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [4, 4, 8] };
-    let solid = (0..grid.len()).map(|i| u8::from(i % 8 < 4)).collect();
-    let plan = plan(&Occupancy { grid, solid }, &cylinder(0.4, 4.5), Method::Fastest);
+    let plan = plan(&Occupancy::of(grid, |[_, _, z]| z < 4), &cylinder(0.4, 4.5), Method::Fastest);
     for (index, value) in cmf(&plan, &Orientation::default()).into_iter().enumerate() {
         assert_eq!(value, (4usize.saturating_sub(index % 8)) as f32 / 5.0);
     }

@@ -232,8 +232,9 @@ mod tests {
 
     use super::*;
     use crate::grid::Grid;
+    use crate::occupancy::Occupancy;
     use crate::parts::shell::{pocketed, rounded_rectangle};
-    use crate::section::test_shapes::{orientations, revolved, voxels};
+    use crate::section::test_shapes::{orientations, revolved};
     use crate::surface::CollisionEnvironment;
     use crate::surface::closed_forms::Part;
     use crate::tool::{ElementKind, Segment};
@@ -272,7 +273,7 @@ mod tests {
         let grid =
             Grid::with_pitch(glam::DVec3::splat(-0.3), glam::DVec3::new(40.3, 24.3, 22.3), 1.0, 1).unwrap();
         let mut part = Part::on(&grid, &mesh, 700);
-        let clamp = voxels(grid, |[x, y, z]| x < 4 && y < 8 && z > 20);
+        let clamp = Occupancy::of(grid, |[x, y, z]| x < 4 && y < 8 && z > 20);
         let solid = Arc::new(part.environment.part().clone());
         part.environment = CollisionEnvironment::new(&solid.into(), &[Arc::new(clamp)]);
         let tools: Vec<SurfaceTool> = crib().iter().map(|tool| part.surface_tool(tool)).collect();

@@ -141,8 +141,7 @@ mod tests {
 
     fn obstacle() -> Occupancy {
         let grid = Grid { origin: DVec3::new(3.0, -7.0, 0.5), pitch: 1.0, dims: [11, 9, 13] };
-        let solid = (0..grid.len()).map(|i| u8::from(i * 7919 % 11 < 5)).collect();
-        Occupancy { grid, solid }
+        Occupancy::of(grid, |voxel| grid.index(voxel) * 7919 % 11 < 5)
     }
 
     #[test]

@@ -93,9 +93,7 @@ const OBSTACLES: [Filled; 11] = [
 ];
 
 fn filled((_, dims, solid): Filled, origin: DVec3, pitch: f64) -> Occupancy {
-    let grid = Grid { origin, pitch, dims };
-    let solid = (0..grid.len()).map(|index| u8::from(solid(grid.voxel(index)))).collect();
-    Occupancy { grid, solid }
+    Occupancy::of(Grid { origin, pitch, dims }, solid)
 }
 
 const PITCHES: [f64; 5] = [1.0, 0.7, 0.3, 1.1, 2.54];
@@ -126,9 +124,7 @@ fn generated() -> Vec<Case> {
 fn placed() -> Vec<Case> {
     let turn = |axis: DVec3, angle: f64| DQuat::from_axis_angle(axis.normalize(), angle);
     let whole = filled(OBSTACLES[8], DVec3::ZERO, 1.0);
-    let mut layer = Occupancy::empty(whole.grid);
-    (0..whole.grid.len()).for_each(|index| layer.solid[index] = u8::from(whole.grid.voxel(index)[2] > 4));
-    let deeper = Obstacle::with_cuttable(&whole, layer);
+    let deeper = Obstacle::with_cuttable(&whole, Occupancy::of(whole.grid, |[_, _, z]| z > 4));
     let quarter = turn(DVec3::X, std::f64::consts::FRAC_PI_2);
     let case = |index: usize| {
         let mut world = World::builder().allow_coarse(true).build().unwrap();

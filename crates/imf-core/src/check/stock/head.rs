@@ -119,8 +119,7 @@ mod tests {
     fn a_nose_that_comes_down_on_the_stock_is_told_as_deep_as_it_is() {
         // A block with its top at z = 0 and a well in its middle, in which the tool has room.
         let grid = Grid { origin: DVec3::new(-30.0, -30.0, -40.0), pitch: 1.0, dims: [60, 60, 40] };
-        let beside = |index: usize| u8::from(grid.centre(grid.voxel(index)).truncate().length() > 12.0);
-        let stock = Occupancy { grid, solid: (0..grid.len()).map(beside).collect() };
+        let stock = Occupancy::of(grid, |voxel| grid.centre(voxel).truncate().length() > 12.0);
         let tool = revolved([
             (ElementKind::Cutter, vec![line(0.0, 10.0, 3.0, 3.0)]),
             (ElementKind::Holder(0), vec![line(10.0, 24.0, 9.0, 9.0)]),

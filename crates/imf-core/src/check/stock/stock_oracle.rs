@@ -111,11 +111,7 @@ fn tools() -> [Tool; 3] {
 #[test]
 fn what_goes_and_what_touches_is_that_of_trying_every_voxel_at_every_pose() {
     let grid = Grid { origin: DVec3::new(-1.0, 0.5, -0.3), pitch: 0.5, dims: [26, 22, 21] };
-    let solid = |index: usize| {
-        let [x, y, z] = grid.voxel(index);
-        u8::from(z < 14 && (x + 2 * y + 3 * z) % 11 != 0)
-    };
-    let stock = Occupancy { grid, solid: (0..grid.len()).map(solid).collect() };
+    let stock = Occupancy::of(grid, |[x, y, z]| z < 14 && (x + 2 * y + 3 * z) % 11 != 0);
     let mut part = stock.clone();
     (0..grid.len()).filter(|&v| grid.voxel(v)[2] > 4).for_each(|v| part.solid[v] = 0);
     let (mut spared, mut elements) = (0, Vec::new());

@@ -100,8 +100,8 @@ fn batches_of_odd_poses_and_tools_decide_as_single_ones() {
     let empty = SolidField::of_tool(Arc::new(Occupancy::empty(grid)), &tool);
     agree(&empty, &poses);
     let fine = Grid { origin: DVec3::ZERO, pitch: 0.12, dims: [40, 30, 50] };
-    let solid = (0..fine.len()).map(|index| u8::from(index % 37 == 0)).collect();
-    let field = SolidField::of_tool(Arc::new(Occupancy { grid: fine, solid }), &tool);
+    let solid = Occupancy::of(fine, |voxel| fine.index(voxel) % 37 == 0);
+    let field = SolidField::of_tool(Arc::new(solid), &tool);
     let poses: Vec<Pose> = (0..3000)
         .map(|index| {
             let pose = random_pose(&grid, 5, index);
@@ -115,9 +115,8 @@ fn batches_of_odd_poses_and_tools_decide_as_single_ones() {
 fn a_centre_within_the_slack_of_a_cones_tip_is_counted_and_decided_as_the_predicate_says() {
     let tool = revolved([(ElementKind::Cutter, vec![line(0.0, 0.6, 0.0, 0.6), line(0.6, 3.6, 0.6, 0.6)])]);
     let grid = Grid { origin: DVec3::ZERO, pitch: 0.3, dims: [9, 9, 9] };
-    let solid =
-        (0..grid.len()).map(|index| u8::from(grid.voxel(index).iter().sum::<usize>() == 12)).collect();
-    let field = SolidField::of_tool(Arc::new(Occupancy { grid, solid }), &tool);
+    let solid = Occupancy::of(grid, |voxel| voxel.iter().sum::<usize>() == 12);
+    let field = SolidField::of_tool(Arc::new(solid), &tool);
     // The lines of voxels pass 3e-5 of a voxel from the tip, flatter than the cone.
     let steep = DQuat::from_xyzw(
         -0.17550625350188145,

@@ -116,13 +116,11 @@ mod tests {
     /// A slab of 16 voxels with a groove, and scattered voxels above.
     fn obstacle() -> Occupancy {
         let grid = Grid { origin: DVec3::new(1.0, -2.0, 0.5), pitch: 0.8, dims: [34, 30, 32] };
-        let solid = |index: usize| {
-            let [x, y, z] = grid.voxel(index);
+        Occupancy::of(grid, |[x, y, z]| {
             let groove = (12..20).contains(&x) && z > 7;
-            let loose = z > 20 && index.wrapping_mul(2_654_435_761) >> 9 & 255 == 0;
-            u8::from((y > 1 && z < 16 && !groove) || loose)
-        };
-        Occupancy { grid, solid: (0..grid.len()).map(solid).collect() }
+            let loose = z > 20 && grid.index([x, y, z]).wrapping_mul(2_654_435_761) >> 9 & 255 == 0;
+            (y > 1 && z < 16 && !groove) || loose
+        })
     }
 
     #[test]

@@ -23,13 +23,8 @@ fn tool(sharp_points: SharpPoints) -> Tool {
 /// A block with a fixture beside it.
 fn clamped_block() -> (Occupancy, Occupancy) {
     let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [10, 9, 8] };
-    let (mut part, mut clamp) = (Occupancy::empty(grid), Occupancy::empty(grid));
-    for index in 0..grid.len() {
-        let [x, y, z] = grid.voxel(index);
-        part.solid[index] = u8::from((1..8).contains(&x) && (1..8).contains(&y) && z < 5);
-        clamp.solid[index] = u8::from(x >= 7 && (3..5).contains(&y) && z < 7);
-    }
-    (part, clamp)
+    let part = Occupancy::of(grid, |[x, y, z]| (1..8).contains(&x) && (1..8).contains(&y) && z < 5);
+    (part, Occupancy::of(grid, |[x, y, z]| x >= 7 && (3..5).contains(&y) && z < 7))
 }
 
 /// Every voxel's measures are the definition's, and they sum to the section; some sharp point beside the first is best.

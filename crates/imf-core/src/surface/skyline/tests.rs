@@ -1,7 +1,7 @@
 //! The skyline against the solid that it is of.
 
 use crate::grid::Grid;
-use crate::section::test_shapes::{arc, line, voxels};
+use crate::section::test_shapes::{arc, line};
 use crate::surface::skyline::*;
 
 /// A cone, a collar that narrows again, a waist, and a round flange.
@@ -54,7 +54,7 @@ fn a_body_holds_points_down_to_where_it_is_narrower() {
 fn it_is_the_first_free_place_on_the_way_up() {
     let grid = Grid { origin: DVec3::new(-3.0, 1.0, 0.5), pitch: 0.5, dims: [23, 17, 19] };
     // Towers, and a ceiling with holes that a body may stand below.
-    let solid = voxels(grid, |[x, y, z]| {
+    let solid = Occupancy::of(grid, |[x, y, z]| {
         let tower = z < (x * x + 3 * y + x * y * y) % 11 && (x + y) % 7 == 0;
         tower || z == 18 && x > 8 && y > 4
     });
@@ -103,5 +103,5 @@ fn nothing_solid_leaves_the_least() {
 #[test]
 fn the_inside_of_a_block_is_no_boundary() {
     let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [5, 6, 7] };
-    assert_eq!(boundary(&voxels(grid, |_| true)).len(), 5 * 6 * 7 - 3 * 4 * 5);
+    assert_eq!(boundary(&Occupancy::of(grid, |_| true)).len(), 5 * 6 * 7 - 3 * 4 * 5);
 }

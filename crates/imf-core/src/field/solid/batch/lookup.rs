@@ -306,8 +306,8 @@ mod tests {
     #[test]
     fn near_spheres_are_those_of_the_bound_around_their_middles() {
         let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [23, 19, 27] };
-        let solid = |index: usize| u8::from(index.wrapping_mul(2_654_435_761) >> 9 & 127 == 0);
-        let occupancy = Occupancy { grid, solid: (0..grid.len()).map(solid).collect() };
+        let solid = |voxel| grid.index(voxel).wrapping_mul(2_654_435_761) >> 9 & 127 == 0;
+        let occupancy = Occupancy::of(grid, solid);
         let voxels = SolidVoxels::from(Arc::new(occupancy));
         let lookup = Lookup::new(&voxels, 8);
         let mut places = Places { count: BLOCK, ..Places::EMPTY };
