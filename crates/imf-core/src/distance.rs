@@ -222,9 +222,8 @@ mod tests {
 
     /// Distance from a point to the nearest solid centre.
     fn to_nearest(obstacle: &Occupancy, point: DVec3) -> f64 {
-        let solid = (0..obstacle.solid.len()).filter(|&index| obstacle.solid[index] == 1);
         let centre = |index| DVec3::from_array(obstacle.grid.voxel(index).map(|v| v as f64));
-        solid.map(|index| centre(index).distance(point)).fold(f64::INFINITY, f64::min)
+        obstacle.solids().map(|index| centre(index).distance(point)).fold(f64::INFINITY, f64::min)
     }
 
     fn brute(obstacle: &Occupancy, wanted: u8, index: usize) -> Option<u64> {

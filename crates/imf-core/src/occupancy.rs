@@ -42,6 +42,16 @@ impl Occupancy {
         self.solid.iter().map(|&s| usize::from(s)).sum()
     }
 
+    /// The indices of the solid voxels.
+    pub(crate) fn solids(&self) -> impl Iterator<Item = usize> {
+        (0..self.solid.len()).filter(|&index| self.solid[index] == 1)
+    }
+
+    /// The centres of the solid voxels.
+    pub(crate) fn centres(&self) -> impl Iterator<Item = DVec3> {
+        self.solids().map(|index| self.grid.centre(self.grid.voxel(index)))
+    }
+
     /// Volume of the solid voxels in world units cubed.
     #[must_use]
     pub fn volume(&self) -> f64 {
@@ -123,7 +133,7 @@ impl Occupancy {
                 (mesh.vertices.len() - 1) as u32
             })
         };
-        for index in (0..self.grid.len()).filter(|&index| self.solid[index] == 1) {
+        for index in self.solids() {
             let voxel = self.grid.voxel(index);
             let strides = [ny * nz, nz, 1];
             for (axis, side) in [(0, 0), (0, 1), (1, 0), (1, 1), (2, 0), (2, 1)] {
@@ -187,7 +197,7 @@ mod tests {
                 assert_eq!(moved.solid[index], expected, "{voxel:?}");
             }
             // Beside voxels that the grid has already, some of them at the same places.
-            let own = Occupancy::of(other, |voxel| other.index(voxel) % 3 == 0);
+            let own = Occupancy::of(other, |voxel| other.index(voxel).is_multiple_of(3));
             let mut both = own.clone();
             both.add(&occupancy);
             let either = own.solid.iter().zip(&moved.solid).map(|(own, more)| own | more);

@@ -173,7 +173,6 @@ fn a_cutter_collides_where_a_centre_or_a_point_of_the_surface_is_deep_in_it() {
     for tool in &cutters() {
         let pitch = 0.8 + number(&mut random);
         let (mesh, place, solid) = block(&mut random, pitch);
-        let grid = solid.grid;
         let bodies =
             CheckBodies { part: &solid, by_centres: None, fixtures: &[], surfaces: &[&mesh], machine: None };
         let settings = CheckSettings { contact: 0.2, ..CheckSettings::of_pitch(pitch, LengthUnit::Mm) };
@@ -195,8 +194,7 @@ fn a_cutter_collides_where_a_centre_or_a_point_of_the_surface_is_deep_in_it() {
                 within.fold(0.0, f64::max)
             };
             let of_points = deepest(&mut points.iter().copied());
-            let solids = (0..grid.len()).filter(|&index| solid.solid[index] == 1);
-            let of_centres = deepest(&mut solids.map(|index| grid.centre(grid.voxel(index))));
+            let of_centres = deepest(&mut solid.centres());
             let depth = of_points.max(of_centres);
             // In the groove of a step what is less deep counts too.
             if (depth - settings.contact).abs() < 0.01 {
@@ -228,9 +226,7 @@ fn shank_and_holder_collide_where_they_hold_a_centre_or_a_point_deeper_than_the_
         let (pitch, is_part) = (0.8 + number(&mut random), case % 2 == 0);
         let (mesh, place, solid) = block(&mut random, pitch);
         let points = points_at_pitch(&mesh, pitch).0;
-        let grid = solid.grid;
-        let solids = (0..grid.len()).filter(|&index| solid.solid[index] == 1);
-        let centres: Vec<DVec3> = solids.map(|index| grid.centre(grid.voxel(index))).collect();
+        let centres: Vec<DVec3> = solid.centres().collect();
         let bodies = Hit::new(mesh, solid, is_part);
         let clearance =
             [Clearance::default(), Clearance { holder: 1.5, shank: 0.4, cutter: 0.2 }][case % 3 / 2];

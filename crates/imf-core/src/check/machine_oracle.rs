@@ -134,11 +134,7 @@ fn pairs(machine: &Machine, bodies: &MachineBodies, part: &Occupancy) -> Vec<Pai
         own.push((solid.name.clone(), solid.level, inside));
     }
     let centres = |voxels: &Occupancy, offset: DVec3| -> Vec<DVec3> {
-        let grid = voxels.grid;
-        (0..grid.len())
-            .filter(|&i| voxels.solid[i] == 1)
-            .map(|i| grid.centre(grid.voxel(i)) + offset)
-            .collect()
+        voxels.centres().map(|centre| centre + offset).collect()
     };
     let mut others = vec![(HitBody::Part, top.1, centres(part, machine.part_zero()))];
     for solid in machine.solids.iter().filter(|solid| solid.side == Side::Table) {

@@ -84,7 +84,7 @@ fn elements_and_depths_are_those_of_trying_every_centre() {
         for (which, element) in elements.iter().enumerate() {
             let cutter = element.kind == ElementKind::Cutter;
             let (mut voxels, mut deepest, mut depth) = (0, 0.0_f64, 0.0_f64);
-            for voxel in (0..grid.len()).filter(|&v| part.solid[v] == 1) {
+            for voxel in part.solids() {
                 let offset = grid.centre(grid.voxel(voxel)) - tip;
                 let height = offset.dot(axis);
                 let radius = (offset - axis * height).length();

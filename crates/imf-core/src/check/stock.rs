@@ -106,7 +106,7 @@ impl StockReport {
         let grid = &self.remaining.grid;
         let part = part.on(grid).expect("the part lies on the voxels of the stock");
         let distances = DistanceField::new(&part);
-        let beside = (0..grid.len()).filter(|&v| self.remaining.solid[v] == 1 && part.solid[v] == 0);
+        let beside = self.remaining.solids().filter(|&voxel| part.solid[voxel] == 0);
         let mut left = StockLeft { voxels: 0, farthest: None, place: [f64::NAN; 3] };
         let mut most = None;
         for voxel in beside {

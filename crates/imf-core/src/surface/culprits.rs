@@ -313,7 +313,7 @@ mod tests {
         let total: f64 = blame.iter().map(|&b| f64::from(b)).sum();
         assert!((total - whole).abs() < 1e-5 * whole, "{total} {whole}");
         let mut tried = 0;
-        for voxel in (0..grid.len()).filter(|&v| solid.solid[v] != 0).step_by(97) {
+        for voxel in solid.solids().step_by(97) {
             let mut without = solid.clone();
             without.solid[voxel] = 0;
             let loss = whole - obstruction(&without);
@@ -336,9 +336,7 @@ mod tests {
             let element = elements.iter().find(|e| e.kind == hit.kind).unwrap();
             let pose = poses[0].1.pose;
             let axis = pose.axis().unwrap();
-            let centres =
-                (0..grid.len()).filter(|&v| solid.solid[v] != 0).map(|v| grid.centre(grid.voxel(v)));
-            let inside = centres.chain(part.environment.keep_out.points()).filter_map(|place| {
+            let inside = solid.centres().chain(part.environment.keep_out.points()).filter_map(|place| {
                 let offset = place - pose.position;
                 let height = offset.dot(axis);
                 let radius = (offset - axis * height).length();

@@ -31,10 +31,9 @@ impl InnerBalls {
         let places = PLACES.min(DISTANCES / mesh.triangles.len() as f64).max(64.0);
         let step = ((upper - lower).element_product() / places).cbrt();
         let Ok(grid) = Grid::with_pitch(lower, upper, step, 0) else { return Self(Vec::new()) };
-        let solid = voxelize(mesh, &grid, false).solid;
-        let middles = (0..grid.len()).filter(|&index| solid[index] != 0).map(|i| grid.centre(grid.voxel(i)));
+        let solid = voxelize(mesh, &grid, false);
         let mut all: Vec<(DVec3, f64)> =
-            middles.map(|middle| (middle, distance_to_mesh(mesh, middle) - MARGIN * pitch)).collect();
+            solid.centres().map(|middle| (middle, distance_to_mesh(mesh, middle) - MARGIN * pitch)).collect();
         all.retain(|&(_, radius)| radius > 0.0);
         all.sort_by(|a, b| b.1.total_cmp(&a.1));
         let mut kept: Vec<(DVec3, f64)> = Vec::new();

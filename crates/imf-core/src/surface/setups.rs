@@ -73,8 +73,7 @@ pub fn reached_in_setups(
 #[must_use]
 pub fn removed_in_setups(removed: &[Vec<u32>], stock: &Occupancy, setups: &[PartSetup]) -> CoverProblem {
     let mut element = vec![usize::MAX; stock.solid.len()];
-    let held = (0..element.len()).filter(|&voxel| stock.solid[voxel] == 1);
-    held.enumerate().for_each(|(place, voxel)| element[voxel] = place);
+    stock.solids().enumerate().for_each(|(place, voxel)| element[voxel] = place);
     let mut problem = CoverProblem::new(vec![stock.grid.voxel_volume(); stock.count()]);
     for setup in setups {
         let voxels = setup.directions.iter().flat_map(|&direction| &removed[direction]);

@@ -12,7 +12,6 @@ use super::*;
 use crate::control::Control;
 use crate::grid::Grid;
 use crate::mesh::{Mesh, points_at_pitch};
-use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
 use crate::section::test_shapes::{arc, line};
 use crate::tool::{Clearance, Tool, contains};
@@ -47,11 +46,6 @@ impl Random {
         }
         all
     }
-}
-
-fn centres(of: &Occupancy) -> Vec<DVec3> {
-    let solid = (0..of.grid.len()).filter(|&index| of.solid[index] != 0);
-    solid.map(|index| of.grid.centre(of.grid.voxel(index))).collect()
 }
 
 /// Part and fixtures as points, and a tool as elements: what the fast path has prepared.
@@ -161,7 +155,7 @@ fn verdicts_are_those_of_every_voxel_against_every_element() {
         let at = |depth: f64| tool.cutter().unwrap().0.eroded(depth, shoulder).unwrap();
         let offset = tool.offset_elements(&clearance).unwrap();
         let definition = Definition {
-            bodies: solids.iter().map(|solid| centres(solid)).collect(),
+            bodies: solids.iter().map(|solid| solid.centres().collect()).collect(),
             surfaces: [&part, &clamp].map(|mesh| points_at_pitch(mesh, pitch).0).to_vec(),
             outline,
             tolerance,

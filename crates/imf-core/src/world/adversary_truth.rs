@@ -73,10 +73,9 @@ impl Case {
                 let ToolShape::Revolved(elements) = &tool.shape else { unreachable!() };
                 let occupancy = solid.voxels().occupancy();
                 let grid = occupancy.grid;
-                let solid = (0..grid.len()).filter(|&index| occupancy.solid[index] != 0);
                 let centre = |index| DVec3::from_array(grid.voxel(index).map(|v| v as f64));
                 let profile = elements.iter().flat_map(|element| element.profile.clone()).collect();
-                Solid { placed, grid, profile, centres: solid.map(centre).collect() }
+                Solid { placed, grid, profile, centres: occupancy.solids().map(centre).collect() }
             })
         });
         let solids = solids.collect();

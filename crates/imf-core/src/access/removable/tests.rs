@@ -30,7 +30,7 @@ fn it_is_what_the_cutter_covers_at_free_poses_counted_one_by_one() {
         for orientation in &set {
             let whole = ToolVoxels::new(&tool, orientation, 1.0).unwrap();
             let body = ToolVoxels::new(&cutter, orientation, 1.0).unwrap();
-            for index in (0..stock.grid.len()).filter(|&i| stock.solid[i] == 1) {
+            for index in stock.solids() {
                 let voxel = stock.grid.voxel(index);
                 // Every pose at which some voxel of the cutter lies on this voxel.
                 let reaches = body.offsets().any(|own| {

@@ -67,7 +67,7 @@ impl OnTable {
             })
         };
         let mut of_block: BTreeMap<[usize; 3], (Vec<DVec3>, Vec<DVec3>)> = BTreeMap::new();
-        for index in (0..grid.len()).filter(|&index| voxels.solid[index] == 1) {
+        for index in voxels.solids() {
             let voxel = grid.voxel(index);
             let (all, surface) = of_block.entry(voxel.map(|at| at / BLOCK * BLOCK)).or_default();
             all.push(grid.centre(voxel));

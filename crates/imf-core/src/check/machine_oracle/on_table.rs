@@ -42,9 +42,8 @@ impl Still {
         let of = |level: usize| to_head(machine, joints, (0, level));
         let matrix = of(self.level).inverse() * of(top);
         let (mut inside, mut deep, mut near) = (0, 0, false);
-        for index in (0..part.grid.len()).filter(|&index| part.solid[index] == 1) {
-            let centre = part.grid.centre(part.grid.voxel(index)) + machine.part_zero();
-            let at = self.voxels.grid.continuous(matrix.transform_point3(centre));
+        for centre in part.centres() {
+            let at = self.voxels.grid.continuous(matrix.transform_point3(centre + machine.part_zero()));
             near |= (at - at.floor() - 0.5).abs().min_element() < 1e-6;
             let voxel = at.round().to_array().map(|at| at as i64);
             inside += usize::from(self.is_solid(voxel));

@@ -94,7 +94,7 @@ fn a_part_that_is_placed_is_the_same_as_one_that_lies_there() {
     let lower = part.grid.origin;
     let corner = DVec3::new(lower.y, -lower.x - nx as f64 * part.grid.pitch, lower.z) + place.position;
     let mut lying = Occupancy::empty(Grid { origin: corner, dims: [ny, nx, nz], ..part.grid });
-    for index in (0..part.grid.len()).filter(|&index| part.solid[index] == 1) {
+    for index in part.solids() {
         let [x, y, z] = part.grid.voxel(index);
         let there = lying.grid.index([y, nx - 1 - x, z]);
         assert!(

@@ -100,7 +100,7 @@ fn batches_of_odd_poses_and_tools_decide_as_single_ones() {
     let empty = SolidField::of_tool(Arc::new(Occupancy::empty(grid)), &tool);
     agree(&empty, &poses);
     let fine = Grid { origin: DVec3::ZERO, pitch: 0.12, dims: [40, 30, 50] };
-    let solid = Occupancy::of(fine, |voxel| fine.index(voxel) % 37 == 0);
+    let solid = Occupancy::of(fine, |voxel| fine.index(voxel).is_multiple_of(37));
     let field = SolidField::of_tool(Arc::new(solid), &tool);
     let poses: Vec<Pose> = (0..3000)
         .map(|index| {

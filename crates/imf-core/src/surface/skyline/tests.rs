@@ -58,8 +58,7 @@ fn it_is_the_first_free_place_on_the_way_up() {
         let tower = z < (x * x + 3 * y + x * y * y) % 11 && (x + y) % 7 == 0;
         tower || z == 18 && x > 8 && y > 4
     });
-    let centres: Vec<DVec3> =
-        (0..solid.solid.len()).filter(|&i| solid.solid[i] != 0).map(|i| grid.centre(grid.voxel(i))).collect();
+    let centres: Vec<DVec3> = solid.centres().collect();
     // Nothing here is thick.
     assert_eq!(boundary(&solid).len(), centres.len());
     let body = holder();
