@@ -107,12 +107,9 @@ fn wrap_degrees(angle: f64) -> f64 {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use super::*;
-
-    pub(crate) fn set(spec: &str) -> Vec<Orientation> {
-        OrientationSet::parse(spec).unwrap().orientations
-    }
+    use crate::section::test_shapes::orientations;
 
     #[test]
     fn directions_follow_the_convention() {
@@ -125,11 +122,11 @@ pub(crate) mod tests {
 
     #[test]
     fn directions_and_rotations_return_to_their_angles() {
-        for o in set("random:200:5") {
+        for o in orientations("random:200:5") {
             let back = Orientation::from_direction(o.direction()).unwrap();
             assert!((back.direction() - o.direction()).length() < 1e-12);
         }
-        for o in set("so3:200") {
+        for o in orientations("so3:200") {
             let back = Orientation::from_rotation(&o.rotation());
             let same =
                 |rotation: DMat3| (rotation - o.rotation()).to_cols_array().iter().all(|v| v.abs() < 1e-10);

@@ -185,13 +185,13 @@ pub fn axis_of(rotation: DQuat) -> Option<DVec3> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::orientation::OrientationSet;
+    use crate::section::test_shapes::orientations;
 
     #[test]
     fn poses_keep_the_axis_of_their_orientation() {
-        let mut all = OrientationSet::parse("random:300:2").unwrap().orientations;
-        all.extend(OrientationSet::parse("so3:100").unwrap().orientations);
-        all.extend(OrientationSet::parse("grid:15").unwrap().orientations);
+        let mut all = orientations("random:300:2");
+        all.extend(orientations("so3:100"));
+        all.extend(orientations("grid:15"));
         for orientation in all {
             let pose = Pose::oriented(DVec3::new(1.0, 2.0, 3.0), &orientation);
             let axis = pose.axis().unwrap();
@@ -235,7 +235,7 @@ mod tests {
 
     #[test]
     fn no_point_moves_farther_than_is_said_and_the_axis_keeps_to_the_great_circle() {
-        let set = OrientationSet::parse("so3:40").unwrap().orientations;
+        let set = orientations("so3:40");
         let points = [DVec3::new(3.0, 0.0, 4.0), DVec3::new(0.0, -3.0, 0.0), DVec3::new(-1.0, 2.0, 4.5)];
         for (i, pair) in set.windows(2).enumerate() {
             let a = Pose::oriented(DVec3::splat(i as f64), &pair[0]);

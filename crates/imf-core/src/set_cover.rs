@@ -8,7 +8,7 @@ mod bits;
 mod bound;
 mod branches;
 mod groups;
-mod local;
+pub(crate) mod local;
 mod pairs;
 mod reduced;
 mod search;

@@ -6,9 +6,9 @@ use super::*;
 use crate::field::ExactField;
 use crate::grid::Grid;
 use crate::mesh::tests::unit_cube;
-use crate::orientation::{Orientation, OrientationSet};
+use crate::orientation::Orientation;
 use crate::pose::Pose;
-use crate::section::test_shapes::{arc, holds, line, revolved, walk};
+use crate::section::test_shapes::{arc, holds, line, orientations, revolved, walk};
 use crate::tool::{ElementKind, ToolShape};
 
 /// A slab with a groove, thin walls on it, and loose voxels.
@@ -74,8 +74,7 @@ fn elements_and_depths_are_those_of_trying_every_centre() {
     let ToolShape::Revolved(elements) = &tool.shape else { panic!() };
     let settings = CheckSettings { contact: 0.3, ..CheckSettings::of_pitch(grid.pitch, LengthUnit::Mm) };
     let (mut hits, mut spared) = ([0; 3], 0);
-    for (index, orientation) in OrientationSet::parse("random:60:9").unwrap().orientations.iter().enumerate()
-    {
+    for (index, orientation) in orientations("random:60:9").iter().enumerate() {
         let place = |step: f64| (index as f64 * step).fract() * 1.2 - 0.1;
         let tip = grid.origin + grid.size() * DVec3::new(place(0.618), place(0.755), place(0.57));
         let axis = orientation.direction();
@@ -122,10 +121,9 @@ fn no_shorter_translation_parts_tool_and_part_where_the_part_is_one_piece() {
     let part = Occupancy::of(grid, |voxel| voxel.iter().all(|v| (10..30).contains(v)));
     let tool = tool();
     let exact = ExactField::new(&part, &tool);
-    let ways = OrientationSet::parse("fibonacci:60").unwrap().orientations;
+    let ways = orientations("fibonacci:60");
     let strict = CheckSettings { contact: 0.0, ..CheckSettings::of_pitch(0.5, LengthUnit::Mm) };
-    for (index, orientation) in OrientationSet::parse("random:40:2").unwrap().orientations.iter().enumerate()
-    {
+    for (index, orientation) in orientations("random:40:2").iter().enumerate() {
         let place = |step: f64| (index as f64 * step).fract();
         let tip = grid.size() * DVec3::new(place(0.618), place(0.755), place(0.57));
         let axis = orientation.direction();

@@ -5,9 +5,8 @@ use glam::DVec3;
 use super::*;
 use crate::field::ExactField;
 use crate::grid::Grid;
-use crate::orientation::OrientationSet;
 use crate::scene::{Guarantee, PathGuarantee};
-use crate::section::test_shapes::revolved;
+use crate::section::test_shapes::{orientations, revolved};
 use crate::tool::{ElementKind, Segment, ToolShape};
 use crate::unit::LengthUnit;
 
@@ -294,7 +293,7 @@ fn the_mesh_itself_is_safe_between_poses_only_with_half_the_step_more() {
     assert_eq!(guarantee(needed).at_all_times, Guarantee::Mesh);
     assert!(!passes(needed, centre + out * near, across * 1.5));
     let mut free = 0;
-    for (index, way) in OrientationSet::parse("random:200:3").unwrap().orientations.iter().enumerate() {
+    for (index, way) in orientations("random:200:3").iter().enumerate() {
         let far = 1.9 + (index as f64 * 0.618).fract() * 0.8;
         let (middle, way) = (centre + out * far, way.direction() * 1.3);
         if passes(needed, middle, way) {

@@ -262,6 +262,7 @@ fn spread(line: &mut [u32]) {
 mod tests {
     use super::*;
     use crate::distance::tests::scattered;
+    use crate::set_cover::local::Numbers;
 
     #[test]
     fn after_any_changes_the_transform_is_the_one_made_anew() {
@@ -275,12 +276,8 @@ mod tests {
         ] {
             let mut obstacle = scattered(dims, one_in);
             let mut field = DistanceField::new(&obstacle);
-            let mut random = 12345_usize;
-            let mut next = |below: usize| {
-                random =
-                    random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-                (random >> 33) % below
-            };
+            let mut numbers = Numbers(12345);
+            let mut next = |below: usize| numbers.below(below);
             for step in 0..60 {
                 let before = field.clone();
                 // All go, and come back, at last.

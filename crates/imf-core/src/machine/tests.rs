@@ -4,7 +4,8 @@ use glam::{DMat4, DVec3};
 
 use super::motion::Ball;
 use super::*;
-use crate::orientation::{Orientation, OrientationSet};
+use crate::orientation::Orientation;
+use crate::section::test_shapes::orientations;
 
 pub(crate) const FREE: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
 
@@ -148,7 +149,7 @@ fn forward_is_what_matrices_say_and_linear_leads_back() {
 
 #[test]
 fn angles_give_the_direction_that_they_were_found_for() {
-    let directions = OrientationSet::parse("random:2000:5").unwrap().orientations;
+    let directions = orientations("random:2000:5");
     for machine in all() {
         let mut reached = 0;
         for direction in directions.iter().map(Orientation::direction) {
@@ -173,9 +174,7 @@ fn a_search_over_all_angles_finds_no_other_branch() {
             (0..).map(|i| low + f64::from(i) * step).take_while(|&v| v <= high + 1e-9).collect()
         };
         let (first, second) = (ticks(0), ticks(1));
-        for direction in
-            OrientationSet::parse("random:12:8").unwrap().orientations.iter().map(Orientation::direction)
-        {
+        for direction in orientations("random:12:8").iter().map(Orientation::direction) {
             let found = machine.inverse(direction).angles;
             for &a in &first {
                 for &b in &second {

@@ -189,14 +189,14 @@ mod tests {
 
     use super::super::OrientationSet;
     use super::*;
-    use crate::orientation::tests::set;
+    use crate::section::test_shapes::orientations;
 
     #[test]
     fn directions_are_the_rotation_matrices_of_the_convention() {
         for (name, tilt) in
             [("ac", DMat3::from_rotation_x as fn(f64) -> DMat3), ("bc", DMat3::from_rotation_y)]
         {
-            let made = set(&format!("{name}:-30:120:-50:170:6:5"));
+            let made = orientations(&format!("{name}:-30:120:-50:170:6:5"));
             assert_eq!(made.len(), 30);
             for (index, orientation) in made.iter().enumerate() {
                 let (i, j) = ((index / 5) as f64, (index % 5) as f64);
@@ -210,11 +210,11 @@ mod tests {
     #[test]
     fn a_whole_turn_leaves_out_its_end_and_one_sample_stands_in_the_middle() {
         let near = |o: Orientation, d: DVec3| (o.direction() - d).length() < 1e-12;
-        let around = set("bc:90:90:-360:360:1:4");
+        let around = orientations("bc:90:90:-360:360:1:4");
         let expected = [DVec3::X, DVec3::Y, DVec3::NEG_X, DVec3::NEG_Y];
         assert!(around.len() == 4 && around.iter().zip(expected).all(|(&o, d)| near(o, d)), "{around:?}");
         let turned = DMat3::from_rotation_z(45f64.to_radians()) * DMat3::from_rotation_y(30f64.to_radians());
-        let middle = set("bc:20:40:0:90:1:1");
+        let middle = orientations("bc:20:40:0:90:1:1");
         assert!(middle.len() == 1 && near(middle[0], turned * DVec3::Z), "{middle:?}");
     }
 
@@ -222,13 +222,16 @@ mod tests {
     fn what_the_axes_make_they_reach_and_what_lies_beyond_they_do_not() {
         for limits in ["ac:-30:120:-50:170", "bc:-10:95:20:21", "ac:5:30:350:380", "bc:-200:-170:0:90"] {
             let parsed = Limits::parse(limits).unwrap();
-            assert!(set(&format!("{limits}:7:9")).iter().all(|o| parsed.reach(o.direction())), "{limits}");
+            assert!(
+                orientations(&format!("{limits}:7:9")).iter().all(|o| parsed.reach(o.direction())),
+                "{limits}"
+            );
         }
         // Tilt to one side only, C within a quarter: brute force over fine angles is the definition.
         let limits = Limits::parse("ac:-20:70:0:90").unwrap();
-        let fine = set("ac:-20:70:0:90:181:181");
+        let fine = orientations("ac:-20:70:0:90:181:181");
         let within: Vec<_> =
-            set("fibonacci:600").into_iter().filter(|o| limits.reach(o.direction())).collect();
+            orientations("fibonacci:600").into_iter().filter(|o| limits.reach(o.direction())).collect();
         for o in &within {
             let near = fine.iter().map(|f| f.direction().angle_between(o.direction()));
             assert!(near.fold(f64::INFINITY, f64::min) < 0.7f64.to_radians(), "{o:?}");
@@ -255,7 +258,7 @@ mod tests {
         assert_eq!(cone.len(), 200);
         assert!(cone.orientations.iter().all(|o| o.direction().z <= 0.0));
         // A cone that has an opening adds nothing, not its axis either.
-        assert_eq!(set("within:cone:0,0,1:10@0,5"), [Orientation::new(0.0, 5.0)]);
+        assert_eq!(orientations("within:cone:0,0,1:10@0,5"), [Orientation::new(0.0, 5.0)]);
         let outside = OrientationSet::parse("within:cone:0,0,1:10@0,90").unwrap_err().to_string();
         assert!(outside.contains("none of its 1 orientations is within cone:0,0,1:10"), "{outside}");
         let none = OrientationSet::parse("0,170").unwrap().within(&limits).unwrap_err().to_string();
@@ -264,7 +267,7 @@ mod tests {
 
     #[test]
     fn a_fixed_axis_is_found_whatever_the_set() {
-        let within = |limits: &str| set(&format!("within:{limits}@fibonacci:225"));
+        let within = |limits: &str| orientations(&format!("within:{limits}@fibonacci:225"));
         let upright = [Orientation::new(0.0, 0.0)];
         assert_eq!(within("cone:0,0,1:0"), upright);
         assert_eq!(within("ac:0:0:0:0"), upright);

@@ -301,18 +301,19 @@ fn angle_pair(theta: f64, phi: f64, roll: f64) -> Result<Orientation, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::orientation::tests::set;
+    use crate::section::test_shapes::orientations;
 
     #[test]
     fn the_papers_grid_holds_its_out_of_sample_pair_at_30_only() {
-        let contains = |n: usize| set(&format!("grid:{n}")).iter().any(|o| o.theta == 12.0 && o.phi == 6.0);
-        assert_eq!(set("grid:15").len(), 225);
+        let contains =
+            |n: usize| orientations(&format!("grid:{n}")).iter().any(|o| o.theta == 12.0 && o.phi == 6.0);
+        assert_eq!(orientations("grid:15").len(), 225);
         assert!(!contains(15) && contains(30));
     }
 
     #[test]
     fn lists_and_files_are_read_and_their_errors_name_the_line() {
-        assert_eq!(set("0,0;12,6")[1], Orientation::new(12.0, 6.0));
+        assert_eq!(orientations("0,0;12,6")[1], Orientation::new(12.0, 6.0));
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("axes.csv");
         let read = |text: &str| {
@@ -328,8 +329,8 @@ mod tests {
 
     #[test]
     fn joined_sets_keep_their_order_and_drop_what_has_come_before() {
-        let lone = set("fibonacci:50");
-        let both = set("axes+0,0;90,90;10,20+fibonacci:50");
+        let lone = orientations("fibonacci:50");
+        let both = orientations("axes+0,0;90,90;10,20+fibonacci:50");
         assert_eq!(both[0].direction(), DVec3::Z);
         assert_eq!(both[6], Orientation::new(10.0, 20.0));
         assert_eq!(both[7..], lone);
@@ -338,11 +339,11 @@ mod tests {
         let path = folder.path().join("a+b.csv");
         std::fs::write(&path, "theta,phi,roll\n0,0,90\n0,0.01,0\n0,0,359.99\n").unwrap();
         let path = path.to_str().unwrap();
-        assert_eq!(set(path).len(), 3);
+        assert_eq!(orientations(path).len(), 3);
         std::fs::rename(path, folder.path().join("ab.csv")).unwrap();
-        let rolled = set(&format!("axes+{}", folder.path().join("ab.csv").display()));
+        let rolled = orientations(&format!("axes+{}", folder.path().join("ab.csv").display()));
         assert_eq!((rolled.len(), rolled[6].roll), (7, 90.0));
-        assert_eq!(set("so3:40+axes").len(), 46);
+        assert_eq!(orientations("so3:40+axes").len(), 46);
     }
 
     #[test]

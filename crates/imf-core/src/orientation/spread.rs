@@ -66,26 +66,27 @@ pub(super) fn super_fibonacci(n: usize) -> Vec<Orientation> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::orientation::tests::set;
+    use crate::section::test_shapes::orientations;
 
     #[test]
     fn spirals_and_random_sets_are_balanced() {
         for spec in ["fibonacci:1000", "random:100000:1"] {
-            let mean: DVec3 =
-                set(spec).iter().map(Orientation::direction).sum::<DVec3>() / set(spec).len() as f64;
+            let mean: DVec3 = orientations(spec).iter().map(Orientation::direction).sum::<DVec3>()
+                / orientations(spec).len() as f64;
             assert!(mean.length() < 0.01, "{spec}: {mean}");
         }
-        assert_eq!(set("random:9:4"), set("random:9:4"));
-        assert_ne!(set("random:9:4"), set("random:9:5"));
+        assert_eq!(orientations("random:9:4"), orientations("random:9:4"));
+        assert_ne!(orientations("random:9:4"), orientations("random:9:5"));
         // The mean of uniform rotations is the zero matrix.
-        let mean = set("so3:4000").iter().fold(DMat3::ZERO, |sum, o| sum + o.rotation()) * (1.0 / 4000.0);
+        let mean =
+            orientations("so3:4000").iter().fold(DMat3::ZERO, |sum, o| sum + o.rotation()) * (1.0 / 4000.0);
         assert!(mean.to_cols_array().iter().all(|v| v.abs() < 0.01), "{mean:?}");
     }
 
     #[test]
     fn a_cone_stays_within_its_angle() {
         let axis = DVec3::new(1.0, -2.0, 0.5).normalize();
-        let cone = set("cone:1,-2,0.5:25:300");
+        let cone = orientations("cone:1,-2,0.5:25:300");
         assert!(cone.len() == 300 && cone[0].direction().distance(axis) < 1e-12);
         for o in cone {
             assert!(o.direction().dot(axis) >= 25f64.to_radians().cos() - 1e-12);

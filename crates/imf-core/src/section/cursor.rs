@@ -79,10 +79,9 @@ impl SectionCursor {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::orientation::OrientationSet;
     use crate::parts::ReferencePart;
     use crate::scene::SceneSpec;
-    use crate::section::test_shapes::counts;
+    use crate::section::test_shapes::{counts, orientations};
     use crate::section::{Method, ToolPoints};
     use crate::tool::Tool;
 
@@ -95,8 +94,8 @@ mod tests {
         let bodies = spec.bodies(&scene.record.grid).unwrap();
         let touching = scene.clone().with_contact(&bodies, 2.0 * scene.record.grid.pitch);
         // Along the axes and aslant, with every axis of steps among them.
-        let mut set = OrientationSet::parse("fibonacci:40").unwrap().orientations;
-        set.extend(OrientationSet::parse("0,0;0,180;0,90;180,90;90,90;270,90").unwrap().orientations);
+        let mut set = orientations("fibonacci:40");
+        set.extend(orientations("0,0;0,180;0,90;180,90;90,90;270,90"));
         for (scene, has_layer) in [(scene, false), (touching, true)] {
             let plan = SectionPlan::of_scene(&scene, ToolPoints::Tip).unwrap().with_method(Method::RunLength);
             assert_eq!((plan.has_cursor(), plan.has_layer()), (true, has_layer));

@@ -263,8 +263,7 @@ pub(super) fn line_through_cylinder(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::orientation::OrientationSet;
-    use crate::section::test_shapes::{arc, line, revolved};
+    use crate::section::test_shapes::{arc, line, orientations, revolved};
     use crate::tool::ElementKind;
 
     /// Every voxel of a generous box tested against the definition.
@@ -301,8 +300,8 @@ mod tests {
             Segment::cylinder(20.0, 31.0, 13.0),
         ];
         let waisted = revolved([(ElementKind::Cutter, profile)]);
-        let mut set = OrientationSet::parse("random:12:3").unwrap().orientations;
-        set.extend(OrientationSet::parse("0,0;0,90;90,90;0,180;45,90;0,45").unwrap().orientations);
+        let mut set = orientations("random:12:3");
+        set.extend(orientations("0,0;0,90;90,90;0,180;45,90;0,45"));
         for (tool, pitch) in [(&paper, 3.1), (&waisted, 1.0)] {
             for orientation in &set {
                 let rotated = ToolVoxels::new(tool, orientation, pitch).unwrap();

@@ -131,7 +131,7 @@ mod tests {
     use super::*;
     use glam::DMat4;
 
-    use crate::orientation::OrientationSet;
+    use crate::section::test_shapes::orientations;
 
     /// A box whose faces lie on voxel centres when it is upright, with the tip on its lowest.
     fn tool() -> Tool {
@@ -148,8 +148,8 @@ mod tests {
     fn at_voxel_centres_a_mesh_counts_as_the_rotated_tool_also_at_ties() {
         let (tool, obstacle) = (tool(), obstacle());
         let grid = obstacle.grid;
-        let mut set = OrientationSet::parse("0,0;90,90;0,180;0,90;45,90").unwrap().orientations;
-        set.extend(OrientationSet::parse("so3:6").unwrap().orientations);
+        let mut set = orientations("0,0;90,90;0,180;0,90;45,90");
+        set.extend(orientations("so3:6"));
         let inside = [[5, 4, 6], [0, 0, 0], [10, 8, 12], [3, 7, 1]];
         let outside = [[-4, 2, 15], [40, 0, 0], [10, 8, 15], [5, 4, -50]];
         let tips: Vec<[i64; 3]> = inside.into_iter().chain(outside).collect();
@@ -177,7 +177,7 @@ mod tests {
     fn a_mesh_whose_faces_lie_on_voxel_centres_is_as_large_at_all_cube_rotations() {
         let tool = tool();
         for direction in ["0,0", "0,90", "90,90", "180,90", "270,90", "0,180"] {
-            let [straight] = OrientationSet::parse(direction).unwrap().orientations[..] else { panic!() };
+            let [straight] = orientations(direction)[..] else { panic!() };
             for roll in [0.0, 90.0, 180.0, 270.0] {
                 let rotated = ToolVoxels::new(&tool, &Orientation { roll, ..straight }, 1.0).unwrap();
                 // Of each pair of faces one counts: the tip's among them.
@@ -191,7 +191,7 @@ mod tests {
     fn off_the_grid_a_mesh_holds_what_its_winding_number_says() {
         let (tool, obstacle) = (tool(), obstacle());
         let (grid, ToolShape::Mesh(mesh)) = (obstacle.grid, &tool.shape) else { panic!("a mesh") };
-        for (index, orientation) in OrientationSet::parse("so3:20").unwrap().orientations.iter().enumerate() {
+        for (index, orientation) in orientations("so3:20").iter().enumerate() {
             let part = |step: f64| (index as f64 * step).fract() * 1.4 - 0.2;
             let tip = grid.origin + DVec3::new(part(0.618), part(0.755), part(0.57)) * grid.size();
             let turned = mesh.transformed(&DMat4::from_mat3(orientation.rotation()));

@@ -2,11 +2,10 @@
 
 use glam::DVec3;
 
-use super::tests::{poses, tool, world};
+use super::tests::{bracket_scene, poses, tool, world};
 use super::*;
 use crate::machine::tests::{head_and_table, trunnion};
 use crate::machine::{Joints, MachineMotion};
-use crate::parts::ReferencePart;
 use crate::scene::Scene;
 use crate::tool::Clearance;
 
@@ -20,10 +19,6 @@ fn between(a: &Pose, b: &Pose, time: f64) -> Pose {
         (from * ((1.0 - time) * angle).sin() + to * (time * angle).sin()) / angle.sin()
     };
     Pose::along(a.position.lerp(b.position, time), axis)
-}
-
-fn bracket() -> Scene {
-    Scene::builder().reference(ReferencePart::Bracket).dims([12, 36, 22]).build().unwrap().scene
 }
 
 /// In and around a scene's grid.
@@ -59,7 +54,7 @@ fn agrees(checker: &Checker, result: &MotionResult, steps: usize, pose: &dyn Fn(
 
 #[test]
 fn motions_agree_with_dense_exact_checks() {
-    let scene = bracket();
+    let scene = bracket_scene([12, 36, 22]);
     let checkers = [
         (Checker::of_scene(&scene, &Clearance::default()).unwrap(), around(&scene, 600, 21)),
         (world().checker(&tool(), &Clearance::default()).unwrap(), poses(500, 22, 50.0)),
@@ -131,7 +126,7 @@ fn motions_that_graze_are_answered_to_the_resolution() {
 
 #[test]
 fn motions_keep_the_clearance_that_the_checker_keeps() {
-    let scene = bracket();
+    let scene = bracket_scene([12, 36, 22]);
     let room = 1.5 * scene.record.grid.pitch;
     let kept = Clearance { holder: room, shank: room, cutter: room };
     let [bare, keeping] = [Clearance::default(), kept].map(|room| Checker::of_scene(&scene, &room).unwrap());
@@ -149,7 +144,7 @@ fn motions_keep_the_clearance_that_the_checker_keeps() {
 
 #[test]
 fn motions_without_an_answer_say_why_even_at_the_end_of_numbers() {
-    let scene = bracket();
+    let scene = bracket_scene([12, 36, 22]);
     let checker = Checker::of_scene(&scene, &Clearance::default()).unwrap();
     let check = |a: &Pose, b: &Pose| checker.check_motion(a, b, &MotionOptions::default());
     let far = Pose::along(DVec3::splat(1e4), DVec3::Z);

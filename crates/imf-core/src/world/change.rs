@@ -68,11 +68,10 @@ mod tests {
     use super::*;
     use crate::field::Decision;
     use crate::occupancy::Occupancy;
-    use crate::parts::ReferencePart;
     use crate::pose::Pose;
-    use crate::scene::Scene;
     use crate::section::test_shapes::number;
     use crate::tool::{Clearance, Tool};
+    use crate::world::tests::bracket_scene;
     use crate::world::{HERE, MotionOptions};
 
     fn poses(random: &mut ChaCha8Rng, world: &World, id: ObstacleId, count: usize) -> Vec<Pose> {
@@ -85,8 +84,7 @@ mod tests {
 
     #[test]
     fn after_any_changes_all_answers_are_those_of_an_obstacle_made_anew() {
-        let scene =
-            Scene::builder().reference(ReferencePart::Bracket).dims([14, 41, 25]).build().unwrap().scene;
+        let scene = bracket_scene([14, 41, 25]);
         let mut random = ChaCha8Rng::seed_from_u64(7);
         // Of a part of which the cutter may enter a layer, and of one that is forbidden as a whole.
         for layer in [true, false] {
@@ -176,13 +174,7 @@ mod tests {
     #[test]
     fn what_cannot_be_changed_is_refused_and_nothing_is() {
         let mut world = World::builder().allow_coarse(true).build().unwrap();
-        let scene = Scene::builder()
-            .reference(ReferencePart::Bracket)
-            .dims([7, 20, 12])
-            .allow_coarse(true)
-            .build()
-            .unwrap()
-            .scene;
+        let scene = bracket_scene([7, 20, 12]);
         let id = world.add_voxels("part", &scene, HERE).unwrap();
         let before = world.obstacle(id).unwrap().clone();
         let of = |error: Result<(), WorldError>| error.unwrap_err().to_string();

@@ -6,8 +6,8 @@ use super::adversary_truth::Case;
 use super::tests::{poses, tool, world, world_of};
 use super::*;
 use crate::mesh::Mesh;
-use crate::orientation::{Orientation, OrientationSet};
-use crate::section::test_shapes::{arc, cylinder, revolved};
+use crate::orientation::Orientation;
+use crate::section::test_shapes::{arc, cylinder, orientations, revolved};
 use crate::tool::{ElementKind, ToolShape};
 
 #[test]
@@ -78,7 +78,7 @@ fn distances_of_a_cylinder_from_a_box_are_closed_forms() {
 fn depths_lie_between_a_bound_and_a_translation_that_frees() {
     let (world, tool) = (world(), tool());
     let checker = world.checker(&tool, &Clearance::default()).unwrap();
-    let ways = OrientationSet::parse("fibonacci:40").unwrap().orientations;
+    let ways = orientations("fibonacci:40");
     let ways: Vec<DVec3> = ways.iter().map(Orientation::direction).collect();
     let mut colliding = 0;
     for pose in poses(300, 32, 40.0).into_iter().filter(|pose| !checker.is_free(pose)) {

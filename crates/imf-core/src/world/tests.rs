@@ -7,10 +7,9 @@ use rand_chacha::ChaCha8Rng;
 use super::*;
 use crate::field::Decision;
 use crate::mesh::Mesh;
-use crate::orientation::OrientationSet;
 use crate::parts::ReferencePart;
 use crate::scene::Scene;
-use crate::section::test_shapes::{line, number, revolved};
+use crate::section::test_shapes::{line, number, orientations, revolved};
 use crate::tool::{ElementKind, ToolShape};
 
 /// A cutter, a wider shank and a holder.
@@ -25,12 +24,17 @@ pub(super) fn tool() -> Tool {
 /// Poses around the origin.
 pub(super) fn poses(count: usize, seed: u64, spread: f64) -> Vec<Pose> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let set = OrientationSet::parse(&format!("random:{count}:{seed}")).unwrap().orientations;
+    let set = orientations(&format!("random:{count}:{seed}"));
     let pose = |orientation| {
         let at = DVec3::new(number(&mut random), number(&mut random), number(&mut random)) - 0.5;
         Pose::oriented(2.0 * spread * at, orientation)
     };
     set.iter().map(pose).collect()
+}
+
+pub(super) fn bracket_scene(dims: [usize; 3]) -> Scene {
+    let builder = Scene::builder().reference(ReferencePart::Bracket).dims(dims);
+    builder.allow_coarse(true).build().unwrap().scene
 }
 
 /// An L of two boxes.
@@ -235,7 +239,7 @@ fn the_cutter_may_enter_as_deep_as_an_obstacle_allows() {
 
 #[test]
 fn a_scenes_checker_counts_its_part_and_its_tool() {
-    let scene = Scene::builder().reference(ReferencePart::Bracket).dims([12, 36, 22]).build().unwrap().scene;
+    let scene = bracket_scene([12, 36, 22]);
     let room = Clearance::around_holder_and_shank(2.0);
     let checker = Checker::of_scene(&scene, &room).unwrap();
     let assembly = scene.record.bare_tool().offset(&room).unwrap();

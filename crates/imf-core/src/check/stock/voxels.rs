@@ -223,18 +223,15 @@ impl<F: FnMut(usize, u64)> LineVisitor for StockRemover<'_, F> {
 mod tests {
     use super::*;
     use crate::section::test_shapes::scattered;
+    use crate::set_cover::local::Numbers;
 
     #[test]
     fn after_any_removals_the_stock_is_what_is_made_anew_of_the_rest() {
         for dims in [[9, 10, 131], [4, 7, 64], [5, 5, 3]] {
             let mut rest = scattered(dims, 3);
             let mut stock = StockVoxels::new(&rest);
-            let mut random = 12345_usize;
-            let mut next = |below: usize| {
-                random =
-                    random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-                (random >> 33) % below
-            };
+            let mut numbers = Numbers(12345);
+            let mut next = |below: usize| numbers.below(below);
             for step in 0..400 {
                 let (x, y) = (next(dims[0]), next(dims[1]));
                 let from = next(dims[2]);

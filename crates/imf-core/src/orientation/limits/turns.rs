@@ -95,7 +95,7 @@ mod tests {
 
     use super::*;
     use crate::orientation::Orientation;
-    use crate::orientation::tests::set;
+    use crate::section::test_shapes::orientations;
 
     #[test]
     fn turns_are_those_with_which_the_direction_is_reached() {
@@ -110,7 +110,7 @@ mod tests {
         ] {
             let limits = Limits::parse(text).unwrap();
             let mut partial = 0;
-            for direction in set("axes+20,30+fibonacci:200").iter().map(Orientation::direction) {
+            for direction in orientations("axes+20,30+fibonacci:200").iter().map(Orientation::direction) {
                 let turns = limits.turns(direction);
                 partial += usize::from(turns.iter().any(|turn| *turn != WHOLE));
                 for degrees in (0..720).map(|half| 0.5 * f64::from(half) + 0.1) {
@@ -141,7 +141,7 @@ mod tests {
                 let held = |[a, c]: [f64; 2]| holds(tilt, a) && (flat || holds(turn, c));
                 branches(tilting, direction).into_iter().any(held)
             };
-            for direction in set("axes+fibonacci:300").iter().map(Orientation::direction) {
+            for direction in orientations("axes+fibonacci:300").iter().map(Orientation::direction) {
                 let angles = limits.angles(direction, SLACK);
                 assert_eq!(angles.is_some(), limits.reach(direction), "{text} {direction}");
                 assert_eq!(angles.is_some(), by_definition(direction), "{text} {direction}");
