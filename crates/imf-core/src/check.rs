@@ -146,6 +146,14 @@ pub struct CheckBodies<'a> {
     pub machine: Option<&'a MachineBodies>,
 }
 
+impl<'a> CheckBodies<'a> {
+    /// A part, with nothing else given.
+    #[must_use]
+    pub fn of_part(part: &'a Occupancy) -> Self {
+        Self { part, by_centres: None, fixtures: &[], surfaces: &[], machine: None }
+    }
+}
+
 /// Checks every motion of a toolpath on all threads of the current pool. One unit of progress is one location.
 ///
 /// `tools` are one tool without a number, for a path of one tool, or tools by number, each of which checks its own stretches;

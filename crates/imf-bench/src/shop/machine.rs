@@ -107,11 +107,9 @@ impl Work {
 
     fn check(&self, path: &Toolpath) -> Result<CheckReport> {
         let bodies = CheckBodies {
-            part: &self.part,
-            by_centres: None,
-            fixtures: &[],
             surfaces: &[&self.mesh],
             machine: Some(&self.machine),
+            ..CheckBodies::of_part(&self.part)
         };
         let settings = CheckSettings::of_pitch(PITCH, LengthUnit::Mm);
         let check = || check_toolpath(bodies, &[(None, &self.tool)], path, &settings, Control::quiet());

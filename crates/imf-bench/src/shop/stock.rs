@@ -102,7 +102,7 @@ fn row(path: &'static str, tool: &Tool, points: &[(DVec3, DVec3)]) -> Result<Row
         text += &format!("{},{},{},{},{},{}\n", tip.x, tip.y, tip.z, axis.x, axis.y, axis.z);
     }
     let toolpath = Toolpath::parse(&text, LengthUnit::Mm, "path.csv")?;
-    let bodies = CheckBodies { part: &part, by_centres: None, fixtures: &[], surfaces: &[], machine: None };
+    let bodies = CheckBodies::of_part(&part);
     let settings = CheckSettings::of_pitch(PITCH, LengthUnit::Mm);
     let times = Mutex::new(vec![Instant::now()]);
     let progress = |_| {

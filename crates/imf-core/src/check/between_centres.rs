@@ -6,8 +6,8 @@ use rand_chacha::ChaCha8Rng;
 
 use super::elements::{Body, Elements};
 use super::motions::motions;
+use super::tests::{check_text, pose_lines};
 use super::*;
-use crate::control::Control;
 use crate::grid::Grid;
 use crate::mesh::points_at_pitch;
 use crate::section::test_shapes::{arc, holds, line, number, revolved};
@@ -74,22 +74,9 @@ impl Hit {
     fn check(&self, tool: &Tool, text: &str, settings: &CheckSettings) -> CheckReport {
         let surfaces: Vec<&Mesh> = self.meshes.iter().collect();
         let Self { part, fixtures, .. } = self;
-        check_path(
-            CheckBodies { part, by_centres: None, fixtures, surfaces: &surfaces, machine: None },
-            tool,
-            text,
-            settings,
-        )
+        let bodies = CheckBodies { fixtures, surfaces: &surfaces, ..CheckBodies::of_part(part) };
+        check_text(bodies, tool, text, settings).unwrap()
     }
-}
-
-fn check_path(bodies: CheckBodies<'_>, tool: &Tool, text: &str, settings: &CheckSettings) -> CheckReport {
-    let path = Toolpath::parse(text, LengthUnit::Mm, "path").unwrap();
-    check_toolpath(bodies, &[(None, tool)], &path, settings, Control::quiet()).unwrap()
-}
-
-fn pose_line(tip: DVec3, axis: DVec3) -> String {
-    format!("{},{},{},{},{},{}\n", tip.x, tip.y, tip.z, axis.x, axis.y, axis.z)
 }
 
 #[test]
@@ -105,10 +92,10 @@ fn among_conservative_voxels_a_cutter_meets_the_part_as_among_its_centres() {
     for (tool, case) in cutters().iter().flat_map(|tool| (0..40).map(move |case| (tool, case))) {
         let depth = 0.03 * f64::from(case) - 0.4;
         let tip = top + up * (20.0 - depth - lowest(tool, up, up));
-        let text = format!("x,y,z,i,j,k\n{}", pose_line(tip, up));
+        let text = pose_lines(&[(tip, up)]);
         let of = |part, by_centres| {
-            let bodies = CheckBodies { part, by_centres, fixtures: &[], surfaces: &[&mesh], machine: None };
-            let found = check_path(bodies, tool, &text, &settings);
+            let bodies = CheckBodies { by_centres, surfaces: &[&mesh], ..CheckBodies::of_part(part) };
+            let found = check_text(bodies, tool, &text, &settings).unwrap();
             let cutters = found.colliding.iter().flat_map(|line| line.collisions.clone());
             cutters.filter(|hit| hit.element == "cutter").map(|hit| hit.depth).collect::<Vec<_>>()
         };
@@ -140,7 +127,7 @@ fn what_enters_a_surface_is_told_from_the_depth_on_that_is_certain_and_a_cutter_
             let axis = (up * (1.0 - tilt) + around.normalize() * tilt).normalize();
             let at = |depth: f64| touched - up * (depth + lowest(tool, axis, up));
             let run = |depth: f64| {
-                let text = format!("x,y,z,i,j,k\n{}", pose_line(at(depth), axis));
+                let text = pose_lines(&[(at(depth), axis)]);
                 bodies.check(tool, &text, &settings)
             };
             // A fixture's centres are hit at any depth.
@@ -173,8 +160,7 @@ fn a_cutter_collides_where_a_centre_or_a_point_of_the_surface_is_deep_in_it() {
     for tool in &cutters() {
         let pitch = 0.8 + number(&mut random);
         let (mesh, place, solid) = block(&mut random, pitch);
-        let bodies =
-            CheckBodies { part: &solid, by_centres: None, fixtures: &[], surfaces: &[&mesh], machine: None };
+        let bodies = CheckBodies { surfaces: &[&mesh], ..CheckBodies::of_part(&solid) };
         let settings = CheckSettings { contact: 0.2, ..CheckSettings::of_pitch(pitch, LengthUnit::Mm) };
         let points = points_at_pitch(&mesh, pitch).0;
         let (cutter, exposed) = tool.cutter().unwrap();
@@ -200,8 +186,8 @@ fn a_cutter_collides_where_a_centre_or_a_point_of_the_surface_is_deep_in_it() {
             if (depth - settings.contact).abs() < 0.01 {
                 continue;
             }
-            let text = format!("x,y,z,i,j,k\n{}", pose_line(tip, axis));
-            let found = check_path(bodies, tool, &text, &settings);
+            let text = pose_lines(&[(tip, axis)]);
+            let found = check_text(bodies, tool, &text, &settings).unwrap();
             assert_eq!(!found.colliding.is_empty(), depth > settings.contact, "{case} {depth} {of_points}");
             if let Some(line) = found.colliding.first() {
                 hits += 1;
@@ -238,7 +224,7 @@ fn shank_and_holder_collide_where_they_hold_a_centre_or_a_point_deeper_than_the_
             let axis = place.transform_vector3(DVec3::new(way(), way(), 0.3 * way())).normalize();
             // Above the top, beyond its edges too.
             let tip = place.transform_point3(DVec3::new(24.0 * way(), 24.0 * way(), 25.5 + 3.5 * way()));
-            let text = format!("x,y,z,i,j,k\n{}", pose_line(tip, axis));
+            let text = pose_lines(&[(tip, axis)]);
             let found = bodies.check(&tool, &text, &settings);
             let found: Vec<_> = found.colliding.iter().flat_map(|line| &line.collisions).collect();
             for element in elements.iter().filter(|own| !(is_part && own.kind == ElementKind::Cutter)) {
@@ -282,12 +268,10 @@ fn no_pose_of_a_motion_is_skipped_at_which_the_cutter_holds_a_point_of_the_surfa
             let mut way = || 2.0 * number(&mut random) - 1.0;
             let mut pose = || {
                 let axis = DVec3::new(way(), way(), 1.0).normalize();
-                pose_line(
-                    place.transform_point3(DVec3::new(26.0 * way(), 26.0 * way(), 22.0 + 3.0 * way())),
-                    axis,
-                )
+                let tip = DVec3::new(26.0 * way(), 26.0 * way(), 22.0 + 3.0 * way());
+                (place.transform_point3(tip), axis)
             };
-            let text = format!("x,y,z,i,j,k\n{}{}", pose(), pose());
+            let text = pose_lines(&[pose(), pose()]);
             let path = Toolpath::parse(&text, LengthUnit::Mm, "path").unwrap();
             for motion in motions(&path, &[(None, tool)], &settings, None).unwrap() {
                 let poses = motion.poses().filter(|(_, pose)| elements.any(pose)).count() as u64;

@@ -196,7 +196,7 @@ fn check_path(
     path: &Toolpath,
     settings: &CheckSettings,
 ) -> Result<CheckReport, CheckError> {
-    let bodies = CheckBodies { part, by_centres: None, fixtures: &[], surfaces: &[], machine: Some(bodies) };
+    let bodies = CheckBodies { machine: Some(bodies), ..CheckBodies::of_part(part) };
     check_toolpath(bodies, &[(None, &tool())], path, settings, Control::quiet())
 }
 

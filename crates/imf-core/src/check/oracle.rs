@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::tests::{check_text, pose_lines};
 use super::*;
 use crate::field::ExactField;
 use crate::grid::Grid;
@@ -30,22 +31,6 @@ fn tool() -> Tool {
     ])
 }
 
-/// A path of one pose.
-fn pose_line(tip: DVec3, axis: DVec3) -> String {
-    format!("x,y,z,i,j,k\n{},{},{},{},{},{}\n", tip.x, tip.y, tip.z, axis.x, axis.y, axis.z)
-}
-
-fn check_text(
-    part: &Occupancy,
-    tool: &Tool,
-    text: &str,
-    settings: &CheckSettings,
-) -> Result<CheckReport, CheckError> {
-    let bodies = CheckBodies { part, by_centres: None, fixtures: &[], surfaces: &[], machine: None };
-    let path = Toolpath::parse(text, LengthUnit::Mm, "path").unwrap();
-    check_toolpath(bodies, &[(None, tool)], &path, settings, Control::quiet())
-}
-
 /// From every solid centre to the nearest empty one, less half a pitch.
 fn below_surface(part: &Occupancy) -> Vec<f64> {
     let grid = &part.grid;
@@ -70,7 +55,7 @@ fn below_surface(part: &Occupancy) -> Vec<f64> {
 fn elements_and_depths_are_those_of_trying_every_centre() {
     let (part, tool) = (part(), tool());
     let grid = part.grid;
-    let below = below_surface(&part);
+    let (bodies, below) = (CheckBodies::of_part(&part), below_surface(&part));
     let ToolShape::Revolved(elements) = &tool.shape else { panic!() };
     let settings = CheckSettings { contact: 0.3, ..CheckSettings::of_pitch(grid.pitch, LengthUnit::Mm) };
     let (mut hits, mut spared) = ([0; 3], 0);
@@ -78,7 +63,7 @@ fn elements_and_depths_are_those_of_trying_every_centre() {
         let place = |step: f64| (index as f64 * step).fract() * 1.2 - 0.1;
         let tip = grid.origin + grid.size() * DVec3::new(place(0.618), place(0.755), place(0.57));
         let axis = orientation.direction();
-        let report = check_text(&part, &tool, &pose_line(tip, axis), &settings).unwrap();
+        let report = check_text(bodies, &tool, &pose_lines(&[(tip, axis)]), &settings).unwrap();
         let found = report.colliding.first().map_or(&[][..], |line| &line.collisions);
         for (which, element) in elements.iter().enumerate() {
             let cutter = element.kind == ElementKind::Cutter;
@@ -119,7 +104,7 @@ fn no_shorter_translation_parts_tool_and_part_where_the_part_is_one_piece() {
     // A block with room around it; depths are known to half a pitch.
     let grid = Grid { origin: DVec3::ZERO, pitch: 0.5, dims: [40; 3] };
     let part = Occupancy::of(grid, |voxel| voxel.iter().all(|v| (10..30).contains(v)));
-    let tool = tool();
+    let (bodies, tool) = (CheckBodies::of_part(&part), tool());
     let exact = ExactField::new(&part, &tool);
     let ways = orientations("fibonacci:60");
     let strict = CheckSettings { contact: 0.0, ..CheckSettings::of_pitch(0.5, LengthUnit::Mm) };
@@ -127,7 +112,7 @@ fn no_shorter_translation_parts_tool_and_part_where_the_part_is_one_piece() {
         let place = |step: f64| (index as f64 * step).fract();
         let tip = grid.size() * DVec3::new(place(0.618), place(0.755), place(0.57));
         let axis = orientation.direction();
-        let report = check_text(&part, &tool, &pose_line(tip, axis), &strict).unwrap();
+        let report = check_text(bodies, &tool, &pose_lines(&[(tip, axis)]), &strict).unwrap();
         let Some((_, worst)) = report.worst().first().copied() else { continue };
         for way in &ways {
             let moved = tip + way.direction() * (worst.depth - 0.5 * grid.pitch - 0.87 * grid.pitch).max(0.0);
@@ -148,7 +133,7 @@ fn rolls_count_for_tools_that_are_not_round_as_in_the_exact_field() {
     let (part, tool) = (part(), angled_head());
     let exact = ExactField::new(&part, &tool);
     let settings = CheckSettings::of_pitch(part.grid.pitch, LengthUnit::Mm);
-    let run = |text: &str| check_text(&part, &tool, text, &settings);
+    let run = |text: &str| check_text(CheckBodies::of_part(&part), &tool, text, &settings);
     let mut counts = Vec::new();
     for (axis, theta, phi) in [("0,0,1", 0.0, 0.0), ("0,1,0", 90.0, 90.0), ("-1,0,1", 180.0, 45.0)] {
         for roll in [0.0, 90.0, 180.0, 270.0] {
@@ -178,7 +163,7 @@ fn a_motion_over_the_pole_does_not_turn_a_head_about_its_own_axis() {
     let tool = angled_head();
     let part = Occupancy::empty(Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [4; 3] });
     let settings = CheckSettings { step: 0.01, ..CheckSettings::of_pitch(1.0, LengthUnit::Mm) };
-    let run = |text: &str| check_text(&part, &tool, text, &settings).unwrap().poses;
+    let run = |text: &str| check_text(CheckBodies::of_part(&part), &tool, text, &settings).unwrap().poses;
     // θ jumps from 180° to 0°; the roll that goes with it leaves the head as it is.
     let tilt = 0.04_f64 * tool.reach() / settings.step;
     let poses = run("x,y,z,i,j,k,roll\n0,0,9,-.02,0,1,180\n0,0,9,.02,0,1,0\n") as f64;

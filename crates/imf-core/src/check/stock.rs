@@ -143,7 +143,7 @@ impl StockReport {
 /// let grid = Grid { origin: DVec3::splat(-20.0), pitch: 1.0, dims: [40, 40, 20] };
 /// let stock = Occupancy { grid, solid: vec![1; grid.len()] };
 /// let part = Occupancy { grid, solid: vec![0; grid.len()] };
-/// let bodies = CheckBodies { part: &part, by_centres: None, fixtures: &[], surfaces: &[], machine: None };
+/// let bodies = CheckBodies::of_part(&part);
 /// let path = Toolpath::parse("x,y,z\n-30,0,-5\n30,0,-5\n", LengthUnit::Mm, "path.csv")?;
 /// let settings = CheckSettings::of_pitch(1.0, LengthUnit::Mm);
 /// let report = check_stock(bodies, &stock, &[(None, &Tool::paper())], &path, &settings, Control::quiet())?;

@@ -34,6 +34,25 @@ fn path(text: &str) -> Toolpath {
     Toolpath::parse(&format!("{names}\n{text}"), LengthUnit::Mm, "path").unwrap()
 }
 
+/// A path of a tip and an axis on each line.
+pub(super) fn pose_lines(poses: &[(DVec3, DVec3)]) -> String {
+    let line = |(tip, axis): &(DVec3, DVec3)| {
+        format!("{},{},{},{},{},{}\n", tip.x, tip.y, tip.z, axis.x, axis.y, axis.z)
+    };
+    format!("x,y,z,i,j,k\n{}", poses.iter().map(line).collect::<String>())
+}
+
+/// Checks a path of one tool.
+pub(super) fn check_text(
+    bodies: CheckBodies<'_>,
+    tool: &Tool,
+    text: &str,
+    settings: &CheckSettings,
+) -> Result<CheckReport, CheckError> {
+    let path = Toolpath::parse(text, LengthUnit::Mm, "path").unwrap();
+    check_toolpath(bodies, &[(None, tool)], &path, settings, Control::quiet())
+}
+
 fn usual() -> CheckSettings {
     CheckSettings::of_pitch(1.0, LengthUnit::Mm)
 }
@@ -44,8 +63,8 @@ fn check_with(
     settings: &CheckSettings,
 ) -> Result<CheckReport, CheckError> {
     let fixtures: Vec<_> = fixture.map(|post| ("post".to_owned(), post.clone())).into_iter().collect();
-    let bodies =
-        CheckBodies { part: &block(), fixtures: &fixtures, surfaces: &[], machine: None, by_centres: None };
+    let block = block();
+    let bodies = CheckBodies { fixtures: &fixtures, ..CheckBodies::of_part(&block) };
     check_toolpath(bodies, &[(None, &Tool::paper())], &path(text), settings, Control::quiet())
 }
 
@@ -96,10 +115,8 @@ fn a_cutter_that_goes_too_deep_collides_as_deep_as_it_goes() {
 #[test]
 fn a_wall_of_two_voxels_is_not_cut_through_unseen() {
     let wall = solid_within(DVec3::new(-20.0, 4.0, 0.0), DVec3::new(20.0, 6.0, 20.0));
-    let bodies = CheckBodies { part: &wall, by_centres: None, fixtures: &[], surfaces: &[], machine: None };
-    let tool = Tool::paper();
-    let path = path("0,-10,10\n0,20,10\n");
-    let report = check_toolpath(bodies, &[(None, &tool)], &path, &usual(), Control::quiet()).unwrap();
+    let text = "x,y,z\n0,-10,10\n0,20,10\n";
+    let report = check_text(CheckBodies::of_part(&wall), &Tool::paper(), text, &usual()).unwrap();
     let collision = &report.colliding[0].collisions[0];
     // Sideways it has to go by its own radius and half of the wall, 6 in all; no centre lies in the wall's middle.
     assert!((4.4..=6.0).contains(&collision.depth), "{collision:?}");
@@ -127,7 +144,7 @@ fn each_stretch_is_checked_with_its_own_tool() {
     elements[1].profile[0] = Segment::cylinder(10.0, 58.0, 14.5);
     let short = Tool { name: "short".into(), shape: ToolShape::Revolved(elements), ..short };
     let block = block();
-    let bodies = CheckBodies { part: &block, by_centres: None, fixtures: &[], surfaces: &[], machine: None };
+    let bodies = CheckBodies::of_part(&block);
     let run = |text: &str, tools: &[(Option<u32>, &Tool)]| {
         let path = Toolpath::parse(text, LengthUnit::Mm, "path").unwrap();
         check_toolpath(bodies, tools, &path, &usual(), Control::quiet())
@@ -261,8 +278,7 @@ fn the_mesh_itself_is_safe_between_poses_only_with_half_the_step_more() {
     let grid = Grid { origin: DVec3::splat(-3.0), pitch: 1.0, dims: [7; 3] };
     let mut part = Occupancy::empty(grid);
     part.solid[grid.index([3; 3])] = 1;
-    let (bodies, step) =
-        (CheckBodies { part: &part, by_centres: None, fixtures: &[], surfaces: &[], machine: None }, 1.0);
+    let (bodies, step) = (CheckBodies::of_part(&part), 1.0);
     let (out, centre, vertex) = (DVec3::ONE.normalize(), DVec3::splat(0.5), DVec3::ONE);
     let across = out.any_orthonormal_vector();
     let guarantee = |room: f64| {
@@ -277,9 +293,8 @@ fn the_mesh_itself_is_safe_between_poses_only_with_half_the_step_more() {
             let tip = middle - out;
             format!("{:.17},{:.17},{:.17},1,1,1\n", tip.x, tip.y, tip.z)
         };
-        let path = path(&(line(middle - way) + &line(middle + way)));
-        let report = check_toolpath(bodies, &[(None, &tool)], &path, &settings, Control::quiet());
-        report.unwrap().colliding.is_empty()
+        let text = format!("x,y,z,i,j,k\n{}{}", line(middle - way), line(middle + way));
+        check_text(bodies, &tool, &text, &settings).unwrap().colliding.is_empty()
     };
     // Poses 0.5 before and after the nearest place, where the ball with its clearance just misses the centre.
     let near = (1.87_f64.powi(2) - 0.25).sqrt() + 1e-6;

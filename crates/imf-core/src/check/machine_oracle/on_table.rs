@@ -162,13 +162,7 @@ fn what_stands_in_its_table_and_tools_without_a_holder_are_told_of() {
     let bare = revolved([(ElementKind::Cutter, vec![line(0.0, 12.0, 2.0, 2.0)])]);
     let said = |machine: &Machine, tool: &Tool| {
         let bodies = MachineBodies::new(machine.clone(), 1.0, Control::quiet()).unwrap();
-        let bodies = CheckBodies {
-            part: &part,
-            by_centres: None,
-            fixtures: &[],
-            surfaces: &[],
-            machine: Some(&bodies),
-        };
+        let bodies = CheckBodies { machine: Some(&bodies), ..CheckBodies::of_part(&part) };
         machine_remarks(bodies, &[(None, tool)], &DMat4::IDENTITY)
     };
     assert!(said(&machine, &tool()).is_empty());

@@ -135,13 +135,7 @@ mod tests {
                     .unwrap();
             let machine = MachineBodies::new(machine.clone(), 1.0, Control::quiet()).unwrap();
             let part = Occupancy::empty(grid);
-            let bodies = CheckBodies {
-                part: &part,
-                by_centres: None,
-                fixtures: &[],
-                surfaces: &[],
-                machine: Some(&machine),
-            };
+            let bodies = CheckBodies { machine: Some(&machine), ..CheckBodies::of_part(&part) };
             let settings = CheckSettings::of_pitch(1.0, LengthUnit::Mm);
             let tools = [(None, &tool)];
             let report = check_stock(bodies, &stock, &tools, &path, &settings, Control::quiet()).unwrap();

@@ -41,7 +41,7 @@ fn cut_with(tool: &Tool, program: &str, stock: &Occupancy, settings: &CheckSetti
 
 fn cut(tool: &Tool, path: &Toolpath, stock: &Occupancy, settings: &CheckSettings) -> StockReport {
     let part = Occupancy::empty(stock.grid);
-    let bodies = CheckBodies { part: &part, by_centres: None, fixtures: &[], surfaces: &[], machine: None };
+    let bodies = CheckBodies::of_part(&part);
     check_stock(bodies, stock, &[(None, tool)], path, settings, Control::quiet()).unwrap()
 }
 
@@ -227,7 +227,7 @@ fn the_part_is_no_stock_and_what_is_cut_of_it_is_told() {
     let stock = block(1.0);
     let mut part = stock.clone();
     (0..part.grid.len()).filter(|&v| part.grid.voxel(v)[2] >= 17).for_each(|v| part.solid[v] = 0);
-    let bodies = CheckBodies { part: &part, by_centres: None, fixtures: &[], surfaces: &[], machine: None };
+    let bodies = CheckBodies::of_part(&part);
     let program = "G21 G90\nG0 X-40. Y0. Z-6.\nG1 X0. F100\n";
     let path = Toolpath::parse(program, LengthUnit::Mm, "path.nc").unwrap();
     let tool = end_mill(3.0, 3.0);

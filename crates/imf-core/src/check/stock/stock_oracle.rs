@@ -134,8 +134,7 @@ fn what_goes_and_what_touches_is_that_of_trying_every_voxel_at_every_pose() {
                 );
             }
             let path = Toolpath::parse(&text, LengthUnit::Mm, "path").unwrap();
-            let bodies =
-                CheckBodies { part: &part, by_centres: None, fixtures: &[], surfaces: &[], machine: None };
+            let bodies = CheckBodies::of_part(&part);
             let given = [(None, tool)];
             let report = check_stock(bodies, &stock, &given, &path, &settings, Control::quiet()).unwrap();
 

@@ -126,7 +126,7 @@ fn where_the_tool_is_said_to_be_is_no_cut() {
     let grid = Grid { origin: DVec3::new(-20.0, -20.0, 20.0), pitch: 1.0, dims: [40, 40, 20] };
     let stock = Occupancy { grid, solid: vec![1; grid.len()] };
     let part = Occupancy::empty(grid);
-    let bodies = CheckBodies { part: &part, by_centres: None, fixtures: &[], surfaces: &[], machine: None };
+    let bodies = CheckBodies::of_part(&part);
     let settings = CheckSettings::of_pitch(1.0, LengthUnit::Mm);
     let tools = [(None, &Tool::paper())];
     let left = |text: &str| {
