@@ -52,6 +52,16 @@ impl Occupancy {
         self.solids().map(|index| self.grid.centre(self.grid.voxel(index)))
     }
 
+    /// Whether a solid voxel has an empty neighbour across a face; what no voxel stands beyond is empty.
+    pub(crate) fn is_exposed(&self, index: usize) -> bool {
+        let (voxel, dims) = (self.grid.voxel(index), self.grid.dims);
+        let is_empty = |index: usize| self.solid[index] == 0;
+        [dims[1] * dims[2], dims[2], 1].into_iter().enumerate().any(|(axis, stride)| {
+            let at = voxel[axis];
+            at == 0 || at + 1 == dims[axis] || is_empty(index - stride) || is_empty(index + stride)
+        })
+    }
+
     /// Volume of the solid voxels in world units cubed.
     #[must_use]
     pub fn volume(&self) -> f64 {

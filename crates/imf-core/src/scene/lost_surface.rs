@@ -101,9 +101,7 @@ fn offset(index: u32, edge: u32) -> DVec3 {
 
 /// Whether a voxel lies in the grid and is solid.
 fn is_solid(voxel: DVec3, solid: &Occupancy) -> bool {
-    let grid = &solid.grid;
-    (0..3).all(|axis| (0.0..grid.dims[axis] as f64).contains(&voxel[axis]))
-        && solid.solid[grid.index(voxel.to_array().map(|v| v as usize))] != 0
+    solid.grid.index_at(voxel).is_some_and(|index| solid.solid[index] != 0)
 }
 
 #[cfg(test)]

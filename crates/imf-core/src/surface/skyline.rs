@@ -97,22 +97,10 @@ fn lowest(segment: &Segment, radius: f64) -> f64 {
     at.clamp(from, to)
 }
 
-/// Centres of the solid voxels that have an empty neighbour across a face; what no voxel stands beyond is empty.
+/// Centres of the solid voxels at the surface.
 pub(super) fn boundary(solid: &Occupancy) -> Vec<DVec3> {
-    let grid = &solid.grid;
-    let [_, ny, nz] = grid.dims;
-    let is_empty = |index: usize| solid.solid[index] == 0;
-    let exposed = |&index: &usize| {
-        if is_empty(index) {
-            return false;
-        }
-        let voxel = grid.voxel(index);
-        [ny * nz, nz, 1].into_iter().enumerate().any(|(axis, stride)| {
-            let at = voxel[axis];
-            at == 0 || at + 1 == grid.dims[axis] || is_empty(index - stride) || is_empty(index + stride)
-        })
-    };
-    (0..solid.solid.len()).filter(exposed).map(|index| grid.centre(grid.voxel(index))).collect()
+    let exposed = solid.solids().filter(|&index| solid.is_exposed(index));
+    exposed.map(|index| solid.grid.centre(solid.grid.voxel(index))).collect()
 }
 
 /// Points as seen along one direction.

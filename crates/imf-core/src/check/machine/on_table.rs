@@ -57,21 +57,12 @@ impl OnTable {
     pub(super) fn new(body: &Arc<Body>) -> Option<Self> {
         let voxels = body.voxels.occupancy();
         let grid = voxels.grid;
-        let is_solid = |voxel: [usize; 3]| voxels.solid[grid.index(voxel)] == 1;
-        let is_surface = |voxel: [usize; 3]| {
-            (0..3).any(|axis| {
-                let beside =
-                    |at: usize| is_solid(std::array::from_fn(|a| if a == axis { at } else { voxel[a] }));
-                let at = voxel[axis];
-                at == 0 || at + 1 == grid.dims[axis] || !beside(at - 1) || !beside(at + 1)
-            })
-        };
         let mut of_block: BTreeMap<[usize; 3], (Vec<DVec3>, Vec<DVec3>)> = BTreeMap::new();
         for index in voxels.solids() {
             let voxel = grid.voxel(index);
             let (all, surface) = of_block.entry(voxel.map(|at| at / BLOCK * BLOCK)).or_default();
             all.push(grid.centre(voxel));
-            surface.extend(is_surface(voxel).then(|| grid.centre(voxel)));
+            surface.extend(voxels.is_exposed(index).then(|| grid.centre(voxel)));
         }
         let (mut points, mut blocks) = (Vec::new(), Vec::new());
         for (first, (all, surface)) in of_block {
