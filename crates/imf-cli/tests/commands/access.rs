@@ -304,6 +304,5 @@ fn what_voxels_resolve_is_said_once_in_every_answer_about_the_surface() {
     }
     // Directions that are not listed are counted, and the surface's figures do not know of contact.
     let run = folder.imf(&arguments("--tool long.toml --orientations axes --contact 0.1")).done();
-    assert!(run.stdout.contains("\n  and 1 more\n"), "{}", run.stdout);
-    assert!(run.stdout.contains("τ and contact are for the space and the stock below"), "{}", run.stdout);
+    run.says(&["\n  and 1 more\n", "τ and contact are for the space and the stock below"]);
 }

@@ -224,9 +224,30 @@ impl Finished {
 
     /// It succeeded.
     pub(crate) fn done(self) -> Self {
-        assert_eq!(self.code, Some(0), "`imf {}`:\n{}", self.line, self.stderr);
         assert!(self.errors().is_empty(), "{}", self.stderr);
+        self.exits(0)
+    }
+
+    /// It ended with this exit code.
+    pub(crate) fn exits(self, code: i32) -> Self {
+        assert_eq!(self.code, Some(code), "`imf {}`:\n{}{}", self.line, self.stdout, self.stderr);
         self
+    }
+
+    /// All these words are in its result.
+    pub(crate) fn says(&self, words: &[&str]) {
+        self.has(words, &self.stdout);
+    }
+
+    /// All these words are in its messages.
+    pub(crate) fn warns(&self, words: &[&str]) {
+        self.has(words, &self.stderr);
+    }
+
+    fn has(&self, words: &[&str], text: &str) {
+        for word in words {
+            assert!(text.contains(word), "`imf {}`: no '{word}' in\n{text}", self.line);
+        }
     }
 
     /// It failed with one message that has all these words, and printed no result.

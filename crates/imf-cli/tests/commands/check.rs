@@ -24,26 +24,19 @@ fn check_at(pitch: &str, name: &str, toolpath: &str, more: &str) -> Finished {
 #[test]
 fn a_finishing_pass_is_free_and_says_what_was_accepted() {
     // Where the uppermost centres are 0.04 deep in the ball, the top is 0.54 deep; where the top is 0.04 deep in it nothing collides.
-    let deep = check("pass.cl", "GOTO/-12,0,19.46,0,0,1\nGOTO/12,0,19.46\n", "");
-    assert_eq!(deep.code, Some(3), "{}", deep.stdout);
-    let run = check("pass.cl", "GOTO/-12,0,19.96,0,0,1\nGOTO/12,0,19.96\n", "");
-    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    check("pass.cl", "GOTO/-12,0,19.46,0,0,1\nGOTO/12,0,19.46\n", "").exits(3);
+    let run = check("pass.cl", "GOTO/-12,0,19.96,0,0,1\nGOTO/12,0,19.96\n", "").done();
     assert!(run.stdout.starts_with("no collision: 2 lines"), "{}", run.stdout);
     let sure = "a cutter deeper than 0.1881 mm in the part's surface; other overlaps deeper than 0.7048 mm";
-    for said in ["accepted: the part up to 0.05 mm deep in the cutter", sure] {
-        assert!(run.stdout.contains(said), "{}", run.stdout);
-    }
+    run.says(&["accepted: the part up to 0.05 mm deep in the cutter", sure]);
     // At twice the pitch the same length is accepted.
-    let run = check_at("2", "deep.csv", "x,y,z\n0,0,17\n", "");
-    assert_eq!(run.code, Some(3), "{}{}", run.stdout, run.stderr);
-    assert!(run.stdout.contains("the part up to 0.05 mm deep"), "{}", run.stdout);
-    let run = check("pass.csv", "x,y,z\n-12,0,20\n12,0,20\n", "--conservative");
-    assert!(run.code == Some(0) && run.stdout.contains("up to 0.05 mm deep"), "{}", run.stdout);
+    check_at("2", "deep.csv", "x,y,z\n0,0,17\n", "").exits(3).says(&["the part up to 0.05 mm deep"]);
+    let path = "x,y,z\n-12,0,20\n12,0,20\n";
+    check("pass.csv", path, "--conservative").done().says(&["up to 0.05 mm deep"]);
     // What is hit is told with what its depths are.
     for (options, told) in [("--conservative", true), ("", false)] {
-        let run = check("deep.csv", "x,y,z\n0,0,10\n", options);
-        let said = run.stdout.contains("are those in the conservative voxels");
-        assert!(run.code == Some(3) && said == told, "{}{}", run.stdout, run.stderr);
+        let said = check("deep.csv", "x,y,z\n0,0,10\n", options).exits(3).stdout;
+        assert_eq!(said.contains("are those in the conservative voxels"), told, "{said}");
     }
 }
 
@@ -51,9 +44,8 @@ fn a_finishing_pass_is_free_and_says_what_was_accepted() {
 fn a_collision_names_its_line_element_depth_and_place_and_leaves_3() {
     // Beside the block, then in under the holder.
     let toolpath = "x,y,z,i,j,k\n0,0,40,0,0,1\n0,0,41,0,0,1\n-17,0,-20,0,0,1\n";
-    let run = check("dive.csv", toolpath, "--clearance 1");
-    assert_eq!(run.code, Some(3), "{}", run.stderr);
-    assert!(run.stdout.contains("line 4: holder 1 with its clearance is 6 mm deep"), "{}", run.stdout);
+    let run = check("dive.csv", toolpath, "--clearance 1").exits(3);
+    run.says(&["line 4: holder 1 with its clearance is 6 mm deep"]);
     let run = check("dive.csv", toolpath, "--json --quiet");
     assert_eq!((run.code, run.stderr.as_str()), (Some(3), ""));
     let answer = run.json();
@@ -67,11 +59,7 @@ fn a_collision_names_its_line_element_depth_and_place_and_leaves_3() {
     assert_eq!(holder["position"], serde_json::json!([-17.0, 0.0, -20.0]));
     // Just out of it, and nearer than is required.
     let run = check("near.csv", "x,y,z\n-17,0,-14\n", "--clearance 2");
-    assert!(
-        run.stdout.contains("line 2: holder 1 comes within 1 mm of the part, 2 mm required"),
-        "{}",
-        run.stdout
-    );
+    run.says(&["line 2: holder 1 comes within 1 mm of the part, 2 mm required"]);
 }
 
 #[test]
@@ -80,7 +68,7 @@ fn a_folder_has_a_table_a_picture_and_the_answer() {
     folder.write("block.obj", BLOCK);
     folder.write("dive.csv", "x,y,z\n0,0,40\n0,0,12\n");
     let run = |path: &str| folder.imf(&format!("check block.obj {path} --tool paper --pitch 1 --out out"));
-    assert_eq!(run("dive.csv").code, Some(3));
+    run("dive.csv").exits(3);
     let table = folder.text("out/collisions.csv");
     let mut lines = table.lines();
     assert!(lines.next().unwrap().starts_with("line,tool,kind,element,against,depth,"));
@@ -90,7 +78,7 @@ fn a_folder_has_a_table_a_picture_and_the_answer() {
     assert!(image::open(folder.path("out/worst.png")).unwrap().width() > 500);
     // Nothing of it is left for a path that is free.
     folder.write("free.csv", "x,y,z\n0,0,40\n");
-    assert_eq!(run("free.csv").code, Some(0));
+    run("free.csv").done();
     assert_eq!(folder.text("out/collisions.csv").lines().count(), 1);
     assert!(!folder.path("out/worst.png").exists());
 }
@@ -119,7 +107,7 @@ fn what_is_not_understood_is_refused_with_its_line() {
         &["line 4: tool 2, and the tools that are given have the numbers 1"],
     );
     refuse("path.csv", "x,y,z\n0,0,40\n", "--contact 5", &["twice the contact of 5", "--contact"]);
-    assert_eq!(check("two.cl", change, "--tool 1=paper --tool 2=paper").code, Some(0));
+    check("two.cl", change, "--tool 1=paper --tool 2=paper").done();
 }
 
 #[test]
@@ -127,9 +115,8 @@ fn a_cutter_that_the_path_was_not_made_for_is_refused_and_a_number_is_said() {
     let path = |cutter: &str| format!("LOADTL/7\n{cutter}\nGOTO/0,0,40\n");
     // The paper's tool is a ball of 10 mm.
     for same in ["CUTTER/10", "CUTTER/10.0,5.0", "UNITS/INCH\nCUTTER/.3937,.19685\nUNITS/MM"] {
-        let run = check("cutter.cl", &path(same), "");
-        assert_eq!(run.code, Some(0), "{}", run.stderr);
-        assert!(run.stderr.contains("calls its only tool 7: it is checked with 'paper'"), "{}", run.stderr);
+        let run = check("cutter.cl", &path(same), "").done();
+        run.warns(&["calls its only tool 7: it is checked with 'paper'"]);
     }
     for (other, said) in [("CUTTER/12", "diameter of 12"), ("TLDATA/MILL,10,1,50", "corner radius of 1")] {
         let given = if other.contains("12") { "'paper' is 10" } else { "'paper' is 5" };
@@ -142,16 +129,13 @@ fn a_path_follows_the_part_or_stays_in_the_world() {
     // The part is moved away from a path in the world, and takes one of its own along.
     let moved = "--transform translate:200,0,0";
     let path = "x,y,z\n0,0,12\n";
-    let part = check("path.csv", path, &format!("{moved} --json"));
-    assert_eq!(part.code, Some(3), "{}", part.stderr);
-    let answer = part.json();
+    let answer = check("path.csv", path, &format!("{moved} --json")).exits(3).json();
     assert_eq!(
         answer["report"]["colliding"][0]["collisions"][0]["position"],
         serde_json::json!([0.0, 0.0, 12.0])
     );
-    let world = check("path.csv", path, &format!("{moved} --frame world"));
-    assert_eq!(world.code, Some(0), "{}", world.stdout);
-    assert!(world.stdout.contains("coordinates are in the world's frame"), "{}", world.stdout);
+    let world = check("path.csv", path, &format!("{moved} --frame world")).done();
+    world.says(&["coordinates are in the world's frame"]);
 }
 
 #[test]
@@ -163,7 +147,7 @@ fn what_would_be_overlooked_is_refused() {
     let thin = "check block.obj path.csv --tool thin.toml --contact 0 --pitch";
     let run = |pitch: &str| folder.imf(&format!("{thin} {pitch}"));
     run("4").refused(&["cutter", "3 mm thick", "pitch of at most 2.121,", "--pitch, or --allow-coarse"]);
-    assert_eq!(run("2").code, Some(3));
+    run("2").exits(3);
     // Whoever insists is answered, and told in the answer.
     let coarse = folder.imf(&format!("{thin} 4 --allow-coarse --json"));
     let answer = coarse.json();
@@ -188,13 +172,11 @@ fn fixtures_are_hit_by_the_cutter_too_and_contact_does_not_help() {
     };
     // The post stands on the block's edge, half of it beside the block.
     let post = "--fixture post.obj@translate:10,0,0";
-    let free = check("");
-    assert_eq!(free.code, Some(0), "{}", free.stderr);
+    check("").done();
     // It is hit where it sticks out of the grid around the block, too.
-    let hit = check(&format!("{post} --contact 2 --json"));
-    assert_eq!(hit.code, Some(3), "{}", hit.stderr);
-    let around = check(&format!("{post} --around all --contact 2 --json"));
-    assert_eq!((around.code, &around.stdout), (Some(3), &hit.stdout));
+    let hit = check(&format!("{post} --contact 2 --json")).exits(3);
+    let around = check(&format!("{post} --around all --contact 2 --json")).exits(3);
+    assert_eq!(around.stdout, hit.stdout);
     let answer = hit.json();
     let collisions = answer["report"]["colliding"][0]["collisions"].as_array().unwrap();
     assert!(
@@ -208,30 +190,24 @@ fn fixtures_are_hit_by_the_cutter_too_and_contact_does_not_help() {
 #[test]
 fn the_guarantee_follows_clearance_voxels_and_step() {
     let path = "x,y,z\n-12,0,24\n12,0,24\n";
-    let run = check("pass.csv", path, "--conservative --clearance 1");
-    assert_eq!(run.code, Some(0), "{}", run.stderr);
-    assert!(run.stdout.contains("holder and shank keep off the mesh itself"), "{}", run.stdout);
-    assert!(
-        run.stdout.contains("at every time, not only at the checked poses, for the clearance"),
-        "{}",
-        run.stdout
-    );
+    let run = check("pass.csv", path, "--conservative --clearance 1").done();
+    run.says(&[
+        "holder and shank keep off the mesh itself",
+        "at every time, not only at the checked poses, for the clearance",
+    ]);
     let all = "--conservative --contact 0 --clearance 0.87 --clearance-cutter 0.87";
     let run = check("pass.csv", path, all);
-    for said in ["the whole tool keeps off the mesh itself", "nearer by 0.1250", "at least 0.9910"] {
-        assert!(run.stdout.contains(said), "{}", run.stdout);
-    }
+    run.says(&["the whole tool keeps off the mesh itself", "nearer by 0.1250", "at least 0.9910"]);
 }
 
 #[test]
 fn a_path_that_never_comes_near_the_part_is_warned_of() {
     // In a unit that is 25.4 times too large.
-    let far = check("far.csv", "x,y,z\n0,0,1016\n254,0,762\n", "");
-    assert_eq!(far.code, Some(0), "{}", far.stderr);
-    assert!(far.stderr.contains("warning: the tips of the whole path stay 742"), "{}", far.stderr);
+    let far = check("far.csv", "x,y,z\n0,0,1016\n254,0,762\n", "").done();
+    far.warns(&["warning: the tips of the whole path stay 742"]);
     // Straight over the part from far away on either side.
-    let over = check("over.csv", "x,y,z\n0,0,1016\n0,0,-1016\n", "");
-    assert!(over.code == Some(3) && !over.stderr.contains("the whole path stay"), "{}", over.stderr);
+    let over = check("over.csv", "x,y,z\n0,0,1016\n0,0,-1016\n", "").exits(3);
+    assert!(!over.stderr.contains("the whole path stay"), "{}", over.stderr);
 }
 
 #[test]
@@ -267,16 +243,14 @@ fn a_needle_is_said_to_pass_between_the_centres_and_a_pitch_of_its_own_sees_it()
     folder.write("two.csv", "x,y,z,tool\n0,0,40,1\n0,0,30,1\n0.3,0.2,40,2\n0.3,0.2,15,2\n");
     let both = "check block.obj two.csv --unit mm --pitch 1 --tool 1=paper --tool 2=needle.toml";
     folder.refuse(both, &["the slender tip of the tool"]);
-    let coarse = run("--pitch 1 --allow-coarse");
+    let coarse = run("--pitch 1 --allow-coarse").exits(3);
     let (_, sure) = coarse.stdout.split_once("a cutter deeper than ").unwrap();
     let sure: f64 = sure.split_whitespace().next().unwrap().parse().unwrap();
     // Between points half a voxel apart it is as wide as the circle that holds none, below its contact, from 2.07 on.
     let tilt = 5_f64.to_radians();
     let wide = (0.36 + 0.05 / tilt.cos() - 0.25 * tilt.cos()) / tilt.tan() + 0.25 * (1.0 - tilt.sin());
     assert!((sure - wide - 0.125).abs() < 1e-3, "{wide} {}", coarse.stdout);
-    assert_eq!(coarse.code, Some(3), "{}", coarse.stdout);
-    let chosen = run("");
-    assert_eq!(chosen.code, Some(3), "{}{}", chosen.stdout, chosen.stderr);
+    run("").exits(3);
 }
 
 #[test]
@@ -292,15 +266,13 @@ fn what_enters_the_surface_of_a_fixture_between_the_centres_is_told() {
             "check block.obj beside.csv --unit mm --pitch 1 --tool paper --fixture jaw.obj@unit:mm --json";
         folder.imf(&format!("{asked} {more}"))
     };
-    let (told, strict) = (run(""), run("--contact 0"));
-    assert_eq!(told.code, Some(3), "{}{}", told.stdout, told.stderr);
+    let (told, strict) = (run("").exits(3), run("--contact 0").done());
     let hit = &told.json()["report"]["colliding"][0]["collisions"][0];
     // Half of half a voxel beside the axis the round is 0.007 shallower.
     assert!((0.29..0.300_001).contains(&hit["depth"].as_f64().unwrap()) && hit["voxels"] == 0, "{hit}");
     // Where nothing may touch, voxels alone are known, and it is said.
     let report = &strict.json()["report"];
-    assert!(strict.code == Some(0) && report["sure_overlap"].is_null(), "{}", strict.stdout);
-    assert!(report["sure_depth"].as_f64().unwrap() > 1.7, "{report}");
+    assert!(report["sure_overlap"].is_null() && report["sure_depth"].as_f64().unwrap() > 1.7, "{report}");
 }
 
 /// The shank is half a voxel wider a side than the cutter.
@@ -328,19 +300,17 @@ fn a_shank_that_voxels_see_at_some_walls_alone_is_warned_of_by_every_command() {
 #[test]
 fn what_is_not_checked_is_said_beside_the_verdict_and_in_json() {
     let program = "G21 G90 G17\nT1 M6\nG0 Z95.\nY-60.\nY60.\nX0.\n";
-    let said = check("path.nc", program, "--tool 1=paper");
-    assert!(said.stdout.contains("not checked: the motions of line 5"), "{}", said.stdout);
+    check("path.nc", program, "--tool 1=paper").says(&["not checked: the motions of line 5"]);
     let found = check("path.nc", program, "--tool 1=paper --json").json();
     assert_eq!(found["unchecked_lines"], serde_json::json!([5]));
     let remarks = found["remarks"].as_array().unwrap();
     assert!(remarks.iter().any(|remark| remark.as_str().unwrap().contains("is not checked")), "{found}");
     // The part is scaled, and with it a path that says millimetres.
     let scaled = check("path.nc", program, "--tool 1=paper --transform matrix:2,0,0,0,0,2,0,0,0,0,2,0");
-    assert!(scaled.stderr.contains("is multiplied by 2"), "{}", scaled.stderr);
+    scaled.warns(&["is multiplied by 2"]);
     // As it is set the tool is asked of part and fixtures alone.
     let path = "x,y,z\n0,0,25\n5,0,25\n";
-    let stick_out = check("path.csv", path, "--stock box:5 --stickout");
-    assert!(stick_out.stdout.contains("the stock is not considered"), "{}", stick_out.stdout);
+    check("path.csv", path, "--stock box:5 --stickout").says(&["the stock is not considered"]);
 }
 
 /// Of a cutter a millimetre above or below the top of the block, between the centres of voxels of 4 mm.

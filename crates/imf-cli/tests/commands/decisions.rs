@@ -64,7 +64,7 @@ fn a_field_of_depth_is_calibrated_when_it_is_made_and_leaves_little_near() {
     folder.write("poses.csv", format!("x,y,z,theta,phi\n{x},{y},{z},10,20\n"));
     let asked = folder.imf("query depth.safetensors poses.csv").done();
     assert!(asked.stdout.lines().next().unwrap().ends_with("depth,decision,outside"), "{}", asked.stdout);
-    assert!(asked.stderr.contains("clamped within 7.5 pitches, 29"), "{}", asked.stderr);
+    asked.warns(&["clamped within 7.5 pitches, 29"]);
     // Exact depths beside the field's: nearer than a voxel, and a pose well inside collides.
     let exact = folder.json("query depth.safetensors poses.csv --exact");
     let (depth, counted) = (exact[0]["depth"].as_f64().unwrap(), exact[0]["depth_exact"].as_f64().unwrap());
@@ -99,8 +99,7 @@ fn a_users_part_gets_a_field_of_depth_that_decides_and_approach_moves_are_inside
     folder.imf("parts parts --only bracket").done();
     let part = "parts/bracket.obj --tool paper --pitch 6";
     let making = format!("train harmonic {part} --degree 6 --out depth.safetensors");
-    let run = folder.imf(&making).done();
-    assert!(run.stdout.contains("\nVerdict: usable for decisions: of "), "{}", run.stdout);
+    folder.imf(&making).done().says(&["\nVerdict: usable for decisions: of "]);
     let info = folder.json("info depth.safetensors");
     assert_eq!((&info["quantity"], &info["scene"]["margin"]), (&"depth".into(), &6.into()));
     // Two voxels; the cutter may touch.

@@ -78,7 +78,7 @@ fn many_sections_have_a_file_each() {
     let folder = Workdir::new();
     let run = folder.imf(&arguments("--orientations fibonacci:23 --out out")).done();
     assert!(!run.stdout.contains('ψ'), "{}", run.stdout);
-    assert!(run.stdout.contains("3 more") && run.stdout.contains("one .vti for each"), "{}", run.stdout);
+    run.says(&["3 more", "one .vti for each"]);
     let count = |ending: &str| {
         folder.entries().iter().filter(|path| path.extension().is_some_and(|e| e == ending)).count()
     };
@@ -100,7 +100,7 @@ fn a_folder_used_again_holds_the_last_run_alone() {
     };
     assert_eq!(names(), listed(&["notes.txt"]));
     let run = folder.imf(&arguments("--orientations 0,0;12,6 --out out")).done();
-    assert!(run.stderr.contains("of an earlier run in out are replaced"), "{}", run.stderr);
+    run.warns(&["of an earlier run in out are replaced"]);
     let two = ["cmf-00000.npy", "cmf-00001.npy", "notes.txt", "orientations.csv", "sections.vti"];
     assert_eq!(names(), [&two[..], &["slices.png", "summary.json"]].concat());
     assert_eq!(names(), listed(&["notes.txt"]));
@@ -136,8 +136,7 @@ fn fixtures_beside_the_grid_count_as_far_as_the_tool_reaches() {
         assert!(near.indexed_iter().all(|((x, y, z), value)| *value == whole[[x, y, z]]), "section {index}");
     }
     let far = "--fixture block.obj@translate:0,9140,0 --orientations 0,0 --out far";
-    let run = folder.imf(&format!("field {BLOCK} {far}")).done();
-    assert!(run.stderr.contains("block.obj is beyond the tool's reach"), "{}", run.stderr);
+    folder.imf(&format!("field {BLOCK} {far}")).done().warns(&["block.obj is beyond the tool's reach"]);
     field("--margin 2");
     let alone: Vec<_> = (0..2).map(|index| folder.npy::<f32>(&format!("out/cmf-0000{index}.npy"))).collect();
     assert_eq!(alone[0], found[0]);
@@ -150,7 +149,7 @@ fn fixtures_beside_the_grid_count_as_far_as_the_tool_reaches() {
 fn the_imf_keeps_its_best_orientation() {
     let folder = Workdir::new();
     let run = folder.imf(&arguments("--orientations fibonacci:9 --imf --check 5 --out out")).done();
-    assert!(run.stdout.contains("45 of 45 compared voxels equal"), "{}", run.stdout);
+    run.says(&["45 of 45 compared voxels equal"]);
     let scene = model().scene;
     let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, ToolPoints::SharpPoints).unwrap();
     let set = OrientationSet::parse("fibonacci:9").unwrap();
@@ -255,12 +254,8 @@ fn a_tool_that_is_not_at_its_tip_is_said_and_so_is_how_far_depths_are_known() {
     );
     let asked = arguments("--tool off.toml --orientations 0,0;90,0 --imf --quantity depth --out out");
     let run = folder.imf(&asked).done();
-    assert!(run.stderr.contains("another of its sharp points, is 50 mm away from it"), "{}", run.stderr);
-    assert!(
-        run.stdout.contains("largest depth ") && run.stdout.contains("depths are known within 7.5 voxels"),
-        "{}",
-        run.stdout
-    );
+    run.warns(&["another of its sharp points, is 50 mm away from it"]);
+    run.says(&["largest depth ", "depths are known within 7.5 voxels"]);
     let summary = folder.read_json("out/summary.json");
     let pitch = summary["scene"]["grid"]["pitch"].as_f64().unwrap();
     assert!((summary["clamped_within"].as_f64().unwrap() / pitch - 7.5).abs() < 1e-6);

@@ -43,7 +43,7 @@ fn sections_are_near_the_exact_ones_and_the_file_gives_them_again() {
 
     let info = folder.json("info field.safetensors");
     assert_eq!((&info["kind"], &info["settings"]["degree"]), (&"harmonic".into(), &6.into()));
-    assert!(folder.imf("info field.safetensors").done().stdout.contains("49 basis functions of degree 6"));
+    folder.imf("info field.safetensors").done().says(&["49 basis functions of degree 6"]);
     // At a voxel's centre a pose is answered as its section is.
     let grid = *plan.grid();
     let voxel = grid.index([2, 7, 8]);
@@ -51,7 +51,7 @@ fn sections_are_near_the_exact_ones_and_the_file_gives_them_again() {
     let (theta, phi) = (orientations[4].theta, orientations[4].phi);
     folder.write("poses.csv", format!("x,y,z,theta,phi\n{x},{y},{z},{theta},{phi}\n9e9,0,0,10,20\n"));
     let run = folder.imf("query field.safetensors poses.csv --exact --json").done();
-    assert!(run.stderr.contains("1 of 2 poses lie outside the box"), "{}", run.stderr);
+    run.warns(&["1 of 2 poses lie outside the box"]);
     let answers = run.json();
     let overlap = answers[0]["overlap"].as_f64().unwrap() as f32;
     assert!((overlap - again[4 * grid.len() + voxel].clamp(0.0, 1.0)).abs() < 1e-5);
@@ -126,7 +126,7 @@ fn a_field_is_distilled_into_a_network_through_an_interruption() {
     folder.write("often/checkpoint.safetensors", &damaged[..damaged.len() / 2]);
     std::fs::remove_file(folder.path("often/field.safetensors")).unwrap();
     let resumed = folder.imf(&distil("--out often --resume")).done();
-    assert!(resumed.stderr.contains("often/checkpoint.previous.safetensors at step 5"), "{}", resumed.stderr);
+    resumed.warns(&["often/checkpoint.previous.safetensors at step 5"]);
     assert_eq!(folder.bytes("whole/field.safetensors"), folder.bytes("often/field.safetensors"));
     folder.refuse(&distil("--out often --resume --set seed=3"), &["other settings"]);
     let again = folder.json(&distil("--out often --resume"));
@@ -143,14 +143,13 @@ fn a_field_is_distilled_into_a_network_through_an_interruption() {
     assert_eq!(info["network"]["width"], 32);
     // The same line goes on; another field's network is not the one that was begun with, nor are widths given twice.
     let tuned = format!("{few} --from whole/field.safetensors --out tuned --resume");
-    assert!(folder.imf(&tuned).done().stderr.contains("tuned/checkpoint.safetensors is finished"));
+    folder.imf(&tuned).done().warns(&["tuned/checkpoint.safetensors is finished"]);
     folder.imf(&format!("{few} --network 2x16 --out narrow")).done();
     let words =
         ["tuned/checkpoint.safetensors", "narrow/field.safetensors", "2 layers of 32", "2 layers of 16"];
     folder.refuse(&tuned.replace("whole/", "narrow/"), &words);
     folder.refuse(&tuned.replace("whole/", "fresh/"), &["was not begun from the weights of fresh/field"]);
-    let run = folder.imf(&format!("{tuned} --network 2x20"));
-    assert!(run.code == Some(2) && run.stderr.contains("--network"), "{}", run.stderr);
+    folder.imf(&format!("{tuned} --network 2x20")).exits(2).warns(&["--network"]);
     folder.refuse(&format!("{few} --from field.safetensors --out no"), &["field.safetensors"]);
     // What adapts which is said where they are mixed up.
     let distilled = "whole/field.safetensors";

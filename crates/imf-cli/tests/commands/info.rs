@@ -28,12 +28,8 @@ fn meshes_and_parts_are_described() {
     let mesh = folder.json("info open.obj");
     assert_eq!((&mesh["mesh"]["closed"], &mesh["mesh"]["boundary_edges"]), (&false.into(), &3.into()));
     let run = folder.imf("info open.obj --unit m").done();
-    assert!(
-        run.stderr.contains("imf: warning: ") && run.stderr.contains("in mm it would be"),
-        "{}",
-        run.stderr
-    );
-    assert!(run.stdout.contains("100 × 100 × 100 m"), "{}", run.stdout);
+    run.warns(&["imf: warning: ", "in mm it would be"]);
+    run.says(&["100 × 100 × 100 m"]);
     // A file that states its unit.
     let model = r#"<model unit="meter" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02"><resources><object id="1"><mesh>
         <vertices><vertex x="0" y="0" z="0"/><vertex x="1" y="0" z="0"/><vertex x="0" y="1" z="0"/><vertex x="0" y="0" z="1"/></vertices>
@@ -95,7 +91,7 @@ fn models_are_described() {
     assert_eq!(info["resumable"], true);
     assert_eq!(info["training"]["orientations"]["count"], 3);
     model.without_moments().write(&folder.path("small.safetensors")).unwrap();
-    assert!(folder.imf("info small.safetensors").done().stdout.contains("weights alone"));
+    folder.imf("info small.safetensors").done().says(&["weights alone"]);
 }
 
 #[test]
@@ -109,12 +105,12 @@ fn what_is_nothing_is_said_to_be_nothing() {
 fn devices_are_listed_and_none_is_no_failure() {
     let folder = Workdir::new();
     let run = folder.imf("info --threads 1").done();
-    assert!(run.stdout.contains("CPU engine, 1 threads"), "{}", run.stdout);
+    run.says(&["CPU engine, 1 threads"]);
     let devices = folder.json("info");
     assert!(devices["cpu"]["threads"].as_u64().unwrap() >= 1);
     assert!(run.stdout.contains("bracket-raw") && devices["parts"][0] == "teapot", "{devices}");
     if cfg!(target_os = "linux") {
-        assert!(run.stdout.contains("apt install mesa-vulkan-drivers"), "{}", run.stdout);
+        run.says(&["apt install mesa-vulkan-drivers"]);
         assert_eq!((&devices["auto"], &devices["adapters"]), (&"cpu".into(), &serde_json::json!([])));
     }
 }
@@ -127,7 +123,7 @@ fn a_clearance_is_recorded_in_datasets_and_models_and_said() {
     let dataset = folder.json("info data");
     let clearance = serde_json::json!({ "holder": 4.0, "shank": 4.0, "cutter": 1.0 });
     assert_eq!(dataset["scene"]["clearance"], clearance);
-    assert!(folder.imf("info data").done().stdout.contains("holder 4, shank 4, cutter 1 mm"));
+    folder.imf("info data").done().says(&["holder 4, shank 4, cutter 1 mm"]);
     // The samples are the offset tool's, and so is the scene that a model takes over.
     let (manifest, scene, _) = imf_train::dataset::load(&folder.path("data")).unwrap();
     assert_eq!(manifest.scene.bare_tool(), &imf_core::tool::Tool::paper());
@@ -141,7 +137,7 @@ fn a_clearance_is_recorded_in_datasets_and_models_and_said() {
     assert_eq!(folder.json("info m.safetensors")["scene"]["clearance"], clearance);
     folder.write("poses.csv", "x,y,z,theta,phi\n1,2,3,40,50\n");
     let run = folder.imf("query m.safetensors poses.csv --exact").done();
-    assert!(run.stderr.contains("offset by a clearance (holder 4, shank 4, cutter 1 mm)"), "{}", run.stderr);
+    run.warns(&["offset by a clearance (holder 4, shank 4, cutter 1 mm)"]);
 }
 
 #[test]
@@ -150,7 +146,7 @@ fn contact_is_recorded_with_its_layer_and_exact_answers_know_it() {
     let data = "dataset bracket --dims 15,45,27 --allow-coarse --orientations fibonacci:2";
     folder.imf(&format!("{data} --contact 4 --out data")).done();
     assert_eq!(folder.json("info data")["scene"]["contact"], 4.0);
-    assert!(folder.imf("info data").done().stdout.contains("lie no deeper than 4 mm below its surface"));
+    folder.imf("info data").done().says(&["lie no deeper than 4 mm below its surface"]);
     let (_, scene, _) = imf_train::dataset::load(&folder.path("data")).unwrap();
     assert!(scene.layer.as_ref().unwrap().count() > 0);
     let cuttable = Obstacle::from(&scene).cuttable.unwrap();

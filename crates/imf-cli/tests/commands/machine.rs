@@ -40,10 +40,9 @@ fn hits(run: &Finished) -> Vec<(u64, String, String)> {
 #[test]
 fn rapids_and_arcs_of_a_program_are_told_by_their_lines() {
     let program = "G21 G90 G0 X-50. Y0. Z40.\nX-49. Z28.\nG1 X50. F900\n";
-    let run = check(("top.nc", program), "--json");
-    assert_eq!(run.code, Some(3), "{}", run.stderr);
+    let run = check(("top.nc", program), "--json").exits(3);
     assert_eq!(hits(&run), [(3, "cutter".to_owned(), "part".to_owned())]);
-    assert!(run.stderr.contains("line 2: G0 is followed straight"), "{}", run.stderr);
+    run.warns(&["line 2: G0 is followed straight"]);
     // An arc is one line, however many chords it has.
     let arc = check(("arc.nc", "G21 G90 G0 X0. Y-20. Z28.\nG3 X0. Y-20. I0. J20. F900\n"), "--json");
     assert_eq!(hits(&arc).iter().map(|(line, ..)| *line).collect::<Vec<_>>(), [1, 2]);
@@ -61,52 +60,42 @@ fn what_a_program_does_not_say_is_refused_with_line_and_remedy() {
     let tilted = "G21 G90 T1 M6\nG0 B40. C0.\nG43 H1 X0. Y0. Z200.\n";
     check(("part.nc", tilted), "--machine head.toml --stickout")
         .bad_input(&["part.nc: line 3: the head is tilted"]);
-    let missing = check(("path.csv", "x,y,z\n0,0,40\n"), "--machine none.toml");
-    assert!(
-        missing.code != Some(0) && missing.stderr.contains("none.toml: there is no machine file"),
-        "{}",
-        missing.stderr
-    );
+    check(("path.csv", "x,y,z\n0,0,40\n"), "--machine none.toml")
+        .refused(&["none.toml: there is no machine file"]);
 }
 
 #[test]
 fn a_holder_that_meets_the_platter_is_told_by_word_and_by_column() {
     let program =
         "G21 G90 T1 M6\nG0 A0. C0.\nG43.4 H1 X0. Y0. Z100.\nG0 A-90. X0. Y-100. Z10.\nG1 Y-31. F400\n";
-    let run = check(("side.nc", program), "--machine trunnion.toml --json");
-    assert_eq!(run.code, Some(3), "{}", run.stderr);
+    let run = check(("side.nc", program), "--machine trunnion.toml --json").exits(3);
     assert_eq!(hits(&run), [(5, "holder 1".to_owned(), "platter".to_owned())]);
     let table = "x,y,z,A,C\n0,0,100,0,0\n0,-100,10,-90,0\n0,-31,10,-90,0\n";
     let run = check(("side.csv", table), "--machine trunnion.toml --json");
     assert_eq!(hits(&run), [(4, "holder 1".to_owned(), "platter".to_owned())]);
     // Without the platter it is free, and by directions the same angles are found.
-    assert_eq!(check(("side.csv", "x,y,z,i,j,k\n0,-100,10,0,-1,0\n0,-31,10,0,-1,0\n"), "").code, Some(0));
+    check(("side.csv", "x,y,z,i,j,k\n0,-100,10,0,-1,0\n0,-31,10,0,-1,0\n"), "").done();
     let run = check(
         ("side.csv", "x,y,z,i,j,k\n0,-100,10,0,-1,0\n0,-31,10,0,-1,0\n"),
         "--machine trunnion.toml --json",
     );
     assert_eq!(hits(&run), [(3, "holder 1".to_owned(), "platter".to_owned())]);
-    assert!(run.stderr.contains("line 2: the file says directions"), "{}", run.stderr);
+    run.warns(&["line 2: the file says directions"]);
 }
 
 #[test]
 fn a_part_stands_on_the_machine_where_it_is_set_up() {
     let program = "G21 G90 T1 M6\nG0 A0. C0.\nG43.4 H1 X0. Y0. Z100.\nZ60.\n";
     let run = |more: &str| check(("top.nc", program), &format!("--machine trunnion.toml {more}"));
-    assert_eq!(run("").code, Some(0));
+    run("").done();
     let up = "--transform translate:0,0,40";
     let found = run(&format!("{up} --json"));
     assert_eq!(hits(&found), [(4, "cutter".to_owned(), "part".to_owned())]);
-    assert!(found.stdout.contains("\"frame\": \"world\""), "{}", found.stdout);
-    let refused = run(&format!("{up} --frame part"));
-    assert!(refused.code != Some(0) && refused.stderr.contains("coordinates of G54"), "{}", refused.stderr);
+    found.says(&["\"frame\": \"world\""]);
+    run(&format!("{up} --frame part")).refused(&["coordinates of G54"]);
     // Ten lower its foot is in the platter.
     let low = run("--transform translate:0,0,-10");
-    assert!(
-        low.stderr.contains("warning: the part stands 10 mm deep in the machine's platter"),
-        "{}",
-        low.stderr
-    );
+    low.warns(&["warning: the part stands 10 mm deep in the machine's platter"]);
 }
 
 #[test]
@@ -115,9 +104,9 @@ fn a_part_that_swings_into_a_column_is_told() {
     let column = "\n[[solid]]\nname = \"column\"\non = \"table\"\nbox = { lower = [-60, 30, -420], upper = [60, 90, -380] }\n";
     folder.write("column.toml", &(EXAMPLES[0].1.to_owned() + column));
     folder.write("swing.csv", "x,y,z,A,C\n0,0,100,0,0\n0,0,100,-60,0\n0,0,100,-90,0\n");
-    let run =
-        folder.imf("check block.obj swing.csv --unit mm --pitch 2 --tool paper --machine column.toml --json");
-    assert_eq!(run.code, Some(3), "{}", run.stderr);
+    let run = folder
+        .imf("check block.obj swing.csv --unit mm --pitch 2 --tool paper --machine column.toml --json")
+        .exits(3);
     let found = hits(&run);
     assert!(found.contains(&(4, "part".to_owned(), "column".to_owned())), "{found:?}");
     assert!(found.iter().all(|(line, ..)| *line > 2), "{found:?}");
@@ -128,12 +117,9 @@ fn every_example_cuts_the_top_and_tells_what_its_head_meets() {
     for (name, letters) in [("trunnion.toml", "A0. C0."), ("head.toml", "B0. C0."), ("vise.toml", "B0. C0.")]
     {
         let start = format!("G21 G90 T1 M6\nG0 {letters}\nG43.4 H1 X-50. Y0. Z60.\n");
-        let run = check(
-            ("top.nc", &format!("{start}Z30.\nG1 X50. F900\nC90.\nX-50.\n")),
-            &format!("--machine {name}"),
-        );
-        assert_eq!(run.code, Some(0), "{name}: {}{}", run.stdout, run.stderr);
-        assert!(run.stdout.contains("no collision, no axis out of its travel: 5 lines"), "{}", run.stdout);
+        let top = format!("{start}Z30.\nG1 X50. F900\nC90.\nX-50.\n");
+        let run = check(("top.nc", &top), &format!("--machine {name}")).done();
+        run.says(&["no collision, no axis out of its travel: 5 lines"]);
         // Down beside the block until the spindle's face is below its top.
         let run = check(
             ("deep.nc", &format!("{start}X-40. Z60.\nG1 Z-60. F900\n")),
@@ -150,8 +136,7 @@ fn a_collision_with_the_machine_is_told_with_its_joints_drawn_and_shown() {
     let folder = workshop();
     folder.write("side.csv", "x,y,z,A,C\n0,0,100,0,0\n0,-100,10,-90,0\n0,-31,10,-90,0\n");
     let check = "check block.obj side.csv --pitch 1 --tool paper --machine trunnion.toml";
-    let run = folder.imf(&format!("{check} --out out --html page.html --json"));
-    assert_eq!(run.code, Some(3), "{}", run.stderr);
+    let run = folder.imf(&format!("{check} --out out --html page.html --json")).exits(3);
     let answer = run.json();
     let hit = &answer["report"]["colliding"][0]["collisions"][0];
     assert_eq!(hit["joints"]["rotary"], serde_json::json!([-90.0, 0.0]), "{hit}");
@@ -179,17 +164,14 @@ fn a_collision_with_the_machine_is_told_with_its_joints_drawn_and_shown() {
 #[test]
 fn travel_is_told_with_line_axis_value_and_range() {
     let program = "G21 G90 T1 M6\nG0 A0. C0.\nG43.4 H1 X0. Y0. Z100.\nX260. Z150.\nX0.\nA31.\n";
-    let run = check(("far.nc", program), "--machine trunnion.toml");
-    assert_eq!(run.code, Some(3), "{}", run.stderr);
-    for said in [
+    let run = check(("far.nc", program), "--machine trunnion.toml").exits(3);
+    run.says(&[
         "line 4: X would have to be at 25",
         "goes from -250 mm to 250 mm",
         "line 6: A would have to be at 3",
         "from -110° to 30°",
-    ] {
-        assert!(run.stdout.contains(said), "{said}: {}", run.stdout);
-    }
-    assert!(run.stdout.contains("no collision, 3 lines lead out of the machine's travel"), "{}", run.stdout);
+    ]);
+    run.says(&["no collision, 3 lines lead out of the machine's travel"]);
     // An axis that turns while the others stand leaves its range where it does, not where it ends.
     let alone = "G21 G90 T1 M6\nG0 A0. C0.\nG43 H1 X0. Y0. Z100.\nG1 A50. F500\n";
     let run = check(("turn.nc", alone), "--machine trunnion.toml --json");

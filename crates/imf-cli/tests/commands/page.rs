@@ -81,9 +81,8 @@ fn the_page_of_a_check_shows_the_line_that_collides_in_red() {
     let folder = Workdir::new();
     // Over the bracket, through it, and away.
     folder.write("path.csv", "x,y,z\n24,-40,120\n24,73,120\n24,73,40\n24,190,120\n");
-    let run = folder.imf("check bracket path.csv --tool paper --pitch 4 --html page.html");
-    assert_eq!(run.code, Some(3), "{}", run.stderr);
-    assert!(run.stderr.contains("page.html"), "{}", run.stderr);
+    let run = folder.imf("check bracket path.csv --tool paper --pitch 4 --html page.html").exits(3);
+    run.warns(&["page.html"]);
     let (page, console) = look(&folder.path("page.html"), &folder.path("page.png"));
     assert_eq!(console, "");
     let is_red = |[r, g, b]: [u8; 3]| r > 150 && g < 90 && b < 90;

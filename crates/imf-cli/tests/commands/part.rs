@@ -64,8 +64,7 @@ fn symmetry_is_found_used_and_kept_unless_none_is_wanted() {
     let train = |more: &str| {
         work.imf(&format!("train teapot --dims 15,19,31 --degree 5 {NETWORK} --steps 60 {more}"))
     };
-    let said = train("--out told").done();
-    assert!(said.stderr.contains("symmetry-reduced: mirrored across y, turned about x"), "{}", said.stderr);
+    train("--out told").done().warns(&["symmetry-reduced: mirrored across y, turned about x"]);
     train("--set symmetry=false --out plain").done();
     let symmetry = |folder: &str| {
         let info = work.json(&format!("info {folder}/field.safetensors"));
@@ -73,7 +72,7 @@ fn symmetry_is_found_used_and_kept_unless_none_is_wanted() {
     };
     assert_eq!((symmetry("told")["axis"]["along"].as_u64(), symmetry("plain")), (Some(0), json!(null)));
     let info = work.imf("info told/field.safetensors").done();
-    assert!(info.stdout.contains("mirrored across y, turned about x"), "{}", info.stdout);
+    info.says(&["mirrored across y, turned about x"]);
 
     // It is settled where a training begins: gone on with, and handed on to a changed part.
     train("--out told --resume").done();
@@ -211,10 +210,9 @@ fn a_fit_in_two_passes_is_gone_on_with_as_one_in_one() {
     let train = format!("train {PART} --network 1x16 --set batch=32 --steps 100000 --out field");
     // Between what sections take that stay in memory and what they take that are counted again: all 384 of them.
     let twice = work.interrupted_once_it_says("training 3→", &format!("{train} --memory 6432KiB"));
-    assert!(twice.stderr.contains("848 sections in"), "{}", twice.stderr);
+    twice.warns(&["848 sections in"]);
     for (limit, sections) in [("--memory 6432KiB", "848 sections in"), ("", "464 sections in")] {
-        let on = work.interrupted_once_it_says("training 3→", &format!("{train} --resume {limit}"));
-        assert!(on.stderr.contains(sections), "{}", on.stderr);
+        work.interrupted_once_it_says("training 3→", &format!("{train} --resume {limit}")).warns(&[sections]);
     }
 }
 
@@ -227,7 +225,7 @@ fn what_is_finished_says_so_at_once_and_where_it_is() {
     let made = work.bytes(field);
     let resumed = |more: &str| {
         let again = work.imf(&format!("{train} --resume --json {more}")).done();
-        assert!(again.stderr.contains("field/checkpoint.safetensors is finished"), "{}", again.stderr);
+        again.warns(&["field/checkpoint.safetensors is finished"]);
         assert!(!again.stderr.contains("sections to fit"), "{}", again.stderr);
         assert_eq!(again.json()["field"], json!(field));
         again.stderr.contains("; wrote field/field.safetensors")
@@ -314,8 +312,7 @@ fn the_papers_network_of_a_part_is_that_of_its_dataset() {
 
     // What is sampled is taken as it is, and what is finished is not gone on with.
     let train = format!("{train} --no-calibrate");
-    let again = work.imf(&train).done();
-    assert!(again.stderr.contains("0 shards made, 1 kept"), "{}", again.stderr);
+    work.imf(&train).done().warns(&["0 shards made, 1 kept"]);
     work.imf(&train.replace("5,15,9", "6,15,9")).refused(&["model/dataset", "another dataset"]);
     let resume = format!("{train} --resume --json");
     // It is the same field however it was calibrated.
@@ -326,7 +323,7 @@ fn the_papers_network_of_a_part_is_that_of_its_dataset() {
     work.imf(&other).refused(&["model/checkpoint.safetensors", "another dataset"]);
     for wrote in [false, true] {
         let over = work.imf(&resume).done();
-        assert!(over.stderr.contains("model/checkpoint.safetensors is finished"), "{}", over.stderr);
+        over.warns(&["model/checkpoint.safetensors is finished"]);
         assert_eq!(over.json()["field"], json!("model/field.safetensors"));
         assert_eq!(over.stderr.contains("wrote model/field.safetensors"), wrote, "{}", over.stderr);
         let again = work.model("model/field.safetensors");
@@ -350,8 +347,7 @@ fn options_of_the_other_family_are_none_and_subjects_that_are_none_are_refused_b
     let tool = "[cutter]\nshape = 'ball'\ndiameter = 6\nlength = 20\n";
     std::fs::write(work.path("tool.toml"), tool).unwrap();
     for line in ["bracket --epochs 3", "bracket --mpi", "siren5 bracket --degree 8", "siren5 data --half"] {
-        let run = work.imf(&format!("train {line} --out model"));
-        assert_eq!(run.code, Some(2), "{line}: {}", run.stderr);
+        work.imf(&format!("train {line} --out model")).exits(2);
     }
     let of_part = ["applies only to a part", "made with its own"];
     for (line, option, words) in [

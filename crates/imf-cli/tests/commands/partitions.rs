@@ -21,15 +21,12 @@ fn shares_join_to_the_dataset_made_at_once_and_what_is_missing_is_named() {
         work.imf(line).refused(&["part-1 holds 1 partition", "imf dataset merge"]);
     }
 
-    let merged = work.imf("dataset merge out part-1 part-3");
-    assert_eq!(merged.code, Some(1), "{}", merged.stderr);
-    for words in [
+    let merged = work.imf("dataset merge out part-1 part-3").exits(1);
+    merged.says(&[
         "missing: shard 1, 2 of 12 orientations: number 2, 8 ",
         "missing: shard 4, 2 of 12 orientations: number 5, 11 ",
-    ] {
-        assert!(merged.stdout.contains(words), "no '{words}' in\n{}", merged.stdout);
-    }
-    assert!(merged.stderr.contains("imf dataset finish out"), "{}", merged.stderr);
+    ]);
+    merged.warns(&["imf dataset finish out"]);
 
     // The command that was named makes the rest, without the part.
     let finished = work.json("dataset finish out");
@@ -79,6 +76,6 @@ fn shares_of_other_datasets_are_refused() {
     work.imf("dataset merge out a nowhere").refused(&["nowhere"]);
     assert!(!work.path("out").exists());
     for line in [format!("{DATASET} a --shard 3/2"), "dataset".to_owned(), "dataset merge".to_owned()] {
-        assert_eq!(work.imf(&line).code, Some(2), "`imf {line}`");
+        work.imf(&line).exits(2);
     }
 }

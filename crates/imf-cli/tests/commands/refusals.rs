@@ -54,13 +54,7 @@ fn units_and_sizes() {
     refuse_argument(&folder, &paper("--dims 9,9,9 --margin 5"), &["margin"]);
     let field = |more: &str| format!("field cube.obj --orientations 0,0 --out out {more}");
     // Without a tool there is no answer, and the message shows how one is described.
-    let run = folder.imf(&field(""));
-    assert_eq!(run.code, Some(2), "{}", run.stderr);
-    assert!(
-        run.stderr.contains("[cutter] with shape") && run.stderr.contains("--tool paper"),
-        "{}",
-        run.stderr
-    );
+    folder.imf(&field("")).exits(2).warns(&["[cutter] with shape", "--tool paper"]);
     // A cube of 1 mm and a cutter of 10.
     let speck = field("--tool paper --scale 0.01");
     folder.refuse(
@@ -218,13 +212,11 @@ fn wrong_arguments_exit_with_2() {
         ("train siren5 data --out model --epochs 3 --steps 3", "cannot be used with '--steps <N>'"),
         ("eval model --in-sample grid:2", "one pair"),
     ] {
-        let run = folder.imf(line);
-        assert_eq!(run.code, Some(2), "`imf {line}`: {}", run.stderr);
+        let run = folder.imf(line).exits(2);
         assert!(run.stdout.is_empty() && run.stderr.starts_with("error: "), "`imf {line}`: {}", run.stderr);
-        assert!(run.stderr.contains(expected), "`imf {line}`: {}", run.stderr);
+        run.warns(&[expected]);
     }
-    let alone = folder.imf("");
-    assert_eq!(alone.code, Some(2), "{}", alone.stderr);
+    let alone = folder.imf("").exits(2);
     assert!(alone.stdout.is_empty() && alone.stderr.contains("Usage: imf"), "{}", alone.stderr);
     assert!(folder.entries().is_empty());
 }

@@ -115,7 +115,7 @@ fn what_was_made_before_is_kept_and_no_source_is_replaced() {
     // Another run's result gives way, and stays.
     let again =
         work.imf(&format!("train factored own/field.safetensors {small} --set seed=7 --out network")).done();
-    assert!(again.stderr.contains("network/field.former.safetensors"), "{}", again.stderr);
+    again.warns(&["network/field.former.safetensors"]);
     assert!(work.bytes("network/field.former.safetensors") == first);
     assert!(work.bytes("network/field.safetensors") != first);
 }
@@ -189,7 +189,7 @@ fn what_a_saved_field_is_of_is_printed() {
     let field = "train harmonic teapot --dims 9,11,17 --degree 2 --no-calibrate --clearance 2";
     work.imf(&format!("{field} --out grown.safetensors")).done();
     let told = work.imf("field grown.safetensors --orientations 0,0 --out grown").done();
-    assert!(told.stderr.contains("offset by a clearance"), "{}", told.stderr);
+    told.warns(&["offset by a clearance"]);
     let tool = "name = \"side\"\nunit = \"mm\"\nstick_out = 35.0\nsharp_points = [[5.0, 0.0, 20.0]]\n[cutter]\n\
                 shape = \"ball\"\ndiameter = 10.0\nlength = 35.0\n";
     work.write("side.toml", tool);

@@ -154,12 +154,10 @@ fn a_path_has_one_least_stick_out_and_the_line_that_decides_it() {
         folder.imf(&format!("check part.obj path.csv --pitch 2 --unit mm --stickout --tool {tool}"))
     };
     let run = check("short.toml");
-    assert!(
-        run.stdout.contains("stick-out of short (set to 6.0 mm, shortest 6.0): the whole path takes "),
-        "{}",
-        run.stdout
-    );
-    assert!(run.stdout.contains(", decided by line 3; as it is set: "), "{}", run.stdout);
+    run.says(&[
+        "stick-out of short (set to 6.0 mm, shortest 6.0): the whole path takes ",
+        ", decided by line 3; as it is set: ",
+    ]);
     folder.write("bare.toml", "[cutter]\nshape = 'flat'\ndiameter = 3\nlength = 9\n");
     check("bare.toml").bad_input(&["'bare' has no holder"]);
 }

@@ -82,13 +82,11 @@ fn a_facing_pass_cuts_its_volume_and_what_is_left_is_a_stock_again() {
 #[test]
 fn a_rapid_into_the_stock_and_a_shank_in_a_wall_are_told_with_their_lines() {
     let plunge = folder("plunge.nc", "G21 G90\nG0 X0. Y0. Z20.\nG0 Z1.\nG1 X5. F300\nG0 Z20.\n");
-    let run = check(&plunge, "plunge.nc", "--stock box:3");
-    assert_eq!(run.code, Some(3), "{}", run.stderr);
-    for said in
-        ["line 3, rapid: cutter is 2 mm deep in the stock", "line 3 is the first that cuts it at rapid rate"]
-    {
-        assert!(run.stdout.contains(said), "{said}: {}", run.stdout);
-    }
+    let run = check(&plunge, "plunge.nc", "--stock box:3").exits(3);
+    run.says(&[
+        "line 3, rapid: cutter is 2 mm deep in the stock",
+        "line 3 is the first that cuts it at rapid rate",
+    ]);
     let (_, found) = answer(&check(&plunge, "plunge.nc", "--stock box:3 --json"));
     assert_eq!(found["stock"]["first_rapid_cut"]["line"], 3);
     let volume = found["stock"]["first_rapid_cut"]["volume"].as_f64().unwrap();
@@ -96,20 +94,17 @@ fn a_rapid_into_the_stock_and_a_shank_in_a_wall_are_told_with_their_lines() {
 
     // 6 mm deep with flutes of 4: the shank is 2 mm in, from where the tool enters.
     let slot = folder("slot.csv", "x,y,z\n-30,0,-3\n-22,0,-3\n15,0,-3\n15,0,20\n");
-    let run = check(&slot, "slot.csv", "--stock box:3 --out out");
-    assert_eq!(run.code, Some(3), "{}", run.stderr);
-    for said in [
+    let run = check(&slot, "slot.csv", "--stock box:3 --out out").exits(3);
+    run.says(&[
         "line 4: shank is 2 mm deep in the stock",
         "touched first by the shank on line 4",
         "a column rapid says so",
-    ] {
-        assert!(run.stdout.contains(said), "{said}: {}", run.stdout);
-    }
+    ]);
     assert!(slot.text("out/collisions.csv").contains("4,,feed,shank,stock,2.0000"));
     assert!(image::open(slot.path("out/worst.png")).unwrap().width() > 500);
-    // In two layers it is free.
+    // In two layers it is free, though the part is cut.
     slot.write("layers.csv", "x,y,z\n-30,0,0\n25,0,0\n25,0,-3\n-30,0,-3\n");
-    assert_eq!(check(&slot, "layers.csv", "--stock box:3").code, Some(3), "the part is cut");
+    check(&slot, "layers.csv", "--stock box:3").exits(3);
     let (_, layers) = answer(&check(&slot, "layers.csv", "--stock box:3 --json"));
     let against = |hit: &Value| hit["against"] == "stock";
     let lines = layers["report"]["colliding"].as_array().unwrap();
@@ -123,31 +118,20 @@ fn a_rapid_into_the_stock_and_a_shank_in_a_wall_are_told_with_their_lines() {
 fn a_stock_that_cannot_be_meant_is_refused_or_told() {
     let folder = folder("free.csv", "x,y,z\n0,0,30\n");
     let refuse = |stock: &str, said: &str| {
-        let run = check(&folder, "free.csv", &format!("--stock {stock}"));
-        assert!(run.code == Some(1) && run.stderr.contains(said), "{stock}: {:?} {}", run.code, run.stderr);
+        check(&folder, "free.csv", &format!("--stock {stock}")).exits(1).warns(&[said]);
     };
     refuse("nowhere.stl", "the stock nowhere.stl cannot be used");
     refuse("box:100000", "choose a larger pitch");
     folder.write("small.obj", BLOCK.replace("-15", "-1").replace("15", "1"));
     refuse("small.obj", "most of the part lies outside the stock");
     folder.write("short.obj", BLOCK.replace("-15", "-12"));
-    let run = check(&folder, "free.csv", "--stock short.obj");
-    assert!(
-        run.code == Some(0) && run.stderr.contains("of the part lie outside the stock"),
-        "{}",
-        run.stderr
-    );
+    let short = check(&folder, "free.csv", "--stock short.obj").done();
+    short.warns(&["of the part lie outside the stock"]);
     // A mesh does not say what of it cuts.
     folder.write("mesh.toml", "name = \"head\"\nunit = \"mm\"\nmesh = \"block.obj\"\n");
     let path = "check block.obj turned.csv --unit mm --pitch 1 --tool mesh.toml --stock box";
     folder.write("turned.csv", "x,y,z,roll\n0,0,90,0\n");
-    let run = folder.imf(path);
-    assert!(
-        run.code == Some(2) && run.stderr.contains("does not say what of it cuts"),
-        "{:?} {}",
-        run.code,
-        run.stderr
-    );
+    folder.imf(path).exits(2).warns(&["does not say what of it cuts"]);
 }
 
 #[test]
@@ -156,12 +140,9 @@ fn an_open_stock_is_refused_or_warned_of() {
     let faces =
         |left_out: &[&str]| left_out.iter().fold(BLOCK.to_owned(), |text, face| text.replace(face, ""));
     folder.write("tube.obj", faces(&["f 5 6 7 8\n", "f 4 3 2 1\n"]));
-    let refused = check(&folder, "face.nc", "--stock tube.obj");
-    assert_eq!(refused.code, Some(1), "{}", refused.stderr);
-    assert!(refused.stderr.contains("solid and empty cannot be told apart"), "{}", refused.stderr);
+    check(&folder, "face.nc", "--stock tube.obj").exits(1).warns(&["solid and empty cannot be told apart"]);
     folder.write("tray.obj", faces(&["f 5 6 7 8\n"]));
-    let warned = check(&folder, "face.nc", "--stock tray.obj");
-    assert!(warned.stderr.contains("is open: of "), "{}", warned.stderr);
+    check(&folder, "face.nc", "--stock tray.obj").warns(&["is open: of "]);
 }
 
 #[test]

@@ -36,7 +36,7 @@ fn voxels_are_written_whatever_the_tool() {
     let run = folder.imf(line).done();
     // What is of a tool alone does nothing here.
     folder.imf("voxelize bracket --dims 5,15,9 --clearance 2 --out c").bad_input(&["--clearance"]);
-    assert!(run.stdout.contains("5×15×9"), "{}", run.stdout);
+    run.says(&["5×15×9"]);
     let summary = folder.json(line);
     let solid = folder.npy::<u8>("a/b/solid.npy");
     assert_eq!(solid.dim(), (5, 15, 9));
@@ -76,8 +76,7 @@ fn fixtures_are_voxels_as_a_whole_or_refused() {
     };
     let (beside, through) = ("100,0,0", "75,0,0");
     for at in [beside, through] {
-        let cut = voxels(at, "");
-        assert!(cut.code == Some(1) && cut.stderr.contains("sticks out of the grid"), "{at}: {}", cut.stderr);
+        voxels(at, "").exits(1).warns(&["sticks out of the grid"]);
     }
     let whole = voxels(beside, "--around all --json").json();
     assert_eq!((&whole["part_voxels"], &whole["solid_voxels"]), (&1000.into(), &1125.into()));
