@@ -22,11 +22,6 @@ fn check(folder: &Workdir, path: &str, more: &str) -> Finished {
     folder.imf(&format!("check block.obj {path} --unit mm --pitch 0.5 --tool mill.toml {more}"))
 }
 
-/// Code and answer.
-fn answer(run: &Finished) -> (Option<i32>, Value) {
-    (run.code, run.json())
-}
-
 /// Faces the top 3 mm off a stock with as much allowance, in rows.
 fn facing() -> String {
     let mut program = String::from("G21 G90\nG0 X-25. Y-12. Z20.\nG0 Z0.\n");
@@ -41,8 +36,8 @@ fn facing() -> String {
 #[test]
 fn a_facing_pass_cuts_its_volume_and_what_is_left_is_a_stock_again() {
     let folder = folder("face.nc", &facing());
-    let (code, found) = answer(&check(&folder, "face.nc", "--stock box:3 --out out --json"));
-    assert_eq!((code, &found["collides"]), (Some(0), &json!(false)));
+    let found = check(&folder, "face.nc", "--stock box:3 --out out --json").done().json();
+    assert_eq!(found["collides"], false);
     let stock = &found["stock"];
     let number = |name: &str| stock[name].as_f64().unwrap();
     // 36 × 26 × 16 mm, of which 3 mm go over the whole of it.
@@ -71,8 +66,7 @@ fn a_facing_pass_cuts_its_volume_and_what_is_left_is_a_stock_again() {
     folder.write("again.nc", facing());
     for set_up in ["", "--transform rotate:0,0,1:90;translate:5,3,20"] {
         let more = format!("--stock out/stock.stl --json {set_up}");
-        let (code, again) = answer(&check(&folder, "again.nc", &more));
-        assert_eq!(code, Some(0), "{again}");
+        let again = check(&folder, "again.nc", &more).done().json();
         assert_eq!(again["stock"]["volume"], number("volume") - number("removed"), "{again}");
         assert_eq!((&again["stock"]["removed"], &again["stock"]["lines_that_cut"]), (&json!(0.0), &json!(0)));
         assert_eq!(again["stock"]["left"]["volume"], left["volume"]);
@@ -87,7 +81,7 @@ fn a_rapid_into_the_stock_and_a_shank_in_a_wall_are_told_with_their_lines() {
         "line 3, rapid: cutter is 2 mm deep in the stock",
         "line 3 is the first that cuts it at rapid rate",
     ]);
-    let (_, found) = answer(&check(&plunge, "plunge.nc", "--stock box:3 --json"));
+    let found = check(&plunge, "plunge.nc", "--stock box:3 --json").json();
     assert_eq!(found["stock"]["first_rapid_cut"]["line"], 3);
     let volume = found["stock"]["first_rapid_cut"]["volume"].as_f64().unwrap();
     assert!((volume / (std::f64::consts::PI * 18.0) - 1.0).abs() < 0.08, "{volume}");
@@ -105,7 +99,7 @@ fn a_rapid_into_the_stock_and_a_shank_in_a_wall_are_told_with_their_lines() {
     // In two layers it is free, though the part is cut.
     slot.write("layers.csv", "x,y,z\n-30,0,0\n25,0,0\n25,0,-3\n-30,0,-3\n");
     check(&slot, "layers.csv", "--stock box:3").exits(3);
-    let (_, layers) = answer(&check(&slot, "layers.csv", "--stock box:3 --json"));
+    let layers = check(&slot, "layers.csv", "--stock box:3 --json").json();
     let against = |hit: &Value| hit["against"] == "stock";
     let lines = layers["report"]["colliding"].as_array().unwrap();
     assert!(!lines.iter().any(|line| line["collisions"].as_array().unwrap().iter().any(against)), "{layers}");
@@ -149,8 +143,8 @@ fn an_open_stock_is_refused_or_warned_of() {
 fn what_rapids_brush_off_is_told_though_it_is_accepted() {
     let folder = folder("brush.nc", "G21 G90\nG0 X-25. Y0. Z20.\nZ0.7\nX25.\nZ20.\n");
     // Centres of the topmost voxels are 0.05 mm deep in the cutter.
-    let (code, found) = answer(&check(&folder, "brush.nc", "--stock box:1 --json"));
-    assert_eq!((code, &found["stock"]["first_rapid_cut"]), (Some(0), &Value::Null));
+    let found = check(&folder, "brush.nc", "--stock box:1 --json").done().json();
+    assert_eq!(found["stock"]["first_rapid_cut"], Value::Null);
     assert_eq!(found["stock"]["removed_not_at_feed"], 32.0 * 6.0 * 0.5);
     let text = check(&folder, "brush.nc", "--stock box:1").stdout;
     assert!(text.contains("where the path begins 96.0 mm³ go"), "{text}");
@@ -160,24 +154,22 @@ fn what_rapids_brush_off_is_told_though_it_is_accepted() {
 fn of_a_row_of_rapids_the_first_that_cuts_is_named() {
     // Line 3 takes what is accepted, line 4 goes deeper at its end, where nothing is left to take of the stock before the row.
     let folder = folder("row.nc", "G21 G90\nG0 X-25. Y0. Z20.\nZ0.7\nX25.\nZ0.3\nX-25.\nZ20.\n");
-    let (code, found) = answer(&check(&folder, "row.nc", "--stock box:1 --json"));
+    let found = check(&folder, "row.nc", "--stock box:1 --json").exits(3).json();
     let first = &found["stock"]["first_rapid_cut"];
-    assert_eq!((code, &first["line"], first["volume"].as_f64()), (Some(3), &json!(4), Some(96.0)), "{first}");
+    assert_eq!((&first["line"], &first["volume"]), (&json!(4), &json!(96.0)), "{first}");
     // Where the path begins in the stock, a rapid behind it is named too.
     folder.write("begin.nc", "G21 G90\nG0 X0. Y0. Z-2.\nX10.\nZ20.\n");
-    let (code, found) = answer(&check(&folder, "begin.nc", "--stock box:1 --json"));
+    let found = check(&folder, "begin.nc", "--stock box:1 --json").exits(3).json();
     let stock = &found["stock"];
-    assert_eq!(
-        (code, &stock["begins_in_stock"]["line"], &stock["first_rapid_cut"]["line"]),
-        (Some(3), &json!(2), &json!(3))
-    );
+    let lines = ["begins_in_stock", "first_rapid_cut"].map(|name| &stock[name]["line"]);
+    assert_eq!(lines, [2, 3]);
 }
 
 #[test]
 fn what_is_left_of_the_stock_is_so_by_centres_where_voxels_are_conservative_too() {
     let folder = folder("face.nc", &facing());
     let of = |more: &str| {
-        let (_, found) = answer(&check(&folder, "face.nc", &format!("--stock box:3 --json {more}")));
+        let found = check(&folder, "face.nc", &format!("--stock box:3 --json {more}")).json();
         (found["stock"]["left"].clone(), found["stock"]["removed"].clone())
     };
     assert_eq!(of("--conservative --contact 0.5"), of(""));
