@@ -8,14 +8,14 @@ use imf_core::glam::DVec3;
 use imf_core::pose::Pose;
 use imf_core::tool::{ClearanceError, ElementKind, ToolShape};
 use imf_core::world::{self, MotionOptions, MotionResult};
-use numpy::{PyArray1, PyArray2, PyReadonlyArray2};
+use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use rayon::prelude::*;
 
 use crate::arrays::rows_of;
 use crate::errors::{Failure, value_error};
 use crate::memory;
-use crate::poses::PoseRows;
+use crate::poses::{Found, PoseRows, Poses};
 use crate::scene::{Scene, clearance_of};
 use crate::work::{Progress, run};
 
@@ -30,13 +30,13 @@ pub(crate) struct Checker {
 type Motions<'py> = (Bound<'py, PyArray1<u8>>, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>);
 
 /// By pose: lower and upper bound of the distance, the element's name, the nearest points of tool and obstacle.
-type Distances<'py> = (
+type Distances<'py> = PyResult<(
     Bound<'py, PyArray1<f64>>,
     Bound<'py, PyArray1<f64>>,
     Vec<String>,
     Bound<'py, PyArray2<f64>>,
     Bound<'py, PyArray2<f64>>,
-);
+)>;
 
 /// One of these; the default is that of an invalid pose.
 #[derive(Clone, Copy)]
@@ -54,7 +54,7 @@ impl Default for Nearest {
 
 impl Checker {
     /// Poses of this tool.
-    fn rows<'a>(&self, poses: &'a PyReadonlyArray2<'_, f64>) -> PyResult<PoseRows<'a>> {
+    fn rows<'a>(&self, poses: &'a Poses<'_>) -> PyResult<PoseRows<'a>> {
         Ok(PoseRows::new(poses)?.of_round_tool(self.is_round()))
     }
 
@@ -96,18 +96,13 @@ impl Checker {
     }
 
     /// By pose, 0 free and 1 colliding; an invalid pose collides.
-    fn classify<'py>(
-        &self,
-        py: Python<'py>,
-        poses: PyReadonlyArray2<'py, f64>,
-        progress: Progress<'py>,
-    ) -> PyResult<Bound<'py, PyArray1<u8>>> {
+    fn classify<'py>(&self, py: Python<'py>, poses: Poses<'py>, progress: Progress<'py>) -> Found<'py, u8> {
         self.rows(&poses)?
             .decisions(py, &progress, |poses, decisions| self.checker.classify(poses, decisions))
     }
 
     /// Whether one pose is free, without any of what batches need.
-    fn is_free(&self, poses: PyReadonlyArray2<'_, f64>) -> PyResult<bool> {
+    fn is_free(&self, poses: Poses<'_>) -> PyResult<bool> {
         let rows = self.rows(&poses)?;
         if rows.len() != 1 {
             return Err(value_error("one pose at a time"));
@@ -116,22 +111,12 @@ impl Checker {
     }
 
     /// By pose, the overlap in [0, 1].
-    fn values<'py>(
-        &self,
-        py: Python<'py>,
-        poses: PyReadonlyArray2<'py, f64>,
-        progress: Progress<'py>,
-    ) -> PyResult<Bound<'py, PyArray1<f32>>> {
+    fn values<'py>(&self, py: Python<'py>, poses: Poses<'py>, progress: Progress<'py>) -> Found<'py, f32> {
         self.rows(&poses)?.array(py, &progress, |poses, values| self.field.values(poses, values))
     }
 
     /// By pose, the signed clearance as far as it is proven.
-    fn clearance<'py>(
-        &self,
-        py: Python<'py>,
-        poses: PyReadonlyArray2<'py, f64>,
-        progress: Progress<'py>,
-    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    fn clearance<'py>(&self, py: Python<'py>, poses: Poses<'py>, progress: Progress<'py>) -> Found<'py, f64> {
         let rows = self.rows(&poses)?;
         let field = &self.field;
         self.check_revolved()?;
@@ -141,12 +126,7 @@ impl Checker {
     }
 
     /// By pose, how far the tool is from the nearest solid voxel's centre, or how deep in the part.
-    fn distance<'py>(
-        &self,
-        py: Python<'py>,
-        poses: PyReadonlyArray2<'py, f64>,
-        progress: Progress<'py>,
-    ) -> PyResult<Distances<'py>> {
+    fn distance<'py>(&self, py: Python<'py>, poses: Poses<'py>, progress: Progress<'py>) -> Distances<'py> {
         self.check_revolved()?;
         let (rows, checker) = (self.rows(&poses)?, &self.checker);
         let nothing = Nearest { bounds: [f64::INFINITY; 2], ..Nearest::default() };
@@ -172,8 +152,8 @@ impl Checker {
     fn check_motion<'py>(
         &self,
         py: Python<'py>,
-        from: PyReadonlyArray2<'py, f64>,
-        to: PyReadonlyArray2<'py, f64>,
+        from: Poses<'py>,
+        to: Poses<'py>,
         progress: Progress<'py>,
     ) -> PyResult<Motions<'py>> {
         let (from, to) = (self.rows(&from)?, self.rows(&to)?);

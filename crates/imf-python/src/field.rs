@@ -17,7 +17,7 @@ use rayon::prelude::*;
 
 use crate::arrays::rows_of;
 use crate::errors::value_error;
-use crate::poses::PoseRows;
+use crate::poses::{Found, PoseRows, Poses};
 use crate::sections::DirectionsInput;
 use crate::tool::Tool;
 use crate::work::{Progress, run};
@@ -30,12 +30,12 @@ pub(crate) struct Field {
 }
 
 /// Value, and change with the position, with the axis and with a rotation vector.
-type Gradients<'py> = (
+type Gradients<'py> = PyResult<(
     Bound<'py, PyArray1<f32>>,
     Bound<'py, PyArray2<f32>>,
     Bound<'py, PyArray2<f32>>,
     Bound<'py, PyArray2<f32>>,
-);
+)>;
 
 /// Value, place in the list and decision of the best direction.
 type BestOf<'py> = (Bound<'py, PyArray1<f32>>, Bound<'py, PyArray1<u32>>, Bound<'py, PyArray1<u8>>);
@@ -137,22 +137,12 @@ impl Field {
     }
 
     /// By pose, the value.
-    fn values<'py>(
-        &self,
-        py: Python<'py>,
-        poses: PyReadonlyArray2<'py, f64>,
-        progress: Progress<'py>,
-    ) -> PyResult<Bound<'py, PyArray1<f32>>> {
+    fn values<'py>(&self, py: Python<'py>, poses: Poses<'py>, progress: Progress<'py>) -> Found<'py, f32> {
         PoseRows::new(&poses)?.array(py, &progress, |poses, values| self.field.values(poses, values))
     }
 
     /// By pose, the value and its derivatives.
-    fn gradients<'py>(
-        &self,
-        py: Python<'py>,
-        poses: PyReadonlyArray2<'py, f64>,
-        progress: Progress<'py>,
-    ) -> PyResult<Gradients<'py>> {
+    fn gradients<'py>(&self, py: Python<'py>, poses: Poses<'py>, progress: Progress<'py>) -> Gradients<'py> {
         let answer = |poses: &[Pose], numbers: &mut [[f32; 10]]| {
             let mut gradients = vec![Gradient::NAN; poses.len()];
             self.field.gradients(poses, &mut gradients)?;
@@ -175,12 +165,7 @@ impl Field {
     }
 
     /// By pose, 0 free, 1 colliding, 2 undecided.
-    fn classify<'py>(
-        &self,
-        py: Python<'py>,
-        poses: PyReadonlyArray2<'py, f64>,
-        progress: Progress<'py>,
-    ) -> PyResult<Bound<'py, PyArray1<u8>>> {
+    fn classify<'py>(&self, py: Python<'py>, poses: Poses<'py>, progress: Progress<'py>) -> Found<'py, u8> {
         PoseRows::new(&poses)?
             .decisions(py, &progress, |poses, decisions| self.field.classify(poses, decisions))
     }

@@ -11,6 +11,12 @@ use rayon::prelude::*;
 use crate::errors::value_error;
 use crate::work::{Progress, run};
 
+/// An array of poses.
+pub(crate) type Poses<'py> = PyReadonlyArray2<'py, f64>;
+
+/// What was found, one by pose.
+pub(crate) type Found<'py, T> = PyResult<Bound<'py, PyArray1<T>>>;
+
 /// Poses that a thread converts and evaluates at a time.
 const CHUNK: usize = 256;
 
@@ -28,7 +34,7 @@ impl<'a> PoseRows<'a> {
     ///
     /// # Errors
     /// Another shape, or an array that is not contiguous.
-    pub(crate) fn new(array: &'a PyReadonlyArray2<'_, f64>) -> PyResult<Self> {
+    pub(crate) fn new(array: &'a Poses<'_>) -> PyResult<Self> {
         let [count, width] = [array.shape()[0], array.shape()[1]];
         if width != 6 && width != 7 {
             return Err(value_error(format!(
@@ -120,7 +126,7 @@ impl<'a> PoseRows<'a> {
         py: Python<'py>,
         progress: &Progress<'py>,
         answer: impl Fn(&[Pose], &mut [T]) -> Result<(), FieldError> + Sync + Send,
-    ) -> PyResult<Bound<'py, PyArray1<T>>> {
+    ) -> Found<'py, T> {
         Ok(PyArray1::from_vec(py, self.found(py, progress, answer)?))
     }
 
@@ -130,7 +136,7 @@ impl<'a> PoseRows<'a> {
         py: Python<'py>,
         progress: &Progress<'py>,
         classify: impl Fn(&[Pose], &mut [Decision]) -> Result<(), FieldError> + Sync + Send,
-    ) -> PyResult<Bound<'py, PyArray1<u8>>> {
+    ) -> Found<'py, u8> {
         self.array(py, progress, |poses, codes| {
             let mut decisions = [Decision::Undecided; CHUNK];
             let decisions = &mut decisions[..poses.len()];
