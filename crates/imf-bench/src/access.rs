@@ -190,9 +190,7 @@ pub(crate) fn run(session: &Session, arguments: &AccessArguments) -> Result<()> 
         agree: same as f64 / pairs.len() as f64,
         rows,
     };
-    let document = report.document();
-    document.write(&arguments.out, "access", &report)?;
-    document.show(session, &report)
+    report.document().write(&arguments.out, "access", &report)?.show(session, &report)
 }
 
 /// Every solid centre against the tool's solid of revolution.

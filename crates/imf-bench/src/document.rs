@@ -115,9 +115,10 @@ impl Document {
     }
 
     /// Writes `name.md`, and `value` as `name.json`.
-    pub(crate) fn write(&self, folder: &Path, name: &str, value: &impl Serialize) -> Result<()> {
+    pub(crate) fn write(&self, folder: &Path, name: &str, value: &impl Serialize) -> Result<&Self> {
         write_json(&folder.join(format!("{name}.json")), value)?;
-        write_text(&folder.join(format!("{name}.md")), &self.markdown())
+        write_text(&folder.join(format!("{name}.md")), &self.markdown())?;
+        Ok(self)
     }
 
     /// Prints it, or `value` where JSON is requested.

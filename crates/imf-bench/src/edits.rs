@@ -142,9 +142,7 @@ pub(crate) fn run(session: &Session, arguments: &EditsArguments) -> Result<()> {
     machine.finish();
     let (network, precision, steps) = (lab.shape, lab.precision, lab.steps);
     let report = Report { machine, network, precision, steps, edits };
-    let document = report.document();
-    document.write(&arguments.out, "edits", &report)?;
-    document.show(session, &report)
+    report.document().write(&arguments.out, "edits", &report)?.show(session, &report)
 }
 
 impl Lab {

@@ -167,9 +167,7 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
         record.bare_tool().name
     );
     let report = Report { machine, scene, rows, changes, missing };
-    let document = report.document();
-    document.write(&arguments.out, "query", &report)?;
-    document.show(session, &report)
+    report.document().write(&arguments.out, "query", &report)?.show(session, &report)
 }
 
 /// Uniform positions between the voxel centres, uniform directions.

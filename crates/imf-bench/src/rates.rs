@@ -102,9 +102,7 @@ pub(crate) fn run(session: &Session, arguments: &RatesArguments) -> Result<()> {
     }
     machine.finish();
     let report = Report { machine, device: device_name(&device), steps: arguments.steps, networks };
-    let document = report.document();
-    document.write(out, "rates", &report)?;
-    document.show(session, &report)
+    report.document().write(out, "rates", &report)?.show(session, &report)
 }
 
 /// The training of a network from a multiple of its default rate.

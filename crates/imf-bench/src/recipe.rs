@@ -39,6 +39,7 @@ use anyhow::{Context as _, Result, ensure};
 use clap::{Args, Subcommand};
 use imf_cli::arguments::DeviceArguments;
 use imf_cli::engine::Device;
+use imf_cli::job::weights_crc32;
 use imf_cli::output::{OutputFolder, lock_folder, prepare_folder, print, print_json, write_text};
 use imf_cli::progress::show_seconds;
 use imf_cli::session::Session;
@@ -249,7 +250,7 @@ impl Runner<'_> {
                 Some(earlier) => {
                     let parameters = earlier.state.parameters.clone();
                     // The checksum lets a stage that started from other weights be noticed.
-                    let (part, mark) = (&earlier.scene.record.part, checksum(&parameters));
+                    let (part, mark) = (&earlier.scene.record.part, weights_crc32(&parameters));
                     let from = format!("{part} (stage {}, {mark:08x})", stage.start);
                     (TrainingState::from_parameters(parameters), Some(from))
                 }
@@ -265,7 +266,8 @@ impl Runner<'_> {
                 model.write(&folder.join("model.safetensors"))?;
             }
             self.require_memory_of_report(&model.scene.record)?;
-            let key = (&recipe.evaluation, shape, &model.scene.record, checksum(&model.state.parameters));
+            let key =
+                (&recipe.evaluation, shape, &model.scene.record, weights_crc32(&model.state.parameters));
             let name = summary::name(variant, &stage.name).replace(", ", "-");
             let answers = cells.get(&name, &key, || {
                 evaluation_sets.report(self.session, self.device, model, &stage_folder(folder, stage))
@@ -288,13 +290,6 @@ impl Runner<'_> {
 
 fn stage_folder(folder: &Path, stage: &Stage) -> PathBuf {
     folder.join("stages").join(&stage.name)
-}
-
-/// A checksum of weights.
-fn checksum(weights: &[f32]) -> u32 {
-    let mut hasher = crc32fast::Hasher::new();
-    weights.iter().for_each(|weight| hasher.update(&weight.to_le_bytes()));
-    hasher.finalize()
 }
 
 /// Refuses a folder of another recipe; gives the file that says whose it is.

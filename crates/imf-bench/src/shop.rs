@@ -138,9 +138,7 @@ pub(crate) fn run(session: &Session, arguments: &ShopArguments) -> Result<()> {
     let stock = if arguments.runs(ShopCase::Stock) { stock::rows()? } else { Vec::new() };
     machine.finish();
     let report = Report { machine, setups, stick_out, crib, machine_poses, stock };
-    let document = report.document();
-    document.write(&arguments.out, "shop", &report)?;
-    document.show(session, &report)
+    report.document().write(&arguments.out, "shop", &report)?.show(session, &report)
 }
 
 /// A reference part's surface, for stick-outs and a crib.

@@ -22,8 +22,8 @@ pub use data::Data;
 pub(crate) use factored::{Distillation, FactoredStart, Source, require_memory};
 pub use log::seconds_until;
 pub use memory::Footprint;
-pub use siren5::{continued, fresh_model, run};
-pub(crate) use siren5::{require_togetherness, resumed_model, schedule_from, weights_crc32};
+pub use siren5::{continued, fresh_model, run, weights_crc32};
+pub(crate) use siren5::{require_togetherness, resumed_model, schedule_from};
 
 use std::ops::ControlFlow;
 use std::path::Path;

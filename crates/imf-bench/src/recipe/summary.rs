@@ -109,7 +109,8 @@ impl Summary {
     /// Writes recipe.json, recipe.md and loss.png.
     pub(super) fn write(&self, out: &Path) -> Result<()> {
         self.loss_chart().save(&out.join("loss.png"))?;
-        self.document().write(out, "recipe", self)
+        self.document().write(out, "recipe", self)?;
+        Ok(())
     }
 
     pub(super) fn document(&self) -> Document {

@@ -123,7 +123,7 @@ pub fn fresh_model(
 }
 
 /// Of weights that a training begins with, to know them again.
-pub(crate) fn weights_crc32(weights: &[f32]) -> u32 {
+pub fn weights_crc32(weights: &[f32]) -> u32 {
     let mut hasher = crc32fast::Hasher::new();
     weights.iter().for_each(|weight| hasher.update(&weight.to_le_bytes()));
     hasher.finalize()
