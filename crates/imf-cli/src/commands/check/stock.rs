@@ -153,13 +153,13 @@ impl StockResult {
             })
         };
         let own = |number: usize| self.report.removed.iter().find(|removal| removal.line == number);
-        let rapid = first_hit(checked, &is_rapid).map(|(hit, _)| own(self.first_of_row(hit.line)).map(line));
-        let begins = first_hit(checked, &is_start).map(|(hit, _)| own(hit.line).map(line));
-        let aside = first_hit(checked, &is_aside).map(|(hit, _)| own(hit.line).map(line));
+        let rapid = first_cut(checked, MoveKind::Rapid).map(|cut| own(self.first_of_row(cut)).map(line));
+        let begins = first_cut(checked, MoveKind::Start).map(|cut| own(cut).map(line));
+        let aside = first_cut(checked, MoveKind::Feed).map(|cut| own(cut).map(line));
         json!({
             "stock": self.name, "volume": volume(self.report.voxels), "removed": volume(removed), "removed_of_part": volume(of_part),
             "lines_that_cut": cutting, "lines_that_cut_nothing": self.report.removed.len() as u64 - cutting,
-            "removed_not_at_feed": volume(self.not_at_feed().iter().sum()), "begins_in_stock": begins, "largest": self.largest().map(line), "first_touch": first(first_hit(checked, &is_touch)), "first_rapid_cut": rapid,
+            "removed_not_at_feed": volume(self.not_at_feed().iter().sum()), "begins_in_stock": begins, "largest": self.largest().map(line), "first_touch": first(first_touch(checked)), "first_rapid_cut": rapid,
             "first_cut_aside": aside,
             "left": {
                 "volume": volume(self.left.voxels), "farthest": self.left.farthest,
@@ -191,16 +191,16 @@ impl StockResult {
             show(removed),
             lines(idle)
         );
-        let touched = first_hit(checked, &is_touch).map_or_else(
+        let touched = first_touch(checked).map_or_else(
             || "nothing but the cutter touches it".to_owned(),
             |(line, hit)| format!("it is touched first by the {} on line {}", hit.element, line.line),
         );
         let mut rapids = Vec::new();
-        if let Some((line, _)) = first_hit(checked, &is_start) {
-            rapids.push(format!("the cutter is in it where the path begins, on line {}", line.line));
+        if let Some(line) = first_cut(checked, MoveKind::Start) {
+            rapids.push(format!("the cutter is in it where the path begins, on line {line}"));
         }
-        if let Some((line, _)) = first_hit(checked, &is_rapid) {
-            let line = self.first_of_row(line.line);
+        if let Some(line) = first_cut(checked, MoveKind::Rapid) {
+            let line = self.first_of_row(line);
             rapids.push(format!("line {line} is the first that cuts it at rapid rate"));
         } else if self.no_rapids {
             rapids.push(
@@ -226,11 +226,10 @@ impl StockResult {
                 show(of_part_brushed)
             ));
         }
-        if let Some((line, _)) = first_hit(checked, &is_aside) {
+        if let Some(line) = first_cut(checked, MoveKind::Feed) {
             rapids.push(format!(
-                "line {} is the first on which a tool that cuts along its axis alone moves aside in it, or one that does not cut with its back \
-                 goes back into it",
-                line.line
+                "line {line} is the first on which a tool that cuts along its axis alone moves aside in it, or one that does not cut with its back \
+                 goes back into it"
             ));
         }
         let rapid = rapids.join("; ");
@@ -322,25 +321,20 @@ impl StockResult {
 
 type Hit<'a> = (&'a LineCollisions, &'a Collision);
 
-fn is_touch((_, hit): Hit<'_>) -> bool {
-    hit.element != "cutter"
-}
-
-fn is_rapid((line, hit): Hit<'_>) -> bool {
-    hit.element == "cutter" && line.kind == MoveKind::Rapid
-}
-
-/// By a tool that cuts along its axis alone and moves otherwise, or one that does not cut with its back and goes back.
-fn is_aside((line, hit): Hit<'_>) -> bool {
-    hit.element == "cutter" && line.kind == MoveKind::Feed
-}
-
-fn is_start((line, hit): Hit<'_>) -> bool {
-    hit.element == "cutter" && line.kind == MoveKind::Start
-}
-
-/// The first line on which the stock is hit in such a way.
-fn first_hit<'a>(checked: &'a CheckReport, is_it: &dyn Fn(Hit<'_>) -> bool) -> Option<Hit<'a>> {
+/// What hits the stock, in order of the lines.
+fn hits(checked: &CheckReport) -> impl Iterator<Item = Hit<'_>> {
     let hits = checked.colliding.iter().flat_map(|line| line.collisions.iter().map(move |hit| (line, hit)));
-    hits.filter(|(_, hit)| hit.against == HitBody::Stock).find(|&hit| is_it(hit))
+    hits.filter(|(_, hit)| hit.against == HitBody::Stock)
+}
+
+/// The first hit by anything but the cutter.
+fn first_touch(checked: &CheckReport) -> Option<Hit<'_>> {
+    hits(checked).find(|(_, hit)| hit.element != "cutter")
+}
+
+/// The first line with such a move in which the cutter hits the stock. At feed that is a tool that cuts along its axis alone and
+/// moves otherwise, or one that does not cut with its back and goes back.
+fn first_cut(checked: &CheckReport, kind: MoveKind) -> Option<usize> {
+    let mut cuts = hits(checked).filter(|(_, hit)| hit.element == "cutter");
+    cuts.find(|(line, _)| line.kind == kind).map(|(line, _)| line.line)
 }
