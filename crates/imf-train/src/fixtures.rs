@@ -11,6 +11,7 @@ use imf_core::scene::{Scene, SceneRecord};
 use imf_core::tool::{Clearance, Tool};
 use imf_core::unit::LengthUnit;
 use imf_fields::recipe::{TrainingLength, TrainingPlan, TrainingState};
+pub(crate) use imf_fields::siren::reference::{as_f64, rows};
 use imf_fields::siren::{INPUTS, SirenShape};
 
 use crate::engine::CpuTrainer;
@@ -90,15 +91,6 @@ pub(crate) fn engine(shape: SirenShape, plan: &TrainingPlan, state: TrainingStat
 pub(crate) fn numbers(count: usize, seed: u64) -> Vec<f32> {
     let shape = SirenShape { width: count, hidden: 1, skip_after: None, omega: 1.0 };
     shape.initial_parameters(seed)[..count].iter().map(|v| v * 5.0).collect()
-}
-
-pub(crate) fn as_f64(values: &[f32]) -> Vec<f64> {
-    values.iter().map(|&v| f64::from(v)).collect()
-}
-
-/// Rows of so many numbers.
-pub(crate) fn rows<const N: usize>(values: &[f32]) -> Vec<[f64; N]> {
-    values.chunks_exact(N).map(|row| std::array::from_fn(|i| f64::from(row[i]))).collect()
 }
 
 /// A gradient is off by no more than so much of its largest entry: single ones are smaller.

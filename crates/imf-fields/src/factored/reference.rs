@@ -1,6 +1,8 @@
 //! g and its loss in f64, written as the mathematics: the definition that the fast engine is tested against.
 
-use super::{FactoredShape, INPUTS};
+use glam::DVec3;
+
+use super::{Axis, FactoredShape, INPUTS, Symmetry};
 use crate::recipe::Loss;
 use crate::siren::reference::{activations, backward};
 
@@ -60,4 +62,16 @@ pub fn jacobian(shape: &FactoredShape, parameters: &[f64], input: &[f64; INPUTS]
             std::array::from_fn(|input| slopes[input])
         })
         .collect()
+}
+
+/// Mirrors, axes along x, y and z, and both, at a point, for tests.
+pub fn symmetries(at: DVec3) -> [Symmetry; 4] {
+    let [x, y, z] = at.to_array();
+    let axis = |along| Some(Axis { along, through: at });
+    [
+        Symmetry { mirrors: [Some(x), None, Some(z)], axis: None },
+        Symmetry { mirrors: [None; 3], axis: axis(0) },
+        Symmetry { mirrors: [Some(x), Some(y), Some(z)], axis: axis(1) },
+        Symmetry { mirrors: [None, Some(y), None], axis: axis(2) },
+    ]
 }

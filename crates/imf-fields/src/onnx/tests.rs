@@ -10,6 +10,7 @@ use prost::Message as _;
 
 use super::messages::{FLOAT, FLOAT16, INT64, NodeProto, TensorProto};
 use super::*;
+use crate::factored::reference::symmetries;
 use crate::factored::{Axis, Symmetry};
 use crate::field::Field;
 use crate::field::scenes::{
@@ -258,14 +259,7 @@ fn graphs_of_fields_with_symmetry_answer_as_the_fields_do() {
     let grid = scene.record.grid;
     // What single precision holds, so that graph and field agree about which side a position is on.
     let middle = (grid.origin + 0.45 * grid.size()).as_vec3().as_dvec3();
-    let [x, y, z] = middle.to_array();
-    let axis = |along| Some(Axis { along, through: middle });
-    for symmetry in [
-        Symmetry { mirrors: [Some(x), None, Some(z)], axis: None },
-        Symmetry { mirrors: [None; 3], axis: axis(0) },
-        Symmetry { mirrors: [Some(x), Some(y), Some(z)], axis: axis(1) },
-        Symmetry { mirrors: [None, Some(y), None], axis: axis(2) },
-    ] {
+    for symmetry in symmetries(middle) {
         let saved = FieldFile::Factored(Box::new(with_symmetry(&scene, symmetry)));
         let mut asked = poses(&scene, 200, 23);
         // On the axis and the planes, in directions at the poles of every axis.

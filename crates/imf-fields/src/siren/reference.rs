@@ -144,6 +144,16 @@ pub fn adam_step(
     }
 }
 
+/// What the definition takes of an engine's numbers.
+pub fn as_f64(values: &[f32]) -> Vec<f64> {
+    values.iter().map(|&value| f64::from(value)).collect()
+}
+
+/// Rows of so many numbers, as [`as_f64`].
+pub fn rows<const N: usize>(values: &[f32]) -> Vec<[f64; N]> {
+    values.chunks_exact(N).map(|row| std::array::from_fn(|i| f64::from(row[i]))).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -41,12 +41,3 @@ pub(crate) fn worst(found: &[f32], expected: &[f64], absolute: f64, relative: f6
     errors.fold(0.0, |most, error| if error > most || error.is_nan() { error } else { most })
         / (absolute + relative * scale)
 }
-
-pub(crate) fn wide(values: &[f32]) -> Vec<f64> {
-    values.iter().map(|&value| f64::from(value)).collect()
-}
-
-/// Rows of so many numbers.
-pub(crate) fn rows<const N: usize>(values: &[f32]) -> Vec<[f64; N]> {
-    values.chunks_exact(N).map(|row| std::array::from_fn(|i| f64::from(row[i]))).collect()
-}

@@ -9,10 +9,11 @@ use imf_fields::harmonic::coefficients::StoragePrecision;
 use imf_fields::harmonic::{FitSettings, HarmonicField, fit};
 use imf_fields::recipe::schedule::Schedule;
 use imf_fields::recipe::{Loss, Optimiser, SoapConfig, TrainingLength, TrainingPlan};
+use imf_fields::siren::reference::{as_f64, rows};
 use imf_gpu::{Gpu, GpuTrainer, TrainerSettings};
 use imf_train::distill::{Target, distil, distil_on};
 
-use crate::devices::{every_device, numbers, open, rows, wide, worst};
+use crate::devices::{every_device, numbers, open, worst};
 use crate::fields::scene;
 use crate::tolerances::GRADIENT_LINEAR;
 
@@ -58,8 +59,8 @@ fn the_gradient_is_the_definitions() {
         let (inputs, targets) = (numbers(count * INPUTS, 0.618_034), numbers(count * components, 0.754_878));
         let rows = rows::<INPUTS>(&inputs);
         for loss in [Loss::L1, Loss::L2] {
-            let parameters = wide(&state.training.parameters);
-            let (value, expected) = loss_and_gradient(&shape, &parameters, &rows, &wide(&targets), loss);
+            let parameters = as_f64(&state.training.parameters);
+            let (value, expected) = loss_and_gradient(&shape, &parameters, &rows, &as_f64(&targets), loss);
             for gpu in every_device() {
                 let learning = TrainerSettings { loss, ..TrainerSettings::default() };
                 let mut trainer =

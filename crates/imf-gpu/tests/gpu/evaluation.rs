@@ -1,11 +1,11 @@
 //! Evaluation and the minimum over directions on the adapter against the f64 definition and a plain loop.
 
 use imf_fields::siren::output::{Output, move_to_the_foot};
-use imf_fields::siren::reference::forward;
+use imf_fields::siren::reference::{as_f64, forward, rows};
 use imf_fields::siren::{EvaluationEngine, INPUTS, SirenShape, features};
 use imf_gpu::{Gpu, GpuEvaluator, GpuLimits, MatrixKernel};
 
-use crate::devices::{every_device, open, rows, wide};
+use crate::devices::{every_device, open};
 use crate::tolerances::NETWORK;
 
 const SHAPE: SirenShape = SirenShape { width: 37, hidden: 5, skip_after: Some(2), omega: 30.0 };
@@ -46,7 +46,7 @@ fn values_agree_with_the_definition() {
         if at_foot {
             move_to_the_foot(&mut parameters);
         }
-        let exact = wide(&parameters);
+        let exact = as_f64(&parameters);
         for gpu in devices() {
             let mut evaluator = GpuEvaluator::new(&gpu, shape, &parameters).unwrap();
             for count in [0, 1, 77, 500] {

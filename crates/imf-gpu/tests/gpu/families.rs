@@ -8,6 +8,7 @@ use imf_core::field::{Best, PoseField as _};
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::pose::Pose;
 use imf_core::section::Quantity;
+use imf_fields::factored::reference::symmetries;
 use imf_fields::file::FieldFile;
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::coefficients::StoragePrecision;
@@ -17,7 +18,7 @@ use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;
 
 use crate::devices::{every_device, open};
-use crate::fields::{Spec, scene, symmetries};
+use crate::fields::{Spec, scene};
 use crate::queries::{compare, compare_at, compare_minima, compare_minima_of, compare_on_device, poses};
 use crate::tolerances::FUNCTIONS as WITHIN;
 

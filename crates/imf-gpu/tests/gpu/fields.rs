@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use glam::DVec3;
 use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
 use imf_core::scene::{Scene, SceneSpec};
@@ -10,7 +9,7 @@ use imf_core::section::Quantity;
 use imf_core::tool::Tool;
 use imf_fields::calibration::Calibration;
 use imf_fields::factored::file::FactoredFile;
-use imf_fields::factored::{Axis, DistillSettings, FactoredField, FactoredShape, Symmetry};
+use imf_fields::factored::{DistillSettings, FactoredField, FactoredShape, Symmetry};
 use imf_fields::field::Field;
 use imf_fields::file::FieldFile;
 use imf_fields::harmonic::basis::{Basis, Domain};
@@ -125,18 +124,6 @@ impl Spec {
             calibration,
         })
     }
-}
-
-/// Mirrors, axes along x, y and z, and both, at a point.
-pub(crate) fn symmetries(at: DVec3) -> [Symmetry; 4] {
-    let [x, y, z] = at.to_array();
-    let axis = |along| Some(Axis { along, through: at });
-    [
-        Symmetry { mirrors: [Some(x), None, Some(z)], axis: None },
-        Symmetry { mirrors: [None; 3], axis: axis(0) },
-        Symmetry { mirrors: [Some(x), Some(y), Some(z)], axis: axis(1) },
-        Symmetry { mirrors: [None, Some(y), None], axis: axis(2) },
-    ]
 }
 
 /// A network of random weights, with thresholds among its values, which are worth nothing.

@@ -6,13 +6,14 @@ use imf_core::control::Control;
 use imf_core::field::{FieldError, GridField as _};
 use imf_core::orientation::OrientationSet;
 use imf_core::section::Quantity;
+use imf_fields::factored::reference::symmetries;
 use imf_fields::file::FieldFile;
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::coefficients::StoragePrecision;
 use imf_gpu::{Gpu, GpuField, GpuLimits};
 
 use crate::devices::{apart, every_device, open};
-use crate::fields::{Spec, scene, symmetries};
+use crate::fields::{Spec, scene};
 use crate::queries::compare_minima_of;
 use crate::tolerances::{FUNCTIONS, SECTIONS};
 

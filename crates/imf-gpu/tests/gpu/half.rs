@@ -3,12 +3,12 @@
 
 use imf_core::field::EngineError;
 use imf_fields::recipe::{Loss, Precision, TrainingState};
-use imf_fields::siren::reference::{forward, loss_and_gradient};
+use imf_fields::siren::reference::{as_f64, forward, loss_and_gradient, rows};
 use imf_fields::siren::{INPUTS, SirenShape};
 use imf_gpu::{Gpu, GpuTrainer, TrainerSettings};
 use imf_train::training::TrainingEngine;
 
-use crate::devices::{every_device, number, open, rows, wide};
+use crate::devices::{every_device, number, open};
 
 const SHAPE: SirenShape = SirenShape { width: 64, hidden: 3, skip_after: Some(1), omega: 10.0 };
 
@@ -32,7 +32,7 @@ fn trainer(gpu: &Gpu, precision: Precision, batch: usize) -> Result<GpuTrainer, 
 #[cfg_attr(no_gpu_tests, ignore = "IMF_NO_GPU_TESTS is set")]
 fn the_gradient_is_that_of_the_definition_within_the_rounding_of_factors() {
     let state = TrainingState::new(&SHAPE, 3);
-    let parameters = wide(&state.parameters);
+    let parameters = as_f64(&state.parameters);
     // A batch beyond f16's smallest numbers if deltas were not scaled: 1 / 3000 times a slope of 1e-3 is 3e-7.
     for count in [50, 3000] {
         let (inputs, mut targets) = samples(count, 0);
@@ -42,7 +42,7 @@ fn the_gradient_is_that_of_the_definition_within_the_rounding_of_factors() {
             *target += if (*target - value).abs() < 0.02 { 0.05 } else { 0.0 };
         }
         let (loss, expected) =
-            loss_and_gradient(&SHAPE, &parameters, &rows(&inputs), &wide(&targets), Loss::L1);
+            loss_and_gradient(&SHAPE, &parameters, &rows(&inputs), &as_f64(&targets), Loss::L1);
         for gpu in every_device() {
             let mut trainer = trainer(&gpu, Precision::F16, count + 5).unwrap();
             trainer.fill_scratch(f32::NAN).unwrap();

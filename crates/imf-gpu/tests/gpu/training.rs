@@ -3,12 +3,12 @@
 
 use imf_fields::recipe::{AdamConfig, Loss, TrainingState};
 use imf_fields::siren::output::move_to_the_foot;
-use imf_fields::siren::reference::{adam_step, forward, loss_and_gradient};
+use imf_fields::siren::reference::{adam_step, as_f64, forward, loss_and_gradient, rows};
 use imf_fields::siren::{INPUTS, SirenShape};
 use imf_gpu::{Gpu, GpuLimits, GpuTrainer, MatrixKernel, TrainerSettings};
 use imf_train::training::TrainingEngine;
 
-use crate::devices::{every_device, open, rows, wide, worst};
+use crate::devices::{every_device, open, worst};
 use crate::tolerances::GRADIENT;
 
 const SHAPE: SirenShape = SirenShape { width: 37, hidden: 4, skip_after: Some(2), omega: 30.0 };
@@ -64,11 +64,11 @@ fn loss_and_gradient_agree_with_the_definition() {
                 if at_foot {
                     move_to_the_foot(&mut state.parameters);
                     targets.iter_mut().step_by(3).for_each(|target| *target = 0.0);
-                    let clamped = |row: &[f64; INPUTS]| forward(&shape, &wide(&state.parameters), row) == 0.0;
+                    let clamped = |row: &[_; INPUTS]| forward(&shape, &as_f64(&state.parameters), row) == 0.0;
                     let clamped = rows::<INPUTS>(&inputs).iter().filter(|row| clamped(row)).count();
                     assert!(0 < clamped && clamped < count, "{clamped} of {count}");
                 }
-                let (parameters, exact) = (wide(&state.parameters), wide(&targets));
+                let (parameters, exact) = (as_f64(&state.parameters), as_f64(&targets));
                 let (expected_loss, expected) =
                     loss_and_gradient(&shape, &parameters, &rows(&inputs), &exact, loss);
                 // Room for more samples than there are: the rows behind must not matter.
@@ -97,9 +97,9 @@ fn an_update_agrees_with_the_definition() {
     let after = trainer.state().unwrap();
     assert_eq!(after.step, before.step + 1);
 
-    let mut parameters = wide(&before.parameters);
-    let (mut first, mut second) = (wide(&before.first_moment), wide(&before.second_moment));
-    adam_step(&ADAM, 1e-2, after.step, &mut parameters, &wide(&gradient), &mut first, &mut second);
+    let mut parameters = as_f64(&before.parameters);
+    let (mut first, mut second) = (as_f64(&before.first_moment), as_f64(&before.second_moment));
+    adam_step(&ADAM, 1e-2, after.step, &mut parameters, &as_f64(&gradient), &mut first, &mut second);
     // The device's own gradient went in, so a few roundings of f32 (6e-8 each) and the division and root, which WGSL
     // allows 2.5 ulp each, are all that remains: 8e-8 on lavapipe.
     for (name, found, expected) in [
@@ -118,7 +118,7 @@ fn ten_steps_agree_with_the_definition() {
     for gpu in every_device() {
         let start = TrainingState::new(&SHAPE, 21);
         let mut trainer = trainer(&gpu, SHAPE, Loss::L2, BATCH, &start);
-        let mut parameters = wide(&start.parameters);
+        let mut parameters = as_f64(&start.parameters);
         let mut first = vec![0.0; parameters.len()];
         let mut second = first.clone();
         let mut mean = 0.0;
@@ -128,7 +128,7 @@ fn ten_steps_agree_with_the_definition() {
             let (inputs, targets) = batch(count, 30 + step);
             trainer.step(&inputs, &targets, 1e-4).unwrap();
             let (loss, gradient) =
-                loss_and_gradient(&SHAPE, &parameters, &rows(&inputs), &wide(&targets), Loss::L2);
+                loss_and_gradient(&SHAPE, &parameters, &rows(&inputs), &as_f64(&targets), Loss::L2);
             mean += loss / 10.0;
             adam_step(&ADAM, 1e-4, u64::from(step), &mut parameters, &gradient, &mut first, &mut second);
         }
@@ -196,7 +196,7 @@ fn a_batch_in_parts_has_the_gradient_of_the_whole() {
     let (expected, found) = (gradient(&whole), gradient(&parts));
     // The same sums in another order.
     assert!((found.0 - expected.0).abs() < 1e-6);
-    assert!(worst(&found.1, &wide(&expected.1), 1e-9, 1e-6) <= 1.0);
+    assert!(worst(&found.1, &as_f64(&expected.1), 1e-9, 1e-6) <= 1.0);
 }
 
 #[test]
