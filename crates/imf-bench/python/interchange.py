@@ -127,9 +127,9 @@ def compare(imf: str, name: str, field: pathlib.Path, work: pathlib.Path) -> flo
     box = np.array([[float(v) for v in about[f"imf.box_{end}"].split()] for end in ("lower", "upper")])
     origin = np.array([float(v) for v in about["imf.origin"].split()])
     session = onnxruntime.InferenceSession(graph, providers=["CPUExecutionProvider"])
-    # A depth is a length: eight pitches at most.
+    # A depth is a length: 7.5 pitches at most.
     depth, pitch = about["imf.quantity"] == "depth", float(about["imf.pitch"])
-    unit = 8 * pitch if depth else 1.0
+    unit = 7.5 * pitch if depth else 1.0
     places = {
         "inside": random_poses(box, 1),
         "half a voxel around": poses_around(box, 0.5 * pitch, 4),

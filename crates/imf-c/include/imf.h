@@ -57,7 +57,7 @@ typedef enum {
 typedef enum {
   // The fraction of the tool's volume that lies in the obstacle, 0 to 1.
   IMF_QUANTITY_OVERLAP = 0,
-  // How far the tool must be moved to be free, in the scene's unit; below 0 how far it may be moved. Clamped within eight
+  // How far the tool must be moved to be free, in the scene's unit; below 0 how far it may be moved. Clamped within 7.5
   // pitches.
   IMF_QUANTITY_DEPTH = 1,
 } ImfQuantity;
@@ -135,7 +135,7 @@ typedef struct {
 
 // A value and how it changes.
 typedef struct {
-  // The value, not clipped: a model's overlap may lie a little outside 0 to 1, its depth beyond eight pitches (ImfInfo.quantity).
+  // The value, not clipped: a model's overlap may lie a little outside 0 to 1, its depth beyond 7.5 pitches (ImfInfo.quantity).
   float value;
   // Change for a move of the tip by one unit of length.
   float position[3];

@@ -102,7 +102,7 @@ pub struct Report {
     /// How deep the cutter may reach below the part's surface, in `unit`.
     contact: Option<f64>,
     guarantee: String,
-    /// The tool has other sharp points than its tip, which no value here has been lowered by.
+    /// The tool has sharp points beside its tip, and the values here are those with its tip at the voxel.
     tip_alone: bool,
     #[serde(flatten)]
     made: Provenance,

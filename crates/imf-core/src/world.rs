@@ -70,7 +70,7 @@ pub enum WorldError {
     /// A mesh that is not a solid at this pitch.
     #[error(transparent)]
     Mesh(#[from] SceneError),
-    /// Voxels that are no grid.
+    /// A grid without voxels, with too many, or of an invalid pitch.
     #[error("the obstacle '{name}' cannot be made of voxels: {source}")]
     Grid {
         /// The obstacle.
@@ -279,7 +279,7 @@ impl World {
     /// Adds an obstacle of voxels, whose grid is in its own frame.
     ///
     /// # Errors
-    /// A place that means nothing; a grid that is none; bytes that are not the voxels of one grid.
+    /// A place that means nothing; a grid without voxels or of an invalid pitch; bytes that are not the voxels of one grid.
     pub fn add_voxels(
         &mut self,
         name: &str,

@@ -50,7 +50,7 @@ pub enum FieldFileError {
         what: String,
     },
     /// A file of ours, of another kind.
-    #[error("{path} is no {name}: its format is '{found}'")]
+    #[error("{path} is no {name}: its format is '{found}', not '{expected}'")]
     Foreign {
         /// What it should be.
         name: &'static str,
@@ -58,6 +58,8 @@ pub enum FieldFileError {
         path: String,
         /// Its format.
         found: String,
+        /// That of what it should be.
+        expected: &'static str,
     },
     /// Made by a newer program.
     #[error(
@@ -154,7 +156,12 @@ impl Format {
         let identity: Identity = serde_json::from_str(json).map_err(|e| damaged(e.to_string()))?;
         if identity.format != self.id {
             let path = path.display().to_string();
-            return Err(FieldFileError::Foreign { name: self.name, path, found: identity.format });
+            return Err(FieldFileError::Foreign {
+                name: self.name,
+                path,
+                found: identity.format,
+                expected: self.id,
+            });
         }
         if identity.version > VERSION {
             let path = path.display().to_string();

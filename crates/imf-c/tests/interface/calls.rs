@@ -122,7 +122,7 @@ fn batches_of_any_size_are_answered_as_in_rust() {
         assert_eq!((info.upper, info.contact), (grid.centre(DIMS.map(|n| n - 1)).to_array(), 0.0));
         let depth = Some(&path) == deep.as_ref();
         assert_eq!(info.quantity, if depth { ImfQuantity::Depth } else { ImfQuantity::Overlap });
-        assert_eq!(info.bounds, if depth { [-8.0 * grid.pitch, 8.0 * grid.pitch] } else { [0.0, 1.0] });
+        assert_eq!(info.bounds, if depth { [-7.5 * grid.pitch, 7.5 * grid.pitch] } else { [0.0, 1.0] });
         // Values are what the field is said to be of.
         assert_eq!(values.iter().any(|&value| value < 0.0), depth);
         // SAFETY: opened above, closed once.

@@ -49,7 +49,7 @@ pub(crate) struct ReachArguments {
                   Writes surface.vtp and surface.ply (ParaView, MeshLab: what is reached of the surface, and why the rest is not), surface.png, imf.vti \
                   (ParaView) and the same fields as .npy, slices.png, orientations.csv and summary.json; with --removable removable.vti and .npy (0 no stock, \
                   1 out of reach, 2 removed, 3 part or fixture, 4 not decided; its grid is that of the stock in summary.json), with --certify any_direction.npy (0 solid, \
-                  1 reached, 2 by another direction, 3 by none, 4 not known) and any_direction.csv (tip and axis of a free pose for each 2), with --map \
+                  1 reached, 2 by another direction, 3 by none, 4 not known) and any_direction.csv (tip and axis of a free pose for each 2, of several tools its number), with --map \
                   map.png and map.npy.\n\
                   map.npy is [1, longitude, latitude] by cells, θ from 0° up, φ from 180° down.\n\
                   Machine limits, in degrees: ac: d = Rz(C) Rx(A) z, bc: d = Rz(C) Ry(B) z, d from tip to holder."

@@ -42,7 +42,7 @@ fn a_field_of_depth_is_calibrated_when_it_is_made_and_leaves_little_near() {
     assert_eq!((&info["quantity"], &info["bounds"]), (&"depth".into(), &serde_json::json!([-most, most])));
     let said = folder.imf("info depth.safetensors").done().stdout;
     assert!(
-        said.contains("depth in mm: how far") && said.contains("clamped within 7.5 pitches, 29"),
+        said.contains("depth in mm: how far") && said.contains("clamped within 7.5 pitches, 29 mm"),
         "{said}"
     );
     let uniform = &info["calibration"]["uniform"];
@@ -64,7 +64,7 @@ fn a_field_of_depth_is_calibrated_when_it_is_made_and_leaves_little_near() {
     folder.write("poses.csv", format!("x,y,z,theta,phi\n{x},{y},{z},10,20\n"));
     let asked = folder.imf("query depth.safetensors poses.csv").done();
     assert!(asked.stdout.lines().next().unwrap().ends_with("depth,decision,outside"), "{}", asked.stdout);
-    asked.warns(&["clamped within 7.5 pitches, 29"]);
+    asked.warns(&["clamped within 7.5 pitches, 29 mm"]);
     // Exact depths beside the field's: nearer than a voxel, and a pose well inside collides.
     let exact = folder.json("query depth.safetensors poses.csv --exact");
     let (depth, counted) = (exact[0]["depth"].as_f64().unwrap(), exact[0]["depth_exact"].as_f64().unwrap());

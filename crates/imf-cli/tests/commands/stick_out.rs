@@ -115,7 +115,6 @@ fn a_crib_says_of_each_tool_what_the_tool_alone_does() {
     folder.refuse(&crib_arguments("--tool absent.toml"), &["absent.toml"]);
 }
 
-/// The slot is 20 deep: a holder of 16 that goes along it on its floor stays above the walls.
 #[test]
 fn of_tools_that_do_as_well_the_most_rigid_is_chosen_in_whatever_order_they_are_given() {
     let folder = workshop();
@@ -129,6 +128,7 @@ fn of_tools_that_do_as_well_the_most_rigid_is_chosen_in_whatever_order_they_are_
     }
 }
 
+/// The slot is 20 deep: a holder of 16 that goes along it on its floor stays above the walls.
 #[test]
 fn a_path_has_one_least_stick_out_and_the_line_that_decides_it() {
     let folder = workshop();

@@ -180,8 +180,8 @@ pub struct RemovedVoxels {
     pub undecided: Vec<u32>,
 }
 
-/// The voxels of `stock` that [`removable`] finds, by orientation. Of voxels that are given thinned out the others are left out. Two
-/// units of progress are one orientation.
+/// The voxels of `stock`, which may be a sample of all, that [`removable`] finds, by orientation. Two units of progress are one
+/// orientation.
 ///
 /// # Errors
 /// As [`removable`].

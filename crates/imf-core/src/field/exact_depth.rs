@@ -29,7 +29,7 @@ const CHUNK: usize = 16;
 
 impl ExactField {
     /// The signed penetration depth in the grid's unit: the shortest move by whole voxels after which the tool no longer collides,
-    /// or does, less half a pitch; below 0 where it is free. Within 7.5 pitches, as all depths ([`DEPTH_CAP`]). NaN for an invalid pose.
+    /// or does, less half a pitch; below 0 where it is free. Within 7.5 pitches, as all depths ([`Quantity::bounds`](crate::section::Quantity::bounds)). NaN for an invalid pose.
     #[must_use]
     pub fn depth(&self, pose: &Pose) -> f64 {
         if !pose.is_valid() {

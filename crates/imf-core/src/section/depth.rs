@@ -59,13 +59,13 @@ impl Quantity {
     }
 }
 
-/// Positions of the other kind are looked for so many pitches away. A wider range gives no better decisions (a harmonic fit of degree 14
+/// Positions of the other kind are looked for so many pitches away, so that depths end half a pitch before. A wider range gives no better decisions (a harmonic fit of degree 14
 /// errs as much near contact with 6 as without a limit), and needs as wide a margin around the grid.
 pub const DEPTH_CAP: usize = 8;
-/// The largest depth in pitches: half a pitch less, as every depth.
-const MOST: f64 = DEPTH_CAP as f64 - 0.5;
 /// Its square: distances beyond it are this.
 const LIMIT: u8 = (DEPTH_CAP * DEPTH_CAP) as u8;
+/// The largest depth in pitches.
+const MOST: f64 = DEPTH_CAP as f64 - 0.5;
 
 /// What is computed once for depths of many orientations.
 pub struct DepthPlan {

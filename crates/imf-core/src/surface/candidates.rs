@@ -37,7 +37,8 @@ pub fn with_ways_up(set: &str, suggested: &[MachiningDirection]) -> String {
 /// More candidates than this take too long to compare.
 const MOST: usize = 20_000;
 
-/// A set, and beside each way up what a fixed axis of a machine within `limits` leaves, which no set meets by chance.
+/// A set, and for each way up the directions that a fixed axis of a machine within `limits` leaves, which no set meets by chance. Its text
+/// names them, and cannot be read again.
 #[must_use]
 pub fn with_fixed_axes(set: OrientationSet, ways: &[DVec3], limits: &Limits) -> OrientationSet {
     let own = limits.own_directions();
@@ -65,7 +66,8 @@ pub enum CandidatesError {
     TooMany,
     /// No direction is of any set-up.
     #[error(
-        "none of the directions is within {0} of the machine in any of {1} set-ups: give directions that it has, of a fixed axis its own"
+        "none of the directions is within {0} in any of {1} set-ups: give directions that the machine reaches; where an axis is fixed, those \
+         at its angle"
     )]
     NoDirection(Limits, usize),
 }
@@ -119,16 +121,16 @@ mod tests {
         assert_eq!(found[0].up, DVec3::Z);
         let fixed = Limits::parse("ac:30:30:-360:360").unwrap();
         let none = candidate_setups(&unit_cube(), &ways, &directions, &fixed, false).unwrap_err().to_string();
-        assert!(none.contains("ac:30:30:-360:360") && none.contains("of a fixed axis its own"), "{none}");
+        assert!(none.contains("ac:30:30:-360:360") && none.contains("where an axis is fixed"), "{none}");
         let axes = OrientationSet::parse("axes").unwrap();
         let own = with_fixed_axes(axes.clone(), &AXES, &fixed);
         assert!(own.spec.contains("axes, and ac:30:30:-360:360 around"), "{}", own.spec);
         assert_eq!(with_fixed_axes(axes.clone(), &AXES, &limits), axes);
         let texts = ["axes", "axes+normals+0,9", "axes+0,9", "0,9"].map(|set| with_ways_up(set, &[]));
         assert_eq!(texts, ["axes+normals", "axes+normals+0,9", "axes+normals+0,9", "axes+normals+0,9"]);
-        // Every 5° around each of the six axes.
+        // Not more than 5° apart around each of the six axes.
         let found = candidate_setups(&unit_cube(), &AXES, &own.orientations, &fixed, false).unwrap();
-        assert!(found.len() == 6 && found.iter().all(|setup| setup.directions.len() == 72), "{found:?}");
+        assert!(found.len() == 6 && found.iter().all(|setup| setup.directions.len() == 73), "{found:?}");
         let many = vec![DVec3::Z; MOST + 1];
         let refused = candidate_setups(&unit_cube(), &many, &directions, &limits, false);
         let refused = refused.unwrap_err().to_string();

@@ -82,7 +82,7 @@ impl AnyDirection {
         AnyDirectionRow { from_another: of(OTHER), from_none: of(NONE), open: of(OPEN) }
     }
 
-    /// Writes the voxels and the examples, as poses that `imf query` and `imf check` read, and gives back the files' names.
+    /// Writes the voxels and the examples, as poses that `imf query` reads, and gives back the files' names.
     pub(super) fn write(&self, run: &AccessRun, folder: &Path) -> Result<[String; 2]> {
         write_npy(folder.join(FILE), run.query.dims, &self.classes[..])?;
         let many = run.tools.len() > 1;

@@ -184,7 +184,7 @@ impl Crib {
         self.verdicts[tool][sample] == Verdict::Reached
     }
 
-    /// The fewest tools; of those that do as well the most rigid.
+    /// The fewest tools; of those that reach the same the most rigid.
     fn choose(&mut self, session: &Session) -> Result<()> {
         let mut problem = CoverProblem::new(self.samples.samples.iter().map(|sample| sample.area).collect());
         let mut order: Vec<usize> = (0..self.tools.len()).collect();

@@ -54,7 +54,7 @@ struct ToolRow {
 #[derive(Debug, Serialize)]
 struct StockRow {
     stock: String,
-    /// Of the grid of removable.npy.
+    /// Of the grid of removable.npy, and its lower corner.
     dims: [usize; 3],
     origin: [f64; 3],
     to_remove: Volume,

@@ -145,7 +145,6 @@ impl Setups {
         let all: Vec<usize> = (0..self.candidates.len()).collect();
         let alone = self.surface.covered_alone(sets);
         let of_stock = |stock: &CoverProblem, sets: &[usize]| stock.covered(sets) / stock.weight();
-        let alone_of_stock = self.stock.as_ref().map(|stock| stock.at_most.covered_alone(sets));
         let chosen = sets.iter().enumerate().map(|(at, &index)| {
             let candidate = &self.candidates[index];
             let up = Orientation::from_direction(candidate.up).unwrap_or(Orientation::new(0.0, 0.0));
@@ -160,11 +159,7 @@ impl Setups {
                 reached: self.surface.covered(&[index]) / total,
                 alone: alone[at] / total,
                 removed: self.stock.as_ref().map(|stock| of_stock(&stock.certain, &[index])),
-                removed_alone: self
-                    .stock
-                    .as_ref()
-                    .zip(alone_of_stock.as_ref())
-                    .map(|(stock, alone)| alone[at] / stock.at_most.weight()),
+                removed_alone: self.stock.as_ref().map(|stock| stock.alone(sets, at)),
             }
         });
         let reachable = |sample: usize| all.iter().any(|&set| self.surface.contains(set, sample));
@@ -224,6 +219,18 @@ struct StockCover {
     /// The same, and of what some candidate certainly removes what this one may with its tip anywhere: by it set-ups are chosen, as what a
     /// pitch does not decide needs none of its own.
     at_most: CoverProblem,
+}
+
+impl StockCover {
+    /// The fraction that one of these sets certainly removes, and no other of them can.
+    fn alone(&self, sets: &[usize], at: usize) -> f64 {
+        let others = || sets.iter().enumerate().filter(|(other, _)| *other != at);
+        let is_alone = |&voxel: &usize| {
+            self.certain.contains(sets[at], voxel)
+                && !others().any(|(_, &set)| self.at_most.contains(set, voxel))
+        };
+        (0..self.certain.elements()).filter(is_alone).count() as f64 / self.certain.elements() as f64
+    }
 }
 
 /// What each candidate removes of the stock with any of the tools, by voxels drawn evenly from it.

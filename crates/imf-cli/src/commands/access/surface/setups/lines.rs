@@ -59,7 +59,7 @@ pub(super) struct SetupRow {
     pub(super) alone: f64,
     /// The fraction of the stock that is certainly removed, where one is given.
     pub(super) removed: Option<f64>,
-    /// The fraction that no other of the chosen set-ups can remove.
+    /// The fraction of it that no other of the chosen set-ups can remove.
     pub(super) removed_alone: Option<f64>,
 }
 
