@@ -101,10 +101,13 @@ impl ContactArguments {
 
 /// A clearance in words: nothing where there is none.
 pub(crate) fn clearance_text(clearance: &Clearance, unit: impl std::fmt::Display) -> Option<String> {
-    (!clearance.is_zero()).then(|| {
-        let [holder, shank, cutter] = [clearance.holder, clearance.shank, clearance.cutter].map(short);
-        format!("holder {holder}, shank {shank}, cutter {cutter} {unit}")
-    })
+    (!clearance.is_zero()).then(|| rooms_text(clearance, unit))
+}
+
+/// The room of each kind of element in words, 0 where it keeps none.
+pub(crate) fn rooms_text(clearance: &Clearance, unit: impl std::fmt::Display) -> String {
+    let [holder, shank, cutter] = [clearance.holder, clearance.shank, clearance.cutter].map(short);
+    format!("holder {holder}, shank {shank}, cutter {cutter} {unit}")
 }
 
 /// A part and the tool around it, for the title of a picture or a page.

@@ -10,6 +10,7 @@ use imf_core::unit::LengthUnit;
 
 use super::{CheckRun, stick_out};
 use crate::arguments::check::Frame;
+use crate::arguments::clearance::rooms_text;
 use crate::output::{short, show_measure};
 
 /// How many lines collide, and on a machine how many lead out of its travel.
@@ -97,13 +98,7 @@ pub(super) fn text(checked: &CheckRun<'_>) -> String {
         (false, true) => format!("points of surfaces up to {deep} {unit} deep"),
         (false, false) => "no overlap at all".to_owned(),
     };
-    let _ = writeln!(
-        text,
-        "accepted: {accepted}; clearance: holder {}, shank {}, cutter {} {unit}",
-        short(clearance.holder),
-        short(clearance.shank),
-        short(clearance.cutter)
-    );
+    let _ = writeln!(text, "accepted: {accepted}; clearance: {}", rooms_text(clearance, unit));
     let within = if clearance.is_zero() { "" } else { ", and what comes nearer than its clearance by more" };
     let of_cutter = report.sure_gouge.map_or_else(String::new, |depth| {
         format!("a cutter deeper than {} {unit} in the part's surface; other ", short(depth))
