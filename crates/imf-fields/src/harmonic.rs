@@ -33,7 +33,7 @@ pub mod rotations;
 #[doc(hidden)]
 pub mod sphere;
 
-pub(crate) use batch_gradients::{BatchScratch, add_both_products};
+pub(crate) use batch_gradients::{Axes, BatchScratch};
 pub use evaluate::DirectionWeights;
 #[doc(hidden)]
 pub use evaluate::{DIRECTIONS_AT_ONCE, VoxelCoefficients};

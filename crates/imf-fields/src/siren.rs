@@ -44,6 +44,8 @@ mod sine;
 pub(crate) mod split;
 #[doc(hidden)]
 pub mod stack;
+#[doc(hidden)]
+pub mod transpose;
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;

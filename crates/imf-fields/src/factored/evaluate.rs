@@ -16,9 +16,10 @@ use crate::harmonic::{
 };
 use crate::siren::forward::Network;
 use crate::siren::matrix::{Matrix, multiply, prefer_unpacked};
-use crate::siren::plan::{Plan, transpose, transpose_all};
+use crate::siren::plan::{Plan, transpose_all};
 use crate::siren::scratch::ScratchPool;
 use crate::siren::split::{GRID, SplitBoth, SplitWeights, where_many};
+use crate::siren::transpose::transpose;
 use imf_core::grid::Grid;
 use imf_core::section::{Imf, Quantity};
 use imf_core::workspaces::Workspaces;
@@ -124,7 +125,9 @@ impl<'a> FactoredEvaluator<'a> {
                 self.outputs_at(places, asked, outputs);
                 z.chunks_exact_mut(count).for_each(|row| row.copy_from_slice(&field.mean));
                 match where_many(self.split_functions.as_ref(), asked) {
-                    Some(split) => split.multiply(|of| &of.transposed, (outputs, rows, components), z, true),
+                    Some(split) => {
+                        split.multiply(|of| &of.transposed, (outputs, rows, components), (z, count), true);
+                    }
                     None => {
                         let outputs = Matrix::dense(outputs, components);
                         multiply(z, count, outputs, Matrix::dense(functions, count), true);

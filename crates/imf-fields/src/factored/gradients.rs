@@ -4,12 +4,13 @@ use glam::DVec3;
 
 use super::FactoredEvaluator;
 use super::symmetry::Place;
-use crate::harmonic::{Gradient, add_both_products};
+use crate::harmonic::{Axes, Gradient};
 use crate::siren::adjoint::AdjointScratch;
 use crate::siren::stack::Ending;
+use imf_core::vectorised::vectorised;
 
 /// Poses that pass together.
-pub(crate) const ROWS: usize = 64;
+pub(crate) const ROWS: usize = 128;
 
 /// Working memory of a thread; nothing is allocated once it has its size.
 #[derive(Default)]
@@ -19,9 +20,8 @@ pub(crate) struct GradientScratch {
     /// `[row][input]`.
     inputs: Vec<f32>,
     adjoint: AdjointScratch,
-    /// `[row][components]`: coefficients, and the derivatives by them.
-    z: Vec<f32>,
-    along: Vec<f32>,
+    /// `[row][components]`: the outputs of a last layer, and then the derivatives by them.
+    outputs: Vec<f32>,
     /// `[row][K]`: functions, and the coefficients' weights of them.
     functions: Vec<f32>,
     weights: Vec<f32>,
@@ -45,8 +45,7 @@ impl FactoredEvaluator<'_> {
             places,
             inputs,
             adjoint,
-            z,
-            along,
+            outputs,
             directions,
             side_by_side,
             functions,
@@ -64,29 +63,33 @@ impl FactoredEvaluator<'_> {
         directions.extend(places.iter().map(|(_, local)| *local));
         functions.resize(rows * count, 0.0);
         field.basis.values_of_directions(directions, functions, side_by_side);
-        z.resize(rows * components, 0.0);
-        along.resize(rows * components, 0.0);
-        weights.clear();
-        (0..rows).for_each(|_| weights.extend_from_slice(&field.mean));
+        weights.resize(rows * count, 0.0);
 
+        // The network's outputs are coefficients but for the scale, which weights and derivatives get in the end.
+        let axes = Axes { u: &field.components, components, split: self.split_functions.as_ref() };
         let by_inputs = network.by_inputs(inputs, adjoint, |last| {
-            network.outputs(last, z);
-            z.iter_mut().for_each(|z| *z *= field.scale);
-            let u = (&field.components[..], self.split_functions.as_ref());
-            add_both_products(u, rows, (z, weights), (functions, along));
-            along.iter_mut().for_each(|along| *along *= field.scale);
             if stack.ending == Ending::Sines {
-                for (delta, along) in last.chunks_exact_mut(stride).zip(along.chunks_exact(components)) {
-                    delta[..components].copy_from_slice(along);
-                }
+                axes.weights((last, rows, stride), weights, false);
+                axes.along(functions, rows, (last, stride));
             } else {
-                network.products_backwards(stack.hidden, (along, rows, components), last);
+                outputs.resize(rows * components, 0.0);
+                network.outputs(last, outputs);
+                axes.weights((outputs, rows, components), weights, false);
+                axes.along(functions, rows, (outputs, components));
+                network.products_backwards(stack.hidden, (outputs, rows, components), None, last);
             }
         });
 
+        vectorised!(self.arch, {
+            for weights in weights.chunks_exact_mut(count) {
+                for (weight, mean) in weights.iter_mut().zip(&field.mean) {
+                    *weight = *weight * field.scale + mean;
+                }
+            }
+        });
         field.basis.sums_with_gradients(directions, weights, side_by_side, |row, (value, turn)| {
             let ((place, local), by_inputs) = (&places[row], &by_inputs[row * stack.inputs..]);
-            let by = |input: usize| f64::from(by_inputs[input]);
+            let by = |input: usize| f64::from(field.scale * by_inputs[input]);
             let angle = place.angle_slopes(field.blunt());
             let mut position = DVec3::from_array([0, 1, 2].map(by)) * field.inverse_length();
             for (axis, slopes) in angle.into_iter().enumerate() {

@@ -281,7 +281,9 @@ fn direction_weights(
         }
     });
     match where_many(split, count) {
-        Some(split) => split.multiply(|both| &both.forward, (rows, count, functions), weights, false),
+        Some(split) => {
+            split.multiply(|both| &both.forward, (rows, count, functions), (weights, width), false);
+        }
         None => {
             multiply(weights, width, Matrix::dense(rows, functions), Matrix::dense(components, width), false);
         }

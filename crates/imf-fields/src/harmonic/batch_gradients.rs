@@ -58,7 +58,9 @@ impl HarmonicField {
         along.resize(rows * components, 0.0);
         weights.clear();
         (0..rows).for_each(|_| weights.extend_from_slice(&self.mean));
-        add_both_products((&self.components, split), rows, (z, weights), (functions, along));
+        let axes = Axes { u: &self.components, components, split };
+        axes.weights((z, rows, components), weights, true);
+        axes.along(functions, rows, (along, components));
 
         let arch = Arch::new();
         self.basis.sums_with_gradients(directions, weights, side_by_side, |row, (value, turn)| {
@@ -80,23 +82,45 @@ impl HarmonicField {
     }
 }
 
-/// Of axes U `[K][components]`, and of rows of coefficients z and of functions b: adds `U z` to the weights and makes `along` `Uᵀ b`.
-pub(crate) fn add_both_products(
-    (u, split): (&[f32], Option<&SplitBoth>),
-    rows: usize,
-    (z, weights): (&[f32], &mut [f32]),
-    (functions, along): (&[f32], &mut [f32]),
-) {
-    let (components, count) = (z.len() / rows, functions.len() / rows);
-    match where_many(split, rows) {
-        Some(split) => {
-            split.multiply(|of| &of.transposed, (z, rows, components), weights, true);
-            split.multiply(|of| &of.forward, (functions, rows, count), along, false);
+/// The axes U `[K][components]` of coefficients.
+#[derive(Clone, Copy)]
+pub(crate) struct Axes<'a> {
+    pub(crate) u: &'a [f32],
+    pub(crate) components: usize,
+    /// U for products by tiles.
+    pub(crate) split: Option<&'a SplitBoth>,
+}
+
+impl Axes<'_> {
+    /// `U z`, or adds it, into `weights [row][K]`, of rows of coefficients and their distance.
+    pub(crate) fn weights(
+        self,
+        (z, rows, stride): (&[f32], usize, usize),
+        weights: &mut [f32],
+        accumulate: bool,
+    ) {
+        let Self { u, components, split } = self;
+        let count = u.len() / components;
+        match where_many(split, rows) {
+            Some(split) => {
+                split.multiply(|of| &of.transposed, (z, rows, stride), (weights, count), accumulate);
+            }
+            None => {
+                let z = Matrix::row_major(z, rows, components, stride);
+                multiply(weights, count, z, Matrix::dense(u, components).transposed(), accumulate);
+            }
         }
-        None => {
-            let u = Matrix::dense(u, components);
-            multiply(weights, count, Matrix::dense(z, components), u.transposed(), true);
-            multiply(along, components, Matrix::dense(functions, count), u, false);
+    }
+
+    /// `Uᵀ b` of rows of functions `[row][K]`, into rows at their distance.
+    pub(crate) fn along(self, functions: &[f32], rows: usize, (along, stride): (&mut [f32], usize)) {
+        let Self { u, components, split } = self;
+        let count = u.len() / components;
+        match where_many(split, rows) {
+            Some(split) => split.multiply(|of| &of.forward, (functions, rows, count), (along, stride), false),
+            None => {
+                multiply(along, stride, Matrix::dense(functions, count), Matrix::dense(u, components), false);
+            }
         }
     }
 }

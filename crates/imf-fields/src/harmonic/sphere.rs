@@ -11,7 +11,7 @@ use glam::DVec3;
 use imf_core::vectorised::vectorised;
 use pulp::Arch;
 
-use crate::siren::plan::transpose;
+use crate::siren::transpose::transpose;
 
 /// Directions that are taken side by side: a side of the tiles of [`transpose`].
 const TOGETHER: usize = 16;

@@ -90,25 +90,30 @@ impl Kernel {
         }
     }
 
-    /// [`Self::pack_rows`], and beside it the same of what rounding leaves of every value.
+    /// [`Self::pack_rows`] of values, times factors laid out alike where there are any, and the same of what rounding leaves of each.
     pub(crate) fn pack_rows_and_rests(
         self,
-        values: &[f32],
+        (values, factors): (&[f32], Option<&[f32]>),
         from: Extent,
         pairs: usize,
-        out: &mut [u32],
-        rests: &mut [u32],
+        [out, rests]: [&mut [u32]; 2],
     ) {
         assert!(from.rows > 0 && from.columns > 0 && pairs.is_multiple_of(16) && 2 * pairs >= from.columns);
+        let given = factors.map_or(values.len(), |factors| factors.len().min(values.len()));
         let length = out.len().min(rests.len());
-        assert!(from.length() <= values.len() && from.rows * pairs <= length, "rows do not fit");
+        assert!(from.length() <= given && from.rows * pairs <= length, "rows do not fit");
         match self {
             #[cfg(target_arch = "x86_64")]
-            Self::Tiles(proof) => proof.avx512().pack_rows_and_rests(values, from, pairs, out, rests),
+            Self::Tiles(proof) => {
+                proof.avx512().pack_rows_and_rests((values, factors), from, pairs, [out, rests]);
+            }
             #[cfg(target_arch = "x86_64")]
-            Self::Avx512(proof) => proof.pack_rows_and_rests(values, from, pairs, out, rests),
+            Self::Avx512(proof) => proof.pack_rows_and_rests((values, factors), from, pairs, [out, rests]),
             Self::Twin => {
-                twin::pack_rows(values, from, pairs, out);
+                let times =
+                    |(at, &value): (usize, &f32)| factors.map_or(value, |factors| value * factors[at]);
+                let values: Vec<f32> = values[..from.length()].iter().enumerate().map(times).collect();
+                twin::pack_rows(&values, from, pairs, out);
                 let left = |&value: &f32| value - bf16::from_f32(value).to_f32();
                 let left: Vec<f32> = values.iter().map(left).collect();
                 twin::pack_rows(&left, from, pairs, rests);
@@ -128,6 +133,49 @@ impl Kernel {
             #[cfg(target_arch = "x86_64")]
             Self::Avx512(proof) => proof.pack_strips(values, from, pairs, out),
             Self::Twin => twin::pack_strips(values, from, pairs, out),
+        }
+    }
+
+    /// [`Self::multiply`] of factors that are sums of two each, without the product of their rests.
+    ///
+    /// # Panics
+    /// Where a factor or the result is too short.
+    pub(crate) fn multiply_split(
+        self,
+        out: &mut [f32],
+        result: Extent,
+        product: SplitProduct<'_>,
+        accumulate: bool,
+    ) {
+        let SplitProduct { pairs, left, left_row, right } = product;
+        let rows = result.rows.next_multiple_of(STRIP);
+        assert!(result.rows > 0 && result.columns > 0 && pairs > 0 && pairs.is_multiple_of(16));
+        assert!(result.columns <= result.stride || result.rows == 1, "rows of the result overlap");
+        assert!(result.length() <= out.len(), "the result is too short");
+        assert!(
+            pairs <= left_row && left.iter().all(|half| rows * left_row <= half.len()),
+            "the left factor"
+        );
+        let strips = result.columns.div_ceil(STRIP) * pairs * STRIP;
+        assert!(right.iter().all(|half| strips <= half.len()), "the right factor is too short");
+        #[cfg(target_arch = "x86_64")]
+        if let Self::Tiles(proof) = self {
+            return proof.multiply_split(out, result, product, accumulate);
+        }
+        for (part, [left, right]) in [[0, 0], [1, 0], [0, 1]].into_iter().enumerate() {
+            let product = Product {
+                segments: 1,
+                pairs,
+                left: product.left[left],
+                left_row,
+                left_strip: STRIP * left_row,
+                left_pair: 1,
+                left_segment: 0,
+                right: product.right[right],
+                right_strip: pairs * STRIP,
+                right_segment: 0,
+            };
+            self.multiply(out, result, product, accumulate || part > 0);
         }
     }
 
@@ -198,6 +246,19 @@ pub struct Product<'a> {
     pub right: &'a [u32],
     pub right_strip: usize,
     pub right_segment: usize,
+}
+
+/// The factors of a product whose values are sums of two bfloat16 each: rounded values, and what rounding leaves.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SplitProduct<'a> {
+    /// A multiple of 16.
+    pub(crate) pairs: usize,
+    /// Rows of pairs, as many as fill strips; those past the result's may have anything.
+    pub(crate) left: [&'a [u32]; 2],
+    /// Distance of two rows.
+    pub(crate) left_row: usize,
+    /// Strips.
+    pub(crate) right: [&'a [u32]; 2],
 }
 
 impl Product<'_> {

@@ -245,6 +245,7 @@ impl<E: Borrow<CpuEvaluator>> EvaluationEngine for E {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::siren::lanes::archs;
     use crate::siren::reference::{forward, input_gradient};
 
     #[test]
@@ -253,7 +254,7 @@ mod tests {
             let shape = SirenShape { width, hidden: 3, skip_after, omega: 4.0 };
             let parameters = shape.initial_parameters(5);
             let exact: Vec<f64> = parameters.iter().copied().map(f64::from).collect();
-            let engine = CpuEvaluator::new(shape, &parameters).unwrap();
+            let mut engine = CpuEvaluator::new(shape, &parameters).unwrap();
             let inputs: Vec<[f32; INPUTS]> = (0..150_u32)
                 .map(|i| std::array::from_fn(|a| ((i * 37 + a as u32 * 61) % 101) as f32 / 50.5 - 1.0))
                 .collect();
@@ -261,7 +262,16 @@ mod tests {
             engine.evaluate_here(inputs.as_flattened(), &mut values);
             let (mut scratch, mut found_together) =
                 (TangentScratch::default(), vec![[f32::NAN; ROWS]; inputs.len()]);
-            engine.values_and_slopes(&inputs, &mut found_together, &mut SlopesScratch::default());
+            // On every instruction set; the best one last.
+            for arch in archs().into_iter().rev() {
+                let of_plain = found_together.clone();
+                engine.arch = arch;
+                engine.values_and_slopes(&inputs, &mut found_together, &mut SlopesScratch::default());
+                let apart = of_plain.as_flattened().iter().zip(found_together.as_flattened());
+                assert!(
+                    apart.map(|(one, other)| (one - other).abs()).all(|apart| apart.is_nan() || apart < 1e-4)
+                );
+            }
             for ((input, value), together) in inputs.iter().zip(values).zip(found_together) {
                 let wide = input.map(f64::from);
                 let found = engine.value_and_slopes(input, &mut scratch);

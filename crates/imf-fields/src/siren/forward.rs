@@ -9,7 +9,7 @@ use super::lanes::{GROUP, load, store};
 use super::matrix::{Matrix, multiply};
 use super::plan::Plan;
 use super::sine::{sine, sine_cosine};
-use super::split::SplitWeights;
+use super::split::{Left, SplitWeights};
 use super::stack::Ending;
 
 /// A network ready to run: its plan, its flat parameters and their transposed panels.
@@ -75,8 +75,8 @@ impl<'a> Network<'a> {
         let Some((split, factor)) = self.split.and_then(|split| Some((split, split.forward(layer)?))) else {
             return false;
         };
-        let left = (previous, rows, self.plan.stride());
-        split.scratch.with(|scratch| factor.multiply(sums, stride, left, accumulate, scratch));
+        let left = Left { values: previous, factors: None, rows, stride: self.plan.stride() };
+        split.scratch.with(|scratch| factor.multiply((sums, stride), left, accumulate, scratch));
         true
     }
 

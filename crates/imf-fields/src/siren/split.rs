@@ -9,9 +9,10 @@
 
 use std::sync::OnceLock;
 
-use super::bf16_kernel::{Extent, Kernel, Product, STRIP};
-use super::plan::{Plan, transpose};
+use super::bf16_kernel::{Extent, Kernel, STRIP, SplitProduct};
+use super::plan::Plan;
 use super::scratch::Lines;
+use super::transpose::transpose;
 use half::bf16;
 use imf_core::workspaces::Workspaces;
 
@@ -29,6 +30,15 @@ pub(crate) fn where_many<T>(split: Option<&T>, asked: usize) -> Option<&T> {
 
 /// Pairs between rows that are nobody's: rows a power of two apart push each other out of the cache.
 const APART: usize = 16;
+
+/// A left factor: rows `stride` apart.
+pub(crate) struct Left<'a> {
+    pub(crate) values: &'a [f32],
+    /// What each value is multiplied with first, laid out alike.
+    pub(crate) factors: Option<&'a [f32]>,
+    pub(crate) rows: usize,
+    pub(crate) stride: usize,
+}
 
 /// A right factor, laid out for many products.
 pub(crate) struct SplitFactor {
@@ -63,37 +73,26 @@ impl SplitFactor {
         Some(Self { kernel, rows, columns, pairs, halves })
     }
 
-    /// `out = left·self`, or `out += left·self`, of `left [rows][inner]` with its rows `stride` apart; `out [rows][columns]`, its rows
-    /// `out_stride` apart, and what lies between them is left alone.
+    /// `out = left·self`, or `out += left·self`, of `left [rows][inner]`; `out [rows][columns]`, its rows `out_stride` apart, and what
+    /// lies between them is left alone.
     pub(crate) fn multiply(
         &self,
-        out: &mut [f32],
-        out_stride: usize,
-        (left, rows, stride): (&[f32], usize, usize),
+        (out, out_stride): (&mut [f32], usize),
+        Left { values, factors, rows, stride }: Left<'_>,
         accumulate: bool,
         scratch: &mut SplitScratch,
     ) {
         let from = Extent { rows, columns: self.rows, stride };
-        let row = self.pairs + APART;
-        scratch.resize_to_at_least(2 * rows * row);
-        let (rounded, rests) = scratch.split_at_mut(rows * row);
-        self.kernel.pack_rows_and_rests(left, from, row, rounded, rests);
+        let left_row = self.pairs + APART;
+        let half = rows.next_multiple_of(STRIP) * left_row;
+        scratch.resize_to_at_least(2 * half);
+        let (rounded, rests) = scratch[..2 * half].split_at_mut(half);
+        self.kernel.pack_rows_and_rests((values, factors), from, left_row, [rounded, rests]);
 
         let result = Extent { rows, columns: self.columns, stride: out_stride };
-        let both = Product {
-            segments: 2,
-            pairs: self.pairs,
-            left: scratch,
-            left_row: row,
-            left_strip: STRIP * row,
-            left_pair: 1,
-            left_segment: rows * row,
-            right: &self.halves[0],
-            right_strip: self.pairs * STRIP,
-            right_segment: 0,
-        };
-        self.kernel.multiply(out, result, both, accumulate);
-        self.kernel.multiply(out, result, Product { segments: 1, right: &self.halves[1], ..both }, true);
+        let (left, right) = ([&*rounded, rests], self.halves.each_ref().map(|half| &**half));
+        let product = SplitProduct { pairs: self.pairs, left, left_row, right };
+        self.kernel.multiply_split(out, result, product, accumulate);
     }
 }
 
@@ -115,17 +114,16 @@ impl SplitBoth {
         Some(Self { forward, transposed, scratch: Workspaces::default() })
     }
 
-    /// `out = left·side`, or `out += left·side`, of `left [rows][inner]`, both without room between their rows.
+    /// `out = left·side`, or `out += left·side`, of `left [rows][inner]`; of both the distance of two rows.
     pub(crate) fn multiply(
         &self,
         side: impl Fn(&Self) -> &SplitFactor,
-        (left, rows, inner): (&[f32], usize, usize),
-        out: &mut [f32],
+        (values, rows, stride): (&[f32], usize, usize),
+        out: (&mut [f32], usize),
         accumulate: bool,
     ) {
-        let factor = side(self);
-        self.scratch
-            .with(|scratch| factor.multiply(out, factor.columns, (left, rows, inner), accumulate, scratch));
+        let left = Left { values, factors: None, rows, stride };
+        self.scratch.with(|scratch| side(self).multiply(out, left, accumulate, scratch));
     }
 }
 
@@ -185,26 +183,34 @@ mod tests {
     #[test]
     fn products_of_two_halves_are_those_of_f32() {
         // What this CPU has, and the definition.
-        let kernels = || Kernel::tiles().into_iter().chain([Kernel::Twin]);
-        for (rows, inner, columns) in [(64, 256, 289), (12, 5, 3), (33, 70, 130), (128, 512, 512)] {
+        let kernels = || Kernel::all().chain([Kernel::Twin]);
+        for (rows, inner, columns) in [(64, 256, 289), (12, 5, 3), (33, 70, 130), (33, 1100, 40)] {
             let (stride, out_stride) = (inner + 3, columns + 2);
             let (left, right) = (filled(rows * stride, 1), filled(inner * columns, 2));
+            let factors = filled(rows * stride, 3);
             let from = Extent { rows: inner, columns, stride: columns };
             for (kernel, accumulate) in kernels().flat_map(|kernel| [(kernel, false), (kernel, true)]) {
+                // One way of either is enough.
+                let with_factors = accumulate;
                 let factor = SplitFactor::by(kernel, &right, from).unwrap();
                 let mut out = vec![0.5; rows * out_stride];
                 let mut scratch = SplitScratch::default();
-                // Once for its memory.
-                factor.multiply(&mut [0.0; 2000], out_stride, (&left, 1, stride), false, &mut scratch);
-                factor.multiply(&mut out, out_stride, (&left, rows, stride), accumulate, &mut scratch);
+                // Once for its memory, in which rows that nobody has may be anything.
+                let given =
+                    |rows| Left { values: &left, factors: with_factors.then_some(&factors), rows, stride };
+                factor.multiply((&mut [0.0; 2000], out_stride), given(1), false, &mut scratch);
+                scratch.fill(0x7fc0_7fc0);
+                factor.multiply((&mut out, out_stride), given(rows), accumulate, &mut scratch);
+                let value =
+                    |at: usize| f64::from(left[at]) * if with_factors { f64::from(factors[at]) } else { 1.0 };
                 for (place, &found) in out.iter().enumerate() {
                     let (i, j) = (place / out_stride, place % out_stride);
                     if j >= columns {
                         assert_eq!(found, 0.5);
                         continue;
                     }
-                    let products = (0..inner)
-                        .map(|k| f64::from(left[i * stride + k]) * f64::from(right[k * columns + j]));
+                    let products =
+                        (0..inner).map(|k| value(i * stride + k) * f64::from(right[k * columns + j]));
                     let (sum, size) = products
                         .fold((0.0, 0.0), |(sum, size), product| (sum + product, size + product.abs()));
                     let sum = sum + if accumulate { 0.5 } else { 0.0 };

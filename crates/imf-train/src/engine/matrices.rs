@@ -4,7 +4,8 @@ use crate::engine::soap::{Soap, state_of};
 use crate::engine::update::Arrays;
 use imf_core::field::EngineError;
 use imf_fields::recipe::SoapConfig;
-use imf_fields::siren::plan::{Plan, transpose};
+use imf_fields::siren::plan::Plan;
+use imf_fields::siren::transpose::transpose;
 
 /// What steps each matrix between hidden layers, in their order.
 pub(super) struct Matrices(Vec<Soap>);

@@ -7,8 +7,9 @@ use crate::engine::adam::AdamFactors;
 use crate::engine::bf16::Pairs;
 use imf_fields::recipe::TrainingState;
 use imf_fields::siren::matrix::{Matrix, multiply};
-use imf_fields::siren::plan::{BLOCK, Part, Piece, Plan, transpose};
+use imf_fields::siren::plan::{BLOCK, Part, Piece, Plan};
 use imf_fields::siren::scratch::ScratchPool;
+use imf_fields::siren::transpose::transpose;
 
 /// What the update writes, all in the layout of the flat parameters.
 pub(super) struct Arrays<'a> {

@@ -3,8 +3,9 @@
 use std::arch::x86_64::{
     __m512, __m512bh, __m512i, __mmask16, _mm512_castsi512_ps, _mm512_castsi512_si256, _mm512_cvtepu16_epi32,
     _mm512_cvtne2ps_pbh, _mm512_dpbf16_ps, _mm512_extracti64x4_epi64, _mm512_loadu_si512,
-    _mm512_mask_storeu_ps, _mm512_maskz_loadu_epi32, _mm512_maskz_loadu_ps, _mm512_permutex2var_epi16,
-    _mm512_set1_epi32, _mm512_setzero_ps, _mm512_slli_epi32, _mm512_storeu_si512, _mm512_sub_ps,
+    _mm512_mask_storeu_ps, _mm512_maskz_loadu_epi32, _mm512_maskz_loadu_ps, _mm512_mul_ps,
+    _mm512_permutex2var_epi16, _mm512_set1_epi32, _mm512_setzero_ps, _mm512_slli_epi32, _mm512_storeu_si512,
+    _mm512_sub_ps,
 };
 
 use crate::siren::bf16_kernel::{Extent, Product, STRIP};
@@ -36,14 +37,13 @@ impl Proof {
     #[expect(unsafe_code, reason = "instructions that the CPU was asked for")]
     pub(super) fn pack_rows_and_rests(
         self,
-        values: &[f32],
+        values: (&[f32], Option<&[f32]>),
         from: Extent,
         pairs: usize,
-        out: &mut [u32],
-        rests: &mut [u32],
+        out: [&mut [u32]; 2],
     ) {
         // SAFETY: `self` exists where the CPU has the features.
-        unsafe { pack_rows_and_rests(values, from, pairs, out, rests) }
+        unsafe { pack_rows_and_rests(values, from, pairs, out) }
     }
 
     #[expect(unsafe_code, reason = "instructions that the CPU was asked for")]
@@ -223,12 +223,22 @@ fn pack_rows(values: &[f32], from: Extent, pairs: usize, out: &mut [u32]) {
 }
 
 #[target_feature(enable = "avx512f,avx512bw,avx512bf16")]
-fn pack_rows_and_rests(values: &[f32], from: Extent, pairs: usize, out: &mut [u32], rests: &mut [u32]) {
+fn pack_rows_and_rests<'v>(
+    (values, factors): (&'v [f32], Option<&'v [f32]>),
+    from: Extent,
+    pairs: usize,
+    [out, rests]: [&mut [u32]; 2],
+) {
     let out = out.chunks_exact_mut(pairs).zip(rests.chunks_exact_mut(pairs)).take(from.rows);
     for (row, (out, rests)) in out.enumerate() {
-        let row = &values[row * from.stride..][..from.columns];
+        let of_row = |values: &'v [f32]| &values[row * from.stride..][..from.columns];
+        let (row, factors) = (of_row(values), factors.map(of_row));
         for at in (0..pairs).step_by(LANES) {
-            let [low, high] = load(row, 2 * at);
+            let [mut low, mut high] = load(row, 2 * at);
+            if let Some(factors) = factors {
+                let [first, second] = load(factors, 2 * at);
+                (low, high) = (_mm512_mul_ps(low, first), _mm512_mul_ps(high, second));
+            }
             let pairs = round([low, high]);
             store(out, at, pairs);
             // The upper half of an `f32` is its bfloat16.

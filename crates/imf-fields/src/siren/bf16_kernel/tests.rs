@@ -55,14 +55,16 @@ fn packing_rounds_and_lays_out_as_the_twin_does() {
         assert!(packed.iter().all(|p| p == &packed[0]), "{rows}×{columns}");
         // What rounding leaves, where it is finite.
         let finite: Vec<f32> = values.iter().map(|value| value.clamp(-1e38, 1e38)).collect();
-        let split = kernels().into_iter().map(|kernel| {
+        let packed_with = |kernel: Kernel, factors| {
             let mut halves = [(); 2].map(|()| vec![7; rows * row_pairs]);
             let [out, rests] = &mut halves;
-            kernel.pack_rows_and_rests(&finite, from, row_pairs, out, rests);
+            kernel.pack_rows_and_rests((&finite, factors), from, row_pairs, [out, rests]);
             halves
-        });
-        let split: Vec<_> = split.collect();
-        assert!(split.iter().all(|s| s == &split[0]), "{rows}×{columns}, with rests");
+        };
+        for factors in [None, Some(&filled(from.length(), 5)[..])] {
+            let split: Vec<_> = kernels().into_iter().map(|kernel| packed_with(kernel, factors)).collect();
+            assert!(split.iter().all(|s| s == &split[0]), "{rows}×{columns}, with rests");
+        }
         let (as_rows, as_strips) = &packed[0];
         let low = |pair: u32| f32::from_bits(pair << 16);
         let (i, j) = (rows - 1, (columns - 1) / 2 * 2);

@@ -4,13 +4,13 @@
 //! A strip of the right factor is two tiles wide as it lies. Of the left factor a tile wants rows of pairs, so that one
 //! of strips is turned first; rows that there are not are zeros.
 
+mod split;
+
 use std::arch::asm;
-use std::arch::x86_64::{
-    __cpuid_count, __m512i, _mm512_loadu_si512, _mm512_shuffle_i32x4, _mm512_storeu_si512,
-    _mm512_unpackhi_epi32, _mm512_unpackhi_epi64, _mm512_unpacklo_epi32, _mm512_unpacklo_epi64,
-};
+use std::arch::x86_64::__cpuid_count;
 
 use crate::siren::bf16_kernel::{CHUNK, Extent, Product, STRIP, avx512};
+use crate::siren::transpose::avx512::transpose_tile;
 
 /// Rows of a tile, and values of 32 bits in a row.
 const TILE: usize = 16;
@@ -76,7 +76,9 @@ impl Proof {
                     };
                     let out = &mut out[first_row * result.stride + first_column..];
                     let accumulate = accumulate || first_pair > 0;
-                    multiply_square(&tiles, out, square, Product { right, ..part }, accumulate);
+                    in_squares(out, square, accumulate, |out, stride| {
+                        run(&tiles, out, stride, Product { right, ..part }, accumulate);
+                    });
                 }
             }
         }
@@ -114,7 +116,7 @@ fn turn(product: &Product<'_>, rows: usize, row: usize, out: &mut [u32]) {
                 #[expect(unsafe_code, reason = "instructions that the CPU was asked for")]
                 // SAFETY: a `Proof` exists, and with it AVX-512; both slices have TILE rows of TILE values.
                 unsafe {
-                    transpose(from.as_ptr(), STRIP, to.as_mut_ptr(), row);
+                    transpose_tile(from.as_ptr(), STRIP, to.as_mut_ptr(), row, [TILE; 2]);
                 }
             }
             continue;
@@ -128,17 +130,10 @@ fn turn(product: &Product<'_>, rows: usize, row: usize, out: &mut [u32]) {
     }
 }
 
-/// A square of the result; all slices begin at its first element, the left factor has all rows of a square.
-fn multiply_square(
-    tiles: &TileConfiguration,
-    out: &mut [f32],
-    result: Extent,
-    product: Product<'_>,
-    accumulate: bool,
-) {
+/// Runs `sums` with a whole square and its stride, also where the result, which begins at its first element, has but a part of it.
+fn in_squares(out: &mut [f32], result: Extent, accumulate: bool, sums: impl FnOnce(&mut [f32], usize)) {
     if result.rows == SQUARE && result.columns == SQUARE {
-        run(tiles, &mut out[..(SQUARE - 1) * result.stride + SQUARE], result.stride, product, accumulate);
-        return;
+        return sums(&mut out[..(SQUARE - 1) * result.stride + SQUARE], result.stride);
     }
     let mut whole = Aligned([0.0; SQUARE * SQUARE]);
     let whole = &mut whole.0;
@@ -146,7 +141,7 @@ fn multiply_square(
     if accumulate {
         rows.for_each(|(whole, out)| whole[..result.columns].copy_from_slice(&out[..result.columns]));
     }
-    run(tiles, whole, SQUARE, product, accumulate);
+    sums(whole, SQUARE);
     let rows = whole.chunks_exact(SQUARE).zip(out.chunks_mut(result.stride)).take(result.rows);
     rows.for_each(|(whole, out)| out[..result.columns].copy_from_slice(&whole[..result.columns]));
 }
@@ -201,7 +196,7 @@ fn run(_: &TileConfiguration, out: &mut [f32], stride: usize, product: Product<'
     let left_end =
         (SQUARE - 1) * product.left_row + (product.segments - 1) * product.left_segment + product.pairs;
     let right_end = (product.segments - 1) * product.right_segment + product.pairs * STRIP;
-    assert!(product.left_pair == 1 && product.pairs.is_multiple_of(TILE), "tiles of rows");
+    assert!(tiles > 0 && product.left_pair == 1 && product.pairs.is_multiple_of(TILE), "tiles of rows");
     assert!(left_end <= product.left.len() && right_end <= product.right.len(), "factors of a square");
     assert!((SQUARE - 1) * stride + SQUARE <= out.len(), "a square of sums");
     let settings = Settings {
@@ -287,45 +282,5 @@ fn run(_: &TileConfiguration, out: &mut [f32], stride: usize, product: Product<'
             out("tmm4") _, out("tmm5") _, out("tmm6") _, out("tmm7") _,
             options(nostack),
         );
-    }
-}
-
-/// `to[j·to_row + i] = from[i·from_row + j]`, of 16 by 16.
-///
-/// # Safety
-/// The CPU has the feature; both have 16 rows of 16 values.
-#[expect(unsafe_code, reason = "loads and stores through pointers")]
-#[target_feature(enable = "avx512f")]
-unsafe fn transpose(from: *const u32, from_row: usize, to: *mut u32, to_row: usize) {
-    let row = |i: usize| from.wrapping_add(i * from_row).cast::<__m512i>();
-    // SAFETY: as the function's.
-    let rows: [__m512i; TILE] = std::array::from_fn(|i| unsafe { _mm512_loadu_si512(row(i)) });
-    // Of four rows i + 0..4, in each 128-bit lane l: [c] has column 4·l + c of all four.
-    let mut fours = [rows[0]; TILE];
-    for i in (0..TILE).step_by(4) {
-        let [a, b, c, d] = [rows[i], rows[i + 1], rows[i + 2], rows[i + 3]];
-        let (low, high) = (_mm512_unpacklo_epi32(a, b), _mm512_unpackhi_epi32(a, b));
-        let (low_2, high_2) = (_mm512_unpacklo_epi32(c, d), _mm512_unpackhi_epi32(c, d));
-        fours[i] = _mm512_unpacklo_epi64(low, low_2);
-        fours[i + 1] = _mm512_unpackhi_epi64(low, low_2);
-        fours[i + 2] = _mm512_unpacklo_epi64(high, high_2);
-        fours[i + 3] = _mm512_unpackhi_epi64(high, high_2);
-    }
-    for c in 0..4 {
-        let [a, b, d, e] = [fours[c], fours[c + 4], fours[c + 8], fours[c + 12]];
-        // Lanes 0 and 2, then 1 and 3, of two by two.
-        let (even, odd) = (_mm512_shuffle_i32x4::<0x88>(a, b), _mm512_shuffle_i32x4::<0xdd>(a, b));
-        let (even_2, odd_2) = (_mm512_shuffle_i32x4::<0x88>(d, e), _mm512_shuffle_i32x4::<0xdd>(d, e));
-        let columns = [
-            _mm512_shuffle_i32x4::<0x88>(even, even_2),
-            _mm512_shuffle_i32x4::<0x88>(odd, odd_2),
-            _mm512_shuffle_i32x4::<0xdd>(even, even_2),
-            _mm512_shuffle_i32x4::<0xdd>(odd, odd_2),
-        ];
-        for (lane, column) in columns.into_iter().enumerate() {
-            let to = to.wrapping_add((4 * lane + c) * to_row).cast();
-            // SAFETY: as the function's.
-            unsafe { _mm512_storeu_si512(to, column) };
-        }
     }
 }
