@@ -21,15 +21,19 @@ mod elements;
 mod error;
 mod machine;
 mod motions;
+mod poses;
 mod report;
 mod stick_out;
 mod stock;
 
 pub use error::{CheckError, LineFault};
 pub use machine::{MachineBodies, MachineFault, MachineReach, machine_remarks};
+pub use poses::PoseChecker;
 pub use report::{CheckReport, Collision, HitBody, LineCollisions, TravelFault};
 pub use stick_out::{PathStickOut, shortest_stick_outs};
 pub use stock::{LineRemoval, StockLeft, StockReport, check_stock};
+
+use std::sync::Arc;
 
 use serde::Serialize;
 
@@ -174,16 +178,7 @@ pub fn check_toolpath(
     // Every motion is validated before any pose is checked.
     let machine = bodies.machine.map(MachineBodies::machine);
     let motions = motions(toolpath, tools, settings, machine)?;
-    let mut hit = Body::all(bodies.part, bodies.fixtures);
-    let mut points_apart: Vec<f64> = Vec::new();
-    if settings.contact > 0.0 {
-        for (body, mesh) in hit.iter_mut().zip(bodies.surfaces) {
-            let (with_points, apart) = body.with_surface_of(mesh);
-            *body = with_points;
-            points_apart.push(apart);
-        }
-    }
-    let cut = bodies.by_centres.map_or_else(|| hit[0].clone(), |part| hit[0].of_voxels(part.clone()));
+    let Hit { bodies: hit, cut, points_apart } = Hit::new(bodies, settings);
     let (mut used, mut surfaces_known) = (Vec::new(), true);
     bodies.machine.map_or(Ok(()), |machine| machine.check(bodies.part.grid.pitch))?;
     let world = rigid(&toolpath.set_up);
@@ -231,6 +226,31 @@ pub fn check_toolpath(
         [report.sure_gouge, report.sure_overlap] = sure_depths(&used, settings, &points_apart, by_centres)?;
     }
     Ok(report)
+}
+
+/// Part and fixtures as tools meet them.
+struct Hit {
+    bodies: Vec<Arc<Body>>,
+    /// The part as the cutter meets it.
+    cut: Arc<Body>,
+    /// Distance of points of each surface that is known.
+    points_apart: Vec<f64>,
+}
+
+impl Hit {
+    fn new(given: CheckBodies<'_>, settings: &CheckSettings) -> Self {
+        let (mut bodies, mut points_apart) = (Body::all(given.part, given.fixtures), Vec::new());
+        if settings.contact > 0.0 {
+            for (body, mesh) in bodies.iter_mut().zip(given.surfaces) {
+                let (with_points, apart) = body.with_surface_of(mesh);
+                *body = with_points;
+                points_apart.push(apart);
+            }
+        }
+        let cut =
+            given.by_centres.map_or_else(|| bodies[0].clone(), |part| bodies[0].of_voxels(part.clone()));
+        Self { bodies, cut, points_apart }
+    }
 }
 
 /// How deep a cutter must enter the part's surface, and anything else a surface, to hold a point of it, or of the latter a centre, for

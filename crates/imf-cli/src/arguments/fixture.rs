@@ -10,6 +10,7 @@ use glam::{DMat4, DVec3};
 use imf_core::control::Control;
 use imf_core::grid::Grid;
 use imf_core::mesh::read::{MeshFile, read_mesh_file};
+use imf_core::mesh::topology::MeshReport;
 use imf_core::mesh::{FaceRepair, Mesh};
 use imf_core::occupancy::Occupancy;
 use imf_core::parts::ReferencePart;
@@ -20,7 +21,7 @@ use imf_core::voxelize::VoxelizeResult;
 use super::numbers::parse_room;
 use super::scene::warn_of;
 use super::transform::parse_transform;
-use crate::output::short;
+use crate::output::{short, show_measure};
 use crate::session::Session;
 
 /// A part as read, before it is voxelised.
@@ -154,6 +155,9 @@ pub(crate) struct Stock {
     left_by: Option<f64>,
 }
 
+/// Relative difference of volumes by voxels and by meshes above which a warning is given.
+const DIFFERENCE: f64 = 0.02;
+
 /// Cosine of the angle to an axis within which a voxel's face stands along it, in a file of single precision.
 const ALONG_AXES: f64 = 0.999;
 
@@ -170,6 +174,31 @@ fn left_by(path: &Path) -> Option<(f64, LengthUnit)> {
 }
 
 impl Stock {
+    /// Warns where what it holds beside the part, by voxels, is not what it is by the meshes; also gets a voxel's volume.
+    pub(crate) fn compare_volumes(
+        &self,
+        session: &Session,
+        [beside, voxel]: [f64; 2],
+        part: &Mesh,
+        unit: LengthUnit,
+    ) {
+        // Of what is not one closed piece it is not known what it holds.
+        let volume = |mesh: &Mesh| {
+            let report = MeshReport::new(mesh);
+            (report.closed && report.components == 1).then(|| report.signed_volume.abs())
+        };
+        if let (Some(whole), Some(own)) = (volume(&self.mesh), volume(part))
+            && ((whole - own) - beside).abs() > (DIFFERENCE * (whole - own)).max(voxel)
+        {
+            session.warn(&format!(
+                "the stock beside the part is {} {unit}³ by its voxels and {} {unit}³ by the meshes: a layer thinner than a voxel counts as \
+                 a whole one or not at all, and a face through the voxels' centres to one side; a smaller pitch brings both together",
+                show_measure(beside),
+                show_measure((whole - own).max(0.0))
+            ));
+        }
+    }
+
     /// Whether its faces do, as those of voxels.
     fn lies_along_axes(&self) -> bool {
         let corners = |triangle: &[u32; 3]| triangle.map(|vertex| self.mesh.vertices[vertex as usize]);

@@ -17,6 +17,8 @@ use crate::tool::{Element, Tool, ToolShape};
 pub(super) struct DepthElement {
     pub(super) name: String,
     pub(super) clearance: f64,
+    /// How deep in it centres are accepted, a little less than the contact: rounding must not accept more.
+    pub(super) accepted: f64,
     pub(super) shape: Shape,
 }
 
@@ -31,7 +33,7 @@ impl DepthElement {
     /// An element of a tool, offset by its clearance; `exposed` where its upper end is surface.
     pub(super) fn new(element: Element, exposed: bool, clearance: f64) -> Self {
         let name = element.kind.to_string();
-        Self { name, clearance, shape: Shape::Revolved(vec![(element, exposed)]) }
+        Self { name, clearance, accepted: 0.0, shape: Shape::Revolved(vec![(element, exposed)]) }
     }
 
     /// A tool whose elements cannot be distinguished.
@@ -42,7 +44,7 @@ impl DepthElement {
                 Shape::Revolved(elements.iter().map(|e| (e.clone(), true)).collect())
             }
         };
-        Self { name: "tool".into(), clearance: 0.0, shape }
+        Self { name: "tool".into(), clearance: 0.0, accepted: 0.0, shape }
     }
 }
 
@@ -57,7 +59,7 @@ pub(super) struct DeepestCentre {
 }
 
 impl DepthElement {
-    /// `None` where it holds no solid centre, and its body in the field, by index, no point of the surface.
+    /// `None` where it holds no solid centre that is not accepted, and its body in the field, by index, no point of the surface.
     pub(super) fn deepest(
         &self,
         (field, index): (&SolidField, usize),
@@ -69,7 +71,10 @@ impl DepthElement {
             Shape::Revolved(elements) => {
                 for (element, exposed) in elements {
                     element.visit_inside(body.voxels.occupancy(), pose, |voxel, height, radius| {
-                        found.take(voxel, element.depth(height, radius, *exposed), body.depth(voxel));
+                        let in_tool = element.depth(height, radius, *exposed);
+                        if self.accepted == 0.0 || in_tool > self.accepted {
+                            found.take(voxel, in_tool, body.depth(voxel));
+                        }
                     });
                 }
                 let (deepest, in_tool) = (Cell::new((found.depth, None)), Cell::new(found.in_tool));

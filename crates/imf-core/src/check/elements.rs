@@ -132,7 +132,12 @@ impl Elements {
                     CheckError::Contact { tool: tool.name.clone(), contact: settings.contact }
                 })?;
                 let deep = SolidField::of_elements(cut.tool_voxels().clone(), &[deep]);
-                wanted.push((cut, deep, vec![DepthElement::new(cutter, exposed, 0.0)]));
+                let measured = DepthElement::new(cutter, exposed, 0.0);
+                wanted.push((
+                    cut,
+                    deep,
+                    vec![DepthElement { accepted: (1.0 - 1e-6) * settings.contact, ..measured }],
+                ));
                 stay_out.retain(|element| element.kind != ElementKind::Cutter);
             }
             let rest: Vec<DepthElement> = stay_out.iter().map(measured).collect();
@@ -173,6 +178,18 @@ impl Elements {
     #[cfg(test)]
     pub(super) fn any(&self, pose: &Pose) -> bool {
         self.0.iter().any(|group| group.field.collides(pose))
+    }
+
+    /// What collides at a pose, each element with each body.
+    pub(super) fn at(&self, pose: &Pose) -> Vec<Collision> {
+        let (mut found, mut counts) = (Vec::new(), Vec::new());
+        for group in &self.0 {
+            let mut tracks = group.tracks();
+            let only = Step { index: 1, fraction: 1.0, is_last: true, length: 0.0 };
+            group.follow(&only, pose, &mut tracks, &mut counts, 0.0);
+            found.extend(tracks.into_iter().filter_map(Track::finish));
+        }
+        found
     }
 
     /// What collides on a motion, each element with each body once, at its deepest.

@@ -18,6 +18,9 @@ pub enum CheckError {
     /// The tool cannot be offset.
     #[error(transparent)]
     Clearance(#[from] ClearanceError),
+    /// A pose that is none.
+    #[error("the pose is not valid: its numbers must be finite, and its axis must have a length")]
+    Pose,
     /// A line of the toolpath cannot be followed.
     #[error("line {line}: {fault}")]
     Line {

@@ -67,16 +67,21 @@ fn elements_and_depths_are_those_of_trying_every_centre() {
         let found = report.colliding.first().map_or(&[][..], |line| &line.collisions);
         for (which, element) in elements.iter().enumerate() {
             let cutter = element.kind == ElementKind::Cutter;
-            let (mut voxels, mut deepest, mut depth) = (0, 0.0_f64, 0.0_f64);
+            let (mut voxels, mut nearly, mut touched, mut deepest, mut depth) = (0, 0, 0, 0.0_f64, 0.0_f64);
             for voxel in part.solids() {
                 let offset = grid.centre(grid.voxel(voxel)) - tip;
                 let height = offset.dot(axis);
                 let radius = (offset - axis * height).length();
                 if holds(&element.profile, height, radius) {
-                    voxels += 1;
                     // The cutter narrows to the shank, and so has a shoulder of its own.
                     let own = walk(&element.profile, true, height, radius);
                     deepest = deepest.max(own);
+                    if cutter && own <= settings.contact - 0.01 {
+                        touched += 1;
+                        continue;
+                    }
+                    nearly += u32::from(cutter && own <= settings.contact + 0.01);
+                    voxels += 1;
                     depth = depth.max(own + below[voxel]);
                 }
             }
@@ -88,10 +93,10 @@ fn elements_and_depths_are_those_of_trying_every_centre() {
             }
             let expected = if cutter { deepest > settings.contact } else { voxels > 0 };
             assert_eq!(collision.is_some(), expected, "{name} {tip} {axis} {voxels} {deepest}");
-            spared += usize::from(cutter && voxels > 0 && !expected);
+            spared += usize::from(touched > 0 && !expected);
             if let Some(collision) = collision {
                 hits[which] += 1;
-                assert_eq!(collision.voxels, voxels, "{name} {tip} {axis}");
+                assert!((voxels - nearly..=voxels).contains(&collision.voxels), "{name} {tip} {axis}");
                 assert!((collision.depth - depth).abs() < 0.01, "{name} {depth} {collision:?}");
             }
         }

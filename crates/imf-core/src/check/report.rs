@@ -65,7 +65,8 @@ pub struct Collision {
     pub joints: Option<Joints>,
     /// How far on the way to the line that pose is, from 0 to 1.
     pub fraction: f64,
-    /// Solid voxels in the element at that pose, none where it holds points of the part's surface alone; where the part or a fixture hits the machine, its own that do.
+    /// Solid voxels in the element at that pose, in the cutter those deeper than the contact; none where points of the part's surface alone
+    /// are so deep. Where the part or a fixture hits the machine, its own that do.
     pub voxels: u32,
     /// Their volume in units cubed.
     pub volume: f64,

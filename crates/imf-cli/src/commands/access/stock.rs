@@ -3,20 +3,16 @@
 use anyhow::{Context as _, Result, ensure};
 use imf_core::grid::Grid;
 use imf_core::mesh::Mesh;
-use imf_core::mesh::topology::MeshReport;
 use imf_core::occupancy::Occupancy;
 use imf_core::scene::Bodies;
 use imf_core::unit::LengthUnit;
 
 use crate::arguments::fixture;
-use crate::output::show_measure;
 use crate::session::Session;
 
 /// Fraction of the part outside the stock above which a warning is given: a face on the stock's own may lose some
 /// voxels to rounding.
 const OUTSIDE: f64 = 0.01;
-/// Relative difference of volumes by voxels and by meshes above which a warning is given.
-const DIFFERENCE: f64 = 0.02;
 
 pub(super) struct Stock {
     pub(super) name: String,
@@ -48,24 +44,9 @@ impl Stock {
         let held = on_grid(&bodies.obstacle())?;
         solid.solid.iter_mut().zip(&held.solid).for_each(|(stock, &held)| *stock &= 1 - held);
         ensure!(solid.count() > 0, "the stock '{}' holds nothing beside the part", stock.name);
-        if outside == 0.0
-            && bodies.fixtures.is_empty()
-            && let (Some(whole), Some(own)) = (volume(&stock.mesh), volume(part))
-            && ((whole - own) - solid.volume()).abs() > DIFFERENCE * (whole - own)
-        {
-            session.warn(&format!(
-                "the stock to remove is {} {unit}³ by its voxels and {} {unit}³ by the meshes: faces that run through the voxels' centres \
-                 are counted to one side; a smaller pitch brings both together",
-                show_measure(solid.volume()),
-                show_measure(whole - own)
-            ));
+        if outside == 0.0 && bodies.fixtures.is_empty() {
+            stock.compare_volumes(session, [solid.volume(), grid.voxel_volume()], part, unit);
         }
         Ok(Self { name: stock.name, solid })
     }
-}
-
-/// Of a mesh in one closed piece; of others it is not known what they hold.
-fn volume(mesh: &Mesh) -> Option<f64> {
-    let report = MeshReport::new(mesh);
-    (report.closed && report.components == 1).then(|| report.signed_volume.abs())
 }

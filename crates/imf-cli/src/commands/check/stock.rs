@@ -71,6 +71,9 @@ impl StockInput {
                 show_measure(outside as f64 * grid.voxel_volume()),
                 record.unit
             ));
+        } else {
+            let beside = (voxels.count() - own.count()) as f64 * grid.voxel_volume();
+            stock.compare_volumes(session, [beside, grid.voxel_volume()], part, record.unit);
         }
         Ok(Self { name: stock.name, voxels })
     }

@@ -51,7 +51,7 @@ impl HeadBody {
                 return Err(CheckError::HeadMesh { name: solid.name.clone() });
             }
         };
-        let measured = DepthElement { name: solid.name.clone(), clearance, shape };
+        let measured = DepthElement { name: solid.name.clone(), clearance, accepted: 0.0, shape };
         Ok(Self { measured, round, ball, frame })
     }
 

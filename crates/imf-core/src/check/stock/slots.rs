@@ -5,7 +5,7 @@ use std::fmt::Write;
 
 use glam::DVec3;
 
-use super::super::{CheckBodies, CheckError, CheckSettings, HitBody};
+use super::super::{CheckBodies, CheckError, CheckSettings, HitBody, check_toolpath};
 use super::*;
 use crate::grid::Grid;
 use crate::section::test_shapes::{line, revolved};
@@ -249,6 +249,36 @@ fn the_part_is_no_stock_and_what_is_cut_of_it_is_told() {
     assert_eq!((report.voxels, report.remaining.count()), (0, 0));
     let off = Grid { origin: stock.grid.origin + 0.5, ..stock.grid };
     assert!(matches!(run(&[], &Occupancy::empty(off)), Err(CheckError::StockGrid)));
+}
+
+/// Walls and floor run through the centres of voxels, of which those on the lower faces of the part are solid.
+#[test]
+fn a_slot_whose_walls_run_through_centres_is_cut_out_of_the_stock_and_nothing_of_the_part() {
+    let stock = block(1.0);
+    // 9 mm wide along y, from z = −8.5 on.
+    let in_slot = |[x, _, z]: [usize; 3]| (25..34).contains(&x) && z >= 12;
+    let part = Occupancy::of(stock.grid, |voxel| !in_slot(voxel));
+    let wall = stock.grid.centre([34, 0, 0]).x;
+    let program = |z: f64| format!("G21 G90\nG0 X{} Y-30. Z5.\nG0 Z{z}\nG1 Y30. F100\n", wall - 4.5);
+    let tool = revolved([(ElementKind::Cutter, vec![line(0.0, 30.0, 4.5, 4.5)])]);
+    let bodies = CheckBodies::of_part(&part);
+    let run = |z: f64| {
+        let path = Toolpath::parse(&program(z), LengthUnit::Mm, "path.nc").unwrap();
+        let report = check_stock(bodies, &stock, &[(None, &tool)], &path, &usual(1.0), Control::quiet());
+        let checked = check_toolpath(bodies, &[(None, &tool)], &path, &usual(1.0), Control::quiet());
+        (report.unwrap(), checked.unwrap())
+    };
+    let (report, checked) = run(-7.5);
+    assert!(checked.colliding.is_empty(), "{checked:?}");
+    let cut = report.removed.last().unwrap();
+    assert_eq!((cut.voxels, cut.of_part), (9 * 40 * 8, 0));
+    // 0.1 mm below the centres of its floor, which are named, and counted, without those of the walls.
+    let (report, checked) = run(-8.6);
+    let hit = &checked.colliding[0].collisions[0];
+    assert!((hit.depth - 0.6).abs() < 1e-6 && (hit.contact[2] + 8.5).abs() < 1e-9, "{hit:?}");
+    assert!(hit.voxels <= 9 * 9, "{hit:?}");
+    let cut = report.removed.last().unwrap();
+    assert_eq!((cut.voxels, cut.of_part), (9 * 40 * 8 + 8 * 40, 8 * 40));
 }
 
 #[test]

@@ -71,7 +71,8 @@ impl Twin<'_> {
     }
 
     fn cut(&mut self, tool: &Tool, motion: &Motion<'_>, line: usize) {
-        let (cutter, _) = tool.cutter().unwrap();
+        let (cutter, exposed) = tool.cutter().unwrap();
+        let deep = cutter.eroded(self.settings.contact, exposed).unwrap();
         let accepted = self.settings.accepted_in_stock();
         for (_, pose) in motion.poses() {
             for element in tool.offset_elements(&self.settings.clearance).unwrap() {
@@ -85,7 +86,8 @@ impl Twin<'_> {
                 }
                 self.note(line, &element, &touching, true);
             }
-            for (voxel, ..) in self.inside(&cutter, &pose) {
+            let cut = self.beside_part(self.inside(&cutter, &pose));
+            for (voxel, ..) in cut.into_iter().chain(self.inside(&deep, &pose)) {
                 self.solid[voxel] = 0;
                 self.removed_by[voxel] = line as u32;
             }

@@ -18,9 +18,10 @@ const ALONG: f64 = 1e-3;
 /// Lengths that are none.
 const ROUNDING: f64 = 1e-9;
 
-/// The cutter: what it holds goes.
+/// The cutter: what it holds goes, of the part what lies deeper in it than the contact.
 struct Cutter {
     lines: BodyLines,
+    deep: BodyLines,
     approach: Approach,
     /// What a rapid must keep out of the stock: its points deeper than what is accepted.
     rapid: NonCuttingBody,
@@ -54,14 +55,15 @@ impl<'a> StockTool<'a> {
         let has_back = whole.as_ref().is_some_and(|(_, exposed)| *exposed) && !tool.back_cutting;
         let cutter = |(element, exposed): (Element, bool)| {
             let contact = settings.contact;
-            let deep = element
-                .eroded(accepted, exposed)
-                .ok_or_else(|| CheckError::Contact { tool: tool.name.clone(), contact })?;
-            let lines = BodyLines::new(&element, pitch).ok_or_else(intricate)?;
+            let too_thin = || CheckError::Contact { tool: tool.name.clone(), contact };
+            let deeper = |depth: f64| element.eroded(depth, exposed).ok_or_else(too_thin);
+            let lines_of = |element: &Element| BodyLines::new(element, pitch).ok_or_else(intricate);
+            let (lines, deep) = (lines_of(&element)?, lines_of(&deeper(contact)?)?);
+            let not_at_rapid = deeper(accepted)?;
             let approach = Approach::new(&element, pitch);
             let measured = DepthElement::new(element, exposed, 0.0);
-            let rapid = NonCuttingBody::new(measured, &deep, None, pitch).ok_or_else(intricate)?;
-            Ok::<_, CheckError>(Cutter { lines, approach, rapid })
+            let rapid = NonCuttingBody::new(measured, &not_at_rapid, None, pitch).ok_or_else(intricate)?;
+            Ok::<_, CheckError>(Cutter { lines, deep, approach, rapid })
         };
         let offset = tool.offset_elements(&settings.clearance)?;
         let stay_out = offset.into_iter().filter(|element| element.kind != ElementKind::Cutter);
@@ -136,15 +138,25 @@ impl<'a> StockTool<'a> {
         let mut tracks: Vec<Track> = self.non_cutting.iter().map(|_| Track::default()).collect();
         let mut on_head = self.heads.as_ref().map_or_else(Vec::new, |heads| heads.begin(motion));
         let (lines, mut approach) = match &mut self.cutter {
-            Some(Cutter { lines, approach, .. }) => (Some(&*lines), Some(approach)),
+            Some(Cutter { lines, deep, approach, .. }) => (Some((&*lines, &*deep)), Some(approach)),
             None => (None, None),
         };
         // Poses whose voxels are removed together, before anything is checked.
         let mut waiting = Vec::with_capacity(TOGETHER);
         let mut take = |stock: &mut StockVoxels, waiting: &mut Vec<Pose>| {
-            if let (Some(lines), false) = (lines, waiting.is_empty()) {
+            if let (Some((lines, deep)), false) = (lines, waiting.is_empty()) {
                 let grid = stock.fine().grid;
-                lines.visit_all(&grid, waiting, &mut StockRemover { stock, taken: &mut *taken });
+                let taken = &mut *taken;
+                let mut beside = StockRemover { stock, spared: Some(part), spares: false, taken };
+                lines.visit_all(&grid, waiting, &mut beside);
+                if beside.spares {
+                    let StockRemover { stock, taken, .. } = beside;
+                    deep.visit_all(
+                        &grid,
+                        waiting,
+                        &mut StockRemover { stock, spared: None, spares: false, taken },
+                    );
+                }
             }
             waiting.clear();
         };

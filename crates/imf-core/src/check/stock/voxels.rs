@@ -123,19 +123,24 @@ impl StockVoxels {
         (y.start / BLOCK..=(y.end - 1) / BLOCK).any(|y| self.blocks.holds_any(x / BLOCK, y, from, to))
     }
 
-    /// Takes a run of a line away. `taken` gets what was there: the index of a voxel, and a bit for each from there on.
+    /// Takes a run of a line away, but for what is spared: true where something was. `taken` gets what was there: the index of a voxel,
+    /// and a bit for each from there on.
     #[inline]
     pub(super) fn take(
         &mut self,
         [x, y]: [usize; 2],
         from: usize,
         to: usize,
+        spared: Option<&BitLines>,
         taken: &mut impl FnMut(usize, u64),
-    ) {
+    ) -> bool {
         let line = self.fine.line(x, y);
+        let mut spares = false;
         for (word, mask) in words(from, to) {
             let bits = &mut self.fine.bits[line + word];
-            let held = *bits & mask;
+            let kept = *bits & mask & spared.map_or(0, |spared| spared.bits[line + word]);
+            let held = *bits & mask & !kept;
+            spares |= kept != 0;
             if held == 0 {
                 continue;
             }
@@ -156,6 +161,7 @@ impl StockVoxels {
                 rest &= !within;
             }
         }
+        spares
     }
 
     /// Visits the solid voxels of a run that are not among others, by their z, until it returns false; true where it never did.
@@ -203,6 +209,10 @@ impl<F: FnMut(usize, usize, usize, usize) -> bool> LineVisitor for StockScanner<
 /// Takes away what lines hold.
 pub(super) struct StockRemover<'a, F> {
     pub(super) stock: &'a mut StockVoxels,
+    /// But for these.
+    pub(super) spared: Option<&'a BitLines>,
+    /// Whether any of them was met.
+    pub(super) spares: bool,
     pub(super) taken: F,
 }
 
@@ -214,7 +224,7 @@ impl<F: FnMut(usize, u64)> LineVisitor for StockRemover<'_, F> {
 
     #[inline(always)]
     fn line(&mut self, x: usize, y: usize, from: usize, to: usize) -> bool {
-        self.stock.take([x, y], from, to, &mut self.taken);
+        self.spares |= self.stock.take([x, y], from, to, self.spared, &mut self.taken);
         true
     }
 }
@@ -228,7 +238,8 @@ mod tests {
     #[test]
     fn after_any_removals_the_stock_is_what_is_made_anew_of_the_rest() {
         for dims in [[9, 10, 131], [4, 7, 64], [5, 5, 3]] {
-            let mut rest = scattered(dims, 3);
+            let (mut rest, spared) = (scattered(dims, 3), scattered(dims, 4));
+            let lines = BitLines::of(&spared);
             let mut stock = StockVoxels::new(&rest);
             let mut numbers = Numbers(12345);
             let mut next = |below: usize| numbers.below(below);
@@ -237,12 +248,16 @@ mod tests {
                 let from = next(dims[2]);
                 let to = from + 1 + next(dims[2] - from);
                 let mut taken = Vec::new();
-                stock.take([x, y], from, to, &mut |index, bits| {
+                let of_these = (step % 2 == 0).then_some(&lines);
+                let spares = stock.take([x, y], from, to, of_these, &mut |index, bits| {
                     taken.extend((0..64).filter(|bit| bits >> bit & 1 == 1).map(|bit| index + bit));
                 });
                 let run = rest.grid.index([x, y, from])..rest.grid.index([x, y, to - 1]) + 1;
-                let expected: Vec<usize> = run.filter(|&v| std::mem::take(&mut rest.solid[v]) == 1).collect();
-                assert_eq!(taken, expected);
+                let is_spared = |v: usize| of_these.is_some() && spared.solid[v] == 1;
+                let (kept, expected): (Vec<usize>, _) =
+                    run.filter(|&v| rest.solid[v] == 1).partition(|&v| is_spared(v));
+                expected.iter().for_each(|&v: &usize| rest.solid[v] = 0);
+                assert_eq!((taken, spares), (expected, !kept.is_empty()));
                 if step % 20 == 0 {
                     assert_eq!(stock, StockVoxels::new(&rest), "{dims:?} {step}");
                 }
@@ -252,7 +267,7 @@ mod tests {
             assert_eq!(stock.fine().count(), rest.count() as u64);
             // All of it.
             for (x, y) in (0..dims[0]).flat_map(|x| (0..dims[1]).map(move |y| (x, y))) {
-                stock.take([x, y], 0, dims[2], &mut |_, _| {});
+                stock.take([x, y], 0, dims[2], None, &mut |_, _| {});
             }
             assert_eq!(stock, StockVoxels::new(&Occupancy::empty(rest.grid)));
         }

@@ -58,6 +58,7 @@ impl Arc {
             return Err("the arc's centre is its start".into());
         }
         if (first - last).abs() > ROUND * mm {
+            let [first, last] = [first, last].map(|length| (length / mm * 1e4).round() / 1e4 * mm);
             return Err(format!(
                 "the arc begins {first} from its centre and ends {last} from it: check I, J, K and the plane (G17, G18, G19)"
             ));
