@@ -5,23 +5,60 @@
 
   // The worker: the module inside it, asked by messages.
   const text = id => get(id).textContent.replaceAll('<\\/script', '</script');
-  const worker = new Worker(URL.createObjectURL(new Blob([text('worker')], { type: 'text/javascript' })));
+  const script = URL.createObjectURL(new Blob([text('worker')], { type: 'text/javascript' }));
   const waiting = new Map();
-  let count = 0;
-  worker.onmessage = ({ data: { id, error, done: fraction, ...answer } }) => {
+  let count = 0, worker;
+  const answered = ({ data: { id, error, broken, done: fraction, ...answer } }) => {
     const { done, failed } = waiting.get(id);
     if (fraction !== undefined) { get('errors').textContent = `the field: ${(100 * fraction).toFixed(0)} %`; return; }
     waiting.delete(id);
+    // One that ends at its start would do so again.
+    if (broken && ramp) {
+      get('field').value = '';
+      begin().catch(other => other === OTHER || tell(other.message, true));
+    }
     if (error === undefined) done(answer); else failed(new Error(error));
   };
   const ask = (what, more, moved) => new Promise((done, failed) => {
     waiting.set(++count, { done, failed });
     worker.postMessage({ id: count, ask: what, ...more }, moved ?? []);
   });
+  const forget_tool = () => {
+    stage.remove(tool);
+    tool = values = undefined;
+    reading.textContent = '';
+  };
+  const forget_field = () => {
+    compared = undefined;
+    get('errors').textContent = '';
+    get('fitted').parentElement.hidden = get('over').parentElement.hidden = true;
+  };
+  // A new worker, which has neither part nor field; what the old one was asked is not answered.
+  const OTHER = new Error('something else was asked for');
+  const begin = () => {
+    worker?.terminate();
+    for (const { failed } of waiting.values()) failed(OTHER);
+    waiting.clear();
+    forget_tool();
+    forget_field();
+    worker = new Worker(script);
+    worker.onmessage = answered;
+    return ask('start', { module: text('module') }).then(started => { ({ ramp } = started); });
+  };
   const tell = (line, failed) => { progress.textContent = line; progress.className = failed ? 'failed' : ''; };
   const guarded = work => async event => {
     event?.preventDefault?.();
-    try { await work(event); } catch (error) { tell(error.message, true); }
+    try { await work(event); } catch (error) { if (error !== OTHER) tell(error.message, true); }
+  };
+  // Asked again while it works, it works once more when it has ended.
+  const once_more = work => {
+    let works = false, again = false;
+    return async () => {
+      again = true;
+      if (works) return;
+      works = true;
+      try { while (again) { again = false; await work(); } } finally { works = false; }
+    };
   };
 
   // What is seen.
@@ -107,18 +144,22 @@
     const part = get('part').value;
     if (!part && !file) throw new Error('Choose a mesh file first, or a built-in part.');
     const bytes = part ? null : await file.arrayBuffer();
+    if (mine !== latest) return;
     const pitch = Number(get('pitch').value) || undefined;
+    get('legend').replaceChildren();
+    forget_tool();
+    // What is computed now would be waited for.
+    if (waiting.size) await begin();
+    if (mine !== latest) return;
     tell('voxels …');
     const made = await ask('scene', { part, file: bytes, name: file?.name, unit: get('unit').value, tool: get('tool').value, pitch });
     if (mine !== latest) return;
     ({ unit, dims } = made);
     // A field that was loaded may be of another part.
-    compared = undefined;
-    get('field').value = get('errors').textContent = '';
-    get('fitted').parentElement.hidden = get('over').parentElement.hidden = true;
+    forget_field();
+    get('field').value = '';
     set_layers(dims[2]);
     show_part(made.corners, () => [160, 160, 165]);
-    if (tool) stage.remove(tool);
     tool = mesh_of(made.tool, new THREE.MeshLambertMaterial({ color: 0x4c78a8, side: THREE.DoubleSide }));
     tool.visible = false;
     stage.add(tool);
@@ -152,34 +193,36 @@
   get('form').addEventListener('submit', guarded(compute));
 
   // The tool where the pointer is: of several places that wait, the last.
-  let asked = false, next = null;
-  const place = async () => {
-    while (next) {
-      const { point, axis, tip } = next;
-      next = null;
-      const { hit, micro } = await ask('contact', { at: point.toArray(), axis: axis.toArray() });
-      tool.position.copy(point);
-      tool.quaternion.setFromUnitVectors(new THREE.Vector3(0, 0, 1), axis);
-      tool.material.color.set(hit ? 0xcd1e1e : 0x3f8f4f);
-      tool.visible = true;
-      reading.textContent = `${tip}${hit ? `the ${hit.element} hits, ${hit.depth.toPrecision(3)} ${unit} deep` : 'free'} · ${micro.toFixed(0)} µs`;
-      draw();
-    }
-    asked = false;
-  };
+  let next;
+  const place = guarded(once_more(async () => {
+    if (!next) return;
+    const { point, axis, tip } = next, shown = tool;
+    const { hit } = await ask('contact', { at: point.toArray(), axis: axis.toArray() });
+    if (tool !== shown || !next) return;
+    tool.position.copy(point);
+    tool.quaternion.setFromUnitVectors(new THREE.Vector3(0, 0, 1), axis);
+    tool.material.color.set(hit ? 0xcd1e1e : 0x3f8f4f);
+    tool.visible = true;
+    reading.textContent = `${tip}${hit ? `the ${hit.element} hits, ${hit.depth.toPrecision(3)} ${unit} deep` : 'free'}`;
+    draw();
+  }));
   const caster = new THREE.Raycaster();
-  view.addEventListener('pointermove', event => {
-    if (!surface || !tool || event.buttons) return;
+  const point_at = event => {
+    if (!surface || !tool) return;
     const box = view.getBoundingClientRect();
     caster.setFromCamera(new THREE.Vector2((event.clientX - box.left) / box.width * 2 - 1, 1 - (event.clientY - box.top) / box.height * 2), camera);
     const [hit] = caster.intersectObject(surface);
+    next = undefined;
     if (!hit) { tool.visible = false; reading.textContent = ''; draw(); return; }
     const angles = document.querySelector('input[name=from][value=angles]').checked;
     const axis = angles ? direction() : hit.face.normal.clone().normalize();
     // Along the surface's own normal the tool touches with its tip; else the tip alone is there.
     next = { point: hit.point.clone(), axis, tip: angles ? 'with the tip here: ' : '' };
-    if (!asked) { asked = true; place().catch(error => tell(error.message, true)); }
-  });
+    place();
+  };
+  view.addEventListener('pointermove', event => event.buttons || point_at(event));
+  // A finger has no place before it touches.
+  view.addEventListener('click', point_at);
 
   // Sections.
   const direction = () => {
@@ -201,16 +244,19 @@
   const largest = all => all.reduce((most, value) => Math.max(most, value), 1e-9);
   const show_layer = () => {
     const z = Number(get('layer').value);
-    const shown = compared ?? (values && { exact: values, dims });
-    if (!shown) return;
+    const shown = compared ?? { exact: values, dims };
+    if (!shown.exact) return;
     const most = largest(shown.exact);
     paint(get('exact'), shown.exact, shown.dims, Math.min(z, shown.dims[2] - 1), most);
     if (compared) paint(get('fitted'), compared.field, compared.dims, Math.min(z, compared.dims[2] - 1), most);
   };
-  const show_section = async () => {
+  const show_section = once_more(async () => {
     const [theta, phi] = ['theta', 'phi'].map(id => Number(get(id).value));
     if (compared) {
+      const asked_of = compared;
+      get('errors').textContent = 'the field …';
       const found = await ask('compare', { theta, phi, over: get('over').value });
+      if (compared !== asked_of) return;
       Object.assign(compared, found);
       get('errors').textContent = `${compared.part}, ${compared.tool}: mean squared error ${found.mse.toExponential(2)}, largest ${found.largest.toPrecision(3)}`
         + `; the field by ${found.engine} in ${found.seconds.toPrecision(2)} s`;
@@ -218,7 +264,7 @@
       ({ values } = await ask('section', { theta, phi }));
     }
     show_layer();
-  };
+  });
   const say = id => { get(id).nextElementSibling.value = id === 'layer' ? get(id).value : `${get(id).value}°`; };
   const set_layers = count => {
     get('layer').max = count - 1;
@@ -226,13 +272,27 @@
     say('layer');
   };
   for (const id of ['theta', 'phi', 'layer']) {
-    get(id).addEventListener('input', guarded(async () => { say(id); if (id === 'layer') show_layer(); else if (values || compared) await show_section(); }));
+    get(id).addEventListener('input', guarded(async () => {
+      say(id);
+      if (id === 'layer') show_layer();
+      // The minimum is over directions of its own.
+      else if (compared ? !get('over').value : values) await show_section();
+    }));
     say(id);
   }
   get('over').addEventListener('change', guarded(show_section));
   get('field').addEventListener('change', guarded(async ({ target: { files: [given] } }) => {
     if (!given) return;
-    const found = await ask('field', { name: given.name, file: await given.arrayBuffer() });
+    const file = await given.arrayBuffer();
+    if (get('field').files[0] !== given) return;
+    forget_field();
+    set_layers(dims[2]);
+    show_layer();
+    if (waiting.size) {
+      await begin();
+      tell('what was computed is stopped: compute again to place the tool');
+    }
+    const found = await ask('field', { name: given.name, file });
     compared = { ...found };
     get('fitted').parentElement.hidden = get('over').parentElement.hidden = false;
     set_layers(found.dims[2]);
@@ -253,10 +313,9 @@
     const { micro } = await ask('verdicts', { count: 10000 });
     console.info(`imf answers ${JSON.stringify({ dims: [...dims], sums: [...sums], areas: [...areas], triangles, seconds, micro })} .`);
   };
-  window.imf.ready = ask('start', { module: text('module') }).then(started => {
-    ({ ramp } = started);
+  window.imf.ready = begin().then(() => {
     document.body.dataset.ready = 'yes';
     tell('ready');
     return check();
-  }).catch(error => tell(error.message, true));
+  }).catch(error => error === OTHER || tell(error.message, true));
 })();

@@ -31,10 +31,8 @@ const asks = {
     return left > 0 ? { left } : { left, corners: access.corners(), verdicts: access.verdicts(), areas: access.areas(), by: access.obstructed_by() };
   },
   contact({ at: [x, y, z], axis: [i, j, k] }) {
-    const begun = performance.now();
     const hit = scene.contact(x, y, z, i, j, k);
-    const micro = 1000 * (performance.now() - begun);
-    return { micro, hit: hit && { element: hit.element, depth: hit.depth } };
+    return { hit: hit && { element: hit.element, depth: hit.depth } };
   },
   section({ theta, phi }) {
     return { values: scene.section(theta, phi) };
@@ -90,7 +88,16 @@ const asks = {
   },
 };
 
+// What a panic says, which the module writes on the console before it ends.
+let said;
+const write = console.error;
+console.error = (...words) => { said = words.join(' '); write(...words); };
+// A module that has ended answers nothing any more: `broken` says so.
+// A stack that overflows is a RangeError.
+const failure = error => error instanceof WebAssembly.RuntimeError || error instanceof RangeError
+  ? { broken: true, error: `the computation has ended: ${said ?? 'it ran out of memory, most likely; choose larger voxels'}` }
+  : { error: String(error?.message ?? error) };
 let last = Promise.resolve();
 self.onmessage = ({ data: { id, ask, ...rest } }) => {
-  last = last.then(() => asks[ask](rest, done => post(id, { done }))).then(answer => post(id, answer), error => post(id, { error: String(error?.message ?? error) }));
+  last = last.then(() => asks[ask](rest, done => post(id, { done }))).then(answer => post(id, answer), error => post(id, failure(error)));
 };

@@ -12,6 +12,9 @@ use wasm_bindgen::prelude::wasm_bindgen;
 use crate::part::corners;
 use crate::scene::PartScene;
 
+/// Triangles that a surface is cut into, at most.
+const MOST_SAMPLES: usize = 2_000_000;
+
 /// The surface of a part, cut into triangles of about the same size, and the verdict on each.
 #[wasm_bindgen]
 pub struct SurfaceAccess {
@@ -27,9 +30,13 @@ impl SurfaceAccess {
     /// `axes+normals+fibonacci:64`.
     ///
     /// # Errors
-    /// A text that names no set; a tool without a cutter.
+    /// A text that names no set; a tool without a cutter; more than two million samples.
     #[wasm_bindgen(constructor)]
     pub fn new(scene: &PartScene, directions: &str, samples: usize) -> Result<SurfaceAccess, JsError> {
+        if samples > MOST_SAMPLES {
+            let error = format!("{samples} triangles are too many: {MOST_SAMPLES} at most");
+            return Err(JsError::new(&error));
+        }
         let directions = scene.set(directions)?.orientations;
         let record = &scene.scene.record;
         let solid = scene.solid_voxels();
@@ -82,7 +89,7 @@ impl SurfaceAccess {
         areas
     }
 
-    /// Elements of the tool by name with the area that they obstruct, the largest first. Several may obstruct one
+    /// Elements of the tool with the area that they obstruct, the name, a tabulator and the area in one text, the largest first. Several may obstruct one
     /// place.
     #[must_use]
     pub fn obstructed_by(&self) -> Vec<String> {

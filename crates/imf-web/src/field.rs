@@ -14,6 +14,7 @@ use wasm_bindgen::prelude::wasm_bindgen;
 use wasm_bindgen::{JsError, JsValue};
 
 use crate::network::FieldNetwork;
+use crate::scene::direction;
 
 /// A field of any family, and the exact sections of its part and tool.
 #[wasm_bindgen]
@@ -29,10 +30,12 @@ pub struct Directions(pub(crate) Vec<Orientation>);
 
 #[wasm_bindgen]
 impl Directions {
-    /// That of the angles (θ, φ).
-    #[must_use]
-    pub fn one(theta: f64, phi: f64) -> Directions {
-        Self(vec![Orientation::new(theta, phi)])
+    /// That of the angles (θ, φ) in degrees.
+    ///
+    /// # Errors
+    /// Angles that are not finite.
+    pub fn one(theta: f64, phi: f64) -> Result<Directions, JsError> {
+        Ok(Self(vec![direction(theta, phi)?]))
     }
 
     /// Those of a text such as `fibonacci:225`.
@@ -119,6 +122,20 @@ impl FieldFile {
         self.plan.grid().dims.map(|count| count as u32).to_vec()
     }
 
+    /// Edge of a voxel.
+    #[wasm_bindgen(getter)]
+    #[must_use]
+    pub fn pitch(&self) -> f64 {
+        self.plan.grid().pitch
+    }
+
+    /// Lower corner of voxel (0, 0, 0).
+    #[wasm_bindgen(getter)]
+    #[must_use]
+    pub fn origin(&self) -> Vec<f64> {
+        self.plan.grid().origin.to_array().to_vec()
+    }
+
     /// Its network, for a graphics card, once; none of a harmonic field.
     #[must_use]
     pub fn network(&mut self) -> Option<FieldNetwork> {
@@ -126,7 +143,7 @@ impl FieldFile {
     }
 
     /// Its minimum over the directions at every voxel, `[x, y, z]` with z side by side: of one direction its section. `progress` gets the
-    /// fraction that is done.
+    /// fraction that is done, now and then; of one direction it gets none.
     ///
     /// # Errors
     /// No direction.

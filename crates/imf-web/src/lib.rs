@@ -43,7 +43,8 @@ mod console {
 /// Colours of a scale from its lowest to its highest value: red, green and blue of each, side by side.
 #[wasm_bindgen]
 #[must_use]
-pub fn ramp(steps: usize) -> Vec<u8> {
+pub fn ramp(steps: u16) -> Vec<u8> {
+    let steps = usize::from(steps);
     let colour = |step: usize| colorous::VIRIDIS.eval_rational(step, steps.max(2));
     (0..steps).map(colour).flat_map(|colour| [colour.r, colour.g, colour.b]).collect()
 }

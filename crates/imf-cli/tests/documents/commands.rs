@@ -13,7 +13,7 @@ use crate::{guide, root};
 const NOT_RUN: usize = 10;
 
 /// Languages of blocks that are read and not run here; the tests of the Python package run its chapter.
-const READ: [&str; 5] = ["text", "toml", "csv", "yaml", "python"];
+const READ: [&str; 6] = ["text", "toml", "csv", "yaml", "python", "js"];
 
 /// What became of the blocks of a page.
 #[derive(Default)]
