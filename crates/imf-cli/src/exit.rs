@@ -14,7 +14,7 @@ use imf_train::dataset::DatasetError;
 use thiserror::Error;
 
 use crate::commands::check::CollisionFound;
-use crate::interrupt::{self, Interruption, NOTHING_FINISHED};
+use crate::interrupt::{self, Interruption};
 use crate::output::eprint_line;
 use crate::ranks::{Membership, Rank};
 
@@ -48,10 +48,10 @@ pub fn code_of(joins_ranks: bool, work: impl FnOnce(Rank) -> anyhow::Result<()>)
             }
             INTERRUPTED
         }
-        // Work that the user cancelled with nothing to save.
+        // Work that the user cancelled, which has nothing more to save.
         Err(error) if interrupt::is_cancelled(&error) && interrupt::requested() => {
             if rank.is_first() {
-                eprint_line(format_args!("imf: interrupted: {NOTHING_FINISHED}"));
+                eprint_line(format_args!("imf: interrupted: {}", interrupt::last_words()));
             }
             INTERRUPTED
         }
@@ -99,7 +99,7 @@ fn is_bad_input(error: &anyhow::Error) -> bool {
 }
 
 /// The error and its causes in one line, without repeating a cause that the text above it quotes.
-fn message(error: &anyhow::Error) -> String {
+pub(crate) fn message(error: &anyhow::Error) -> String {
     let mut text = String::new();
     // Texts of the TOML reader end in a line of their own.
     for cause in error.chain().map(|cause| cause.to_string().trim_end().to_owned()) {

@@ -46,14 +46,34 @@ pub(crate) fn explained(error: impl Into<anyhow::Error>, saved: impl FnOnce() ->
     if is_cancelled(&error) { Interruption(saved()).into() } else { error }
 }
 
-/// Starts listening for Ctrl-C and SIGTERM; `aloud` where this process prints a message.
+/// Ignores SIGXFSZ, as the write's error says the same, and gives back what ignores SIGHUP again where nohup had it ignored.
+#[cfg(unix)]
+fn ignored_signals() -> impl FnOnce() {
+    #[expect(unsafe_code, reason = "the standard library sets no signals")]
+    // SAFETY: ignoring a signal runs no code of ours.
+    let ignore = |signal| unsafe { libc::signal(signal, libc::SIG_IGN) };
+    ignore(libc::SIGXFSZ);
+    let was_ignored = ignore(libc::SIGHUP) == libc::SIG_IGN;
+    move || {
+        if was_ignored {
+            ignore(libc::SIGHUP);
+        }
+    }
+}
+
+#[cfg(not(unix))]
+fn ignored_signals() -> impl FnOnce() {
+    || ()
+}
+
+/// Starts listening for Ctrl-C, SIGTERM and SIGHUP; `aloud` where this process prints a message.
 pub(crate) fn listen(aloud: bool) -> Result<()> {
+    let ignore_again = ignored_signals();
     let mut first: Option<Instant> = None;
     ctrlc::set_handler(move || {
         if CLEAN_STOPS.load(Ordering::Relaxed) == 0 {
             if aloud {
-                let words = LAST_WORDS.lock().unwrap_or_else(PoisonError::into_inner);
-                eprint_line(format_args!("\nimf: interrupted: {words}"));
+                eprint_line(format_args!("\nimf: interrupted: {}", last_words()));
             }
             std::process::exit(i32::from(crate::exit::INTERRUPTED));
         }
@@ -72,11 +92,13 @@ pub(crate) fn listen(aloud: bool) -> Result<()> {
             }
         }
     })
-    .context("cannot listen for Ctrl-C")
+    .context("cannot listen for Ctrl-C")?;
+    ignore_again();
+    Ok(())
 }
 
 /// The message where nothing is saved.
-pub(crate) const NOTHING_FINISHED: &str = "nothing was finished; run the same command again to start over";
+const NOTHING_FINISHED: &str = "nothing was finished; run the same command again to start over";
 
 /// While this lives the work itself polls for an interruption, and saves what is finished.
 #[must_use = "Ctrl-C ends the program at once as soon as this is dropped"]
@@ -91,13 +113,21 @@ pub fn stop_cleanly() -> CleanStop {
 impl Drop for CleanStop {
     fn drop(&mut self) {
         CLEAN_STOPS.fetch_sub(1, Ordering::Relaxed);
-        leave(Cow::Borrowed("what was finished is kept; run the same command again"));
+        // What the work itself has said is truer.
+        if last_words() == NOTHING_FINISHED {
+            leave(Cow::Borrowed("what was finished is kept; run the same command again"));
+        }
     }
 }
 
 /// Sets the message for when the program ends at once.
 pub(crate) fn leave(words: Cow<'static, str>) {
     *LAST_WORDS.lock().unwrap_or_else(PoisonError::into_inner) = words;
+}
+
+/// What is saved, where the program ends at once or work is cancelled.
+pub(crate) fn last_words() -> Cow<'static, str> {
+    LAST_WORDS.lock().unwrap_or_else(PoisonError::into_inner).clone()
 }
 
 /// True once the user wants to stop.

@@ -39,6 +39,7 @@ use imf_fields::recipe::schedule::Schedule;
 use imf_train::training::TrainingEngine;
 use imf_train::training::run::{Observer, Outcome, Report, Start, TrainError};
 
+use crate::exit::message;
 use crate::interrupt::{self, Interruption};
 use crate::output::lock_folder;
 use crate::progress::Stage;
@@ -114,7 +115,7 @@ impl<T: Checkpoint> Training<'_, T> {
             stage,
             begun: Instant::now(),
             earlier_seconds: progress.seconds,
-            point_every: (total / CURVE_POINTS).max(plan.report_every),
+            point_every: (total / CURVE_POINTS).max(1).next_multiple_of(plan.report_every.max(1)),
             files: CheckpointFiles::new::<T>(out, steps, settings.checkpoint_every, writing),
             held_out,
             log,
@@ -172,14 +173,21 @@ impl<T: Checkpoint> Training<'_, T> {
             (Ok(()), Ok(())) => {}
             // The field is what a training is for, and the smaller of the two.
             (Ok(()), Err(error)) => {
-                session.warn(&format!("{error:#}; {} is the finished field all the same", path.display()));
+                let (why, shown) = (message(&error), path.display());
+                session.warn(&format!("{why}; {shown} is the finished field all the same"));
             }
             (Err(error), Ok(())) => {
                 return Err(error.context(format!("the training is finished and saved: {}", files.kept())));
             }
-            (Err(_), Err(error)) => return Err(error),
+            (Err(_), Err(error)) => {
+                let lost = "the training is finished, and neither its field nor its last checkpoint could be written";
+                return Err(error.context(lost));
+            }
         }
         session.note(&format!("wrote {}", path.display()));
+        interrupt::leave(
+            format!("the field is finished and written; {} for its errors", settings.go_on).into(),
+        );
         Ok((field, last_loss))
     }
 }
@@ -212,7 +220,7 @@ impl<T: Checkpoint> Run<'_, T> {
         progress.pending_loss.1 += steps;
         self.last_loss = Some(report.mean_loss);
         let is_last = report.step == report.total_steps;
-        let point = progress.pending_loss.1 >= self.point_every || is_last;
+        let point = report.step.is_multiple_of(self.point_every) || is_last;
         let loss = point.then(|| self.end_point());
         let unseen = self.measure(report, engine)?;
         if loss.is_some() || unseen.is_some() {

@@ -158,7 +158,7 @@ fn no_room(needed: u64, limit: u64) -> String {
 /// not possible the file stays as it is.
 pub(super) fn calibrate_written(session: &Session, path: &Path, wanted: bool) -> Result<DecisionQuality> {
     if !wanted {
-        return Ok(DecisionQuality::Unknown("that was skipped (imf calibrate does it)".into()));
+        return Ok(DecisionQuality::Unknown("calibration was skipped (imf calibrate does it)".into()));
     }
     // The file's bytes, and the field that they become.
     let (needed, limit) = (2 * std::fs::metadata(path)?.len(), session.memory_limit);
@@ -205,9 +205,9 @@ fn text(calibration: &Calibration, quantity: Quantity, shown: &dyn Fn(f64) -> St
         goals.false_free,
         goals.false_colliding
     );
-    for (name, judged) in [("uniform", &calibration.uniform), ("boundary", &calibration.boundary)] {
+    for (name, judged) in [("anywhere", &calibration.uniform), ("at contact", &calibration.boundary)] {
         // Writing to a string does not fail.
-        let _ = writeln!(text, "{name:<8}  {}", decision_rates(judged, quantity, shown));
+        let _ = writeln!(text, "{name:<10}  {}", decision_rates(judged, quantity, shown));
     }
     text
 }

@@ -17,6 +17,7 @@ use imf_train::training::run::Start;
 use super::FIELD;
 use super::curve::loss_chart;
 use super::log::seconds_until;
+use crate::interrupt;
 use crate::output::keep_former;
 use crate::picture::Chart;
 use crate::session::Session;
@@ -232,6 +233,15 @@ pub(crate) fn to_resume<T: Checkpoint>(out: &Path, resume: bool) -> Result<Optio
     let current = out.join(CURRENT);
     let [family, command] = T::FAMILY;
     if resume && ![CURRENT, PREVIOUS].iter().any(|name| out.join(name).exists()) {
+        let field = out.join(FIELD);
+        if field.exists() {
+            bail!(
+                "there is nothing to resume: {} has a field without a checkpoint, which is finished (imf info {}); begin without --resume to \
+                 train another",
+                out.display(),
+                field.display()
+            );
+        }
         bail!("there is nothing to resume: {} does not exist; begin without --resume", current.display());
     }
     if T::is_other(&current) && (resume || !out.join(FIELD).exists()) {
@@ -242,7 +252,12 @@ pub(crate) fn to_resume<T: Checkpoint>(out: &Path, resume: bool) -> Result<Optio
     }
     let found = latest::<T>(out);
     if resume {
-        return found.map(Some).context("there is nothing to resume");
+        let found = found.context("there is nothing to resume")?;
+        let (steps, path) = (found.model.progress().steps, found.path.display());
+        interrupt::leave(
+            format!("step {steps} is saved in {path}; run the same command again to go on").into(),
+        );
+        return Ok(Some(found));
     }
     match found {
         Ok(found) if !found.model.is_finished() || !out.join(FIELD).exists() => bail!(

@@ -11,6 +11,7 @@ use anyhow::{Context as _, Result};
 use imf_core::atomic_file::{keep_previous, remove_all_leftovers};
 
 use super::checkpoint::{CURRENT, Checkpoint, PREVIOUS};
+use crate::exit::message;
 use crate::session::Session;
 
 /// What a checkpoint is called until it is whole.
@@ -151,7 +152,8 @@ impl CheckpointFiles {
             Err(error) if !self.failing => {
                 self.failing = true;
                 session.warn(&format!(
-                    "{error:#}; training goes on and tries again every {} s",
+                    "{}; training goes on and tries again every {} s",
+                    message(&error),
                     self.seconds_between
                 ));
             }

@@ -5,7 +5,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail, ensure};
-use imf_core::scene::Scene;
+use imf_core::scene::{Scene, SceneRecord};
 use imf_core::section::Quantity;
 use imf_fields::factored::file::FactoredFile;
 use imf_fields::factored::{DistillSettings, FactoredField, FactoredState, Symmetry};
@@ -265,7 +265,16 @@ impl Distillation<'_> {
                 )?;
                 state.clone()
             }
-            None => initial_state(source, &settings, from)?,
+            None => {
+                let [record, other] = [Some(&scene.record), from.map(|from| &from.scene.record)];
+                let is_other = |(own, other): (&SceneRecord, &SceneRecord)| {
+                    own.unit == other.unit && own.tool.shape != other.tool.shape
+                };
+                if record.zip(other).is_some_and(is_other) {
+                    session.warn("--from is a field of another tool; it will be adapted all the same");
+                }
+                initial_state(source, &settings, from)?
+            }
         };
         let (shape, batch, voxels) = (target.shape(&settings), target.batch(&settings), target.grid().len());
         let total = settings.plan.total_steps(voxels);

@@ -11,6 +11,7 @@ use anyhow::{Context as _, Result, bail};
 use imf_core::atomic_file::write_atomically;
 use serde::{Deserialize, Serialize};
 
+use crate::exit::message;
 use crate::session::Session;
 
 /// One row: the state of a training after some steps.
@@ -85,7 +86,7 @@ impl Log {
     pub(super) fn add(&mut self, session: &Session, row: &Row) {
         if let (Err(error), false) = (self.write(row), self.failing) {
             self.failing = true;
-            session.warn(&format!("{error:#}; training goes on, rows may be missing"));
+            session.warn(&format!("{}; training goes on, rows may be missing", message(&error)));
         }
     }
 

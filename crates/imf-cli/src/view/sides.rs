@@ -29,16 +29,26 @@ const SIDES: [(&str, DVec3, DVec3); 6] = [
 ];
 
 impl View<'_> {
-    /// Draws every layer of classes from six sides.
+    /// Draws every layer of classes from six sides; the legend says each class's share of the surface, as no side may show it.
     pub(crate) fn draw_sides(&self, path: &Path) -> Result<()> {
         let layers = self.layers.iter().filter_map(|layer| match &layer.colours {
             Colours::Classes(classes) => Some((layer, classes)),
             Colours::Bodies(_) | Colours::Scale { .. } => None,
         });
+        let areas: Vec<f64> =
+            (0..self.mesh.triangles.len()).map(|triangle| area(self.mesh, triangle)).collect();
+        let whole: f64 = areas.iter().sum();
         let rows = layers.flat_map(|(layer, classes)| {
+            let share = |class: usize| {
+                let own = layer.values.iter().zip(&areas).filter(|(value, _)| **value == class as f32);
+                100.0 * own.map(|(_, area)| area).sum::<f64>() / whole
+            };
             let used =
                 classes.iter().enumerate().filter(|(class, _)| layer.values.contains(&(*class as f32)));
-            let swatches: Swatches = used.map(|(_, (name, colour))| (Rgb(*colour), name.clone())).collect();
+            let named = |(class, (name, colour)): (usize, &(String, [u8; 3]))| {
+                (Rgb(*colour), format!("{name}, {:.1} %", share(class)))
+            };
+            let swatches: Swatches = used.map(named).collect();
             let views = SIDES
                 .map(|(name, towards, right)| (name.to_owned(), drawn(self.mesh, layer, towards, right)));
             let [upper, lower]: [Vec<_>; 2] = [views[..3].to_vec(), views[3..].to_vec()];
@@ -49,6 +59,11 @@ impl View<'_> {
         });
         ViewSheet { title: self.title.clone(), rows: rows.collect() }.save(path)
     }
+}
+
+fn area(mesh: &Mesh, triangle: usize) -> f64 {
+    let [a, b, c] = mesh.corners(triangle);
+    0.5 * (b - a).cross(c - a).length()
 }
 
 /// The visible point of a triangle at a pixel.

@@ -185,17 +185,23 @@ impl Workdir {
     /// Starts the command and presses Ctrl-C as soon as its messages have these words.
     #[cfg(unix)]
     pub(crate) fn interrupted_once_it_says(&self, words: &str, line: &str) -> Finished {
-        let mut child = self.command(line).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-        let mut messages = BufReader::new(child.stderr.take().unwrap());
-        let mut said = String::new();
-        while !said.contains(words) && messages.read_line(&mut said).unwrap() > 0 {}
-        assert!(said.contains(words), "`imf {line}` never said '{words}':\n{said}");
-        signal("INT", &child.id().to_string());
-        messages.read_to_string(&mut said).unwrap();
-        let mut output = child.wait_with_output().unwrap();
-        output.stderr = said.into_bytes();
-        Finished::new(line, &output)
+        signalled_once_it_says(words, line, &mut self.command(line), "INT")
     }
+}
+
+/// Runs a prepared command and sends it a signal once it has said some words.
+#[cfg(unix)]
+pub(crate) fn signalled_once_it_says(words: &str, line: &str, command: &mut Command, name: &str) -> Finished {
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut messages = BufReader::new(child.stderr.take().unwrap());
+    let mut said = String::new();
+    while !said.contains(words) && messages.read_line(&mut said).unwrap() > 0 {}
+    assert!(said.contains(words), "`imf {line}` never said '{words}':\n{said}");
+    signal(name, &child.id().to_string());
+    messages.read_to_string(&mut said).unwrap();
+    let mut output = child.wait_with_output().unwrap();
+    output.stderr = said.into_bytes();
+    Finished::new(line, &output)
 }
 
 #[cfg(unix)]

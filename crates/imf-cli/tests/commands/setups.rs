@@ -138,6 +138,7 @@ fn what_a_pitch_does_not_decide_of_the_stock_takes_no_set_up() {
         assert!((setup["up"][2].as_f64().unwrap().abs() - 1.0).abs() < 1e-12, "{setup}");
         let alone = share(&setup["removed_alone"]);
         assert!(0.03 < alone && alone <= share(&setup["removed"]), "{setup}");
+        assert!(share(&setup["removed"]) <= share(&setup["removed_at_most"]), "{setup}");
     }
     // What both leave is what the volume calls undecided.
     let volume = run("--orientations 0,0;0,180 --removable");

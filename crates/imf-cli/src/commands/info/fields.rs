@@ -36,7 +36,7 @@ pub(super) fn dataset(folder: &Path) -> Result<Description> {
     // A voxel, a value and an orientation each.
     let cut = finished.iter().filter(|(shard, bytes)| *bytes < 8 * shard.samples).count();
     let rest = match (missing, cut) {
-        (0, 0) => "complete".to_owned(),
+        (0, 0) => "all there; a training reads their checksums".to_owned(),
         (0, cut) => format!("{cut} cut off: remove it, and the same `imf dataset` command makes it again"),
         _ => format!("{missing} missing: the same `imf dataset` command finishes it"),
     };

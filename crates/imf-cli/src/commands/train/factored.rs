@@ -27,6 +27,7 @@ use crate::arguments::train::FactoredArguments;
 use crate::commands::calibrate::calibrate_written;
 use crate::commands::field::is_field;
 use crate::engine::Device;
+use crate::interrupt;
 use crate::job::{self, Distillation, FIELD, FactoredStart, Settings, Source};
 use crate::output::{OutputFolder, lock_folder, print_result, require_other};
 use crate::session::{Session, show_bytes};
@@ -57,10 +58,14 @@ pub(super) fn run(session: &Session, arguments: &FactoredArguments) -> Result<()
         explicit.refuse_scene(&["degree", "online"], whose)?;
     }
     let (settings, set) = arguments.settings()?;
-    if online.is_some() && (start.from.is_some() || set.symmetry == Some(true)) {
+    let of_distillation = match (&start.from, set.symmetry) {
+        (Some(_), _) => Some("--from"),
+        (None, Some(true)) => Some("--set symmetry=true"),
+        _ => None,
+    };
+    if let (Some(option), Some(_)) = (of_distillation, online) {
         bail!(
-            "--from and --set symmetry=true apply only to a harmonic field that is distilled, and exact sections show no symmetry (--online): \
-             leave out one of them"
+            "{option} applies only to a harmonic field that is distilled, and with --online none is: leave out one of them"
         );
     }
     let read = |path| Ok::<_, anyhow::Error>((path, FactoredFile::read(path)?));
@@ -88,6 +93,15 @@ pub(super) fn run(session: &Session, arguments: &FactoredArguments) -> Result<()
     settings.symmetry = symmetry.unwrap_or_default();
     begun.require_settings(&settings)?;
     let quantity = quantity.of(scene);
+    if let Some((path, from)) = from.as_ref().filter(|(_, from)| !is_saved && from.field.quantity != quantity)
+    {
+        let [theirs, ours] = [from.field.quantity, quantity]
+            .map(|quantity| if quantity.is_overlap() { "overlap" } else { "depth" });
+        bail!(
+            "--from {} is a field of {theirs}, and this one would be of {ours}: add --quantity {theirs}, or leave out --from",
+            path.display()
+        );
+    }
     let distillation = Distillation {
         settings,
         find_symmetry: symmetry.is_none(),
@@ -167,6 +181,7 @@ fn conclude(
 ) -> Result<()> {
     let path = out.join(FIELD);
     let quality = calibrate_written(session, &path, calibrate)?;
+    interrupt::leave("the field is finished and written; imf eval holds it against exact sections".into());
     let (scene, quantity, plan) = (file.scene.clone(), file.field.quantity, file.settings.plan);
     let random = file.field.basis.random_set(VALIDATED, plan.seed)?.orientations;
     let parameters = file.field.parameter_count();

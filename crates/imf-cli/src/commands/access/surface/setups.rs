@@ -159,6 +159,7 @@ impl Setups {
                 reached: self.surface.covered(&[index]) / total,
                 alone: alone[at] / total,
                 removed: self.stock.as_ref().map(|stock| of_stock(&stock.certain, &[index])),
+                removed_at_most: self.stock.as_ref().map(|stock| of_stock(&stock.at_most, &[index])),
                 removed_alone: self.stock.as_ref().map(|stock| stock.alone(sets, at)),
             }
         });

@@ -59,6 +59,8 @@ pub(super) struct SetupRow {
     pub(super) alone: f64,
     /// The fraction of the stock that is certainly removed, where one is given.
     pub(super) removed: Option<f64>,
+    /// Beside that what it may remove, and some candidate removes for certain.
+    pub(super) removed_at_most: Option<f64>,
     /// The fraction of it that no other of the chosen set-ups can remove.
     pub(super) removed_alone: Option<f64>,
 }
@@ -107,6 +109,19 @@ pub(crate) struct SetupsRow {
     pub(super) left: LeftRow,
 }
 
+impl SetupRow {
+    fn of_stock(&self, percent: &dyn Fn(f64) -> String) -> String {
+        let (Some(removed), Some(at_most), Some(alone)) =
+            (self.removed, self.removed_at_most, self.removed_alone)
+        else {
+            return String::new();
+        };
+        let [removed, at_most, alone] = [removed, at_most, alone].map(percent);
+        let range = if at_most == removed { removed } else { format!("{removed} (to {at_most})") };
+        format!(", removes {range}, alone {alone}")
+    }
+}
+
 impl SetupsRow {
     pub(crate) fn lines(&self, unit: &str) -> String {
         // A sum of nothing is −0.
@@ -147,11 +162,7 @@ impl SetupsRow {
                 row.transform,
                 percent(row.reached),
                 percent(row.alone),
-                row.removed.zip(row.removed_alone).map_or_else(String::new, |(share, alone)| format!(
-                    ", removes {}, alone {}",
-                    percent(share),
-                    percent(alone)
-                ))
+                row.of_stock(&percent)
             );
             if !row.rotary.is_empty() {
                 let axes: Vec<String> = row.rotary.iter().map(AxisRow::to_string).collect();
