@@ -17,6 +17,7 @@ mod adjoint;
 pub mod basis;
 mod batch_gradients;
 pub mod coefficients;
+mod corners;
 mod evaluate;
 pub mod file;
 #[cfg(feature = "fit")]

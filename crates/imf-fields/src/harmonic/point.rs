@@ -1,7 +1,5 @@
 //! Values and gradients at single poses, between voxel centres and between orientations.
 
-use std::hint::black_box;
-
 use glam::DVec3;
 use pulp::Arch;
 
@@ -140,28 +138,12 @@ impl HarmonicField {
         corner: &mut Vec<f32>,
     ) -> Option<()> {
         let cell = self.cell(position)?;
-        mixed.fill(0.0);
-        let (components, arch) = (self.component_count(), Arch::new());
-        let rows = mixed.len() / components;
-        // Corner by corner memory would be waited for several times.
-        let touched = (0..8).fold(0, |sum, bits| {
-            let from = self.grid.index(cell.corner(bits).0) * components;
-            sum ^ self.coefficients.touch(from, from + components)
-        });
-        black_box(touched);
-        for bits in 0..8 {
+        let components = self.component_count();
+        let corners = std::array::from_fn(|bits| {
             let (voxel, weights) = cell.corner(bits);
-            if weights[..rows].iter().all(|&w| w == 0.0) {
-                continue;
-            }
-            let from = self.grid.index(voxel) * components;
-            let z = self.coefficients.read(from, from + components, corner);
-            vectorised!(arch, {
-                for (mixed, weight) in mixed.chunks_exact_mut(components).zip(weights) {
-                    mixed.iter_mut().zip(z).for_each(|(m, &z)| *m += weight * z);
-                }
-            });
-        }
+            (self.grid.index(voxel) * components, weights)
+        });
+        self.coefficients.mix(&corners, components, mixed, corner);
         Some(())
     }
 
