@@ -47,7 +47,7 @@ pub(crate) struct EditsArguments {
     #[arg(long, default_value = "imf-bench", value_name = "DIR")]
     out: PathBuf,
     /// Resolution of the bracket, over its own along each axis
-    #[arg(long, default_value_t = 0.5, value_name = "SHARE")]
+    #[arg(long, default_value_t = 0.5, value_name = "SHARE", value_parser = parse_scale)]
     scale: f64,
     /// Neurons of every hidden layer
     #[arg(long, default_value_t = 128, value_name = "N")]
@@ -58,6 +58,12 @@ pub(crate) struct EditsArguments {
     /// Steps from random weights
     #[arg(long, default_value_t = 12_000, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     steps: u64,
+}
+
+/// Below, the bracket is a handful of voxels; above, its sections take many times the memory of its own resolution.
+fn parse_scale(text: &str) -> Result<f64, String> {
+    let scale = text.parse().ok().filter(|scale| (0.05..=1.0).contains(scale));
+    scale.ok_or_else(|| "not a share from 0.05 to 1".to_owned())
 }
 
 /// Fractions of the part's voxels that change.

@@ -75,7 +75,12 @@ fn main() -> ExitCode {
 
 fn run(cli: &Cli, rank: Rank) -> anyhow::Result<()> {
     let session = Session::new(&cli.global, rank)?;
-    let _keeping = imf_cli::interrupt::stop_cleanly();
+    // These keep what is finished; the others end at once.
+    let keeps = matches!(
+        cli.command,
+        Command::Gpu(_) | Command::Paper(_) | Command::Rates(_) | Command::Recipe(_) | Command::Train(_)
+    );
+    let _keeping = keeps.then(imf_cli::interrupt::stop_cleanly);
     match &cli.command {
         Command::Access(arguments) => access::run(&session, arguments),
         Command::Edits(arguments) => edits::run(&session, arguments),
