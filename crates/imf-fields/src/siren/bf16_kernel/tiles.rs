@@ -4,13 +4,69 @@
 //! A strip of the right factor is two tiles wide as it lies. Of the left factor a tile wants rows of pairs, so that one
 //! of strips is turned first; rows that there are not are zeros.
 
-mod split;
-
 use std::arch::asm;
 use std::arch::x86_64::__cpuid_count;
 
 use crate::siren::bf16_kernel::{CHUNK, Extent, Product, STRIP, avx512};
 use crate::siren::transpose::avx512::transpose_tile;
+
+/// To the four tiles of sums, from the square that the settings begin with, or 0; leaves label 3 behind it. Overwrites x, y and z.
+macro_rules! load_sums {
+    () => {
+        concat!(
+            "mov {x}, [{s} + 0]\n",
+            "mov {y}, [{s} + 8]\n",
+            "mov {z}, {y}\n",
+            "shl {z}, 4\n",
+            "add {z}, {x}\n",
+            "cmp qword ptr [{s} + 16], 0\n",
+            "je 2f\n",
+            "tileloadd tmm0, [{x} + {y}*1]\n",
+            "tileloadd tmm1, [{x} + {y}*1 + 64]\n",
+            "tileloadd tmm2, [{z} + {y}*1]\n",
+            "tileloadd tmm3, [{z} + {y}*1 + 64]\n",
+            "jmp 3f\n",
+            "2:\n",
+            "tilezero tmm0\n",
+            "tilezero tmm1\n",
+            "tilezero tmm2\n",
+            "tilezero tmm3\n",
+            "3:"
+        )
+    };
+}
+
+/// From the tiles of sums to the square. Overwrites x, y and z.
+macro_rules! store_sums {
+    () => {
+        concat!(
+            "mov {x}, [{s} + 0]\n",
+            "mov {y}, [{s} + 8]\n",
+            "mov {z}, {y}\n",
+            "shl {z}, 4\n",
+            "add {z}, {x}\n",
+            "tilestored [{x} + {y}*1], tmm0\n",
+            "tilestored [{x} + {y}*1 + 64], tmm1\n",
+            "tilestored [{z} + {y}*1], tmm2\n",
+            "tilestored [{z} + {y}*1 + 64], tmm3"
+        )
+    };
+}
+
+/// To the sums the products of two tiles of the left factor, 4 and 5, with two of the right one, 6 and 7.
+macro_rules! multiply {
+    () => {
+        concat!(
+            "tdpbf16ps tmm0, tmm4, tmm6\n",
+            "tdpbf16ps tmm2, tmm5, tmm6\n",
+            "tdpbf16ps tmm1, tmm4, tmm7\n",
+            "tdpbf16ps tmm3, tmm5, tmm7"
+        )
+    };
+}
+
+// Behind the macros, which it uses.
+mod split;
 
 /// Rows of a tile, and values of 32 bits in a row.
 const TILE: usize = 16;
@@ -176,15 +232,15 @@ impl Drop for TileConfiguration {
     }
 }
 
-/// What the loop below reads seldom, and so from memory.
+/// What the loop below reads seldom, and so from memory; sums are loaded and stored by the first three.
 #[repr(C)]
 struct Settings {
     out: *mut f32,
     out_stride: usize,
+    accumulate: usize,
     left_segment: usize,
     right_segment: usize,
     tiles: usize,
-    accumulate: usize,
 }
 
 /// Lengths in bytes, as the instructions take them.
@@ -216,58 +272,30 @@ fn run(_: &TileConfiguration, out: &mut [f32], stride: usize, product: Product<'
     // and the square of sums. Tiles are configured.
     unsafe {
         asm!(
-            "mov {x}, [{s} + 0]",
-            "mov {y}, [{s} + 8]",
-            "mov {z}, {y}",
-            "shl {z}, 4",
-            "add {z}, {x}",
-            "cmp qword ptr [{s} + 40], 0",
-            "je 2f",
-            "tileloadd tmm0, [{x} + {y}*1]",
-            "tileloadd tmm1, [{x} + {y}*1 + 64]",
-            "tileloadd tmm2, [{z} + {y}*1]",
-            "tileloadd tmm3, [{z} + {y}*1 + 64]",
-            "jmp 3f",
-            "2:",
-            "tilezero tmm0",
-            "tilezero tmm1",
-            "tilezero tmm2",
-            "tilezero tmm3",
-            "3:",
+            load_sums!(),
             // A segment: x and z go along the left factor's two tiles, y along the right one's.
             "mov {x}, {left}",
             "mov {z}, {left_row}",
             "shl {z}, 4",
             "add {z}, {x}",
             "mov {y}, {right}",
-            "mov {n}, [{s} + 32]",
+            "mov {n}, [{s} + 40]",
             "4:",
             "tileloadd tmm4, [{x} + {left_row}*1]",
             "tileloadd tmm6, [{y} + {right_row}*1]",
             "tileloadd tmm5, [{z} + {left_row}*1]",
             "tileloadd tmm7, [{y} + {right_row}*1 + 64]",
-            "tdpbf16ps tmm0, tmm4, tmm6",
-            "tdpbf16ps tmm2, tmm5, tmm6",
-            "tdpbf16ps tmm1, tmm4, tmm7",
-            "tdpbf16ps tmm3, tmm5, tmm7",
+            multiply!(),
             "add {x}, 64",
             "add {z}, 64",
             "add {y}, 2048",
             "dec {n}",
             "jnz 4b",
-            "add {left}, [{s} + 16]",
-            "add {right}, [{s} + 24]",
+            "add {left}, [{s} + 24]",
+            "add {right}, [{s} + 32]",
             "dec {segments}",
             "jnz 3b",
-            "mov {x}, [{s} + 0]",
-            "mov {y}, [{s} + 8]",
-            "mov {z}, {y}",
-            "shl {z}, 4",
-            "add {z}, {x}",
-            "tilestored [{x} + {y}*1], tmm0",
-            "tilestored [{x} + {y}*1 + 64], tmm1",
-            "tilestored [{z} + {y}*1], tmm2",
-            "tilestored [{z} + {y}*1 + 64], tmm3",
+            store_sums!(),
             s = in(reg) &raw const settings,
             left = inout(reg) product.left.as_ptr() => _,
             right = inout(reg) product.right.as_ptr() => _,

@@ -59,24 +59,7 @@ fn run_split(
     // SAFETY: as of `run`. The rests have the layout and the length of the rounded values, `left_rests` bytes on.
     unsafe {
         asm!(
-            "mov {x}, [{s} + 0]",
-            "mov {y}, [{s} + 8]",
-            "mov {z}, {y}",
-            "shl {z}, 4",
-            "add {z}, {x}",
-            "cmp qword ptr [{s} + 16], 0",
-            "je 2f",
-            "tileloadd tmm0, [{x} + {y}*1]",
-            "tileloadd tmm1, [{x} + {y}*1 + 64]",
-            "tileloadd tmm2, [{z} + {y}*1]",
-            "tileloadd tmm3, [{z} + {y}*1 + 64]",
-            "jmp 3f",
-            "2:",
-            "tilezero tmm0",
-            "tilezero tmm1",
-            "tilezero tmm2",
-            "tilezero tmm3",
-            "3:",
+            load_sums!(),
             // x and z go along the left factor's two tiles, v and w along those of its rests.
             "mov {x}, {left}",
             "mov {z}, {left_row}",
@@ -92,22 +75,13 @@ fn run_split(
             "tileloadd tmm6, [{rest} + {y}*1]",
             "tileloadd tmm5, [{z} + {left_row}*1]",
             "tileloadd tmm7, [{rest} + {y}*1 + 64]",
-            "tdpbf16ps tmm0, tmm4, tmm6",
-            "tdpbf16ps tmm2, tmm5, tmm6",
-            "tdpbf16ps tmm1, tmm4, tmm7",
-            "tdpbf16ps tmm3, tmm5, tmm7",
+            multiply!(),
             "tileloadd tmm6, [{right} + {y}*1]",
             "tileloadd tmm7, [{right} + {y}*1 + 64]",
-            "tdpbf16ps tmm0, tmm4, tmm6",
-            "tdpbf16ps tmm2, tmm5, tmm6",
-            "tdpbf16ps tmm1, tmm4, tmm7",
-            "tdpbf16ps tmm3, tmm5, tmm7",
+            multiply!(),
             "tileloadd tmm4, [{v} + {left_row}*1]",
             "tileloadd tmm5, [{w} + {left_row}*1]",
-            "tdpbf16ps tmm0, tmm4, tmm6",
-            "tdpbf16ps tmm2, tmm5, tmm6",
-            "tdpbf16ps tmm1, tmm4, tmm7",
-            "tdpbf16ps tmm3, tmm5, tmm7",
+            multiply!(),
             "add {x}, 64",
             "add {z}, 64",
             "add {v}, 64",
@@ -116,15 +90,7 @@ fn run_split(
             "add {rest}, 2048",
             "dec {n}",
             "jnz 4b",
-            "mov {x}, [{s} + 0]",
-            "mov {y}, [{s} + 8]",
-            "mov {z}, {y}",
-            "shl {z}, 4",
-            "add {z}, {x}",
-            "tilestored [{x} + {y}*1], tmm0",
-            "tilestored [{x} + {y}*1 + 64], tmm1",
-            "tilestored [{z} + {y}*1], tmm2",
-            "tilestored [{z} + {y}*1 + 64], tmm3",
+            store_sums!(),
             s = in(reg) &raw const settings,
             left = in(reg) left[0].as_ptr(),
             left_row = in(reg) left_row * BYTES,
@@ -143,7 +109,7 @@ fn run_split(
     }
 }
 
-/// As [`super::Settings`].
+/// As [`super::Settings`], which begins alike.
 #[repr(C)]
 struct SplitSettings {
     out: *mut f32,
