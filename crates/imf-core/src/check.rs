@@ -66,8 +66,8 @@ use motions::{motions, rigid};
 pub struct CheckSettings {
     /// Room around each kind of element.
     pub clearance: Clearance,
-    /// How deep the part may lie in the cutter, and points of any surface in the other elements, clearances included; 0 accepts nothing,
-    /// and the cutter's clearance applies.
+    /// How deep the part may lie in the cutter, points of any surface in the other elements, clearances included, and any solid in
+    /// shank and holder where they have none; 0 accepts nothing, and the cutter's clearance applies.
     pub contact: f64,
     /// How closely the path is followed: farthest that any point of the tool moves between two poses that are checked. What the cutter
     /// may cut is `contact`.

@@ -135,7 +135,7 @@ impl Machine {
             }
             if !is_range(&axis.range) {
                 return Some(format!(
-                    "the range of {letter} goes from {} down to {}",
+                    "the range of {letter}, from {} to {}, does not go from a lower to an upper end",
                     axis.range[0], axis.range[1]
                 ));
             }
@@ -156,7 +156,10 @@ impl Machine {
             return Some(format!("the axis {letter} is the tool's own at 0: it turns the tool nowhere"));
         }
         if let Some(axis) = (0..3).find(|&axis| !is_range(&self.travel[axis])) {
-            return Some(format!("the travel of {} goes the wrong way round", ['x', 'y', 'z'][axis]));
+            return Some(format!(
+                "the travel of {} does not go from a lower to an upper end",
+                ['x', 'y', 'z'][axis]
+            ));
         }
         if let Some(PreferredBranch { axis, .. }) =
             self.preferred.filter(|branch| branch.axis >= self.rotary.len())

@@ -31,7 +31,7 @@ pub use candidates::{CandidatesError, candidate_setups, ways_up, with_fixed_axes
 pub use contact::contact_reach;
 pub use crib::crib_access;
 pub use culprits::{ElementCollision, MinimumOverlap, culprits, minimum_overlaps};
-use environment::contact;
+use environment::as_met;
 pub use environment::{CollisionEnvironment, SolidBody};
 pub use obstructed::ObstructedAreas;
 pub use part_setup::PartSetup;
@@ -196,22 +196,21 @@ impl SurfaceTool {
         let at_contact = || cutter.eroded(TOUCH * tolerance, outline.shoulder).ok_or_else(too_thick);
         let clear = if room > 0.0 { cutter.offset(room) } else { at_contact()? };
         // Of fixtures it may hold nothing.
-        let nothing = |field: SolidField| field.touching(std::slice::from_ref(&clear), |_| f64::NEG_INFINITY);
+        let nothing = |field: SolidField| field.touching([(clear.clone(), f64::NEG_INFINITY)]);
         let held = environment.fixtures.as_ref().map(|all| among(all, &clear).map(nothing)).transpose()?;
         if held.is_some() {
             let against = bodies.iter().map(|body| among(body, &clear).map(nothing));
             let against: Result<Vec<_>, _> = against.collect();
             elements.push((clear, against?));
         }
+        let pitch = environment.pitch();
         for element in offset.into_iter().filter(|e| e.kind != ElementKind::Cutter) {
-            let touching = |field: SolidField| {
-                field.touching(std::slice::from_ref(&element), |element| contact(element, tolerance))
-            };
-            let against = bodies.iter().map(|body| Ok(touching(among(body, &element)?)));
+            let (met, deep) = as_met(&element, assembly.clearance(), tolerance, pitch);
+            let touching = |field: SolidField| field.touching([(met.clone(), deep)]);
+            let against = bodies.iter().map(|body| Ok(touching(among(body, &met)?)));
             elements
                 .extend(against.collect::<Result<_, SurfaceError>>().ok().map(|all| (element.clone(), all)));
         }
-        let pitch = environment.part.occupancy().grid.pitch;
         let across = 2.0 * radius / pitch + 2.0;
         let revolved = Revolved {
             highest: outline.highest(tolerance),
@@ -220,7 +219,9 @@ impl SurfaceTool {
             eroded,
             held,
             above: assembly.noncutting().cloned(),
-            rest: assembly.noncutting().map(|tool| environment.rest_field(tool, tolerance)),
+            rest: assembly
+                .noncutting()
+                .map(|tool| environment.rest_field(tool, assembly.clearance(), tolerance)),
             radius,
             plunge_only: tool.plunge_only,
             near: (end / pitch + across).min(FARTHEST.max(across)),

@@ -1,7 +1,8 @@
 //! From a mesh to solid voxels, by the generalised winding number at voxel centres.
 //!
 //! A voxel is solid where |w| > ½ at its centre, w = Σ (signed solid angle of every triangle) / 4π: right on open,
-//! self-crossing and inverted meshes (Jacobson et al. 2013). For a closed mesh w is a whole number, and the signed
+//! self-crossing and inverted meshes (Jacobson et al. 2013). So that centres on a face have one answer the point that is asked is a hair
+//! beside the centre, towards larger coordinates: lower faces are solid, upper ones are not. For a closed mesh w is a whole number, and the signed
 //! crossings of a line count it exactly (`columns`). An open mesh is closed by cones over its boundary, which are
 //! counted along, and whose solid angles are then taken away again (`cone`): still exact, and only the boundary's
 //! edges cost solid angles, for a block of voxels at a time where these decide for all of them (`blocks`). With `conservative`, every voxel that the surface touches is solid as well (`surface`).
@@ -32,6 +33,16 @@ const SOLID: f64 = 0.5;
 /// A winding number between these two, up to its sign, says neither solid nor empty with any confidence: where a surface is
 /// closed it is a whole number.
 const UNDECIDED: (f64, f64) = (0.2, 0.8);
+
+/// By how many pitches the point that decides for a voxel is beside its centre, to the upper side of every axis: more than rounding
+/// within a million pitches of the origin, so that all centres on a face have one answer, and less along each axis, so that those on
+/// slanting faces have one too. Of an infinitesimal amount it is the rule by which [`crossings`](crate::mesh::crossings) count what meets an edge.
+const BESIDE: DVec3 = DVec3::new(1e-7, 1e-8, 1e-9);
+
+/// The point that decides for a voxel.
+fn deciding_point(grid: &Grid, voxel: [usize; 3]) -> DVec3 {
+    grid.centre(voxel) + BESIDE * grid.pitch
+}
 
 /// Solid voxels, and how sure it is that they are.
 #[derive(Clone, Debug, PartialEq)]
@@ -268,6 +279,26 @@ mod tests {
         let mesh = Mesh { vertices: vertices.to_vec(), triangles: vec![[0, 1, 2]] };
         assert_eq!(voxelize(&mesh, &grid(), false).count(), 0);
         assert!(voxelize(&mesh, &grid(), true).count() > 60);
+    }
+
+    #[test]
+    fn centres_on_a_face_are_solid_on_lower_faces_and_empty_on_upper_ones_however_the_face_lies() {
+        use glam::DMat4;
+        let grid = Grid { origin: DVec3::new(-7.85, -7.95, -3.65), pitch: 0.7, dims: [23, 24, 12] };
+        let (low, high) = (grid.centre([0, 0, 3]).z, grid.centre([0, 0, 8]).z);
+        let unit = Mesh::cuboid(DVec3::new(-3.1, -4.3, low), DVec3::new(4.7, 3.9, high));
+        for degrees in 0..45 {
+            let turned = unit.transformed(&DMat4::from_rotation_z(f64::from(degrees).to_radians()));
+            // Rotation leaves the heights as they are.
+            let solid = voxelize(&turned, &grid, false);
+            let layer = |z: usize| (0..23 * 24).filter(|&i| solid.solid[i * 12 + z] == 1).count();
+            let middle = layer(5);
+            assert!(middle > 100);
+            assert_eq!(
+                (2..=8).map(layer).collect::<Vec<_>>(),
+                [0, middle, middle, middle, middle, middle, 0]
+            );
+        }
     }
 
     #[test]

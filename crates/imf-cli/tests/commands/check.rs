@@ -28,9 +28,9 @@ fn a_finishing_pass_is_free_and_says_what_was_accepted() {
     let run = check("pass.cl", "GOTO/-12,0,19.96,0,0,1\nGOTO/12,0,19.96\n", "").done();
     assert!(run.stdout.starts_with("no collision: 2 lines"), "{}", run.stdout);
     let sure = "a cutter deeper than 0.1881 mm in the part's surface; other overlaps deeper than 0.7048 mm";
-    run.says(&["accepted: the part up to 0.05 mm deep in the cutter", sure]);
+    run.says(&["accepted: up to 0.05 mm deep: the part in the cutter", sure]);
     // At twice the pitch the same length is accepted.
-    check_at("2", "deep.csv", "x,y,z\n0,0,17\n", "").exits(3).says(&["the part up to 0.05 mm deep"]);
+    check_at("2", "deep.csv", "x,y,z\n0,0,17\n", "").exits(3).says(&["up to 0.05 mm deep: the part"]);
     let path = "x,y,z\n-12,0,20\n12,0,20\n";
     check("pass.csv", path, "--conservative").done().says(&["up to 0.05 mm deep"]);
     // What is hit is told with what its depths are.

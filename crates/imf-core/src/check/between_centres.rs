@@ -200,14 +200,14 @@ fn a_cutter_collides_where_a_centre_or_a_point_of_the_surface_is_deep_in_it() {
 }
 
 #[test]
-fn shank_and_holder_collide_where_they_hold_a_centre_or_a_point_deeper_than_the_contact() {
+fn shank_and_holder_collide_where_they_hold_a_centre_or_a_point_deeper_than_they_may_touch() {
     let mut random = ChaCha8Rng::seed_from_u64(14);
     let tool = revolved([
         (ElementKind::Cutter, vec![Segment::ball_end(3.0), line(3.0, 8.0, 3.0, 3.0)]),
         (ElementKind::Shank, vec![line(8.0, 14.0, 3.0, 5.0)]),
         (ElementKind::Holder(0), vec![line(14.0, 17.0, 6.0, 9.0), arc(17.0, 21.0, 17.0, 5.0, 4.0)]),
     ]);
-    let (mut hits, mut by_points) = (0, 0);
+    let (mut hits, mut by_points, mut touched) = (0, 0, 0);
     for case in 0..12 {
         let (pitch, is_part) = (0.8 + number(&mut random), case % 2 == 0);
         let (mesh, place, solid) = block(&mut random, pitch);
@@ -232,13 +232,18 @@ fn shank_and_holder_collide_where_they_hold_a_centre_or_a_point_deeper_than_the_
                     let height = (point - tip).dot(axis);
                     (height, (point - tip - axis * height).length())
                 };
-                let held = |point: &DVec3| holds(&element.profile, of(point).0, of(point).1);
+                let held = |point: &&DVec3| holds(&element.profile, of(point).0, of(point).1);
                 let depth = |point: &DVec3| element.depth(of(point).0, of(point).1, true);
-                let deepest = points.iter().filter(|point| held(point)).map(depth).fold(0.0, f64::max);
-                if (deepest - settings.contact).abs() < 1e-6 {
+                let deepest = |points: &[DVec3]| points.iter().filter(held).map(depth).reduce(f64::max);
+                let centre = deepest(&centres).unwrap_or(-1.0);
+                let deepest = deepest(&points).unwrap_or(0.0);
+                if [deepest, centre].iter().any(|depth| (depth - settings.contact).abs() < 1e-6) {
                     continue;
                 }
-                let (by_centre, by_point) = (centres.iter().any(held), deepest > settings.contact);
+                let may_touch = element.kind != ElementKind::Cutter && clearance.of(element.kind) == 0.0;
+                let by_centre = centre >= if may_touch { settings.contact } else { 0.0 };
+                let by_point = deepest > settings.contact;
+                touched += usize::from(may_touch && centre >= 0.0 && !by_centre);
                 let name = element.kind.to_string();
                 let hit = found.iter().find(|hit| hit.element == name);
                 assert_eq!(hit.is_some(), by_centre || by_point, "{case} {name} {by_centre} {deepest}");
@@ -250,7 +255,7 @@ fn shank_and_holder_collide_where_they_hold_a_centre_or_a_point_deeper_than_the_
             }
         }
     }
-    assert!(hits > 100 && by_points > 10, "{hits} {by_points}");
+    assert!(hits > 100 && by_points > 10 && touched > 3, "{hits} {by_points} {touched}");
 }
 
 #[test]
@@ -283,4 +288,28 @@ fn no_pose_of_a_motion_is_skipped_at_which_the_cutter_holds_a_point_of_the_surfa
         }
     }
     assert!(colliding > 100 && free > 100, "{colliding} {free}");
+}
+
+#[test]
+fn a_shank_as_wide_as_its_cutter_may_touch_a_wall_through_the_centres_of_voxels() {
+    let grid = Grid { origin: DVec3::splat(-20.5), pitch: 1.0, dims: [41; 3] };
+    let mesh = Mesh::cuboid(DVec3::new(-10.0, -10.0, -10.0), DVec3::new(3.0, 10.0, 10.0));
+    // Its upper face in x runs through centres, as does the lower one, whose centres are solid.
+    let solid = voxelize(&mesh, &grid, false);
+    let tool = revolved([
+        (ElementKind::Cutter, vec![line(0.0, 5.0, 2.0, 2.0)]),
+        (ElementKind::Shank, vec![line(5.0, 30.0, 2.0, 2.0)]),
+    ]);
+    let settings = CheckSettings::of_pitch(1.0, LengthUnit::Mm);
+    for depth in [-0.01, 0.0, 0.03, 0.07, 0.3] {
+        for x in [3.0 + 2.0 - depth, -10.0 - 2.0 + depth] {
+            let text = pose_lines(&[-4.0, 4.0].map(|y| (DVec3::new(x, y, 0.0), DVec3::Z)));
+            for is_part in [true, false] {
+                let found = Hit::new(mesh.clone(), solid.clone(), is_part).check(&tool, &text, &settings);
+                let shank = found.colliding.iter().flat_map(|line| &line.collisions);
+                let shank = shank.filter(|hit| hit.element == "shank").count();
+                assert_eq!(shank > 0, depth > settings.contact, "{x} {depth} {is_part}");
+            }
+        }
+    }
 }

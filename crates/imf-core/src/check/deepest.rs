@@ -17,7 +17,7 @@ use crate::tool::{Element, Tool, ToolShape};
 pub(super) struct DepthElement {
     pub(super) name: String,
     pub(super) clearance: f64,
-    /// How deep in it centres are accepted, a little less than the contact: rounding must not accept more.
+    /// How deep in it centres and points of surfaces are accepted.
     pub(super) accepted: f64,
     pub(super) shape: Shape,
 }
@@ -85,6 +85,9 @@ impl DepthElement {
                     let depth =
                         |(element, exposed): &(Element, bool)| element.depth(height, radius, *exposed);
                     let depth = elements.iter().map(depth).fold(0.0, f64::max);
+                    if depth <= self.accepted {
+                        return;
+                    }
                     in_tool.set(in_tool.get().max(depth));
                     if depth > deepest.get().0 {
                         deepest.set((depth, Some(DVec3::from_array(point))));

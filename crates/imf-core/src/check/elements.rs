@@ -1,6 +1,5 @@
 //! The elements of one tool against part and fixtures: which collide at a pose, and how deep.
 
-use std::f64::consts::SQRT_2;
 use std::sync::{Arc, OnceLock};
 
 use glam::DVec3;
@@ -118,32 +117,44 @@ impl Elements {
         }
         let measured =
             |element: &Element| DepthElement::new(element.clone(), true, clearance.of(element.kind));
+        // A little less than the contact: rounding must not accept more.
+        let accepted = (1.0 - 1e-6) * settings.contact;
         let mut wanted = Vec::new();
         for body in bodies {
             let voxels = body.tool_voxels();
             let mut stay_out = offset.clone();
+            let pitch = body.grid().pitch;
             if body.against == HitBody::Part
                 && settings.contact > 0.0
                 && let Some((cutter, exposed)) = tool.cutter()
             {
-                // Between the centres' columns there is room for what is thinner than a voxel's diagonal.
-                let is_seen = |deep: &Element| 2.0 * deep.max_radius() >= SQRT_2 * body.grid().pitch;
-                let deep = cutter.eroded(settings.contact, exposed).filter(is_seen).ok_or_else(|| {
-                    CheckError::Contact { tool: tool.name.clone(), contact: settings.contact }
+                let deep = cutter.eroded_among_voxels(settings.contact, exposed, pitch);
+                let deep = deep.ok_or_else(|| CheckError::Contact {
+                    tool: tool.name.clone(),
+                    contact: settings.contact,
                 })?;
                 let deep = SolidField::of_elements(cut.tool_voxels().clone(), &[deep]);
                 let measured = DepthElement::new(cutter, exposed, 0.0);
-                wanted.push((
-                    cut,
-                    deep,
-                    vec![DepthElement { accepted: (1.0 - 1e-6) * settings.contact, ..measured }],
-                ));
+                wanted.push((cut, deep, vec![DepthElement { accepted, ..measured }]));
                 stay_out.retain(|element| element.kind != ElementKind::Cutter);
             }
-            let rest: Vec<DepthElement> = stay_out.iter().map(measured).collect();
+            let (mut rest, mut hit, mut touching) = (Vec::new(), Vec::new(), Vec::new());
+            for element in stay_out {
+                let measured = measured(&element);
+                // Shank and holder may touch, unless they have a clearance; no cutter may touch a fixture.
+                let may_touch = element.kind != ElementKind::Cutter && clearance.of(element.kind) == 0.0;
+                let (held, contact) = match may_touch {
+                    true => element.touching(settings.contact, pitch),
+                    false => (element, settings.contact),
+                };
+                let accepted = if contact < 0.0 { accepted } else { 0.0 };
+                rest.push(DepthElement { accepted, ..measured });
+                touching.push((held.clone(), contact));
+                hit.push(held);
+            }
             if !rest.is_empty() {
-                let field = SolidField::of_elements(voxels.clone(), &stay_out);
-                wanted.push((body, field.map(|field| field.touching(&stay_out, |_| settings.contact)), rest));
+                let field = SolidField::of_elements(voxels.clone(), &hit);
+                wanted.push((body, field.map(|field| field.touching(touching)), rest));
             }
         }
         let mut groups = Vec::new();

@@ -24,6 +24,7 @@ use super::deepest::DepthElement;
 use super::elements::{Body, Group, Track, room};
 use super::motions::{Motion, Step, look_at_poses, poses_needed};
 use super::{CheckError, CheckSettings, Collision, HitBody, LineFault, TravelFault};
+use crate::access::{Component, Components, components};
 use crate::control::Control;
 use crate::field::solid::SolidField;
 use crate::machine::{Ball, Machine, Placement, Side, SolidShape};
@@ -40,8 +41,18 @@ const MOST_TURNS: u64 = 10_000;
 #[derive(Clone, Debug)]
 pub struct MachineBodies {
     machine: Arc<Machine>,
-    /// With the rotary axes of the table that carry each; where they are with all axes at 0.
-    table: Vec<(String, usize, Arc<Occupancy>)>,
+    table: Vec<TableBody>,
+}
+
+/// A solid of the table in voxels, where it is with all axes at 0.
+#[derive(Clone, Debug)]
+struct TableBody {
+    name: String,
+    /// Rotary axes of the table that carry it.
+    level: usize,
+    voxels: Arc<Occupancy>,
+    /// A voxel of each of its pieces.
+    seeds: Arc<[usize]>,
 }
 
 impl MachineBodies {
@@ -63,7 +74,10 @@ impl MachineBodies {
                     return Err(CheckError::LostSolid { name, area: lost.area, at: lost.at, pitch });
                 }
                 if solid.side == Side::Table {
-                    table.push((solid.name.clone(), solid.level, Arc::new(voxels.solid)));
+                    let voxels = voxels.solid;
+                    let pieces = seeds(&voxels);
+                    let (name, level) = (solid.name.clone(), solid.level);
+                    table.push(TableBody { name, level, voxels: Arc::new(voxels), seeds: pieces.into() });
                 }
             }
         }
@@ -79,7 +93,7 @@ impl MachineBodies {
     /// The largest pitch of its voxels.
     #[must_use]
     pub fn coarsest_pitch(&self) -> Option<f64> {
-        self.table.iter().map(|(_, _, voxels)| voxels.grid.pitch).reduce(f64::max)
+        self.table.iter().map(|solid| solid.voxels.grid.pitch).reduce(f64::max)
     }
 
     /// Bodies thinner than voxels show are refused: those of the table by their own, those of the head by the coarsest, which may
@@ -87,8 +101,8 @@ impl MachineBodies {
     pub(super) fn check(&self, pitch: f64) -> Result<(), CheckError> {
         let of_head = self.coarsest_pitch().unwrap_or(pitch).max(pitch);
         for solid in &self.machine.solids {
-            let own = self.table.iter().find(|(name, ..)| solid.side == Side::Table && *name == solid.name);
-            let pitch = own.map_or(of_head, |(.., voxels)| voxels.grid.pitch);
+            let own = self.table.iter().find(|own| solid.side == Side::Table && own.name == solid.name);
+            let pitch = own.map_or(of_head, |own| own.voxels.grid.pitch);
             let thinnest = match &solid.shape {
                 SolidShape::Cylinder { base, top, diameter } => diameter.min(base.distance(*top)),
                 _ => (solid.bounds().1 - solid.bounds().0).min_element(),
@@ -100,12 +114,28 @@ impl MachineBodies {
         Ok(())
     }
 
-    fn bodies(&self) -> Vec<(usize, Arc<Body>)> {
-        let of = |(name, level, voxels): &(String, usize, Arc<Occupancy>)| {
-            (*level, Body::new(voxels.clone(), HitBody::Machine(name.clone())))
+    fn bodies(&self) -> Vec<TableSolid> {
+        let of = |solid: &TableBody| TableSolid {
+            level: solid.level,
+            body: Body::new(solid.voxels.clone(), HitBody::Machine(solid.name.clone())),
+            seeds: solid.seeds.clone(),
         };
         self.table.iter().map(of).collect()
     }
+}
+
+/// A voxel of each piece, the nearest to the middle of its box.
+fn seeds(voxels: &Occupancy) -> Vec<usize> {
+    let Components { pieces, labels } = components(&voxels.grid, |index| voxels.solid[index] == 1);
+    let mut nearest = vec![(usize::MAX, 0); pieces.len()];
+    for (index, &label) in labels.iter().enumerate().filter(|&(_, &label)| label > 0) {
+        let Component { lower, upper, .. } = pieces[label as usize - 1];
+        let voxel = voxels.grid.voxel(index);
+        let away = |axis: usize| (2 * voxel[axis]).abs_diff(lower[axis] + upper[axis]);
+        let own = &mut nearest[label as usize - 1];
+        *own = (*own).min(((0..3).map(away).max().unwrap_or(0), index));
+    }
+    nearest.into_iter().map(|(_, index)| index).collect()
 }
 
 /// One body of the head and one that it must not hit.
@@ -131,8 +161,14 @@ struct BodyPairs {
     pairs: Vec<Pair>,
 }
 
-/// Something that the table carries, with the axes that do.
-type TableSolid = (usize, Arc<Body>);
+/// Something that the table carries.
+struct TableSolid {
+    /// Rotary axes that do.
+    level: usize,
+    body: Arc<Body>,
+    /// A voxel of each of its pieces.
+    seeds: Arc<[usize]>,
+}
 
 /// All pairs of one tool.
 #[derive(Clone)]
@@ -179,28 +215,28 @@ impl MachinePairs {
             of_head.map(|solid| HeadBody::of_solid(solid, room.holder)).collect::<Result<_, _>>()?;
         let table_axes = machine.axes_of(Side::Table);
         let mut groups: Vec<PairGroup> = Vec::new();
-        let mut add = |own: &[HeadBody], (level, body): &TableSolid, in_world: bool| {
+        let mut add = |own: &[HeadBody], level: usize, body: &Arc<Body>, in_world: bool| {
             // Of the head, those that one ball is around move alike: the tool's elements.
             for own in own.chunk_by(|a, b| a.ball == b.ball) {
                 let pairs = own.iter().map(|own| own.against(body)).collect::<Result<_, _>>()?;
                 let pairs = BodyPairs { body: body.clone(), pairs };
                 let ball = own[0].ball;
                 let alike = |group: &&mut PairGroup| {
-                    group.ball == ball && (group.level, group.in_world) == (*level, in_world)
+                    group.ball == ball && (group.level, group.in_world) == (level, in_world)
                 };
                 match groups.iter_mut().find(alike) {
                     Some(group) => group.pairs.push(pairs),
-                    None => groups.push(PairGroup { ball, level: *level, in_world, pairs: vec![pairs] }),
+                    None => groups.push(PairGroup { ball, level, in_world, pairs: vec![pairs] }),
                 }
             }
             Ok::<(), CheckError>(())
         };
         for solid in &table {
-            add(&tool_bodies, solid, false)?;
-            add(&head, solid, false)?;
+            add(&tool_bodies, solid.level, &solid.body, false)?;
+            add(&head, solid.level, &solid.body, false)?;
         }
         for body in bodies {
-            add(&head, &(table_axes, body.clone()), true)?;
+            add(&head, table_axes, body, true)?;
         }
         let to_machine = HeadBody::to_machine(&machine, world);
         let on_table = TablePairs::new(bodies, &table, table_axes).at(&to_machine);

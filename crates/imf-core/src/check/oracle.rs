@@ -66,7 +66,6 @@ fn elements_and_depths_are_those_of_trying_every_centre() {
         let report = check_text(bodies, &tool, &pose_lines(&[(tip, axis)]), &settings).unwrap();
         let found = report.colliding.first().map_or(&[][..], |line| &line.collisions);
         for (which, element) in elements.iter().enumerate() {
-            let cutter = element.kind == ElementKind::Cutter;
             let (mut voxels, mut nearly, mut touched, mut deepest, mut depth) = (0, 0, 0, 0.0_f64, 0.0_f64);
             for voxel in part.solids() {
                 let offset = grid.centre(grid.voxel(voxel)) - tip;
@@ -76,11 +75,11 @@ fn elements_and_depths_are_those_of_trying_every_centre() {
                     // The cutter narrows to the shank, and so has a shoulder of its own.
                     let own = walk(&element.profile, true, height, radius);
                     deepest = deepest.max(own);
-                    if cutter && own <= settings.contact - 0.01 {
+                    if own <= settings.contact - 0.01 {
                         touched += 1;
                         continue;
                     }
-                    nearly += u32::from(cutter && own <= settings.contact + 0.01);
+                    nearly += u32::from(own <= settings.contact + 0.01);
                     voxels += 1;
                     depth = depth.max(own + below[voxel]);
                 }
@@ -88,10 +87,10 @@ fn elements_and_depths_are_those_of_trying_every_centre() {
             let name = element.kind.to_string();
             let collision = found.iter().find(|c| c.element == name);
             // The walk is right to a hundredth.
-            if cutter && (deepest - settings.contact).abs() < 0.01 {
+            if (deepest - settings.contact).abs() < 0.01 {
                 continue;
             }
-            let expected = if cutter { deepest > settings.contact } else { voxels > 0 };
+            let expected = deepest > settings.contact;
             assert_eq!(collision.is_some(), expected, "{name} {tip} {axis} {voxels} {deepest}");
             spared += usize::from(touched > 0 && !expected);
             if let Some(collision) = collision {

@@ -94,8 +94,8 @@ pub fn shortest_stick_outs(
         let touching = default_tolerance(grid.pitch, tool.unit);
         let touching = if settings.contact > 0.0 { touching.min(settings.contact) } else { touching };
         // What is added for what lies between two poses may lie in a wall that the shank touches.
-        let prepared =
-            StickOutTool::with_contact(&environment, &tool.offset(&room)?, touching, touching + between)?;
+        let contact = (&settings.clearance, touching + between);
+        let prepared = StickOutTool::with_contact(&environment, &tool.offset(&room)?, touching, contact)?;
         let mut search = Search { tool: &prepared, length: prepared.shortest(), line: None };
         let lines = |motion: usize| toolpath.locations[motion].line;
         // A tool that sticks out farther moves farther between two poses.

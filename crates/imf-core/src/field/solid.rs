@@ -25,6 +25,7 @@ use std::sync::OnceLock;
 use glam::{DQuat, DVec3};
 use pulp::Arch;
 
+use crate::mesh::Mesh;
 use crate::parallel::make_once;
 use crate::pose::{Pose, axis_of};
 use crate::tool::{Element, Segment, Tool, ToolError, ToolShape, snapped};
@@ -52,6 +53,8 @@ pub(crate) struct SolidField {
     touching: Option<Vec<(Element, f64)>>,
     /// Largest distance of any of the tool's points from its tip.
     reach: f64,
+    /// Of a mesh tool's box.
+    box_voxels: f64,
     arch: Arch,
     /// Made at the first decision.
     spheres: OnceLock<SphereTree>,
@@ -93,6 +96,8 @@ pub(crate) struct Known<'a> {
 
 /// Voxels from the grid beyond which a tip is not counted by whole voxels.
 const FARTHEST: f64 = 1e12;
+/// Voxels of a mesh tool's box for each of the obstacle's, from which on it counts as larger than that.
+const MANY_TIMES: f64 = 8.0;
 
 /// Bodies with more segments than this are counted by the definition.
 const MAX_SEGMENTS: usize = 64;
@@ -129,7 +134,9 @@ impl SolidField {
         };
         let definition = || Shape::Definition(Box::new(tool.clone()), OrientedTools::default());
         let shape = bodies.map_or_else(definition, Shape::Bodies);
-        Self::new(voxels, &tool.name, shape, tool.reach())
+        let size = tool.mesh().and_then(Mesh::bounds).map_or(DVec3::ZERO, |(lower, upper)| upper - lower);
+        let box_voxels = (size / voxels.occupancy().grid.pitch).element_product();
+        Self { box_voxels, ..Self::new(voxels, &tool.name, shape, tool.reach()) }
     }
 
     /// Of bodies that may overlap, such as [`Tool::offset_elements`]: each is counted by itself, and
@@ -143,11 +150,10 @@ impl SolidField {
         Some(Self::new(voxels, "elements", shape, reach))
     }
 
-    /// The same, whose elements, those that the field was made of, may hold points of surfaces as deep as `contact` says: what touches a
-    /// surface does, by rounding.
-    pub(crate) fn touching(self, elements: &[Element], contact: impl Fn(&Element) -> f64) -> Self {
-        let touching = elements.iter().map(|element| (element.clone(), contact(element))).collect();
-        Self { touching: Some(touching), ..self }
+    /// The same, whose elements, those that the field was made of, may each hold points of surfaces so deep: what touches a surface
+    /// does, by rounding. None at all at minus infinity.
+    pub(crate) fn touching(self, elements: impl IntoIterator<Item = (Element, f64)>) -> Self {
+        Self { touching: Some(elements.into_iter().collect()), ..self }
     }
 
     fn new(voxels: SolidVoxels, name: &str, shape: Shape, reach: f64) -> Self {
@@ -157,6 +163,7 @@ impl SolidField {
             shape,
             touching: None,
             reach,
+            box_voxels: 0.0,
             arch: Arch::new(),
             spheres: OnceLock::new(),
             inscribed: OnceLock::new(),
@@ -193,8 +200,11 @@ impl SolidField {
         }
         let grid = &obstacle.grid;
         let (tip, orientation) = (snapped(grid, pose.position), pose.orientation());
+        // A tool larger than the obstacle is turned where it meets it alone.
+        let is_larger = self.box_voxels > MANY_TIMES * grid.len() as f64;
         if tip == tip.round()
             && tip.abs().max_element() < FARTHEST
+            && !is_larger
             && let Ok(rotated) = oriented.of(tool, &orientation, grid.pitch)
         {
             return rotated.count_in(obstacle, tip.to_array().map(|v| v as i64));

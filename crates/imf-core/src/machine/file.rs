@@ -120,6 +120,9 @@ impl Machine {
     }
 }
 
+/// No coordinate of a machine is as large, in any unit.
+const FARTHEST: f64 = 1e6;
+
 /// The text being read, for errors that name their line.
 struct Reader<'a> {
     text: &'a str,
@@ -145,7 +148,7 @@ impl Reader<'_> {
             unit,
             rotary,
             travel: [text.travel.x, text.travel.y, text.travel.z].map(|range| range.unwrap_or(unlimited)),
-            home: DVec3::from_array(text.home.unwrap_or_default()),
+            home: self.point(0, text.home.unwrap_or_default())?,
             preferred: None,
             offsets: self.offsets(&text.offsets)?,
             solids: Vec::new(),
@@ -177,13 +180,26 @@ impl Reader<'_> {
 
     fn point(&self, offset: usize, point: [f64; 3]) -> Result<DVec3, Fault> {
         let point = DVec3::from_array(point);
-        if point.is_finite() { Ok(point) } else { Err(self.at(offset, "a coordinate must be finite")) }
+        if !point.is_finite() {
+            return Err(self.at(offset, "a coordinate must be finite"));
+        }
+        if point.abs().max_element() > FARTHEST {
+            let what = format!(
+                "a coordinate of {:e} is beyond {FARTHEST:e}: check it, and the file's unit",
+                point.abs().max_element()
+            );
+            return Err(self.at(offset, what));
+        }
+        Ok(point)
     }
 
     fn rotary(&self, text: &Spanned<RotaryText>) -> Result<RotaryAxis, Fault> {
         let (place, text) = (text.span().start, text.get_ref());
-        let direction = self.point(place, text.axis)?.try_normalize();
-        let direction = direction.ok_or_else(|| self.at(place, "the axis must not be zero"))?;
+        let axis = DVec3::from_array(text.axis);
+        if !axis.is_finite() {
+            return Err(self.at(place, "a coordinate must be finite"));
+        }
+        let direction = axis.try_normalize().ok_or_else(|| self.at(place, "the axis must not be zero"))?;
         let range = text.range.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
         let (letter, side) = (text.letter.to_ascii_uppercase(), text.on);
         Ok(RotaryAxis { letter, side, direction, centre: self.point(place, text.centre)?, range })
@@ -206,8 +222,10 @@ impl Reader<'_> {
         let shape = match (&text.cylinder, &text.cuboid, &text.mesh) {
             (Some(CylinderText { base, top, diameter }), None, None) => {
                 let (base, top) = (self.point(place, *base)?, self.point(place, *top)?);
-                if base == top || !(*diameter > 0.0 && diameter.is_finite()) {
-                    return Err(wrong("needs two different ends and a positive diameter".into()));
+                if base == top || !(*diameter > 0.0 && *diameter < FARTHEST) {
+                    return Err(wrong(
+                        "needs two different ends and a diameter above 0 and below 1e6".into(),
+                    ));
                 }
                 SolidShape::Cylinder { base, top, diameter: *diameter }
             }

@@ -3,6 +3,7 @@
 
 mod bodies;
 mod cutter_clearance;
+mod deep_holes;
 mod drills;
 mod points;
 pub(super) mod solids;

@@ -7,7 +7,7 @@ use crate::grid::Grid;
 use crate::mesh::Mesh;
 use crate::occupancy::Occupancy;
 use crate::scene::{Bodies, Resolution, SceneError, SceneSpec};
-use crate::tool::{Element, ElementKind, Tool, ToolShape};
+use crate::tool::{Clearance, Element, ElementKind, Tool, ToolShape};
 use crate::voxelize::voxelize_with;
 
 /// A part, as two sets of voxels on one grid.
@@ -26,9 +26,14 @@ impl From<Arc<Occupancy>> for SolidBody {
     }
 }
 
-/// How deep points of surfaces may lie in an element above the cutter.
-pub(super) fn contact(element: &Element, tolerance: f64) -> f64 {
-    if element.kind == ElementKind::Shank { tolerance } else { 0.0 }
+/// An element of shank or holder as it is held against voxels and points of surfaces, and how deep points may lie in that. A shank may
+/// be as wide as its cutter, and touches what that does as deep as `contact`, unless it has a clearance.
+pub(super) fn as_met(element: &Element, clearance: &Clearance, contact: f64, pitch: f64) -> (Element, f64) {
+    match element.kind {
+        ElementKind::Shank if clearance.shank == 0.0 => element.touching(contact, pitch),
+        ElementKind::Shank => (element.clone(), contact),
+        _ => (element.clone(), 0.0),
+    }
 }
 
 /// A part and its fixtures on one grid, prepared for any number of tools.
@@ -126,12 +131,13 @@ impl CollisionEnvironment {
     }
 
     /// Shank and holder among everything: a shank may be as wide as its cutter, and touches what that does.
-    pub(super) fn rest_field(&self, tool: &Tool, tolerance: f64) -> SolidField {
-        let field = SolidField::of_tool(self.keep_out.clone(), tool);
-        match &tool.shape {
-            ToolShape::Revolved(elements) => field.touching(elements, |element| contact(element, tolerance)),
-            ToolShape::Mesh(_) => field,
-        }
+    pub(super) fn rest_field(&self, tool: &Tool, clearance: &Clearance, contact: f64) -> SolidField {
+        let whole = || SolidField::of_tool(self.keep_out.clone(), tool);
+        let ToolShape::Revolved(elements) = &tool.shape else { return whole() };
+        let met = elements.iter().map(|element| as_met(element, clearance, contact, self.pitch()));
+        let (elements, deep): (Vec<Element>, Vec<f64>) = met.unzip();
+        let field = SolidField::of_elements(self.keep_out.clone(), &elements);
+        field.map_or_else(whole, |field| field.touching(elements.into_iter().zip(deep)))
     }
 
     /// The part by the rule of voxel centres.

@@ -8,7 +8,7 @@ use glam::DVec3;
 
 use super::Revolved;
 use super::sample_query::{DirectionQuery, Outcome, SampleQuery};
-use crate::field::solid::Known;
+use crate::field::solid::{Known, SolidField};
 use crate::pose::Pose;
 
 /// Start points around a level ring, how many of them are refined, steps of each refinement, and rounds in which each step
@@ -17,6 +17,9 @@ const STARTS: u32 = 8;
 const TRIES: usize = 3;
 const STEPS: usize = 16;
 const ROUNDS: usize = 32;
+
+/// The number of shank and holder among what is met.
+const REST: usize = 2;
 
 /// For each level ring with which a cutter touches from one direction, in order: the known outcomes at the starting
 /// places of its search. Tools of one cutter share it.
@@ -74,6 +77,28 @@ impl SampleQuery<'_> {
                 return best;
             }
         }
+        // Where shank and holder are in the way all around, the cutter alone tells whether it fits.
+        for rest in [rest, None] {
+            let (found, met_rest) = self.search_ring(tool, middle, ([inner, outer], ring), rest, direction);
+            best = best.or(found);
+            if !(met_rest && best == Outcome::Gouged) {
+                break;
+            }
+        }
+        best
+    }
+
+    /// The best place that is found from the starting places where none of them is good, and whether shank and holder were met.
+    fn search_ring(
+        &self,
+        tool: &Revolved,
+        middle: DVec3,
+        ([inner, outer], ring): ([f64; 2], usize),
+        rest: Option<&SolidField>,
+        direction: &mut DirectionQuery<'_, impl FnMut(DVec3) -> bool>,
+    ) -> (Outcome, bool) {
+        let (turn, u) = (direction.turn, direction.turn.axis.any_orthonormal_vector());
+        let mut best = Outcome::NoContact;
         let solids = [Some(&tool.cutter), tool.held.as_ref(), rest];
         let blocker = |of: Range<usize>, offset: DVec3| {
             let pose = Pose::new(middle + offset, turn.rotation);
@@ -98,11 +123,12 @@ impl SampleQuery<'_> {
             };
             of.flat_map(both).flatten().max_by(Blocker::order)
         };
-        let of_cutter = 0..2;
+        let of_cutter = 0..REST;
+        let mut met_rest = false;
         let mut starts: Vec<(DVec3, Blocker)> = Vec::new();
         for RingPlace { offset, blocker: known, .. } in &mut direction.rings.0[ring] {
             let own = *known.get_or_insert_with(|| blocker(of_cutter.clone(), *offset));
-            let first = own.into_iter().chain(blocker(2..3, *offset)).max_by(Blocker::order);
+            let first = own.into_iter().chain(blocker(REST..REST + 1, *offset)).max_by(Blocker::order);
             starts.extend(first.map(|first| (*offset, first)));
         }
         // The least obstructed places.
@@ -125,7 +151,7 @@ impl SampleQuery<'_> {
         // A centre that is not nearest to the axis, and yet in the tool.
         let any_blocker = |offset: DVec3| {
             let tip = middle + offset;
-            (0..3).find_map(|solid| {
+            (0..=REST).find_map(|solid| {
                 let (of, mut found) = (solids[solid]?, None);
                 of.meets(tip, turn.axis, Known::default(), Some(&mut found));
                 let voxel = found?;
@@ -134,18 +160,20 @@ impl SampleQuery<'_> {
         };
         for &(start, first) in starts.iter().take(TRIES) {
             let (mut offset, mut met) = (start, vec![first]);
+            met_rest |= first.solid == REST;
             for _ in 0..STEPS {
                 let Some(next) = clear_of(&met, offset) else { break };
                 offset = next;
                 best = best.or(self.at(tool, middle + offset, direction));
                 if best.is_good() {
-                    return best;
+                    return (best, met_rest);
                 }
-                let Some(next) = blocker(0..3, offset).or_else(|| any_blocker(offset)) else { break };
+                let Some(next) = blocker(0..REST + 1, offset).or_else(|| any_blocker(offset)) else { break };
+                met_rest |= next.solid == REST;
                 met.push(next);
             }
         }
-        best
+        (best, met_rest)
     }
 }
 

@@ -10,6 +10,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
+use super::environment::as_met;
 use super::level_ring::RingPlaces;
 use super::sample_query::{DirectionQuery, Last, Outcome, SampleQuery};
 use super::skyline::{Body, CellQueue, Skyline, boundary};
@@ -19,7 +20,7 @@ use crate::field::solid::{Known, SolidField};
 use crate::orientation::Orientation;
 use crate::parallel;
 use crate::pose::Pose;
-use crate::tool::{Assembly, Element, ElementKind, ToolShape};
+use crate::tool::{Assembly, Clearance, Element, ElementKind, ToolShape};
 
 /// Directions that are seen at once: their skylines are held together.
 const DIRECTIONS: usize = 4;
@@ -102,15 +103,16 @@ impl StickOutTool {
         assembly: &Assembly,
         tolerance: f64,
     ) -> Result<Self, SurfaceError> {
-        Self::with_contact(environment, assembly, tolerance, tolerance)
+        Self::with_contact(environment, assembly, tolerance, (assembly.clearance(), tolerance))
     }
 
-    /// The same where points of surfaces may lie as deep in the shank as `contact`.
+    /// The same where points of surfaces may lie as deep in the shank as `contact`, and where it has no clearance centres of voxels too; the
+    /// assembly's may be larger than that.
     pub(crate) fn with_contact(
         environment: &CollisionEnvironment,
         assembly: &Assembly,
         tolerance: f64,
-        contact: f64,
+        (own, contact): (&Clearance, f64),
     ) -> Result<Self, SurfaceError> {
         let (given, clearance) = (assembly.tool(), assembly.clearance());
         let no_holder = || SurfaceError::NoHolder(given.name.clone());
@@ -121,7 +123,7 @@ impl StickOutTool {
         let fixed = given.with_stick_out(shortest).ok_or_else(no_holder)?.without_holder();
         let fixed = fixed.offset(clearance)?;
         let as_set = revolved.rest.take().ok_or_else(no_holder)?;
-        revolved.rest = fixed.noncutting().map(|shank| environment.rest_field(shank, contact));
+        revolved.rest = fixed.noncutting().map(|shank| environment.rest_field(shank, own, contact));
         let holder = given.holder().ok_or_else(no_holder)?.with_clearance(clearance)?;
         let ToolShape::Revolved(elements) = &holder.shape else { return Err(no_holder()) };
         let outline = elements.iter().flat_map(|element| element.profile.iter().copied());
@@ -133,12 +135,13 @@ impl StickOutTool {
         let bared = (0..=pieces).map(|piece| {
             let profile = given.extension(0.0, PIECE * pitch * f64::from(piece).exp2()).into_iter().collect();
             let piece = Element { kind: ElementKind::Shank, profile }.offset(clearance.shank);
-            let field = SolidField::of_elements(environment.keep_out.clone(), std::slice::from_ref(&piece))?;
-            Some(field.touching(&[piece], |_| contact))
+            let (met, deep) = as_met(&piece, own, contact, pitch);
+            let field = SolidField::of_elements(environment.keep_out.clone(), std::slice::from_ref(&met))?;
+            Some(field.touching([(met, deep)]))
         });
         Ok(Self {
             holder: Body::new(outline).ok_or_else(no_holder)?,
-            at_holder: environment.rest_field(&holder, contact),
+            at_holder: environment.rest_field(&holder, own, contact),
             bared: bared.collect::<Option<_>>().ok_or_else(no_holder)?,
             shortest,
             longest: given.overall_length.unwrap_or(f64::INFINITY),

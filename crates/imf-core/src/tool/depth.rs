@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 
 use super::tool_voxels::{SLACK, bounds, line_through_cylinder, locate_inside, turn};
 use super::voxel_count::{mesh_voxels, snapped};
-use super::{Element, ElementKind, Segment, Tool};
+use super::{Element, ElementKind, Segment, Tool, ToolVoxels};
 use crate::mesh::Mesh;
 use crate::occupancy::Occupancy;
 use crate::pose::Pose;
@@ -43,7 +43,7 @@ impl Tool {
     }
 
     /// Visits the obstacle's solid voxels whose centres lie in a mesh tool at a pose, each with its place relative to the tip, and
-    /// gives the mesh turned as there. `None` for other tools, an invalid pose, and a mesh too large to be made of voxels.
+    /// gives the mesh turned as there. `None` for other tools and an invalid pose.
     pub(crate) fn visit_inside_mesh(
         &self,
         obstacle: &Occupancy,
@@ -55,8 +55,8 @@ impl Tool {
         let (grid, orientation) = (&obstacle.grid, pose.orientation());
         let tip = snapped(grid, pose.position);
         let turned = turn(mesh, &orientation, grid.pitch);
-        let voxels = mesh_voxels(&turned, grid.pitch, tip, bounds(self, &orientation, grid.pitch))?;
-        for offset in voxels.offsets() {
+        let voxels = mesh_voxels(&turned, obstacle, tip, bounds(self, &orientation, grid.pitch));
+        for offset in voxels.iter().flat_map(ToolVoxels::offsets) {
             let at = [0, 1, 2].map(|a| tip[a].floor() as i64 + offset[a]);
             if (0..3).all(|a| (0..grid.dims[a] as i64).contains(&at[a])) {
                 let held = grid.index(at.map(|v| v as usize));

@@ -1,9 +1,24 @@
 //! What is left of an element below a depth under its surface: the points of a cutter that lie deeper in it than a tolerance.
 
+use std::f64::consts::SQRT_2;
+
 use super::offset::envelope::{Curve, Side, envelope};
 use super::{Element, Segment};
 
 impl Element {
+    /// As [`Element::eroded`]; `None` too where voxels of a pitch do not show what is left, since between the columns of their centres
+    /// there is room for it: it is thinner than a voxel's diagonal.
+    pub(crate) fn eroded_among_voxels(&self, depth: f64, exposed: bool, pitch: f64) -> Option<Self> {
+        self.eroded(depth, exposed).filter(|left| 2.0 * left.max_radius() >= SQRT_2 * pitch)
+    }
+
+    /// The element as it is held against voxels of a pitch and points of surfaces where it may hold both as deep as `contact`, and how
+    /// deep points may lie in that: what lies deeper in it, and nothing; or all of it where voxels do not show what does.
+    pub(crate) fn touching(&self, contact: f64, pitch: f64) -> (Self, f64) {
+        let deeper = (contact > 0.0).then(|| self.eroded_among_voxels(contact, true, pitch)).flatten();
+        deeper.map_or_else(|| (self.clone(), contact), |deeper| (deeper, f64::NEG_INFINITY))
+    }
+
     /// The points of the element deeper than `depth` below its surface, `None` where there are none. The upper end counts as
     /// surface only where it is `exposed`; a tool goes on above its cutter.
     ///

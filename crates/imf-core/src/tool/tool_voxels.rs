@@ -39,7 +39,7 @@ pub(super) fn turn(mesh: &Mesh, orientation: &Orientation, pitch: f64) -> Mesh {
 }
 
 /// A rotated tool of more voxels than this is refused: it is a slip of units.
-pub(super) const MAX_VOXELS: u64 = 1 << 31;
+const MAX_VOXELS: u64 = 1 << 31;
 
 impl ToolVoxels {
     /// The tool turned by `orientation`, voxelised at `pitch` (in the tool's own unit).

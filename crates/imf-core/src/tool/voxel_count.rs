@@ -4,14 +4,14 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::tool_voxels::{MAX_VOXELS, SLACK, bounds, contains, turn};
+use super::tool_voxels::{SLACK, bounds, contains, turn};
 use super::{ElementKind, Segment, Tool, ToolShape, ToolVoxels};
 use crate::grid::Grid;
 use crate::mesh::Mesh;
 use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
 use crate::pose::Pose;
-use crate::voxelize::{voxelize, winding_number};
+use crate::voxelize::voxelize;
 
 /// A world point in continuous voxel coordinates; numbers that are whole to a billionth become whole, so that ties are
 /// decided as on the grid.
@@ -78,19 +78,9 @@ fn count_one_by_one(
 
 /// In a mesh that is turned already: its own voxels where the obstacle's centres are. With the tip on a voxel centre these are
 /// the rotated tool's, by the same arithmetic, so that ties on its surface are decided as there.
-fn count_in_mesh(turned: &Mesh, obstacle: &Occupancy, tip: DVec3, (lower, upper): (DVec3, DVec3)) -> u32 {
-    let grid = &obstacle.grid;
-    let [xs, ys, zs] = ranges(grid, tip, (lower, upper));
-    let Some([first, last]) = solid_box(obstacle, [&xs, &ys, &zs]) else { return 0 };
-    let below = tip.floor();
-    let (lower, upper) = (lower.max(first - below), upper.min(last - below));
-    match mesh_voxels(turned, grid.pitch, tip, (lower, upper)) {
-        Some(voxels) => voxels.count_in(obstacle, tip.floor().to_array().map(|v| v as i64)),
-        None => {
-            let inside = |offset| winding_number(turned, offset).abs() > 0.5;
-            count_one_by_one(obstacle, tip, [xs, ys, zs], inside)
-        }
-    }
+fn count_in_mesh(turned: &Mesh, obstacle: &Occupancy, tip: DVec3, bounds: (DVec3, DVec3)) -> u32 {
+    let voxels = mesh_voxels(turned, obstacle, tip, bounds);
+    voxels.map_or(0, |voxels| voxels.count_in(obstacle, tip.floor().to_array().map(|v| v as i64)))
 }
 
 /// The first and the last solid voxel along each axis within some ranges; `None` where all are empty. A tool that touches a body has
@@ -109,17 +99,20 @@ fn solid_box(obstacle: &Occupancy, [xs, ys, zs]: [&Range<usize>; 3]) -> Option<[
     first.is_finite().then_some([first, last])
 }
 
-/// A turned mesh's own voxels, relative to the voxel below its tip; `None` where it is too large to be made of voxels.
+/// A turned mesh's own voxels among an obstacle's solid ones, relative to the voxel below its tip; `None` where there are none of the
+/// latter within its bounds. However large the mesh is, they are no more than the obstacle's.
 pub(super) fn mesh_voxels(
     turned: &Mesh,
-    pitch: f64,
+    obstacle: &Occupancy,
     tip: DVec3,
     (lower, upper): (DVec3, DVec3),
 ) -> Option<ToolVoxels> {
+    let pitch = obstacle.grid.pitch;
+    let [xs, ys, zs] = ranges(&obstacle.grid, tip, (lower, upper));
+    let [first, last] = solid_box(obstacle, [&xs, &ys, &zs])?;
+    let below = tip.floor();
+    let (lower, upper) = (lower.max(first - below), upper.min(last - below));
     let dims = (upper - lower + 2.0).to_array().map(|span| span as usize);
-    if dims.iter().map(|&n| n as f64).product::<f64>() > MAX_VOXELS as f64 {
-        return None;
-    }
     let own = Grid { origin: (lower - (tip - tip.floor()) - 0.5) * pitch, pitch, dims };
     let solid = voxelize(turned, &own, false).solid;
     // The voxels' own count, which normalises, is not needed.
@@ -129,8 +122,10 @@ pub(super) fn mesh_voxels(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::voxelize::winding_number;
     use glam::DMat4;
 
+    use crate::field::solid::SolidField;
     use crate::section::test_shapes::orientations;
 
     /// A box whose faces lie on voxel centres when it is upright, with the tip on its lowest.
@@ -170,6 +165,28 @@ mod tests {
                 tool.visit_inside_mesh(&obstacle, &pose, |_, _, _| visited += 1).unwrap();
                 assert_eq!(visited, expected, "{at:?} {orientation:?}");
             }
+        }
+    }
+
+    #[test]
+    fn a_mesh_of_more_voxels_than_can_be_made_holds_what_lies_in_it() {
+        let mesh = Mesh::cuboid(DVec3::new(-2000.0, -3000.0, 0.0), DVec3::splat(4000.0));
+        let tool = Tool { shape: ToolShape::Mesh(mesh), ..Tool::paper() };
+        let obstacle = obstacle();
+        let field = SolidField::of_tool(std::sync::Arc::new(obstacle.clone()), &tool);
+        let upright = orientations("0,0")[0];
+        for height in [0.0, 3.5, 7.0, 12.25, 20.0] {
+            let tip = obstacle.grid.origin + DVec3::new(2.5, 4.5, height);
+            let above = |voxel: &usize| obstacle.grid.centre(obstacle.grid.voxel(*voxel)).z >= tip.z;
+            let expected = obstacle.solids().filter(above).count() as u32;
+            let (pose, mut visited) = (Pose::oriented(tip, &upright), 0);
+            tool.visit_inside_mesh(&obstacle, &pose, |_, _, _| visited += 1).unwrap();
+            assert_eq!([visited, tool.count_inside(&obstacle, tip, &upright)], [expected; 2], "{height}");
+            assert_eq!(
+                (field.count(&pose), field.collides(&pose)),
+                (Some(expected), expected > 0),
+                "{height}"
+            );
         }
     }
 

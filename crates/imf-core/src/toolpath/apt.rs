@@ -109,6 +109,12 @@ impl State {
                 self.turn_to(axis, &word)?;
             }
             "RAPID" => self.rapid = true,
+            "FEDRAT" if rest.to_ascii_uppercase().contains("RAPID") => {
+                return Err(format!(
+                    "{statement} is not understood: write RAPID before each motion that is one"
+                )
+                .into());
+            }
             "MULTAX" => self.set_axes(statement, rest)?,
             "UNITS" => self.set_unit(rest, unit)?,
             "LOADTL" | "TURRET" | "LOAD" => self.load(statement, &word, rest)?,

@@ -144,6 +144,7 @@ pub(super) fn parse(text: &str, reading: &PathReading<'_>) -> Result<Toolpath, F
     program.check_said()?;
     program.remark_on_length();
     program.remark_on_edges();
+    program.give_up_waiting(false);
     program.remark_on_unchecked();
     Ok(program.path)
 }

@@ -7,7 +7,7 @@
 use glam::DVec3;
 
 use super::cone::{BoundaryCone, OpenPart};
-use super::{SOLID, UNDECIDED};
+use super::{SOLID, UNDECIDED, deciding_point};
 use crate::control::Control;
 use crate::grid::Grid;
 use crate::mesh::Mesh;
@@ -134,7 +134,7 @@ impl Planes<'_> {
     }
 
     fn centre(&self, [x, y, z]: [usize; 3]) -> DVec3 {
-        self.grid.centre([self.first + x, y, z])
+        deciding_point(self.grid, [self.first + x, y, z])
     }
 
     /// `winding` has a voxel and the closed mesh's winding number there.

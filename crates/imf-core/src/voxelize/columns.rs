@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::deciding_point;
 use crate::grid::Grid;
 use crate::mesh::crossings::{crossing_height, seen_from_above};
 
@@ -32,7 +33,7 @@ pub(super) fn wind_plane<'a>(
         let high = (voxel_y(a.y.max(b.y).max(c.y)).ceil() + 1.0).clamp(0.0, ny as f64) as usize;
         let sign = if facing > 0.0 { triangle.weight } else { -triangle.weight };
         for y in low..high {
-            let centre = grid.centre([x, y, 0]);
+            let centre = deciding_point(grid, [x, y, 0]);
             let Some(height) = crossing_height(&triangle.corners, facing > 0.0, centre) else { continue };
             // Voxels whose centres lie below the crossing see it above them.
             let below = ((height - centre.z) / grid.pitch).ceil().clamp(0.0, nz as f64) as usize;

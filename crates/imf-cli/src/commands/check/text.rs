@@ -5,6 +5,7 @@ use std::fmt::Write;
 use glam::DMat4;
 use imf_core::check::{CheckSettings, Collision, LineCollisions, TravelFault};
 use imf_core::machine::{MachineSolid, Side};
+use imf_core::tool::ToolShape;
 use imf_core::toolpath::MoveKind;
 use imf_core::unit::LengthUnit;
 
@@ -88,15 +89,20 @@ pub(super) fn text(checked: &CheckRun<'_>) -> String {
     let clearance = &settings.clearance;
     let deep = short(settings.contact);
     let in_cutter = checked.tools.iter().any(|(_, tool)| tool.has_cutter()) && settings.contact > 0.0;
-    let accepted = match (in_cutter, report.sure_overlap.is_some()) {
-        (true, true) => {
-            format!(
-                "the part up to {deep} {unit} deep in the cutter, and points of surfaces as deep in the rest"
-            )
-        }
-        (true, false) => format!("the part up to {deep} {unit} deep in the cutter"),
-        (false, true) => format!("points of surfaces up to {deep} {unit} deep"),
-        (false, false) => "no overlap at all".to_owned(),
+    let may_touch = settings.contact > 0.0 && (clearance.shank == 0.0 || clearance.holder == 0.0);
+    let mut accepted = Vec::new();
+    if in_cutter {
+        accepted.push("the part in the cutter");
+    }
+    if report.sure_overlap.is_some() {
+        accepted.push("points of surfaces in the rest");
+    }
+    if may_touch && checked.tools.iter().any(|(_, tool)| matches!(tool.shape, ToolShape::Revolved(_))) {
+        accepted.push("voxels' centres in a shank or holder without clearance");
+    }
+    let accepted = match accepted.as_slice() {
+        [] => "no overlap at all".to_owned(),
+        some => format!("up to {deep} {unit} deep: {}", some.join(", ")),
     };
     let _ = writeln!(text, "accepted: {accepted}; clearance: {}", rooms_text(clearance, unit));
     let within = if clearance.is_zero() { "" } else { ", and what comes nearer than its clearance by more" };

@@ -1,7 +1,8 @@
 //! Part and fixtures against the machine's own solids that do not move with them, as a bed or a column: a part that swings into one.
 //!
 //! Part and fixtures are seen by the centres of their surface voxels: a pair collides where one lies in a voxel of the solid. Where
-//! the two touch with all axes at 0, since the part stands on that solid, a centre must lie deeper than its outermost voxels.
+//! the two touch with all axes at 0, since the part stands on that solid, a centre must lie deeper than its outermost voxels. A solid, or a
+//! piece of one, that lies wholly inside the part is known by a voxel of its own.
 
 use std::collections::{BTreeMap, HashMap};
 use std::ops::Range;
@@ -47,6 +48,8 @@ pub(super) struct TablePair {
     /// Axes of the table that carry the solid.
     level: usize,
     solid: Arc<Body>,
+    /// A voxel of each piece of the solid.
+    seeds: Arc<[usize]>,
 }
 
 /// A surface centre of the one in the other: how deep, and where in the world.
@@ -75,9 +78,17 @@ impl OnTable {
     }
 }
 
+impl OnTable {
+    fn centre(&self, index: usize) -> DVec3 {
+        let grid = self.body.grid();
+        grid.centre(grid.voxel(index))
+    }
+}
+
 impl TablePair {
-    pub(super) fn new(body: &Arc<OnTable>, (level, solid): &TableSolid) -> Self {
-        Self { body: body.clone(), level: *level, solid: solid.clone() }
+    pub(super) fn new(body: &Arc<OnTable>, solid: &TableSolid) -> Self {
+        let TableSolid { level, body: own, seeds } = solid;
+        Self { body: body.clone(), level: *level, solid: own.clone(), seeds: seeds.clone() }
     }
 
     /// The body, and the solid.
@@ -123,6 +134,20 @@ impl TablePair {
         }
         let mut points = self.near_blocks(moved).flat_map(|block| &self.body.points[block.points.clone()]);
         points.any(|&point| self.depth(moved.of_point(point)).is_some_and(|(_, deep)| deep || !touches))
+            || self.held_pieces(moved, touches).next().is_some()
+    }
+
+    /// The voxels of pieces of the solid whose centres the body holds, with the body's own that does; of a pair that touches, those deeper in
+    /// it than its outermost voxels.
+    fn held_pieces(&self, moved: &Pose, touches: bool) -> impl Iterator<Item = (usize, usize)> {
+        let (back, solid) = (moved.inverse(), self.solid.grid());
+        let own = self.body.body.voxels.occupancy();
+        self.seeds.iter().filter_map(move |&seed| {
+            let point = back.of_point(solid.centre(solid.voxel(seed)));
+            let index = own.grid.index_at(own.grid.continuous(point))?;
+            let deep = || self.body.body.depth(index) > own.grid.pitch;
+            (own.solid[index] == 1 && (!touches || deep())).then_some((seed, index))
+        })
     }
 
     /// How far everything may move before any surface centre is in the solid, 0 where that is not known, and the deepest that is.
@@ -144,6 +169,12 @@ impl TablePair {
                     deepest = Some((depth, point));
                 }
             }
+        }
+        if deepest.is_none() {
+            let depth = |(seed, index)| self.solid.depth(seed) + self.body.body.depth(index);
+            let of = |(seed, index)| (depth((seed, index)), self.body.centre(index));
+            deepest = self.held_pieces(moved, touches).map(of).max_by(|a, b| a.0.total_cmp(&b.0));
+            room = if deepest.is_some() { 0.0 } else { room };
         }
         (room.max(0.0), deepest)
     }
@@ -238,7 +269,7 @@ type Angles = (usize, [u64; 2]);
 impl TablePairs {
     /// `table` has each solid with the axes that carry it, of `axes` in all.
     pub(super) fn new(bodies: &[Arc<Body>], table: &[TableSolid], axes: usize) -> Self {
-        let still: Vec<_> = table.iter().filter(|(level, _)| *level < axes).collect();
+        let still: Vec<_> = table.iter().filter(|solid| solid.level < axes).collect();
         let bodies = bodies.iter().filter(|_| !still.is_empty());
         let bodies: Vec<_> = bodies.filter_map(|body| OnTable::new(body).map(Arc::new)).collect();
         let pairs = bodies.iter().flat_map(|own| still.iter().map(|solid| TablePair::new(own, solid)));

@@ -29,7 +29,7 @@ pub fn machine_remarks(
     let bodies: Vec<_> = bodies.iter().filter_map(|body| OnTable::new(body).map(Arc::new)).collect();
     let top = machine.axes_of(Side::Table);
     let own = on.bodies();
-    let with_them = own.iter().filter(|(level, _)| *level == top);
+    let with_them = own.iter().filter(|solid| solid.level == top);
     let pairs = with_them.flat_map(|solid| bodies.iter().map(move |own| TablePair::new(own, solid)));
     let standing = pairs.filter_map(|pair| {
         let depth = pair.depth_at(&to_machine)?;

@@ -175,3 +175,26 @@ fn what_stands_in_its_table_and_tools_without_a_holder_are_told_of() {
         "{said:?}"
     );
 }
+
+#[test]
+fn a_solid_that_lies_wholly_inside_the_part_is_told_of() {
+    let mut machine = machines()[0].clone();
+    // The part stands on the platter at -40, and is 22 high; the post ends 4 below its top.
+    machine.solids = vec![
+        cuboid("post", Side::Table, 0, [0.0, -3.0, -32.0], [2.0, -1.0, -24.0]),
+        cuboid("beside", Side::Table, 0, [8.0, -3.0, -32.0], [10.0, -1.0, -24.0]),
+    ];
+    machine.offsets.insert(54, DVec3::new(1.0, -2.0, -40.0));
+    let part = tall();
+    let bodies = MachineBodies::new(machine.clone(), 1.0, Control::quiet()).unwrap();
+    let still = Joints { linear: DVec3::new(0.0, 0.0, 40.0), rotary: [0.0, 0.0] };
+    for turned in [still, Joints { rotary: [0.0, 20.0], ..still }] {
+        let path = path_between(&machine, still, turned, true);
+        let report = check_path(&part, &bodies, &path, &strict(0.25)).unwrap();
+        for line in [1, 2] {
+            let found = hit(&report, line, "post").unwrap_or_else(|| panic!("{line}"));
+            assert!(found.voxels > 10 && found.depth > 2.0, "{found:?}");
+            assert!(hit(&report, line, "beside").is_none());
+        }
+    }
+}

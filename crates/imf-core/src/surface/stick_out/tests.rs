@@ -50,7 +50,7 @@ fn is_free(
     (tip, axis): (DVec3, DVec3),
 ) -> bool {
     let set = tool.with_stick_out(length).unwrap().offset(clearance).unwrap();
-    let field = part.environment.rest_field(set.noncutting().unwrap(), part.tolerance());
+    let field = part.environment.rest_field(set.noncutting().unwrap(), clearance, part.tolerance());
     !field.meets(tip, axis, Known::default(), None)
 }
 

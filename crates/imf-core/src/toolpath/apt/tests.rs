@@ -83,6 +83,7 @@ fn what_is_not_followed_is_refused_with_its_line() {
         ("MODE/INCR\n", 1, "changes where"),
         ("LOADTL/BALL6\n", 1, "does not say the tool's number"),
         ("AUXFUN/8\nAUXFUN/6\n", 2, "changes the tool"),
+        ("FEDRAT/20,MMPM\nFEDRAT/RAPID\n", 2, "FEDRAT/RAPID is not understood: write RAPID"),
         ("AUXFUN/21\n", 1, "AUXFUN/21 is not understood and might move the machine"),
         ("AUXFUN/ 8,NEXT\nAUXFUN/98,NEXT\n", 2, "AUXFUN/98,NEXT is not understood"),
         ("AUXFUN/PALLET\n", 1, "AUXFUN/PALLET is not understood"),

@@ -178,6 +178,7 @@ impl Program<'_> {
 
     /// Without a machine: to a place that is not known, and the path begins anew behind it.
     fn leave(&mut self, line: usize, block: &Block, word: &str) -> Result<(), String> {
+        self.give_up_waiting(true);
         for axis in (0..3).filter(|&axis| block.linear[axis].is_some()) {
             self.joints.linear[axis] = f64::NAN;
         }

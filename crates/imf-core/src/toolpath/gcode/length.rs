@@ -25,6 +25,7 @@ impl Program<'_> {
         }
         self.length = false;
         (self.length_number, self.edge_of_motion) = (None, None);
+        self.give_up_waiting(false);
         self.unchecked.said = [false; 5];
         // The way to where tools are changed is the machine's own.
         self.joints.linear = DVec3::NAN;

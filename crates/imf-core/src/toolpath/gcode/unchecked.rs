@@ -23,6 +23,10 @@ pub(super) struct Unchecked {
     first_motion: Option<usize>,
     /// Lines with motions that are not checked, and whether they only go home before the first tool.
     lines: Vec<(usize, bool)>,
+    /// Lines that move a tool since it was changed to, as long as it has reached no place that is known.
+    waiting: Vec<usize>,
+    /// True behind a way to the machine's own place, which has a remark of its own.
+    left: bool,
     /// The axes that were unknown in the first of them, in words.
     unknown: String,
 }
@@ -63,6 +67,27 @@ impl Program<'_> {
         for axis in (0..5).filter(|&axis| moves(axis)) {
             self.unchecked.said[axis] = true;
         }
+        if !after.iter().any(|v| v.is_nan()) {
+            self.unchecked.waiting.clear();
+        } else if self.tool.is_some() && !self.unchecked.left {
+            self.unchecked.waiting.push(line);
+        }
+    }
+
+    /// What has moved since the tool was changed to, and reached no place that is known, is not checked: the tool is changed, or goes
+    /// home, or the program ends.
+    pub(super) fn give_up_waiting(&mut self, left: bool) {
+        let standing = self.standing();
+        for line in std::mem::take(&mut self.unchecked.waiting) {
+            let place = self.unchecked.lines.partition_point(|&(own, _)| own < line);
+            if place == 0 {
+                self.unchecked.unknown = self.names(|axis| standing[axis].is_nan());
+            }
+            if self.unchecked.lines.get(place).is_none_or(|&(own, _)| own != line) {
+                self.unchecked.lines.insert(place, (line, false));
+            }
+        }
+        self.unchecked.left = left;
     }
 
     /// Before its first tool a program only goes home, with nothing that could be checked.
@@ -172,10 +197,32 @@ mod tests {
             ),
             (true, "G53 G0 Z-9.\nG53 Z0.\nT1 M6\nG43.4 H1 G0 X1. Y2. Z50.\nC8.\nA9.\n"),
             (true, "T1 M6\nG0 A0. C0.\nX1. Y2.\nX1.\nG43 H1 Z50.\n"),
+            // The way home has a remark of its own.
+            (false, "T1 M6\nG0 X1. Y2.\nG43 H1 Z50.\nG91 G28 Z0.\nG90 X0. Y0.\nM30\n"),
         ] {
             let path = read(is_for_machine, text).unwrap_or_else(|wrong| panic!("{text}: {}", wrong.what));
             let told = path.remarks.iter().any(|remark| remark.contains("is not checked"));
             assert!(!told, "{text}: {:?}", path.remarks);
+        }
+    }
+
+    #[test]
+    fn a_tool_that_reaches_no_place_that_is_known_is_remarked() {
+        let first = "T1 M6\nG0 X1. Y2.\nG43 H1 Z50.\n";
+        for (then, line, more) in [
+            ("T2 M6\nG43 H2 Z20.\nX-10.\nM30\n", 6, ", nor that of one more line"),
+            ("T2 M6\nX-10.\nX-20.\nM30\n", 6, ", nor that of one more line"),
+            ("T2 M6\nX-10.\nT1 M6\nX1. Y2.\nG43 H1 Z9.\n", 6, ""),
+            ("T2 M6\nX-10. Y0.\nG91 G28 Z0.\nG90 T1 M6\nX1. Y2.\nG43 H1 Z9.\n", 6, ""),
+        ] {
+            let path = read(false, &format!("{first}{then}")).unwrap();
+            let said = format!("line {line}: the motion here is not checked{more}: where ");
+            assert!(
+                path.remarks.iter().any(|remark| remark.starts_with(&said)),
+                "{then}: {:?}",
+                path.remarks
+            );
+            assert_eq!(path.unchecked[0], line, "{then}");
         }
     }
 
