@@ -64,7 +64,8 @@ class Siren5(torch.nn.Module):
         inputs = inputs.to(self.weights[0].dtype)
         signal = inputs
         for layer, (weight, bias) in enumerate(zip(self.weights, self.biases)):
-            if layer == self.skip_after and layer > 0:
+            # A network of two layers or fewer has no layer of sines behind that takes them again.
+            if layer == self.skip_after and 0 < layer < len(self.weights) - 1:
                 signal = torch.cat([signal, inputs], dim=1)
             signal = linear(signal, weight, bias)
             if layer + 1 < len(self.weights):

@@ -145,9 +145,21 @@ fn remedy(cause: &(dyn std::error::Error + 'static)) -> Option<&'static str> {
     match cause.downcast_ref() {
         Some(DatasetError::Partitions { .. }) => Some("imf dataset merge"),
         Some(DatasetError::Unfinished { .. }) => Some("the same imf dataset command again"),
+        Some(DatasetError::Damaged { path, .. }) if path.ends_with(".json") => {
+            Some("remove it: the same imf dataset command makes all its shards again")
+        }
+        Some(DatasetError::Damaged { path, .. }) if path.ends_with(".safetensors") => Some(REMADE),
+        Some(DatasetError::Read { path, source })
+            if path.ends_with(".safetensors") && source.kind() == std::io::ErrorKind::NotFound =>
+        {
+            Some(REMADE)
+        }
         _ => None,
     }
 }
+
+/// How a file of a dataset comes back.
+const REMADE: &str = "the same imf dataset command makes it again";
 
 /// How a tool is given.
 const TOOL_FILE: &str = "--tool mill.toml; for a 6 mm ball end mill in a 24 mm holder that file reads: unit = \"mm\", stick_out = 30.0, \

@@ -23,6 +23,8 @@ pub struct Stage {
     done: AtomicU64,
     /// Units of an earlier run.
     before: u64,
+    /// Units that are nobody's work here.
+    passed_over: AtomicU64,
     start: Instant,
     bar: Option<ProgressBar>,
     last_line: Option<Mutex<Instant>>,
@@ -44,8 +46,8 @@ impl Stage {
         });
         let start = Instant::now();
         let last_line = (!terminal && !quiet).then(|| Mutex::new(start));
-        let (name, done) = (name.to_owned(), AtomicU64::new(0));
-        Self { name, unit, total, done, before: 0, start, bar, last_line, brief: false }
+        let (name, [done, passed_over]) = (name.to_owned(), [0, 0].map(AtomicU64::new));
+        Self { name, unit, total, done, before: 0, passed_over, start, bar, last_line, brief: false }
     }
 
     /// Units that were finished before: they count as done, not for the rate.
@@ -56,6 +58,19 @@ impl Stage {
             bar.set_position(units);
             bar.reset_eta();
         }
+    }
+
+    /// Units that need no work: they count neither as done nor for the rate.
+    pub(crate) fn pass_over(&self, units: u64) {
+        self.passed_over.fetch_add(units, Ordering::Relaxed);
+        if let Some(bar) = &self.bar {
+            bar.set_length(self.left());
+        }
+    }
+
+    /// All units but those that need no work.
+    fn left(&self) -> u64 {
+        self.total.saturating_sub(self.passed_over.load(Ordering::Relaxed))
     }
 
     /// More units are finished; callable from any thread.
@@ -74,11 +89,12 @@ impl Stage {
         }
         let Some(last_line) = &self.last_line else { return };
         let Ok(mut last) = last_line.lock() else { return };
-        if last.elapsed() >= LINE_EVERY && done < self.total {
+        let total = self.left();
+        if last.elapsed() >= LINE_EVERY && done < total {
             *last = Instant::now();
             let rate = (done - self.before) as f64 / self.start.elapsed().as_secs_f64();
-            let left = (self.total.saturating_sub(done)) as f64 / rate.max(1e-9);
-            let Self { name, unit, total, .. } = self;
+            let left = total.saturating_sub(done) as f64 / rate.max(1e-9);
+            let Self { name, unit, .. } = self;
             let (rate, left) = (show_rate(rate), show_seconds(left));
             eprint_line(format_args!("{name}: {done} of {total} {unit}, {rate}/s, {left} left {remark}"));
         }

@@ -53,7 +53,7 @@ pub struct GenerateSummary {
 }
 
 /// Makes the dataset of a scene in `folder`, or goes on with one that was interrupted. One unit of progress is one
-/// section; sections of reused shards count at once.
+/// section that is made.
 ///
 /// # Errors
 /// A folder that holds another dataset or cannot be written, a failed section, or cancellation; finished shards stay.
@@ -64,10 +64,11 @@ pub fn generate(
     sampling: &Sampling,
     control: Control<'_>,
 ) -> Result<GenerateSummary, DatasetError> {
-    generate_partition(folder, scene, set, sampling, &Layout::default(), control)
+    generate_partition(folder, scene, set, sampling, &Layout::default(), control, &|_| {})
 }
 
-/// As [`generate`], cut up as `layout` says, and only the shards of its partition. Other shards' sections count as done.
+/// As [`generate`], cut up as `layout` says, and only the shards of its partition. `passed_over` gets the sections of shards that are
+/// there already or of other partitions.
 ///
 /// # Errors
 /// As [`generate`].
@@ -78,6 +79,7 @@ pub fn generate_partition(
     sampling: &Sampling,
     layout: &Layout,
     control: Control<'_>,
+    passed_over: &dyn Fn(u64),
 ) -> Result<GenerateSummary, DatasetError> {
     sampling.check()?;
     let (mut manifest, otherwise) = Manifest::start(folder, scene, set, sampling, layout)?;
@@ -89,12 +91,12 @@ pub fn generate_partition(
         let sections = manifest.sections_of(index);
         if layout.partition.is_some_and(|partition| !partition.holds(index)) {
             done.others += 1;
-            (control.progress)(sections.len() as u64);
+            passed_over(sections.len() as u64);
             continue;
         }
         if manifest.is_intact(folder, index) {
             done.kept += 1;
-            (control.progress)(sections.len() as u64);
+            passed_over(sections.len() as u64);
         } else {
             let orientations: Vec<_> = sections.iter().map(|&section| set.orientations[section]).collect();
             let parts =

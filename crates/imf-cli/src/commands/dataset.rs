@@ -109,8 +109,9 @@ impl DatasetWork<'_> {
         self.require_shard(session)?;
         let _keeping = interrupt::stop_cleanly();
         let stage = session.stage("sampling", "sections", set.len() as u64);
-        let advance = |n| stage.advance(n);
-        let generated = generate_partition(folder, scene, set, sampling, layout, session.control(&advance));
+        let (advance, passed_over) = (|n| stage.advance(n), |n| stage.pass_over(n));
+        let control = session.control(&advance);
+        let generated = generate_partition(folder, scene, set, sampling, layout, control, &passed_over);
         let generated = generated.map_err(|error| interruption(error, folder))?;
         let others = match generated.others {
             0 => String::new(),

@@ -1,12 +1,13 @@
 //! A sheet of paper for plotters to draw on, and text on it in DejaVu Sans, which the binary carries (its free licence is
 //! LICENSE-FONT), so that pictures come out the same on a machine that has no fonts.
 
-use std::io::Cursor;
+use std::io::{Cursor, Write as _};
 use std::path::Path;
 use std::sync::LazyLock;
 
 use anyhow::{Context as _, Result, ensure};
 use image::{ImageFormat, Rgb, RgbImage};
+use imf_core::atomic_file::write_atomically;
 use plotters::backend::BitMapBackend;
 use plotters::coord::Shift;
 use plotters::drawing::{DrawingArea, IntoDrawingArea as _};
@@ -46,8 +47,7 @@ pub(super) fn save(drawn: Result<RgbImage>, path: &Path) -> Result<()> {
     let image = drawn.with_context(|| format!("cannot draw {}", path.display()))?;
     let mut bytes = Cursor::new(Vec::new());
     image.write_to(&mut bytes, ImageFormat::Png)?;
-    std::fs::write(path, bytes.into_inner())
-        .with_context(|| format!("cannot write the picture {}", path.display()))
+    write_atomically(path, |file| file.write_all(bytes.get_ref())).map_err(Into::into)
 }
 
 pub(super) fn pixel(RGBColor(red, green, blue): RGBColor) -> Rgb<u8> {

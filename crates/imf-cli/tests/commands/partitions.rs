@@ -72,7 +72,8 @@ fn shares_of_other_datasets_are_refused() {
     let work = Workdir::new();
     work.imf(&format!("{DATASET} a --shard 1/2")).done();
     work.imf(&format!("{DATASET} b --shard 2/2 --seed 1")).done();
-    work.imf("dataset merge out a b").refused(&["b holds another dataset than a", "the sampling"]);
+    work.imf("dataset merge out a b")
+        .refused(&["b/manifest.2-of-2.json is of another dataset than a/manifest", "the sampling"]);
     work.imf("dataset merge out a nowhere").refused(&["nowhere"]);
     assert!(!work.path("out").exists());
     for line in [format!("{DATASET} a --shard 3/2"), "dataset".to_owned(), "dataset merge".to_owned()] {

@@ -11,7 +11,7 @@ use thiserror::Error;
 
 use super::partition::{Layout, Partition};
 use super::{obstacle, shard};
-use imf_core::atomic_file::{AtomicFileError, write_atomically};
+use imf_core::atomic_file::{AtomicFileError, remove_all_leftovers, write_atomically};
 use imf_core::orientation::OrientationSet;
 use imf_core::scene::{Scene, SceneRecord};
 use imf_core::section::SectionError;
@@ -65,9 +65,9 @@ pub enum DatasetError {
         found: u32,
     },
     /// The folder holds a dataset of another scene or sampling.
-    #[error("{path} holds another dataset ({what} differs): choose another folder, or remove it")]
+    #[error("{path} is of another dataset ({what} differs): choose another folder, or remove that one")]
     Other {
-        /// The folder.
+        /// The manifest.
         path: String,
         /// What differs.
         what: &'static str,
@@ -96,11 +96,13 @@ pub enum DatasetError {
     #[error("there is no dataset to join")]
     NoPartitions,
     /// Two folders hold different datasets.
-    #[error("{path} holds another dataset than {than} ({what} differs): they cannot be joined")]
+    #[error(
+        "{path} is of another dataset than {than} ({what} differs): leave one of the two out, or make it again in a folder of its own"
+    )]
     Unlike {
-        /// The folder.
+        /// The manifest.
         path: String,
-        /// The folder it was compared with.
+        /// The one it was compared with.
         than: String,
         /// What differs.
         what: &'static str,
@@ -175,6 +177,10 @@ impl Manifest {
         layout: &Layout,
     ) -> Result<(Self, bool), DatasetError> {
         create_folder(folder)?;
+        // Other processes write partitions of theirs beside one.
+        if layout.partition.is_none() {
+            remove_all_leftovers(folder);
+        }
         let per_section = scene.record.grid.len() as f64 * sampling.density;
         let sections_per_shard = layout.sections_per_shard(per_section, set.len());
         let fresh = Self {
@@ -187,25 +193,32 @@ impl Manifest {
             shards: vec![None; set.len().div_ceil(sections_per_shard)],
             partition: layout.partition,
         };
-        // A partition goes on from its own manifest, else from that of the whole.
-        let names = [fresh.file_name(), MANIFEST.to_owned()];
-        if let Some(name) = names.iter().find(|name| folder.join(name).exists()) {
-            let found = Self { partition: layout.partition, ..Self::read_named(folder, name)? };
-            // How an existing dataset is cut up stays.
-            let sections_per_shard = found.sections_per_shard;
-            let otherwise = layout.shard_samples.is_some() && sections_per_shard != fresh.sections_per_shard;
-            let comparable = Self { sections_per_shard, ..fresh };
-            if let Some(what) = found.difference(&comparable) {
-                return Err(DatasetError::Other { path: folder.display().to_string(), what });
-            }
-            if found.scene(folder).is_err() {
-                obstacle::write(folder, scene)?;
-            }
-            return Ok((found, otherwise));
+        // All partitions in a folder are of one dataset, whose shards have the same names.
+        let all = Self::read_all(folder)?;
+        let Some((_, first)) = all.first() else {
+            obstacle::write(folder, scene)?;
+            fresh.write(folder)?;
+            return Ok((fresh, false));
+        };
+        // How an existing dataset is cut up stays.
+        let otherwise =
+            layout.shard_samples.is_some() && first.sections_per_shard != fresh.sections_per_shard;
+        let fresh =
+            Self { shards: first.emptied().shards, sections_per_shard: first.sections_per_shard, ..fresh };
+        let differs = |(name, found): &(String, Self)| Some((folder.join(name), found.difference(&fresh)?));
+        if let Some((path, what)) = all.iter().find_map(differs) {
+            return Err(DatasetError::Other { path: path.display().to_string(), what });
         }
-        obstacle::write(folder, scene)?;
-        fresh.write(folder)?;
-        Ok((fresh, false))
+        // A partition goes on from its own manifest, else from that of the whole.
+        let own = [fresh.file_name(), MANIFEST.to_owned()];
+        let own = own.iter().find_map(|own| all.iter().find(|(name, _)| name == own));
+        if fresh.scene(folder).is_err() {
+            obstacle::write(folder, scene)?;
+        }
+        match own {
+            Some((_, found)) => Ok((Self { shards: found.shards.clone(), ..fresh }, otherwise)),
+            None => fresh.write(folder).map(|()| (fresh, otherwise)),
+        }
     }
 
     /// What makes two manifests describe different datasets.
@@ -242,14 +255,11 @@ impl Manifest {
         folder.join(MANIFEST).exists() || !partition_manifests(folder).is_empty()
     }
 
-    /// The manifests of a folder: that of a whole dataset, if there is one, and those of partitions.
-    pub(super) fn read_all(folder: &Path) -> Result<Vec<Self>, DatasetError> {
+    /// The manifests of a folder with their names: that of a whole dataset, if there is one, and those of partitions.
+    pub(super) fn read_all(folder: &Path) -> Result<Vec<(String, Self)>, DatasetError> {
         let whole = folder.join(MANIFEST).exists().then(|| MANIFEST.to_owned());
-        whole
-            .into_iter()
-            .chain(partition_manifests(folder))
-            .map(|name| Self::read_named(folder, &name))
-            .collect()
+        let names = whole.into_iter().chain(partition_manifests(folder));
+        names.map(|name| Self::read_named(folder, &name).map(|manifest| (name, manifest))).collect()
     }
 
     /// Removes the manifests of partitions, once the whole names all that they name.

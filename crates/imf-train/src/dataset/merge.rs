@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use super::manifest::{DatasetError, Manifest, ShardRecord, create_folder, read_file};
 use super::shard;
 use crate::samples::Samples;
-use imf_core::atomic_file::write_atomically;
+use imf_core::atomic_file::{remove_all_leftovers, write_atomically};
 use imf_core::control::Control;
 use imf_core::section::SectionError;
 
@@ -26,45 +26,60 @@ pub struct MergeSummary {
     pub damaged: Vec<String>,
 }
 
-/// A manifest and the folder whose files it names.
+/// A manifest with its name, and the folder whose files it names.
 struct Source {
     folder: PathBuf,
+    name: String,
     manifest: Manifest,
 }
 
+impl Source {
+    fn all(folder: &Path) -> Result<impl Iterator<Item = Self>, DatasetError> {
+        let manifests = Manifest::read_all(folder)?.into_iter();
+        let folder = folder.to_owned();
+        Ok(manifests.map(move |(name, manifest)| Self { folder: folder.clone(), name, manifest }))
+    }
+
+    fn path(&self) -> String {
+        self.folder.join(&self.name).display().to_string()
+    }
+}
+
 /// Joins into `out` the shards that `folders`, and `out` itself, hold of one dataset: their checksums and scenes are
-/// checked, intact shards copied, and the manifest written. The result is byte for byte the dataset made at once;
-/// shards that are missing are listed, and `out` may be completed later. One unit of progress is one shard.
+/// checked, intact shards copied, and the manifest written, after each copy too. The result is byte for byte the dataset made at
+/// once; shards that are missing are listed, and `out` may be completed later. One unit of progress is one shard.
 ///
 /// # Errors
 /// A folder without a dataset, datasets that differ, or a folder that cannot be written. Nothing is lost then.
 pub fn merge(out: &Path, folders: &[PathBuf], control: Control<'_>) -> Result<MergeSummary, DatasetError> {
     let mut sources = Vec::new();
     for folder in folders {
-        let manifests = Manifest::read_all(folder)?;
-        if manifests.is_empty() {
+        let before = sources.len();
+        sources.extend(Source::all(folder)?);
+        if sources.len() == before {
             // The error of a folder without a manifest names what is missing.
             Manifest::read(folder)?;
         }
-        sources.extend(manifests.into_iter().map(|manifest| Source { folder: folder.clone(), manifest }));
     }
-    let own = if out.is_dir() { Manifest::read_all(out)? } else { Vec::new() };
-    sources.extend(own.into_iter().map(|manifest| Source { folder: out.to_owned(), manifest }));
+    if out.is_dir() {
+        sources.extend(Source::all(out)?);
+    }
     let Some(first) = sources.first() else {
         Manifest::read(out)?;
         return Err(DatasetError::NoPartitions);
     };
     for source in &sources[1..] {
         if let Some(what) = source.manifest.difference(&first.manifest) {
-            return Err(DatasetError::Unlike {
-                path: source.folder.display().to_string(),
-                than: first.folder.display().to_string(),
-                what,
-            });
+            return Err(DatasetError::Unlike { path: source.path(), than: first.path(), what });
         }
     }
     let mut damaged = BTreeSet::new();
     let mut manifest = joined(&sources, out, &mut damaged)?;
+    // What is interrupted goes on with what lies there.
+    for source in sources.iter().filter(|source| source.folder == out) {
+        let places = manifest.shards.iter_mut().zip(&source.manifest.shards);
+        places.for_each(|(place, known)| *place = place.take().or_else(|| known.clone()));
+    }
     let (mut kept, mut copied, mut missing) = (0, 0, Vec::new());
     for index in 0..manifest.shard_count() {
         control.check().map_err(SectionError::from)?;
@@ -73,8 +88,14 @@ pub fn merge(out: &Path, folders: &[PathBuf], control: Control<'_>) -> Result<Me
                 manifest.shards[index] = Some(record);
                 copied += usize::from(is_copied);
                 kept += usize::from(!is_copied);
+                if is_copied {
+                    manifest.write(out)?;
+                }
             }
-            None => missing.push(index),
+            None => {
+                manifest.shards[index] = None;
+                missing.push(index);
+            }
         }
         (control.progress)(1);
     }
@@ -88,6 +109,7 @@ pub fn merge(out: &Path, folders: &[PathBuf], control: Control<'_>) -> Result<Me
 /// An empty manifest in `out`, and the obstacle beside it.
 fn joined(sources: &[Source], out: &Path, damaged: &mut BTreeSet<String>) -> Result<Manifest, DatasetError> {
     create_folder(out)?;
+    remove_all_leftovers(out);
     let mut failure = DatasetError::NoPartitions;
     for source in sources {
         match source.manifest.scene(&source.folder) {

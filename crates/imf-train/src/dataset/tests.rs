@@ -106,7 +106,17 @@ fn make_partition(folder: &Path, partition: Option<&str>) -> GenerateSummary {
     let set = OrientationSet::parse("fibonacci:12").unwrap();
     let partition = partition.map(|text| text.parse().unwrap());
     let layout = Layout { shard_samples: Some(3 * 347), partition };
-    generate_partition(folder, &scene(), &set, &Sampling::default(), &layout, Control::quiet()).unwrap()
+    let (made, passed) = (AtomicU64::new(0), AtomicU64::new(0));
+    let counts = |sum: &AtomicU64, sections| sum.fetch_add(sections, Ordering::Relaxed);
+    let progress = |sections| _ = counts(&made, sections);
+    let control = Control { progress: &progress, ..Control::quiet() };
+    let passed_over = |sections| _ = counts(&passed, sections);
+    let generated =
+        generate_partition(folder, &scene(), &set, &Sampling::default(), &layout, control, &passed_over)
+            .unwrap();
+    assert_eq!(made.into_inner(), 3 * generated.made as u64);
+    assert_eq!(passed.into_inner(), 3 * (generated.kept + generated.others) as u64);
+    generated
 }
 
 fn contents(folder: &Path) -> Vec<(String, Vec<u8>)> {
@@ -192,4 +202,46 @@ fn what_cannot_be_joined_is_named() {
     std::fs::write(&books, text.replace(&crc, "12345")).unwrap();
     let error = join(&["a", "b"]).unwrap_err();
     assert!(matches!(error, DatasetError::Disagree { .. }), "{error}");
+}
+
+#[test]
+fn no_shard_of_another_dataset_in_the_folder_is_replaced() {
+    let set = OrientationSet::parse("fibonacci:12").unwrap();
+    let generated = |folder: &Path, seed, partition: Option<&str>| {
+        let layout =
+            Layout { shard_samples: Some(3 * 347), partition: partition.map(|p| p.parse().unwrap()) };
+        let sampling = Sampling { seed, ..Sampling::default() };
+        generate_partition(folder, &scene(), &set, &sampling, &layout, Control::quiet(), &|_| {})
+    };
+    for (first, then) in [(Some("2/2"), None), (None, Some("1/2")), (Some("1/3"), Some("1/2"))] {
+        let folder = tempfile::tempdir().unwrap();
+        generated(folder.path(), 0, first).unwrap();
+        let made = contents(folder.path());
+        let refused = generated(folder.path(), 1, then).unwrap_err();
+        assert!(matches!(refused, DatasetError::Other { what: "the sampling", .. }), "{refused}");
+        assert!(contents(folder.path()) == made, "{first:?} {then:?}");
+        // Of the same dataset all may lie there, cut up as the first is.
+        assert!(generated(folder.path(), 0, then).is_ok());
+    }
+}
+
+#[test]
+fn a_merge_that_was_stopped_goes_on_and_what_a_killed_one_left_is_removed() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    make_partition(&at("whole"), None);
+    make_partition(&at("a"), Some("1/2"));
+    make_partition(&at("b"), Some("2/2"));
+    let sources = [at("a"), at("b")];
+    let (joined, cancelled) = (AtomicU64::new(0), AtomicBool::new(false));
+    let progress = |shards| {
+        cancelled.store(joined.fetch_add(shards, Ordering::Relaxed) == 1, Ordering::Relaxed);
+    };
+    let control = Control { progress: &progress, cancelled: &cancelled };
+    merge(&at("out"), &sources, control).unwrap_err();
+    assert!(matches!(load(&at("out")), Err(DatasetError::Unfinished { missing: 2, shards: 4, .. })));
+    std::fs::write(at("out/.shard-00003.safetensors.x1y2z3.part"), "half").unwrap();
+    let merged = merge(&at("out"), &sources, Control::quiet()).unwrap();
+    assert_eq!((merged.copied, merged.kept), (2, 2));
+    assert!(contents(&at("out")) == contents(&at("whole")));
 }

@@ -18,7 +18,8 @@ const SHAPE: SirenShape = SirenShape { width: 16, hidden: 2, skip_after: None, o
 fn dataset(folder: &Path) -> Shards {
     let set = OrientationSet::parse("fibonacci:13").unwrap();
     let layout = Layout { shard_samples: Some(2 * 347), partition: None };
-    generate_partition(folder, &scene(), &set, &Sampling::default(), &layout, Control::quiet()).unwrap();
+    generate_partition(folder, &scene(), &set, &Sampling::default(), &layout, Control::quiet(), &|_| {})
+        .unwrap();
     let shards = Shards::open(folder).unwrap();
     assert_eq!((shards.count(), shards.samples()), (7, 13 * 347));
     shards
