@@ -13,7 +13,7 @@ use imf_fields::harmonic::FitSettings;
 use imf_fields::harmonic::basis::{Basis, Domain};
 use imf_fields::harmonic::coefficients::StoragePrecision;
 use imf_fields::harmonic::file::HarmonicFile;
-use imf_train::distill::{Target, distil_on};
+use imf_train::distill::distil_on;
 use imf_train::training::run::{Outcome, Report};
 
 /// Sections for each basis function at least: with fewer the fit has no firm minimum.
@@ -55,15 +55,14 @@ pub(crate) fn distilled(
     settings: DistillSettings,
 ) -> Result<FactoredFile> {
     let field = &teacher.field;
-    let target = Target::from(field);
-    let mut state = settings.start(target.shape(&settings).components);
+    let mut state = settings.start(settings.shape_for(field).components);
     let stage = session.stage("factored", "steps", settings.plan.total_steps(field.grid.len()));
     let advance = |steps| stage.advance(steps);
     let control = session.control(&advance);
     let mut loss = f64::NAN;
     let observer = &mut |report: &Report| loss = report.mean_loss;
-    let mut engine = device.distiller(&target, &settings, &state)?;
-    let outcome = distil_on(target, &settings, &mut state, &mut *engine, control, observer)?;
+    let mut engine = device.distiller(field, &settings, &state)?;
+    let outcome = distil_on(field, &settings, &mut state, &mut *engine, control, observer)?;
     if !matches!(outcome, Outcome::Finished) {
         bail!(Cancelled);
     }

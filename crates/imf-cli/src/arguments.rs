@@ -23,7 +23,7 @@ pub(crate) mod transform;
 
 use std::path::PathBuf;
 
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{Args, Parser, Subcommand};
 use imf_core::unit::LengthUnit;
 
 use self::either::Either;
@@ -135,23 +135,11 @@ pub(crate) struct DemoArguments {
     /// Seed of sampling, starting weights and order
     #[arg(long, default_value_t = 0)]
     pub(crate) seed: u64,
-    /// What is made: a harmonic field and the network of a megabyte that it is distilled into, or the paper's network
-    #[arg(long, value_enum, default_value = "factored")]
-    pub(crate) family: NetworkFamily,
-    /// Training steps; by default 1,000 for the factored field, 30,000 for siren5
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
-    pub(crate) steps: Option<u64>,
+    /// Training steps
+    #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u64).range(1..))]
+    pub(crate) steps: u64,
     #[command(flatten)]
     pub(crate) device: DeviceArguments,
-}
-
-/// The families of networks that imf demo makes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum NetworkFamily {
-    /// A harmonic field of every direction, then the network of a megabyte that it is distilled into
-    Factored,
-    /// The paper's network, trained on samples of exact sections
-    Siren5,
 }
 
 /// Write the built-in reference parts as OBJ

@@ -8,11 +8,12 @@ use imf_core::pose::Pose;
 use imf_fields::factored::{DistillSettings, FactoredState};
 use imf_fields::field::Field;
 use imf_fields::file::FieldFile;
+use imf_fields::harmonic::HarmonicField;
 use imf_fields::recipe::{Precision, TrainingPlan, TrainingState};
 use imf_fields::siren::evaluator::CpuEvaluator;
 use imf_fields::siren::{EvaluationEngine, SirenShape};
 use imf_gpu::{DeviceChoice, Gpu, GpuEvaluator, GpuField, GpuTrainer, TrainerSettings};
-use imf_train::distill::Target;
+use imf_train::distill::cpu_distiller;
 use imf_train::engine::CpuTrainer;
 use imf_train::training::TrainingEngine;
 use rayon::prelude::*;
@@ -103,20 +104,20 @@ impl Device {
         Self::open(if asked { name } else { "cpu" }, session)
     }
 
-    /// An engine that distils to a target from a state.
+    /// An engine that distils a field from a state.
     pub fn distiller(
         &self,
-        target: &Target<'_>,
+        teacher: &HarmonicField,
         settings: &DistillSettings,
         state: &FactoredState,
     ) -> Result<Box<dyn TrainingEngine>> {
         Ok(match self {
-            Self::Cpu => Box::new(target.engine(settings, state)?),
+            Self::Cpu => Box::new(cpu_distiller(teacher, settings, state)?),
             Self::Gpu(gpu) => {
                 let DistillSettings { plan, optimiser, .. } = *settings;
                 let precision = Precision::F32;
                 let learning = TrainerSettings { adam: plan.adam, loss: plan.loss, optimiser, precision };
-                let (stack, batch) = (target.shape(settings).stack(), target.batch(settings));
+                let (stack, batch) = (settings.shape_for(teacher).stack(), settings.batch(teacher));
                 Box::new(GpuTrainer::new(gpu, stack, &learning, batch, &state.training)?)
             }
         })

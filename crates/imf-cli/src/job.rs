@@ -19,10 +19,10 @@ pub use checkpoint::{Checkpoint, LatestCheckpoint, Progress, latest};
 pub(crate) use checkpoint::{is_unfinished, to_resume};
 pub(crate) use curve::loss_chart;
 pub use data::Data;
-pub(crate) use factored::{Distillation, FactoredStart, Source, require_memory};
+pub(crate) use factored::{Distillation, FactoredStart, require_memory};
 pub use log::seconds_until;
 pub use memory::Footprint;
-pub use siren5::{continued, fresh_model, run, weights_crc32};
+pub use siren5::{fresh_model, run, weights_crc32};
 pub(crate) use siren5::{require_togetherness, resumed_model, schedule_from};
 
 use std::ops::ControlFlow;

@@ -41,10 +41,10 @@ pub use evaluate::{DIRECTIONS_AT_ONCE, VoxelCoefficients};
 pub(crate) use evaluate::{minimum_of, minimum_over, sections_of};
 #[cfg(feature = "fit")]
 pub use fit::fit;
-// What a fit would take, and for distillation from sections that come and go.
+// What a fit would take.
 #[cfg(feature = "fit")]
 #[doc(hidden)]
-pub use fit::{Outline, Source, SourceScratch, outline, section_count};
+pub use fit::section_count;
 pub(crate) use mirror::{Mirrors, Planes};
 pub(crate) use point::{Functions, TurnScratch};
 pub use point::{Gradient, PointScratch};

@@ -4,11 +4,9 @@
 
 #[doc(hidden)]
 pub mod divergence;
-mod online;
 mod sampling;
 pub mod schedule;
 
-pub use online::OnlineSettings;
 pub use sampling::{Sampling, SamplingError};
 
 use std::fmt;

@@ -152,8 +152,8 @@ pub enum ShapeError {
     NoLastLayer,
     /// A symmetry-reduced network, and a field to distil that does not define the symmetry.
     #[error(
-        "symmetry is defined by harmonic fields of a tool that is symmetric about its axis, not by fields over rotations nor by \
-         sections: train without it"
+        "symmetry is defined by harmonic fields of a tool that is symmetric about its axis, not by fields over rotations: train \
+         without it"
     )]
     Symmetry,
     /// A network reduced by mirror planes, and another field that is not its own image across them.

@@ -22,7 +22,7 @@ use imf_fields::model::{LossPoint, Model};
 use imf_fields::recipe::{Sampling, TrainingLength, TrainingPlan, TrainingState};
 use imf_fields::siren::SirenShape;
 use imf_train::dataset::{generate, load};
-use imf_train::distill::{Target, distil, optimiser_bytes};
+use imf_train::distill::{distil, optimiser_bytes};
 use imf_train::engine::CpuTrainer;
 use imf_train::training::run::{Outcome, Start, TrainError, train as train_on};
 use imf_train::training::{BYTES_BESIDE_ENGINE, TrainingEngine as _};
@@ -176,7 +176,7 @@ impl Training<'_> {
         let (settings, shape) = run(py, (&None, "", 0), |_| {
             let symmetry = Symmetry::of(&teacher.field, &self.scene.obstacle);
             let settings = DistillSettings { symmetry, ..settings };
-            let shape = Target::from(&teacher.field).shape(&settings);
+            let shape = settings.shape_for(&teacher.field);
             Ok::<_, TrainError>((settings, shape))
         })?;
         let weights = shape.parameter_count();
@@ -187,9 +187,9 @@ impl Training<'_> {
         let settings = DistillSettings { plan, ..settings };
         let steps = settings.plan.total_steps(self.scene.record.grid.len());
         run(py, (progress, "training", steps), |control| {
-            let target = Target::from(&teacher.field);
             let mut state = FactoredState::new(&shape, self.seed);
-            if let Outcome::Stopped(_) = distil(target, &settings, &mut state, control, &mut |_| {})? {
+            if let Outcome::Stopped(_) = distil(&teacher.field, &settings, &mut state, control, &mut |_| {})?
+            {
                 return Err(SectionError::from(Cancelled).into());
             }
             let file = FactoredFile::distilled(&teacher, settings, state)

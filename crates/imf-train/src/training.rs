@@ -1,7 +1,6 @@
 //! Training: the interface between the loop that feeds batches ([`run`]) and the engine that runs a step (CPU here, GPU in
-//! `imf-gpu`), and where batches come from: memory, files ([`streamed`]) or sections made as they are needed (`online`).
+//! `imf-gpu`), and where batches come from: memory, or files ([`streamed`]).
 
-pub(crate) mod online;
 pub mod permutation;
 pub mod run;
 pub mod streamed;

@@ -6,7 +6,7 @@ use anyhow::Result;
 use clap::{Args, Subcommand};
 use imf_fields::factored::DistillSettings;
 use imf_fields::recipe::schedule::Schedule;
-use imf_fields::recipe::{AdamConfig, HeldOutChoice, OnlineSettings, TrainingLength, TrainingPlan};
+use imf_fields::recipe::{AdamConfig, HeldOutChoice, TrainingLength, TrainingPlan};
 use imf_fields::siren::SirenShape;
 
 use super::clearance::ContactArguments;
@@ -65,10 +65,6 @@ pub(crate) struct FactoredArguments {
     /// 5 of whole rotations, where the tool is not symmetric about its axis
     #[arg(long, value_name = "L")]
     pub(crate) degree: Option<usize>,
-    /// Train by exact sections themselves, N at a time and always fresh ones, not by a harmonic field: takes less memory, for
-    /// large grids and tools that are not symmetric about their axis, and learns more slowly; 225 where N is left out
-    #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "225", value_parser = clap::value_parser!(u32).range(1..=1000))]
-    pub(crate) online: Option<u32>,
     /// Save weights in f16: half the file
     #[arg(long)]
     pub(crate) half: bool,
@@ -195,12 +191,8 @@ impl FactoredArguments {
         let epochs = set.epochs.unwrap_or(DistillSettings::EPOCHS);
         let length = self.run.steps.map_or(TrainingLength::Epochs(epochs), TrainingLength::Steps);
         let seed = set.seed.unwrap_or(0);
-        let usual = match self.online {
-            Some(pool) => {
-                let online = OnlineSettings { pool: pool as usize, seed, ..OnlineSettings::default() };
-                DistillSettings::of_sections(length, online)
-            }
-            None if self.start.from.is_some() => DistillSettings::of_another(length),
+        let usual = match self.start.from {
+            Some(_) => DistillSettings::of_another(length),
             None => DistillSettings::of_length(length),
         };
         let Network { layers, omega } = self.start.network.unwrap_or_default();

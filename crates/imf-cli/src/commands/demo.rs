@@ -1,8 +1,5 @@
 //! `imf demo`: mesh, voxels, sections, a field of every direction, evaluation and pictures in one go, nothing to configure.
 
-mod factored;
-mod siren;
-
 use std::time::Instant;
 
 use anyhow::Result;
@@ -10,16 +7,23 @@ use imf_core::mesh::topology::MeshReport;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
 use imf_core::scene::{Scene, SceneSpec};
+use imf_core::section::Quantity;
 use imf_core::tool::Tool;
+use imf_fields::factored::DistillSettings;
+use imf_fields::factored::file::FactoredFile;
 use imf_fields::file::FieldFile;
+use imf_fields::harmonic::coefficients::StoragePrecision;
+use imf_fields::recipe::{TrainingLength, TrainingPlan};
 
-use crate::arguments::{DemoArguments, NetworkFamily};
+use crate::arguments::DemoArguments;
 use crate::commands::calibrate::calibrate_written;
 use crate::commands::eval;
+use crate::commands::eval::IMF_ORIENTATIONS;
+use crate::commands::train::factored::{beside, of_scene};
 use crate::engine::Device;
 use crate::interrupt;
-use crate::job::FIELD;
-use crate::output::{prepare_folder, print_result};
+use crate::job::{self, Distillation, FIELD, FactoredStart};
+use crate::output::{lock_folder, prepare_folder, print_result};
 use crate::progress::show_seconds;
 use crate::report::{EvaluationSettings, PAPER_THRESHOLD, Report, forget};
 use crate::session::Session;
@@ -27,16 +31,7 @@ use crate::session::Session;
 pub(crate) fn run(session: &Session, arguments: &DemoArguments) -> Result<()> {
     let begun = Instant::now();
     prepare_folder(&arguments.out)?;
-    let report = match arguments.family {
-        NetworkFamily::Factored => {
-            let scene = teapot(session, ReferencePart::Teapot.dims())?;
-            factored::run(session, arguments, &scene)?
-        }
-        NetworkFamily::Siren5 => {
-            let scene = teapot(session, siren::DIMS)?;
-            siren::run(session, arguments, &scene)?
-        }
-    };
+    let report = report(session, arguments, &teapot(session)?)?;
     let words = format!(
         "\n{}\n\n{} holds field.safetensors, report.md, report.json and pictures; {} in all.",
         report.table(),
@@ -46,10 +41,10 @@ pub(crate) fn run(session: &Session, arguments: &DemoArguments) -> Result<()> {
     print_result(session, &report, &words)
 }
 
-/// The paper's teapot and tool at a resolution.
-fn teapot(session: &Session, dims: [usize; 3]) -> Result<Scene> {
+/// The paper's teapot and tool.
+fn teapot(session: &Session) -> Result<Scene> {
     let part = ReferencePart::Teapot;
-    let (mesh, tool) = (part.mesh(), Tool::paper());
+    let (dims, mesh, tool) = (part.dims(), part.mesh(), Tool::paper());
     let scene = SceneSpec::of_reference(part, &mesh, dims, &tool).scene()?;
     let [x, y, z] = dims;
     session.note(&format!(
@@ -62,18 +57,50 @@ fn teapot(session: &Session, dims: [usize; 3]) -> Result<Scene> {
     Ok(scene)
 }
 
+/// Seconds between checkpoints.
+const CHECKPOINT_EVERY: f64 = 30.0;
+
+/// A harmonic field of the full teapot from a few hundred exact sections, then the network of a megabyte that is distilled from it: as
+/// `imf train` and `imf eval`.
+fn report(session: &Session, arguments: &DemoArguments, scene: &Scene) -> Result<Report> {
+    let device = Device::open(&arguments.device.device, session)?;
+    let _lock = lock_folder(&arguments.out)?;
+    let start = FactoredStart::at(&arguments.out, job::is_unfinished::<FactoredFile>(&arguments.out))?;
+    let defaults = DistillSettings::of_length(TrainingLength::Steps(arguments.steps));
+    let defaults = start.resolve_settings(None, None, defaults);
+    let symmetry = start.symmetry(true);
+    let settings = DistillSettings {
+        plan: TrainingPlan { seed: arguments.seed, ..defaults.plan },
+        symmetry: symmetry.unwrap_or_default(),
+        ..defaults
+    };
+    start.require_settings(&settings)?;
+    let distillation = Distillation {
+        settings,
+        find_symmetry: symmetry.is_none(),
+        precision: StoragePrecision::F32,
+        beside: beside(CHECKPOINT_EVERY, "run the same command again"),
+        smaller: "raise --memory",
+        start: &start,
+    };
+    let (file, _) = of_scene(session, &device, distillation, scene, (Quantity::Overlap, None), None)?;
+
+    let imf = file.field.basis.even_set(IMF_ORIENTATIONS)?;
+    drop(file);
+    make_report(session, &device, arguments, imf)
+}
+
 /// Calibrates the field that was just written and compares it with the exact one: at 64 random directions that were
-/// not used for training, by the IMF over `imf`, and in the section `in_sample` of the training, if one is given.
+/// not used for training, and by the IMF over `imf`.
 fn make_report(
     session: &Session,
     device: &Device,
     arguments: &DemoArguments,
-    in_sample: Option<Orientation>,
     imf: OrientationSet,
 ) -> Result<Report> {
     let DemoArguments { out, seed, .. } = arguments;
     let settings = EvaluationSettings {
-        in_sample,
+        in_sample: None,
         out_of_sample: Some(Orientation::new(12.0, 6.0)),
         random: OrientationSet::parse(&format!("random:64:{}", seed.wrapping_add(1)))?,
         imf,

@@ -252,7 +252,7 @@ pub(crate) fn to_resume<T: Checkpoint>(out: &Path, resume: bool) -> Result<Optio
     }
     let found = latest::<T>(out);
     if resume {
-        let found = found.context("there is nothing to resume")?;
+        let found = found.context("there is nothing to resume; begin without --resume")?;
         let (steps, path) = (found.model.progress().steps, found.path.display());
         interrupt::leave(
             format!("step {steps} is saved in {path}; run the same command again to go on").into(),

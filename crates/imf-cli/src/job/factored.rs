@@ -1,6 +1,6 @@
-//! Trainings of a factored field: from a harmonic field's coefficients, or from a scene's sections as they come; afresh, from
-//! another field's network, or from the checkpoint in the output folder. The request is compared with that before anything is
-//! computed: first the settings, then the scene and what its functions are chosen by.
+//! Trainings of a factored field by a harmonic field's coefficients: afresh, from another field's network, or from the checkpoint in
+//! the output folder. The request is compared with that before anything is computed: first the settings, then the scene and what
+//! its functions are chosen by.
 
 use std::path::{Path, PathBuf};
 
@@ -12,9 +12,9 @@ use imf_fields::factored::{DistillSettings, FactoredField, FactoredState, Symmet
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::coefficients::StoragePrecision;
 use imf_fields::harmonic::file::HarmonicFile;
-use imf_fields::harmonic::{FitReport, FitSettings, Sizes};
+use imf_fields::harmonic::{FitSettings, Sizes};
 use imf_fields::recipe::{Optimiser, TrainingPlan};
-use imf_train::distill::{SectionSource, Target, bytes_to_solve, optimiser_bytes, start_from};
+use imf_train::distill::{bytes_to_solve, optimiser_bytes, start_from, train_to};
 
 use super::checkpoint::{LatestCheckpoint, to_resume};
 use super::differences::differences;
@@ -26,25 +26,7 @@ use crate::session::Session;
 /// Bytes of a weight: itself, transposed, gradient, two moments, and a copy of weights and moments in a checkpoint.
 const BYTES_PER_PARAMETER: u64 = 4 * 8;
 
-/// What a field is trained by.
-pub(crate) struct Source<'a> {
-    /// The coefficients of a harmonic field, or the sections of the scene.
-    pub(crate) target: Target<'a>,
-    pub(crate) scene: &'a Scene,
-    pub(crate) domain: Domain,
-    /// Of the harmonic field, or of the choice of the functions that sections are learnt along.
-    pub(crate) fit: FitSettings,
-    pub(crate) report: FitReport,
-}
-
-impl<'a> From<&'a HarmonicFile> for Source<'a> {
-    fn from(HarmonicFile { field, scene, settings, .. }: &'a HarmonicFile) -> Self {
-        let (domain, report) = (field.basis.domain(), field.report);
-        Self { target: field.into(), scene, domain, fit: *settings, report }
-    }
-}
-
-/// Refuses what does not fit into memory, the choice of its functions by sections with it; `smaller` says what takes less.
+/// Refuses what does not fit into memory; `smaller` says what takes less.
 pub(crate) fn require_memory(
     session: &Session,
     settings: &DistillSettings,
@@ -53,30 +35,22 @@ pub(crate) fn require_memory(
     voxels: usize,
     smaller: &str,
 ) -> Result<()> {
-    let by_sections = settings.online.is_some();
     let Sizes { functions, components, .. } = fit.sizes(domain);
     // A symmetry-reduced network has every function for an output; whether there is any symmetry is seen later. Three
     // matrices of these are held while it is trained.
-    let may_reduce = !by_sections && domain == Domain::Directions;
+    let may_reduce = domain == Domain::Directions;
     let outputs = if may_reduce { functions } else { components };
     let frames = if may_reduce { 12 * (functions * functions) as u64 } else { 0 };
-    let (choice, source, what) = if by_sections {
-        (
-            fit.outline_memory(domain, voxels),
-            SectionSource::memory_bytes(functions, components, voxels, settings),
-            "the sections and the network",
-        )
-    } else {
-        let field = fit.memory(domain, voxels).1 + 4 * (functions * (components + 1)) as u64;
-        let bytes = field + frames + bytes_to_solve(settings, voxels, outputs);
-        (0, bytes, "the harmonic field and the network")
-    };
+    let field = fit.memory(domain, voxels).1 + 4 * (functions * (components + 1)) as u64;
+    let teacher = field + frames + bytes_to_solve(settings, voxels, outputs);
     let batch = settings.plan.batch.min(voxels) as u64;
     let signals = 8 * batch * (settings.width * settings.hidden + outputs) as u64;
     let shape = settings.shape(outputs);
     let network =
         BYTES_PER_PARAMETER * shape.parameter_count() as u64 + optimiser_bytes(settings.optimiser, shape);
-    session.require_memory(choice.max(source + network + signals), || format!("{what}; {smaller}"))
+    session.require_memory(teacher + network + signals, || {
+        format!("the harmonic field and the network; {smaller}")
+    })
 }
 
 /// Where a distillation begins, in a folder.
@@ -170,13 +144,22 @@ impl<'a> FactoredStart<'a> {
     pub(crate) fn require_source(&self, scene: &Scene, fit: &FitSettings) -> Result<()> {
         let Some((found, checkpoint)) = self.found() else { return Ok(()) };
         ensure!(
-            found.scene.record == scene.record,
-            "{} is of another scene: give its part, tool and grid, or choose another --out",
+            found.fit.quantity == fit.quantity,
+            "{} is of another quantity: one is of overlaps, the other of depths; give its --quantity, or choose another --out",
             checkpoint.display()
         );
+        if found.scene.record != scene.record {
+            let other = differences(&found.scene.record, &scene.record)?;
+            let names: Vec<&str> = other.iter().filter_map(|text| text.split(':').next()).collect();
+            bail!(
+                "{} is of another scene ({}): give its part, tool and grid, or choose another --out",
+                checkpoint.display(),
+                names.join(", ")
+            );
+        }
         ensure!(
             found.fit == *fit,
-            "{} was distilled from another harmonic field or other sections ({}): resume with these, or choose another --out",
+            "{} was distilled from another harmonic field ({}): resume with these, or choose another --out",
             checkpoint.display(),
             differences(&found.fit, fit)?.join("; ")
         );
@@ -238,31 +221,31 @@ pub(crate) struct Distillation<'a> {
 }
 
 impl Distillation<'_> {
-    /// Trains by `source`: from the checkpoint on where there is one to go on from, else from another field's network or from random
+    /// Trains by `teacher`: from the checkpoint on where there is one to go on from, else from another field's network or from random
     /// weights; writes checkpoints and the finished field. Also says the loss of the last steps.
     pub(crate) fn run(
         self,
         session: &Session,
         device: &Device,
-        source: &Source<'_>,
+        teacher: &HarmonicFile,
         from: Option<&FactoredFile>,
     ) -> Result<(FactoredFile, Option<f64>)> {
         let Self { mut settings, find_symmetry, precision, beside, smaller, start } = self;
-        let Source { target, scene, domain, fit, report } = source;
-        if let (true, Target::Coefficients(field)) = (find_symmetry, target) {
+        let HarmonicFile { field, scene, settings: fit, .. } = teacher;
+        let voxels = field.grid.len();
+        if find_symmetry {
             settings.symmetry = Symmetry::of(field, &scene.obstacle);
             if !settings.symmetry.is_none() {
                 session.note(&format!("symmetry-reduced: {}", settings.symmetry));
             }
         }
-        require_memory(session, &settings, fit, *domain, target.grid().len(), smaller)?;
+        require_memory(session, &settings, fit, field.basis.domain(), voxels, smaller)?;
+        let shape = settings.shape_for(field);
+        let distilled = |parameters| FactoredField::new(field, shape, parameters);
         let resumed = start.state(session);
         let state = match &resumed {
             Some(state) => {
-                start.require_functions(
-                    session,
-                    &target.field(&settings, state.training.parameters.clone())?,
-                )?;
+                start.require_functions(session, &distilled(state.training.parameters.clone())?)?;
                 state.clone()
             }
             None => {
@@ -273,27 +256,21 @@ impl Distillation<'_> {
                 if record.zip(other).is_some_and(is_other) {
                     session.warn("--from is a field of another tool; it will be adapted all the same");
                 }
-                initial_state(source, &settings, from)?
+                initial_state(teacher, &settings, from)?
             }
         };
-        let (shape, batch, voxels) = (target.shape(&settings), target.batch(&settings), target.grid().len());
-        let total = settings.plan.total_steps(voxels);
-        let of = match target {
-            Target::Coefficients(_) => format!("to the coefficients of {voxels} voxels"),
-            Target::Sections(_) => {
-                let pool = settings.online.unwrap_or_default().pool;
-                format!("to {voxels} voxels by exact sections, {pool} at a time")
-            }
-        };
+        let (batch, total) = (settings.batch(field), settings.plan.total_steps(voxels));
         let parameters = shape.parameter_count();
         let _keeping = interrupt::stop_cleanly();
-        session.note(&format!("training {shape} ({parameters} parameters) {of}, {total} steps of {batch}"));
-        let mut engine = device.distiller(target, &settings, &state)?;
-        let field = FactoredFile {
-            field: target.field(&settings, state.training.parameters.clone())?,
-            scene: (*scene).clone(),
+        session.note(&format!(
+            "training {shape} ({parameters} parameters) to the coefficients of {voxels} voxels, {total} steps of {batch}"
+        ));
+        let mut engine = device.distiller(field, &settings, &state)?;
+        let begun = FactoredFile {
+            field: distilled(state.training.parameters.clone())?,
+            scene: scene.clone(),
             fit: *fit,
-            report: *report,
+            report: field.report,
             settings,
             precision: StoragePrecision::F32,
             state: Some(state),
@@ -303,7 +280,7 @@ impl Distillation<'_> {
             session,
             out: start.out,
             settings: &beside,
-            field,
+            field: begun,
             plan: settings.plan,
             samples: voxels,
             resumed: resumed.is_some(),
@@ -311,20 +288,20 @@ impl Distillation<'_> {
             held_out: None,
         };
         training.run(engine.as_mut(), &mut |_, engine, start, observer| {
-            let stop = || interrupt::requested();
-            target.train(&settings, engine, start, &stop, observer)
+            train_to(field, &settings, engine, start, observer)
         })
     }
 }
 
 /// Random weights, or those of another field.
 fn initial_state(
-    source: &Source<'_>,
+    teacher: &HarmonicFile,
     settings: &DistillSettings,
     from: Option<&FactoredFile>,
 ) -> Result<FactoredState> {
-    let (Some(from), Target::Coefficients(field)) = (from, &source.target) else {
-        return Ok(FactoredState::new(&source.target.shape(settings), settings.plan.seed));
+    let field = &teacher.field;
+    let Some(from) = from else {
+        return Ok(FactoredState::new(&settings.shape_for(field), settings.plan.seed));
     };
     ensure!(
         from.field.basis.domain() == field.basis.domain(),
@@ -334,10 +311,10 @@ fn initial_state(
         from.field.quantity == field.quantity,
         "--from is a field of another quantity: one is of overlaps, the other of depths"
     );
-    let [unit, own] = [&from.scene, source.scene].map(|scene| scene.record.unit);
+    let [unit, own] = [&from.scene, &teacher.scene].map(|scene| scene.record.unit);
     ensure!(
         unit == own || field.quantity == Quantity::Overlap,
         "--from is a field of depths in {unit}, and this one is in {own}: train that one in the same unit"
     );
-    start_from(&from.field, field, &source.scene.obstacle).context("--from")
+    start_from(&from.field, field, &teacher.scene.obstacle).context("--from")
 }

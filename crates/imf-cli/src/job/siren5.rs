@@ -15,7 +15,7 @@ use imf_fields::siren::SirenShape;
 use imf_train::training::run::train;
 use imf_train::training::streamed::train_streamed;
 
-use super::checkpoint::{Checkpoint as _, LatestCheckpoint, latest};
+use super::checkpoint::LatestCheckpoint;
 use super::data::{Data, Source};
 use super::held_out::{HeldOutWatch, record};
 use super::memory::Footprint;
@@ -245,28 +245,5 @@ pub(crate) fn schedule_from(schedule: &Schedule, initial: f32) -> Schedule {
         Schedule::Length { steps, power, shorter, warmup, .. } => {
             Schedule::Length { initial, steps, power, shorter, warmup }
         }
-    }
-}
-
-/// `fresh`, or the unfinished checkpoint of the same training in the output folder.
-///
-/// # Errors
-/// An unfinished checkpoint of another training, which would be lost.
-pub fn continued(session: &Session, out: &Path, data: &Data, fresh: Model) -> Result<Model> {
-    let same = |found: &Model| {
-        found.shape == fresh.shape
-            && found.record.plan == fresh.record.plan
-            && found.record.dataset_crc32 == data.shards.manifest.fingerprint()
-    };
-    match latest::<Model>(out) {
-        Ok(LatestCheckpoint { model, .. }) if model.is_finished() => Ok(fresh),
-        Ok(found) if same(&found.model) => resumed_model(session, found, data, None),
-        Ok(LatestCheckpoint { model, .. }) => bail!(
-            "{0} holds an unfinished training with other settings ({1} steps done), which would be lost: give the settings of that one, choose \
-             another --out, or remove {0}",
-            out.display(),
-            model.record.steps
-        ),
-        Err(_) => Ok(fresh),
     }
 }

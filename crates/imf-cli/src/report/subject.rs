@@ -107,12 +107,8 @@ impl<'a> Subject<'a> {
             }
             FieldFile::Factored(file) => {
                 let (field, parameters) = (&file.field, file.field.parameter_count());
-                let from = match file.settings.online {
-                    Some(_) => "made from fresh exact sections, along functions",
-                    None => "distilled from a harmonic field",
-                };
                 let how = format!(
-                    "factored field, {} ({parameters} parameters, {:.2} MB), {from} of degree {}",
+                    "factored field, {} ({parameters} parameters, {:.2} MB), distilled from a harmonic field of degree {}",
                     field.shape,
                     field.bytes() as f64 / 1e6,
                     field.basis.degree()

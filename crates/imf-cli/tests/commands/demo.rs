@@ -51,21 +51,11 @@ fn goes_on(work: &Workdir) {
     let (run, first) = interrupted();
     run.interrupted(&["is saved in demo/checkpoint.safetensors", "same command"]);
     assert!((1..100_000).contains(&first), "{first} steps");
+    // Another demo does not throw it away.
+    let saved = work.bytes("demo/checkpoint.safetensors");
+    work.imf(&demo.replace("100000", "99999")).refused(&["demo/checkpoint.safetensors", "other settings"]);
+    assert!(work.bytes("demo/checkpoint.safetensors") == saved);
     let (run, then) = interrupted();
     run.interrupted(&["same command"]);
     assert!(then > first, "{then} steps after {first}");
-}
-
-#[test]
-fn a_short_demo_of_the_papers_network_leaves_everything_and_says_what_it_is_worth() {
-    let work = Workdir::new();
-    let demo = work.imf("demo --family siren5 --steps 40 --device cpu --out demo").done();
-    let report = work.read_json("demo/report.json");
-    assert_eq!((&report["part"], &report["training_steps"]), (&json!("teapot"), &json!(40)));
-    assert_eq!((&report["dims"], &report["training_sections"]), (&json!([29, 38, 61]), &json!(225)));
-    honest(&report, &demo.stdout);
-    let stages = ["sampling: 225 sections in", "training: 40 steps in", "evaluating: 355 sections in"];
-    complete(&work, &demo, &["sections.png", "imf.png", "errors.png", "loss.png"], stages);
-    let model = work.model("demo/field.safetensors");
-    assert_eq!((model.record.steps, model.record.finished), (40, true));
 }

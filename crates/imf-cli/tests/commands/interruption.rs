@@ -70,20 +70,3 @@ fn a_dataset_keeps_its_finished_shards() {
         assert!(same, "{name} differs from that of a run in one go");
     }
 }
-
-#[test]
-fn an_interrupted_demo_goes_on_with_the_same_command() {
-    let work = Workdir::new();
-    let demo = "demo --family siren5 --steps 100000 --device cpu --out demo";
-    work.interrupted_once_there_is("demo/dataset/manifest.json", demo)
-        .interrupted(&["finished shards are kept in demo/dataset", "same command"]);
-    assert!(!work.path("demo/checkpoint.safetensors").exists());
-    let training = work.interrupted_once_it_says("training 5×", demo);
-    training.interrupted(&["is saved in demo/checkpoint.safetensors", "same command"]);
-    let checkpoint = "demo/checkpoint.safetensors";
-    let (saved, bytes) = (work.model(checkpoint), work.bytes(checkpoint));
-    assert!((1..100_000).contains(&saved.record.steps) && !saved.record.finished);
-    // Another demo does not throw it away.
-    work.imf(&demo.replace("100000", "99999")).refused(&["holds an unfinished training", "other settings"]);
-    assert!(work.bytes(checkpoint) == bytes);
-}

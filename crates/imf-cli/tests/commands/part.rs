@@ -83,28 +83,13 @@ fn symmetry_is_found_used_and_kept_unless_none_is_wanted() {
     work.imf(&format!("train factored other.safetensors {from} --out tuned")).done();
     assert_eq!(symmetry("tuned"), symmetry("told"));
 
-    // Fields that leave functions out tell of it too, sections do not.
+    // Fields that leave functions out tell of it too.
     work.imf(&format!("train harmonic teapot --dims 15,19,31 {fit} --components 20 --out few.safetensors"))
         .done();
     work.imf(&format!("train factored few.safetensors {from} --out few")).done();
     // So does a changed part itself.
     work.imf(&format!("train teapot --dims 16,20,32 --degree 5 {from} --out changed")).done();
-    assert_eq!(symmetry("changed"), symmetry("told"));
-    let words = ["--set symmetry=true", "--online", "leave out one of them"];
-    train("--online 40 --set symmetry=true --out no").refused(&words);
-    let from = "train teapot --dims 15,19,31 --online 40 --from told/field.safetensors --out no";
-    work.imf(from).refused(&["--from", "--online", "leave out one of them"]);
-    let by_sections = train("--online 40 --out by-sections").done().stdout;
-    // It is trained on sections alone, and nothing else is named.
-    assert!(by_sections.contains("MSE from exact sections in the last steps"), "{by_sections}");
-    let info = work.imf("info by-sections/field.safetensors").done().stdout;
-    let teacher = info.lines().find(|line| line.starts_with("teacher")).unwrap();
-    assert!(
-        teacher.contains("fresh exact sections, 40 at a time") && !teacher.contains("harmonic"),
-        "{teacher}"
-    );
-    assert!(!by_sections.contains("harmonic"), "{by_sections}");
-    assert_eq!((symmetry("few"), symmetry("by-sections")), (symmetry("told"), json!(null)));
+    assert_eq!((symmetry("changed"), symmetry("few")), (symmetry("told"), symmetry("told")));
 }
 
 #[test]
@@ -165,7 +150,7 @@ fn an_interrupted_part_goes_on_to_the_bytes_of_one_in_one_go() {
     let resume = format!("{begin} --resume");
     // Before a fit of minutes.
     for (given, other, words) in [
-        ("--degree 4", "--degree 5", "other sections (degree: 4, not 5)"),
+        ("--degree 4", "--degree 5", "another harmonic field (degree: 4, not 5)"),
         ("--steps 400", "--steps 401", "other settings (steps: 400, not 401)"),
         ("--dims 5,15,9", "--dims 6,15,9", "another scene"),
     ] {
@@ -177,30 +162,6 @@ fn an_interrupted_part_goes_on_to_the_bytes_of_one_in_one_go() {
     for file in ["field.safetensors", "checkpoint.safetensors"] {
         assert!(work.bytes(&format!("whole/{file}")) == work.bytes(&format!("bracket/{file}")), "{file}");
     }
-}
-
-#[test]
-#[cfg(unix)]
-fn sections_alone_train_a_part_and_go_on_where_they_stopped() {
-    let work = Workdir::new();
-    let train = format!("train {PART} --degree 4 {NETWORK} --online 30 --set checkpoint_every=0.02 --steps");
-    let made = work.json(&format!("{train} 1500 --out whole"));
-    assert_eq!(made["settings"]["online"]["pool"], json!(30));
-    let begin = format!("{train} 1500 --out part");
-    work.interrupted_once_there_is("part/checkpoint.safetensors", &begin)
-        .interrupted(&["is saved in part/checkpoint.safetensors", "--resume"]);
-    let without = format!("{begin} --resume").replace("--online 30", "");
-    let refused = work.imf(&without).refused(&["other settings (online: {", "not none)"]);
-    assert!(!refused.stderr.contains("sections to fit"), "{}", refused.stderr);
-    work.imf(&format!("{begin} --resume")).done();
-    assert!(work.bytes("whole/field.safetensors") == work.bytes("part/field.safetensors"));
-
-    work.calibrate_quickly("whole/field.safetensors");
-    let eval = "eval whole/field.safetensors --random 8 --imf fibonacci:20 --json";
-    let row = &work.imf(eval).done().json()["rows"][2];
-    let [mse, variance] = ["mse", "variance"].map(|name| row[name].as_f64().unwrap());
-    // What degree 4 leaves out is most of it.
-    assert!(mse < 0.5 * variance, "{row}");
 }
 
 #[test]
@@ -264,31 +225,6 @@ fn a_folder_with_the_other_familys_training_is_told_apart() {
             ["sampling", "sections to fit", "solid voxels"].map(|work| refused.stderr.contains(work));
         assert_eq!(worked, [false; 3], "{}", refused.stderr);
     }
-}
-
-#[test]
-fn memory_is_checked_before_functions_are_chosen() {
-    let work = Workdir::new();
-    // Of what 1000 sections make of a batch; the choice alone would fit.
-    let train = format!("train {PART} {NETWORK} --online 1000 --memory 16MiB --out field");
-    let refused = work.imf(&train).refused(&["the sections and the network", "--online"]);
-    assert!(!refused.stderr.contains("functions:"), "{}", refused.stderr);
-    // And the choice by itself, though it is trained on few sections.
-    work.imf(&train.replace("1000 --memory 16MiB", "2 --memory 4MiB"))
-        .refused(&["the sections and the network"]);
-}
-
-#[test]
-#[cfg(unix)]
-fn a_pool_that_fills_polls_for_ctrl_c_between_two_sections() {
-    let work = Workdir::new();
-    // A thousand sections take seconds.
-    let train = "train bracket --dims 24,73,43 --degree 2 --network 1x16 --online 1000 --out field";
-    work.interrupted_once_it_says("training 3→", train)
-        .interrupted(&["is saved in field/checkpoint.safetensors", "--resume"]);
-    let file = FactoredFile::read(&work.path("field/checkpoint.safetensors")).unwrap();
-    // The first report would be at step 20.
-    assert_eq!(file.state.unwrap().training.step, 0, "the pool was filled first");
 }
 
 #[test]

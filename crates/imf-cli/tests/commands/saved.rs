@@ -31,7 +31,7 @@ fn options_of_a_part_are_refused_beside_a_saved_field() {
         let words = [name, "a saved field", "leave it out"];
         work.imf(&format!("{sections} --out none {option}")).refused(&words);
     }
-    for option in ["--pitch 3", "--contact 1", "--degree 4", "--online"] {
+    for option in ["--pitch 3", "--contact 1", "--degree 4"] {
         work.imf(&format!("train field.safetensors --out none {option}"))
             .refused(&["applies only to a part"]);
     }

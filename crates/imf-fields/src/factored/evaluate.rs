@@ -88,17 +88,6 @@ impl<'a> FactoredEvaluator<'a> {
         FactoredEvaluator { field, arch, plan, panels, split, split_functions, layers, places, local }
     }
 
-    /// Replaces the weights by others of the same shape; the layout stays.
-    ///
-    /// # Panics
-    /// If there are not as many.
-    pub fn set_parameters(&mut self, parameters: Vec<f32>) {
-        assert_eq!(parameters.len(), self.panels.len(), "as many weights as before");
-        transpose_all(&self.plan, &parameters, &mut self.panels);
-        self.split = SplitWeights::new(&self.plan, &parameters);
-        self.field.to_mut().parameters = parameters;
-    }
-
     /// The field that is evaluated.
     pub fn field(&self) -> &FactoredField {
         &self.field

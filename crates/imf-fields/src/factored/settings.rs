@@ -7,10 +7,8 @@ use crate::harmonic::HarmonicField;
 use crate::recipe::divergence::Watch;
 use crate::recipe::schedule::Schedule;
 use crate::recipe::{
-    AdamConfig, Cursor, Loss, OnlineSettings, Optimiser, RecipeError, SoapConfig, TrainingLength,
-    TrainingPlan, TrainingState,
+    AdamConfig, Cursor, Loss, Optimiser, RecipeError, SoapConfig, TrainingLength, TrainingPlan, TrainingState,
 };
-use crate::siren::ShapeError;
 
 /// How a factored field is trained.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -29,11 +27,7 @@ pub struct DistillSettings {
     /// Steps between two solutions of the output layer in closed form, one of which ends the training, and one begins it if it has
     /// no more than 400 steps; 0 for none. They are of least squares, whatever the plan's loss.
     pub solve_every: u64,
-    /// How sections come and go where the network is trained by them alone: no output layer is solved for then. Nothing where a
-    /// harmonic field is distilled. [`DistillSettings::of_sections`] has the rates for it.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub online: Option<OnlineSettings>,
-    /// The obstacle's symmetry as a prior, where a harmonic field of directions is distilled: [`Symmetry::of`] finds what there is.
+    /// The obstacle's symmetry as a prior, for a field of directions: [`Symmetry::of`] finds what there is.
     #[serde(skip_serializing_if = "Symmetry::is_none")]
     pub symmetry: Symmetry,
     /// CRC-32 of the weights of another field that it begins with; none where they are random.
@@ -43,14 +37,10 @@ pub struct DistillSettings {
 
 /// Steps in which the rate rises; a closed-form output layer needs few.
 const WARMUP: u64 = 10;
-/// The highest rate from a training's length; it falls to 0 over it.
-const fn rates(shorter: f32) -> Schedule {
-    Schedule::Length { initial: 1.5e-3, steps: 1000, power: 0.75, shorter, warmup: WARMUP }
-}
-/// Short trainings hardly change the sines that they begin with, and the output layer is solved for.
-const RATES: Schedule = rates(0.6);
-/// Where it is not, it is learnt.
-const RATES_BY_SECTIONS: Schedule = rates(0.0);
+/// The highest rate from a training's length; it falls to 0 over it. Short ones hardly change the sines that they begin with, and the
+/// output layer is solved for.
+const RATES: Schedule =
+    Schedule::Length { initial: 1.5e-3, steps: 1000, power: 0.75, shorter: 0.6, warmup: WARMUP };
 
 /// The highest rate from another field's network, and steps between two solutions of the output layer: higher rates lose what it
 /// knows in the first steps, before there are moments to go by.
@@ -75,7 +65,6 @@ impl Default for DistillSettings {
             },
             optimiser: Optimiser::Soap(SoapConfig::default()),
             solve_every: 25,
-            online: None,
             symmetry: Symmetry::default(),
             from: None,
         }
@@ -102,14 +91,6 @@ impl DistillSettings {
         Self { plan, solve_every: SOLVE_OF_ANOTHER, ..usual }
     }
 
-    /// The defaults for a length of a training by sections that come and go like this.
-    #[must_use]
-    pub fn of_sections(length: TrainingLength, online: OnlineSettings) -> Self {
-        let usual = Self::of_length(length);
-        let plan = TrainingPlan { schedule: RATES_BY_SECTIONS, ..usual.plan };
-        Self { plan, online: Some(online), ..usual }
-    }
-
     /// The rates of a training from the highest, which by default follows from the length.
     pub fn rates_from(highest: f32) -> Schedule {
         Schedule::Cosine { initial: highest, last: 0.0, warmup: WARMUP }
@@ -127,6 +108,18 @@ impl DistillSettings {
         FactoredShape { width, hidden, omega, components, folded: false, symmetry }
     }
 
+    /// The network that learns a field.
+    #[must_use]
+    pub fn shape_for(&self, teacher: &HarmonicField) -> FactoredShape {
+        self.shape(self.outputs(teacher))
+    }
+
+    /// Voxels of a step.
+    #[must_use]
+    pub fn batch(&self, teacher: &HarmonicField) -> usize {
+        self.plan.batch.min(teacher.grid.len())
+    }
+
     /// The random start of a training.
     pub fn start(&self, components: usize) -> FactoredState {
         FactoredState::new(&self.shape(components), self.plan.seed)
@@ -138,16 +131,12 @@ impl DistillSettings {
     /// A plan or shape out of range, by name.
     pub fn check(&self) -> Result<(), RecipeError> {
         self.plan.check()?;
-        self.online.map_or(Ok(()), |online| online.check())?;
         let refuse = |what: String| Err(RecipeError(what));
         if self.plan.loss == Loss::L1Small {
             return refuse("loss l1-small is for the paper's network, whose outputs are shares".into());
         }
         if let Some(fault) = self.symmetry.fault() {
             return refuse(fault);
-        }
-        if self.online.is_some() && !self.symmetry.is_none() {
-            return refuse(ShapeError::Symmetry.to_string());
         }
         self.shape(1).check().map_err(|error| RecipeError(error.to_string()))
     }

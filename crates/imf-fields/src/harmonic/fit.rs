@@ -26,9 +26,9 @@ mod sections;
 mod solve;
 mod source;
 
-use super::basis::{Basis, Domain};
+use super::basis::Domain;
 use super::mirror::Planes;
-use super::settings::{FitReport, FitSettings};
+use super::settings::FitSettings;
 use super::{HarmonicError, HarmonicField};
 use crate::metrics::Validation;
 use crate::parallel::*;
@@ -39,7 +39,7 @@ use passes::{FitResult, Start, count_sections};
 use sample::section_error;
 use solve::row_major;
 
-pub use source::{Source, SourceScratch};
+use source::Source;
 
 /// Sections held at a time: enough to fill the products, within this memory.
 const BATCH_BYTES: usize = 256 << 20;
@@ -70,9 +70,7 @@ pub fn fit(
     settings: &FitSettings,
     control: Control<'_>,
 ) -> Result<HarmonicField, HarmonicError> {
-    // The sample's own orientations give means alone.
-    let rough = FitSettings { held_out: settings.held_out.min(ROUGH), ..*settings };
-    let mut field = begin(plan, domain, &rough, control, |source, start| {
+    let mut field = begin(plan, domain, settings, control, |source, start| {
         let FitResult { components, mean, coefficients, report } = match settings.one_pass {
             true if settings.in_classes(domain) => {
                 start.class_by_class(source, settings.precision, control)?
@@ -148,47 +146,13 @@ fn fitted_grid(plan: &SectionPlan, domain: Domain, quantity: Quantity) -> Grid {
     Grid { dims: Planes::of_plan(plan, domain, quantity).side(), ..*plan.grid() }
 }
 
-/// The functions of a field without its coefficients, as determined by a sample of voxels.
-pub struct Outline {
-    /// The functions of the orientation.
-    pub basis: Basis,
-    /// U: `[K][components]`, orthonormal columns.
-    pub components: Vec<f32>,
-    /// μ: `[K]`.
-    pub mean: Vec<f32>,
-    /// Root mean square of the coefficients along the axes; 1 where all are 0.
-    pub scale: f32,
-    /// Their measured errors.
-    pub report: FitReport,
-}
-
-/// Determines functions, mean and scale from a sample of voxels, and retains no section. One unit of progress is one
-/// section, each but the held-out ones computed once.
-///
-/// # Errors
-/// As [`fit`].
-pub fn outline(
-    plan: &SectionPlan,
-    domain: Domain,
-    settings: &FitSettings,
-    control: Control<'_>,
-) -> Result<Outline, HarmonicError> {
-    begin(plan, domain, settings, control, |source, start| {
-        let (solved, components, report) = start.sampled(&start.dense()?, source, control)?;
-        let kept = (components.transpose() * &solved.covariance * &components).trace().max(0.0)
-            / components.ncols() as f64;
-        Ok(Outline {
-            basis: start.basis,
-            components: row_major(&components),
-            mean: solved.mean.iter().map(|&v| v as f32).collect(),
-            scale: if kept > 0.0 { kept.sqrt() as f32 } else { 1.0 },
-            report,
-        })
-    })
-}
-
 /// Sections that [`fit`] computes.
 pub fn section_count(domain: Domain, settings: &FitSettings) -> usize {
     let passes = if settings.one_pass { 1 } else { 2 };
-    passes * settings.sizes(domain).sections + settings.held_out.min(ROUGH) + settings.held_out
+    passes * settings.sizes(domain).sections + rough_count(domain, settings) + settings.held_out
+}
+
+/// Sections at which a sample of voxels gives the functions' means.
+fn rough_count(domain: Domain, settings: &FitSettings) -> usize {
+    if settings.in_classes(domain) { ROUGH } else { 0 }
 }

@@ -156,8 +156,7 @@ pub struct FitReport {
     pub sections: usize,
     /// Mean squared error due to the dropped components, estimated from a sample of voxels: a part of the whole error.
     pub dropped: f64,
-    /// The error at orientations that were not fitted: of a field as it is saved, over all voxels; of an
-    /// outline, over the sample's.
+    /// The error at orientations that were not fitted, of the field as it is saved, over all voxels.
     pub validation: Validation,
 }
 

@@ -11,7 +11,7 @@ use imf_fields::recipe::schedule::Schedule;
 use imf_fields::recipe::{Loss, Optimiser, SoapConfig, TrainingLength, TrainingPlan};
 use imf_fields::siren::reference::{as_f64, rows};
 use imf_gpu::{Gpu, GpuTrainer, TrainerSettings};
-use imf_train::distill::{Target, distil, distil_on};
+use imf_train::distill::{distil, distil_on};
 
 use crate::devices::{every_device, numbers, open, worst};
 use crate::fields::scene;
@@ -86,7 +86,7 @@ fn engine(
     let TrainingPlan { adam, loss, .. } = settings.plan;
     let learning =
         TrainerSettings { adam, loss, optimiser: settings.optimiser, ..TrainerSettings::default() };
-    let batch = Target::from(teacher).batch(settings);
+    let batch = settings.batch(teacher);
     GpuTrainer::new(gpu, stack, &learning, batch, &state.training).expect("an engine")
 }
 

@@ -21,8 +21,8 @@ use imf_core::tool::Tool;
 use imf_fields::factored::file::FactoredFile;
 use imf_fields::factored::targets::Targets;
 use imf_fields::factored::{
-    DistillSettings, FactoredEvaluator, FactoredField, FactoredShape, FactoredState, INPUTS, PointScratch,
-    Symmetry, reference,
+    DistillSettings, FactoredEvaluator, FactoredField, FactoredShape, INPUTS, PointScratch, Symmetry,
+    reference,
 };
 use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::coefficients::StoragePrecision;
@@ -338,5 +338,4 @@ fn what_does_not_fit_is_refused_by_name() {
 mod calibration;
 mod evaluators;
 mod files;
-mod sections;
 mod symmetry;

@@ -52,9 +52,6 @@ impl SavedField {
         match &self.saved {
             FieldFile::Siren(_) => "from a network trained on exact sections",
             FieldFile::Harmonic(_) => "from a harmonic fit to exact sections",
-            FieldFile::Factored(file) if file.settings.online.is_some() => {
-                "from a network trained on exact sections"
-            }
             FieldFile::Factored(_) => "from a network distilled from a harmonic fit to exact sections",
         }
     }

@@ -184,16 +184,9 @@ fn factored(file: &FactoredFile, size: &str) -> Family {
     let family = format!("factored, {shape}, ω = {}, {parameters} parameters, file of {size}", shape.omega);
     let of = format!("degree {} from {} exact sections", fit.degree, report.sections);
     let errors = validation_text(&report.validation, field.quantity, file.scene.record.unit);
-    let teacher = match settings.online {
-        None => format!("harmonic field of {of}, {errors}"),
-        Some(online) => format!(
-            "fresh exact sections, {} at a time, along functions of {of} of a sample of voxels, a fit of which has {errors}",
-            online.pool
-        ),
-    };
     let made = vec![
         ("symmetry", format!("the network is reduced by: {}", shape.symmetry)),
-        ("teacher", teacher),
+        ("teacher", format!("harmonic field of {of}, {errors}")),
         resumable(state.is_some()),
     ];
     let json = json!({

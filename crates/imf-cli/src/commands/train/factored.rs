@@ -1,5 +1,4 @@
-//! A factored field: distilled from a harmonic field, one of a file or one that is fitted first, or trained by a part's exact
-//! sections. `imf demo` makes its field so too.
+//! A factored field: distilled from a harmonic field, one of a file or one that is fitted first. `imf demo` makes its field so too.
 
 use std::path::Path;
 
@@ -16,7 +15,6 @@ use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::coefficients::StoragePrecision;
 use imf_fields::harmonic::file::HarmonicFile;
 use imf_train::dataset::Manifest;
-use imf_train::distill::SectionSource;
 use serde_json::json;
 
 use super::harmonic;
@@ -28,7 +26,7 @@ use crate::commands::calibrate::calibrate_written;
 use crate::commands::field::is_field;
 use crate::engine::Device;
 use crate::interrupt;
-use crate::job::{self, Distillation, FIELD, FactoredStart, Settings, Source};
+use crate::job::{self, Distillation, FIELD, FactoredStart, Settings};
 use crate::output::{OutputFolder, lock_folder, print_result, require_other};
 use crate::session::{Session, show_bytes};
 
@@ -36,7 +34,7 @@ use crate::session::{Session, show_bytes};
 const VALIDATED: usize = 64;
 
 pub(super) fn run(session: &Session, arguments: &FactoredArguments) -> Result<()> {
-    let FactoredArguments { explicit, scene, contact, quantity, run, start, degree, online, .. } = arguments;
+    let FactoredArguments { explicit, scene, contact, quantity, run, start, degree, .. } = arguments;
     let subject = Path::new(&scene.part);
     if FactoredFile::is_one(subject) {
         bail!(
@@ -55,19 +53,9 @@ pub(super) fn run(session: &Session, arguments: &FactoredArguments) -> Result<()
     let is_saved = is_field(subject);
     if is_saved {
         let whose = "a part, and the harmonic field was made with its own";
-        explicit.refuse_scene(&["degree", "online"], whose)?;
+        explicit.refuse_scene(&["degree"], whose)?;
     }
     let (settings, set) = arguments.settings()?;
-    let of_distillation = match (&start.from, set.symmetry) {
-        (Some(_), _) => Some("--from"),
-        (None, Some(true)) => Some("--set symmetry=true"),
-        _ => None,
-    };
-    if let (Some(option), Some(_)) = (of_distillation, online) {
-        bail!(
-            "{option} applies only to a harmonic field that is distilled, and with --online none is: leave out one of them"
-        );
-    }
     let read = |path| Ok::<_, anyhow::Error>((path, FactoredFile::read(path)?));
     let from = start.from.as_deref().map(read).transpose()?;
     let folder = OutputFolder::check(&run.out)?;
@@ -87,8 +75,7 @@ pub(super) fn run(session: &Session, arguments: &FactoredArguments) -> Result<()
     settings = begun.resolve_settings(run.rate, set.optimiser(), settings);
     let symmetry = match &from {
         Some((_, from)) => Some(from.settings.symmetry),
-        // Sections do not show it.
-        None => begun.symmetry(set.symmetry.unwrap_or(true) && online.is_none()),
+        None => begun.symmetry(set.symmetry.unwrap_or(true)),
     };
     settings.symmetry = symmetry.unwrap_or_default();
     begun.require_settings(&settings)?;
@@ -107,7 +94,7 @@ pub(super) fn run(session: &Session, arguments: &FactoredArguments) -> Result<()
         find_symmetry: symmetry.is_none(),
         precision: if arguments.half { StoragePrecision::F16 } else { StoragePrecision::F32 },
         beside: beside(checkpoint_every(set.checkpoint_every)?, "add --resume"),
-        smaller: "use a lower --degree, a smaller --network or --online, or a larger --pitch",
+        smaller: "use a lower --degree, a smaller --network, or a larger --pitch",
         start: &begun,
     };
     let from = from.as_ref().map(|(_, from)| from);
@@ -119,7 +106,7 @@ pub(super) fn run(session: &Session, arguments: &FactoredArguments) -> Result<()
             None => {
                 folder.create()?;
                 let _lock = lock_folder(&folder.path)?;
-                distillation.run(session, &device, &Source::from(&field), from)?
+                distillation.run(session, &device, &field, from)?
             }
         }
     } else {
@@ -137,8 +124,8 @@ pub(crate) fn beside(checkpoint_every: f64, go_on: &'static str) -> Settings {
 }
 
 /// The field of a scene, written to the folder, with the last loss. Where a training is resumed that has steps left, the harmonic
-/// field is fitted, or the functions are chosen, once more. What cannot be is refused before. The harmonics are of `degree`, by
-/// default that of their kind of functions.
+/// field is fitted once more. What cannot be is refused before. The harmonics are of `degree`, by default that of their kind of
+/// functions.
 pub(crate) fn of_scene(
     session: &Session,
     device: &Device,
@@ -157,19 +144,9 @@ pub(crate) fn of_scene(
     }
     job::require_memory(session, &settings, &fit, domain, scene.record.grid.len(), smaller)?;
     let plan = SectionPlan::of_scene(scene, ToolPoints::Tip)?;
-    if settings.online.is_some() {
-        // The functions that sections are learnt along, chosen by a sample of voxels.
-        let count = (fit.sizes(domain).sections + fit.held_out) as u64;
-        let sections = session.staged("functions", "sections", count, |control| {
-            SectionSource::new(&plan, domain, &fit, control)
-        })?;
-        let (target, report) = ((&sections).into(), sections.report());
-        let source = Source { target, scene, domain: sections.domain(), fit, report };
-        return distillation.run(session, device, &source, None);
-    }
     let field = harmonic::fit_field(session, scene, &plan, domain, fit, smaller)?;
     drop(plan);
-    distillation.run(session, device, &Source::from(&field), from)
+    distillation.run(session, device, &field, from)
 }
 
 /// The end of a training: its error, error rates of the field's decisions, and its closing lines.
@@ -185,7 +162,7 @@ fn conclude(
     let (scene, quantity, plan) = (file.scene.clone(), file.field.quantity, file.settings.plan);
     let random = file.field.basis.random_set(VALIDATED, plan.seed)?.orientations;
     let parameters = file.field.parameter_count();
-    let (settings, source) = (file.settings, file.report);
+    let (settings, teacher) = (file.settings, file.report);
     let validation = {
         let sections = SectionPlan::of_scene(&scene, ToolPoints::Tip)?;
         let exact = ExactReference::new(&sections, quantity, None)?;
@@ -197,13 +174,13 @@ fn conclude(
     };
     let bytes = std::fs::metadata(&path).with_context(|| format!("cannot read {}", path.display()))?.len();
     let json = json!({
-        "field": path, "bytes": bytes, "parameters": parameters, "loss": loss, "settings": settings, "source": source,
+        "field": path, "bytes": bytes, "parameters": parameters, "loss": loss, "settings": settings, "source": teacher,
         "quantity": quantity, "validation": validation, "verdict": quality.json(),
     });
-    let source = if settings.online.is_some() { "exact sections" } else { "the harmonic field" };
     // None where a finished training was to go on.
-    let loss =
-        loss.map_or_else(String::new, |loss| format!("MSE from {source} in the last steps {loss:.1e}, "));
+    let loss = loss.map_or_else(String::new, |loss| {
+        format!("MSE from the harmonic field in the last steps {loss:.1e}, ")
+    });
     let (shown, size) = (path.display(), show_bytes(bytes));
     let error = validation_text(&validation, quantity, scene.record.unit);
     let text =

@@ -1,7 +1,7 @@
 //! What a fit takes of memory.
 
 use super::sections::{CachedSections, memory_by_parts};
-use super::{VALIDATED_AT_ONCE, batch_size, fitted_grid};
+use super::{VALIDATED_AT_ONCE, batch_size, fitted_grid, rough_count};
 use crate::harmonic::basis::Domain;
 use crate::harmonic::coefficients::StoragePrecision;
 use crate::harmonic::settings::{FitSettings, Sizes};
@@ -43,21 +43,16 @@ impl FitSettings {
             return (peak.max(validated), own);
         }
         let field = own / voxels as u64 * plan.grid().len() as u64;
-        // Held-out values of the mirror images, which are measured together with one side.
+        // Values of the mirror images, which count for the means together with one side's.
         let sides = plan.grid().len().div_ceil(voxels);
-        let judged = (self.sample.min(voxels) * self.held_out * (sides - 1) * 4) as u64;
-        ((peak + judged).max(own + field).max(validated), field)
-    }
-
-    /// Bytes at the peak of deciding on a field's functions by a sample of its `voxels` voxels.
-    pub fn outline_memory(&self, domain: Domain, voxels: usize) -> u64 {
-        self.sample_bytes(domain, voxels) + square_bytes(self.sizes(domain).functions)
+        let rough = (self.sample.min(voxels) * rough_count(domain, self) * (sides - 1) * 4) as u64;
+        ((peak + rough).max(own + field).max(validated), field)
     }
 
     /// What the sample of voxels takes, by estimate.
     fn sample_bytes(&self, domain: Domain, voxels: usize) -> u64 {
         let Sizes { functions, sections, .. } = self.sizes(domain);
-        (self.sample.min(voxels) * (sections + self.held_out + functions) * 4) as u64
+        (self.sample.min(voxels) * (sections + rough_count(domain, self) + functions) * 4) as u64
     }
 }
 

@@ -15,6 +15,7 @@ use crate::harmonic::basis::{Basis, Domain};
 use crate::harmonic::coefficients::{Coefficients, StoragePrecision};
 use crate::harmonic::mirror::{Parity, Planes};
 use crate::harmonic::settings::{FitReport, FitSettings, Sizes};
+use crate::metrics::Validation;
 use crate::siren::matrix::{Matrix, multiply};
 use imf_core::control::Control;
 use imf_core::orientation::Orientation;
@@ -69,19 +70,6 @@ impl Start {
         Ok(Dense { values, normal })
     }
 
-    /// Results for the sample's voxels alone, by a pass over the orientations.
-    pub(super) fn sampled(
-        &self,
-        dense: &Dense,
-        source: &Source<'_>,
-        control: Control<'_>,
-    ) -> Result<(SampleSolution, DMatrix<f64>, FitReport), HarmonicError> {
-        let own = gather(source, &self.set, &self.sample.places, control)?;
-        let solved = self.solved(&own, dense, control)?;
-        let (components, report) = self.components_of(&solved);
-        Ok((solved, components, report))
-    }
-
     /// Results of the sample's values at the fitted orientations, `[orientation][voxel]`.
     fn solved(
         &self,
@@ -101,9 +89,13 @@ impl Start {
     fn components_of(&self, solved: &SampleSolution) -> (DMatrix<f64>, FitReport) {
         let (components, dropped) =
             principal_components(&solved.covariance, &self.parities, self.sizes.components);
-        let sections = self.sizes.sections;
-        let report = self.sample.report(&solved.coefficients, &self.basis, |place| place, sections, dropped);
-        (components, report)
+        (components, self.report(dropped))
+    }
+
+    /// What is known before the field is held against exact sections; `dropped` by the axes left out.
+    fn report(&self, dropped: f64) -> FitReport {
+        let (functions, sections) = (self.basis.len(), self.sizes.sections);
+        FitReport { functions, sections, dropped, validation: Validation::default() }
     }
 
     /// Axes and mean where all functions are retained as they are; they depend on no section.
@@ -129,34 +121,20 @@ impl Start {
         let workspaces = Workspaces::default();
         let (components, mean) = self.components_of_classes()?;
         let start: Vec<f32> = order.iter().map(|&function| -mean[function] as f32).collect();
-        let solve = |sections: &CachedSections, start: Option<&[f32]>, z: &mut Coefficients, first| {
+        let solve = |sections: &CachedSections, z: &mut Coefficients, first| {
             let voxels = first..first + sections.voxels;
             // A block's sums of the classes, a quarter of a megabyte, stay in the inner caches.
             z.fill_by_blocks(voxels, functions, CACHE_BLOCK, &workspaces, |sums, block, z| {
-                match start {
-                    Some(start) => z.chunks_exact_mut(functions).for_each(|z| z.copy_from_slice(start)),
-                    None => z.fill(0.0),
-                }
+                z.chunks_exact_mut(functions).for_each(|z| z.copy_from_slice(&start));
                 weights.add(arch, sections, block, z, sums);
             });
         };
         let mut coefficients = Coefficients::zeros(source.grid().len() * functions, precision);
-        let mut at_sample = Coefficients::zeros(self.sample.places.len() * functions, StoragePrecision::F32);
-        let mut sampled = 0;
         let mut parts = Parts::new(source, &self.set, control)?;
         while let Some((first, sections)) = parts.next(control)? {
-            solve(sections, Some(&start), &mut coefficients, first);
-            let places = self.sample.places_in(first, sections.voxels);
-            if !places.is_empty() {
-                solve(&sections.at(&places), None, &mut at_sample, sampled);
-                sampled += places.len();
-            }
+            solve(sections, &mut coefficients, first);
         }
-        drop(parts);
-        let mut scratch = Vec::new();
-        let sampled = at_sample.read(0, at_sample.len(), &mut scratch);
-        let report = self.sample.report(sampled, &self.basis, |place| order[place], self.sizes.sections, 0.0);
-        Ok(FitResult { components, mean, coefficients, report })
+        Ok(FitResult { components, mean, coefficients, report: self.report(0.0) })
     }
 
     /// One pass, whose sections stay in memory: those of the sample decide on the axes, then every block of voxels becomes
@@ -199,7 +177,9 @@ impl Start {
         control: Control<'_>,
     ) -> Result<FitResult, HarmonicError> {
         let dense = self.dense()?;
-        let (solved, mut components, report) = self.sampled(&dense, source, control)?;
+        let own = gather(source, &self.set, &self.sample.places, control)?;
+        let solved = self.solved(&own, &dense, control)?;
+        let (mut components, report) = self.components_of(&solved);
         let mut mean = solved.mean;
         if in_classes {
             (components, mean) = self.components_of_classes()?;

@@ -1,30 +1,28 @@
-//! Exact values at a sample of voxels: what decides on the axes, and what the errors are estimated from.
+//! Exact values at a sample of voxels: what decides on the axes.
 
 use crate::parallel::*;
 use nalgebra::DMatrix;
 
-use super::BLOCK;
 use super::solve::NormalMatrix;
 use super::source::{Source, SourceScratch};
+use super::{BLOCK, ROUGH};
 use crate::harmonic::HarmonicError;
 use crate::harmonic::basis::Basis;
 use crate::harmonic::mirror::Planes;
-use crate::harmonic::settings::{FitReport, FitSettings};
-use crate::metrics::{Validation, larger};
-use crate::siren::matrix::{Matrix, multiply, product};
+use crate::harmonic::settings::FitSettings;
+use crate::metrics::larger;
+use crate::siren::matrix::{Matrix, multiply};
 use imf_core::control::Control;
 use imf_core::orientation::Orientation;
-use imf_core::section::{Quantity, SectionError};
+use imf_core::section::SectionError;
 
-/// Voxels of a sample, and exact values there at orientations that are not fitted.
+/// Voxels of a sample, and where means are needed before any section is fitted, exact values there at a few orientations.
 pub(super) struct Sample {
     /// In rising order.
     pub(super) places: Vec<usize>,
-    held_out: Vec<Orientation>,
-    /// `[held-out orientation][voxel]`.
-    judged: Vec<f32>,
-    quantity: Quantity,
-    pitch: f64,
+    few: Vec<Orientation>,
+    /// `[orientation of the few][voxel]`.
+    values: Vec<f32>,
 }
 
 impl Sample {
@@ -46,27 +44,24 @@ impl Sample {
                 .collect()
         };
         places.sort_unstable();
-        let mut held_out = basis.random_set(settings.held_out, settings.seed)?.orientations;
-        let mut judged = gather(source, &held_out, &places, control)?;
+        if !settings.in_classes(basis.domain()) {
+            return Ok(Self { places, few: Vec::new(), values: Vec::new() });
+        }
+        let mut few = basis.random_set(ROUGH, settings.seed)?.orientations;
+        let mut values = gather(source, &few, &places, control)?;
         // With these the sections are whole again, and progress counts them as that.
-        let images = planes.images(&held_out);
-        judged.extend(gather(source, &images, &places, Control { progress: &|_| {}, ..control })?);
-        held_out.extend(images);
-        Ok(Self { places, held_out, judged, quantity: settings.quantity, pitch: source.grid().pitch })
+        let images = planes.images(&few);
+        values.extend(gather(source, &images, &places, Control { progress: &|_| {}, ..control })?);
+        few.extend(images);
+        Ok(Self { places, few, values })
     }
 
-    /// Those from voxel `first` on, `count` voxels' worth, counted from `first`.
-    pub(super) fn places_in(&self, first: usize, count: usize) -> Vec<usize> {
-        let place = |voxel| self.places.partition_point(|&place| place < voxel);
-        self.places[place(first)..place(first + count)].iter().map(|place| place - first).collect()
-    }
-
-    /// The likeliest means over all voxels of the functions' coefficients, by the orientations that are not fitted: known before
-    /// any section is, and near enough for deviations from them to be small.
+    /// The likeliest means over all voxels of the functions' coefficients, by a few orientations: known before any section is
+    /// fitted, and near enough for deviations from them to be small.
     pub(super) fn rough_means(&self, basis: &Basis) -> Result<Vec<f64>, HarmonicError> {
-        let values = basis.values_at(&self.held_out);
+        let values = basis.values_at(&self.few);
         let means = self
-            .judged
+            .values
             .chunks_exact(self.places.len())
             .map(|own| own.iter().map(|&value| f64::from(value)).sum::<f64>() / own.len() as f64);
         let mut right = DMatrix::zeros(basis.len(), 1);
@@ -90,33 +85,6 @@ impl Sample {
             multiply(out, functions, own.transposed(), Matrix::dense(values, functions), false);
         });
         right
-    }
-
-    /// The errors of the sample's coefficients, `[voxel][function]`, where they were not fitted; `dropped` by the axes left
-    /// out. The functions stand in `order`.
-    pub(super) fn report(
-        &self,
-        coefficients: &[f32],
-        basis: &Basis,
-        order: impl Fn(usize) -> usize,
-        sections: usize,
-        dropped: f64,
-    ) -> FitReport {
-        let functions = basis.len();
-        let values = basis.values_at(&self.held_out);
-        let (rows, order) = (values.chunks_exact(functions), &order);
-        let values: Vec<f32> =
-            rows.flat_map(|row| (0..functions).map(move |place| row[order(place)])).collect();
-        let of_voxels = Matrix::dense(coefficients, functions).transposed();
-        let predicted = product(Matrix::dense(&values, functions), of_voxels);
-        let voxels = self.places.len();
-        let rows = predicted.chunks_exact(voxels).zip(self.judged.chunks_exact(voxels));
-        let held = |value| self.quantity.clamp(value, self.pitch);
-        let errors: Vec<_> = rows.map(|(p, e)| section_error(p.iter().map(|&p| held(p)), e)).collect();
-        let sampled = Validation::of(&errors);
-        // The errors of dropped components add, since they are orthogonal to the retained ones.
-        let validation = Validation { mse: sampled.mse + dropped, ..sampled };
-        FitReport { functions, sections, dropped, validation }
     }
 }
 

@@ -3,11 +3,10 @@
 use crate::parallel::*;
 use nalgebra::{Cholesky, DMatrix, DMatrixViewMut, DVector, Dyn, SymmetricEigen};
 
-use super::BLOCK;
 use crate::harmonic::HarmonicError;
 use crate::harmonic::basis::Basis;
 use crate::harmonic::mirror::Parity;
-use crate::siren::matrix::{Matrix, multiply, product};
+use crate::siren::matrix::{Matrix, product};
 use imf_core::control::Control;
 use imf_core::section::SectionError;
 
@@ -142,8 +141,6 @@ pub(super) fn gram(values: &[f32], columns: usize) -> DMatrix<f64> {
 pub(super) struct SampleSolution {
     pub mean: DVector<f64>,
     pub(super) covariance: DMatrix<f64>,
-    /// `[voxel][function]` of the sample.
-    pub(super) coefficients: Vec<f32>,
 }
 
 impl SampleSolution {
@@ -160,14 +157,7 @@ impl SampleSolution {
         let mut covariance = normal.solve(half.transpose(), control)?;
         drop(half);
         covariance.ger(-1.0, &mean, &mean, 1.0);
-        let inverse = row_major(&normal.solve(DMatrix::identity(functions, functions), control)?);
-        let mut coefficients = vec![0.0; right.len()];
-        let blocks = right.par_chunks(BLOCK * functions).zip(coefficients.par_chunks_mut(BLOCK * functions));
-        blocks.for_each(|(right, out)| {
-            let (right, inverse) = (Matrix::dense(right, functions), Matrix::dense(&inverse, functions));
-            multiply(out, functions, right, inverse, false);
-        });
-        Ok(Self { mean, covariance, coefficients })
+        Ok(Self { mean, covariance })
     }
 
     /// Statistics of both sides from a sample of one: the covariance has nothing between even and odd functions, and

@@ -17,7 +17,7 @@ pub(super) const UNIT: f32 = 1.0 / STEPS;
 const STEPS: f32 = 65535.0;
 
 /// Where the values of an orientation come from.
-pub enum Source<'a> {
+pub(super) enum Source<'a> {
     /// Overlaps.
     Overlap(&'a SectionPlan),
     /// Signed penetration depths.
@@ -26,7 +26,7 @@ pub enum Source<'a> {
 
 /// Working memory of one thread.
 #[derive(Default)]
-pub struct SourceScratch {
+pub(super) struct SourceScratch {
     arch: Arch,
     sections: SectionScratch,
     depths: DepthScratch,
@@ -38,14 +38,14 @@ impl<'a> Source<'a> {
     ///
     /// # Errors
     /// A tool that depths cannot be made of.
-    pub fn new(plan: &'a SectionPlan, quantity: Quantity) -> Result<Self, SectionError> {
+    pub(super) fn new(plan: &'a SectionPlan, quantity: Quantity) -> Result<Self, SectionError> {
         Ok(match quantity {
             Quantity::Overlap => Self::Overlap(plan),
             Quantity::Depth => Self::Depth(Box::new(DepthPlan::of(plan)?)),
         })
     }
 
-    pub(crate) fn grid(&self) -> &Grid {
+    pub(super) fn grid(&self) -> &Grid {
         match self {
             Self::Overlap(plan) => plan.grid(),
             Self::Depth(plan) => plan.grid(),
@@ -53,7 +53,7 @@ impl<'a> Source<'a> {
     }
 
     /// What all values lie between.
-    pub(crate) fn range(&self) -> [f32; 2] {
+    pub(super) fn range(&self) -> [f32; 2] {
         match self {
             Self::Overlap(_) => [0.0, 1.0],
             Self::Depth(plan) => [-plan.bound(), plan.bound()],
@@ -61,13 +61,13 @@ impl<'a> Source<'a> {
     }
 
     /// The minimum value, and the size of one step of the held numbers: 0 and `UNIT` for overlaps.
-    pub fn steps(&self) -> (f32, f32) {
+    pub(super) fn steps(&self) -> (f32, f32) {
         let [low, high] = self.range();
         (low, (high - low) * UNIT)
     }
 
     /// The values of one orientation, C-ordered.
-    pub(crate) fn section(
+    pub(super) fn section(
         &self,
         orientation: &Orientation,
         scratch: &mut SourceScratch,
@@ -81,7 +81,7 @@ impl<'a> Source<'a> {
 
     /// The same as parts of their range in steps of 1/65535: their rounding, 4e-6 of the range in the root mean square, is a
     /// thousandth of any field's error.
-    pub fn kept(
+    pub(super) fn kept(
         &self,
         orientation: &Orientation,
         scratch: &mut SourceScratch,
@@ -107,7 +107,7 @@ impl<'a> Source<'a> {
 
 impl SourceScratch {
     /// Overlaps over the next planes of a walk, held as by [`Source::kept`].
-    pub(crate) fn advance(
+    pub(super) fn advance(
         &mut self,
         plan: &SectionPlan,
         cursor: &mut SectionCursor,

@@ -1,7 +1,6 @@
-//! Every way to evaluate is the definition: sections, minima, poses, gradients; weights that change.
+//! Every way to evaluate is the definition: sections, minima, poses, gradients.
 
 use super::*;
-use imf_core::orientation::Orientation;
 
 #[test]
 fn every_way_to_evaluate_is_the_definition() {
@@ -98,26 +97,5 @@ fn gradients_of_single_poses_are_central_differences_on_every_instruction_set() 
                 assert!((slope - expected).abs() < 2e-3, "{arch:?}: {slope}, {expected}");
             }
         }
-    }
-}
-
-#[test]
-fn an_evaluator_that_takes_over_other_weights_is_one_of_these() {
-    let harmonic = harmonic();
-    let shape = settings(1).shape(harmonic.component_count());
-    let field = |seed| FactoredField::new(&harmonic, shape, shape.initial_parameters(seed)).unwrap();
-    let mut evaluator = field(3).into_evaluator();
-    let inputs = numbers(200 * INPUTS, 4);
-    let point = scene().record.grid.centre([4, 9, 20]);
-    let direction = Orientation::new(40.0, 70.0).direction();
-    for field in [field(7), field(5)] {
-        evaluator.set_parameters(field.parameters.clone());
-        let fresh = field.evaluator();
-        let answers = |evaluator: &FactoredEvaluator<'_>| {
-            let mut out = vec![f32::NAN; 200 * shape.components];
-            evaluator.outputs(&inputs, &mut out);
-            (out, evaluator.overlap_with_gradient(point, direction, &mut PointScratch::default()))
-        };
-        assert_eq!(answers(&evaluator), answers(&fresh));
     }
 }

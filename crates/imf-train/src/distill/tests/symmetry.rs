@@ -9,7 +9,6 @@ use imf_core::occupancy::Occupancy;
 use imf_fields::factored::{Axis, LocalHarmonics};
 use imf_fields::harmonic::VoxelCoefficients as _;
 use imf_fields::harmonic::basis::Basis;
-use imf_fields::recipe::OnlineSettings;
 
 /// Two planes; lines along each axis, alone and in a plane.
 fn symmetries() -> Vec<Symmetry> {
@@ -363,9 +362,4 @@ fn a_symmetry_reduced_network_learns_more_and_stays_what_it_is() {
     field.evaluator().sections(&field.direction_weights(&set), &mut found);
     few.sections(&few.direction_weights(&set), &mut expected);
     assert!(mean_square(&found, &expected) < 1.5 * errors[1], "{errors:?}");
-
-    // Sections do not, nor do fields over rotations; files that say so are damaged.
-    let online = DistillSettings { online: Some(OnlineSettings::default()), ..settings };
-    let refused = online.check().unwrap_err();
-    assert!(refused.to_string().contains("nor by sections"), "{refused}");
 }
