@@ -38,7 +38,6 @@ use imf_core::section::{Quantity, SectionPlan};
 use passes::{FitResult, Start, count_sections};
 use sample::section_error;
 use solve::row_major;
-
 use source::Source;
 
 /// Sections held at a time: enough to fill the products, within this memory.
@@ -70,24 +69,36 @@ pub fn fit(
     settings: &FitSettings,
     control: Control<'_>,
 ) -> Result<HarmonicField, HarmonicError> {
-    let mut field = begin(plan, domain, settings, control, |source, start| {
-        let FitResult { components, mean, coefficients, report } = match settings.one_pass {
-            true if settings.in_classes(domain) => {
-                start.class_by_class(source, settings.precision, control)?
-            }
-            true => start.in_one_pass(source, settings.precision, control)?,
-            false => start.in_two_passes(source, settings.precision, settings.in_classes(domain), control)?,
-        };
-        Ok(HarmonicField {
-            quantity: settings.quantity,
-            grid: *plan.grid(),
-            coefficients: start.planes.unfolded(coefficients, &start.parities_of(&components)),
-            basis: start.basis,
-            components: row_major(&components),
-            mean: mean.iter().map(|&v| v as f32).collect(),
-            report,
-        })
-    })?;
+    settings.check()?;
+    if domain == Domain::Directions && Domain::of_tool(plan.tool()) == Domain::Rotations {
+        let name = &plan.tool().name;
+        return Err(HarmonicError::Settings(format!(
+            "the tool '{name}' is not round, so that its roll matters: choose functions of rotations (Domain::of_tool says which)"
+        )));
+    }
+    // Restricted to one side where the scene is its own mirror image.
+    let planes = Planes::of_plan(plan, domain, settings.quantity);
+    let grid = Grid { dims: planes.side(), ..*plan.grid() };
+    let side = if planes.is_empty() { None } else { Some(plan.over(&grid)?) };
+    let source = Source::new(side.as_ref().unwrap_or(plan), settings.quantity)?;
+    let start = Start::new(&source, domain, settings, planes, control)?;
+    let in_classes = settings.in_classes(domain);
+    let FitResult { components, mean, coefficients, report } = match settings.one_pass {
+        true if in_classes => start.class_by_class(&source, settings.precision, control)?,
+        true => start.in_one_pass(&source, settings.precision, control)?,
+        false => start.in_two_passes(&source, settings.precision, in_classes, control)?,
+    };
+    drop(source);
+    drop(side);
+    let mut field = HarmonicField {
+        quantity: settings.quantity,
+        grid: *plan.grid(),
+        coefficients: start.planes.unfolded(coefficients, &start.parities_of(&components)),
+        basis: start.basis,
+        components: row_major(&components),
+        mean: mean.iter().map(|&v| v as f32).collect(),
+        report,
+    };
     field.report.validation = validation(&field, plan, settings, control)?;
     Ok(field)
 }
@@ -116,29 +127,6 @@ fn validation(
         errors.extend(of_each);
     }
     Ok(Validation::of(&errors))
-}
-
-/// The common start of every fit: restricted to one side where the scene is its own mirror image.
-fn begin<T>(
-    plan: &SectionPlan,
-    domain: Domain,
-    settings: &FitSettings,
-    control: Control<'_>,
-    go_on: impl FnOnce(&Source<'_>, Start) -> Result<T, HarmonicError>,
-) -> Result<T, HarmonicError> {
-    settings.check()?;
-    if domain == Domain::Directions && Domain::of_tool(plan.tool()) == Domain::Rotations {
-        let name = &plan.tool().name;
-        return Err(HarmonicError::Settings(format!(
-            "the tool '{name}' is not round, so that its roll matters: choose functions of rotations (Domain::of_tool says which)"
-        )));
-    }
-    let planes = Planes::of_plan(plan, domain, settings.quantity);
-    let grid = Grid { dims: planes.side(), ..*plan.grid() };
-    let side = if planes.is_empty() { None } else { Some(plan.over(&grid)?) };
-    let source = Source::new(side.as_ref().unwrap_or(plan), settings.quantity)?;
-    let start = Start::new(&source, domain, settings, planes, control)?;
-    go_on(&source, start)
 }
 
 /// The voxels that a fit solves for: the whole grid, or one side where the scene is its own mirror image.

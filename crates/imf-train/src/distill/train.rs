@@ -77,13 +77,12 @@ pub fn train_to(
         Loss::L2 => f64::from(targets.scale) * f64::from(targets.scale),
     };
     let mut order = Voxels::new(plan, &field.grid, settings.symmetry, start.cursor);
-    let mut feed =
-        |at: Cursor, _: u64, rows: Range<usize>, inputs: &mut [f32], rows_of_targets: &mut [f32]| {
-            order.fill(at, &rows, inputs, rows_of_targets, |scratch, voxel, out| {
-                targets.read(voxel, scratch, out);
-            });
-            Ok(())
-        };
+    let mut feed = |at: Cursor, rows: Range<usize>, inputs: &mut [f32], rows_of_targets: &mut [f32]| {
+        order.fill(at, &rows, inputs, rows_of_targets, |scratch, voxel, out| {
+            targets.read(voxel, scratch, out);
+        });
+        Ok(())
+    };
     let mut output_layer = ClosedForm::new(field, &targets, settings);
     let mut settle = |done: u64, engine: &mut dyn TrainingEngine| output_layer.solve_after(done, engine);
     train_by(plan, voxels, &mut feed, &mut settle, engine, start, &mut |report, engine| {

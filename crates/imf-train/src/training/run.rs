@@ -151,11 +151,10 @@ impl TrainError {
 /// What happens at every report of a training; a break ends it.
 pub type Observer<'a> = dyn FnMut(&Report, &mut dyn TrainingEngine) -> ControlFlow<()> + 'a;
 
-/// Fills rows of a step's batch: its cursor, its number from the run's beginning, which rows (all, or those of this
-/// process), their `inputs` and `targets` as [`TrainingEngine::step`] takes them. What a row holds must follow from
-/// cursor, step and row alone.
+/// Fills rows of a step's batch: its cursor, which rows (all, or those of this process), their `inputs` and `targets` as
+/// [`TrainingEngine::step`] takes them. What a row holds must follow from cursor and row alone.
 pub(crate) type Feed<'a> =
-    dyn FnMut(Cursor, u64, Range<usize>, &mut [f32], &mut [f32]) -> Result<(), TrainError> + 'a;
+    dyn FnMut(Cursor, Range<usize>, &mut [f32], &mut [f32]) -> Result<(), TrainError> + 'a;
 
 /// Trains `engine` on `samples` from `start` to the plan's end, or until the observer breaks.
 ///
@@ -175,7 +174,7 @@ pub fn train(
     let start = start.into();
     let epoch = start.cursor.epoch;
     let mut order = (epoch, Permutation::new(samples.len(), plan.seed, epoch));
-    let mut feed = |cursor: Cursor, _: u64, rows: Range<usize>, inputs: &mut [f32], targets: &mut [f32]| {
+    let mut feed = |cursor: Cursor, rows: Range<usize>, inputs: &mut [f32], targets: &mut [f32]| {
         if order.0 != cursor.epoch {
             order = (cursor.epoch, Permutation::new(samples.len(), plan.seed, cursor.epoch));
         }
@@ -222,7 +221,7 @@ pub(crate) fn train_by(
         let count = plan.batch.min(samples - first);
         let rows = engine.rows_of_batch(count);
         let (inputs, targets) = (&mut inputs[..rows.len() * wide], &mut targets[..rows.len() * learnt]);
-        feed(Cursor { epoch, step: step_in_epoch }, step, rows, inputs, targets)?;
+        feed(Cursor { epoch, step: step_in_epoch }, rows, inputs, targets)?;
         let learning_rate = plan.schedule.rate(epoch, step, total_steps);
         if step == 0 {
             settle(step, engine)?;

@@ -234,10 +234,9 @@ pub fn train_streamed(
         }
         let thread = scope.spawn(move || reader.run(&empty, &send));
         let mut loaded = Groups { full, empty: give, current: None, waited: Duration::ZERO };
-        let mut feed =
-            |cursor: Cursor, _: u64, rows: Range<usize>, inputs: &mut [f32], targets: &mut [f32]| {
-                loaded.fill(cursor.epoch, cursor.step as usize * plan.batch + rows.start, inputs, targets)
-            };
+        let mut feed = |cursor: Cursor, rows: Range<usize>, inputs: &mut [f32], targets: &mut [f32]| {
+            loaded.fill(cursor.epoch, cursor.step as usize * plan.batch + rows.start, inputs, targets)
+        };
         let outcome = train_by(plan, samples, &mut feed, &mut |_, _| Ok(()), engine, start, observer);
         let waited = loaded.waited;
         stopped.store(true, std::sync::atomic::Ordering::Relaxed);
