@@ -212,10 +212,17 @@ struct Lattice {
     pitch: f32,
 }
 
-/// What a field's calibration decides by; beyond all values where it decides nothing.
+/// What a field's calibration decides by; beyond all values where it decides nothing. Around an axis nothing is decided, in single precision.
 struct Thresholds {
     free_up_to: f32,
     colliding_from: f32,
+    /// Along which axis of the world it lies: 0, 1 or 2.
+    along: u32,
+    /// Where, along the axis behind that, and the one behind that.
+    first: f32,
+    second: f32,
+    /// How far from it nothing is decided; −1 without an axis.
+    around: f32,
 }
 
 /// Jobs that count overlaps: one job is one orientation over one slab of the query box. Bits are the obstacle's.

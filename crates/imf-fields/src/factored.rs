@@ -37,7 +37,7 @@ pub use settings::{DistillSettings, FactoredState};
 pub use symmetry::{Axis, Symmetry};
 // For the trainer and the GPU twin.
 #[doc(hidden)]
-pub use symmetry::{ANGLE, Frame, Inputs, LocalHarmonics, Place};
+pub use symmetry::{ANGLE, AROUND_AXIS, Frame, Inputs, LocalHarmonics, Place};
 
 use std::borrow::Cow;
 

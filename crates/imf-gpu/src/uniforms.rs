@@ -94,7 +94,7 @@ blocks! {
         nx: u32, ny: u32, nz: u32, stride: u32, columns: u32, pitch: f32,
     }
     Thresholds {
-        free_up_to: f32, colliding_from: f32,
+        free_up_to: f32, colliding_from: f32, along: u32, first: f32, second: f32, around: f32,
     }
     Counting {
         planes: u32, lead_bits: u32, plane_bits: u32, line_bits: u32, jobs: u32, groups: u32, lines: u32,

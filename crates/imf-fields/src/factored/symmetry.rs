@@ -13,7 +13,9 @@
 //! any field can be written in turned frames; it helps where the part is nearly one of revolution.
 //!
 //! The field is as smooth as its network but for two places. Across a mirror plane values and slopes may jump, by about the field's
-//! error. On the axis the frame has no direction, and slopes near it would grow without end: within half a voxel they are held.
+//! error. On the axis the frame has no direction, and slopes near it would grow without end: within half a voxel they are held. No
+//! voxel is near enough to it to teach every angle, so that values err more there, and nothing is decided by them
+//! ([`AROUND_AXIS`]).
 
 mod found;
 mod local;
@@ -47,6 +49,9 @@ pub struct Axis {
     pub through: DVec3,
 }
 
+/// Voxels from an axis within which values decide nothing: they err by up to four times as much as elsewhere (measured in
+/// docs/lab/factored-fields.md).
+pub const AROUND_AXIS: f64 = 2.0;
 /// What the angle is given to the network by: its cosine and sine times this, so that it moves the first sines about as much
 /// as a position does.
 pub const ANGLE: f64 = 0.5;
@@ -201,6 +206,12 @@ impl std::fmt::Display for Symmetry {
 }
 
 impl Axis {
+    /// How far a position is from the line.
+    pub fn distance(&self, position: DVec3) -> f64 {
+        let [x, y, _] = Self::order(self.along).map(|axis| position[axis] - self.through[axis]);
+        x.hypot(y)
+    }
+
     /// The world's axes in an order that ends with this one, right-handed.
     pub(crate) const fn order(along: usize) -> [usize; 3] {
         [(along + 1) % 3, (along + 2) % 3, along]

@@ -151,7 +151,8 @@ pub fn calibrate(
         return Err(CalibrationError::NotFinite);
     }
     let values = |kind: Kind| {
-        let mut values: Vec<f32> = seen.iter().filter(|s| s.kind == kind).map(|s| s.value).collect();
+        let of_kind = seen.iter().filter(|s| s.kind == kind && s.decides);
+        let mut values: Vec<f32> = of_kind.map(|s| s.value).collect();
         values.sort_by(f32::total_cmp);
         values
     };
@@ -165,7 +166,7 @@ pub fn calibrate(
     let free_up_to = colliding
         .get(most as usize)
         .map(|value| value.next_down())
-        .filter(|&free| seen.iter().any(|seen| seen.value <= free));
+        .filter(|&free| seen.iter().any(|seen| seen.decides && seen.value <= free));
     let colliding_from = match most_errors(clear.len() as u64, 0.9 * goals.false_colliding, goals.confidence)
     {
         Some(most) => clear.iter().rev().nth(most as usize).map(|value| value.next_up()),
@@ -223,9 +224,10 @@ impl Calibration {
     }
 
     fn decision_rates(&self, seen: &[SampledPose]) -> DecisionRates {
+        let decided = |s: &SampledPose| if s.decides { self.decide(s.value) } else { Decision::Undecided };
         let count = |kind: Option<Kind>, decision: Option<Decision>| {
             let of = |s: &&SampledPose| {
-                kind.is_none_or(|k| k == s.kind) && decision.is_none_or(|d| d == self.decide(s.value))
+                kind.is_none_or(|k| k == s.kind) && decision.is_none_or(|d| d == decided(s))
             };
             seen.iter().filter(of).count() as u64
         };

@@ -1,8 +1,11 @@
 use crate::calibration::{Calibration, Goals};
+use crate::factored::{Axis, Symmetry};
 use crate::field::Field;
 use crate::field::calibrate::{CalibrationError, CalibrationSettings, calibrate, measure_rates};
-use crate::field::scenes::{calibration, harmonic, poses, scene};
+use crate::field::scenes::{calibration, harmonic, poses, scene, with_symmetry};
 use crate::field::tests::all;
+use crate::file::FieldFile;
+use glam::Vec3Swizzles as _;
 use imf_core::control::Control;
 use imf_core::field::{Decision, PoseField};
 use imf_core::tool::Tool;
@@ -88,7 +91,12 @@ fn what_cannot_be_shown_is_refused() {
 fn decisions_follow_the_thresholds_and_are_near_without() {
     let scene = scene(&Tool::paper(), 0.0);
     let asked = poses(&scene, 600, 5);
-    for (name, field) in all(&scene) {
+    let mut around_an_axis = 0;
+    let through = scene.record.grid.origin + 0.45 * scene.record.grid.size();
+    let symmetry = Symmetry { mirrors: [None; 3], axis: Some(Axis { along: 0, through }) };
+    let symmetric = FieldFile::Factored(Box::new(with_symmetry(&scene, symmetry)));
+    let symmetric = ("with symmetry", Field::new(symmetric).unwrap());
+    for (name, field) in all(&scene).into_iter().chain([symmetric]) {
         let mut raw = vec![0.0; asked.len()];
         field.values_unclipped(&asked, &mut raw).unwrap();
         let mut sorted = raw.clone();
@@ -99,16 +107,24 @@ fn decisions_follow_the_thresholds_and_are_near_without() {
         assert!(decisions.iter().all(|&d| d == Decision::Undecided), "{name}");
         let field = field.with_calibration(Some(calibration(free, blocked)));
         field.classify(&asked, &mut decisions).unwrap();
-        for (value, decision) in raw.iter().zip(&decisions) {
+        let axis = field.undecided_around();
+        for ((value, decision), pose) in raw.iter().zip(&decisions).zip(&asked) {
+            let is_around = axis.is_some_and(|(Axis { along, through }, around)| {
+                assert_eq!((along, around), (0, 2.0 * scene.record.grid.pitch), "{name}");
+                (pose.position - through).yz().length() <= around
+            });
             let expected = match value {
+                _ if is_around => Decision::Undecided,
                 v if *v <= free => Decision::Free,
                 v if *v >= blocked => Decision::Colliding,
                 _ => Decision::Undecided,
             };
             assert_eq!(*decision, expected, "{name}: {value}");
+            around_an_axis += usize::from(is_around && !(free..blocked).contains(value));
         }
         assert!(
             [Decision::Free, Decision::Colliding, Decision::Undecided].iter().all(|d| decisions.contains(d))
         );
     }
+    assert!(around_an_axis > 0);
 }

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use glam::{DQuat, DVec3};
 
 use crate::calibration::Calibration;
+use crate::factored::{AROUND_AXIS, Axis};
 use crate::field::LoadError;
 use crate::field::families::{Family, Kind, Scratch};
 use crate::file::FieldFile;
@@ -33,6 +34,8 @@ pub struct Field {
     family: Family,
     scene: Scene,
     calibration: Option<Calibration>,
+    /// Of a symmetry-reduced field: around it nothing is decided.
+    axis: Option<Axis>,
     /// The points at which the tool cuts, in its frame.
     pub(super) sharp_points: Vec<DVec3>,
     scratch: Workspaces<Scratch>,
@@ -60,6 +63,10 @@ impl Field {
     /// # Errors
     /// Weights that do not fit their network.
     pub fn new(file: FieldFile) -> Result<Self, LoadError> {
+        let axis = match &file {
+            FieldFile::Factored(file) => file.field.shape.symmetry.axis,
+            FieldFile::Siren(_) | FieldFile::Harmonic(_) => None,
+        };
         let (family, scene, calibration) = match file {
             FieldFile::Siren(model) => {
                 let network = CpuEvaluator::new(model.shape, &model.state.parameters)?;
@@ -75,7 +82,7 @@ impl Field {
         };
         prefer_unpacked();
         let sharp_points = scene.record.tool.sharp_point_positions(scene.record.grid.pitch);
-        Ok(Self { family, scene, calibration, sharp_points, scratch: Workspaces::default() })
+        Ok(Self { family, scene, calibration, axis, sharp_points, scratch: Workspaces::default() })
     }
 
     /// The same field with products in `f32` on every CPU, as GPUs make them: AMX's are ten times as far from the definition.
@@ -159,15 +166,24 @@ impl Field {
 
     /// The decision of an unclipped value of this field with the tip at a point, for those who have values by other ways.
     pub fn decide(&self, position: DVec3, value: f32) -> Decision {
-        if value.is_nan() {
-            return Decision::Colliding;
+        match &self.calibration {
+            _ if value.is_nan() => Decision::Colliding,
+            Some(calibration) if self.decides_at(position) => calibration.decide(value),
+            _ => Decision::Undecided,
         }
-        let Some(calibration) = &self.calibration else { return Decision::Undecided };
-        if self.scene.record.grid.is_between_centres(position) {
-            calibration.decide(value)
-        } else {
-            Decision::Undecided
-        }
+    }
+
+    /// True with the tip among the voxels' centres, where a value may decide, and not around an axis.
+    pub(super) fn decides_at(&self, position: DVec3) -> bool {
+        let grid = &self.scene.record.grid;
+        let is_apart = |axis: Axis| axis.distance(position) > AROUND_AXIS * grid.pitch;
+        grid.is_between_centres(position) && self.axis.is_none_or(is_apart)
+    }
+
+    /// The line around which nothing is decided, as far as so many lengths.
+    #[doc(hidden)]
+    pub fn undecided_around(&self) -> Option<(Axis, f64)> {
+        self.axis.map(|axis| (axis, AROUND_AXIS * self.scene.record.grid.pitch))
     }
 }
 

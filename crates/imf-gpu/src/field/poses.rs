@@ -10,6 +10,7 @@ use imf_core::orientation::Orientation;
 use imf_core::pose::Pose;
 use imf_core::section::Imf;
 use imf_fields::calibration::Calibration;
+use imf_fields::factored::Axis;
 use imf_fields::field::Field;
 use imf_fields::file::FieldFile;
 use imf_fields::harmonic::file::HarmonicFile;
@@ -69,10 +70,18 @@ impl PoseKernels {
         let threshold = |found: fn(&Calibration) -> Option<f32>, none: f32| {
             field.calibration().and_then(found).unwrap_or(none)
         };
-        let thresholds = Thresholds {
+        let mut thresholds = Thresholds {
             free_up_to: threshold(|calibration| calibration.free_up_to, f32::MIN),
             colliding_from: threshold(|calibration| calibration.colliding_from, f32::MAX),
+            around: -1.0,
+            ..Thresholds::default()
         };
+        if let Some((Axis { along, through }, around)) = field.undecided_around() {
+            let crossed = [1, 2].map(|next| through[(along + next) % 3] as f32);
+            thresholds.along = along as u32;
+            [thresholds.first, thresholds.second] = crossed;
+            thresholds.around = around as f32;
+        }
         Ok(Self {
             frame,
             passes,

@@ -39,7 +39,7 @@ fn compare_all(set: &str, factored: &[FieldFile], harmonic: &[Arc<HarmonicFile>]
         for gpu in every_device() {
             let field = made(&gpu, file.clone());
             compare(&field, &WITHIN);
-            compare_on_device(&gpu, &field);
+            compare_on_device(&gpu, &field, &poses(&field.twin().scene().record.grid, 1000));
             compare_minima_of(&field, &WITHIN, 300, set);
         }
     }
@@ -80,6 +80,13 @@ fn fields_with_symmetry_are_answered_as_on_the_cpu() {
     for (index, pose) in asked[20..50].iter_mut().enumerate() {
         pose.position[index % 3] = middle()[index % 3];
     }
+    // And around each axis, where nothing is decided within two voxels.
+    for (index, pose) in asked[50..350].iter_mut().enumerate() {
+        let out = DVec3::from_array([0, 1, 2].map(|axis| f64::from(u8::from(axis != index % 3))));
+        let turned = pose.position - middle();
+        let across = (turned * out).normalize_or(out);
+        pose.position = middle() + turned * (1.0 - out) + across * grid.pitch * (0.503 + 0.01 * index as f64);
+    }
     for symmetry in symmetries(middle()) {
         for spec in specs() {
             let file = Spec { symmetry, ..spec }.factored_file(true);
@@ -87,6 +94,7 @@ fn fields_with_symmetry_are_answered_as_on_the_cpu() {
                 let field = made(&gpu, file.clone());
                 println!("{symmetry}, degree {}:", spec.degree);
                 compare_at(&field, &WITHIN, &asked);
+                compare_on_device(&gpu, &field, &asked);
                 compare_minima(&field, &WITHIN);
             }
         }

@@ -29,7 +29,7 @@ fn poses_are_answered_as_on_the_cpu_and_in_place_from_buffers_of_the_device() {
             let field = field(&gpu, skip);
             compare(&field, &WITHIN);
             compare_minima(&field, &WITHIN);
-            compare_on_device(&gpu, &field);
+            compare_on_device(&gpu, &field, &poses(&field.twin().scene().record.grid, 1000));
         }
     }
 }

@@ -157,8 +157,7 @@ fn words(gpu: &Gpu, buffer: &Buffer) -> Vec<u32> {
 }
 
 /// Poses that lie on the device get the answers of slices there.
-pub(crate) fn compare_on_device(gpu: &Gpu, field: &GpuField) {
-    let poses = poses(&field.twin().scene().record.grid, 1000);
+pub(crate) fn compare_on_device(gpu: &Gpu, field: &GpuField, poses: &[Pose]) {
     let blocks: Vec<DevicePose> = poses.iter().map(|&pose| pose.into()).collect();
     let [values, decisions] = [4; 2].map(|bytes| buffer(gpu, bytes * poses.len()));
     let (asked, gradients) =
@@ -170,7 +169,7 @@ pub(crate) fn compare_on_device(gpu: &Gpu, field: &GpuField) {
     gpu.queue().write_buffer(&asked, 0, &bytes);
     let (quantity, pitch) = (field.twin().quantity(), field.twin().scene().record.grid.pitch);
     let mut expected = vec![0.0; poses.len()];
-    field.values(&poses, &mut expected).expect("answers");
+    field.values(poses, &mut expected).expect("answers");
     let same = |found: f32, expected: f32| {
         found.to_bits() == expected.to_bits() || (found.is_nan() && expected.is_nan())
     };
@@ -183,13 +182,13 @@ pub(crate) fn compare_on_device(gpu: &Gpu, field: &GpuField) {
 
     field.classify_on_device(&asked, &values, &decisions, poses.len()).expect("answers");
     let mut decided = vec![Decision::Undecided; poses.len()];
-    field.classify(&poses, &mut decided).expect("answers");
+    field.classify(poses, &mut decided).expect("answers");
     let found: Vec<Decision> = words(gpu, &decisions).into_iter().map(decision_of).collect();
     assert!(found == decided);
 
     field.gradients_on_device(&asked, &values, &gradients, poses.len()).expect("answers");
     let mut expected = vec![Gradient::NAN; poses.len()];
-    field.gradients(&poses, &mut expected).expect("answers");
+    field.gradients(poses, &mut expected).expect("answers");
     let found: Vec<f32> = words(gpu, &gradients).into_iter().map(f32::from_bits).collect();
     for (found, expected) in found.chunks_exact(8).zip(&expected) {
         let all =
@@ -200,7 +199,7 @@ pub(crate) fn compare_on_device(gpu: &Gpu, field: &GpuField) {
     let small = buffer(gpu, 4);
     let count = poses.len();
     let error = field.gradients_on_device(&asked, &values, &small, count).expect_err("a buffer too small");
-    assert!(error.to_string().contains("1000 gradients"), "{error}");
+    assert!(error.to_string().contains(&format!("{count} gradients")), "{error}");
     let error = field.classify_on_device(&asked, &values, &small, count).expect_err("a buffer too small");
-    assert!(error.to_string().contains("1000 decisions"), "{error}");
+    assert!(error.to_string().contains(&format!("{count} decisions")), "{error}");
 }

@@ -36,6 +36,8 @@ pub(super) enum Kind {
 pub(super) struct SampledPose {
     pub(super) value: f32,
     pub(super) kind: Kind,
+    /// True where the value may decide.
+    pub(super) decides: bool,
     /// Error of the value, where it was compared.
     pub(super) error: f64,
 }
@@ -97,7 +99,7 @@ impl<'a> Truth<'a> {
                         }
                         Quantity::Overlap => 0.0,
                     };
-                    Ok(SampledPose { value, kind, error })
+                    Ok(SampledPose { value, kind, decides: self.field.decides_at(pose.position), error })
                 });
                 let seen = each.collect::<Result<Vec<_>, CalibrationError>>()?;
                 (control.progress)(1);
