@@ -12,9 +12,10 @@
 //! compressed coefficients, some sections at a time.
 //!
 //! Directions are fitted in fours (`quadrature`), which cuts B and G into four classes. Where all components are
-//! retained, one pass uses this: axes are then the functions themselves, class by class. Nothing then has to be known
-//! of all voxels before the first is solved for, and where sections are counted plane by plane, the fit goes through
-//! the grid with them (`sections`): what is held of the sections stays in the caches.
+//! retained, axes are the functions themselves, class by class, and no pass decides on them. Where memory holds all
+//! sections too, nothing has to be known of all voxels before the first is solved for, and where sections are counted
+//! plane by plane, the fit goes through the grid with them (`sections`): what is held of the sections stays in the
+//! caches.
 //!
 //! Where obstacle and grid are their own mirror image, one side is fitted for both ([`super::mirror`]).
 
@@ -86,7 +87,7 @@ pub fn fit(
     let FitResult { components, mean, coefficients, report } = match settings.one_pass {
         true if in_classes => start.class_by_class(&source, settings.precision, control)?,
         true => start.in_one_pass(&source, settings.precision, control)?,
-        false => start.in_two_passes(&source, settings.precision, in_classes, control)?,
+        false => start.in_batches(&source, settings.precision, in_classes, control)?,
     };
     drop(source);
     drop(side);
@@ -136,7 +137,7 @@ fn fitted_grid(plan: &SectionPlan, domain: Domain, quantity: Quantity) -> Grid {
 
 /// Sections that [`fit`] computes.
 pub fn section_count(domain: Domain, settings: &FitSettings) -> usize {
-    let passes = if settings.one_pass { 1 } else { 2 };
+    let passes = if settings.one_pass || settings.in_classes(domain) { 1 } else { 2 };
     passes * settings.sizes(domain).sections + rough_count(domain, settings) + settings.held_out
 }
 

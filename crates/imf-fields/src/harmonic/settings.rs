@@ -36,8 +36,8 @@ pub struct FitSettings {
     pub held_out: usize,
     /// Seed of these.
     pub seed: u64,
-    /// One pass over the sections, which stay in memory; else two: less memory, twice the time, the same field to the
-    /// rounding of sections held in 16 bits. Not saved in files.
+    /// One pass over the sections, which stay in memory; else some at a time, twice each where a sample decides on the axes:
+    /// less memory, up to twice the time, the same field to the rounding of sections held in 16 bits. Not saved in files.
     #[serde(skip)]
     pub one_pass: bool,
 }

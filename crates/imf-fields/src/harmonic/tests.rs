@@ -1,5 +1,7 @@
 //! The field against exact sections, against its definition, and against itself read back.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use glam::DVec3;
 
 use super::basis::{Basis, Domain};
@@ -134,7 +136,21 @@ fn class_by_class_all_functions_get_what_they_get_together() {
     let set = OrientationSet::parse("random:20:4").unwrap().orientations;
     for sections_per_function in [1.0, 1.33, 3.0] {
         let some = FitSettings { sections_per_function, ..settings() };
-        let (one, two) = (made(&plan, &some), made(&plan, &FitSettings { one_pass: false, ..some }));
+        let [one, two] = [true, false].map(|one_pass| {
+            let (settings, counted) = (FitSettings { one_pass, ..some }, AtomicUsize::new(0));
+            let progress = |more: u64| {
+                counted.fetch_add(more as usize, Ordering::Relaxed);
+            };
+            let control = Control { progress: &progress, ..Control::quiet() };
+            let made = fit(&plan, Domain::Directions, &settings, control).unwrap();
+            // No axes to decide on: every section is counted once.
+            let expected = section_count(Domain::Directions, &settings);
+            assert_eq!(
+                (counted.into_inner(), expected),
+                (expected, section_count(Domain::Directions, &some))
+            );
+            made
+        });
         let [a, b] = [&one, &two].map(|field| values(field, &set));
         // Sections rounded to multiples of 1/65535; few sections a function let some functions take up more of that.
         assert!(a.iter().zip(&b).all(|(a, b)| (a - b).abs() < 1e-4));

@@ -1,4 +1,4 @@
-//! The passes over the orientations: one where memory holds all sections, else two.
+//! The passes over the orientations: one where memory holds all sections, else some of them at a time.
 
 use crate::parallel::*;
 use nalgebra::{DMatrix, DVector};
@@ -167,9 +167,8 @@ impl Start {
         Ok(FitResult { components, mean: solved.mean, coefficients, report })
     }
 
-    /// A first pass decides on the axes, a second makes the coefficients along them, some sections at a time. Where
-    /// functions are held class by class, the axes are those of one pass.
-    pub(super) fn in_two_passes(
+    /// Some sections at a time, along axes on which a first pass decides, or which are the functions class by class.
+    pub(super) fn in_batches(
         &self,
         source: &Source<'_>,
         precision: StoragePrecision,
@@ -177,13 +176,15 @@ impl Start {
         control: Control<'_>,
     ) -> Result<FitResult, HarmonicError> {
         let dense = self.dense()?;
-        let own = gather(source, &self.set, &self.sample.places, control)?;
-        let solved = self.solved(&own, &dense, control)?;
-        let (mut components, report) = self.components_of(&solved);
-        let mut mean = solved.mean;
-        if in_classes {
-            (components, mean) = self.components_of_classes()?;
-        }
+        let (components, mean, report) = if in_classes {
+            let (components, mean) = self.components_of_classes()?;
+            (components, mean, self.report(0.0))
+        } else {
+            let own = gather(source, &self.set, &self.sample.places, control)?;
+            let solved = self.solved(&own, &dense, control)?;
+            let (components, report) = self.components_of(&solved);
+            (components, solved.mean, report)
+        };
         let (weights, start) = dense.weights(&components, &mean, control)?;
         let (voxels, width) = (source.grid().len(), components.ncols());
         let mut coefficients = vec![0.0; voxels * width];

@@ -8,7 +8,7 @@
 //! 300 such directions determine 225 functions with 2 % more squared error to expect than a Fibonacci spiral's 300.
 //!
 //! Where all functions are retained, `z = W t − μ`: t are a class's sums and differences, and W is `(G + R)⁻¹ Bᵀ` of
-//! that class's functions alone. The twin is the fit in two passes, which knows nothing of classes.
+//! that class's functions alone. The twin is the fit in batches, which knows nothing of classes.
 
 use glam::DVec3;
 use nalgebra::DMatrix;
