@@ -8,6 +8,7 @@
  * of the straight motion from the first to the last pose.
  *
  *     cc -I include examples/poses.c -L ../../target/release -limf_c -o poses
+ *     LD_LIBRARY_PATH=../../target/release ./poses FIELD.safetensors < poses.txt
  */
 #include <stdio.h>
 #include <stdlib.h>

@@ -17,6 +17,9 @@
 // be aligned and point to as many elements as the call says; what is read and what is written must not overlap. A pointer to no
 // element (a count of 0) may be NULL.
 //
+// What a world's or a checker's first questions need is made by several threads, and threads do not survive a fork: fork before
+// the first call, and let each process make its own.
+//
 // Generated from crates/imf-c/src by cbindgen; do not edit.
 
 #ifndef IMF_H
@@ -46,7 +49,8 @@ typedef enum {
   IMF_STATUS_FILE = 3,
   // This kind of field, or this tool, does not support the query.
   IMF_STATUS_UNSUPPORTED = 4,
-  // The query has no result: an end of a motion that is an invalid pose or too far from an obstacle, a tool that holds no voxel.
+  // The query has no result: a pose that is invalid or too far from an obstacle, ends of a motion whose axes are opposite, a tool that
+  // holds no voxel.
   IMF_STATUS_NO_ANSWER = 5,
   // A defect of the library, caught. The field can still be used. Memory that is not there is none: it ends the process, so that whoever
   // asks for a pitch estimates the voxels, of some 20 bytes each.
@@ -198,7 +202,8 @@ typedef struct {
   double pitch;
   // How deep below its surface the cutter may reach, in the world's unit; 0 for what is not to be cut.
   double contact;
-  // Whether every voxel that the surface touches is solid; 0 for no.
+  // Whether every voxel that the surface touches is solid; 0 for no. The tool is then free of the mesh itself where it has a clearance
+  // of 0.8661 pitches all around as well (imf_checker_guarantee).
   uint8_t conservative;
 } ImfMesh;
 
@@ -415,7 +420,7 @@ ImfStatus imf_checker_create(const ImfWorld *world,
                              ImfChecker **checker);
 
 // Updates the places of the world's obstacles, including added and removed ones. What was computed for those that
-// remain is reused.
+// remain is reused. On failure the checker stays as it was. Texts of its warnings and its guarantee go.
 //
 // # Safety
 // checker was created and not closed, and no other thread calls with it; world was created and not closed.
@@ -431,6 +436,13 @@ ImfStatus imf_checker_follow(ImfChecker *checker,
 // checker was created and not closed, and no other thread changes it.
 const char *imf_checker_warning(const ImfChecker *checker,
                                 size_t index);
+
+// What "free" guarantees for the meshes of the obstacles, as a text; NULL for a checker that is NULL. It stays until the checker follows
+// or is closed.
+//
+// # Safety
+// checker was created and not closed, and no other thread changes it.
+const char *imf_checker_guarantee(const ImfChecker *checker);
 
 // Whether the tool collides at every pose: free or colliding, exactly for voxel centres.
 //

@@ -20,7 +20,8 @@ pub enum ImfStatus {
     File = 3,
     /// This kind of field, or this tool, does not support the query.
     Unsupported = 4,
-    /// The query has no result: an end of a motion that is an invalid pose or too far from an obstacle, a tool that holds no voxel.
+    /// The query has no result: a pose that is invalid or too far from an obstacle, ends of a motion whose axes are opposite, a tool that
+    /// holds no voxel.
     NoAnswer = 5,
     /// A defect of the library, caught. The field can still be used. Memory that is not there is none: it ends the process, so that whoever
     /// asks for a pitch estimates the voxels, of some 20 bytes each.

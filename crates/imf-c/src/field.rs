@@ -111,7 +111,7 @@ pub unsafe extern "C" fn imf_open_verified_from_memory(
         Ok(verified(Planner::new(model).map_err(of_file)?))
     };
     // SAFETY: guaranteed by the caller.
-    unsafe { open(name, field, opened) }
+    unsafe { open(name, "name", field, opened) }
 }
 
 /// Opens and hands over, or leaves `*field` NULL.
@@ -120,6 +120,7 @@ pub unsafe extern "C" fn imf_open_verified_from_memory(
 /// As the functions below.
 unsafe fn open(
     path: *const c_char,
+    what: &str,
     field: *mut *mut ImfField,
     opened: impl FnOnce(&Path) -> Result<ImfField, Refusal>,
 ) -> ImfStatus {
@@ -128,7 +129,7 @@ unsafe fn open(
         let place = &mut unsafe { output(field, 1, "field") }?[0];
         place.write(std::ptr::null_mut());
         // SAFETY: guaranteed by the caller.
-        let path = unsafe { text(path, "path") }?;
+        let path = unsafe { text(path, what) }?;
         place.write(Box::into_raw(Box::new(opened(Path::new(path))?)));
         Ok(())
     })
@@ -147,7 +148,7 @@ pub unsafe extern "C" fn imf_open_model(path: *const c_char, field: *mut *mut Im
         Ok(ImfField::new(field, None, &scene, calibration.as_ref()))
     };
     // SAFETY: guaranteed by the caller.
-    unsafe { open(path, field, opened) }
+    unsafe { open(path, "path", field, opened) }
 }
 
 /// Opens a model whose decisions are proven: free only where no solid voxel's centre lies in the scene's true tool, but for those that the
@@ -159,7 +160,7 @@ pub unsafe extern "C" fn imf_open_model(path: *const c_char, field: *mut *mut Im
 pub unsafe extern "C" fn imf_open_verified(path: *const c_char, field: *mut *mut ImfField) -> ImfStatus {
     let opened = |path: &Path| Ok(verified(Planner::load(path).map_err(of_file)?));
     // SAFETY: guaranteed by the caller.
-    unsafe { open(path, field, opened) }
+    unsafe { open(path, "path", field, opened) }
 }
 
 /// As imf_open_verified, for the true tool offset by the clearance that the file was made with. On failure *field is NULL.
@@ -177,7 +178,7 @@ pub unsafe extern "C" fn imf_open_verified_with_clearance(
         Ok(verified(Planner::with_clearance(model, clearance).map_err(of_file)?))
     };
     // SAFETY: guaranteed by the caller.
-    unsafe { open(path, field, opened) }
+    unsafe { open(path, "path", field, opened) }
 }
 
 /// Opens the exact field of the scene in a model's file: voxels are counted in the scene's tool, offset by the file's
@@ -188,7 +189,7 @@ pub unsafe extern "C" fn imf_open_verified_with_clearance(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn imf_open_exact(path: *const c_char, field: *mut *mut ImfField) -> ImfStatus {
     // SAFETY: guaranteed by the caller.
-    unsafe { open(path, field, exact) }
+    unsafe { open(path, "path", field, exact) }
 }
 
 /// What the field is of.

@@ -52,6 +52,7 @@ pub use values::{
 };
 pub use world::{
     ImfChecker, ImfWorld, imf_checker_classify, imf_checker_close, imf_checker_create, imf_checker_distance,
-    imf_checker_follow, imf_checker_motion, imf_checker_warning, imf_world_add_file, imf_world_add_mesh,
-    imf_world_close, imf_world_create, imf_world_place, imf_world_remove, imf_world_warning,
+    imf_checker_follow, imf_checker_guarantee, imf_checker_motion, imf_checker_warning, imf_world_add_file,
+    imf_world_add_mesh, imf_world_close, imf_world_create, imf_world_place, imf_world_remove,
+    imf_world_warning,
 };

@@ -140,7 +140,8 @@ pub struct ImfMesh {
     pub pitch: f64,
     /// How deep below its surface the cutter may reach, in the world's unit; 0 for what is not to be cut.
     pub contact: f64,
-    /// Whether every voxel that the surface touches is solid; 0 for no.
+    /// Whether every voxel that the surface touches is solid; 0 for no. The tool is then free of the mesh itself where it has a clearance
+    /// of 0.8661 pitches all around as well (imf_checker_guarantee).
     pub conservative: u8,
 }
 

@@ -37,12 +37,15 @@ pub struct ImfChecker {
     checker: Checker,
     /// What is to be known of its tool, as texts that stay where they are.
     warnings: Vec<CString>,
+    guarantee: CString,
 }
 
 impl ImfChecker {
     fn new(checker: Checker) -> Self {
         let warnings = texts(&checker.warnings()).collect();
-        Self { checker, warnings }
+        let guarantee =
+            checker.guarantee().map_or_else(|| "there is no obstacle".to_owned(), |known| known.to_string());
+        Self { checker, warnings, guarantee: CString::new(guarantee).unwrap_or_default() }
     }
 }
 
@@ -227,7 +230,7 @@ pub unsafe extern "C" fn imf_checker_create(
 }
 
 /// Updates the places of the world's obstacles, including added and removed ones. What was computed for those that
-/// remain is reused.
+/// remain is reused. On failure the checker stays as it was. Texts of its warnings and its guarantee go.
 ///
 /// # Safety
 /// checker was created and not closed, and no other thread calls with it; world was created and not closed.
@@ -237,7 +240,7 @@ pub unsafe extern "C" fn imf_checker_follow(checker: *mut ImfChecker, world: *co
         // SAFETY: guaranteed by the caller.
         let (checker, world) = unsafe { (write_one(checker, "checker")?, read_one(world, "world")?) };
         checker.checker.follow(&world.world).map_err(|error| of_world(&error))?;
-        checker.warnings = texts(&checker.checker.warnings()).collect();
+        *checker = ImfChecker::new(checker.checker.clone());
         Ok(())
     })
 }
@@ -254,6 +257,18 @@ pub unsafe extern "C" fn imf_checker_warning(checker: *const ImfChecker, index: 
     // SAFETY: guaranteed by the caller.
     let checker = unsafe { read_one(checker, "checker") };
     text_at(checker.ok().map(|checker| &*checker.warnings), index)
+}
+
+/// What "free" guarantees for the meshes of the obstacles, as a text; NULL for a checker that is NULL. It stays until the checker follows
+/// or is closed.
+///
+/// # Safety
+/// checker was created and not closed, and no other thread changes it.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn imf_checker_guarantee(checker: *const ImfChecker) -> *const c_char {
+    // SAFETY: guaranteed by the caller.
+    let checker = unsafe { read_one(checker, "checker") };
+    checker.map_or(std::ptr::null(), |checker| checker.guarantee.as_ptr())
 }
 
 /// Whether the tool collides at every pose: free or colliding, exactly for voxel centres.

@@ -37,6 +37,7 @@
 mod advance;
 mod change;
 mod checker;
+mod guarantee;
 mod obstacle_mesh;
 mod separation;
 
@@ -168,6 +169,8 @@ struct PlacedObstacle {
     /// From its own frame into the world; of length 1.
     at: Pose,
     prepared: PreparedObstacle,
+    /// True where every voxel is solid that a mesh touches.
+    conservative: bool,
     /// Middle and radius of a ball around its solid centres, in its own frame; `None` where nothing is solid.
     ball: Option<(DVec3, f64)>,
 }
@@ -271,9 +274,10 @@ impl World {
     pub fn add(&mut self, mesh: ObstacleMesh) -> Result<ObstacleId, WorldError> {
         let (name, at) = (mesh.name.clone(), placed(&mesh.name, mesh.at)?);
         let pitch = mesh.pitch.or(self.pitch).ok_or_else(|| WorldError::NoPitch(name.clone()))?;
-        let (obstacle, warnings) = mesh.voxels(self.unit, pitch, self.conservative)?;
+        let conservative = mesh.conservative.unwrap_or(self.conservative);
+        let (obstacle, warnings) = mesh.voxels(self.unit, pitch, conservative)?;
         self.warnings.extend(warnings);
-        Ok(self.stand(&name, obstacle.into(), at))
+        Ok(self.stand(&name, obstacle.into(), at, conservative))
     }
 
     /// Adds an obstacle of voxels, whose grid is in its own frame.
@@ -294,7 +298,7 @@ impl World {
         {
             return Err(WorldError::Voxels(name.to_owned()));
         }
-        Ok(self.stand(name, obstacle.into(), at))
+        Ok(self.stand(name, obstacle.into(), at, false))
     }
 
     /// Moves an obstacle: `at` is from its own frame into the world.
@@ -331,7 +335,7 @@ impl World {
         self.obstacles.iter_mut().find(|standing| standing.id == id).ok_or(WorldError::Unknown(id))
     }
 
-    fn stand(&mut self, name: &str, prepared: PreparedObstacle, at: Pose) -> ObstacleId {
+    fn stand(&mut self, name: &str, prepared: PreparedObstacle, at: Pose, conservative: bool) -> ObstacleId {
         let id = ObstacleId(self.next);
         self.next += 1;
         let obstacle = prepared.obstacle();
@@ -345,7 +349,7 @@ impl World {
             let (low, high) = (grid.centre(low), grid.centre(high));
             (0.5 * (low + high), 0.5 * (high - low).length())
         });
-        self.obstacles.push(PlacedObstacle { id, name: name.into(), at, prepared, ball });
+        self.obstacles.push(PlacedObstacle { id, name: name.into(), at, prepared, conservative, ball });
         id
     }
 }

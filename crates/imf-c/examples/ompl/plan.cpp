@@ -252,13 +252,14 @@ int main(int count_of, char **words) {
     require(imf_world_create(IMF_UNIT_MM, PITCH, &world));
     ImfMesh mesh = {};
     mesh.name = "part";
-    // Every voxel that the surface touches is solid: what is free to imf is free of the triangles.
+    // Every voxel that the surface touches is solid, and the tool keeps half a voxel's diagonal off the centres: what is free to imf is
+    // free of the triangles.
     mesh.conservative = true;
     const ImfPose here = {{0, 0, 0}, {0, 0, 0, 1}};
     uint64_t id;
     auto begun = Clock::now();
     require(imf_world_add_file(world, words[1], &mesh, &here, &id));
-    const double clearance[3] = {0, 0, 0};
+    const double room = 0.8661 * PITCH, clearance[3] = {room, room, room};
     require(imf_checker_create(world, words[2], clearance, &checker));
     const double made = std::chrono::duration<double>(Clock::now() - begun).count();
 
@@ -296,7 +297,7 @@ int main(int count_of, char **words) {
         const ImfPose pose = pose_of(state);
         ImfDistance distance;
         require(imf_checker_distance(checker, &pose, &distance));
-        const bool near = distance.lower > 1.5 && distance.upper < 8.0 && fcl_validity->isValid(state);
+        const bool near = distance.lower > 1.5 - room && distance.upper < 8.0 - room && fcl_validity->isValid(state);
         if (near) ends.push_back(state); else space->freeState(state);
     }
 

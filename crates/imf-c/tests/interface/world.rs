@@ -162,6 +162,9 @@ fn a_world_of_meshes_is_answered_as_in_rust() {
         let text = std::ffi::CStr::from_ptr(text).to_str().unwrap();
         assert!(text.contains("the tip of the tool 'hung'") && text.contains("30 mm away"), "{text}");
         assert!(imf_checker_warning(hung, 1).is_null() && imf_checker_warning(null(), 0).is_null());
+        let guarantee = std::ffi::CStr::from_ptr(imf_checker_guarantee(hung)).to_str().unwrap();
+        assert!(guarantee.contains("exact for voxel centres"), "{guarantee}");
+        assert!(imf_checker_guarantee(null()).is_null());
         imf_checker_close(hung);
         let mut nothing = null_mut();
         assert_eq!(imf_world_create(4, pitch, &mut nothing), ImfStatus::Argument);

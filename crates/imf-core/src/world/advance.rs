@@ -197,7 +197,9 @@ fn advance(
     let free = MotionResult { last_valid: Some(ends[1]), first_colliding: None, proven_until: 1.0 };
     let known = checker.finest_pitch();
     let (given, least) = (options.resolution, FINEST * known.unwrap_or(0.0));
-    if let Some(given) = given.filter(|given| !(given.is_finite() && *given >= least)) {
+    // The finest itself is accepted, however it is rounded.
+    let is_length = |given: f64| given.is_finite() && given >= least * (1.0 - 1e-9);
+    if let Some(given) = given.filter(|&given| !is_length(given)) {
         return Err(QueryError::Resolution { given, least });
     }
     let Some(pitch) = known else { return Ok(free) };

@@ -48,6 +48,7 @@ impl World {
             checker.forget(id);
         }
         standing.prepared.change(solid, empty);
+        standing.conservative &= empty.is_empty();
         let centres = solid.iter().map(|&voxel| grid.centre(grid.voxel(voxel)));
         standing.ball = centres.fold(standing.ball, |ball, centre| match ball {
             None => Some((centre, 0.0)),

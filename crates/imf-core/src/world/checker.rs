@@ -10,7 +10,7 @@ use super::{HERE, ObstacleId, PlacedObstacle, World, WorldError};
 use crate::field::{BLOCK, Decision, ExactField, FieldError, check_lengths, classify_blocks};
 use crate::parallel;
 use crate::pose::Pose;
-use crate::scene::{CoarseTool, Scene, SceneWarning};
+use crate::scene::{CoarseTool, Scene};
 use crate::tool::{Assembly, Clearance, ClearanceError, ElementKind, Segment, Tool, ToolShape};
 use crate::unit::LengthUnit;
 
@@ -40,13 +40,13 @@ pub enum QueryError {
     /// The tool cannot be offset.
     #[error("the tool cannot be offset by a small clearance")]
     Offset,
-    /// A motion to where double precision does not distinguish neighbouring voxels.
+    /// A pose where double precision does not distinguish neighbouring voxels.
     #[error(
-        "the motion leads so far away that double precision tells no voxel from the next: give poses nearer to the obstacles"
+        "a pose is so far away that double precision tells no voxel from the next: give poses nearer to the obstacles"
     )]
     TooFar,
     /// A resolution that is not a length, or so fine that a motion would never end.
-    #[error("motions cannot be followed in steps of {given}: give a finite length of at least {least}")]
+    #[error("motions cannot be followed in steps of {given:e}: give a finite length of at least {least:e}")]
     Resolution {
         /// The resolution.
         given: f64,
@@ -115,6 +115,7 @@ pub(super) struct PlacedField {
     /// Middle, in the world, and radius of a ball around its solid centres.
     middle: DVec3,
     radius: f64,
+    pub(super) conservative: bool,
     pub(super) around: Arc<ObstacleField>,
 }
 
@@ -123,6 +124,10 @@ impl PlacedField {
     #[inline]
     pub(super) fn local(&self, pose: &Pose) -> Pose {
         self.back.as_ref().map_or(*pose, |back| back.of_pose(pose))
+    }
+
+    pub(super) fn pitch(&self) -> f64 {
+        self.around.field.obstacle().grid().pitch
     }
 
     fn collides(&self, pose: &Pose) -> bool {
@@ -157,14 +162,20 @@ impl Checker {
     /// # Errors
     /// A clearance that is not a length, or one around a mesh tool.
     pub fn of_scene(scene: &Scene, clearance: &Clearance) -> Result<Self, ClearanceError> {
-        Ok(Self::of_field(&ExactField::of_scene(scene, clearance)?, scene.record.unit))
+        let field = ExactField::of_scene(scene, clearance)?;
+        Ok(Self::of_prepared(&field, scene.record.unit, scene.record.conservative))
     }
 
-    /// The tool and the obstacle of an exact field, whose lengths are in `unit`; what is made for one serves the other.
+    /// The tool and the obstacle of an exact field, whose lengths are in `unit`; what is made for one serves the other. It does not know
+    /// whether the voxels are conservative, and guarantees nothing for a mesh.
     #[must_use]
     pub fn of_field(field: &ExactField, unit: LengthUnit) -> Self {
+        Self::of_prepared(field, unit, false)
+    }
+
+    fn of_prepared(field: &ExactField, unit: LengthUnit, conservative: bool) -> Self {
         let mut world = World::builder().unit(unit).world;
-        world.stand("obstacle", field.prepared().clone(), HERE);
+        world.stand("obstacle", field.prepared().clone(), HERE, conservative);
         let mut checker = Self::without_obstacles(field.assembly().clone(), unit);
         checker.update(&world);
         checker
@@ -209,17 +220,6 @@ impl Checker {
             resolved.push(pitch);
         }
         Ok(())
-    }
-
-    /// Warnings about the tool among these obstacles: its tip is not at the origin of its frame, or it passes between
-    /// the centres of their largest voxels for a while.
-    #[must_use]
-    pub fn warnings(&self) -> Vec<SceneWarning> {
-        let (tool, unit) = (self.tool.assembly.tool(), self.tool.unit);
-        self.pitches().reduce(f64::max).map_or_else(Vec::new, |pitch| {
-            let coarse = CoarseTool::of(tool, pitch, unit).map(SceneWarning::Coarse);
-            SceneWarning::of_frame(tool, pitch).into_iter().chain(coarse).collect()
-        })
     }
 
     /// Lets go of an obstacle until it follows its world again.
@@ -326,8 +326,8 @@ impl Checker {
         self.pitches().min_by(f64::total_cmp)
     }
 
-    fn pitches(&self) -> impl Iterator<Item = f64> {
-        self.placed.iter().map(|one| one.around.field.obstacle().grid().pitch)
+    pub(super) fn pitches(&self) -> impl Iterator<Item = f64> {
+        self.placed.iter().map(PlacedField::pitch)
     }
 
     /// Farthest that a coordinate is moved by the place of an obstacle that a way of this length, from a pose on, may reach.
@@ -369,6 +369,7 @@ fn placed(
         back: (standing.at != HERE).then(|| standing.at.inverse()),
         middle: standing.at.of_point(middle),
         radius: radius * (1.0 + 1e-9),
+        conservative: standing.conservative,
         around: known.map_or_else(made, |known| known.around.clone()),
     })
 }

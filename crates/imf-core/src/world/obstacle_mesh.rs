@@ -39,7 +39,7 @@ impl ObstacleMesh {
         Self { name: name.into(), mesh, scale: 1.0, at: HERE, pitch: None, conservative: None, contact: 0.0 }
     }
 
-    /// Its voxels, in its own frame, and warnings about them.
+    /// Its voxels, in its own frame, and warnings about them; `conservative` as it is decided between its own and the world's.
     pub(super) fn voxels(
         self,
         unit: LengthUnit,
@@ -62,7 +62,6 @@ impl ObstacleMesh {
         if let Some(size) = unit_check(upper - lower, unit) {
             return Err(SceneError::Size { part: name, size }.into());
         }
-        let conservative = self.conservative.unwrap_or(conservative);
         // A surface on a voxel's face touches both sides.
         let grid = Grid::with_pitch(lower, upper, pitch, usize::from(conservative))
             .map_err(|source| WorldError::Grid { name: name.clone(), source })?;

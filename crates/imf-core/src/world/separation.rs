@@ -40,7 +40,7 @@ impl Checker {
     /// How far the tool is from the nearest obstacle, or how deep it is in one. `None` where no obstacle has a solid voxel.
     ///
     /// # Errors
-    /// An invalid pose; a mesh tool, or one whose outline has an arc around a centre beyond its axis, or too many pieces.
+    /// An invalid pose, or one too far away to have a distance; a mesh tool, or one whose outline has an arc around a centre beyond its axis, or too many pieces.
     pub fn distance(&self, pose: &Pose) -> Result<Option<Distance>, QueryError> {
         let middle = self.tool_middle(pose).ok_or(QueryError::InvalidPose)?;
         let mut nearest: Option<Distance> = None;
@@ -55,7 +55,11 @@ impl Checker {
                 nearest = nearest.filter(|nearest| nearest.lower <= found.lower).or(Some(found));
             }
         }
-        Ok(nearest)
+        match nearest {
+            Some(nearest) if nearest.lower.is_finite() => Ok(Some(nearest)),
+            None if self.placed.is_empty() => Ok(None),
+            _ => Err(QueryError::TooFar),
+        }
     }
 
     fn not_measured(&self) -> QueryError {

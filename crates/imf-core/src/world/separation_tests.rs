@@ -44,6 +44,7 @@ fn distances_of_free_tools_are_those_of_trying_every_voxel() {
     let far = Pose::along(DVec3::splat(1e3), DVec3::Z);
     assert_eq!(none.distance(&far), Ok(None));
     assert_eq!(checker.distance(&Pose { position: DVec3::NAN, ..far }), Err(QueryError::InvalidPose));
+    assert_eq!(checker.distance(&Pose { position: DVec3::splat(1e200), ..far }), Err(QueryError::TooFar));
     let meshed = Tool { shape: ToolShape::Mesh(Mesh::cuboid(DVec3::ZERO, DVec3::splat(9.0))), ..tool };
     let meshed = world.checker(&meshed, &Clearance::default()).unwrap();
     assert_eq!(meshed.distance(&far), Err(QueryError::Mesh));
