@@ -20,7 +20,7 @@ use crate::grid::Grid;
 use crate::mesh::Mesh;
 use crate::orientation::Orientation;
 use crate::parts::shell::{circle, pocketed, rounded_rectangle};
-use crate::section::test_shapes::{line, orientations};
+use crate::section::test_shapes::{arc, line, orientations};
 use crate::tool::{SharpPoints, Tool};
 use crate::voxelize::voxelize;
 use solids::{ball, cylinder, dimpled, extruded, flat, of_mesh, slotted, tool};
@@ -261,6 +261,18 @@ fn undercuts_are_reached_by_the_cutters_made_for_them() {
         assert_eq!(tail.found(&flat(3.0), DOWN).reached(head_walls), 0.0);
         let made_for_it = tail.found(&dovetail, DOWN);
         assert!(made_for_it.reached(head_walls) > 0.99, "{pitch}: {}", made_for_it.reached(head_walls));
+        // A ball on a thinner neck touches a wall as far down as the neck passes the slot's edge: with its middle no farther
+        // from the slot's than half the slot less the neck.
+        let lollipop = |neck: f64| {
+            let to = 2.5 + (2.5 * 2.5 - neck * neck).sqrt();
+            let ball = arc(0.0, to, 2.5, 0.0, 2.5);
+            tail.found(&tool(vec![ball], neck), DOWN).reached(head_walls)
+        };
+        for neck in [1.0, 1.8] {
+            let middle = 10.0 - taper - neck;
+            let lowest = 6.0 + (10.0 - 2.5 * 0.75_f64.sqrt() - middle) * 3.0_f64.sqrt();
+            assert_near(lollipop(neck), (12.0 - lowest) / 6.0, 0.03 + 0.05 * pitch, pitch);
+        }
     }
 }
 

@@ -8,9 +8,9 @@
 //!                               # [[x, y, z], …] in the tool frame
 //!
 //! [cutter]
-//! shape = "ball"                # flat | ball | bull | tapered
+//! shape = "ball"                # flat | ball | bull | tapered | lollipop
 //! diameter = 10.0               # at the tip for a tapered cutter
-//! length = 35.0
+//! length = 35.0                 # not of a lollipop, which is a ball down to the shank
 //! # corner_radius = 1.0         # bull; tapered (half the diameter unless given, 0 for a sharp corner)
 //! # half_angle = 5.0            # tapered, degrees
 //! # back_cutting = true         # its upper end cuts too, as that of a T-slot cutter
@@ -36,7 +36,7 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::library;
-use super::stack::{Stack, line, rounded};
+use super::stack::{Stack, line, rounded, top};
 use super::{Segment, SharpPoints, Tool, ToolError, ToolShape};
 use crate::file_error::{Fault, FaultKind, FileError};
 use crate::mesh::read::read_mesh_file;
@@ -75,6 +75,7 @@ enum CutterShape {
     Ball,
     Bull,
     Tapered,
+    Lollipop,
 }
 
 #[derive(Deserialize)]
@@ -82,7 +83,7 @@ enum CutterShape {
 struct CutterText {
     shape: CutterShape,
     diameter: Spanned<f64>,
-    length: Spanned<f64>,
+    length: Option<Spanned<f64>>,
     corner_radius: Option<Spanned<f64>>,
     half_angle: Option<Spanned<f64>>,
     #[serde(default)]
@@ -254,10 +255,10 @@ impl Reader<'_> {
 
     /// The stack, and the length of cutter and shank where the file states it beside the stick-out.
     fn stack(&self, text: &ToolText, cutter: &CutterText) -> Result<(Stack, Option<f64>), Fault> {
-        let profile = self.cutter(cutter)?;
-        let cutter_length = *cutter.length.get_ref();
         let shank = text.shank.as_ref();
         let diameter = shank.map(|shank| self.length("shank.diameter", &shank.diameter)).transpose()?;
+        let profile = self.cutter(cutter, diameter)?;
+        let cutter_length = top(&profile);
         let length = shank.and_then(|shank| shank.length.as_ref());
         let length = length.map(|length| self.length("shank.length", length)).transpose()?;
         let shank_end = length.map(|length| cutter_length + length);
@@ -304,10 +305,10 @@ impl Reader<'_> {
         Ok((Stack { cutter: profile, shank: shank.into_iter().collect(), face, holder }, overall))
     }
 
-    /// Outline of the cutter: a corner arc (the whole ball for ball ends), then a cylinder or a cone.
-    fn cutter(&self, cutter: &CutterText) -> Result<Vec<Segment>, Fault> {
+    /// Outline of the cutter: a corner arc (half a ball for ball ends), then a cylinder or a cone; of a lollipop a ball down to its
+    /// shank.
+    fn cutter(&self, cutter: &CutterText, shank: Option<f64>) -> Result<Vec<Segment>, Fault> {
         let radius = self.length("cutter.diameter", &cutter.diameter)? / 2.0;
-        let length = self.length("cutter.length", &cutter.length)?;
         let corner = match (&cutter.corner_radius, cutter.shape) {
             (Some(corner), CutterShape::Bull | CutterShape::Tapered) => {
                 // A cone may have a sharp corner.
@@ -327,7 +328,7 @@ impl Reader<'_> {
             (None, CutterShape::Bull) => {
                 return Err(self.wrong(&cutter.diameter, "a bull-nose cutter needs cutter.corner_radius"));
             }
-            (None, CutterShape::Flat) => 0.0,
+            (None, CutterShape::Flat | CutterShape::Lollipop) => 0.0,
             (None, CutterShape::Ball | CutterShape::Tapered) => radius,
         };
         let half_angle = match (&cutter.half_angle, cutter.shape == CutterShape::Tapered) {
@@ -344,9 +345,38 @@ impl Reader<'_> {
             }
             (None, false) => 0.0,
         };
+        if cutter.shape == CutterShape::Lollipop {
+            if let Some(length) = &cutter.length {
+                return Err(self.wrong(
+                    length,
+                    "how far a lollipop's ball goes follows from its shank: remove cutter.length",
+                ));
+            }
+            let neck = shank.map_or(0.0, |diameter| diameter / 2.0);
+            if !(neck > 0.0 && neck < radius) {
+                return Err(
+                    self.wrong(&cutter.diameter, "a lollipop needs a [shank] that is thinner than its ball")
+                );
+            }
+            let end = radius + (radius * radius - neck * neck).sqrt();
+            return Ok(vec![Segment::Arc {
+                from: 0.0,
+                to: end,
+                centre_height: radius,
+                centre_radius: 0.0,
+                arc_radius: radius,
+            }]);
+        }
+        let Some(given) = &cutter.length else {
+            return Err(self.wrong(
+                &cutter.diameter,
+                "a cutter needs cutter.length, from its tip to where its edges end",
+            ));
+        };
+        let length = self.length("cutter.length", given)?;
         let what = || format!("cutter.length {length} is shorter than the cutter's rounded end");
         let profile = rounded(radius, corner, half_angle.to_radians(), length);
-        profile.ok_or_else(|| self.wrong(&cutter.length, what()))
+        profile.ok_or_else(|| self.wrong(given, what()))
     }
 }
 

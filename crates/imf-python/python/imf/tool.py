@@ -45,7 +45,8 @@ def _points(given: Any) -> NDArray[np.float64]:
 class Tool:
     """A tool of revolution, stacked from its tip upwards, or a mesh. Tool frame: the tip at the origin, +z from tip to holder.
 
-    cutter: ``shape`` ("flat", "ball", "bull" or "tapered"), ``diameter`` (at the tip of a tapered one) and ``length``;
+    cutter: ``shape`` ("flat", "ball", "bull", "tapered" or "lollipop"), ``diameter`` (at the tip of a tapered one) and ``length`` (not
+    of a lollipop, a ball down to its shank);
     ``corner_radius`` of "bull" and "tapered", ``half_angle`` in degrees of "tapered"; ``back_cutting`` where its upper end cuts too,
     ``plunge_only`` where it cuts along its axis alone, as a drill does.
     shank: ``diameter`` and, where it is known, ``length``, with ``stick_out`` all of it, what is in the holder included.

@@ -52,6 +52,29 @@ fn every_cutter_shape_is_smooth_where_arc_meets_flank() {
 }
 
 #[test]
+fn a_lollipop_is_a_ball_down_to_its_shank() {
+    let text = "[cutter]\nshape = \"lollipop\"\ndiameter = 10.0\n\n[shank]\ndiameter = 6.0\nlength = 20.0\n";
+    let tool = read(text).unwrap();
+    let outline = |height: f64| {
+        tool.elements()
+            .iter()
+            .find(|e| e.profile[0].range().0 <= height && height < e.profile[0].range().1)
+            .map(|e| e.profile[0].radius(height))
+    };
+    let found = [0.0, 5.0, 8.9, 9.1, 28.9].map(|height| outline(height).unwrap());
+    let expected = [0.0, 5.0, (25.0_f64 - 3.9 * 3.9).sqrt(), 3.0, 3.0];
+    assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-9), "{found:?}");
+    for (from, to, cause) in [
+        ("10.0", "6.0", "thinner than its ball"),
+        ("10.0\n", "10.0\nlength = 9.0\n", "remove cutter.length"),
+        ("lollipop", "flat", "needs cutter.length"),
+    ] {
+        let error = read(&text.replacen(from, to, 1)).unwrap_err().to_string();
+        assert!(error.contains(cause) && error.contains("line "), "{error}");
+    }
+}
+
+#[test]
 fn a_mesh_says_which_of_its_vertices_cut() {
     let folder = tempfile::tempdir().unwrap();
     let corners = "v -1 -1 0\nv 1 -1 0\nv 0 1 0\nv 0 0 30\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n";
