@@ -22,7 +22,8 @@ use crate::rivals;
 const SCRIPT: &str = include_str!("../../python/query_rivals.py");
 /// Compiled by the script, with the headers that the package installs.
 const VAMP: &str = include_str!("../../python/vamp_rival.cc");
-const INSTALL: &str = "Install: python3 -m pip install -r crates/imf-bench/python/requirements-query.txt";
+const INSTALL: &str = "Install: python3 -m pip install -r crates/imf-bench/python/requirements-query.txt; and vamp-planner==0.6.4 by \
+                       itself, which is compiled";
 const BUILD: &str = "Build: cargo build --release --manifest-path crates/imf-bench/parry3d/Cargo.toml, or name it by --parry3d";
 
 /// Longest stretch of the axis in a ball, in radii of the tool there.
