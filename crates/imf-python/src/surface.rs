@@ -73,7 +73,8 @@ pub(crate) fn access<'py>(
             "{samples} samples, {directions} directions, {voxels} voxels; ask for fewer, or use a larger pitch"
         )
     })?;
-    let tolerance = tolerance.unwrap_or_else(|| default_tolerance(record.grid.pitch, record.unit));
+    let [tolerance, coarse_tolerance] = [1.0, 2.0]
+        .map(|by| tolerance.unwrap_or_else(|| default_tolerance(by * record.grid.pitch, record.unit)));
     let (environment, assembly, samples) = run(py, (&None, "", 0), |control| {
         let environment =
             own.with_spec(control, |spec| CollisionEnvironment::of_bodies(spec, &own.bodies))?;
@@ -90,7 +91,7 @@ pub(crate) fn access<'py>(
         let environment = own.with_spec(control, |spec| {
             CollisionEnvironment::at_twice_the_pitch(spec, &own.bodies.part.grid)
         })?;
-        let tool = SurfaceTool::new(&environment, &assembly, tolerance)?;
+        let tool = SurfaceTool::new(&environment, &assembly, coarse_tolerance)?;
         let access = surface_access(&tool, &samples.samples, &set.orientations, control)?;
         let reached = |at: usize| matches!(access.reach[at], SampleReach::Reached { .. });
         Ok::<_, Failure>(samples.fraction(reached))
@@ -150,7 +151,7 @@ impl Surface {
         self.tolerance
     }
 
-    /// Area inside the part, where bodies of the mesh cross each other.
+    /// Area inside the part or flush, where bodies of the mesh cross or touch each other.
     #[getter]
     fn hidden_area(&self) -> f64 {
         self.samples.hidden_area

@@ -151,12 +151,21 @@ pub(crate) struct Stock {
     pub(crate) name: String,
     pub(crate) mesh: Mesh,
     repair: FaceRepair,
+    /// That of the part.
+    unit: LengthUnit,
     /// The pitch of the voxels of which a path's check left it so, in the part's unit.
     left_by: Option<f64>,
 }
 
 /// Relative difference of volumes by voxels and by meshes above which a warning is given.
 const DIFFERENCE: f64 = 0.02;
+
+/// Fraction of a stock, and of the part in its box, that may lie in the other where the stock stands beside the part.
+const MOST_WITHIN: f64 = 0.01;
+
+/// Of such a stock.
+pub(crate) const BESIDE: &str =
+    "stands beside the part, as supports do: if it should hold the part, check where it stands, and its unit";
 
 /// Cosine of the angle to an axis within which a voxel's face stands along it, in a file of single precision.
 const ALONG_AXES: f64 = 0.999;
@@ -221,7 +230,13 @@ impl Stock {
                 let around =
                     if *margin > 0.0 { format!(" and {margin} {part_unit} around") } else { String::new() };
                 let name = format!("the part's box{around}");
-                return Ok(Self { name, mesh, repair: FaceRepair::default(), left_by: None });
+                return Ok(Self {
+                    name,
+                    mesh,
+                    repair: FaceRepair::default(),
+                    unit: part_unit,
+                    left_by: None,
+                });
             }
             StockArgument::File(argument) => argument,
         };
@@ -229,7 +244,7 @@ impl Stock {
         let mesh = file.mesh.transformed(&(*transform * argument.transform));
         let left_by = left_by(Path::new(&argument.file));
         let left_by = left_by.map(|(pitch, unit)| pitch * unit.in_mm() / part_unit.in_mm());
-        Ok(Self { name: file.name, mesh, repair: file.repair, left_by })
+        Ok(Self { name: file.name, mesh, repair: file.repair, unit: part_unit, left_by })
     }
 
     /// Its voxels on a grid. A mesh that does not say what is inside is refused, and one that hardly does is warned of.
@@ -261,7 +276,37 @@ impl Stock {
                 (100.0 * undecided).ceil()
             ));
         }
+        let lost = SceneWarning::of_lost_surface(&self.name, &self.mesh, &solid, grid, self.unit);
+        if let Some(SceneWarning::Lost { area, fraction, at, pitch, unit, .. }) = lost {
+            session.warn(&format!(
+                "the stock '{}': {} {unit}² of its surface ({:.1} %), as at ({}), is of walls or layers so thin that they lie between the \
+                 centres of voxels of {} {unit}: these are no stock, and whatever cuts them is not seen; choose a smaller pitch",
+                self.name,
+                show_measure(area),
+                100.0 * fraction,
+                at.to_array().map(short).join(", "),
+                short(pitch)
+            ));
+        }
         Ok(solid)
+    }
+
+    /// Whether a stock stands beside the part, as supports do: it holds hardly anything of it, and touches it.
+    pub(crate) fn is_beside(stock: &Occupancy, part: &Occupancy) -> bool {
+        // With a layer around it, in which lies what it touches; it holds no stock, so that no pair wraps from one row to the next.
+        let both = |around: Grid| Some((stock.on(&around)?, part.on(&around)?));
+        let both = stock.grid.padded([1; 3], [1; 3]).ok().and_then(both);
+        let Some((stock, part)) = both else { return false };
+        let within =
+            stock.solid.iter().zip(&part.solid).filter(|(stock, part)| **stock & **part == 1).count();
+        let [_, ny, nz] = stock.grid.dims;
+        let touches = |stride: usize| {
+            let pairs = || stock.solid.iter().zip(&part.solid[stride.min(part.solid.len())..]);
+            let back = || part.solid.iter().zip(&stock.solid[stride.min(stock.solid.len())..]);
+            pairs().chain(back()).any(|(one, other)| one & other == 1)
+        };
+        let least = stock.count().min(part.count()) as f64;
+        within as f64 <= MOST_WITHIN * least && [ny * nz, nz, 1].into_iter().any(touches)
     }
 }
 
@@ -281,6 +326,25 @@ mod tests {
         assert!(read("no such file.obj").is_err());
         for text in ["box:-1", "box:x", "box:nan", "bracket@scale:2"] {
             assert!(parse_stock(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn supports_stand_beside_a_part_and_a_stock_that_is_misplaced_does_not() {
+        let grid = |low: f64, dims| Grid { origin: DVec3::splat(low), pitch: 1.0, dims };
+        let full = |grid: Grid| Occupancy { solid: vec![1; grid.len()], grid };
+        let part = full(grid(0.0, [10, 10, 4]));
+        let at = |x: f64, y: f64, z: f64, dims| full(Grid { origin: DVec3::new(x, y, z), ..grid(0.0, dims) });
+        assert!(Stock::is_beside(&at(2.0, 2.0, 4.0, [3, 3, 8]), &part));
+        assert!(Stock::is_beside(&at(-3.0, 2.0, 0.0, [3, 3, 3]), &part));
+        for elsewhere in [
+            at(-30.0, -30.0, -30.0, [70, 70, 64]),
+            at(2.0, 2.0, 5.0, [3, 3, 8]),
+            at(2.0, 2.0, 1.0, [3, 3, 2]),
+            at(-2.0, -2.0, -2.0, [14, 14, 14]),
+            at(10.0, 10.0, 0.0, [3, 3, 3]),
+        ] {
+            assert!(!Stock::is_beside(&elsewhere, &part), "{:?}", elsewhere.grid);
         }
     }
 

@@ -17,7 +17,7 @@ use super::fixture::{FixtureArgument, parse_fixture};
 use super::inputs::SceneInputs;
 use super::numbers::{number, three};
 use super::transform::parse_transform;
-use crate::output::short;
+use crate::output::{short, show_measure};
 use crate::session::{Session, show_bytes};
 
 /// Heading of these options.
@@ -275,6 +275,17 @@ pub(crate) fn voxelise_with_progress<T, E: Into<anyhow::Error>>(
     let made = make(&SceneSpec { control: session.control(&advance), ..spec.clone() }).map_err(Into::into)?;
     stage.finish("");
     Ok(made)
+}
+
+/// Warns of empty voxels that are closed off on all sides, of this volume.
+pub(crate) fn warn_of_cavities(session: &Session, volume: f64, pitch: f64, unit: LengthUnit) {
+    if volume > 0.0 {
+        session.warn(&format!(
+            "part and fixtures close off cavities of {} {unit}³, by voxels of {} {unit}: no tool gets in",
+            show_measure(volume),
+            short(pitch)
+        ));
+    }
 }
 
 /// A fixture that nothing can touch changes no result, and was hardly meant to stand where it does.

@@ -291,6 +291,36 @@ fn a_stock_that_does_not_hold_the_part_is_told() {
 }
 
 #[test]
+fn nothing_gets_into_a_cavity() {
+    let folder = Workdir::new();
+    // A block of 60 with a hollow of 40, whose faces point into it.
+    let hollow = cuboid([10, 10, 10], [50, 50, 50], 8);
+    let inwards = hollow.lines().map(|line| match line.strip_prefix("f ") {
+        Some(face) => format!("f {}\n", face.split(' ').rev().collect::<Vec<_>>().join(" ")),
+        None => format!("{line}\n"),
+    });
+    folder.write("void.obj", cuboid([0; 3], [60; 3], 0) + &inwards.collect::<String>());
+    folder.write("powder.obj", cuboid([10; 3], [50; 3], 0));
+    folder.write(
+        "short.toml",
+        "unit = \"mm\"\nstick_out = 10.0\ncutter = { shape = \"ball\", diameter = 6.0, length = 6.0 }\nshank = { diameter = 6.0 }\n\
+         holder = [{ diameter = 10.0, length = 10.0 }]\n",
+    );
+    let access = "access void.obj --unit mm --pitch 2 --tool short.toml --orientations axes --removable --stock powder.obj --json --out void";
+    let found = folder.imf(access).done();
+    found.warns(&["close off cavities of 64000.0 mm³", "no tool gets in"]);
+    found.warns(&["the stock 'powder.obj' stands beside the part, as supports do"]);
+    let found = found.json();
+    // All of the outside, and nothing else.
+    let share = 6.0 * 3600.0 / (6.0 * 3600.0 + 6.0 * 1600.0);
+    let reached = found["surface"]["reached"].as_f64().unwrap();
+    assert!((reached - share).abs() < 1e-6, "{reached}");
+    let lost = &found["unreached"][0];
+    assert!(lost["would_help"].as_str().unwrap().contains("close it off on all sides"), "{lost}");
+    assert_eq!(found["stock"]["removable"]["voxels"], 0, "{}", found["stock"]);
+}
+
+#[test]
 fn what_voxels_resolve_is_said_once_in_every_answer_about_the_surface() {
     let folder = workshop();
     let said = "walls are known by points of the surfaces";

@@ -3,6 +3,7 @@
 use serde_json::{Value, json};
 
 use crate::binary::{Finished, Workdir};
+use crate::shapes::cuboid;
 
 /// A block of 30 × 20 × 10 mm, its top at z = 0.
 const BLOCK: &str = "v -15 -10 -10\nv 15 -10 -10\nv 15 10 -10\nv -15 10 -10\nv -15 -10 0\nv 15 -10 0\nv 15 10 0\n\
@@ -126,6 +127,37 @@ fn a_stock_that_cannot_be_meant_is_refused_or_told() {
     let path = "check block.obj turned.csv --unit mm --pitch 1 --tool mesh.toml --stock box";
     folder.write("turned.csv", "x,y,z,roll\n0,0,90,0\n");
     folder.imf(path).exits(2).warns(&["does not say what of it cuts"]);
+}
+
+#[test]
+fn supports_beside_the_part_are_stock_and_walls_between_the_centres_are_told() {
+    // At the height of the mill's tip, through what stands on the block.
+    let folder = folder("across.nc", "G21 G90\nG0 X-25. Y0. Z20.\nG0 Z2.\nG0 X25.\n");
+    // Voxels of 0.5 have their centres at quarters.
+    let thick = cuboid([-2, -10, 0], [2, 10, 10], 0);
+    folder.write("thick.obj", thick.clone());
+    let thin = cuboid([53, -100, 0], [57, 100, 100], 8);
+    let tenths = |word: &str| word.parse::<f64>().map_or(word.to_owned(), |at| (at / 10.0).to_string());
+    let scaled = thin.lines().map(|line| match line.starts_with('v') {
+        true => line.split(' ').map(tenths).collect::<Vec<_>>().join(" ") + "\n",
+        false => format!("{line}\n"),
+    });
+    folder.write("thin.obj", thick + &scaled.collect::<String>());
+    let thick = check(&folder, "across.nc", "--stock thick.obj --json").exits(3);
+    thick.warns(&["the stock 'thick.obj' stands beside the part"]);
+    let found = &thick.json()["stock"];
+    assert_eq!(found["volume"], 30.0 * 20.0 * 10.0 + 4.0 * 20.0 * 10.0);
+    // By the 4 mm of the cutter; the shank above them crashes into the wall.
+    assert_eq!(
+        (&found["removed"], &found["first_touch"]["element"]),
+        (&json!(4.0 * 6.0 * 4.0), &json!("shank"))
+    );
+    assert!(!thick.stderr.contains("between the centres"), "{}", thick.stderr);
+    check(&folder, "across.nc", "--stock thin.obj").exits(3).warns(&[
+        "the stock 'thin.obj'",
+        "so thin that they lie between the centres of voxels of 0.5",
+        "choose a smaller pitch",
+    ]);
 }
 
 #[test]

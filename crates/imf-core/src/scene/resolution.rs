@@ -252,7 +252,9 @@ impl SceneWarning {
     }
 
     /// Of surface that the voxels of a body in its place lost, within a grid.
-    pub(crate) fn of_lost_surface(
+    #[doc(hidden)]
+    #[must_use]
+    pub fn of_lost_surface(
         part: &str,
         mesh: &Mesh,
         solid: &Occupancy,

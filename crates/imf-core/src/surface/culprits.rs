@@ -313,7 +313,8 @@ mod tests {
         let total: f64 = blame.iter().map(|&b| f64::from(b)).sum();
         assert!((total - whole).abs() < 1e-5 * whole, "{total} {whole}");
         let mut tried = 0;
-        for voxel in solid.solids().step_by(97) {
+        // One inside that is taken away would leave a cavity, which counts as filled.
+        for voxel in solid.solids().filter(|&voxel| solid.is_exposed(voxel)).step_by(31) {
             let mut without = solid.clone();
             without.solid[voxel] = 0;
             let loss = whole - obstruction(&without);

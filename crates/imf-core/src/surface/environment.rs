@@ -48,10 +48,12 @@ pub struct CollisionEnvironment {
     /// The same body by body: the part, then each fixture.
     pub(super) bodies: Vec<SolidVoxels>,
     points_apart: f64,
+    closed_off: usize,
 }
 
 impl CollisionEnvironment {
-    /// Of a part, and of what tools must stay out of in fixtures, on the part's grid.
+    /// Of a part, and of what tools must stay out of in fixtures, on the part's grid. A cavity that they close off on all sides counts as
+    /// solid: no tool gets in.
     ///
     /// # Panics
     /// If the grids differ.
@@ -60,8 +62,24 @@ impl CollisionEnvironment {
         let grid = &part.centres.grid;
         let all = || std::iter::once(&part.keep_out).chain(fixtures);
         assert!(all().all(|body| body.grid == *grid), "bodies must lie on one grid");
-        let centres = SolidVoxels::from(part.centres.clone());
         let same = Arc::ptr_eq(&part.centres, &part.keep_out);
+        let mut closing = Occupancy::clone(&part.centres);
+        // Larger voxels may close a mouth that a tool passes.
+        fixtures.iter().filter(|_| same).for_each(|body| closing.add(body));
+        let cavities = closing.cavities();
+        let filled = |body: &Arc<Occupancy>| match &cavities {
+            Some(cavities) => {
+                let mut body = Occupancy::clone(body);
+                body.add(cavities);
+                Arc::new(body)
+            }
+            None => body.clone(),
+        };
+        let centres = filled(&part.centres);
+        let part =
+            &SolidBody { keep_out: if same { centres.clone() } else { filled(&part.keep_out) }, centres };
+        let all = || std::iter::once(&part.keep_out).chain(fixtures);
+        let centres = SolidVoxels::from(part.centres.clone());
         let whole = if same { centres.clone() } else { part.keep_out.clone().into() };
         let bodies: Vec<SolidVoxels> =
             std::iter::once(whole).chain(fixtures.iter().map(|body| body.clone().into())).collect();
@@ -78,7 +96,14 @@ impl CollisionEnvironment {
             keep_out,
             bodies,
             points_apart: f64::INFINITY,
+            closed_off: cavities.map_or(0, |cavities| cavities.count()),
         }
+    }
+
+    /// Voxels of cavities that part and fixtures close off on all sides.
+    #[must_use]
+    pub fn closed_off(&self) -> usize {
+        self.closed_off
     }
 
     /// The same with points of the surfaces, which a tool must not hold either: between the centres of voxels it would reach up to a voxel
@@ -99,6 +124,7 @@ impl CollisionEnvironment {
             keep_out: self.keep_out.with_surfaces(&all),
             points_apart: apart.into_iter().fold(0.0, f64::max),
             bodies,
+            ..self
         }
     }
 
@@ -182,6 +208,26 @@ mod tests {
     use crate::mesh::Mesh;
     use crate::parts::ReferencePart;
     use crate::tool::Tool;
+
+    #[test]
+    fn a_cavity_that_part_and_fixtures_close_off_is_solid_for_the_whole_tool() {
+        let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [10; 3] };
+        let mouth = |[x, y, z]: [usize; 3]| x == 5 && y == 5 && z >= 7;
+        let hollow = |voxel: [usize; 3]| voxel.iter().all(|v| (4..7).contains(v));
+        let made = |is_solid: &dyn Fn([usize; 3]) -> bool| Arc::new(Occupancy::of(grid, is_solid));
+        let closed = made(&|v| !hollow(v));
+        let open = made(&|v| !hollow(v) && !mouth(v));
+        let of = |part: &SolidBody, fixtures: &[Arc<Occupancy>]| {
+            let found = CollisionEnvironment::new(part, fixtures);
+            [found.closed_off(), found.part().count(), found.keep_out.occupancy().count()]
+        };
+        assert_eq!(of(&closed.clone().into(), &[]), [27, 1000, 1000]);
+        assert_eq!(of(&open.clone().into(), &[]), [0, 970, 970]);
+        // A fixture in the mouth, and larger voxels alone, which may close it though a tool passes.
+        let plug = made(&|v| mouth(v) && v[2] == 9);
+        assert_eq!(of(&open.clone().into(), &[plug]), [29, 999, 1000]);
+        assert_eq!(of(&SolidBody { centres: open, keep_out: closed }, &[]), [0, 970, 973]);
+    }
 
     #[test]
     fn at_twice_the_pitch_the_voxels_are_those_of_a_scene_of_that_pitch() {

@@ -15,7 +15,7 @@ pub struct SurfaceSample {
     pub point: DVec3,
     /// Outward unit normal.
     pub normal: DVec3,
-    /// Area of its triangle, in the mesh's unit squared.
+    /// Area of its triangle, in the mesh's unit squared; its part of that where flush faces of several bodies share it.
     pub area: f64,
     /// Maximum sine of half the angle by which the mesh turns at the smooth edges of the sample's triangle: a facet
     /// approximates a curved surface, whose true normal may differ by this. 0 on a plane.
@@ -29,8 +29,8 @@ pub struct SurfaceSamples {
     pub mesh: Mesh,
     /// In the order of the triangles.
     pub samples: Vec<SurfaceSample>,
-    /// Area that lies inside the part, in the mesh's unit squared, where bodies of the mesh cross or touch each
-    /// other. It has no samples.
+    /// Area that is no surface or counts for another already, in the mesh's unit squared: inside the part or flush, where bodies of
+    /// the mesh cross or touch each other.
     pub hidden_area: f64,
 }
 
@@ -43,7 +43,7 @@ impl SurfaceSamples {
     /// About `count` samples of a mesh, or more; `solid` holds its voxels.
     ///
     /// Of bodies that cross or touch each other the surface is what has the part on one side alone, and it faces the other,
-    /// whichever way its triangles do. Where the mesh is open, what a triangle faces is solid if its voxel is too.
+    /// whichever way its triangles do; flush faces of a closed mesh share its area. Where the mesh is open, what a triangle faces is solid if its voxel is too.
     #[must_use]
     pub fn new(mesh: &Mesh, solid: &Occupancy, count: usize) -> Self {
         let area: f64 = (0..mesh.triangles.len()).map(|t| area_vector(mesh.corners(t)).length()).sum();
@@ -69,34 +69,39 @@ impl SurfaceSamples {
                 area: vector.length(),
                 bend: bends[origins[triangle] as usize],
             };
-            let Some(crossings) = &crossings else { return Some((sample, false)) };
-            let is_inside = |side: f64| {
+            let whole = sample.area;
+            let Some(crossings) = &crossings else { return Some((sample, 0.0)) };
+            let around = |side: f64| {
                 let beside = sample.point + sample.normal * (side * CLOSE * grid.pitch);
-                crossings.winding_number(beside) != 0
+                crossings.winding_number(beside)
             };
-            let before = is_inside(1.0);
+            let before = around(1.0);
             if is_closed {
-                let behind = is_inside(-1.0);
-                if before && !behind {
+                let behind = around(-1.0);
+                if before != 0 && behind == 0 {
                     sample.normal = -sample.normal;
                 }
-                return Some((sample, before && behind));
+                // As many faces lie there as the number changes by.
+                sample.area = match before * behind {
+                    0 => whole / f64::from(before.abs_diff(behind).max(1)),
+                    _ => 0.0,
+                };
+                return Some((sample, whole - sample.area));
             }
             let outside = grid.continuous(sample.point + sample.normal * (OUTSIDE * grid.pitch));
             let is_solid = grid.index_at(outside).is_some_and(|voxel| solid.solid[voxel] != 0);
-            Some((sample, before && is_solid))
+            sample.area = if before != 0 && is_solid { 0.0 } else { whole };
+            Some((sample, whole - sample.area))
         });
         let mut all = Self { mesh: Mesh::default(), samples: Vec::new(), hidden_area: 0.0 };
         for (triangle, found) in found.into_iter().enumerate() {
-            match found {
-                Some((sample, true)) => all.hidden_area += sample.area,
-                Some((sample, false)) => {
-                    let first = all.mesh.vertices.len() as u32;
-                    all.mesh.vertices.extend(fine.corners(triangle));
-                    all.mesh.triangles.push([first, first + 1, first + 2]);
-                    all.samples.push(sample);
-                }
-                None => {}
+            let Some((sample, hidden)) = found else { continue };
+            all.hidden_area += hidden;
+            if sample.area > 0.0 {
+                let first = all.mesh.vertices.len() as u32;
+                all.mesh.vertices.extend(fine.corners(triangle));
+                all.mesh.triangles.push([first, first + 1, first + 2]);
+                all.samples.push(sample);
             }
         }
         all
@@ -185,8 +190,15 @@ mod tests {
         both.append(&cube.transformed(&DMat4::from_translation(DVec3::new(3.0, 0.0, 0.0))));
         let grid = Grid { origin: DVec3::splat(-1.0), pitch: 0.5, dims: [18, 12, 12] };
         let samples = SurfaceSamples::new(&both, &voxelize(&both, &grid, false), 2000);
-        // One face of each is inside the other; their sides coincide for one unit along x, and no side of them is inside.
-        assert!((samples.hidden_area - 32.0).abs() < 1e-9, "{}", samples.hidden_area);
-        assert!((samples.area() - (2.0 * 96.0 - 32.0)).abs() < 1e-9);
+        // One face of each is inside the other; their sides are flush for one unit along x, and count once.
+        let surface = 2.0 * (7.0 * 4.0 + 4.0 * 4.0 + 7.0 * 4.0);
+        assert!((samples.area() - surface).abs() < 1e-9, "{}", samples.area());
+        assert!((samples.hidden_area - (2.0 * 96.0 - surface)).abs() < 1e-9, "{}", samples.hidden_area);
+        // Three times the same cube is one.
+        let mut thrice = cube.clone();
+        thrice.append(&cube);
+        thrice.append(&cube);
+        let samples = SurfaceSamples::new(&thrice, &voxelize(&cube, &grid, false), 2000);
+        assert!((samples.area() - 96.0).abs() < 1e-9 && (samples.hidden_area - 2.0 * 96.0).abs() < 1e-9);
     }
 }

@@ -70,7 +70,7 @@ class Access:
 
     @property
     def reached_at_twice_the_pitch(self) -> float:
-        """The same with voxels twice as large: a difference says that the answer has not converged."""
+        """The same with voxels twice as large, and their tolerance unless one is given: a difference says that the answer has not converged."""
         return self._native.reached_at_twice_the_pitch
 
     @property
@@ -80,7 +80,7 @@ class Access:
 
     @property
     def hidden_area(self) -> float:
-        """Area inside the part, where bodies of the mesh cross each other: it has no samples."""
+        """Area inside the part or flush, where bodies of the mesh cross or touch each other: it counts for no sample."""
         return self._native.hidden_area
 
     @property

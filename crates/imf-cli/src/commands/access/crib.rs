@@ -25,7 +25,7 @@ use super::on_machine::OnMachine;
 use super::surface::{ObstructedRow, SAMPLES, best_tools, rgb};
 use crate::arguments::access::CribArguments;
 use crate::arguments::orientations::{Directions, default_for};
-use crate::arguments::scene::{SceneArguments, voxelise_with_progress, warn_of};
+use crate::arguments::scene::{SceneArguments, voxelise_with_progress, warn_of, warn_of_cavities};
 use crate::output::{OutputFolder, SUMMARY, print_result, write_json, write_text};
 use crate::session::Session;
 
@@ -125,6 +125,8 @@ impl Crib {
         warn_of(session, &spec.warnings(&bodies)?);
         let made = |spec: &SceneSpec<'_>| CollisionEnvironment::of_bodies(spec, &bodies);
         let environment = voxelise_with_progress(session, &spec, &grid, made)?;
+        let closed_off = environment.closed_off() as f64 * grid.voxel_volume();
+        warn_of_cavities(session, closed_off, grid.pitch, unit);
         let tolerance = arguments.reach.tolerance_at(bodies.part.grid.pitch, unit);
         let samples = SurfaceSamples::new(&mesh, environment.part(), SAMPLES);
         let on_machine = |(machine, _): (Machine, AxisLimits)| {

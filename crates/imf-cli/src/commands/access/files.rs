@@ -111,9 +111,11 @@ fn write_removable(
 /// of which this pitch does not decide.
 pub(super) fn removable_classes(run: &AccessRun, stock: &Stock, findings: &Findings) -> Vec<u8> {
     let held = run.obstacle.whole().on(&stock.solid.grid).unwrap_or_else(|| stock.solid.clone());
+    let cavities = run.cavities.as_ref().and_then(|cavities| cavities.on(&stock.solid.grid));
+    let is_material = |v: usize| held.solid[v] == 1 && cavities.as_ref().is_none_or(|own| own.solid[v] == 0);
     (0..stock.solid.solid.len())
         .map(|v| {
-            if held.solid[v] > stock.solid.solid[v] {
+            if is_material(v) && stock.solid.solid[v] == 0 {
                 OBSTACLE
             } else if findings.removable.iter().any(|found| found.covered[v] != 0) {
                 REMOVABLE

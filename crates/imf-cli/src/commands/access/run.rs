@@ -23,7 +23,9 @@ use super::surface::{SetupSettings, SurfaceSettings};
 use crate::arguments::access::AccessArguments;
 use crate::arguments::fixture::{self, StockArgument};
 use crate::arguments::orientations::{Directions, default_for};
-use crate::arguments::scene::{voxelise_with_progress, warn_of, warn_of_fixtures_out_of_reach};
+use crate::arguments::scene::{
+    voxelise_with_progress, warn_of, warn_of_cavities, warn_of_fixtures_out_of_reach,
+};
 use crate::output::short;
 use crate::session::{Session, show_bytes};
 
@@ -57,6 +59,8 @@ pub(super) struct AccessRun {
     pub(super) query: Grid,
     /// All that the tools can meet, on its own grid.
     pub(super) obstacle: Obstacle,
+    /// What of the obstacle is empty but closed off on all sides; `None` where nothing is.
+    pub(super) cavities: Option<Occupancy>,
     /// The obstacle on the query grid.
     pub(super) solid: Occupancy,
     /// The fixtures on the query grid.
@@ -164,6 +168,12 @@ impl AccessRun {
         warn_of(session, &spec.warnings(&bodies)?);
         let (whole, held) = (bodies.obstacle(), bodies.all_fixtures());
         let conservative = arguments.reach.scene.conservative;
+        let by_centres =
+            conservative.then(|| bodies.by_centres(&spec.placed(), session.control(&|_| {}))).transpose()?;
+        let by_centres = by_centres.as_ref().unwrap_or(&bodies);
+        // Larger voxels may close a mouth that a tool passes.
+        let cavities = if conservative { by_centres.part.cavities() } else { whole.cavities() };
+        warn_of_cavities(session, cavities.as_ref().map_or(0.0, Occupancy::volume), query.pitch, unit);
         let guarantee = tools
             .iter()
             .map(|tool| Guarantee::new(conservative, tool.tool(), &clearance, depth.is_some(), query.pitch))
@@ -174,11 +184,7 @@ impl AccessRun {
         let stock = match (stock_mesh, stock_grid) {
             (Some(stock), Some(grid)) => {
                 // A voxel that the part only touches may hold stock.
-                let bare = conservative
-                    .then(|| bodies.by_centres(&spec.placed(), session.control(&|_| {})))
-                    .transpose()?;
-                let bare = bare.as_ref().unwrap_or(&bodies);
-                Some(Stock::new(session, stock, &grid, bare, (&mesh, unit))?)
+                Some(Stock::new(session, stock, &grid, by_centres, (&mesh, unit))?)
             }
             _ => None,
         };
@@ -206,6 +212,10 @@ impl AccessRun {
             OnMachine::new(session, machine.in_unit(unit), &bodies, seen, &orientations, setups.is_some())
         };
         let machine = machine.map(on_machine).transpose()?;
+        let mut closed = whole.clone();
+        if let Some(cavities) = &cavities {
+            closed.solid.iter_mut().zip(&cavities.solid).for_each(|(closed, cavity)| *closed |= cavity);
+        }
         let [x, y, z] = query.dims;
         session.note(&format!(
             "{}: {x}×{y}×{z} voxels of {} {unit}, {} solid, {} of fixtures; {}; {}",
@@ -242,9 +252,10 @@ impl AccessRun {
             machine,
             query,
             obstacle: match depth {
-                Some(depth) => Obstacle::with_cuttable(&whole, bodies.layer(depth)),
-                None => whole.into(),
+                Some(depth) => Obstacle::with_cuttable(&closed, bodies.layer(depth)),
+                None => closed.into(),
             },
+            cavities,
             stock,
         })
     }

@@ -7,7 +7,7 @@ use imf_core::occupancy::Occupancy;
 use imf_core::scene::Bodies;
 use imf_core::unit::LengthUnit;
 
-use crate::arguments::fixture;
+use crate::arguments::fixture::{self, BESIDE};
 use crate::session::Session;
 
 /// Fraction of the part outside the stock above which a warning is given: a face on the stock's own may lose some
@@ -34,7 +34,9 @@ impl Stock {
         let own = on_grid(&bodies.part)?;
         let within = own.solid.iter().zip(&solid.solid).filter(|(part, stock)| **part & **stock == 1).count();
         let outside = 1.0 - within as f64 / bodies.part.count().max(1) as f64;
-        if outside > OUTSIDE {
+        if outside > OUTSIDE && fixture::Stock::is_beside(&solid, &bodies.part) {
+            session.warn(&format!("the stock '{}' {BESIDE}", stock.name));
+        } else if outside > OUTSIDE {
             session.warn(&format!(
                 "{:.1} % of the part lies outside the stock '{}': check where it stands, and its unit",
                 100.0 * outside,

@@ -42,8 +42,8 @@ pub(super) struct SurfaceSettings {
     pub(super) tolerance: f64,
     /// Part and fixtures as tools meet them.
     pub(super) environment: CollisionEnvironment,
-    /// The same at twice the pitch.
-    pub(super) coarse: CollisionEnvironment,
+    /// The same at twice the pitch, and the tolerance there.
+    pub(super) coarse: (CollisionEnvironment, f64),
     /// The fewest set-ups are searched for.
     pub(super) setups: Option<SetupSettings>,
     /// The minimum stick-outs are searched for.
@@ -62,7 +62,10 @@ impl SurfaceSettings {
         Ok(Self {
             tolerance: arguments.reach.tolerance_at(grid.pitch, spec.unit),
             environment: CollisionEnvironment::of_bodies(spec, bodies)?,
-            coarse: CollisionEnvironment::at_twice_the_pitch(spec, grid)?,
+            coarse: (
+                CollisionEnvironment::at_twice_the_pitch(spec, grid)?,
+                arguments.reach.tolerance_at(2.0 * grid.pitch, spec.unit),
+            ),
             setups,
             stick_out: arguments.stickout,
         })
@@ -159,10 +162,10 @@ impl Surface {
         run: &AccessRun,
         settings: &SurfaceSettings,
     ) -> Result<f64> {
+        let (environment, tolerance) = &settings.coarse;
         let mut reached = vec![false; self.samples.samples.len()];
         for tool in 0..run.tools.len() {
-            let (access, _) =
-                one_tool(session, run, tool, &settings.coarse, settings.tolerance, &self.samples)?;
+            let (access, _) = one_tool(session, run, tool, environment, *tolerance, &self.samples)?;
             let any =
                 |(all, one): (&mut bool, &SampleReach)| *all |= matches!(one, SampleReach::Reached { .. });
             reached.iter_mut().zip(&access.reach).for_each(any);

@@ -16,7 +16,7 @@ use imf_core::toolpath::{MoveKind, Toolpath};
 use imf_core::unit::LengthUnit;
 use serde_json::{Value, json};
 
-use crate::arguments::fixture::{BY_VOXELS, Stock, StockArgument};
+use crate::arguments::fixture::{BESIDE, BY_VOXELS, Stock, StockArgument};
 use crate::output::{OutputFolder, short, show_measure, write_text};
 use crate::session::Session;
 
@@ -55,10 +55,16 @@ impl StockInput {
         })?;
         let stage = session.brief_stage("voxelising the stock", "rows of voxels", (x * y) as u64);
         let advance = |n| stage.advance(n);
-        let voxels = stock.voxels(session, &grid, session.control(&advance))?;
+        let mut voxels = stock.voxels(session, &grid, session.control(&advance))?;
         stage.finish("");
         ensure!(voxels.count() > 0, "the stock '{}' holds no voxel's centre", stock.name);
         let own = part_voxels.on(&grid).context("the grids of part and stock do not meet")?;
+        if Stock::is_beside(&voxels, part_voxels) {
+            session
+                .warn(&format!("the stock '{}' {BESIDE}; the part is taken for stock as well", stock.name));
+            voxels.solid.iter_mut().zip(&own.solid).for_each(|(stock, part)| *stock |= part);
+            return Ok(Self { name: stock.name, voxels });
+        }
         let outside = own.solid.iter().zip(&voxels.solid).filter(|(part, stock)| **part > **stock).count();
         ensure!(
             2 * outside <= own.count(),

@@ -123,7 +123,7 @@ pub(super) fn left(shares: &[(&str, f64)]) -> String {
 pub(crate) struct SurfaceRow {
     pub(super) area: f64,
     pub(super) samples: usize,
-    /// Inside other bodies of the part's mesh, and left out of all shares.
+    /// Inside other bodies of the part's mesh or flush with them, and left out of all shares.
     pub(super) hidden_area: f64,
     pub(super) tolerance: f64,
     pub(super) reached: f64,
@@ -173,7 +173,7 @@ impl SurfaceRow {
         if self.hidden_area > 0.0 {
             let _ = writeln!(
                 text,
-                "  left out: {} {unit}² inside other bodies of the part",
+                "  left out: {} {unit}² where bodies of the part cross or lie flush",
                 show_measure(self.hidden_area)
             );
         }
