@@ -28,7 +28,7 @@ pub(super) struct Protocol {
     pub(super) precision: Precision,
     /// Changes of every recipe, as `imf-bench recipe run --set` takes them.
     all: Vec<String>,
-    /// By recipe.
+    /// By recipe, or `RECIPE of PART` for one part alone.
     own: BTreeMap<String, Vec<String>>,
 }
 
@@ -53,6 +53,8 @@ impl Protocol {
         let own = self.own.get(name).into_iter().flatten();
         self.all.iter().chain(own).try_for_each(|text| source.assign(text))?;
         if let Some(part) = part {
+            let mut of_part = self.own.get(&format!("{name} of {part}")).into_iter().flatten();
+            of_part.try_for_each(|text| source.assign(text))?;
             source.set("scene.part", part)?;
         }
         Ok(source)
@@ -121,6 +123,17 @@ mod tests {
                 assert_eq!(variants >= 3, matches!(name, "sparsity" | "architecture"), "{name}");
             }
             assert!(!protocol.statement().is_empty());
+            let parts = ["teapot", "bracket", "screw-gear"];
+            for key in protocol.own.keys().filter(|key| *key != "plane") {
+                let (name, part) = key.split_once(" of ").unwrap_or((key, parts[0]));
+                assert!(parts.contains(&part), "{key}");
+                let [whole, own] = [None, Some(part)].map(|part| protocol.recipe(name, part).unwrap());
+                assert_eq!(
+                    whole.recipe().unwrap().stages != own.recipe().unwrap().stages,
+                    key.contains(" of "),
+                    "{key}"
+                );
+            }
         }
     }
 
