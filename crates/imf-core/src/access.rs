@@ -9,7 +9,7 @@ mod dilation;
 mod map;
 mod removable;
 
-pub use components::{Component, Components, components};
+pub use components::{Component, Components, cavities, components};
 pub use map::{AccessMap, access_map};
 pub use removable::{
     RemovableError, RemovableStock, RemovedVoxels, position_grid, removable, removable_by_orientation,

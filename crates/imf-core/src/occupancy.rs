@@ -62,38 +62,6 @@ impl Occupancy {
         })
     }
 
-    /// The empty voxels to which no way leads from the grid's border across faces of empty ones; `None` where there is none.
-    #[must_use]
-    pub fn cavities(&self) -> Option<Self> {
-        let (dims, mut open) = (self.grid.dims, self.solid.clone());
-        let strides = [dims[1] * dims[2], dims[2], 1];
-        let mut ways = Vec::new();
-        let enter = |voxel: usize, open: &mut [u8], ways: &mut Vec<usize>| {
-            if open[voxel] == 0 {
-                open[voxel] = 1;
-                ways.push(voxel);
-            }
-        };
-        for index in 0..open.len() {
-            let voxel = self.grid.voxel(index);
-            if (0..3).any(|axis| voxel[axis] == 0 || voxel[axis] + 1 == dims[axis]) {
-                enter(index, &mut open, &mut ways);
-            }
-            while let Some(index) = ways.pop() {
-                let voxel = self.grid.voxel(index);
-                for (axis, stride) in strides.into_iter().enumerate() {
-                    if voxel[axis] > 0 {
-                        enter(index - stride, &mut open, &mut ways);
-                    }
-                    if voxel[axis] + 1 < dims[axis] {
-                        enter(index + stride, &mut open, &mut ways);
-                    }
-                }
-            }
-        }
-        open.contains(&0).then(|| Self { grid: self.grid, solid: open.iter().map(|open| 1 - open).collect() })
-    }
-
     /// Volume of the solid voxels in world units cubed.
     #[must_use]
     pub fn volume(&self) -> f64 {
@@ -124,7 +92,7 @@ impl Occupancy {
 
     /// Adds the solid voxels of another occupancy whose grid has the same voxels; those outside this grid are left
     /// out. Does nothing where the grids' voxels do not coincide.
-    pub(crate) fn add(&mut self, other: &Self) {
+    pub fn add(&mut self, other: &Self) {
         let grid = self.grid;
         let Some(offset) = other.grid.offset_of(&grid) else { return };
         // The range of this grid's voxels that lie on the other one.
@@ -221,21 +189,6 @@ impl Occupancy {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn cavities_are_closed_on_all_sides_and_pockets_are_not() {
-        let grid = Grid { origin: DVec3::ZERO, pitch: 2.0, dims: [9, 8, 7] };
-        let made = |empty: &dyn Fn([usize; 3]) -> bool| Occupancy::of(grid, |voxel| !empty(voxel));
-        let cavity = |[x, y, z]: [usize; 3]| x == 4 && (2..5).contains(&y) && z == 3;
-        let pocket = |[x, y, z]: [usize; 3]| x == 4 && y == 2 && z >= 3;
-        let hollow = Some(Occupancy::of(grid, cavity));
-        assert_eq!(made(&cavity).cavities(), hollow);
-        assert_eq!(made(&|v| cavity(v) || pocket(v)).cavities(), None);
-        // One that a pocket meets along an edge alone.
-        let beside = |[x, y, z]: [usize; 3]| x == 5 && y == 1 && z >= 4;
-        assert_eq!(made(&|v| cavity(v) || beside(v)).cavities(), hollow);
-        assert_eq!((made(&|_| false).cavities(), Occupancy::empty(grid).cavities()), (None, None));
-    }
     use crate::section::test_shapes::scattered;
     use crate::voxelize::voxelize;
 

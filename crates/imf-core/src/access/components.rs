@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use crate::grid::Grid;
+use crate::occupancy::Occupancy;
 
 /// One connected component.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -13,6 +14,14 @@ pub struct Component {
     pub lower: [usize; 3],
     /// Highest voxel of its box along each axis.
     pub upper: [usize; 3],
+}
+
+impl Component {
+    /// Whether it stays clear of the border of a grid of these dimensions.
+    #[must_use]
+    pub fn is_inside(&self, dims: [usize; 3]) -> bool {
+        (0..3).all(|axis| self.lower[axis] > 0 && self.upper[axis] + 1 < dims[axis])
+    }
 }
 
 /// The pieces of a set, the largest first (of equals the one that holds the lowest voxel index).
@@ -83,12 +92,36 @@ pub fn components(grid: &Grid, inside: impl Fn(usize) -> bool) -> Components {
     Components { pieces: order.iter().map(|&piece| pieces[piece]).collect(), labels }
 }
 
+/// The empty voxels to which no way leads from the grid's border across faces of empty ones; `None` where there is none.
+#[must_use]
+pub fn cavities(solid: &Occupancy) -> Option<Occupancy> {
+    let empty = components(&solid.grid, |voxel| solid.solid[voxel] == 0);
+    let closed: Vec<bool> = empty.pieces.iter().map(|piece| piece.is_inside(solid.grid.dims)).collect();
+    let is_closed = |&label: &u32| u8::from(label > 0 && closed[label as usize - 1]);
+    let voxels = || empty.labels.iter().map(is_closed).collect();
+    closed.contains(&true).then(|| Occupancy { grid: solid.grid, solid: voxels() })
+}
+
 #[cfg(test)]
 mod tests {
     use glam::DVec3;
 
     use super::*;
 
+    #[test]
+    fn cavities_are_closed_on_all_sides_and_pockets_are_not() {
+        let grid = Grid { origin: DVec3::ZERO, pitch: 2.0, dims: [9, 8, 7] };
+        let made = |empty: &dyn Fn([usize; 3]) -> bool| Occupancy::of(grid, |voxel| !empty(voxel));
+        let cavity = |[x, y, z]: [usize; 3]| x == 4 && (2..5).contains(&y) && z == 3;
+        let pocket = |[x, y, z]: [usize; 3]| x == 4 && y == 2 && z >= 3;
+        let hollow = Some(Occupancy::of(grid, cavity));
+        assert_eq!(cavities(&made(&cavity)), hollow);
+        assert_eq!(cavities(&made(&|v| cavity(v) || pocket(v))), None);
+        // One that a pocket meets along an edge alone.
+        let beside = |[x, y, z]: [usize; 3]| x == 5 && y == 1 && z >= 4;
+        assert_eq!(cavities(&made(&|v| cavity(v) || beside(v))), hollow);
+        assert_eq!((cavities(&made(&|_| false)), cavities(&Occupancy::empty(grid))), (None, None));
+    }
     #[test]
     fn pieces_touch_by_faces_alone_and_come_largest_first() {
         let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [3, 4, 5] };

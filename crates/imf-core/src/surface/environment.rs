@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use crate::access::cavities;
 use crate::field::solid::{SolidField, SolidVoxels};
 use crate::grid::Grid;
 use crate::mesh::Mesh;
@@ -66,11 +67,11 @@ impl CollisionEnvironment {
         let mut closing = Occupancy::clone(&part.centres);
         // Larger voxels may close a mouth that a tool passes.
         fixtures.iter().filter(|_| same).for_each(|body| closing.add(body));
-        let cavities = closing.cavities();
-        let filled = |body: &Arc<Occupancy>| match &cavities {
-            Some(cavities) => {
+        let closed_off = cavities(&closing);
+        let filled = |body: &Arc<Occupancy>| match &closed_off {
+            Some(closed_off) => {
                 let mut body = Occupancy::clone(body);
-                body.add(cavities);
+                body.add(closed_off);
                 Arc::new(body)
             }
             None => body.clone(),
@@ -96,7 +97,7 @@ impl CollisionEnvironment {
             keep_out,
             bodies,
             points_apart: f64::INFINITY,
-            closed_off: cavities.map_or(0, |cavities| cavities.count()),
+            closed_off: closed_off.map_or(0, |closed_off| closed_off.count()),
         }
     }
 

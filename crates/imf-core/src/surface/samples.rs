@@ -43,7 +43,8 @@ impl SurfaceSamples {
     /// About `count` samples of a mesh, or more; `solid` holds its voxels.
     ///
     /// Of bodies that cross or touch each other the surface is what has the part on one side alone, and it faces the other,
-    /// whichever way its triangles do; flush faces of a closed mesh share its area. Where the mesh is open, what a triangle faces is solid if its voxel is too.
+    /// whichever way its triangles do; flush faces of a closed mesh share its area. Where the mesh is open, what a triangle faces is
+    /// solid if its voxel is too.
     #[must_use]
     pub fn new(mesh: &Mesh, solid: &Occupancy, count: usize) -> Self {
         let area: f64 = (0..mesh.triangles.len()).map(|t| area_vector(mesh.corners(t)).length()).sum();
@@ -82,9 +83,9 @@ impl SurfaceSamples {
                     sample.normal = -sample.normal;
                 }
                 // As many faces lie there as the number changes by.
-                sample.area = match before * behind {
-                    0 => whole / f64::from(before.abs_diff(behind).max(1)),
-                    _ => 0.0,
+                sample.area = match before != 0 && behind != 0 {
+                    true => 0.0,
+                    false => whole / f64::from(before.abs_diff(behind).max(1)),
                 };
                 return Some((sample, whole - sample.area));
             }

@@ -36,7 +36,7 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::library;
-use super::stack::{Stack, line, rounded, top};
+use super::stack::{Stack, ball_on_neck, line, rounded, top};
 use super::{Segment, SharpPoints, Tool, ToolError, ToolShape};
 use crate::file_error::{Fault, FaultKind, FileError};
 use crate::mesh::read::read_mesh_file;
@@ -347,32 +347,16 @@ impl Reader<'_> {
         };
         if cutter.shape == CutterShape::Lollipop {
             if let Some(length) = &cutter.length {
-                return Err(self.wrong(
-                    length,
-                    "how far a lollipop's ball goes follows from its shank: remove cutter.length",
-                ));
+                let what = "how far a lollipop's ball goes follows from its shank: remove cutter.length";
+                return Err(self.wrong(length, what));
             }
-            let neck = shank.map_or(0.0, |diameter| diameter / 2.0);
-            if !(neck > 0.0 && neck < radius) {
-                return Err(
-                    self.wrong(&cutter.diameter, "a lollipop needs a [shank] that is thinner than its ball")
-                );
-            }
-            let end = radius + (radius * radius - neck * neck).sqrt();
-            return Ok(vec![Segment::Arc {
-                from: 0.0,
-                to: end,
-                centre_height: radius,
-                centre_radius: 0.0,
-                arc_radius: radius,
-            }]);
+            let neck = shank.map(|diameter| diameter / 2.0).filter(|&neck| neck < radius);
+            let what = "a lollipop needs a [shank] that is thinner than its ball";
+            let neck = neck.ok_or_else(|| self.wrong(&cutter.diameter, what))?;
+            return Ok(vec![ball_on_neck(radius, neck)]);
         }
-        let Some(given) = &cutter.length else {
-            return Err(self.wrong(
-                &cutter.diameter,
-                "a cutter needs cutter.length, from its tip to where its edges end",
-            ));
-        };
+        let what = "a cutter needs cutter.length, from its tip to where its edges end";
+        let given = cutter.length.as_ref().ok_or_else(|| self.wrong(&cutter.diameter, what))?;
         let length = self.length("cutter.length", given)?;
         let what = || format!("cutter.length {length} is shorter than the cutter's rounded end");
         let profile = rounded(radius, corner, half_angle.to_radians(), length);

@@ -89,6 +89,12 @@ pub(super) fn pointed(
     Ok(profile)
 }
 
+/// A ball that stands on the tip, down to a neck of another radius, which is smaller.
+pub(super) fn ball_on_neck(radius: f64, neck: f64) -> Segment {
+    let to = radius + (radius * radius - neck * neck).sqrt();
+    Segment::Arc { from: 0.0, to, centre_height: radius, centre_radius: 0.0, arc_radius: radius }
+}
+
 /// Height at which a profile ends.
 pub(super) fn top(profile: &[Segment]) -> f64 {
     profile.last().map_or(0.0, |segment| segment.range().1)

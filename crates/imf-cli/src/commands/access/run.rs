@@ -4,7 +4,7 @@ use std::cell::OnceCell;
 
 use anyhow::{Context as _, Result, ensure};
 use glam::DVec3;
-use imf_core::access::{memory_estimate, position_grid, removable_memory_estimate};
+use imf_core::access::{cavities, memory_estimate, position_grid, removable_memory_estimate};
 use imf_core::grid::Grid;
 use imf_core::machine::{AxisLimits, Machine};
 use imf_core::mesh::{MachiningDirection, Mesh, points_memory_estimate};
@@ -172,7 +172,7 @@ impl AccessRun {
             conservative.then(|| bodies.by_centres(&spec.placed(), session.control(&|_| {}))).transpose()?;
         let by_centres = by_centres.as_ref().unwrap_or(&bodies);
         // Larger voxels may close a mouth that a tool passes.
-        let cavities = if conservative { by_centres.part.cavities() } else { whole.cavities() };
+        let cavities = cavities(if conservative { &by_centres.part } else { &whole });
         warn_of_cavities(session, cavities.as_ref().map_or(0.0, Occupancy::volume), query.pitch, unit);
         let guarantee = tools
             .iter()
@@ -212,9 +212,10 @@ impl AccessRun {
             OnMachine::new(session, machine.in_unit(unit), &bodies, seen, &orientations, setups.is_some())
         };
         let machine = machine.map(on_machine).transpose()?;
-        let mut closed = whole.clone();
+        let solid = on_query(&whole)?;
+        let mut closed = whole;
         if let Some(cavities) = &cavities {
-            closed.solid.iter_mut().zip(&cavities.solid).for_each(|(closed, cavity)| *closed |= cavity);
+            closed.add(cavities);
         }
         let [x, y, z] = query.dims;
         session.note(&format!(
@@ -235,7 +236,7 @@ impl AccessRun {
             conservative,
             mesh,
             fixtures: bodies.fixtures.iter().map(|(name, _)| name.clone()).collect(),
-            solid: on_query(&whole)?,
+            solid,
             held: on_query(&held)?,
             fixtures_alone: (!fixtures.is_empty()).then_some(held),
             tools,

@@ -62,7 +62,7 @@ impl StockInput {
         if Stock::is_beside(&voxels, part_voxels) {
             session
                 .warn(&format!("the stock '{}' {BESIDE}; the part is taken for stock as well", stock.name));
-            voxels.solid.iter_mut().zip(&own.solid).for_each(|(stock, part)| *stock |= part);
+            voxels.add(&own);
             return Ok(Self { name: stock.name, voxels });
         }
         let outside = own.solid.iter().zip(&voxels.solid).filter(|(part, stock)| **part > **stock).count();

@@ -30,8 +30,7 @@ impl<'a> Cavities<'a> {
 
     /// Whether a piece stays clear of the grid's border.
     fn is_closed(&self, label: u32) -> bool {
-        let (piece, dims) = (self.empty.pieces[label as usize - 1], self.solid.grid.dims);
-        (0..3).all(|axis| piece.lower[axis] > 0 && piece.upper[axis] + 1 < dims[axis])
+        self.empty.pieces[label as usize - 1].is_inside(self.solid.grid.dims)
     }
 }
 
