@@ -11,6 +11,8 @@ use crate::toolpath::{CutterStatement, Location, MoveKind, Toolpath};
 
 /// More poses than this on one motion are a slip of units.
 const MAX_POSES: f64 = 1e8;
+/// Maximum number of poses within a step.
+const MAX_BETWEEN: f64 = 100.0;
 
 /// One of the poses of a motion.
 pub(super) struct Step {
@@ -47,6 +49,20 @@ impl Motion<'_> {
             let step = Step { index, fraction, is_last: index == self.count, length: self.step };
             (step, self.at(fraction))
         })
+    }
+
+    /// The poses between the one before a step's and its own, so many that none is farther than `longest` from the next along the tool.
+    pub(super) fn poses_between(&self, step: &Step, longest: f64) -> impl Iterator<Item = Pose> {
+        let place = |part: f64| self.at((step.index as f64 - 1.0 + part) / self.count as f64);
+        let mut along = 0.0;
+        if self.step > longest
+            && let (before, after) = (place(0.0), place(1.0))
+            && let Some(axis) = after.axis()
+        {
+            along = (after.position - before.position).dot(axis).abs();
+        }
+        let count = (along / longest - 1e-9).ceil().clamp(1.0, MAX_BETWEEN);
+        (1..count as u32).map(move |part| place(f64::from(part) / count))
     }
 
     /// The tool in the world.

@@ -2,7 +2,7 @@
 //!
 //! At each pose of a check, in the order of the path, shank and holder are tested against the stock that is left;
 //! then the cutter removes the voxels whose centres it holds, of the part those that lie deeper in it than the contact: what
-//! it may touch stays. On a rapid, and where the path begins (the approach is not in the file), the cutter must keep out as
+//! it may touch stays. A cutter whose rim is thinner than a step along its axis removes what it holds between two poses too. On a rapid, and where the path begins (the approach is not in the file), the cutter must keep out as
 //! well: it is tested against the stock from before the first of such motions in a row. The cutter of a drill, or of another tool that cuts along its axis alone, must keep out wherever it
 //! moves otherwise, in the same way: in however many steps. A feed that moves nothing ends no row. Stock that belongs to the
 //! part is left to the check of the part.

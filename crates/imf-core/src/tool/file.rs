@@ -8,13 +8,14 @@
 //!                               # [[x, y, z], …] in the tool frame
 //!
 //! [cutter]
-//! shape = "ball"                # flat | ball | bull | tapered | lollipop
+//! shape = "ball"                # flat | ball | bull | tapered | lollipop | drill
 //! diameter = 10.0               # at the tip for a tapered cutter
 //! length = 35.0                 # not of a lollipop, which is a ball down to the shank
 //! # corner_radius = 1.0         # bull; tapered (half the diameter unless given, 0 for a sharp corner)
 //! # half_angle = 5.0            # tapered, degrees
+//! # point_angle = 118.0         # drill, degrees from edge to edge
 //! # back_cutting = true         # its upper end cuts too, as that of a T-slot cutter
-//! # plunge_only = true          # it cuts along its axis alone, as a drill does
+//! # plunge_only = true          # it cuts along its axis alone, as a drill does by itself
 //!
 //! [shank]                       # optional
 //! diameter = 10.0
@@ -29,6 +30,8 @@
 //! or `mesh = "head.stl"` instead of cutter, shank and holder: a closed mesh in the tool frame. `sharp_points = { within = 12.0 }`
 //! says which of its vertices cut: those within 12 of the tip.
 
+mod cutter;
+
 use std::path::Path;
 
 use glam::DVec3;
@@ -36,11 +39,12 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::library;
-use super::stack::{Stack, ball_on_neck, line, rounded, top};
-use super::{Segment, SharpPoints, Tool, ToolError, ToolShape};
+use super::stack::{Stack, line, top};
+use super::{SharpPoints, Tool, ToolError, ToolShape};
 use crate::file_error::{Fault, FaultKind, FileError};
 use crate::mesh::read::read_mesh_file;
 use crate::unit::LengthUnit;
+use cutter::CutterText;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -66,30 +70,6 @@ enum SharpText {
     Within {
         within: f64,
     },
-}
-
-#[derive(Clone, Copy, Deserialize, PartialEq)]
-#[serde(rename_all = "lowercase")]
-enum CutterShape {
-    Flat,
-    Ball,
-    Bull,
-    Tapered,
-    Lollipop,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct CutterText {
-    shape: CutterShape,
-    diameter: Spanned<f64>,
-    length: Option<Spanned<f64>>,
-    corner_radius: Option<Spanned<f64>>,
-    half_angle: Option<Spanned<f64>>,
-    #[serde(default)]
-    back_cutting: bool,
-    #[serde(default)]
-    plunge_only: bool,
 }
 
 #[derive(Deserialize)]
@@ -239,7 +219,7 @@ impl Reader<'_> {
             (None, Some(cutter)) => {
                 let (stack, overall_length) = self.stack(&text, cutter)?;
                 let unit = text.unit.unwrap_or_default();
-                let CutterText { back_cutting, plunge_only, .. } = *cutter;
+                let (back_cutting, plunge_only) = (cutter.back_cutting, cutter.plunges_only());
                 Tool { overall_length, back_cutting, plunge_only, ..stack.tool(name, unit) }
             }
         };
@@ -303,64 +283,6 @@ impl Reader<'_> {
         let face = if holder.is_empty() { f64::INFINITY } else { face };
         let overall = shank_end.filter(|_| stick_out.is_some());
         Ok((Stack { cutter: profile, shank: shank.into_iter().collect(), face, holder }, overall))
-    }
-
-    /// Outline of the cutter: a corner arc (half a ball for ball ends), then a cylinder or a cone; of a lollipop a ball down to its
-    /// shank.
-    fn cutter(&self, cutter: &CutterText, shank: Option<f64>) -> Result<Vec<Segment>, Fault> {
-        let radius = self.length("cutter.diameter", &cutter.diameter)? / 2.0;
-        let corner = match (&cutter.corner_radius, cutter.shape) {
-            (Some(corner), CutterShape::Bull | CutterShape::Tapered) => {
-                // A cone may have a sharp corner.
-                let is_sharp = cutter.shape == CutterShape::Tapered && *corner.get_ref() == 0.0;
-                let value = if is_sharp { 0.0 } else { self.length("cutter.corner_radius", corner)? };
-                if value > radius {
-                    let what =
-                        format!("cutter.corner_radius {value} is larger than the cutter's radius {radius}");
-                    return Err(self.wrong(corner, what));
-                }
-                value
-            }
-            (Some(corner), _) => {
-                let what = "cutter.corner_radius belongs to shape = \"bull\" or \"tapered\"";
-                return Err(self.wrong(corner, what));
-            }
-            (None, CutterShape::Bull) => {
-                return Err(self.wrong(&cutter.diameter, "a bull-nose cutter needs cutter.corner_radius"));
-            }
-            (None, CutterShape::Flat | CutterShape::Lollipop) => 0.0,
-            (None, CutterShape::Ball | CutterShape::Tapered) => radius,
-        };
-        let half_angle = match (&cutter.half_angle, cutter.shape == CutterShape::Tapered) {
-            (Some(angle), true) if *angle.get_ref() > 0.0 && *angle.get_ref() < 80.0 => *angle.get_ref(),
-            (Some(angle), true) => {
-                let what = "cutter.half_angle of a tapered cutter is more than 0 and less than 80 degrees";
-                return Err(self.wrong(angle, what));
-            }
-            (Some(angle), false) => {
-                return Err(self.wrong(angle, "cutter.half_angle belongs to shape = \"tapered\""));
-            }
-            (None, true) => {
-                return Err(self.wrong(&cutter.diameter, "a tapered cutter needs cutter.half_angle"));
-            }
-            (None, false) => 0.0,
-        };
-        if cutter.shape == CutterShape::Lollipop {
-            if let Some(length) = &cutter.length {
-                let what = "how far a lollipop's ball goes follows from its shank: remove cutter.length";
-                return Err(self.wrong(length, what));
-            }
-            let neck = shank.map(|diameter| diameter / 2.0).filter(|&neck| neck < radius);
-            let what = "a lollipop needs a [shank] that is thinner than its ball";
-            let neck = neck.ok_or_else(|| self.wrong(&cutter.diameter, what))?;
-            return Ok(vec![ball_on_neck(radius, neck)]);
-        }
-        let what = "a cutter needs cutter.length, from its tip to where its edges end";
-        let given = cutter.length.as_ref().ok_or_else(|| self.wrong(&cutter.diameter, what))?;
-        let length = self.length("cutter.length", given)?;
-        let what = || format!("cutter.length {length} is shorter than the cutter's rounded end");
-        let profile = rounded(radius, corner, half_angle.to_radians(), length);
-        profile.ok_or_else(|| self.wrong(given, what()))
     }
 }
 

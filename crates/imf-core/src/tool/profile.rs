@@ -79,6 +79,18 @@ impl Element {
         self.profile.iter().map(Segment::max_radius).fold(0.0, f64::max)
     }
 
+    /// Length of the longest stretch along the axis on which its radius is within `room` of the largest.
+    pub(crate) fn widest_length(&self, room: f64) -> f64 {
+        let least = self.max_radius() - room;
+        let (mut longest, mut begin, mut end) = (0.0_f64, 0.0, f64::NEG_INFINITY);
+        for [from, to] in self.profile.iter().filter_map(|segment| segment.heights_of_radius(least)) {
+            begin = if from > end { from } else { begin };
+            end = to;
+            longest = longest.max(end - begin);
+        }
+        longest
+    }
+
     pub(super) fn scaled(&self, factor: f64) -> Self {
         Self { kind: self.kind, profile: self.profile.iter().map(|s| s.scaled(factor)).collect() }
     }
@@ -179,6 +191,28 @@ impl Segment {
             }
             _ => ends,
         }
+    }
+
+    /// Heights between which its radius is no smaller.
+    fn heights_of_radius(&self, least: f64) -> Option<[f64; 2]> {
+        let (from, to) = self.range();
+        let [low, high] = match *self {
+            Self::Line { radius_from, radius_to, .. } => {
+                let at = from + (to - from) * (least - radius_from) / (radius_to - radius_from);
+                match (radius_from >= least, radius_to >= least) {
+                    (true, true) => [from, to],
+                    (true, false) => [from, at],
+                    (false, true) => [at, to],
+                    (false, false) => return None,
+                }
+            }
+            Self::Arc { centre_height, centre_radius, arc_radius, .. } => {
+                let across = (least - centre_radius).max(0.0);
+                let half = (arc_radius * arc_radius - across * across).max(0.0).sqrt();
+                [from.max(centre_height - half), to.min(centre_height + half)]
+            }
+        };
+        (low <= high).then_some([low, high])
     }
 
     /// Volume of the body of revolution in cubic units.
@@ -333,6 +367,29 @@ mod tests {
                 .map(|i| PI * segment.radius(from + thickness * (f64::from(i) + 0.5)).powi(2) * thickness)
                 .sum();
             assert!((sum - segment.volume()).abs() < 1e-6 * sum, "{segment:?}");
+        }
+    }
+
+    #[test]
+    fn the_widest_stretch_is_where_the_radius_is_nearly_the_largest() {
+        let line = |from, to, radius_from, radius_to| Segment::Line { from, to, radius_from, radius_to };
+        let length = |profile: &[Segment], room: f64| {
+            Element { kind: ElementKind::Cutter, profile: profile.to_vec() }.widest_length(room)
+        };
+        // A cone up to its end, and down from there; with a cylinder between; a ball; and two rims apart.
+        let (up, down) = (line(0.0, 4.0, 0.0, 2.0), line(4.0, 8.0, 2.0, 0.0));
+        let ball =
+            Segment::Arc { from: 0.0, to: 4.0, centre_height: 2.0, centre_radius: 0.0, arc_radius: 2.0 };
+        let apart = [line(0.0, 0.5, 2.0, 2.0), line(0.5, 3.0, 1.0, 1.0), line(3.0, 3.2, 2.0, 2.0)];
+        for (profile, expected) in [
+            (&[up][..], 0.2),
+            (&[up, down], 0.4),
+            (&[up, line(4.0, 5.0, 2.0, 2.0)], 1.2),
+            (&[ball], 2.0 * (4.0_f64 - 1.9 * 1.9).sqrt()),
+            (&apart, 0.5),
+        ] {
+            let found = length(profile, 0.1);
+            assert!((found - expected).abs() < 1e-12, "{profile:?}: {found}");
         }
     }
 

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 use std::fmt::Write;
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 use super::super::{CheckBodies, CheckError, CheckSettings, HitBody, check_toolpath};
 use super::*;
@@ -88,6 +88,32 @@ fn a_shank_as_wide_as_the_cutter_runs_free_in_its_slot_and_a_wider_one_does_not(
                 assert!(depth <= wider + 0.5 * pitch, "{depth} {wider}");
             }
         }
+    }
+}
+
+#[test]
+fn a_cone_as_wide_as_its_shank_drills_its_hole_and_leaves_no_ring() {
+    let height = 3.0 / 59f64.to_radians().tan();
+    let drill = revolved([
+        (ElementKind::Cutter, vec![line(0.0, height, 0.0, 3.0)]),
+        (ElementKind::Shank, vec![line(height, 40.0, 3.0, 3.0)]),
+    ]);
+    let program = "G0 X0.3 Y-0.1 Z5.\nG1 Z-10. F100\nG0 Z5.\nG0 Z-9.\nG1 Z-15.\nG0 Z5.\n";
+    for pitch in [1.0, 0.7, 0.5] {
+        let stock = block(pitch);
+        let report = cut_with(&drill, program, &stock, &usual(pitch));
+        assert_eq!(hits(&report), [], "{pitch}");
+        // Of the centres in the hole none lies farther than this from its wall.
+        let taken = report.voxels - report.remaining.count() as u64;
+        let hole = |radius: f64| {
+            let held = stock.centres().filter(|centre| {
+                let away = (centre.truncate() - DVec2::new(0.3, -0.1)).length();
+                away <= radius && centre.z >= -15.0 + away * height / 3.0
+            });
+            held.count() as u64
+        };
+        let range = hole(3.0 - tool::RING * pitch)..=hole(3.0);
+        assert!(range.contains(&taken), "{pitch}: {taken} of {range:?}");
     }
 }
 

@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use super::super::CheckBodies;
+use super::tool::RING;
 use super::*;
 use crate::grid::Grid;
 use crate::orientation::OrientationSet;
@@ -74,7 +75,16 @@ impl Twin<'_> {
         let (cutter, exposed) = tool.cutter().unwrap();
         let deep = cutter.eroded(self.settings.contact, exposed).unwrap();
         let accepted = self.settings.accepted_in_stock();
-        for (_, pose) in motion.poses() {
+        let take = |twin: &mut Self, pose: &Pose| {
+            let cut = twin.beside_part(twin.inside(&cutter, pose));
+            for (voxel, ..) in cut.into_iter().chain(twin.inside(&deep, pose)) {
+                twin.solid[voxel] = 0;
+                twin.removed_by[voxel] = line as u32;
+            }
+        };
+        for (step, pose) in motion.poses() {
+            let between = motion.poses_between(&step, cutter.widest_length(RING * self.grid.pitch));
+            between.for_each(|pose| take(self, &pose));
             for element in tool.offset_elements(&self.settings.clearance).unwrap() {
                 if element.kind == ElementKind::Cutter {
                     continue;
@@ -86,16 +96,12 @@ impl Twin<'_> {
                 }
                 self.note(line, &element, &touching, true);
             }
-            let cut = self.beside_part(self.inside(&cutter, &pose));
-            for (voxel, ..) in cut.into_iter().chain(self.inside(&deep, &pose)) {
-                self.solid[voxel] = 0;
-                self.removed_by[voxel] = line as u32;
-            }
+            take(self, &pose);
         }
     }
 }
 
-fn tools() -> [Tool; 3] {
+fn tools() -> [Tool; 4] {
     let shank_and_holder = |radius: f64| {
         let holder = vec![line(8.0, 10.0, 2.0, 3.5), line(10.0, 14.0, 3.5, 3.5)];
         [(ElementKind::Shank, vec![line(4.0, 8.0, radius, radius)]), (ElementKind::Holder(0), holder)]
@@ -107,6 +113,8 @@ fn tools() -> [Tool; 3] {
         with(vec![line(0.0, 4.0, 1.6, 1.6)], 1.6),
         with(vec![arc(0.0, 1.2, 1.2, 0.0, 1.2), line(1.2, 4.0, 1.2, 1.2)], 1.5),
         with(vec![arc(0.0, 0.5, 0.5, 1.0, 0.5), line(0.5, 4.0, 1.5, 2.0)], 1.9),
+        // A cone up to the shank, which moves between two poses by more than its rim is thick.
+        with(vec![line(0.0, 3.0, 1.0, 1.0), line(3.0, 4.0, 1.0, 2.5)], 2.5),
     ]
 }
 

@@ -11,10 +11,12 @@ use crate::field::solid::BodyLines;
 use crate::pose::Pose;
 use crate::tool::{Element, ElementKind, Tool};
 
-/// Maximum number of poses of a motion whose voxels are removed together: poses farther apart share few lines.
+/// Number of poses of a motion from which on their voxels are removed: poses farther apart share few lines.
 const TOGETHER: usize = 16;
 /// Sine of the angle to its axis within which a tool moves along it: files round their numbers.
 const ALONG: f64 = 1e-3;
+/// Width of the ring that a cone may leave around what it cuts with its upper end, in pitches.
+pub(super) const RING: f64 = 0.1;
 /// Lengths that are none.
 const ROUNDING: f64 = 1e-9;
 
@@ -23,6 +25,8 @@ struct Cutter {
     lines: BodyLines,
     deep: BodyLines,
     approach: Approach,
+    /// How far it may move along its axis from one pose to the next, so that it leaves no ring around what it cuts.
+    longest: f64,
     /// What a rapid must keep out of the stock: its points deeper than what is accepted.
     rapid: NonCuttingBody,
 }
@@ -61,9 +65,10 @@ impl<'a> StockTool<'a> {
             let (lines, deep) = (lines_of(&element)?, lines_of(&deeper(contact)?)?);
             let not_at_rapid = deeper(accepted)?;
             let approach = Approach::new(&element, pitch);
+            let longest = element.widest_length(RING * pitch);
             let measured = DepthElement::new(element, exposed, 0.0);
             let rapid = NonCuttingBody::new(measured, &not_at_rapid, None, pitch).ok_or_else(intricate)?;
-            Ok::<_, CheckError>(Cutter { lines, deep, approach, rapid })
+            Ok::<_, CheckError>(Cutter { lines, deep, approach, longest, rapid })
         };
         let offset = tool.offset_elements(&settings.clearance)?;
         let stay_out = offset.into_iter().filter(|element| element.kind != ElementKind::Cutter);
@@ -138,7 +143,9 @@ impl<'a> StockTool<'a> {
         let mut tracks: Vec<Track> = self.non_cutting.iter().map(|_| Track::default()).collect();
         let mut on_head = self.heads.as_ref().map_or_else(Vec::new, |heads| heads.begin(motion));
         let (lines, mut approach) = match &mut self.cutter {
-            Some(Cutter { lines, deep, approach, .. }) => (Some((&*lines, &*deep)), Some(approach)),
+            Some(Cutter { lines, deep, approach, longest, .. }) => {
+                (Some((&*lines, &*deep)), Some((approach, *longest)))
+            }
             None => (None, None),
         };
         // Poses whose voxels are removed together, before anything is checked.
@@ -161,6 +168,12 @@ impl<'a> StockTool<'a> {
             waiting.clear();
         };
         for (step, pose) in motion.poses() {
+            let near = approach.as_mut().and_then(|(approach, longest)| {
+                (!approach.is_away(stock, &pose, motion.step)).then_some(*longest)
+            });
+            if let Some(longest) = near {
+                waiting.extend(motion.poses_between(&step, longest));
+            }
             for (one, track) in self.non_cutting.iter_mut().zip(&mut tracks) {
                 // Stock that is still to be removed may make it seem nearer than it is.
                 if !one.approach.is_away(stock, &pose, step.length) {
@@ -172,10 +185,10 @@ impl<'a> StockTool<'a> {
                 take(stock, &mut waiting);
                 heads.look(stock, part, motion, step.index, &mut on_head);
             }
-            if approach.as_mut().is_some_and(|approach| !approach.is_away(stock, &pose, motion.step)) {
+            if near.is_some() {
                 waiting.push(pose);
             }
-            if waiting.len() == TOGETHER || step.is_last {
+            if waiting.len() >= TOGETHER || step.is_last {
                 take(stock, &mut waiting);
             }
         }

@@ -1,7 +1,7 @@
 //! Tool files: what is read, and what is refused in which words.
 
-use crate::tool::ElementKind;
 use crate::tool::file::*;
+use crate::tool::{ElementKind, Segment};
 
 fn read(text: &str) -> Result<Tool, FileError> {
     Tool::parse(text, Path::new("tool.toml"))
@@ -68,6 +68,31 @@ fn a_lollipop_is_a_ball_down_to_its_shank() {
         ("10.0", "6.0", "thinner than its ball"),
         ("10.0\n", "10.0\nlength = 9.0\n", "remove cutter.length"),
         ("lollipop", "flat", "needs cutter.length"),
+    ] {
+        let error = read(&text.replacen(from, to, 1)).unwrap_err().to_string();
+        assert!(error.contains(cause) && error.contains("line "), "{error}");
+    }
+}
+
+#[test]
+fn a_drill_has_a_point_and_cuts_along_its_axis_alone() {
+    let text = "[cutter]\nshape = \"drill\"\ndiameter = 6.0\npoint_angle = 118.0\nlength = 40.0\n";
+    let tool = read(text).unwrap();
+    assert!(tool.plunge_only);
+    let [Segment::Line { to, radius_from, radius_to, .. }, flank] = tool.elements()[0].profile[..] else {
+        panic!()
+    };
+    assert!((to * 59f64.to_radians().tan() - 3.0).abs() < 1e-12);
+    assert!(radius_from == 0.0 && (radius_to - 3.0).abs() < 1e-12);
+    assert_eq!(flank, Segment::cylinder(to, 40.0, 3.0));
+    assert!(!read(&format!("{text}plunge_only = false\n")).unwrap().plunge_only);
+    let flat = read(&text.replace("118", "180")).unwrap();
+    assert_eq!(flat.elements()[0].profile, [Segment::cylinder(0.0, 40.0, 3.0)]);
+    for (from, to, cause) in [
+        ("point_angle = 118.0\n", "", "needs cutter.point_angle"),
+        ("118", "200", "from 1 to 180"),
+        ("40", "1", "shorter than the drill's point"),
+        ("drill", "flat", "belongs to shape = \"drill\""),
     ] {
         let error = read(&text.replacen(from, to, 1)).unwrap_err().to_string();
         assert!(error.contains(cause) && error.contains("line "), "{error}");
