@@ -154,6 +154,8 @@ struct Revolved {
     near_across: f64,
 }
 
+/// Cosines of angles to a normal that differ by less are one.
+const EQUALLY_NEAR: f64 = 1e-9;
 /// Voxels that are searched around a sample, except for thicker cutters.
 const FARTHEST: f64 = 24.0;
 
@@ -263,29 +265,37 @@ impl SurfaceTool {
     ) -> SampleReach {
         let query = SampleQuery::new(self, sample, None);
         let (mut reached, mut faced) = (0, false);
-        let mut obstructed: Option<(f64, usize, DVec3)> = None;
+        let mut nearest = f64::NEG_INFINITY;
+        let mut obstructed: Vec<(usize, DVec3)> = Vec::new();
         for (index, (turn, last)) in turns.iter().zip(last).enumerate() {
             match self.at_best(&query, turn, last) {
                 Outcome::Good(_) => {
                     reached += 1;
                     free(index);
                 }
-                Outcome::Obstructed(tip) => {
+                Outcome::Obstructed(tip) if reached == 0 => {
                     let facing = sample.normal.dot(turn.axis);
-                    if obstructed.is_none_or(|(best, ..)| facing > best + 1e-9) {
-                        obstructed = Some((facing, index, tip));
+                    if facing > nearest + EQUALLY_NEAR {
+                        nearest = facing;
+                        obstructed.clear();
+                    }
+                    if facing > nearest - EQUALLY_NEAR {
+                        obstructed.push((index, tip));
                     }
                 }
                 Outcome::Gouged => faced = true,
-                Outcome::NoContact => {}
+                Outcome::Obstructed(_) | Outcome::NoContact => {}
             }
         }
-        match obstructed {
-            _ if reached > 0 => SampleReach::Reached { directions: reached },
-            Some((_, direction, tip)) => {
-                let hits = self.colliding(tip, turns[direction].axis);
-                SampleReach::Obstructed { direction: direction as u32, hits }
-            }
+        if reached > 0 {
+            return SampleReach::Reached { directions: reached };
+        }
+        // Of several as near to the normal the one where least is in the way.
+        let hits = obstructed
+            .iter()
+            .map(|&(direction, tip)| (direction, self.colliding(tip, turns[direction].axis)));
+        match hits.min_by_key(|(_, hits)| hits.count_ones()) {
+            Some((direction, hits)) => SampleReach::Obstructed { direction: direction as u32, hits },
             None if faced => SampleReach::Gouged,
             None => SampleReach::NotFaced,
         }

@@ -170,6 +170,8 @@ impl fmt::Display for Limits {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Cone { axis, half_angle } => {
+                // Without the sign of a zero.
+                let axis = axis + 0.0;
                 write!(f, "cone:{},{},{}:{half_angle}", axis.x, axis.y, axis.z)
             }
             Self::Rotary { tilting, tilt: [a, b], turn: [c, d] } => {
@@ -177,6 +179,7 @@ impl fmt::Display for Limits {
                     TiltingAxis::A => "ac",
                     TiltingAxis::B => "bc",
                 };
+                let [a, b, c, d] = [a, b, c, d].map(|angle| angle + 0.0);
                 write!(f, "{name}:{a}:{b}:{c}:{d}")
             }
         }
@@ -277,6 +280,10 @@ mod tests {
         let circle = within("bc:30:30:-720:720");
         assert!(circle.len() == 73 && circle.iter().all(|o| (o.phi - 30.0).abs() < 1e-9), "{circle:?}");
         assert_eq!(within("bc:-90:90:40:40").len(), 37);
+        // Directions that are named are those that are asked.
+        let named = orientations("within:bc:30:30:-720:720@0,0;40,30;80,30");
+        assert_eq!(named, [Orientation::new(40.0, 30.0), Orientation::new(80.0, 30.0)]);
+        assert_eq!(Limits::parse("ac:-0:-0:-0:5").unwrap().to_string(), "ac:0:0:0:5");
     }
 
     #[test]

@@ -188,7 +188,8 @@ impl OrientationSet {
     }
 
     /// Where an axis is fixed, what it leaves, which no set meets by chance (the axis of a cone of half angle 0; every few degrees of the
-    /// circle that a fixed rotary axis leaves), then the orientations whose directions lie within the limits, in the same order.
+    /// circle that a fixed rotary axis leaves), then the orientations whose directions lie within the limits, in the same order. To pairs
+    /// of angles and to files, which name the directions that are asked, nothing is added.
     ///
     /// # Errors
     /// No orientation is left.
@@ -196,7 +197,10 @@ impl OrientationSet {
         let spec = format!("within:{limits}@{}", self.spec);
         let reachable = self.orientations.iter().copied().filter(|o| limits.reach(o.direction()));
         let reachable: Vec<_> = reachable.collect();
-        let own = limits.own_directions();
+        let is_named = |set: &str| is_csv(set) || set.contains(',') && !set.contains(':');
+        let is_file = is_csv(&self.spec) && Path::new(&self.spec).is_file();
+        let are_named = is_file || self.spec.split('+').all(is_named);
+        let own = if are_named { Vec::new() } else { limits.own_directions() };
         let orientations = if own.is_empty() { reachable } else { joined(&[&own, &reachable]) };
         if orientations.is_empty() {
             let what = format!("none of its {} orientations is within {limits}", self.len());

@@ -5,6 +5,7 @@ mod bodies;
 mod cutter_clearance;
 mod deep_holes;
 mod drills;
+mod necks;
 mod points;
 pub(super) mod solids;
 mod tapers;

@@ -60,8 +60,8 @@ enum Piece {
 /// The part of the outline that touches.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Touch {
-    /// One point of the outline, on the side that faces the surface.
-    Point { height: f64, radius: f64 },
+    /// One point of the outline, on the side that faces the surface; `hangs` where a flank has a lower one that may touch there.
+    Point { height: f64, radius: f64, hangs: bool },
     /// Any point of a level ring.
     Ring { height: f64, inner: f64, outer: f64 },
 }
@@ -164,7 +164,7 @@ impl Outline {
                         for step in 0..=most {
                             let at =
                                 |i: usize| from[i] + (to[i] - from[i]) * f64::from(step) / f64::from(HEIGHTS);
-                            visit(Touch::Point { height: at(0), radius: at(1) });
+                            visit(Touch::Point { height: at(0), radius: at(1), hangs: step > 0 });
                         }
                     }
                 }
@@ -173,6 +173,7 @@ impl Outline {
                         visit(Touch::Point {
                             height: centre[0] + radius * slope.sine,
                             radius: (centre[1] + radius * slope.cosine).max(0.0),
+                            hangs: false,
                         });
                     }
                 }
@@ -308,7 +309,7 @@ mod tests {
         let tool = revolved([(ElementKind::Cutter, cutter)]);
         for degrees in [-90.0, -60.0, -30.0] {
             let found = found(&tool, degrees);
-            let [Touch::Point { height, radius }] = found[..] else { panic!("{degrees}: {found:?}") };
+            let [Touch::Point { height, radius, .. }] = found[..] else { panic!("{degrees}: {found:?}") };
             let (sine, cosine) = f64::to_radians(degrees).sin_cos();
             assert!((height - 3.0 - 3.0 * sine).abs() < 1e-12 && (radius - 3.0 * cosine).abs() < 1e-12);
         }
@@ -324,7 +325,7 @@ mod tests {
         let holder = line(20.0, 40.0, 12.0, 12.0);
         let tool = revolved([(ElementKind::Cutter, vec![flank]), (ElementKind::Holder(0), vec![holder])]);
         let bottom = Touch::Ring { height: 0.0, inner: 0.0, outer: 5.0 };
-        let rim = Touch::Point { height: 0.0, radius: 5.0 };
+        let rim = Touch::Point { height: 0.0, radius: 5.0, hangs: false };
         assert_eq!(found(&tool, -90.0), [bottom, rim]);
         assert_eq!(found(&tool, -40.0), [rim]);
         assert_eq!(found(&tool, 0.0), [rim, rim]);
@@ -343,14 +344,17 @@ mod tests {
         let slotter = Tool { back_cutting: true, ..wide };
         assert_eq!(Outline::of(&slotter).unwrap().reach(), f64::hypot(4.0, 8.0));
         let shoulder = Touch::Ring { height: 4.0, inner: 3.0, outer: 8.0 };
-        assert_eq!(found(&slotter, 90.0), [Touch::Point { height: 4.0, radius: 8.0 }, shoulder]);
+        assert_eq!(
+            found(&slotter, 90.0),
+            [Touch::Point { height: 4.0, radius: 8.0, hangs: false }, shoulder]
+        );
         // Its flank at all heights, and both its edges.
         assert_eq!(found(&slotter, 0.0).len(), 33 + 2);
         let drill =
             revolved([(ElementKind::Cutter, vec![line(0.0, 2.0, 0.0, 2.0), line(2.0, 9.0, 2.0, 2.0)])]);
-        assert_eq!(found(&drill, -90.0), [Touch::Point { height: 0.0, radius: 0.0 }]);
+        assert_eq!(found(&drill, -90.0), [Touch::Point { height: 0.0, radius: 0.0, hangs: false }]);
         assert_eq!(found(&drill, -45.0).len(), 33 + 2);
-        assert_eq!(found(&drill, -20.0), [Touch::Point { height: 2.0, radius: 2.0 }]);
+        assert_eq!(found(&drill, -20.0), [Touch::Point { height: 2.0, radius: 2.0, hangs: false }]);
         // With the end of its flank alone a cone machines no wall.
         let cone = revolved([(ElementKind::Cutter, vec![line(0.0, 4.0, 1.0, 3.0)])]);
         assert_eq!((found(&cone, -10.0), found(&cone, 10.0)), (vec![], vec![]));

@@ -125,7 +125,12 @@ impl SurfaceTool {
         let u = turn.axis.any_orthonormal_vector();
         let v = turn.axis.cross(u);
         tool.outline.touches(frame.slope, self.tolerance, |touch| match touch {
-            Touch::Point { height, radius } => visit(frame.tip(sample.point, height, radius)),
+            Touch::Point { height, radius, hangs } => {
+                let tip = frame.tip(sample.point, height, radius);
+                if !(hangs && tool.axis_meets_part(tip, turn.axis)) {
+                    visit(tip);
+                }
+            }
             Touch::Ring { height, inner, outer } => {
                 let middle = sample.point - turn.axis * height;
                 if inner == 0.0 {

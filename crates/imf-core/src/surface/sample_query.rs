@@ -184,13 +184,23 @@ impl<'a> SampleQuery<'a> {
                 return;
             }
             let outcome = match touch {
-                Touch::Point { height, radius } => {
+                Touch::Point { height, radius, hangs } => {
                     let tip = facing.tip(sample.point, height, radius);
-                    match self.at(tool, tip, &mut direction) {
+                    let outcome = match self.at(tool, tip, &mut direction) {
                         Outcome::Gouged => self.avoid_gouge(tool, tip, &mut direction),
                         outcome @ Outcome::Obstructed(_) => {
                             let tip = tip + sample.normal * (TOUCH * tolerance);
                             outcome.or(self.at(tool, tip, &mut direction))
+                        }
+                        outcome => outcome,
+                    };
+                    match outcome {
+                        Outcome::Obstructed(tip)
+                            if hangs
+                                && !matches!(best, Outcome::Obstructed(_))
+                                && tool.axis_meets_part(tip, turn.axis) =>
+                        {
+                            Outcome::Gouged
                         }
                         outcome => outcome,
                     }
@@ -337,6 +347,20 @@ impl<'a> SampleQuery<'a> {
 }
 
 impl Revolved {
+    /// Whether the part stands on the axis above the cutter, in the tool or in the spindle beyond it: no slimmer shank or holder would
+    /// be free there.
+    pub(super) fn axis_meets_part(&self, tip: DVec3, axis: DVec3) -> bool {
+        let part = self.cutter.voxels().occupancy();
+        let (grid, end) = (&part.grid, self.end.profile.last().map_or(0.0, |segment| segment.range().1));
+        // Half a pitch each, as far as to the other end of the grid.
+        let reach = tip.distance(grid.origin + 0.5 * grid.size()) + 0.5 * grid.size().length();
+        let steps = (2.0 * (reach - end) / grid.pitch).ceil() as usize;
+        (0..=steps).any(|step| {
+            let place = tip + axis * (end + 0.5 * grid.pitch * step as f64);
+            grid.index_at(grid.continuous(place)).is_some_and(|voxel| part.solid[voxel] == 1)
+        })
+    }
+
     /// The point of the part's surface that is deepest in the cutter; one that is deeper than `enough` where there is one.
     pub(super) fn deepest_surface_point(&self, tip: DVec3, axis: DVec3, enough: f64) -> Option<[f64; 3]> {
         let depth = |height: f64, away: f64| self.eroded.depth(height, away, true);

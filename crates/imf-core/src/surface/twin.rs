@@ -62,6 +62,9 @@ struct Definition {
     /// Shank and holder, offset.
     rest: Vec<Element>,
     slack: f64,
+    pitch: f64,
+    /// Height of the cutter's upper end.
+    end: f64,
     /// A shank without a clearance holds centres as deep as points.
     shank_touches: bool,
 }
@@ -93,6 +96,13 @@ impl Definition {
         hits
     }
 
+    /// Whether a voxel of the part holds a point of the axis above the cutter.
+    fn is_held_by_part(&self, tip: DVec3, axis: DVec3) -> bool {
+        (0..400).map(|step| tip + axis * (self.end + 0.5 * self.pitch * f64::from(step))).any(|place| {
+            self.bodies[0].iter().any(|centre| (*centre - place).abs().max_element() <= 0.5 * self.pitch)
+        })
+    }
+
     /// The best of the contact poses of a direction, with what collides there; `None` where a level ring touches, whose poses are
     /// searched for.
     fn outcome(&self, sample: &SurfaceSample, axis: DVec3) -> Option<(Outcome, Vec<(ElementKind, usize)>)> {
@@ -102,7 +112,7 @@ impl Definition {
         let mut touches = Vec::new();
         self.outline.touches(frame.slope, self.tolerance, |touch| touches.push(touch));
         for touch in touches {
-            let contact::Touch::Point { height, radius } = touch else { return None };
+            let contact::Touch::Point { height, radius, hangs } = touch else { return None };
             let at = |tip: DVec3| {
                 let cutter = &self.cutter;
                 if self.any(0, cutter, None, tip, axis) {
@@ -118,6 +128,9 @@ impl Definition {
             if matches!(found.0, Outcome::Obstructed(_)) {
                 let off = at(tip + sample.normal * (TOUCH * self.tolerance));
                 found = if off.0.is_good() { off } else { found };
+            }
+            if matches!(found.0, Outcome::Obstructed(_)) && hangs && self.is_held_by_part(tip, axis) {
+                found = (Outcome::Gouged, Vec::new());
             }
             if found.0.verdict() < best.0.verdict() {
                 best = found;
@@ -168,6 +181,8 @@ fn verdicts_are_those_of_every_voxel_against_every_element() {
             at_fixtures: at(TOUCH * tolerance),
             rest: offset.into_iter().filter(|e| e.kind != ElementKind::Cutter).collect(),
             slack: crate::tool::SLACK * pitch * pitch,
+            pitch,
+            end: tool.cutter().unwrap().0.profile.last().unwrap().range().1,
             shank_touches: shank == 0.0,
         };
         let [body, fixture] = solids;

@@ -10,12 +10,13 @@ pub enum SampleReach {
     },
     /// The cutter fits among the part, but something of the tool collides from every such direction.
     Obstructed {
-        /// The direction nearest to the normal from which the cutter fits.
+        /// The direction nearest to the normal from which the cutter fits; of several as near the one where least is in the way.
         direction: u32,
         /// What collides there with what, as [`SurfaceTool::hits`](super::SurfaceTool::hits) reads it; none of a mesh tool.
         hits: u64,
     },
-    /// The cutter itself does not fit: it would cut deeper into the part than the tolerance.
+    /// The cutter itself does not fit: it would cut deeper into the part than the tolerance, or it would have to hang by the upper part
+    /// of its flank where the part stands on its axis.
     Gouged,
     /// The cutter has no point that could touch the surface from any of the directions: none faces it, or the tool cuts along its axis
     /// alone and stands in no hole of its own there.

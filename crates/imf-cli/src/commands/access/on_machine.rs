@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use anyhow::Result;
 use imf_core::check::{MachineBodies, MachineFault, MachineReach};
-use imf_core::machine::Machine;
+use imf_core::machine::{Machine, Side};
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::pose::Pose;
 use imf_core::scene::Bodies;
@@ -12,9 +12,6 @@ use imf_core::surface::{MinimumOverlap, SurfaceTool};
 use imf_core::tool::Assembly;
 
 use crate::session::Session;
-
-/// Remedies where the machine alone obstructs the tool.
-pub(super) const REMEDY: &str = "another place on the table, a longer tool, or another direction";
 
 /// The machine's row in the tables of obstructions.
 pub(super) const IN_THE_WAY: [&str; 2] = ["machine", "its travel, head or table"];
@@ -72,6 +69,19 @@ impl OnMachine {
     pub(super) fn limit(&self, index: usize, tool: SurfaceTool) -> SurfaceTool {
         let Some(reach) = self.reach.get(index).filter(|_| !self.of_setups).cloned() else { return tool };
         Self::limited(tool, reach)
+    }
+
+    /// What would help where the machine alone obstructs the tool.
+    pub(super) fn remedy(&self, fault: &MachineFault) -> &'static str {
+        let head_turns = self.machine.rotary.iter().any(|axis| axis.side == Side::Head);
+        match fault {
+            MachineFault::OutOfTravel(out) if !"XYZ".contains(out.axis) => "another direction",
+            // The tool stands along Z, and no length of it moves another axis.
+            MachineFault::OutOfTravel(out) if out.axis != 'Z' && !head_turns => {
+                "another place on the table, or another direction"
+            }
+            _ => "another place on the table, a longer tool, or another direction",
+        }
     }
 
     /// Why the machine does not reach a pose at which the tool is free of all else.

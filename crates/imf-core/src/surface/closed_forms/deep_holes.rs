@@ -52,3 +52,28 @@ fn a_holder_is_blamed_where_the_cutter_just_fits() {
         assert!(share > 0.999, "{pitch} {radius}: {share}");
     }
 }
+
+#[test]
+fn of_directions_as_near_to_the_normal_the_one_is_named_where_least_is_in_the_way() {
+    // A floor under a wall, asked at 30 degrees from either side, by a machine that brings the tool nowhere.
+    let profile = [[0.0, 0.0], [10.0, 0.0], [10.0, 30.0], [40.0, 30.0], [40.0, 40.0], [0.0, 40.0]];
+    let mesh = extruded(&profile, 20.0);
+    let tool = revolved([
+        (ElementKind::Cutter, vec![arc(0.0, 2.0, 2.0, 0.0, 2.0), line(2.0, 8.0, 2.0, 2.0)]),
+        (ElementKind::Shank, vec![line(8.0, 12.0, 1.5, 1.5)]),
+        (ElementKind::Holder(0), vec![line(12.0, 60.0, 8.0, 8.0)]),
+    ]);
+    let part = Part::sampled(&mesh, 1.0, 800);
+    let tool = part.surface_tool(&tool).limited(Arc::new(|_, _| false));
+    let (towards, away) = (Orientation::new(0.0, 30.0), Orientation::new(180.0, 30.0));
+    for (directions, free) in [([towards, away], 1), ([away, towards], 0)] {
+        let access = part.access(&tool, &directions);
+        let before_wall =
+            |s: &SurfaceSample| s.normal.z > 0.9 && s.point.z < 11.0 && (20.0..27.0).contains(&s.point.x);
+        let found: Vec<_> = part.samples.iter().zip(&access.reach).filter(|(s, _)| before_wall(s)).collect();
+        assert!(found.len() > 20);
+        for (sample, reach) in found {
+            assert_eq!(*reach, SampleReach::Obstructed { direction: free, hits: 0 }, "{sample:?}");
+        }
+    }
+}

@@ -7,7 +7,6 @@ use imf_core::surface::SurfacePatch;
 use imf_core::unit::LengthUnit;
 use serde::Serialize;
 
-use super::super::on_machine::REMEDY;
 use super::blame::remedy;
 use super::cavities::Cavities;
 use super::freed::{LongerStickOut, slimmer};
@@ -199,10 +198,10 @@ impl Surface {
             hits: shown.collect(),
             fault: fault.as_ref().map(ToString::to_string),
             stick_out: longer.filter(|_| !closed_off),
-            would_help: match fault {
+            would_help: match (fault, on_machine) {
                 _ if closed_off => CLOSED_OFF.to_owned(),
-                Some(_) => REMEDY.to_owned(),
-                None => remedy(verdict, hits, &quantified, &run.tools),
+                (Some(fault), Some(machine)) => machine.remedy(&fault).to_owned(),
+                _ => remedy(verdict, hits, &quantified, &run.tools),
             },
         }
     }
