@@ -20,19 +20,29 @@ fn try_field(bytes: &[u8]) -> Option<Vec<u8>> {
     let text = with_number(bytes.get(8..end)?, &VOXELS, voxels);
     let header = 8 + text.len();
     let mut whole = [&(text.len() as u64).to_le_bytes(), &text[..], &bytes[end..]].concat();
-    let start = position(&whole[..header], KEY)? + KEY.len();
-    whole.get_mut(start..start + 8)?.fill(b'0');
-    let sum = format!("{:08x}", crc32fast::hash(&whole));
-    whole[start..start + 8].copy_from_slice(sum.as_bytes());
+    seal(&mut whole, header, KEY)?;
     Some(whole)
 }
 
-/// A dataset's manifest whose checksums are those of its voxels and its shard.
+/// Writes the checksum of the whole, with zeros in place of its digits, behind a key in the first bytes.
+fn seal(whole: &mut [u8], header: usize, key: &[u8]) -> Option<()> {
+    let start = position(&whole[..header], key)? + key.len();
+    whole.get_mut(start..start + 8)?.fill(b'0');
+    let sum = format!("{:08x}", crc32fast::hash(whole));
+    whole[start..start + 8].copy_from_slice(sum.as_bytes());
+    Some(())
+}
+
+/// A dataset's manifest whose checksums are those of its voxels, its shard and its own text.
 pub(crate) fn of_manifest(manifest: &[u8], obstacle: &[u8], shard: &[u8]) -> Vec<u8> {
     let tensors = SafeTensors::deserialize(obstacle);
     let voxels = tensors.as_ref().ok().and_then(|tensors| tensors.tensor("obstacle").ok());
     let text = voxels.map(|voxels| with_number(manifest, &VOXELS, crc32fast::hash(voxels.data())));
-    with_number(text.as_deref().unwrap_or(manifest), &[b"\"crc32\":"], crc32fast::hash(shard))
+    let mut text = with_number(text.as_deref().unwrap_or(manifest), &[b"\"crc32\":"], crc32fast::hash(shard));
+    let length = text.len();
+    // A text without a checksum stays as it is.
+    let _ = seal(&mut text, length, b"\"checksum\": \"");
+    text
 }
 
 /// The text with another number behind the first of `keys` that it has.

@@ -138,7 +138,7 @@ impl<T: Checkpoint> Training<'_, T> {
             // The first sections were still being made.
             Err(TrainError::Section(SectionError::Cancelled(_))) if interrupt::requested() => {
                 run.take_state(engine)?;
-                run.files.write(&run.field).context("interrupted")?;
+                run.files.write(session, &run.field).context("interrupted")?;
                 return Err(run.interrupted(total));
             }
             Err(error) => {
@@ -152,7 +152,7 @@ impl<T: Checkpoint> Training<'_, T> {
         }
         run.take_state(engine)?;
         run.field.finish();
-        let saved = run.files.write(&run.field);
+        let saved = run.files.write(session, &run.field);
         let Run { stage, field, files, progress, last_loss, .. } = run;
         let unseen = progress.held_out.as_ref().and_then(|held| held.errors.last());
         let unseen = unseen.map_or_else(String::new, |error| format!(", held-out MSE {:.2e}", error.mse));
@@ -249,7 +249,7 @@ impl<T: Checkpoint> Run<'_, T> {
         );
         if !is_last && self.session.rank().stop(interrupt::requested_at_report())? {
             self.take_state(engine)?;
-            self.files.write(&self.field).context("interrupted")?;
+            self.files.write(self.session, &self.field).context("interrupted")?;
             return Ok(ControlFlow::Break(()));
         }
         // A state that may be lost must not take the place of a good one. The last step has a checkpoint of its own.

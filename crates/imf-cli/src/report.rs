@@ -36,8 +36,8 @@ enum ThresholdOf {
     Question,
     /// The field's calibration calls values up to it free.
     Calibration,
-    /// The calibration calls values from it on colliding, and none free: the values end above what it would call free, if anything.
-    CollidingAlone(Option<f64>),
+    /// The calibration calls values from it on colliding, and none free.
+    CollidingAlone,
     /// The field is not calibrated.
     Nothing,
 }
@@ -47,10 +47,10 @@ impl ThresholdOf {
     fn calibrated(known: Option<&Calibration>, [lowest, _]: [f64; 2]) -> (f64, Self) {
         let Some(known) = known else { return (0.0, Self::Nothing) };
         match known.free_up_to.map(f64::from) {
-            Some(free) if free >= lowest => (free, Self::Calibration),
-            free => {
+            Some(free) => (free, Self::Calibration),
+            None => {
                 let colliding = known.colliding_from.map_or(lowest, f64::from);
-                (colliding.max(lowest), Self::CollidingAlone(free))
+                (colliding.max(lowest), Self::CollidingAlone)
             }
         }
     }

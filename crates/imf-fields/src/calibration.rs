@@ -102,7 +102,7 @@ impl DecisionRates {
 /// Thresholds of a field, and the measured rates of decisions by them.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Calibration {
-    /// Values up to this one, not clipped to [0, 1], are called free; `None` where no value is safe enough.
+    /// Values up to this one, not clipped to [0, 1], are called free; `None` where none that is shown is safe enough.
     pub free_up_to: Option<f32>,
     /// Values from this one on are called colliding; `None` where none is.
     pub colliding_from: Option<f32>,

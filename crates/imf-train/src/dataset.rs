@@ -3,7 +3,7 @@
 //! A dataset is a folder:
 //!
 //! ```text
-//! manifest.json            format, version, scene, orientations, sampling, and one entry for each finished shard
+//! manifest.json            checksum, format, version, scene, orientations, sampling, and one entry for each finished shard
 //! obstacle.safetensors     the scene's solid voxels, eight a byte
 //! shard-00000.safetensors  `starts` u64 [sections + 1], `voxel` u32 [n], `value` f32 [n]
 //! …
@@ -13,6 +13,7 @@
 //! interrupted goes on where it stopped. Each section's samples depend on the seed and the section alone, so parts of
 //! a dataset can be made on any machines ([`Layout::partition`]) and joined ([`merge`]).
 
+mod error;
 mod manifest;
 mod merge;
 mod obstacle;
@@ -21,7 +22,8 @@ mod sampling;
 mod shard;
 mod shards;
 
-pub use manifest::{DatasetError, Manifest, ShardRecord};
+pub use error::DatasetError;
+pub use manifest::{Manifest, ShardRecord};
 pub use merge::{MergeSummary, merge};
 pub use partition::{Layout, Partition, PartitionError};
 pub use sampling::draw;

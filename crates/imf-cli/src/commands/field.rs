@@ -204,12 +204,7 @@ impl Work<'_> {
     /// one.
     fn tau(&self) -> Option<f32> {
         match self.values {
-            Values::Saved(field) => {
-                let (known, quantity) = (field.saved.calibration(), field.saved.quantity());
-                let [lowest, _] = quantity.bounds(self.scene.record.grid.pitch);
-                // Sections have no value below the lowest.
-                known.and_then(|known| known.free_up_to).filter(|&free| f64::from(free) >= lowest)
-            }
+            Values::Saved(field) => field.saved.calibration().and_then(|known| known.free_up_to),
             Values::Exact(_) => Some(0.0),
         }
     }
@@ -221,12 +216,7 @@ impl Work<'_> {
                 "not calibrated, so that nothing is called accessible: imf calibrate chooses a threshold"
                     .to_owned()
             }
-            (Some(known), None) => {
-                let below = known.free_up_to.map_or_else(String::new, |free| {
-                    format!(": its calibrated threshold, {free:.3e}, lies below all of them")
-                });
-                format!("no value of this field is low enough to be called free{below}")
-            }
+            (Some(_), None) => "no value of this field is low enough to be called free".to_owned(),
             (Some(_), Some(tau)) => {
                 let tau = threshold_text(tau.into(), field.saved.quantity(), self.scene.record.unit);
                 format!("at most {tau} counts as free, the field's calibrated threshold")

@@ -17,6 +17,7 @@ use imf_train::training::run::Start;
 use super::FIELD;
 use super::curve::loss_chart;
 use super::log::seconds_until;
+use crate::exit::message;
 use crate::interrupt;
 use crate::output::keep_former;
 use crate::picture::Chart;
@@ -312,8 +313,10 @@ pub(super) fn write_result<T: Checkpoint>(session: &Session, out: &Path, result:
     let path = out.join(FIELD);
     keep_former(session, &path)?;
     result.write(&path)?;
-    if let Some(chart) = result.chart() {
-        chart.save(&out.join("loss.png"))?;
+    // A picture that cannot be drawn takes nothing from the field.
+    let drawn = result.chart().map_or(Ok(()), |chart| chart.save(&out.join("loss.png")));
+    if let Err(error) = drawn {
+        session.warn(&format!("{}; {} is whole", message(&error), path.display()));
     }
     Ok(())
 }

@@ -10,8 +10,10 @@ use std::time::Instant;
 use anyhow::{Context as _, Result};
 use imf_core::atomic_file::{keep_previous, remove_all_leftovers};
 
+use super::FIELD;
 use super::checkpoint::{CURRENT, Checkpoint, PREVIOUS};
 use crate::exit::message;
+use crate::output::keep_former;
 use crate::session::Session;
 
 /// What a checkpoint is called until it is whole.
@@ -22,6 +24,7 @@ pub(super) struct CheckpointFiles {
     current: PathBuf,
     previous: PathBuf,
     next: PathBuf,
+    field: PathBuf,
     seconds_between: f64,
     tried: Instant,
     /// True where the last try failed, which has been said.
@@ -56,6 +59,7 @@ impl CheckpointFiles {
             current: out.join(CURRENT),
             previous: out.join(PREVIOUS),
             next: out.join(NEXT),
+            field: out.join(FIELD),
             seconds_between,
             tried: Instant::now(),
             failing: false,
@@ -89,12 +93,12 @@ impl CheckpointFiles {
     ///
     /// # Errors
     /// A file that cannot be written; what was there stays.
-    pub(super) fn write<T: Checkpoint>(&mut self, field: &T) -> Result<()> {
+    pub(super) fn write<T: Checkpoint>(&mut self, session: &Session, field: &T) -> Result<()> {
         if !self.writing {
             return Ok(());
         }
         self.tried = Instant::now();
-        let written = self.replace(field);
+        let written = self.replace(session, field);
         written.with_context(|| {
             format!("the checkpoint {} could not be written, {}", self.current.display(), self.kept())
         })?;
@@ -104,7 +108,7 @@ impl CheckpointFiles {
         Ok(())
     }
 
-    fn replace<T: Checkpoint>(&self, field: &T) -> Result<()> {
+    fn replace<T: Checkpoint>(&self, session: &Session, field: &T) -> Result<()> {
         match self.content {
             // What is damaged, or may be lost, must not take the place of what is not.
             Content::CurrentAt(_) if self.doubtful && self.previous.exists() => field.write(&self.current),
@@ -121,9 +125,12 @@ impl CheckpointFiles {
                 written
             }
             Content::Foreign => {
-                // Of another training, which is finished: nobody goes on from it.
+                // Of another training, which is finished: nobody goes on from it, and its field is not this one's.
                 let _ = fs::remove_file(&self.previous);
-                field.write(&self.current)
+                field.write(&self.current)?;
+                keep_former(session, &self.field)?;
+                let _ = fs::remove_file(&self.field);
+                Ok(())
             }
         }
     }
@@ -143,7 +150,7 @@ impl CheckpointFiles {
 
     /// Writes a checkpoint, or warns once that this is not possible now.
     pub(super) fn write_or_warn<T: Checkpoint>(&mut self, session: &Session, field: &T) {
-        match self.write(field) {
+        match self.write(session, field) {
             Ok(()) if self.failing => {
                 self.failing = false;
                 session.note(&format!("checkpoints are written again, at step {}", field.progress().steps));

@@ -18,11 +18,15 @@ const EVALUATIONS: u64 = 100;
 /// Default minimum number of steps between two evaluations.
 const STEPS_BETWEEN: u64 = 500;
 
-/// What is held out of a fresh training of `total` steps. The steps between two evaluations are a multiple of those
-/// between two reports, so that evaluations come at the same steps however often a run is interrupted.
+/// Steps between two evaluations: a multiple of those between two reports, so that evaluations come at the same steps however often
+/// a run is interrupted.
+pub(super) fn steps_between(every: u64) -> u64 {
+    every.max(1).next_multiple_of(REPORT_EVERY)
+}
+
+/// What is held out of a fresh training of `total` steps.
 pub(super) fn record(poses: usize, every: Option<u64>, seed: u64, total: u64) -> Option<HeldOutRecord> {
-    let every = every.unwrap_or((total / EVALUATIONS).max(STEPS_BETWEEN));
-    let every = every.max(1).next_multiple_of(REPORT_EVERY);
+    let every = steps_between(every.unwrap_or((total / EVALUATIONS).max(STEPS_BETWEEN)));
     let choice = HeldOutChoice { poses, seed, ..HeldOutChoice::default() };
     (poses > 0).then_some(HeldOutRecord { choice, every, errors: Vec::new() })
 }

@@ -17,7 +17,7 @@ use imf_train::training::streamed::train_streamed;
 
 use super::checkpoint::LatestCheckpoint;
 use super::data::{Data, Source};
-use super::held_out::{HeldOutWatch, record};
+use super::held_out::{HeldOutWatch, record, steps_between};
 use super::memory::Footprint;
 use super::{Settings, Training};
 use crate::arguments::train::Siren5Training;
@@ -174,6 +174,8 @@ impl LatestCheckpoint<Model> {
     pub(crate) fn require_options(&self, shape: SirenShape, training: &Siren5Training<'_>) -> Result<()> {
         let (own, record, plan) = (self.model.shape, &self.model.record, &training.plan);
         let held_out = record.held_out.as_ref().map_or(0, |held_out| held_out.choice.poses);
+        let every_differs =
+            |every: u64| record.held_out.as_ref().is_some_and(|own| own.every != steps_between(every));
         let kind = |schedule: &Schedule| std::mem::discriminant(schedule);
         let differ = [
             ("network", shape != own),
@@ -186,6 +188,7 @@ impl LatestCheckpoint<Model> {
             ("weight_decay", plan.adam.weight_decay != record.plan.adam.weight_decay),
             ("schedule", kind(&plan.schedule) != kind(&record.plan.schedule)),
             ("held_out", record.steps > 0 && training.held_out() != held_out),
+            ("held_out_every", training.set.held_out_every.is_some_and(every_differs)),
         ];
         if let Some(option) = training.first_other(&differ) {
             bail!(

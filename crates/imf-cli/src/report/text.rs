@@ -62,8 +62,7 @@ impl Report {
 
     /// What counts as colliding, and of which tool.
     fn threshold_text(&self) -> String {
-        let told = |value: f64| threshold_text(value, self.quantity, &self.unit);
-        let tau = told(self.threshold);
+        let tau = threshold_text(self.threshold, self.quantity, &self.unit);
         let calls = format!("a pose is called colliding above τ = {tau}");
         let calls = match self.threshold_of {
             ThresholdOf::Question if self.quantity.is_overlap() && self.threshold == PAPER_THRESHOLD => {
@@ -71,16 +70,10 @@ impl Report {
             }
             ThresholdOf::Question | ThresholdOf::Nothing => format!("{calls}, which is not calibrated"),
             ThresholdOf::Calibration => format!("{calls}, its calibrated threshold"),
-            ThresholdOf::CollidingAlone(free) => {
-                let why = free.map_or_else(
-                    || "no value is low enough".to_owned(),
-                    |free| format!("the calibrated threshold, {}, lies below all values", told(free)),
-                );
-                format!(
-                    "the field calls no pose free: {why}. In the table {calls}, as its calibration does; the poses below, which it leaves \
-                     undecided, are counted as if they were called free"
-                )
-            }
+            ThresholdOf::CollidingAlone => format!(
+                "the field calls no pose free: no value is low enough. In the table {calls}, as its calibration does; the poses below, which \
+                 it leaves undecided, are counted as if they were called free"
+            ),
         };
         match self.clearance.is_zero() {
             true => calls,

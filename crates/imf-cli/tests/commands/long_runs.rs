@@ -164,6 +164,7 @@ fn options_that_differ_from_the_training_that_is_resumed_are_refused() {
         "--set loss=l2",
         "--set schedule=exponential",
         "--set held_out=7",
+        "--set held_out_every=20",
     ] {
         let name = option.split('=').next().unwrap();
         let name = if name.starts_with("--set") { name } else { option.split(' ').next().unwrap() };

@@ -117,7 +117,14 @@ fn what_was_made_before_is_kept_and_no_source_is_replaced() {
         work.imf(&format!("train factored own/field.safetensors {small} --set seed=7 --out network")).done();
     again.warns(&["network/field.former.safetensors"]);
     assert!(work.bytes("network/field.former.safetensors") == first);
-    assert!(work.bytes("network/field.safetensors") != first);
+    let second = work.bytes("network/field.safetensors");
+    assert!(second != first);
+    // Beside the checkpoint of an unfinished run stands no field of another.
+    let longer = format!("train factored own/field.safetensors {small} --set seed=8 --out network");
+    let longer = work.interrupted_after(1, &longer.replace("--steps 5", "--steps 60"));
+    assert_eq!(longer.code, Some(130));
+    assert!(!work.path("network/field.safetensors").exists());
+    assert!(work.bytes("network/field.former.safetensors") == second);
 }
 
 #[test]

@@ -20,7 +20,7 @@ use crate::calibration::{Calibration, DecisionRates, Goals, Rate, most_errors};
 use crate::field::Field;
 use crate::metrics::larger;
 use imf_core::control::{Cancelled, Control};
-use imf_core::field::{Decision, FieldError};
+use imf_core::field::{Decision, FieldError, PoseField as _};
 use imf_core::tool::{ClearanceError, ToolError};
 
 /// How many poses are drawn, and what the thresholds must reach.
@@ -162,11 +162,11 @@ pub fn calibrate(
     }
     // Where even half the goal cannot be shown, no error at all is the best there is.
     let most = most_errors(colliding.len() as u64, 0.5 * goals.false_free, goals.confidence).unwrap_or(0);
-    // Below every value it would call nothing free.
-    let free_up_to = colliding
-        .get(most as usize)
-        .map(|value| value.next_down())
-        .filter(|&free| seen.iter().any(|seen| seen.decides && seen.value <= free));
+    // Below every value, and below all that are shown, it would call nothing free that anyone could know of.
+    let [lowest, _] = field.quantity().bounds(field.scene().record.grid.pitch);
+    let free_up_to = colliding.get(most as usize).map(|value| value.next_down()).filter(|&free| {
+        f64::from(free) >= lowest && seen.iter().any(|seen| seen.decides && seen.value <= free)
+    });
     let colliding_from = match most_errors(clear.len() as u64, 0.9 * goals.false_colliding, goals.confidence)
     {
         Some(most) => clear.iter().rev().nth(most as usize).map(|value| value.next_up()),
@@ -175,7 +175,7 @@ pub fn calibrate(
     let (free_up_to, colliding_from) = match (free_up_to, colliding_from) {
         // Every pose can be decided: in the middle of what the goals allow.
         (Some(free), Some(blocked)) if blocked <= free => {
-            let middle = 0.5 * (free + blocked);
+            let middle = (0.5 * (free + blocked)).max(lowest as f32);
             (Some(middle), Some(middle.next_up()))
         }
         (Some(free), None) => (Some(free), Some(free.next_up())),

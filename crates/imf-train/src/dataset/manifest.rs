@@ -7,126 +7,26 @@ use std::io::Write;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
 
+use super::error::DatasetError;
 use super::partition::{Layout, Partition};
 use super::{obstacle, shard};
-use imf_core::atomic_file::{AtomicFileError, remove_all_leftovers, write_atomically};
+use imf_core::atomic_file::{remove_all_leftovers, write_atomically};
 use imf_core::orientation::OrientationSet;
 use imf_core::scene::{Scene, SceneRecord};
-use imf_core::section::SectionError;
 use imf_fields::model::{Model, TrainingRecord};
-use imf_fields::recipe::{Sampling, SamplingError, TrainingPlan, TrainingState};
+use imf_fields::recipe::{Sampling, TrainingPlan, TrainingState};
 use imf_fields::siren::SirenShape;
 
 const FORMAT: &str = "imf-dataset";
-const VERSION: u32 = 1;
+pub(super) const VERSION: u32 = 1;
 const MANIFEST: &str = "manifest.json";
+/// What stands before the eight digits of a manifest's checksum: the CRC-32 of its text with zeros in their place.
+const CHECKSUM: &str = "{\n  \"checksum\": \"";
+/// Where the text behind it begins.
+pub(super) const BEHIND_CHECKSUM: usize = CHECKSUM.len() + 8;
 /// Samples that a shard holds at most by default, unless one section has more: 8 bytes each.
 pub(super) const SHARD_SAMPLES: u64 = 4_000_000;
-
-/// Why a dataset cannot be made or read. Every message names the file.
-#[derive(Debug, Error)]
-#[non_exhaustive]
-pub enum DatasetError {
-    /// A file or folder cannot be read.
-    #[error("cannot read {path}: {source}")]
-    Read {
-        /// The file.
-        path: String,
-        /// The system's reason.
-        source: std::io::Error,
-    },
-    /// A file cannot be written.
-    #[error(transparent)]
-    Write(#[from] AtomicFileError),
-    /// The folder cannot be made.
-    #[error("cannot create the folder {path}: {source}")]
-    Folder {
-        /// The folder.
-        path: String,
-        /// The system's reason.
-        source: std::io::Error,
-    },
-    /// No dataset, or a damaged one.
-    #[error("{path} is not an intact dataset file: {what}")]
-    Damaged {
-        /// The file.
-        path: String,
-        /// What is wrong.
-        what: String,
-    },
-    /// Made by a newer program.
-    #[error("{path} has version {found}, and this program reads version {VERSION}: use a newer imf")]
-    Newer {
-        /// The manifest.
-        path: String,
-        /// Its version.
-        found: u32,
-    },
-    /// The folder holds a dataset of another scene or sampling.
-    #[error("{path} is of another dataset ({what} differs): choose another folder, or remove that one")]
-    Other {
-        /// The manifest.
-        path: String,
-        /// What differs.
-        what: &'static str,
-    },
-    /// Some shards are not there yet.
-    #[error("{path} lacks {missing} of {shards} shards: finish it as it was begun")]
-    Unfinished {
-        /// The folder.
-        path: String,
-        /// Shards that are missing.
-        missing: usize,
-        /// Shards in all.
-        shards: usize,
-    },
-    /// The folder holds partitions that nobody has joined.
-    #[error(
-        "{path} holds {manifests} partition(s) of a dataset and no manifest.json: they must be merged first"
-    )]
-    Partitions {
-        /// The folder.
-        path: String,
-        /// How many manifests of partitions there are.
-        manifests: usize,
-    },
-    /// Nothing to join.
-    #[error("there is no dataset to join")]
-    NoPartitions,
-    /// Two folders hold different datasets.
-    #[error(
-        "{path} is of another dataset than {than} ({what} differs): leave one of the two out, or make it again in a folder of its own"
-    )]
-    Unlike {
-        /// The manifest.
-        path: String,
-        /// The one it was compared with.
-        than: String,
-        /// What differs.
-        what: &'static str,
-    },
-    /// Two folders hold one shard with different content.
-    #[error(
-        "{shard} differs between {first} and {second}, though scene, orientations and sampling agree: a machine \
-         computed it wrongly, or its manifest was changed; make both again and compare"
-    )]
-    Disagree {
-        /// The shard's file name.
-        shard: String,
-        /// A folder that names it.
-        first: String,
-        /// Another one.
-        second: String,
-    },
-    /// A fraction out of range.
-    #[error(transparent)]
-    Sampling(#[from] SamplingError),
-    /// A section failed, or the work was interrupted.
-    #[error(transparent)]
-    Section(#[from] SectionError),
-}
 
 /// A finished shard.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -286,6 +186,9 @@ impl Manifest {
         if header.version != VERSION {
             return Err(damaged(format!("there is no version {}", header.version)));
         }
+        if text.get(BEHIND_CHECKSUM..).is_none_or(|rest| sealed(rest) != text) {
+            return Err(damaged("its checksum is wrong: it was changed after it was written".into()));
+        }
         let manifest: Self = serde_json::from_str(&text).map_err(|e| damaged(e.to_string()))?;
         manifest.scene.check().map_err(|e| damaged(e.to_string()))?;
         if manifest.sections_per_shard == 0
@@ -313,9 +216,10 @@ impl Manifest {
 
     pub(super) fn write(&self, folder: &Path) -> Result<(), DatasetError> {
         let path = folder.join(self.file_name());
-        let text = serde_json::to_vec_pretty(self)
+        let text = serde_json::to_string_pretty(self)
             .map_err(|e| DatasetError::Damaged { path: path.display().to_string(), what: e.to_string() })?;
-        Ok(write_atomically(path, |file| file.write_all(&text))?)
+        let text = sealed(&format!("\",{}", text.strip_prefix('{').unwrap_or(&text)));
+        Ok(write_atomically(path, |file| file.write_all(text.as_bytes()))?)
     }
 
     /// The scene with its voxels, from the folder that this manifest was read from.
@@ -377,6 +281,12 @@ impl Manifest {
                 .is_ok_and(|bytes| crc32fast::hash(&bytes) == record.crc32)
         })
     }
+}
+
+/// A manifest's text from what stands behind its checksum.
+pub(super) fn sealed(rest: &str) -> String {
+    let sum = crc32fast::hash(format!("{CHECKSUM}00000000{rest}").as_bytes());
+    format!("{CHECKSUM}{sum:08x}{rest}")
 }
 
 /// Names of the manifests of partitions in a folder, sorted.

@@ -4,7 +4,8 @@ use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use super::manifest::{DatasetError, Manifest, ShardRecord, create_folder, read_file};
+use super::error::DatasetError;
+use super::manifest::{Manifest, ShardRecord, create_folder, read_file};
 use super::shard;
 use crate::samples::Samples;
 use imf_core::atomic_file::{remove_all_leftovers, write_atomically};

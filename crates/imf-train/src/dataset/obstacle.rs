@@ -6,7 +6,8 @@ use std::path::Path;
 
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 
-use super::manifest::{DatasetError, read_file};
+use super::error::DatasetError;
+use super::manifest::read_file;
 use imf_core::atomic_file::write_atomically;
 use imf_core::scene::{Scene, SceneRecord};
 

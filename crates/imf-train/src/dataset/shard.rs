@@ -7,7 +7,8 @@ use std::path::Path;
 
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 
-use super::manifest::{DatasetError, Manifest, ShardRecord};
+use super::error::DatasetError;
+use super::manifest::{Manifest, ShardRecord};
 use crate::samples::Samples;
 use imf_core::atomic_file::{remove_leftovers, write_atomically};
 

@@ -7,7 +7,8 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::manifest::{DatasetError, Manifest};
+use super::error::DatasetError;
+use super::manifest::Manifest;
 use super::shard;
 use crate::samples::Samples;
 use imf_core::control::Cancelled;

@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
+use super::manifest::{BEHIND_CHECKSUM, sealed};
 use super::*;
 use crate::fixtures::{on_threads, scene};
 use imf_core::section::sections;
@@ -96,6 +97,12 @@ fn other_scenes_and_damage_are_noticed() {
     let manifest = std::fs::read_to_string(path.join("manifest.json")).unwrap();
     std::fs::write(path.join("manifest.json"), manifest.replace("\"version\": 1", "\"version\": 9")).unwrap();
     assert!(matches!(load(path), Err(DatasetError::Newer { found: 9, .. })));
+    // One digit of a direction.
+    let changed = manifest.replacen("\"phi\": ", "\"phi\": 1", 1);
+    assert_ne!(changed, manifest);
+    std::fs::write(path.join("manifest.json"), changed).unwrap();
+    let error = load(path).unwrap_err().to_string();
+    assert!(error.contains("manifest.json") && error.contains("checksum"), "{error}");
     std::fs::write(path.join("manifest.json"), "{}").unwrap();
     assert!(matches!(load(path), Err(DatasetError::Damaged { .. })));
     assert!(matches!(load(&path.join("nowhere")), Err(DatasetError::Read { .. })));
@@ -199,7 +206,7 @@ fn what_cannot_be_joined_is_named() {
     let text = std::fs::read_to_string(&books).unwrap();
     join(&["a", "b"]).unwrap();
     let crc = crc32fast::hash(&bytes).to_string();
-    std::fs::write(&books, text.replace(&crc, "12345")).unwrap();
+    std::fs::write(&books, sealed(&text[BEHIND_CHECKSUM..].replace(&crc, "12345"))).unwrap();
     let error = join(&["a", "b"]).unwrap_err();
     assert!(matches!(error, DatasetError::Disagree { .. }), "{error}");
 }
