@@ -136,6 +136,14 @@ impl Field {
         Some(report.validation.mse.sqrt())
     }
 
+    /// What its network is reduced by, in words; none of other families, and where there is no symmetry.
+    #[getter]
+    fn symmetry(&self) -> Option<String> {
+        let FieldFile::Factored(file) = &self.file else { return None };
+        let symmetry = file.field.shape.symmetry;
+        (!symmetry.is_none()).then(|| symmetry.to_string())
+    }
+
     /// By pose, the value.
     fn values<'py>(&self, py: Python<'py>, poses: Poses<'py>, progress: Progress<'py>) -> Found<'py, f32> {
         PoseRows::new(&poses)?.array(py, &progress, |poses, values| self.field.values(poses, values))

@@ -48,5 +48,6 @@ fn native_module(native: &Bound<'_, PyModule>) -> PyResult<()> {
     native.add_function(wrap_pyfunction!(stock::removable_stock, native)?)?;
     native.add_function(wrap_pyfunction!(toolpath::check, native)?)?;
     native.add_function(wrap_pyfunction!(train::train, native)?)?;
+    work::at_home();
     native.add_function(wrap_pyfunction!(work::set_threads, native)?)
 }

@@ -21,7 +21,7 @@ use crate::errors::{self, Raise, value_error};
 use crate::memory;
 use crate::sections::DirectionsInput;
 use crate::tool::Tool;
-use crate::work::{Progress, run};
+use crate::work::{Progress, detached, run};
 
 /// A mesh as Python gives it: a path (or, of a part, a built-in part's name), or vertices `[n, 3]` and triangles `[m, 3]` with a name.
 #[derive(FromPyObject)]
@@ -53,7 +53,7 @@ impl MeshInput<'_> {
                     let (name, mesh) = (part.name().to_owned(), part.mesh());
                     return Ok(Body { name, mesh, unit: Some(LengthUnit::Mm), reference: Some(part) });
                 }
-                let MeshFile { mesh, unit } = py.detach(|| read_mesh_file(path)).map_err(Raise::raise)?;
+                let MeshFile { mesh, unit } = detached(py, || read_mesh_file(path))?.map_err(Raise::raise)?;
                 let name =
                     path.file_name().map_or_else(|| text.clone(), |name| name.to_string_lossy().into());
                 Ok(Body { name, mesh, unit, reference: None })
@@ -320,7 +320,7 @@ impl Scene {
     /// Vertices and triangles of the part's mesh in the world.
     #[getter]
     fn mesh<'py>(&self, py: Python<'py>) -> PyResult<MeshArrays<'py>> {
-        mesh_arrays(py, &py.detach(|| self.placed_mesh()))
+        mesh_arrays(py, &detached(py, || self.placed_mesh())?)
     }
 
     /// The text of the directions that are meant where none are named.

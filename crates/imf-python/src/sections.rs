@@ -16,7 +16,7 @@ use crate::arrays::{OrientationArrays, orientation_arrays};
 use crate::errors::{Raise, value_error};
 use crate::memory;
 use crate::scene::Scene;
-use crate::work::{Progress, run, threads};
+use crate::work::{Progress, detached, run, threads};
 
 /// Directions as Python gives them: the text of a set, directions `[n, 3]`, or quaternions x, y, z, w `[n, 4]`.
 #[derive(FromPyObject)]
@@ -50,7 +50,7 @@ impl DirectionsInput<'_> {
         read: impl FnOnce(&str) -> Result<OrientationSet, OrientationSetError> + Send,
     ) -> PyResult<OrientationSet> {
         match self {
-            Self::Text(text) => py.detach(|| read(text)).map_err(Raise::raise),
+            Self::Text(text) => detached(py, || read(text))?.map_err(Raise::raise),
             Self::Rows(rows) => {
                 let rows = rows.as_array();
                 let orientation = |row: numpy::ndarray::ArrayView1<'_, f64>| match row.len() {

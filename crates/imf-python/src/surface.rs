@@ -15,14 +15,13 @@ use imf_core::tool::Assembly;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use rayon::prelude::*;
 
 use crate::arrays::{mesh_arrays, orientation_arrays, rows_of};
 use crate::errors::{Failure, Raise, value_error};
 use crate::memory;
 use crate::scene::Scene;
 use crate::sections::DirectionsInput;
-use crate::work::{Progress, run};
+use crate::work::{Progress, detached, run};
 
 /// A surface, cut into samples, and what the tool reaches of it.
 #[pyclass(frozen, module = "imf._imf")]
@@ -51,11 +50,11 @@ pub(crate) fn access<'py>(
     progress: Progress<'py>,
 ) -> PyResult<Surface> {
     let own = scene.get();
-    let (mesh, suggested) = py.detach(|| {
+    let (mesh, suggested) = detached(py, || {
         let mesh = own.placed_mesh();
         let suggested = mesh.machining_directions();
         (mesh, suggested)
-    });
+    })?;
     let directions = match directions {
         Some(directions) => directions,
         // A way up is a direction that the tool may come from.
@@ -112,7 +111,7 @@ impl Surface {
         let (vertices, faces) = mesh_arrays(py, &self.samples.mesh)?;
         let columns = self.set.len();
         let free = |at: usize| self.access.is_free(at / columns, at % columns);
-        let free: Vec<bool> = py.detach(|| (0..samples.len() * columns).into_par_iter().map(free).collect());
+        let free: Vec<bool> = detached(py, || (0..samples.len() * columns).map(free).collect())?;
         let found = PyDict::new(py);
         found.set_item("vertices", vertices)?;
         found.set_item("faces", faces)?;

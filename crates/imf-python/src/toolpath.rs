@@ -22,7 +22,7 @@ use crate::poses::PoseRows;
 use crate::scene::{Scene, clearance_of};
 use crate::stock::{self, StockInput};
 use crate::tool::Tool;
-use crate::work::{Progress, run};
+use crate::work::{Progress, detached, run};
 
 /// A path as Python gives it.
 #[derive(FromPyObject)]
@@ -61,12 +61,12 @@ pub(crate) fn check<'py>(
     let lengths: Vec<_> = tools.iter().map(|(number, tool)| (*number, tool.length())).collect();
     let reading = PathReading { unit: record.unit, machine: machine.as_ref(), lengths: &lengths };
     let path = match &path {
-        PathInput::File(file) => py.detach(|| Toolpath::read(Path::new(file), reading)),
+        PathInput::File(file) => detached(py, || Toolpath::read(Path::new(file), reading))?,
         PathInput::Poses(poses) => {
             let rows = PoseRows::new(poses)?;
-            py.detach(|| {
+            detached(py, || {
                 Toolpath::of_poses((0..rows.len()).map(|row| rows.pose(row)), rows.say_roll(), reading)
-            })
+            })?
         }
     };
     // A machine stands where the part is set up.

@@ -64,6 +64,7 @@ pub(crate) fn train<'py>(
     steps: Option<u64>,
     layers: Option<(usize, usize)>,
     omega: Option<f32>,
+    symmetry: bool,
     directions: DirectionsInput<'py>,
     seed: u64,
     wants_calibration: bool,
@@ -81,7 +82,7 @@ pub(crate) fn train<'py>(
         None => Quantity::Depth,
     };
     let scene = with_room(&own.scene, quantity).map_err(Raise::raise)?;
-    let of = Training { scene: &scene, quantity, degree, steps, layers, omega, seed };
+    let of = Training { scene: &scene, quantity, degree, steps, layers, omega, symmetry, seed };
     let file = match family {
         "harmonic" => FieldFile::Harmonic(Arc::new(of.harmonic(py, &progress, false)?)),
         "factored" => FieldFile::Factored(Box::new(of.factored(py, &progress)?)),
@@ -123,6 +124,7 @@ struct Training<'a> {
     steps: Option<u64>,
     layers: Option<(usize, usize)>,
     omega: Option<f32>,
+    symmetry: bool,
     seed: u64,
 }
 
@@ -174,7 +176,10 @@ impl Training<'_> {
         settings.check().map_err(Raise::raise)?;
         let teacher = self.harmonic(py, progress, true)?;
         let (settings, shape) = run(py, (&None, "", 0), |_| {
-            let symmetry = Symmetry::of(&teacher.field, &self.scene.obstacle);
+            let symmetry = match self.symmetry {
+                true => Symmetry::of(&teacher.field, &self.scene.obstacle),
+                false => Symmetry::default(),
+            };
             let settings = DistillSettings { symmetry, ..settings };
             let shape = settings.shape_for(&teacher.field);
             Ok::<_, TrainError>((settings, shape))

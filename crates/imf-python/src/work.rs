@@ -4,9 +4,9 @@
 //! second to handle signals and to report progress; where either raises, the work is asked to stop and the exception
 //! goes on.
 
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
-use std::sync::{Arc, PoisonError, RwLock};
+use std::sync::{Arc, LazyLock, Mutex, PoisonError, RwLock};
 use std::time::Duration;
 
 use imf_core::control::Control;
@@ -17,6 +17,12 @@ use crate::errors::{Failure, value_error};
 
 /// The pool of a stated number of threads; all cores where there is none.
 static POOL: RwLock<Option<Arc<ThreadPool>>> = RwLock::new(None);
+/// Threads that were asked for; 0 for all cores.
+static COUNT: AtomicUsize = AtomicUsize::new(0);
+/// The process that loaded the module, whose threads a fork of it has not.
+static HOME: LazyLock<u32> = LazyLock::new(std::process::id);
+/// The pool of a fork, with its process. A lock of its own, as another thread may have held that of [`POOL`] at the fork.
+static FORKED: Mutex<Option<(u32, Arc<ThreadPool>)>> = Mutex::new(None);
 
 /// A callback of a stage's name, the units that are done, and how many there are.
 pub(crate) type Progress<'py> = Option<Bound<'py, PyAny>>;
@@ -50,13 +56,60 @@ pub(crate) fn set_threads(py: Python<'_>, threads: &Bound<'_, PyAny>) -> PyResul
             Some(Arc::new(pool.map_err(|error| value_error(format!("{count} threads: {error}")))?))
         }
     };
-    *POOL.write().unwrap_or_else(PoisonError::into_inner) = pool;
+    COUNT.store(count, Ordering::Relaxed);
+    if std::process::id() == *HOME {
+        *POOL.write().unwrap_or_else(PoisonError::into_inner) = pool;
+    } else if let Some((_, old)) = FORKED.lock().unwrap_or_else(PoisonError::into_inner).take() {
+        std::mem::forget(old);
+    }
     Ok(())
+}
+
+/// The pool to compute on; none where it is that of all cores.
+///
+/// # Errors
+/// Threads that the system does not give to a fork.
+fn current_pool() -> PyResult<Option<Arc<ThreadPool>>> {
+    let own = std::process::id();
+    if own == *HOME {
+        return Ok(POOL.read().unwrap_or_else(PoisonError::into_inner).clone());
+    }
+    let mut forked = FORKED.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some((_, pool)) = forked.as_ref().filter(|(process, _)| *process == own) {
+        return Ok(Some(pool.clone()));
+    }
+    let count = COUNT.load(Ordering::Relaxed);
+    let pool = ThreadPoolBuilder::new().num_threads(count).build();
+    let pool = Arc::new(pool.map_err(|error| value_error(format!("threads of a forked process: {error}")))?);
+    // That of the process before has no threads here that could end.
+    std::mem::forget(forked.replace((own, pool.clone())));
+    Ok(Some(pool))
+}
+
+fn on<T: Send>(pool: Option<Arc<ThreadPool>>, work: impl FnOnce() -> T + Send) -> T {
+    match pool {
+        Some(pool) => pool.install(work),
+        None => work(),
+    }
+}
+
+/// Does `work`, which takes moments, without the interpreter's lock.
+///
+/// # Errors
+/// As [`current_pool`].
+pub(crate) fn detached<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyResult<T> {
+    let pool = current_pool()?;
+    Ok(py.detach(|| on(pool, work)))
+}
+
+/// Takes note of the process that loads the module.
+pub(crate) fn at_home() {
+    LazyLock::force(&HOME);
 }
 
 /// Threads that compute.
 pub(crate) fn threads() -> usize {
-    let pool = POOL.read().unwrap_or_else(PoisonError::into_inner).clone();
+    let pool = current_pool().ok().flatten();
     pool.map_or_else(rayon::current_num_threads, |pool| pool.current_num_threads())
 }
 
@@ -71,7 +124,7 @@ pub(crate) fn run<T: Send, E: Into<Failure> + Send>(
 ) -> PyResult<T> {
     let (done, cancelled) = (AtomicU64::new(0), AtomicBool::new(false));
     let callback = progress.as_ref().map(|callback| callback.clone().unbind());
-    let pool = POOL.read().unwrap_or_else(PoisonError::into_inner).clone();
+    let pool = current_pool()?;
     let report = |py: Python<'_>, said: u64| -> PyResult<u64> {
         let now = done.load(Ordering::Relaxed).min(total);
         if let Some(callback) = callback.as_ref().filter(|_| now != said) {
@@ -90,10 +143,7 @@ pub(crate) fn run<T: Send, E: Into<Failure> + Send>(
             let (end, ended) = channel::<()>();
             let worker = scope.spawn(move || {
                 let _end = end;
-                match pool {
-                    Some(pool) => pool.install(|| work(control)),
-                    None => work(control),
-                }
+                on(pool, || work(control))
             });
             let (mut wait, mut raised) = (WAITS[0], None);
             while ended.recv_timeout(wait) == Err(RecvTimeoutError::Timeout) {

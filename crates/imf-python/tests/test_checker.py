@@ -58,6 +58,11 @@ def test_what_is_no_pose_is_never_free(bracket: imf.Scene) -> None:
     bad = np.array([[0, 0, np.nan, 0, 0, 1], [0, 0, 500, 0, 0, 0], [np.inf, 0, 0, 0, 0, 1]])
     checker = imf.Checker(bracket)
     assert not np.any(checker.is_free(bad)) and np.isnan(checker.overlap(bad)).all()
+    masked = np.ma.masked_array([[0.0, 0, 500, 0, 0, 1]], mask=[[False, False, True, False, False, False]])
+    for ask in (checker.is_free, checker.overlap, lambda rows: imf.poses(rows[:, :3], [0, 0, 1])):
+        with pytest.raises(ValueError, match="masked"):
+            ask(masked)
+    assert checker.is_free(np.ma.masked_array(masked.data))
 
 
 def test_clearances_are_proven_lengths(block: imf.Scene) -> None:

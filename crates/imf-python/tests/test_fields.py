@@ -106,6 +106,14 @@ def test_a_distilled_network_learns(bracket: imf.Scene) -> None:
     assert errors[1] < 0.5 * errors[0] and errors[1] < 0.06 * exact.var(), errors
 
 
+def test_a_network_is_reduced_by_its_parts_symmetry_unless_told_not_to(mill: imf.Tool) -> None:
+    scene = imf.Scene(box((0, 0, 0), (20, 16, 12)), mill, pitch=2.0, margin=3, name="block")
+    small = {"degree": 3, "steps": 5, "layers": (2, 16), "calibrate": False}
+    reduced, whole = (imf.train(scene, "factored", symmetry=symmetry, **small) for symmetry in (None, False))
+    assert reduced.symmetry is not None and "mirrored across x and y" in reduced.symmetry
+    assert whole.symmetry is None
+
+
 def test_depths_decide_and_say_what_that_is_worth(mill: imf.Tool) -> None:
     scene = imf.Scene(box((0, 0, 0), (20, 20, 20)), mill, pitch=2.0, margin=6, name="block")
     field = imf.train(scene, "harmonic", degree=10)

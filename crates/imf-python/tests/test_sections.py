@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import warnings
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -70,6 +72,33 @@ def test_the_number_of_threads_changes_nothing(bracket: imf.Scene) -> None:
         np.testing.assert_array_equal(bracket.imf("fibonacci:7").values, usual)
     finally:
         imf.set_threads(0)
+
+
+def test_a_process_that_is_forked_computes_on_threads_of_its_own(bracket: imf.Scene, poses: Floats) -> None:
+    if "fork" not in multiprocessing.get_all_start_methods():
+        pytest.skip("this system does not fork")
+    checker = imf.Checker(bracket)
+
+    def answers() -> tuple[NDArray[Any], NDArray[Any]]:
+        return bracket.imf("fibonacci:7").values, checker.is_free(poses)
+
+    usual = answers()
+    for threads in (0, 1):
+        imf.set_threads(threads)
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", DeprecationWarning)
+                reader, writer = multiprocessing.Pipe(duplex=False)
+                child = multiprocessing.get_context("fork").Process(target=lambda: writer.send(answers()), daemon=True)
+                child.start()
+            # Without it the end of a child that fails is seen at once.
+            writer.close()
+            assert reader.poll(120), "the child does not end"
+            for found, expected in zip(reader.recv(), usual):
+                np.testing.assert_array_equal(found, expected)
+            child.join()
+        finally:
+            imf.set_threads(0)
 
 
 def test_the_solid_voxels_are_those_whose_centres_are_inside(block: imf.Scene) -> None:

@@ -8,6 +8,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from ._numbers import unmasked
 from ._poses import numbers
 
 Mesh: TypeAlias = Any
@@ -48,7 +49,7 @@ def padded(faces: NDArray[Any]) -> NDArray[Any]:
 def arrays(vertices: Any, faces: Any, name: str) -> Native:
     """Vertices and triangles, each as numbers in rows of three."""
     points = numbers(vertices)
-    corners = np.asarray(faces)
+    corners = np.asarray(unmasked(faces))
     if corners.dtype.kind not in "iu":
         raise ValueError(f"faces must be whole numbers, not {corners.dtype}")
     if points.ndim != 2 or corners.ndim != 2:

@@ -8,6 +8,13 @@ from typing import Any
 import numpy as np
 
 
+def unmasked(given: Any) -> Any:
+    """What is no masked array, or one in which nothing is masked."""
+    if np.ma.is_masked(given):
+        raise ValueError("a masked array has no number where it is masked: take these rows out, or fill them (numpy.ma.filled)")
+    return given
+
+
 def whole(name: str, value: Any, least: int = 0) -> int:
     """A whole number of at least ``least``."""
     try:

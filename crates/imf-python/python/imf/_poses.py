@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ._numbers import unmasked
+
 
 def poses(positions: ArrayLike, directions: ArrayLike) -> NDArray[np.float64]:
     """Rows of poses ``(n, 6)`` or ``(n, 7)`` from tips and directions, one of either for all of the other.
@@ -12,8 +14,7 @@ def poses(positions: ArrayLike, directions: ArrayLike) -> NDArray[np.float64]:
     positions: ``(3,)`` or ``(n, 3)``, in the scene's unit; directions: ``(3,)`` or ``(n, 3)`` from tip to holder, or quaternions
     ``x, y, z, w``, ``(4,)`` or ``(n, 4)``.
     """
-    tips = np.atleast_2d(np.asarray(positions, dtype=np.float64))
-    turns = np.atleast_2d(np.asarray(directions, dtype=np.float64))
+    tips, turns = np.atleast_2d(numbers(positions)), np.atleast_2d(numbers(directions))
     if tips.ndim != 2 or tips.shape[1] != 3:
         raise ValueError(f"positions must have the shape (n, 3), not {np.shape(positions)}")
     if turns.ndim != 2 or turns.shape[1] not in (3, 4):
@@ -28,7 +29,7 @@ def poses(positions: ArrayLike, directions: ArrayLike) -> NDArray[np.float64]:
 
 def numbers(given: ArrayLike) -> NDArray[np.float64]:
     """Numbers as the native module reads them, in place where they are so: in rows, and aligned."""
-    return np.require(given, np.float64, ["C_CONTIGUOUS", "ALIGNED"])
+    return np.require(unmasked(given), np.float64, ["C_CONTIGUOUS", "ALIGNED"])
 
 
 def rows_of(given: ArrayLike) -> tuple[NDArray[np.float64], bool]:

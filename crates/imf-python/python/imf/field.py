@@ -106,6 +106,12 @@ class Field:
         return self._native.fit_error
 
     @property
+    def symmetry(self) -> str | None:
+        """The part's symmetry that a factored network is reduced by, such as "mirrored across y"; None where there is none. Across a
+        mirror plane values and gradients may jump, at the most by several times the mean error; near an axis nothing is decided."""
+        return self._native.symmetry
+
+    @property
     def verdict(self) -> str | None:
         """What its decisions are worth, in a sentence; None where that was not measured, and it decides nothing then."""
         return self._native.verdict
@@ -145,7 +151,7 @@ class Field:
     def _section(self, direction: ArrayLike) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
         from ._poses import poses
 
-        axis = np.asarray(direction, dtype=np.float64)
+        axis = numbers(direction)
         values = self._native.values(poses(self.grid.centres(), axis), None)
         return values.reshape(self.grid.dims), axis
 
@@ -160,7 +166,7 @@ def load(path: str | os.PathLike[str]) -> Field:
 
 _OPTIONS = {
     "harmonic": ("degree",),
-    "factored": ("degree", "steps", "layers", "omega"),
+    "factored": ("degree", "steps", "layers", "omega", "symmetry"),
     "siren5": ("steps", "layers", "omega", "directions"),
 }
 
@@ -174,6 +180,7 @@ def train(
     steps: int | None = None,
     layers: tuple[int, int] | None = None,
     omega: float | None = None,
+    symmetry: bool | None = None,
     directions: Directions | None = None,
     seed: int = 0,
     calibrate: bool = True,
@@ -186,11 +193,12 @@ def train(
     quantity: "depth", or "overlap"; by default depth, and overlap for siren5 and for a built-in part with the paper's tool. For
     depths shank and holder keep two voxels of room where the scene has no clearance.
     degree: of the harmonics. steps: of the training. layers: hidden layers and neurons of each. omega: frequency of the sines.
+    symmetry: whether a factored network is reduced by that of its part, as it is by default (:attr:`Field.symmetry`).
     calibrate: also measures what the field's decisions are worth (a minute or so); without, it leaves every decision undecided.
 
     Raises ``ValueError`` for what a family cannot have, :class:`ImfError` for a training that diverged.
     """
-    given = {"degree": degree, "steps": steps, "layers": layers, "omega": omega, "directions": directions}
+    given = {"degree": degree, "steps": steps, "layers": layers, "omega": omega, "symmetry": symmetry, "directions": directions}
     for name, value in given.items():
         if value is not None and family in _OPTIONS and name not in _OPTIONS[family]:
             raise ValueError(f"{family} has no {name}: it takes {', '.join(_OPTIONS[family])}")
@@ -203,6 +211,7 @@ def train(
         None if steps is None else whole("steps", steps, 1),
         None if shape is None else (shape[0], shape[1]),
         omega,
+        symmetry is not False,
         "axes+fibonacci:225" if directions is None else directions_input(directions),
         whole("seed", seed),
         calibrate,

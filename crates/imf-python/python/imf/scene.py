@@ -48,7 +48,7 @@ def directions_input(directions: Directions) -> str | NDArray[np.float64]:
     """As the native module reads them."""
     if isinstance(directions, str):
         return directions
-    rows = numbers(np.atleast_2d(np.asarray(directions, dtype=np.float64)))
+    rows = np.atleast_2d(numbers(directions))
     if rows.ndim != 2:
         raise ValueError(f"directions must have the shape (n, 3) or (n, 4), not {np.shape(directions)}")
     return rows

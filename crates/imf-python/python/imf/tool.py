@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _imf
-from ._numbers import number, whole
+from ._numbers import number, unmasked, whole
 
 
 def _toml(name: str, value: Any) -> str:
@@ -31,7 +31,7 @@ def _toml(name: str, value: Any) -> str:
 def _points(given: Any) -> NDArray[np.float64]:
     """Sharp points as rows."""
     try:
-        points = np.atleast_2d(np.asarray(given, dtype=np.float64))
+        points = np.atleast_2d(np.asarray(unmasked(given), dtype=np.float64))
     except (TypeError, ValueError):
         points = np.empty(0)
     if points.ndim != 2 or points.shape[1] != 3:
@@ -45,10 +45,10 @@ def _points(given: Any) -> NDArray[np.float64]:
 class Tool:
     """A tool of revolution, stacked from its tip upwards, or a mesh. Tool frame: the tip at the origin, +z from tip to holder.
 
-    cutter: ``shape`` ("flat", "ball", "bull", "tapered" or "lollipop"), ``diameter`` (at the tip of a tapered one) and ``length`` (not
-    of a lollipop, a ball down to its shank);
-    ``corner_radius`` of "bull" and "tapered", ``half_angle`` in degrees of "tapered"; ``back_cutting`` where its upper end cuts too,
-    ``plunge_only`` where it cuts along its axis alone, as a drill does.
+    cutter: ``shape`` ("flat", "ball", "bull", "tapered", "lollipop" or "drill"), ``diameter`` (at the tip of a tapered one) and
+    ``length`` (not of a lollipop, a ball down to its shank);
+    ``corner_radius`` of "bull" and "tapered", ``half_angle`` in degrees of "tapered", ``point_angle`` of "drill"; ``back_cutting``
+    where its upper end cuts too, ``plunge_only`` where it cuts along its axis alone, as a drill does.
     shank: ``diameter`` and, where it is known, ``length``, with ``stick_out`` all of it, what is in the holder included.
     holder: parts from the tip upwards, each ``diameter`` and ``length``, and ``top_diameter`` of a cone.
     stick_out: from the tip to the holder's face; by default cutter and shank end to end.
@@ -155,7 +155,7 @@ class Tool:
 
         Raises ``ValueError`` for a mesh.
         """
-        given = np.asarray(heights, dtype=np.float64)
+        given = np.asarray(unmasked(heights), dtype=np.float64)
         radii = self._native.radius(given.ravel().tolist())
         if radii is None:
             raise ValueError(f"the tool '{self.name}' is a mesh, which has no outline")

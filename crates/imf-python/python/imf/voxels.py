@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ._numbers import unmasked
+
 
 def _pieces(code: int) -> list[int]:
     """Of eight voxels around a corner, bits of ``code``, the first of those that each is joined to across faces."""
@@ -25,7 +27,7 @@ def voxel_mesh(
     solid: booleans ``(nx, ny, nz)``; origin: the lower corner of voxel (0, 0, 0); pitch: the edge of a voxel. A scene of this pitch
     around such a part has the same voxels.
     """
-    solid = np.asarray(solid)
+    solid = np.asarray(unmasked(solid))
     if solid.ndim != 3 or solid.dtype != np.bool_ or not solid.any():
         raise ValueError(
             "solid must be booleans (nx, ny, nz), some of them True, such as densities > 0.5; "
@@ -34,7 +36,7 @@ def voxel_mesh(
     pitch = float(pitch)
     if not (np.isfinite(pitch) and pitch > 0):
         raise ValueError(f"pitch must be a positive length, not {pitch}")
-    origin = np.asarray(origin, dtype=np.float64)
+    origin = np.asarray(unmasked(origin), dtype=np.float64)
     if origin.shape != (3,) or not np.isfinite(origin).all():
         raise ValueError(f"origin must be three finite numbers, not {origin}")
     padded = np.pad(solid, 1).astype(np.int8)
