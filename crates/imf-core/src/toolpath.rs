@@ -169,8 +169,9 @@ impl Toolpath {
         name: &str,
     ) -> Result<Self, ToolpathError> {
         let reading = reading.into();
-        // A carriage return ends a line by itself as well, as on old systems.
-        let lines = text.replace("\r\n", "\n").replace('\r', "\n");
+        // A carriage return ends a line by itself as well, as on old systems; marks of byte order stand where files begin, also of those that were
+        // joined.
+        let lines = text.replace('\u{feff}', "").replace("\r\n", "\n").replace('\r', "\n");
         let mut path = Self::of_text(&lines, &reading, name).map_err(|error| error.in_file(name))?;
         if path.locations.is_empty() {
             return Err(ToolpathError::Empty(name.to_owned()));
@@ -370,6 +371,10 @@ mod tests {
         let apt = Toolpath::parse("PARTNO A/B\nGOTO/1,2,3,0,.1,-.995\n", unit, "a").unwrap();
         let csv = Toolpath::parse("x,y,z,i,j,k\n1,2,3,0,.1,-.995\n", unit, "b").unwrap();
         assert_eq!(apt.locations[0].pose, csv.locations[0].pose);
+        for text in ["GOTO/1,2,3,0,.1,-.995\n", "x,y,z,i,j,k\r1,2,3,0,.1,-.995\r"] {
+            let marked = Toolpath::parse(&format!("\u{feff}{text}"), unit, "d").unwrap();
+            assert_eq!(marked.locations[0].pose, csv.locations[0].pose, "{text}");
+        }
         assert!(matches!(Toolpath::parse("\n", unit, "c"), Err(ToolpathError::Empty(_))));
         let error = Toolpath::read(Path::new("no/such/path.apt"), unit).unwrap_err();
         assert!(error.to_string().contains("no/such/path.apt"));

@@ -66,7 +66,7 @@ pub(super) fn parse(text: &str, reading: &PathReading<'_>) -> Result<Toolpath, F
     let mut header: Option<Header> = None;
     let mut locations = Vec::new();
     for (index, text) in text.lines().enumerate() {
-        let text = text.trim_start_matches('\u{feff}').trim();
+        let text = text.trim();
         if text.is_empty() || text.starts_with('#') {
             continue;
         }
@@ -269,7 +269,7 @@ mod tests {
             assert_eq!((path[1].line, path[1].rolled), (5, false));
             assert_eq!(path[1].pose, Pose::along(DVec3::new(4.0, 5.0, 6.0), DVec3::new(0.0, 1.0, 2.0)));
         }
-        let path = read("\u{feff}\"X\" \"Y\"  Z\r\n1 2 3\r\n");
+        let path = read("\"X\" \"Y\"  Z\n1 2 3\n");
         assert_eq!(path[0].pose, Pose::along(DVec3::new(1.0, 2.0, 3.0), DVec3::Z));
         assert_eq!(path[0].tool, None);
     }

@@ -36,7 +36,7 @@ const ENDS: [&str; 9] = ["nc", "gcode", "ngc", "tap", "mpf", "cnc", "eia", "ptp"
 /// True where a file's name or first word says that it is a program.
 pub(super) fn is_program(text: &str, name: &str) -> bool {
     let end = name.rsplit_once('.').map(|(_, end)| end.to_ascii_lowercase());
-    let mut lines = text.lines().map(|line| line.trim_start_matches('\u{feff}').trim());
+    let mut lines = text.lines().map(str::trim);
     let first = lines.find(|line| !line.is_empty() && !line.starts_with([';', '#'])).unwrap_or_default();
     end.is_some_and(|end| ENDS.contains(&end.as_str())) || first.starts_with(['%', '(']) || is_address(first)
 }

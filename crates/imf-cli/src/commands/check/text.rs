@@ -134,10 +134,10 @@ pub(super) fn text(checked: &CheckRun<'_>) -> String {
         let seen = if machine.solids.is_empty() { String::new() } else { seen };
         let _ = writeln!(
             text,
-            "machine: {}, {} rotary axes, {} solids that move with them{seen}; between two lines its rotary axes turn evenly",
+            "machine: {}, rotary axes: {}, solids: {}, of which {moving} move{seen}; between two lines its rotary axes turn evenly",
             machine.name,
             machine.rotary.len(),
-            moving
+            machine.solids.len()
         );
     }
     let _ = writeln!(text, "{}", checked.guarantee());

@@ -6,7 +6,7 @@ const COMMANDS: &str = "GMTXYZABCUVW";
 /// True where a line has a word that a control would carry out, whether it is understood or not; numbers of blocks, names of programs
 /// and words that only accompany others do not count.
 pub(super) fn is_command(line: &str) -> bool {
-    let mut rest = separated(line.trim_start_matches('\u{feff}'));
+    let mut rest = separated(line);
     let mut is_first = true;
     while let Some(letter) = rest.chars().next().filter(char::is_ascii_alphabetic) {
         let number = rest[1..].trim_start();

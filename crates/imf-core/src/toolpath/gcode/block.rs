@@ -21,12 +21,12 @@ pub(super) struct Word<'a> {
 
 /// Whether a line is the sign that stands before and behind a program.
 pub(super) fn is_sign(line: &str) -> bool {
-    line.trim_start_matches('\u{feff}').trim_start().starts_with('%')
+    line.trim_start().starts_with('%')
 }
 
 /// The words of one line; none of a line that only separates or comments.
 pub(super) fn words(line: &str) -> Result<Vec<Word<'_>>, String> {
-    let mut rest = line.trim_start_matches('\u{feff}').trim();
+    let mut rest = line.trim();
     let mut found = Vec::new();
     if is_sign(line) {
         return Ok(found);

@@ -110,3 +110,10 @@ fn what_a_program_leaves_out_is_said() {
     let said = read("G21 G90 G54 T1 M6\nG43 H1 G0 X1. Y1. Z9.\n").unwrap().remarks;
     assert!(said.is_empty(), "{said:?}");
 }
+
+#[test]
+fn marks_of_byte_order_are_no_words() {
+    let text = "\u{feff}%\n\u{feff}G21 G90 G17\nG0 X1. Y2. Z3.\nM30\n\u{feff}%\n";
+    let path = Toolpath::parse(text, LengthUnit::Mm, "joined").unwrap();
+    assert_eq!(path.locations[0].pose.position.to_array(), [1.0, 2.0, 3.0]);
+}
