@@ -13,6 +13,8 @@ use imports::{Source, parse};
 /// Names that say nothing about what is inside.
 const EMPTY_NAMES: [&str; 8] =
     ["util", "utils", "helper", "helpers", "common", "commons", "misc", "miscellaneous"];
+/// Lines of a source file.
+const MOST_LINES: usize = 400;
 /// What a planner that only queries must not pull in.
 const NOT_IN_CORE: [&str; 7] = ["wgpu", "wgpu-core", "wgpu-hal", "naga", "ash", "clap", "imf-gpu"];
 
@@ -186,7 +188,7 @@ fn mpi_comes_only_where_it_is_asked_for() {
 }
 
 #[test]
-fn no_folder_file_or_module_has_an_empty_name() {
+fn no_folder_file_or_module_has_an_empty_name_and_no_file_is_long() {
     let mut found = Vec::new();
     let mut waiting = vec![root()];
     while let Some(folder) = waiting.pop() {
@@ -203,7 +205,12 @@ fn no_folder_file_or_module_has_an_empty_name() {
             match path.extension().and_then(|extension| extension.to_str()) {
                 _ if path.is_dir() => waiting.push(path),
                 Some("rs") => {
-                    let source = parse(&read(&path), &[]).unwrap_or_default();
+                    let text = read(&path);
+                    let lines = text.lines().count();
+                    if lines > MOST_LINES {
+                        found.push(format!("{}: {lines} lines, more than {MOST_LINES}", path.display()));
+                    }
+                    let source = parse(&text, &[]).unwrap_or_default();
                     let empty =
                         source.inline_modules.iter().filter(|name| EMPTY_NAMES.contains(&name.as_str()));
                     found.extend(empty.map(|name| format!("{}: mod {name}", path.display())));
@@ -212,5 +219,5 @@ fn no_folder_file_or_module_has_an_empty_name() {
             }
         }
     }
-    assert!(found.is_empty(), "names that say nothing:\n{}\n", found.join("\n"));
+    assert!(found.is_empty(), "names that say nothing, or files that are long:\n{}\n", found.join("\n"));
 }
