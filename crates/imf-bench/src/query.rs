@@ -101,7 +101,7 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
     let record = &scene.record;
     let poses = random_poses(&record.grid, arguments.poses as usize, 0)?;
     session.note("exact counts");
-    let exact = ExactField::new(&scene.obstacle, record.bare_tool());
+    let exact = ExactField::new(&scene.obstacle, record.bare_tool())?;
     let collides = |pose| exact.count(pose).map(|count| decided(count > 0)).context("an invalid pose");
     let truth: Vec<Decision> = poses.iter().map(collides).collect::<Result<_>>()?;
     let trial = Trial { poses: &poses, truth: &truth };
@@ -157,8 +157,13 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
     session.note("Coal, FCL, vamp and parry3d");
     let (found, missing) = libraries::measure(arguments, &scene, few, &truth)?;
     rows.extend(found);
-    session.note("a changed obstacle");
-    let changes = change::measure(arguments.part)?;
+    // Of a built-in part at two resolutions, not of the fields' scene.
+    let changes = if arguments.fields.is_empty() {
+        session.note("a changed obstacle");
+        change::measure(arguments.part)?
+    } else {
+        Vec::new()
+    };
     machine.finish();
     let [x, y, z] = record.grid.dims;
     let scene = format!(
@@ -298,31 +303,33 @@ impl Report {
             &["", "answers", "poses a call", "poses/s", "free", "colliding", "as exact", "how"],
             rows.collect(),
         );
-        document.section("A changed obstacle");
-        document.paragraph(
-            "Balls of a thousandth of the part's voxels are taken away and put back; from the change to the end of a batch of poses. Beside \
-             it the same of a world made anew of the voxels.",
-        );
-        let rows = self.changes.iter().map(|row| {
-            let time = |seconds: f64| format!("{:.2}", 1e3 * seconds);
-            let counts = [row.voxels, row.solid, row.changed].map(|count| count.to_string());
-            let times = [row.first, row.median, row.longest, row.anew].map(time);
-            let part = format!("{:.1} %", 100.0 * row.median / row.anew);
-            counts.into_iter().chain(times).chain([part]).collect()
-        });
-        document.table(
-            &[
-                "voxels",
-                "solid",
-                "changed",
-                "first, ms",
-                "median, ms",
-                "longest, ms",
-                "anew, ms",
-                "median of anew",
-            ],
-            rows.collect(),
-        );
+        if !self.changes.is_empty() {
+            document.section("A changed obstacle");
+            document.paragraph(
+                "Balls of a thousandth of the part's voxels are taken away and put back; from the change to the end of a batch of poses. Beside \
+                 it the same of a world made anew of the voxels.",
+            );
+            let rows = self.changes.iter().map(|row| {
+                let time = |seconds: f64| format!("{:.2}", 1e3 * seconds);
+                let counts = [row.voxels, row.solid, row.changed].map(|count| count.to_string());
+                let times = [row.first, row.median, row.longest, row.anew].map(time);
+                let part = format!("{:.1} %", 100.0 * row.median / row.anew);
+                counts.into_iter().chain(times).chain([part]).collect()
+            });
+            document.table(
+                &[
+                    "voxels",
+                    "solid",
+                    "changed",
+                    "first, ms",
+                    "median, ms",
+                    "longest, ms",
+                    "anew, ms",
+                    "median of anew",
+                ],
+                rows.collect(),
+            );
+        }
         self.missing.iter().for_each(|advice| document.paragraph(advice));
         document
     }

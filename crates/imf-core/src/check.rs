@@ -151,21 +151,31 @@ pub struct CheckBodies<'a> {
 }
 
 impl<'a> CheckBodies<'a> {
-    /// A part, with nothing else given.
+    /// A part by its voxels alone: a cutter may be as deep in it as no centre of them shows.
     #[must_use]
     pub fn of_part(part: &'a Occupancy) -> Self {
         Self { part, by_centres: None, fixtures: &[], surfaces: &[], machine: None }
+    }
+
+    fn check(&self) -> Result<(), CheckError> {
+        let pitch = self.part.grid.pitch;
+        let own = [Some(self.part), self.by_centres].into_iter().flatten().map(|voxels| ("the part", voxels));
+        let mut all = own.chain(self.fixtures.iter().map(|(name, voxels)| (&**name, voxels)));
+        let is_sound =
+            |voxels: &Occupancy| voxels.is_sound() && (voxels.grid.pitch / pitch - 1.0).abs() < 1e-9;
+        let unsound = all.find(|(_, voxels)| !is_sound(voxels));
+        unsound.map_or(Ok(()), |(name, _)| Err(CheckError::Voxels(name.to_owned())))
     }
 }
 
 /// Checks every motion of a toolpath on all threads of the current pool. One unit of progress is one location.
 ///
 /// `tools` are one tool without a number, for a path of one tool, or tools by number, each of which checks its own stretches;
-/// their lengths are in the grids' unit.
+/// their lengths, and those of bodies and settings, are in the path's unit.
 ///
 /// # Errors
-/// Settings or tools that make no sense, a location without a tool or, where its tool is not round, without a roll, a motion whose
-/// turn is not defined or that is absurdly long, cancellation.
+/// Settings, voxels or tools that make no sense, a tool of another unit than the path's, a location without a tool or, where its tool
+/// is not round, without a roll, a motion whose turn is not defined or that is absurdly long, cancellation.
 pub fn check_toolpath(
     bodies: CheckBodies<'_>,
     tools: &[(Option<u32>, &Tool)],
@@ -174,6 +184,7 @@ pub fn check_toolpath(
     control: Control<'_>,
 ) -> Result<CheckReport, CheckError> {
     settings.check()?;
+    bodies.check()?;
     tools.iter().try_for_each(|(_, tool)| tool.check())?;
     // Every motion is validated before any pose is checked.
     let machine = bodies.machine.map(MachineBodies::machine);

@@ -32,7 +32,7 @@
 //! use imf_core::scene::Scene;
 //!
 //! let scene = Scene::builder().reference(ReferencePart::Bracket).dims([12, 36, 22]).build()?.scene;
-//! let field = ExactField::new(&scene, scene.record.bare_tool());
+//! let field = ExactField::new(&scene, scene.record.bare_tool())?;
 //! let mut decisions = [Decision::Undecided];
 //! field.classify(&[Pose::along(DVec3::new(10.0, 20.0, 300.0), DVec3::Z)], &mut decisions)?;
 //! assert_eq!(decisions, [Decision::Free]);
@@ -153,6 +153,9 @@ pub enum FieldError {
         /// Length of the output slice.
         results: usize,
     },
+    /// An obstacle that is none.
+    #[error("the obstacle's voxels must be a byte for each voxel of its grid, 0 or 1")]
+    Voxels,
     /// A minimum over no orientation, or over too many.
     #[error("the minimum over {0} orientations: give at least one, and fewer than 2^32")]
     Orientations(usize),

@@ -26,6 +26,12 @@ impl Obstacle {
         Self { forbidden: Arc::new(forbidden), cuttable: Some(Arc::new(layer)) }
     }
 
+    /// True where both are bytes of 0 or 1 for each voxel of one grid.
+    pub(crate) fn is_sound(&self) -> bool {
+        let of_layer = |layer: &Occupancy| layer.is_sound() && layer.grid == *self.grid();
+        self.forbidden.is_sound() && self.cuttable.as_deref().is_none_or(of_layer)
+    }
+
     /// Forbidden and cuttable voxels together.
     #[must_use]
     pub fn whole(&self) -> Occupancy {

@@ -142,6 +142,10 @@ pub struct Toolpath {
     pub unchecked: Vec<usize>,
     /// The file says its own unit.
     pub states_unit: bool,
+    /// What is not said to be at rapid rate is at feed rate.
+    pub states_rapids: bool,
+    /// Unit of its lengths.
+    pub unit: LengthUnit,
 }
 
 impl Toolpath {
@@ -169,25 +173,23 @@ impl Toolpath {
         name: &str,
     ) -> Result<Self, ToolpathError> {
         let reading = reading.into();
-        // A carriage return ends a line by itself as well, as on old systems; marks of byte order stand where files begin, also of those that were
-        // joined.
+        // A carriage return ends a line by itself as well, as on old systems; files that were joined have several marks of byte order.
         let lines = text.replace('\u{feff}', "").replace("\r\n", "\n").replace('\r', "\n");
         let mut path = Self::of_text(&lines, &reading, name).map_err(|error| error.in_file(name))?;
         if path.locations.is_empty() {
             return Err(ToolpathError::Empty(name.to_owned()));
         }
         path.mark_starts();
-        Ok(path)
+        Ok(Self { unit: reading.unit, ..path })
     }
 
     /// No way leads to the first location of a tool.
     fn mark_starts(&mut self) {
         let mut last = None;
         for location in &mut self.locations {
-            if last != Some(location.tool) {
+            if last.replace(location.tool) != Some(location.tool) {
                 location.kind = MoveKind::Start;
             }
-            last = Some(location.tool);
         }
     }
 
@@ -293,8 +295,7 @@ impl Toolpath {
         let (_, turn, _) = set_up.to_scale_rotation_translation();
         let placed = |location: &Location| {
             let Pose { position, rotation } = location.pose;
-            let pose = Pose::new(set_up.transform_point3(position), turn * rotation);
-            Location { pose, ..*location }
+            Location { pose: Pose::new(set_up.transform_point3(position), turn * rotation), ..*location }
         };
         let locations = self.locations.iter().map(placed).collect();
         let mut placed = Self { locations, set_up: *set_up * self.set_up, ..self.clone() };

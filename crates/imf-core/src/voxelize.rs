@@ -54,7 +54,8 @@ pub struct VoxelizeResult {
     pub undecided: f64,
 }
 
-/// Solid voxels of `mesh` on `grid`; parts of the mesh outside the grid are left out.
+/// Solid voxels of `mesh` on `grid`; parts of the mesh outside the grid are left out. Triangles must face outwards, or all inwards: see
+/// [`Mesh::with_consistent_faces`] for files in which some are turned.
 ///
 /// Memory beside the result: the triangles once, and one plane of counts a thread.
 #[must_use]

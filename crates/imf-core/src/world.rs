@@ -134,7 +134,7 @@ pub enum WorldError {
         /// Why not.
         why: &'static str,
     },
-    /// An obstacle that was removed, or of another world.
+    /// An obstacle that was removed, or that this world never had; ids are the world's own, and another world may have the same.
     #[error("the world has no obstacle {}", .0.0)]
     Unknown(ObstacleId),
     /// A tool that would pass between the voxels' centres undetected.
@@ -292,10 +292,7 @@ impl World {
     ) -> Result<ObstacleId, WorldError> {
         let (at, obstacle) = (placed(name, at)?, obstacle.into());
         obstacle.grid().check().map_err(|source| WorldError::Grid { name: name.to_owned(), source })?;
-        let layer = obstacle.cuttable.as_deref();
-        if !obstacle.forbidden.is_sound()
-            || layer.is_some_and(|l| !l.is_sound() || l.grid != *obstacle.grid())
-        {
+        if !obstacle.is_sound() {
             return Err(WorldError::Voxels(name.to_owned()));
         }
         Ok(self.stand(name, obstacle.into(), at, false))

@@ -336,8 +336,8 @@ mod tests {
         let (plan, set) = plan_and_set();
         // The exact field itself, and one whose obstacle is empty.
         let tool = Tool::paper().with_tip_only();
-        let same = ExactField::new(plan.obstacle(), &tool);
-        let none = ExactField::new(Occupancy::empty(*plan.grid()), &tool);
+        let same = ExactField::new(plan.obstacle(), &tool).unwrap();
+        let none = ExactField::new(Occupancy::empty(*plan.grid()), &tool).unwrap();
         let plan = SectionPlan::new(plan.obstacle(), &tool, ToolPoints::SharpPoints).unwrap();
         let exact = imf(&plan, &set, Control::quiet()).unwrap();
         let mean = exact.value.iter().map(|&v| f64::from(v)).sum::<f64>() / exact.value.len() as f64;

@@ -121,7 +121,7 @@ fn row(path: &'static str, tool: &Tool, points: &[(DVec3, DVec3)]) -> Result<Row
     let (mut anew, pose) = (Vec::new(), Pose::along(DVec3::new(0.0, 0.0, 5.0), DVec3::Z));
     for _ in 0..REBUILDS {
         let solid = report.remaining.clone();
-        anew.push(seconds(|| Ok(ExactField::new(solid, tool).collides(&pose)))?.0 * 1e6);
+        anew.push(seconds(|| Ok(ExactField::new(solid, tool)?.collides(&pose)))?.0 * 1e6);
     }
     anew.sort_by(f64::total_cmp);
     let at = |share: f64| spent[((spent.len() - 1) as f64 * share) as usize];

@@ -99,7 +99,7 @@ fn the_example_in_c_answers_as_rust_does() {
 fn expected(field: &Path, poses: &[Pose]) -> String {
     let verified = Planner::load(field).unwrap();
     let scene = verified.model.scene();
-    let exact = ExactField::new(scene, &scene.record.tool);
+    let exact = ExactField::new(scene, &scene.record.tool).unwrap();
     let count = poses.len();
     let (mut gradients, mut counted) = (vec![Gradient::NAN; count], vec![0.0; count]);
     let (mut decisions, mut best) = (vec![Decision::Undecided; count], vec![Best::NONE; count]);

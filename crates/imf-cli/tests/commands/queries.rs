@@ -49,7 +49,7 @@ fn learnt(model: &Model) -> [f32; 3] {
 
 fn exact(model: &Model) -> [f32; 3] {
     let mut values = [f32::NAN; 3];
-    ExactField::new(&model.scene, &model.scene.record.tool).values(&poses(), &mut values).unwrap();
+    ExactField::new(&model.scene, &model.scene.record.tool).unwrap().values(&poses(), &mut values).unwrap();
     values
 }
 

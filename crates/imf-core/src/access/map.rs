@@ -69,8 +69,7 @@ pub fn access_map(
     cells: [usize; 2],
     control: Control<'_>,
 ) -> Result<AccessMap, FieldError> {
-    let field = ExactField::new(obstacle, assembly);
-    field.assembly().tool().check()?;
+    let field = ExactField::new(obstacle, assembly)?;
     let values = parallel::try_map(cells[0] * cells[1], |cell| {
         control.check()?;
         let orientation = AccessMap::orientation(cells, cell / cells[1], cell % cells[1]);

@@ -32,7 +32,7 @@ fn empty(solid: &Occupancy) -> Vec<usize> {
 fn counted(obstacle: &Obstacle, assembly: &Assembly, points: &[usize], directions: &str) -> [usize; 3] {
     let grid = *obstacle.grid();
     let found = certify(obstacle, assembly, &grid, points, Control::quiet()).unwrap();
-    let exact = ExactField::new(obstacle, assembly.clone());
+    let exact = ExactField::new(obstacle, assembly.clone()).unwrap();
     let set = orientations(directions);
     let mut numbers = [0; 3];
     for (&point, found) in points.iter().zip(&found) {

@@ -7,6 +7,7 @@ use crate::control::Cancelled;
 use crate::scene::SceneError;
 use crate::surface::SurfaceError;
 use crate::tool::{ClearanceError, ToolError};
+use crate::unit::LengthUnit;
 
 /// Why a toolpath cannot be checked.
 #[derive(Debug, Error)]
@@ -18,6 +19,21 @@ pub enum CheckError {
     /// The tool cannot be offset.
     #[error(transparent)]
     Clearance(#[from] ClearanceError),
+    /// A tool in another unit than the path.
+    #[error(
+        "the tool '{tool}' is in {unit}, and the path in {path}: convert it to the path's unit, which is also that of part and fixtures"
+    )]
+    Unit {
+        /// The tool's name.
+        tool: String,
+        /// Its unit.
+        unit: LengthUnit,
+        /// The path's.
+        path: LengthUnit,
+    },
+    /// Voxels that are none.
+    #[error("the voxels of {0} must be a byte for each voxel of their grid, 0 or 1, of the part's pitch")]
+    Voxels(String),
     /// A pose that is none.
     #[error("the pose is not valid: its numbers must be finite, and its axis must have a length")]
     Pose,

@@ -155,6 +155,10 @@ pub(super) fn motions<'a>(
     settings: &CheckSettings,
     machine: Option<&'a Machine>,
 ) -> Result<Vec<Motion<'a>>, CheckError> {
+    if let Some((_, tool)) = tools.iter().find(|(_, tool)| tool.unit != toolpath.unit) {
+        let (unit, path) = (tool.unit, toolpath.unit);
+        return Err(CheckError::Unit { tool: tool.name.clone(), unit, path });
+    }
     let chosen = choose(toolpath, tools)?;
     for statement in &toolpath.cutters {
         let own = tools.iter().find(|(number, _)| number.is_none() || *number == statement.tool);

@@ -109,7 +109,7 @@ fn no_shorter_translation_parts_tool_and_part_where_the_part_is_one_piece() {
     let grid = Grid { origin: DVec3::ZERO, pitch: 0.5, dims: [40; 3] };
     let part = Occupancy::of(grid, |voxel| voxel.iter().all(|v| (10..30).contains(v)));
     let (bodies, tool) = (CheckBodies::of_part(&part), tool());
-    let exact = ExactField::new(&part, &tool);
+    let exact = ExactField::new(&part, &tool).unwrap();
     let ways = orientations("fibonacci:60");
     let strict = CheckSettings { contact: 0.0, ..CheckSettings::of_pitch(0.5, LengthUnit::Mm) };
     for (index, orientation) in orientations("random:40:2").iter().enumerate() {
@@ -135,7 +135,7 @@ fn angled_head() -> Tool {
 #[test]
 fn rolls_count_for_tools_that_are_not_round_as_in_the_exact_field() {
     let (part, tool) = (part(), angled_head());
-    let exact = ExactField::new(&part, &tool);
+    let exact = ExactField::new(&part, &tool).unwrap();
     let settings = CheckSettings::of_pitch(part.grid.pitch, LengthUnit::Mm);
     let run = |text: &str| check_text(CheckBodies::of_part(&part), &tool, text, &settings);
     let mut counts = Vec::new();

@@ -32,12 +32,13 @@ use crate::tool::Tool;
 pub struct PoseChecker(Elements);
 
 impl PoseChecker {
-    /// For many poses.
+    /// For many poses. All lengths, the tool's too, are in one unit.
     ///
     /// # Errors
-    /// Settings or a tool that make no sense; a cutter of which the contact leaves nothing that voxels show.
+    /// Settings, voxels or a tool that make no sense; a cutter of which the contact leaves nothing that voxels show.
     pub fn new(bodies: CheckBodies<'_>, tool: &Tool, settings: &CheckSettings) -> Result<Self, CheckError> {
         settings.check()?;
+        bodies.check()?;
         tool.check()?;
         let Hit { bodies, cut, .. } = Hit::new(bodies, settings);
         Ok(Self(Elements::new(&bodies, &cut, tool, settings)?))

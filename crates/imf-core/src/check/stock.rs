@@ -26,6 +26,7 @@ use crate::distance::DistanceField;
 use crate::occupancy::Occupancy;
 use crate::tool::Tool;
 use crate::toolpath::{MoveKind, Toolpath};
+use crate::unit::{DisplayLength, LengthUnit};
 use head::Heads;
 use tool::StockTool;
 use voxels::{BitLines, StockVoxels};
@@ -78,6 +79,8 @@ pub struct StockReport {
     pub removed: Vec<LineRemoval>,
     /// Voxels of the stock at first.
     pub voxels: u64,
+    /// Fixtures that hold some of these voxels, and how many: no line takes those, and they remain.
+    pub held: Vec<(String, u64)>,
     /// The stock that is left, the part in it included.
     pub remaining: Occupancy,
     /// For every voxel of that grid, the line of the file that took it; 0 of others.
@@ -97,6 +100,19 @@ pub struct StockLeft {
 }
 
 impl StockReport {
+    /// A sentence about every fixture that overlaps the stock, whose grid has this unit.
+    #[must_use]
+    pub fn overlaps(&self, unit: LengthUnit) -> Vec<String> {
+        let sentence = |(fixture, voxels): &(String, u64)| {
+            format!(
+                "the fixture {fixture} overlaps the stock by {} {unit}³: check where it stands, and its unit; no line cuts that, and it \
+                 stays stock",
+                DisplayLength(*voxels as f64 * self.remaining.grid.voxel_volume())
+            )
+        };
+        self.held.iter().map(sentence).collect()
+    }
+
     /// Compares what is left with the part.
     ///
     /// # Panics
@@ -122,8 +138,9 @@ impl StockReport {
     }
 }
 
-/// Follows a toolpath through a stock: all that is solid on a grid whose voxels are those of the part's grid, but for what the
-/// fixtures hold, with all that a machine's head carries; its table bears the stock. One unit of progress is one location.
+/// Follows a toolpath through a stock: all that is solid on a grid whose voxels are those of the part's grid, with all that a
+/// machine's head carries; its table bears the stock. What is in a fixture as well is the fixture's while the path is followed, and
+/// remains. One unit of progress is one location.
 ///
 /// # Errors
 /// As [`check_toolpath`](super::check_toolpath); a tool that is a mesh, of which is not known what cuts; a stock on other voxels than the part.
@@ -162,6 +179,10 @@ pub fn check_stock(
     control: Control<'_>,
 ) -> Result<StockReport, CheckError> {
     settings.check()?;
+    bodies.check()?;
+    if !stock.is_sound() {
+        return Err(CheckError::Voxels("the stock".into()));
+    }
     tools.iter().try_for_each(|(_, tool)| tool.check())?;
     let motions = motions(toolpath, tools, settings, bodies.machine.map(MachineBodies::machine))?;
     let grid = stock.grid;
@@ -177,18 +198,21 @@ pub fn check_stock(
     let stock_tools = stock_tools.collect::<Result<Vec<_>, _>>()?;
     let on_grid = |body: &Occupancy| body.on(&grid).ok_or(CheckError::StockGrid);
     let part = on_grid(bodies.part)?;
-    let mut solid = stock.clone();
-    for (_, fixture) in bodies.fixtures {
-        let held = on_grid(fixture)?;
-        solid.solid.iter_mut().zip(&held.solid).for_each(|(stock, held)| *stock &= 1 - held);
+    let mut free = stock.clone();
+    let mut held = Vec::new();
+    for (name, fixture) in bodies.fixtures {
+        let own = on_grid(fixture)?;
+        free.solid.iter_mut().zip(&own.solid).for_each(|(free, own)| *free &= 1 - own);
+        let voxels = stock.solid.iter().zip(&own.solid).filter(|(stock, own)| **stock & **own == 1).count();
+        if voxels > 0 {
+            held.push((name.clone(), voxels as u64));
+        }
     }
-    let stock = StockVoxels::new(&solid);
     let mut following = PathFollower {
         toolpath,
         motions: &motions,
         tools: stock_tools,
-        voxels: stock.fine().count(),
-        stock,
+        stock: StockVoxels::new(&free),
         part: BitLines::of(&part),
         removed_by: vec![0; grid.len()],
         removed: Vec::new(),
@@ -196,9 +220,12 @@ pub fn check_stock(
         waiting: Vec::new(),
         control,
     };
-    drop((solid, part));
+    drop(part);
     following.follow()?;
-    Ok(following.report(settings))
+    let mut report = following.report(settings, stock.count() as u64, held);
+    let in_fixtures = stock.solid.iter().zip(&free.solid).map(|(stock, free)| stock & (1 - free));
+    report.remaining.solid.iter_mut().zip(in_fixtures).for_each(|(left, held)| *left |= held);
+    Ok(report)
 }
 
 /// State of the path that is being followed.
@@ -207,7 +234,6 @@ struct PathFollower<'a> {
     motions: &'a [Motion<'a>],
     /// In the order of the tools that are given; none of one that the path does not use.
     tools: Vec<Option<StockTool<'a>>>,
-    voxels: u64,
     stock: StockVoxels,
     part: BitLines,
     removed_by: Vec<u32>,
@@ -293,12 +319,13 @@ impl PathFollower<'_> {
         Ok(())
     }
 
-    fn report(self, settings: &CheckSettings) -> StockReport {
+    fn report(self, settings: &CheckSettings, voxels: u64, held: Vec<(String, u64)>) -> StockReport {
         let pitch = self.stock.fine().grid.pitch;
         StockReport {
             colliding: report::gather(&self.found, self.toolpath, settings, pitch).colliding,
             removed: self.removed,
-            voxels: self.voxels,
+            voxels,
+            held,
             remaining: self.stock.fine().occupancy(),
             removed_by: self.removed_by,
         }

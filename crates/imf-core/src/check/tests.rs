@@ -53,6 +53,42 @@ pub(super) fn check_text(
     check_toolpath(bodies, &[(None, tool)], &path, settings, Control::quiet())
 }
 
+/// None of these is free by mistake.
+#[test]
+fn voxels_that_are_none_and_tools_of_another_unit_are_refused() {
+    let (part, text) = (block(), "x,y,z\n0,0,10\n");
+    let refused = |bodies: CheckBodies<'_>, tool: &Tool| {
+        let by_path = check_text(bodies, tool, text, &usual()).unwrap_err().to_string();
+        let by_pose = PoseChecker::new(bodies, tool, &usual()).err().map(|error| error.to_string());
+        (by_path, by_pose)
+    };
+    let masks = Occupancy { solid: part.solid.iter().map(|&solid| 255 * solid).collect(), ..part.clone() };
+    let short = Occupancy { solid: part.solid[1..].to_vec(), ..part.clone() };
+    for voxels in [&masks, &short] {
+        let (by_path, by_pose) = refused(CheckBodies::of_part(voxels), &Tool::paper());
+        assert!(by_path.starts_with("the voxels of the part must be a byte"), "{by_path}");
+        assert_eq!(by_pose, Some(by_path));
+        let path = path("0,0,10");
+        let stock = check_stock(
+            CheckBodies::of_part(&part),
+            voxels,
+            &[(None, &Tool::paper())],
+            &path,
+            &usual(),
+            Control::quiet(),
+        );
+        assert!(stock.unwrap_err().to_string().contains("the stock"));
+    }
+    let coarse = Grid { pitch: 2.0, dims: [30; 3], ..part.grid };
+    let fixtures = [("clamp".to_owned(), Occupancy::empty(coarse))];
+    let (by_path, _) =
+        refused(CheckBodies { fixtures: &fixtures, ..CheckBodies::of_part(&part) }, &Tool::paper());
+    assert!(by_path.contains("the voxels of clamp"), "{by_path}");
+    let inch = Tool::paper().in_unit(LengthUnit::Inch);
+    let wrong = check_text(CheckBodies::of_part(&part), &inch, text, &usual()).unwrap_err().to_string();
+    assert!(wrong.contains("is in inch, and the path in mm"), "{wrong}");
+}
+
 fn usual() -> CheckSettings {
     CheckSettings::of_pitch(1.0, LengthUnit::Mm)
 }
@@ -253,7 +289,7 @@ fn stretches_that_a_pose_proves_free_hold_nothing() {
         let report = check(Some(&post), text, &settings);
         // Every pose of every line, each counted.
         let motions = motions(&path(text), &[(None, &Tool::paper())], &settings, None).unwrap();
-        let exact = ExactField::new(&obstacle, Tool::paper().with_clearance(&clearance).unwrap());
+        let exact = ExactField::new(&obstacle, Tool::paper().with_clearance(&clearance).unwrap()).unwrap();
         for motion in motions.iter().enumerate() {
             let line = path(text).locations[motion.0].line;
             let colliding = motion.1.poses().filter(|(_, pose)| exact.collides(pose)).count() as u64;

@@ -96,10 +96,17 @@ pub struct ExactField {
 }
 
 impl ExactField {
-    /// Of a tool, as it is or offset by a clearance ([`Tool::offset`](crate::tool::Tool::offset)), around an obstacle.
-    #[must_use]
-    pub fn new(obstacle: impl Into<Obstacle>, assembly: impl Into<Assembly>) -> Self {
-        Self::around(&obstacle.into().into(), assembly)
+    /// Of a tool, as it is or offset by a clearance ([`Tool::offset`](crate::tool::Tool::offset)), around an obstacle, both in one unit.
+    ///
+    /// # Errors
+    /// A tool that makes no sense; voxels that are none.
+    pub fn new(obstacle: impl Into<Obstacle>, assembly: impl Into<Assembly>) -> Result<Self, FieldError> {
+        let (obstacle, assembly) = (obstacle.into(), assembly.into());
+        if !obstacle.is_sound() {
+            return Err(FieldError::Voxels);
+        }
+        assembly.tool().check()?;
+        Ok(Self::around(&obstacle.into(), assembly))
     }
 
     /// Of a tool around an obstacle that other tools share.
@@ -122,7 +129,8 @@ impl ExactField {
     /// # Errors
     /// A clearance that is not a length, or one around a mesh tool.
     pub fn of_scene(scene: &Scene, clearance: &Clearance) -> Result<Self, ClearanceError> {
-        Ok(Self::new(scene, scene.record.bare_tool().offset(clearance)?))
+        let obstacle = Obstacle::from(scene);
+        Ok(Self::around(&obstacle.into(), scene.record.bare_tool().offset(clearance)?))
     }
 
     /// What the tool must stay out of.

@@ -77,7 +77,7 @@ mod tests {
         let turns = [Orientation::default(), Orientation::new(25.0, 55.0), Orientation::new(200.0, 120.0)];
         let scenes = [bare.clone().with_clearance(&room).unwrap(), bare];
         for (scene, orientation) in scenes.iter().flat_map(|scene| turns.map(|turn| (scene, turn))) {
-            let exact = ExactField::new(scene, &scene.record.tool);
+            let exact = ExactField::new(scene, &scene.record.tool).unwrap();
             let plan = DepthPlan::of(&SectionPlan::of_scene(scene, ToolPoints::Tip).unwrap()).unwrap();
             let mut section = vec![0.0; grid.len()];
             plan.depths(&orientation, &mut DepthScratch::default(), &mut section).unwrap();
@@ -92,7 +92,7 @@ mod tests {
             let above = depths.iter().filter(|depth| **depth > 0.0).count();
             assert!(above > 10 && above + 10 < depths.len(), "{above} of {}", depths.len());
         }
-        let exact = ExactField::new(&scenes[0], &scenes[0].record.tool);
+        let exact = ExactField::new(&scenes[0], &scenes[0].record.tool).unwrap();
         let nowhere = Pose { position: DVec3::NAN, ..Pose::along(DVec3::ZERO, DVec3::Z) };
         assert!(exact.depth(&nowhere).is_nan());
     }

@@ -99,7 +99,8 @@ impl<'a> SceneBuilder<'a> {
         Self { part: Ok(Part { name: name.to_owned(), mesh, unit, reference: None }), ..self }
     }
 
-    /// A part from a file ([`read_mesh_file`]); `unit` is that of files which state none.
+    /// A part from a file ([`read_mesh_file`]); `unit` is that of files which state none. Where the file states another, pitch, clearance
+    /// and all other lengths are in that: see [`SceneRecord::unit`](super::SceneRecord::unit).
     pub fn part_file(self, path: impl AsRef<Path>, unit: LengthUnit) -> Self {
         let path = path.as_ref();
         let name = path.file_name().unwrap_or_default().to_string_lossy();
@@ -158,13 +159,13 @@ impl<'a> SceneBuilder<'a> {
         SceneBuilder { control, ..self }
     }
 
-    /// The tool's clearance.
+    /// The tool's clearance, in the part's unit.
     pub fn clearance(self, clearance: Clearance) -> Self {
         Self { clearance, ..self }
     }
 
     /// How deep below the part's surface the cutter may reach: it may hold voxels whose centres lie no deeper, but for those in the
-    /// middle of a wall of even thickness.
+    /// middle of a wall of even thickness. Below half a pitch that is none.
     pub fn contact(self, depth: f64) -> Self {
         Self { contact: Some(depth), ..self }
     }

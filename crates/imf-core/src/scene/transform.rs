@@ -7,9 +7,12 @@ use thiserror::Error;
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum TransformFault {
+    /// Numbers that are none.
+    #[error("it must be of finite numbers, and one of them is not")]
+    NotFinite,
     /// The last row of a transform that moves points is 0 0 0 1.
     #[error(
-        "it must be of finite numbers, with the last row 0 0 0 1 and the translation in the last column, not with the last row {} {} {} {}{}",
+        "it must have the last row 0 0 0 1 and the translation in the last column, not with the last row {} {} {} {}{}",
         row.x, row.y, row.z, row.w,
         if *transposed { ": it is transposed" } else { "" }
     )]
@@ -39,9 +42,12 @@ impl TransformFault {
     /// # Errors
     /// What else the matrix does.
     pub fn check(transform: &DMat4) -> Result<(), Self> {
+        if !transform.is_finite() {
+            return Err(Self::NotFinite);
+        }
         let row = transform.row(3);
         // Rounding errors of an inverse count as 0.
-        let is_last = |row: DVec4| transform.is_finite() && row.abs_diff_eq(DVec4::W, 1e-9);
+        let is_last = |row: DVec4| row.abs_diff_eq(DVec4::W, 1e-9);
         if !is_last(row) {
             return Err(Self::LastRow { row, transposed: is_last(transform.w_axis) });
         }

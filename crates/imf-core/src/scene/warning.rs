@@ -144,6 +144,20 @@ pub enum SceneWarning {
         /// Unit of the distance.
         unit: LengthUnit,
     },
+    /// A tool that reaches below its origin.
+    #[error(
+        "the tool '{tool}' reaches {} {unit} below its origin, which poses put where its tip should be; check its frame (tip at the \
+         origin, holder towards +z)",
+        DisplayLength(*.depth)
+    )]
+    BelowTip {
+        /// The tool.
+        tool: String,
+        /// How far.
+        depth: f64,
+        /// Unit of the depth.
+        unit: LengthUnit,
+    },
     /// A tool whose tip is so slender that it passes between the voxels' centres for a while.
     #[error(
         "the tip of the tool '{tool}' is so slender that it passes between the centres of voxels of {} {unit}: what it hits is certain \
@@ -232,11 +246,13 @@ impl SceneWarning {
         let of_mesh = tool.mesh().and_then(Mesh::bounds).map(|(lower, _)| lower.z);
         let lowest = of_mesh.or_else(|| tool.segments().next().map(|first| first.range().0));
         let turned = lowest.filter(|&lowest| -lowest > tool.length().max(0.0));
+        let below = lowest.filter(|&lowest| turned.is_none() && off.is_none() && -lowest > pitch);
+        let below = below.map(|lowest| Self::BelowTip { tool: name(), depth: -lowest, unit: tool.unit });
         // As a ball that surely holds a centre; a cutter that is hardly thick enough holds none, and needs none.
         let ball = (0.75_f64.sqrt() * pitch).min(0.5 * tool.thinnest().1);
         let depth = tool.tip_depth(ball).filter(|depth| *depth > SLENDER * pitch);
         let slender = depth.map(|depth| Self::SlenderTip { tool: name(), depth, pitch, unit: tool.unit });
-        off.into_iter().chain(slender).chain(turned.map(|_| Self::UpsideDown(name()))).collect()
+        off.into_iter().chain(below).chain(slender).chain(turned.map(|_| Self::UpsideDown(name()))).collect()
     }
 
     /// Warnings about the repairs of a mesh of `triangles` triangles.

@@ -40,7 +40,8 @@ const OUTSIDE: f64 = 0.75;
 const CLOSE: f64 = 1e-3;
 
 impl SurfaceSamples {
-    /// About `count` samples of a mesh, or more; `solid` holds its voxels.
+    /// About `count` samples of a mesh, or more; `solid` holds its voxels. Triangles of one body must face alike
+    /// ([`Mesh::with_consistent_faces`]).
     ///
     /// Of bodies that cross or touch each other the surface is what has the part on one side alone, and it faces the other,
     /// whichever way its triangles do; flush faces of a closed mesh share its area. Where the mesh is open, what a triangle faces is

@@ -16,7 +16,8 @@ use thiserror::Error;
 use super::{Element, ElementKind, Segment, Tool, ToolShape};
 use envelope::{Curve, Side, envelope};
 
-/// Required clearance of each kind of element from the obstacle, in the tool's unit.
+/// Required clearance of each kind of element from the obstacle, in the unit of what takes it: a tool's own for [`Tool::offset`], a
+/// scene's, a world's.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Clearance {

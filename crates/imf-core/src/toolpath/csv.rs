@@ -76,7 +76,8 @@ pub(super) fn parse(text: &str, reading: &PathReading<'_>) -> Result<Toolpath, F
             Some(header) => locations.push(header.location(index + 1, text, reading).map_err(wrong)?),
         }
     }
-    Ok(Toolpath { locations, ..Toolpath::default() })
+    let states_rapids = header.is_some_and(|header| header.columns.contains(&Column::Rapid));
+    Ok(Toolpath { locations, states_rapids, ..Toolpath::default() })
 }
 
 impl Header {
@@ -254,6 +255,16 @@ mod tests {
     use crate::toolpath::error::tests::assert_refused;
     use crate::unit::LengthUnit;
     use glam::DVec3;
+
+    #[test]
+    fn a_column_says_of_every_line_whether_it_is_rapid() {
+        let states = |text: &str| parse(text, &LengthUnit::Mm.into()).unwrap().states_rapids;
+        assert!(states("x,y,z,rapid\n0,0,0,0\n") && !states("x,y,z\n0,0,0\n"));
+        let program = |text: &str| Toolpath::parse(text, LengthUnit::Mm, "path.nc").unwrap().states_rapids;
+        assert!(program("G21 G90\nG0 X0. Y0. Z9.\n"));
+        // Some write rapids as G1.
+        assert!(!program("G21 G90\nG1 X0. Y0. Z9. F9000\n"));
+    }
 
     fn read(text: &str) -> Vec<Location> {
         let path = parse(text, &LengthUnit::Mm.into()).map(|path| path.locations);

@@ -28,7 +28,7 @@ impl Toolpath {
         if locations.is_empty() {
             return Err(ToolpathError::Empty(name.to_owned()));
         }
-        let mut path = Self { locations, ..Self::default() };
+        let mut path = Self { locations, unit: reading.unit, ..Self::default() };
         path.mark_starts();
         if let Some(machine) = reading.machine {
             path.turn(machine, &reading).map_err(|fault| fault.in_file(name))?;

@@ -186,6 +186,14 @@ fn a_tool_below_its_tip_is_told_and_an_element_without_height_refused() {
     let checker = world_with(0.0, 1.0).checker(&below, &Clearance::default()).unwrap();
     let told = checker.warnings();
     assert!(told.iter().any(|warning| matches!(warning, SceneWarning::UpsideDown(_))), "{told:?}");
+    // The origin in the middle of the ball, as some programs have it.
+    for (from, is_told) in [(-5.0, true), (0.0, false)] {
+        let ball = revolved([(ElementKind::Cutter, vec![Segment::cylinder(from, 20.0, 5.0)])]);
+        let checker = world_with(0.0, 1.0).checker(&ball, &Clearance::default()).unwrap();
+        let told = checker.warnings();
+        let of_tip = |warning: &SceneWarning| matches!(warning, SceneWarning::BelowTip { depth: 5.0, .. });
+        assert_eq!(told.iter().any(of_tip), is_told, "{told:?}");
+    }
     let cutter = || vec![Segment::cylinder(0.0, 20.0, 5.0)];
     for (shank, said) in [(vec![], "no outline"), (vec![Segment::cylinder(20.0, 20.0, 5.0)], "no height")] {
         let refused = revolved([(ElementKind::Cutter, cutter()), (ElementKind::Shank, shank)]).check();

@@ -58,7 +58,7 @@ fn single_poses_gradients_and_proofs_allocate_nothing_after_the_first_call() {
         ("factored", Box::new(factored(&scene))),
         ("factored with symmetry", Box::new(of(FieldFile::Factored(Box::new(symmetric))))),
         ("siren", Box::new(siren(&scene))),
-        ("exact", Box::new(ExactField::new(&scene, &scene.record.tool))),
+        ("exact", Box::new(ExactField::new(&scene, &scene.record.tool).unwrap())),
         ("planner", Box::new(Planner::new(factored_again).unwrap())),
     ];
     let mut room = Room {

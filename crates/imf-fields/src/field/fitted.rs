@@ -61,7 +61,7 @@ impl Field {
     /// A field that was read or made already.
     ///
     /// # Errors
-    /// Weights that do not fit their network.
+    /// Weights that do not fit their network; a harmonic field of another grid than its scene's.
     pub fn new(file: FieldFile) -> Result<Self, LoadError> {
         let axis = match &file {
             FieldFile::Factored(file) => file.field.shape.symmetry.axis,
@@ -73,6 +73,7 @@ impl Field {
                 (Family::Siren(network), model.scene, model.calibration)
             }
             FieldFile::Harmonic(file) => {
+                file.check_grid()?;
                 let (scene, calibration) = (file.scene.clone(), file.calibration);
                 (Family::harmonic(file), scene, calibration)
             }

@@ -277,7 +277,7 @@ fn what_is_no_pose_or_outside_has_the_documented_answer() {
         fields.push((name, Box::new(field.with_calibration(Some(calibration(0.2, 0.3))))));
     }
     fields.push(("verified", Box::new(Planner::new(harmonic(&scene)).unwrap())));
-    fields.push(("exact", Box::new(ExactField::new(&scene, Tool::paper()))));
+    fields.push(("exact", Box::new(ExactField::new(&scene, Tool::paper()).unwrap())));
     for (name, field) in &fields {
         let mut decisions = [Decision::Free; 4];
         field.classify(&bad, &mut decisions).unwrap();
@@ -323,7 +323,7 @@ fn the_best_orientation_is_that_of_asking_each() {
         for (name, field) in all(&scene) {
             fields.push((name, Box::new(field)));
         }
-        fields.push(("exact", Box::new(ExactField::new(&scene, &tool))));
+        fields.push(("exact", Box::new(ExactField::new(&scene, &tool).unwrap())));
         for (name, field) in fields {
             let mut best = vec![Best::NONE; points.len()];
             field.best(&points, &rotations, &mut best).unwrap();

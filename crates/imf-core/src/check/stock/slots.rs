@@ -269,10 +269,25 @@ fn the_part_is_no_stock_and_what_is_cut_of_it_is_told() {
     let left = report.left_beside(&part);
     assert_eq!(left.voxels, report.remaining.count() as u64 - (part.count() as u64 - cut.of_part));
     assert_eq!((left.farthest, left.place[2]), (Some(3.0), -0.5));
-    // What a fixture holds is not stock.
-    let held = Occupancy { grid: stock.grid, solid: stock.solid.clone() };
-    let report = run(&[("vise".into(), held)], &stock).unwrap();
-    assert_eq!((report.voxels, report.remaining.count()), (0, 0));
+    // What is in a fixture too is not cut, and is there when the fixture is gone.
+    let all = stock.count() as u64;
+    let report = run(&[("vise".into(), stock.clone())], &stock).unwrap();
+    assert!(report.removed.iter().all(|line| line.voxels == 0) && report.colliding.is_empty());
+    assert_eq!((report.voxels, report.remaining), (all, stock.clone()));
+    assert_eq!(report.held, [("vise".to_owned(), all)]);
+    let mut strip = stock.clone();
+    (0..strip.grid.len())
+        .filter(|&v| strip.grid.voxel(v)[1].abs_diff(20) > 1)
+        .for_each(|v| strip.solid[v] = 0);
+    let fixtures = [("beside".into(), Occupancy::empty(stock.grid)), ("jaw".into(), strip.clone())];
+    let with_jaw = run(&fixtures, &stock).unwrap();
+    let without = run(&[], &stock).unwrap();
+    assert_eq!(with_jaw.held, [("jaw".to_owned(), strip.count() as u64)]);
+    let remaining = |report: &StockReport| report.remaining.solid.clone();
+    let either =
+        remaining(&without).iter().zip(&strip.solid).map(|(left, jaw)| left | jaw).collect::<Vec<_>>();
+    assert!(remaining(&with_jaw) == either && remaining(&without) != either);
+    assert!(with_jaw.overlaps(LengthUnit::Mm)[0].starts_with("the fixture jaw overlaps the stock by "));
     let off = Grid { origin: stock.grid.origin + 0.5, ..stock.grid };
     assert!(matches!(run(&[], &Occupancy::empty(off)), Err(CheckError::StockGrid)));
 }

@@ -68,10 +68,6 @@ impl BitLines {
         self.bits[first / nz * self.words + first % nz / 64]
     }
 
-    pub(super) fn count(&self) -> u64 {
-        self.bits.iter().map(|bits| u64::from(bits.count_ones())).sum()
-    }
-
     pub(super) fn occupancy(&self) -> Occupancy {
         let mut solid = Vec::with_capacity(self.grid.len());
         for line in self.bits.chunks_exact(self.words) {
@@ -264,7 +260,7 @@ mod tests {
             }
             assert_eq!(stock, StockVoxels::new(&rest));
             assert_eq!(stock.fine().occupancy(), rest);
-            assert_eq!(stock.fine().count(), rest.count() as u64);
+            assert_eq!(stock.fine().occupancy().count(), rest.count());
             // All of it.
             for (x, y) in (0..dims[0]).flat_map(|x| (0..dims[1]).map(move |y| (x, y))) {
                 stock.take([x, y], 0, dims[2], None, &mut |_, _| {});

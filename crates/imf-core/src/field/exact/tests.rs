@@ -5,7 +5,7 @@ use crate::parts::ReferencePart;
 use crate::scene::SceneSpec;
 use crate::section::sections;
 use crate::section::test_shapes::{line, orientations, revolved};
-use crate::tool::{ElementKind, Tool, ToolShape};
+use crate::tool::{ElementKind, Segment, Tool, ToolShape};
 
 fn bracket(dims: [usize; 3], tool: &Tool) -> Scene {
     let part = ReferencePart::Bracket;
@@ -21,7 +21,7 @@ fn at_centres(grid: &Grid, orientation: &Orientation, step: usize) -> Vec<Pose> 
 fn at_voxel_centres_it_is_the_section() {
     let scene = bracket([10, 30, 18], &Tool::paper());
     let plan = SectionPlan::new(&scene.obstacle, &scene.record.tool, ToolPoints::SharpPoints).unwrap();
-    let field = ExactField::new(&scene.obstacle, &scene.record.tool);
+    let field = ExactField::new(&scene.obstacle, &scene.record.tool).unwrap();
     let set = orientations("0,0;90,90;0,180;45,45;37,61;200,100");
     let exact = sections(&plan, &set, Control::quiet()).unwrap();
     let grid = scene.record.grid;
@@ -106,7 +106,7 @@ fn the_noncutting_part_of_an_offset_tool_is_not_that_of_the_tool_offset() {
 #[test]
 fn an_invalid_pose_is_never_free() {
     let scene = bracket([10, 30, 18], &Tool::paper());
-    let field = ExactField::new(&scene, Tool::paper());
+    let field = ExactField::new(&scene, Tool::paper()).unwrap();
     let far = DVec3::splat(1e4);
     let (nan, endless) = (f64::NAN, f64::INFINITY);
     let turned = |theta, phi, roll| Orientation { theta, phi, roll };
@@ -132,4 +132,16 @@ fn an_invalid_pose_is_never_free() {
         field.best(&[position], &[pose.rotation], &mut best).unwrap();
         assert!(best[0].value.is_nan() && best[0].decision == Decision::Colliding, "{pose:?}");
     }
+}
+
+#[test]
+fn tools_and_voxels_that_make_no_sense_are_refused() {
+    let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [4; 3] };
+    let solid = |value: u8, count: usize| Occupancy { grid, solid: vec![value; count] };
+    assert!(ExactField::new(solid(1, 64), Tool::paper()).is_ok());
+    for wrong in [solid(255, 64), solid(1, 63)] {
+        assert!(matches!(ExactField::new(wrong, Tool::paper()), Err(FieldError::Voxels)));
+    }
+    let none = revolved([(ElementKind::Cutter, vec![Segment::cylinder(0.0, 9.0, f64::NAN)])]);
+    assert!(matches!(ExactField::new(solid(1, 64), none), Err(FieldError::Tool(_))));
 }

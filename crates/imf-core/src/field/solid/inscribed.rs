@@ -126,7 +126,7 @@ mod tests {
     #[test]
     fn no_shorter_translation_frees_the_tool() {
         let (obstacle, tool) = (obstacle(), tool());
-        let field = ExactField::new(&obstacle, &tool);
+        let field = ExactField::new(&obstacle, &tool).unwrap();
         let ways = orientations("fibonacci:40");
         let (low, size) = (obstacle.grid.origin, obstacle.grid.size());
         let (mut proven, mut colliding) = (0, 0);
@@ -159,7 +159,7 @@ mod tests {
         let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [41; 3] };
         let block = Occupancy { grid, solid: vec![1; grid.len()] };
         let tool = cylinder(4.0, 12.0);
-        let field = ExactField::new(&block, &tool);
+        let field = ExactField::new(&block, &tool).unwrap();
         let position = grid.centre([20, 20, 14]);
         let bound = field.penetration_bound(&Pose::along(position, DVec3::Z)).unwrap();
         // From the middle it has to go 20 sideways for its axis, and its radius, to leave the outermost centres.
@@ -169,7 +169,7 @@ mod tests {
         let beside = Pose::along(DVec3::new(-9.0, 20.0, 20.0), DVec3::Z);
         assert!(field.signed_clearance(&beside).unwrap() > 3.0);
         let none = Occupancy::empty(grid);
-        let field = ExactField::new(&none, &tool);
+        let field = ExactField::new(&none, &tool).unwrap();
         assert_eq!(field.penetration_bound(&beside), Some(0.0));
         assert_eq!(field.signed_clearance(&beside), Some(f64::INFINITY));
     }

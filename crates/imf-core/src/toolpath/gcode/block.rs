@@ -28,7 +28,14 @@ pub(super) fn is_sign(line: &str) -> bool {
 pub(super) fn words(line: &str) -> Result<Vec<Word<'_>>, String> {
     let mut rest = line.trim();
     let mut found = Vec::new();
-    if is_sign(line) {
+    if let Some(name) = rest.strip_prefix('%') {
+        // A name or a number may follow; words would not be run.
+        let runs = |word: &Word<'_>| "GMTXYZABC".contains(word.letter);
+        if words(name).is_ok_and(|words| words.iter().any(runs)) {
+            return Err(
+                "words stand behind '%', where a control skips them: give them a line of their own".into()
+            );
+        }
         return Ok(found);
     }
     if rest.starts_with('/') {

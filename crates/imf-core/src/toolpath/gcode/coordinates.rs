@@ -197,6 +197,7 @@ impl Program<'_> {
     /// A location, once every axis is known.
     fn arrive(&mut self, line: usize, joints: Joints, motion: Motion, by: Coordinates) -> Result<(), String> {
         let before = std::mem::replace(&mut self.joints, joints);
+        self.path.states_rapids |= motion == Motion::Rapid;
         self.remark_on_turn(line, &before.rotary);
         let unknown = (0..3).find(|&axis| joints.linear[axis].is_nan()).map(|axis| ['X', 'Y', 'Z'][axis]);
         let rotary = self.machine.map_or(&[][..], |machine| machine.rotary.as_slice());

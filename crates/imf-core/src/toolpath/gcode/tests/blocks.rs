@@ -91,6 +91,8 @@ fn a_program_ends_with_its_second_percent_sign() {
     let moves = "G21 G90 G0 X1. Y1. Z9.\n";
     assert!(read(&format!("(HEAD)\n%\n{moves}%\nby: someone\n")).is_ok());
     assert_refused(read(&format!("%\n{moves}%\nG1 X0. Z0.\n")), 4, "after the end of the program in line 3");
+    assert!(read(&format!("%100 (HEAD)\n{moves}")).is_ok());
+    assert_refused(read(&format!("% G0 Z-5.\n{moves}")), 1, "behind '%'");
     assert_refused(read(&format!("{moves}%\nG1 X0. Z0.\n")), 3, "after the end of the program in line 2");
 }
 
