@@ -129,6 +129,7 @@ pub(crate) fn check<'py>(
             check_stock(around, &voxels, &numbered, &path, &settings, control)
         })?;
         report.add(std::mem::take(&mut found.colliding));
+        remarks.extend(found.overlaps(record.unit));
         stock_left = Some(stock::report_dict(py, found, &bare.part)?);
     }
     report.place(&set_up.inverse());

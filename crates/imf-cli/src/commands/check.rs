@@ -137,6 +137,7 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
                 check_stock(around, &stock.voxels, &numbered, &toolpath, &settings, control)
             });
             let found = found.map_err(with_name)?;
+            found.overlaps(record.unit).iter().for_each(|overlap| session.warn(overlap));
             Some(StockResult::new(stock, found, &mut report, &bare.part, settings, &toolpath, record))
         }
     };

@@ -26,9 +26,9 @@ const PART: u8 = 2;
 const CUT: u8 = 3;
 const PART_CUT: u8 = 4;
 
-/// Bytes a voxel: stock, its copy, part and a fixture on its grid, the line that took each, what is left, bits, and at the end the
+/// Bytes a voxel: stock, what of it is free, part and a fixture on its grid, the line that took each, what is left, bits, and at the end the
 /// distances from the part.
-const BYTES: u64 = 24;
+const BYTES: u64 = 25;
 
 /// The stock as voxels, those of the part's grid.
 pub(super) struct StockInput {
@@ -110,7 +110,9 @@ impl StockResult {
     ) -> Self {
         checked.add(std::mem::take(&mut report.colliding));
         let left = report.left_beside(part);
-        let no_rapids = toolpath.locations.iter().all(|location| location.kind != MoveKind::Rapid);
+        let is_rapid = |kind| kind == MoveKind::Rapid;
+        let no_rapids =
+            !toolpath.states_rapids && !toolpath.locations.iter().any(|location| is_rapid(location.kind));
         let (unit, conservative) = (record.unit, record.conservative);
         Self { name: input.name, unit, report, left, settings, no_rapids, conservative }
     }
@@ -165,8 +167,11 @@ impl StockResult {
         let rapid = first_cut(checked, MoveKind::Rapid).map(|cut| own(self.first_of_row(cut)).map(line));
         let begins = first_cut(checked, MoveKind::Start).map(|cut| own(cut).map(line));
         let aside = first_cut(checked, MoveKind::Feed).map(|cut| own(cut).map(line));
+        let held = self.report.held.iter();
+        let in_fixtures: Vec<_> =
+            held.map(|(name, voxels)| json!({ "fixture": name, "volume": volume(*voxels) })).collect();
         json!({
-            "stock": self.name, "volume": volume(self.report.voxels), "removed": volume(removed), "removed_of_part": volume(of_part),
+            "stock": self.name, "volume": volume(self.report.voxels), "in_fixtures": in_fixtures, "removed": volume(removed), "removed_of_part": volume(of_part),
             "lines_that_cut": cutting, "lines_that_cut_nothing": self.report.removed.len() as u64 - cutting,
             "removed_not_at_feed": volume(self.not_at_feed().iter().sum()), "begins_in_stock": begins, "largest": self.largest().map(line), "first_touch": first(first_touch(checked)), "first_rapid_cut": rapid,
             "first_cut_aside": aside,
