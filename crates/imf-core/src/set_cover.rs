@@ -174,7 +174,7 @@ impl CoverProblem {
     /// well the first is taken. The result depends on nothing but problem and settings.
     #[must_use]
     pub fn fewest(&self, settings: &CoverSettings, control: Control<'_>) -> Option<Cover> {
-        let Some(mut reduced) = self.reduced(settings.fraction) else {
+        let Some(mut reduced) = self.reduced(self.sets(), settings.fraction) else {
             return Some(Cover { sets: Vec::new(), at_least: 0 });
         };
         let mut steps = settings.steps;
@@ -200,27 +200,63 @@ impl CoverProblem {
         Some(Cover { sets, at_least })
     }
 
-    /// The problem in whole numbers and with nothing in it that does not matter; `None` where nothing is to be covered.
-    fn reduced(&self, fraction: f64) -> Option<ReducedProblem> {
+    /// A cover of as many sets whose last set, in the order in which they were added, is the first possible, as far as the settings'
+    /// steps go: of sets that were added by rank the cover whose worst is best. One that is not proven is returned as it is; `None`
+    /// where the control asks to stop.
+    #[must_use]
+    pub fn among_first(&self, cover: Cover, settings: &CoverSettings, control: Control<'_>) -> Option<Cover> {
+        if !cover.is_proven() {
+            return Some(cover);
+        }
+        let Cover { mut sets, at_least } = cover;
+        let mut steps = settings.steps;
+        // With the first `fewest` and no more no cover is known; with the first `enough` there is one.
+        let mut fewest = sets.len().saturating_sub(1);
+        while let enough = sets.iter().max().map_or(0, |last| last + 1)
+            && fewest + 1 < enough
+        {
+            let tried = (fewest + enough) / 2;
+            let reduced = self.reduced(tried, settings.fraction);
+            match reduced.map(|reduced| branches::cover_of(&reduced, sets.len(), &mut steps, control)) {
+                Some(Ok(Some(found))) => sets = found.into_iter().map(|set| set as usize).collect(),
+                None | Some(Ok(None)) => fewest = tried,
+                Some(Err(Stop::Cancelled)) => return None,
+                Some(Err(Stop::Steps)) => break,
+            }
+        }
+        self.first_of_equals(&mut sets);
+        self.largest_gain_first(&mut sets);
+        Some(Cover { sets, at_least })
+    }
+
+    /// The problem of the first sets, to cover a fraction of what all can, in whole numbers and with nothing in it that does not matter;
+    /// `None` where nothing is to be covered, or these sets do not cover enough.
+    fn reduced(&self, first: usize, fraction: f64) -> Option<ReducedProblem> {
         let total: f64 = self.weights.iter().sum();
         let scale = if total > 0.0 { WHOLE / total } else { 0.0 };
         let whole: Vec<u64> = self.weights.iter().map(|w| (w * scale).round() as u64).collect();
-        let held =
-            |&element: &usize| whole[element] > 0 && (0..self.sets()).any(|set| self.contains(set, element));
-        let held: Vec<usize> = (0..whole.len()).filter(held).collect();
-        let weights: Vec<u64> = held.iter().map(|&element| whole[element]).collect();
+        let held = |sets: usize| -> Vec<usize> {
+            let held =
+                |&element: &usize| whole[element] > 0 && (0..sets).any(|set| self.contains(set, element));
+            (0..whole.len()).filter(held).collect()
+        };
+        let (held, by_any) = (held(first), held(self.sets()));
+        let weigh = |held: &[usize]| held.iter().map(|&element| whole[element]).collect::<Vec<u64>>();
+        let weights = weigh(&held);
         // What rounding takes from a fraction, a unit of each element, may stay; of all nothing may.
-        let of = |coverable: u64| ((1.0 - fraction.max(0.0)) * coverable as f64) as u64 + held.len() as u64;
-        let slack = if fraction >= 1.0 { 0 } else { of(weights.iter().sum()) };
-        let mut rows_of = Bits::new(self.sets(), held.len());
-        for set in 0..self.sets() {
+        let coverable: u64 = weigh(&by_any).iter().sum();
+        let of = |coverable: u64| ((1.0 - fraction.max(0.0)) * coverable as f64) as u64 + by_any.len() as u64;
+        let slack = if fraction >= 1.0 { 0 } else { of(coverable) };
+        let slack = slack.checked_sub(coverable - weights.iter().sum::<u64>())?;
+        let mut rows_of = Bits::new(first, held.len());
+        for set in 0..first {
             let rows = (0..held.len()).filter(|&row| self.contains(set, held[row]));
             rows.for_each(|row| rows_of.set(set, row));
         }
         if held.is_empty() {
             return None;
         }
-        ReducedProblem::new(weights, Vec::new(), slack, (0..self.sets() as u32).collect(), rows_of)
+        ReducedProblem::new(weights, Vec::new(), slack, (0..first as u32).collect(), rows_of)
     }
 
     /// The weight that a set adds to covered elements.

@@ -184,7 +184,7 @@ impl SurfaceTool {
         let outline = Outline::of(tool).ok_or_else(|| SurfaceError::NoCutter(name.clone()))?;
         let too_thick = || SurfaceError::Tolerance { name: name.clone(), tolerance };
         let (cutter, _) = tool.cutter().ok_or_else(|| SurfaceError::NoCutter(name.clone()))?;
-        let end = cutter.profile.last().map_or(0.0, |s| s.range().1);
+        let end = cutter.top();
         let radius = cutter.max_radius();
         let eroded = cutter.eroded(tolerance, outline.shoulder).ok_or_else(too_thick)?;
         let among = |voxels: &SolidVoxels, element: &Element| {

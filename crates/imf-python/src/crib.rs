@@ -67,7 +67,8 @@ pub(crate) fn crib<'py>(
     Ok(found)
 }
 
-/// The fewest rows of `holds`, `[sets, n]`, that cover a fraction of the weights that all cover, and how many are needed at least.
+/// The fewest rows of `holds`, `[sets, n]`, that cover a fraction of the weights that all cover, the first ones where there are several
+/// ways, and how many are needed at least.
 #[pyfunction]
 pub(crate) fn fewest_sets<'py>(
     py: Python<'py>,
@@ -81,7 +82,9 @@ pub(crate) fn fewest_sets<'py>(
         problem.add((0..row.len()).filter(|&place| row[place]));
     }
     let cover = run(py, (&None, "", 0), |control| {
-        problem.fewest(&settings, control).ok_or(SurfaceError::Cancelled(Cancelled))
+        let cover = problem.fewest(&settings, control);
+        let cover = cover.and_then(|cover| problem.among_first(cover, &settings, control));
+        cover.ok_or(SurfaceError::Cancelled(Cancelled))
     })?;
     Ok((cover.sets, cover.at_least))
 }

@@ -22,6 +22,8 @@ use crate::session::Session;
 const MIN_TO_TOOL: f64 = 2.0;
 const MAX_TO_TOOL: f64 = 1000.0;
 const MAX_TO_FIXTURE: f64 = 50.0;
+/// Tools without a holder that are named one by one.
+const MOST_NOTES: usize = 3;
 
 /// Part, fixtures, tools and set-up as read and checked, before anything is voxelised.
 pub(crate) struct SceneInputs {
@@ -48,6 +50,17 @@ impl SceneArguments {
     /// Reads part, fixtures and tools and checks them; remarks go to the session. With `needs_tool` a tool is required where none is
     /// given and the part is not built in.
     pub(crate) fn read(&self, session: &Session, needs_tool: bool) -> Result<SceneInputs> {
+        let tools = self.tool.iter().map(|tool| read_tool(tool)).collect::<Result<Vec<_>>>()?;
+        self.read_with(session, tools, needs_tool)
+    }
+
+    /// As [`Self::read`], with tools that were read before.
+    pub(crate) fn read_with(
+        &self,
+        session: &Session,
+        mut tools: Vec<Tool>,
+        needs_tool: bool,
+    ) -> Result<SceneInputs> {
         let part = Part::read(&self.part, self.unit, None)?.scaled(self.scale);
         if part.reference.is_some() && self.unit.is_some_and(|unit| unit != part.unit) {
             bail!(
@@ -56,7 +69,6 @@ impl SceneArguments {
                 part.unit
             );
         }
-        let mut tools = self.tool.iter().map(|tool| read_tool(tool)).collect::<Result<Vec<_>>>()?;
         if tools.is_empty() && part.reference.is_some() {
             tools.push(Tool::paper());
         }
@@ -67,8 +79,15 @@ impl SceneArguments {
                 part.name, part.unit
             ));
         }
-        for warning in tools.iter().filter_map(SceneWarning::of_tool) {
-            session.note(&warning.to_string());
+        let bare: Vec<_> = tools.iter().filter_map(SceneWarning::of_tool).collect();
+        if bare.len() <= MOST_NOTES {
+            bare.iter().for_each(|warning| session.note(&warning.to_string()));
+        } else {
+            let first = tools.iter().find(|tool| !tool.has_holder()).map_or("", |tool| &tool.name);
+            let (bare, all) = (bare.len(), tools.len());
+            session.note(&format!(
+                "{bare} of {all} tools have no holder, such as {first}: what holds them is not seen"
+            ));
         }
         let fixtures = self.fixture.iter().map(|fixture| FixtureMesh::read(fixture, part.unit));
         let fixtures: Vec<FixtureMesh> = fixtures.collect::<Result<_>>()?;
@@ -92,14 +111,16 @@ impl SceneArguments {
     fn require_units(&self, part: &Part, tools: &[Tool], fixtures: &[FixtureMesh]) -> Result<()> {
         let longest = |mesh: &Mesh| mesh.bounds().map_or(0.0, |(lower, upper)| (upper - lower).max_element());
         let (name, unit, part_long) = (&part.name, part.unit, longest(&part.mesh));
-        let thickness = tools.iter().map(|tool| tool.in_unit(unit).thinnest().1).reduce(f64::min);
-        if let Some(thickness) = thickness.filter(|_| !part.unit_is_known) {
+        let thickness = tools.iter().map(|tool| tool.in_unit(unit).thinnest().1);
+        let plausible = |thickness: &f64| (MIN_TO_TOOL..=MAX_TO_TOOL).contains(&(part_long / thickness));
+        // Of many tools some may be for other parts.
+        let thinnest =
+            thickness.clone().reduce(f64::min).filter(|_| !thickness.clone().any(|t| plausible(&t)));
+        if let Some(thickness) = thinnest.filter(|_| !part.unit_is_known) {
             let proportion = ImplausibleProportion { longest: part_long, thickness, unit };
-            if !(MIN_TO_TOOL..=MAX_TO_TOOL).contains(&(part_long / thickness)) {
-                bail!(
-                    "{name} does not say its unit, and was taken to be in {unit}: {proportion}; name its unit by --unit"
-                );
-            }
+            bail!(
+                "{name} does not say its unit, and was taken to be in {unit}: {proportion}; name its unit by --unit"
+            );
         }
         for (given, fixture) in
             self.fixture.iter().zip(fixtures).filter(|(_, fixture)| !fixture.body.unit_is_known)

@@ -4,6 +4,7 @@ use serde_json::Value;
 
 use crate::access::{arguments, crib_arguments, mill, workshop};
 use crate::binary::finish;
+use crate::shapes::cuboid;
 
 fn share(value: &Value) -> f64 {
     value.as_f64().unwrap()
@@ -113,6 +114,43 @@ fn a_crib_says_of_each_tool_what_the_tool_alone_does() {
     folder.write("none/readme.txt", "");
     folder.refuse(&crib_arguments("--tool none"), &["none holds no tool"]);
     folder.refuse(&crib_arguments("--tool absent.toml"), &["absent.toml"]);
+}
+
+#[test]
+fn a_crib_says_of_its_tools_what_access_does() {
+    let folder = workshop();
+    let bare = |name: &str, length: f64| {
+        format!("name = '{name}'\n[cutter]\nshape = 'flat'\ndiameter = 3\nlength = {length}\n")
+    };
+    folder.write("bare.toml", bare("bare", 40.0));
+    folder.write("crib/a.toml", mill("same", 40.0));
+    folder.write("crib/b.toml", mill("same", 18.0));
+    folder.write("crib/c.toml", mill("same (2)", 6.0));
+    let crib = crib_arguments("--tool crib --tool bare.toml --orientations axes");
+    let run = folder.imf(&crib).done();
+    assert!(run.stderr.contains("bare has no holder: what holds it is not seen"), "{}", run.stderr);
+    assert!(run.stdout.contains(" no holder             –"), "{}", run.stdout);
+    let tools = folder.read_json("out/summary.json")["tools"].clone();
+    let of = |name: &str| tools.as_array().unwrap().iter().map(|tool| tool[name].clone()).collect::<Vec<_>>();
+    assert_eq!(of("tool"), ["same", "same (2)", "same (2) (2)", "bare"]);
+    assert_eq!(of("file"), ["crib/a.toml", "crib/b.toml", "crib/c.toml", "bare.toml"]);
+    assert_eq!((&of("stick_out")[3], &of("rigidity")[3]), (&Value::Null, &Value::Null));
+    // A neck is what bends.
+    folder.write("neck.toml", mill("neck", 18.0) + "[shank]\ndiameter = 2.9\nlength = 15.0\n");
+    let row = &folder.json(&crib_arguments("--tool neck.toml --orientations axes"))["tools"][0];
+    assert!((share(&row["rigidity"]) - 2.9 / 33.0).abs() < 1e-9, "{row}");
+    // More of them are counted.
+    (0..5).for_each(|index| folder.write(&format!("many/{index}.toml"), bare(&index.to_string(), 9.0)));
+    let run = folder.imf(&crib_arguments("--tool many --orientations axes")).done();
+    assert!(
+        run.stderr.contains("5 of 5 tools have no holder, such as 0: what holds them is not seen"),
+        "{}",
+        run.stderr
+    );
+    // The unit that is assumed of a part hardly fits to any tool.
+    folder.write("tiny.obj", cuboid([0, 0, 0], [2, 2, 2], 0));
+    let tiny = "crib tiny.obj --tool crib --out out";
+    folder.refuse(tiny, &["does not say its unit", "--unit"]);
 }
 
 #[test]

@@ -53,6 +53,33 @@ fn covers_are_the_smallest_that_trying_all_finds() {
     }
 }
 
+/// Of all covers of that size the last set is the first possible.
+#[test]
+fn covers_are_of_the_first_sets_that_trying_all_finds() {
+    let mut numbers = Numbers(5);
+    let mut earlier = 0;
+    for round in 0..200 {
+        let problem = random(&mut numbers, 6 + round % 27, 3 + round % 8, 2 + round % 5);
+        for fraction in [1.0, 0.9, 0.6] {
+            let settings = CoverSettings { fraction, ..CoverSettings::default() };
+            let any = problem.fewest(&settings, Control::quiet()).unwrap();
+            let size = any.sets.len();
+            let cover = problem.among_first(any.clone(), &settings, Control::quiet()).unwrap();
+            let needed = fraction * problem.coverable() - 1e-9;
+            assert!(cover.sets.len() == size && problem.covered(&cover.sets) >= needed);
+            let sets = |choice: u32| (0..problem.sets()).filter(move |set| choice >> set & 1 == 1);
+            let covers = (0..1u32 << problem.sets()).filter(|choice| {
+                choice.count_ones() as usize == size
+                    && problem.covered(&sets(*choice).collect::<Vec<_>>()) >= needed
+            });
+            let first = covers.filter_map(|choice| sets(choice).max()).min();
+            assert_eq!(cover.sets.iter().copied().max(), first, "{round} {fraction} {problem:?}");
+            earlier += usize::from(first < any.sets.iter().copied().max());
+        }
+    }
+    assert!(earlier > 50, "{earlier}");
+}
+
 /// The search alone, without covers that exchanges find: every number of sets is refused or found rightly.
 #[test]
 fn the_search_refuses_fewer_sets_than_there_must_be_and_finds_as_many() {
@@ -61,7 +88,8 @@ fn the_search_refuses_fewer_sets_than_there_must_be_and_finds_as_many() {
     for round in 0..60 {
         let problem = random(&mut numbers, 60, 14, 4 + round % 5);
         for fraction in [1.0, 0.9] {
-            let (least, reduced) = (by_trying_all(&problem, fraction), problem.reduced(fraction).unwrap());
+            let (least, reduced) =
+                (by_trying_all(&problem, fraction), problem.reduced(problem.sets(), fraction).unwrap());
             sizes[least.min(7)] += 1;
             for count in 1..=least + 1 {
                 let found = branches::cover_of(&reduced, count, &mut u64::MAX.clone(), Control::quiet());

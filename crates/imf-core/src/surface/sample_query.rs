@@ -351,7 +351,7 @@ impl Revolved {
     /// be free there.
     pub(super) fn axis_meets_part(&self, tip: DVec3, axis: DVec3) -> bool {
         let part = self.cutter.voxels().occupancy();
-        let (grid, end) = (&part.grid, self.end.profile.last().map_or(0.0, |segment| segment.range().1));
+        let (grid, end) = (&part.grid, self.end.top());
         // Half a pitch each, as far as to the other end of the grid.
         let reach = tip.distance(grid.origin + 0.5 * grid.size()) + 0.5 * grid.size().length();
         let steps = (2.0 * (reach - end) / grid.pitch).ceil() as usize;

@@ -39,7 +39,8 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::library;
-use super::stack::{Stack, line, top};
+use super::profile::top;
+use super::stack::{Stack, line};
 use super::{SharpPoints, Tool, ToolError, ToolShape};
 use crate::file_error::{Fault, FaultKind, FileError};
 use crate::mesh::read::read_mesh_file;

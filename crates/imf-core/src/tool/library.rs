@@ -12,7 +12,8 @@ mod fusion;
 use std::path::Path;
 
 use super::Tool;
-use super::stack::{ROUNDED_DIGITS, Stack, end_mill, line, pointed, top};
+use super::profile::top;
+use super::stack::{ROUNDED_DIGITS, Stack, end_mill, line, pointed};
 use crate::file_error::Fault;
 
 /// Names that a message lists.

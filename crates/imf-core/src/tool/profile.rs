@@ -55,7 +55,17 @@ pub struct Element {
     pub profile: Vec<Segment>,
 }
 
+/// Height at which a profile ends.
+pub(super) fn top(profile: &[Segment]) -> f64 {
+    profile.last().map_or(0.0, |segment| segment.range().1)
+}
+
 impl Element {
+    /// Height at which it ends.
+    pub(crate) fn top(&self) -> f64 {
+        top(&self.profile)
+    }
+
     /// True where each of its segments begins where the one below ends.
     pub(crate) fn runs_upwards(&self) -> bool {
         let mut end = None;
@@ -77,6 +87,17 @@ impl Element {
     #[must_use]
     pub fn max_radius(&self) -> f64 {
         self.profile.iter().map(Segment::max_radius).fold(0.0, f64::max)
+    }
+
+    /// Smallest radius of the element.
+    #[must_use]
+    pub fn min_radius(&self) -> f64 {
+        let ends = self.profile.iter().map(|segment| {
+            let (from, to) = segment.range();
+            // An arc bulges outwards.
+            segment.radius(from).min(segment.radius(to))
+        });
+        ends.reduce(f64::min).unwrap_or(0.0)
     }
 
     /// Length of the longest stretch along the axis on which its radius is within `room` of the largest.

@@ -139,7 +139,7 @@ fn boundary(elements: &[Element], pitch: f64) -> Vec<DVec3> {
         let widest = element.max_radius();
         let reach = (widest / pitch).ceil() as i64;
         let from = element.profile.first().map_or(0.0, |s| s.range().0);
-        let to = element.profile.last().map_or(0.0, |s| s.range().1);
+        let to = element.top();
         for z in (from / pitch).floor() as i64..=(to / pitch).ceil() as i64 {
             for (x, y) in (-reach..=reach).flat_map(|x| (-reach..=reach).map(move |y| (x, y))) {
                 let voxel = [x, y, z];

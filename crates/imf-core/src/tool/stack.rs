@@ -95,11 +95,6 @@ pub(super) fn ball_on_neck(radius: f64, neck: f64) -> Segment {
     Segment::Arc { from: 0.0, to, centre_height: radius, centre_radius: 0.0, arc_radius: radius }
 }
 
-/// Height at which a profile ends.
-pub(super) fn top(profile: &[Segment]) -> f64 {
-    profile.last().map_or(0.0, |segment| segment.range().1)
-}
-
 /// Outline of a cutter whose end has a radius and a corner of another (all of it for ball ends), and whose flank is a cylinder or
 /// a cone of a half angle in radians; `None` where the length ends within the corner.
 pub(super) fn rounded(radius: f64, corner: f64, half_angle: f64, length: f64) -> Option<Vec<Segment>> {

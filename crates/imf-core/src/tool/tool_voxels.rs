@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use glam::{DMat4, DVec3};
 
+use super::profile::top;
 use super::{Segment, Tool, ToolError, ToolShape};
 use crate::grid::Grid;
 use crate::mesh::Mesh;
@@ -128,8 +129,7 @@ impl ToolVoxels {
     /// that of [`held`], operation by operation, so that both agree to the last bit; a whole line at a time.
     #[inline(always)]
     fn fill_revolved(&mut self, profile: &[Segment], direction: DVec3, pitch: f64) {
-        let span =
-            (profile.first().map_or(0.0, |s| s.range().0), profile.last().map_or(0.0, |s| s.range().1));
+        let span = (profile.first().map_or(0.0, |s| s.range().0), top(profile));
         let widest = profile.iter().map(Segment::max_radius).fold(0.0, f64::max);
         let slack = SLACK * pitch * pitch;
         let [nx, ny, nz] = self.dims;

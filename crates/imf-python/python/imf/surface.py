@@ -165,7 +165,10 @@ class Crib:
         return fractions
 
     def fewest(self, cover: float = 1.0) -> FewestTools:
-        """The fewest tools that reach ``cover`` of what all of them reach."""
+        """The fewest tools that reach ``cover`` of what all of them reach.
+
+        Where as few do in several ways, those whose last is as early in the crib as possible: give the most rigid first.
+        """
         holds = np.ascontiguousarray(self.verdict == Verdict.REACHED)
         chosen, at_least = _imf.fewest_sets(holds, self.areas, cover)
         fraction = float(self.areas[holds[chosen].any(axis=0)].sum() / self.areas.sum())

@@ -6,7 +6,7 @@ mod tools;
 
 use std::time::Instant;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context as _, Result, ensure};
 use imf_core::control::Cancelled;
 use imf_core::field_files::write_ply;
 use imf_core::machine::{AxisLimits, Machine};
@@ -22,15 +22,16 @@ use imf_core::tool::Assembly;
 use imf_core::unit::LengthUnit;
 
 use super::on_machine::OnMachine;
+use super::run::warn_of_tools;
 use super::surface::{ObstructedRow, SAMPLES, best_tools, rgb};
 use crate::arguments::access::CribArguments;
 use crate::arguments::orientations::{Directions, default_for};
-use crate::arguments::scene::{SceneArguments, voxelise_with_progress, warn_of, warn_of_cavities};
+use crate::arguments::scene::{voxelise_with_progress, warn_of, warn_of_cavities};
 use crate::output::{OutputFolder, SUMMARY, print_result, write_json, write_text};
 use crate::session::Session;
 
 use report::Report;
-use tools::{CribTool, UndecidedTool};
+use tools::{CribTool, Read, UndecidedTool};
 
 /// The surface, and what every tool reaches of it.
 struct Crib {
@@ -78,14 +79,10 @@ fn first_of(undecided: &[UndecidedTool]) -> String {
 
 impl Crib {
     fn find(session: &Session, arguments: &CribArguments) -> Result<Self> {
-        let (tools, mut undecided) = tools::read(&arguments.reach.scene.tool)?;
-        let scene = SceneArguments { tool: Vec::new(), ..arguments.reach.scene.clone() };
-        let mut inputs = scene.read(session, false)?;
-        inputs.tools = tools;
-        let first = inputs
-            .tools
-            .first()
-            .with_context(|| format!("no tool of the crib can be used: {}", first_of(&undecided)))?;
+        let Read { tools, files, mut undecided } = tools::read(&arguments.reach.scene.tool)?;
+        ensure!(!tools.is_empty(), "no tool of the crib can be used: {}", first_of(&undecided));
+        let scene = &arguments.reach.scene;
+        let inputs = scene.read_with(session, tools, true)?;
         let mesh = inputs.part.mesh.transformed(&inputs.transform);
         let text = arguments.reach.orientations.as_deref().unwrap_or_else(|| default_for(&inputs.tools));
         let mut orientations = Directions::of_part(text, || mesh.machining_directions())?.set;
@@ -94,18 +91,20 @@ impl Crib {
         if let Some(limits) = arguments.reach.limits.or(reached) {
             orientations = orientations.within(&limits)?;
         }
+        warn_of_tools(session, &inputs.tools, &orientations);
         let unit = inputs.part.unit;
         let clearance = scene.clearance.clearance();
         let fixtures = inputs.fixtures();
-        let spec = scene.spec(session, &inputs, &fixtures, first);
+        let spec = scene.spec(session, &inputs, &fixtures, &inputs.tools[0]);
         let query = spec.grid()?.padded([1; 3], [1; 3])?;
         // By the grid, what is too thin or out of all proportion; the rest by its own reach.
-        let mut kept = Vec::new();
-        for tool in &inputs.tools {
+        let (mut kept, mut files_of_kept) = (Vec::new(), Vec::new());
+        for (tool, file) in inputs.tools.iter().zip(files) {
             match spec.assembly(tool, &clearance, &query) {
                 Ok((assembly, warnings)) => {
                     warn_of(session, &warnings);
                     kept.push(assembly);
+                    files_of_kept.push(file);
                 }
                 Err(error) => undecided.push(UndecidedTool::new(&tool.name, &error)),
             }
@@ -134,10 +133,10 @@ impl Crib {
         };
         let machine = machine.map(on_machine).transpose()?;
         let (mut tools, mut among) = (Vec::new(), Vec::new());
-        for (index, assembly) in kept.iter().enumerate() {
+        for (index, (assembly, file)) in kept.iter().zip(files_of_kept).enumerate() {
             match SurfaceTool::new(&environment, assembly, tolerance) {
                 Ok(tool) => {
-                    tools.push(CribTool::new(assembly.tool()));
+                    tools.push(CribTool::new(assembly.tool(), file));
                     among.push(match &machine {
                         Some(machine) => machine.limit(index, tool),
                         None => tool,
@@ -186,17 +185,18 @@ impl Crib {
         self.verdicts[tool][sample] == Verdict::Reached
     }
 
-    /// The fewest tools; of those that reach the same the most rigid.
+    /// The fewest tools; where as few do in several ways, those whose least rigid is the most rigid.
     fn choose(&mut self, session: &Session) -> Result<()> {
         let mut problem = CoverProblem::new(self.samples.samples.iter().map(|sample| sample.area).collect());
         let mut order: Vec<usize> = (0..self.tools.len()).collect();
-        order.sort_by(|&a, &b| self.tools[b].rigidity.total_cmp(&self.tools[a].rigidity));
+        order.sort_by(|&a, &b| self.tools[a].by_rigidity(&self.tools[b]));
         for &tool in &order {
             problem.add((0..self.samples.samples.len()).filter(|&sample| self.reaches(tool, sample)));
         }
         let settings = CoverSettings { fraction: self.fraction, ..CoverSettings::default() };
-        let cover = problem.fewest(&settings, session.control(&|_| {}));
-        let cover = cover.ok_or(Cancelled)?;
+        let control = session.control(&|_| {});
+        let cover = problem.fewest(&settings, control).ok_or(Cancelled)?;
+        let cover = problem.among_first(cover, &settings, control).ok_or(Cancelled)?;
         self.chosen = cover.sets.into_iter().map(|set| order[set]).collect();
         self.at_least = cover.at_least;
         Ok(())
@@ -209,7 +209,8 @@ impl Crib {
 
     fn most_rigid(&self, sample: usize) -> Option<usize> {
         let serving = (0..self.tools.len()).filter(|&tool| self.reaches(tool, sample));
-        serving.max_by(|&a, &b| self.tools[a].rigidity.total_cmp(&self.tools[b].rigidity).then(b.cmp(&a)))
+        // The first of equals.
+        serving.min_by(|&a, &b| self.tools[a].by_rigidity(&self.tools[b]))
     }
 
     /// What the tool hits that reaches most of those whose cutter fits, where none reaches.

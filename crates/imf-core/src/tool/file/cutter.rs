@@ -6,7 +6,8 @@ use toml::Spanned;
 use super::Reader;
 use crate::file_error::Fault;
 use crate::tool::Segment;
-use crate::tool::stack::{ball_on_neck, pointed, rounded, top};
+use crate::tool::profile::top;
+use crate::tool::stack::{ball_on_neck, pointed, rounded};
 
 #[derive(Clone, Copy, Deserialize, PartialEq)]
 #[serde(rename_all = "lowercase")]

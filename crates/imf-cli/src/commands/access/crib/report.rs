@@ -130,16 +130,17 @@ impl Report {
 
     pub(super) fn csv(&self) -> String {
         let mut text =
-            "tool,diameter,stick_out,rigidity,reached,most_rigid,obstructed,gouged,not_faced,chosen\n"
+            "tool,diameter,stick_out,rigidity,reached,most_rigid,obstructed,gouged,not_faced,chosen,file\n"
                 .to_owned();
         for ToolRow { tool, reached, most_rigid, obstructed, gouged, not_faced, chosen, .. } in &self.tools {
-            let CribTool { name, diameter, stick_out, rigidity } = tool;
-            let name = name.replace('"', "\"\"");
-            let diameter = diameter.map_or(String::new(), |value| value.to_string());
+            let CribTool { name, diameter, stick_out, rigidity, file } = tool;
+            let [name, file] = [name, file].map(|text| text.replace('"', "\"\""));
+            let [diameter, stick_out, rigidity] = [diameter, stick_out, rigidity]
+                .map(|value| value.map_or(String::new(), |value| value.to_string()));
             let chosen = chosen.map_or(String::new(), |place| place.to_string());
             let _ = writeln!(
                 text,
-                "\"{name}\",{diameter},{stick_out},{rigidity},{reached},{most_rigid},{obstructed},{gouged},{not_faced},{chosen}"
+                "\"{name}\",{diameter},{stick_out},{rigidity},{reached},{most_rigid},{obstructed},{gouged},{not_faced},{chosen},\"{file}\""
             );
         }
         text
@@ -184,13 +185,15 @@ impl Report {
             );
         };
         let line = |text: &mut String, tool: &ToolRow, last: f64| {
-            let CribTool { name, diameter, stick_out, rigidity } = &tool.tool;
+            let CribTool { name, diameter, stick_out, rigidity, .. } = &tool.tool;
             let diameter = diameter.map_or("mesh".into(), |diameter| length::finer(diameter, *unit, 1));
-            let stick_out = length::nearest(*stick_out, *unit);
+            let stick_out =
+                stick_out.map_or("no holder".into(), |stick_out| length::nearest(stick_out, *unit));
+            let rigidity = rigidity.map_or("–".into(), |rigidity| format!("{rigidity:.2}"));
             let (reached, last) = (percent(tool.reached), percent(last));
             let _ = writeln!(
                 text,
-                "  {diameter:>10}{stick_out:>10}{rigidity:>14.2}{reached:>10}{last:>12}   {name}"
+                "  {diameter:>10}{stick_out:>10}{rigidity:>14}{reached:>10}{last:>12}   {name}"
             );
         };
         head(&mut text, "alone");
@@ -200,9 +203,7 @@ impl Report {
             line(&mut text, tool, tool.alone.unwrap_or_default());
         }
         let mut ranked: Vec<&ToolRow> = self.tools.iter().collect();
-        ranked.sort_by(|a, b| {
-            b.reached.total_cmp(&a.reached).then(b.tool.rigidity.total_cmp(&a.tool.rigidity))
-        });
+        ranked.sort_by(|a, b| b.reached.total_cmp(&a.reached).then(a.tool.by_rigidity(&b.tool)));
         let _ = writeln!(text, "\nby area, of equal ones the more rigid first; all in crib.csv");
         head(&mut text, "most rigid");
         for tool in ranked.into_iter().take(LISTED) {

@@ -1,11 +1,12 @@
 //! A crib's tools as they are read: files, folders of files, whole libraries.
 
-use std::collections::HashMap;
+use std::cmp::Ordering;
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
 use imf_core::file_error::FileError;
-use imf_core::tool::{Element, ElementKind, Tool, ToolShape};
+use imf_core::tool::{ElementKind, Tool, ToolShape};
 use serde::Serialize;
 
 use crate::arguments::inputs::read_tool;
@@ -38,39 +39,54 @@ pub(super) struct CribTool {
     pub(super) name: String,
     /// Of the cutter; nothing of a mesh.
     pub(super) diameter: Option<f64>,
-    /// Without a holder, the tool's length.
-    pub(super) stick_out: f64,
-    /// Diameter over stick-out; 0 of a mesh.
-    pub(super) rigidity: f64,
+    /// Nothing without a holder.
+    pub(super) stick_out: Option<f64>,
+    /// Diameter over stick-out, that of the shank where it is thinner than the cutter; nothing of a mesh, and without a holder.
+    pub(super) rigidity: Option<f64>,
+    /// The file that it came from.
+    pub(super) file: String,
 }
 
 impl CribTool {
-    pub(super) fn new(tool: &Tool) -> Self {
-        let diameter = match &tool.shape {
-            ToolShape::Revolved(elements) => {
-                let cutter = elements.iter().filter(|e| e.kind == ElementKind::Cutter);
-                cutter.map(|e| 2.0 * Element::max_radius(e)).reduce(f64::max)
-            }
-            ToolShape::Mesh(_) => None,
+    pub(super) fn new(tool: &Tool, file: String) -> Self {
+        let elements = match &tool.shape {
+            ToolShape::Revolved(elements) => &elements[..],
+            ToolShape::Mesh(_) => &[],
         };
-        let stick_out = tool.stick_out().unwrap_or_else(|| tool.length());
-        Self {
-            name: tool.name.clone(),
-            diameter,
-            stick_out,
-            rigidity: diameter.map_or(0.0, |diameter| diameter / stick_out),
-        }
+        let of = |kind: ElementKind| elements.iter().filter(move |element| element.kind == kind);
+        let diameter = of(ElementKind::Cutter).map(|cutter| 2.0 * cutter.max_radius()).reduce(f64::max);
+        let shank =
+            of(ElementKind::Shank).map(|shank| 2.0 * shank.min_radius()).fold(f64::INFINITY, f64::min);
+        let stick_out = tool.stick_out();
+        let rigidity = diameter.zip(stick_out).map(|(cutter, long)| cutter.min(shank) / long);
+        Self { name: tool.name.clone(), diameter, stick_out, rigidity, file }
+    }
+
+    /// Tools of which nothing is known come last.
+    pub(super) fn by_rigidity(&self, other: &Self) -> Ordering {
+        let rank = |tool: &Self| tool.rigidity.unwrap_or(0.0);
+        rank(other).total_cmp(&rank(self))
     }
 }
 
-/// All tools that the paths name, names made their own, and those that a library has and we cannot describe.
-pub(super) fn read(paths: &[String]) -> Result<(Vec<Tool>, Vec<UndecidedTool>)> {
-    let (mut tools, mut undecided) = (Vec::new(), Vec::new());
+/// Tools as they are read.
+pub(super) struct Read {
+    /// No two have the same name.
+    pub(super) tools: Vec<Tool>,
+    /// By tool, the file.
+    pub(super) files: Vec<String>,
+    pub(super) undecided: Vec<UndecidedTool>,
+}
+
+/// All tools that the paths name, and those that a library has and we cannot describe.
+pub(super) fn read(paths: &[String]) -> Result<Read> {
+    let (mut tools, mut files_of_tools, mut undecided) = (Vec::new(), Vec::new(), Vec::new());
     for text in paths {
         let path = Path::new(text);
         if !path.exists() {
             // Of a library the one behind its #, or the error that says what is missing.
             tools.push(read_tool(text)?);
+            files_of_tools.push(text.clone());
             continue;
         }
         for file in files(path)? {
@@ -82,21 +98,22 @@ pub(super) fn read(paths: &[String]) -> Result<(Vec<Tool>, Vec<UndecidedTool>)> 
             };
             for tool in found {
                 match tool {
-                    Ok(tool) => tools.push(tool),
+                    Ok(tool) => {
+                        tools.push(tool);
+                        files_of_tools.push(file.display().to_string());
+                    }
                     Err(error) => undecided.push(UndecidedTool::of_file(&error)),
                 }
             }
         }
     }
-    let mut seen: HashMap<String, usize> = HashMap::new();
+    let mut names = HashSet::new();
     for tool in &mut tools {
-        let times = seen.entry(tool.name.clone()).or_default();
-        *times += 1;
-        if *times > 1 {
-            tool.name = format!("{} ({times})", tool.name);
-        }
+        let numbered = (2..).map(|times| format!("{} ({times})", tool.name));
+        let mut free = std::iter::once(tool.name.clone()).chain(numbered);
+        tool.name = free.find(|name| names.insert(name.clone())).unwrap_or_default();
     }
-    Ok((tools, undecided))
+    Ok(Read { tools, files: files_of_tools, undecided })
 }
 
 /// The file, or a folder's files by name.
