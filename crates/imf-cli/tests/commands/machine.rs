@@ -287,4 +287,30 @@ fn access_counts_only_poses_to_which_the_machine_brings_the_tool() {
     let crib = usual.replace("access", "crib");
     let found = folder.json(&format!("{crib} --machine trunnion.toml --out crib"));
     assert!((found["reached"].as_f64().unwrap() - 0.75 + strip).abs() < 0.02, "{found}");
+    // A part that is sunk into the platter stands there by mistake.
+    for command in [usual, &crib] {
+        let sunk = format!("{command} --machine trunnion.toml --transform translate:0,0,-12 --out sunk");
+        let run = folder.imf(&sunk).done();
+        assert!(run.stderr.contains("deep in the machine's platter: check where G54 is"), "{}", run.stderr);
+        assert!(run.stderr.contains("stands in the frame of G54"), "{}", run.stderr);
+    }
+}
+
+#[test]
+fn a_remedy_at_a_machine_leads_to_where_the_axis_may_stand() {
+    let folder = workshop();
+    for (range, helps) in [("-500, -400", "a shorter tool"), ("400, 500", "a longer tool")] {
+        folder.write("z.toml", format!("travel = {{ z = [{range}] }}\n[offsets]\nG54 = [0, 0, 0]\n"));
+        let usual = "access block.obj --unit mm --pitch 2 --tool paper --orientations 0,0 --machine z.toml";
+        let found = folder.json(&format!("{usual} --out out"));
+        let patch = &found["unreached"][0];
+        assert!(patch["fault"].as_str().unwrap().contains("the machine's Z would have to be at"), "{patch}");
+        assert!(patch["would_help"].as_str().unwrap().contains(helps), "{patch}");
+    }
+    let usual = "access block.obj --unit mm --pitch 2 --tool paper --orientations axes";
+    let found = folder.json(&format!("{usual} --machine trunnion.toml --out out"));
+    let patches = found["unreached"].as_array().unwrap();
+    let at = |fault: &str| patches.iter().find(|patch| patch["fault"].to_string().contains(fault)).cloned();
+    let patch = at("the cutter hits the machine's platter").unwrap_or_else(|| panic!("{patches:?}"));
+    assert!(patch["would_help"].as_str().unwrap().contains("another set-up"), "{patch}");
 }

@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use anyhow::Result;
-use imf_core::check::{MachineBodies, MachineFault, MachineReach};
+use glam::DMat4;
+use imf_core::check::{CheckBodies, HitBody, MachineBodies, MachineFault, MachineReach, machine_remarks};
 use imf_core::machine::{Machine, Side};
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::pose::Pose;
@@ -36,6 +37,21 @@ impl OnMachine {
         of_setups: bool,
     ) -> Result<Self> {
         let moving = MachineBodies::new(machine.clone(), bodies.part.grid.pitch, session.control(&|_| {}))?;
+        let used = if of_setups {
+            "used for the surface in each set-up, where the middle of the part's foot is on the zero of G54"
+        } else {
+            "used for the part's surface, which stands in the frame of G54; for volumes and stick-outs directions alone count"
+        };
+        let name = &machine.name;
+        session.note(&format!("directions are those of {name}; its travel, head and table are {used}"));
+        if !of_setups {
+            let around = CheckBodies {
+                machine: Some(&moving),
+                fixtures: &bodies.fixtures,
+                ..CheckBodies::of_part(&bodies.part)
+            };
+            machine_remarks(around, &[], &DMat4::IDENTITY).iter().for_each(|remark| session.warn(remark));
+        }
         let part = Arc::new(bodies.part.clone());
         let fixtures: Vec<_> =
             bodies.fixtures.iter().map(|(name, voxels)| (name.clone(), Arc::new(voxels.clone()))).collect();
@@ -75,9 +91,23 @@ impl OnMachine {
     pub(super) fn remedy(&self, fault: &MachineFault) -> &'static str {
         let head_turns = self.machine.rotary.iter().any(|axis| axis.side == Side::Head);
         match fault {
+            MachineFault::OutOfReach => "another direction",
             MachineFault::OutOfTravel(out) if !"XYZ".contains(out.axis) => "another direction",
+            MachineFault::OutOfTravel(_) if head_turns => {
+                "another place on the table, a tool of another length, or another direction"
+            }
             // The tool stands along Z, and no length of it moves another axis.
-            MachineFault::OutOfTravel(out) if out.axis != 'Z' && !head_turns => {
+            MachineFault::OutOfTravel(out) if out.axis != 'Z' => {
+                "another place on the table, or another direction"
+            }
+            MachineFault::OutOfTravel(out) if out.value > out.range[1] => {
+                "another place on the table, a shorter tool, or another direction"
+            }
+            // No length of the tool changes where the part is, nor how near to the table.
+            MachineFault::Hit { what, against: HitBody::Machine(_) } if what == "cutter" => {
+                "a higher place on the table, another direction, or another set-up"
+            }
+            MachineFault::Hit { what, .. } if what == "part" || what.starts_with("fixture") => {
                 "another place on the table, or another direction"
             }
             _ => "another place on the table, a longer tool, or another direction",

@@ -90,15 +90,6 @@ impl AccessRun {
         let text = arguments.reach.orientations.as_deref().unwrap_or_else(|| default_for(&inputs.tools));
         let Directions { set: orientations, suggested } =
             directions(text, &mesh, setups.as_ref(), limits.as_ref())?;
-        if let Some((machine, _)) = &machine {
-            let used = if setups.is_some() {
-                "used for the surface in each set-up, where the middle of the part's foot is on the zero of G54"
-            } else {
-                "used for the part's surface, which stands in the frame of G54; for volumes and stick-outs directions alone count"
-            };
-            let name = &machine.name;
-            session.note(&format!("directions are those of {name}; its travel, head and table are {used}"));
-        }
         warn_of_tools(session, &inputs.tools, &orientations);
         number_names(&mut inputs.tools);
         let unit = inputs.part.unit;
@@ -284,7 +275,7 @@ fn directions(
     Ok(Directions { set, suggested })
 }
 
-fn warn_of_tools(session: &Session, tools: &[Tool], orientations: &OrientationSet) {
+pub(super) fn warn_of_tools(session: &Session, tools: &[Tool], orientations: &OrientationSet) {
     for tool in tools.iter().filter(|tool| matches!(tool.shape, ToolShape::Mesh(_))) {
         if !matches!(tool.sharp_points, SharpPoints::Points(_)) {
             session.warn(&format!(
