@@ -20,7 +20,7 @@ if [ -e teapot-model/checkpoint.safetensors ]; then resume=(--resume); fi
 # Open MPI kills ranks one second after it told them to stop: give them a minute to save.
 export OMPI_MCA_odls_base_sigkill_timeout=60
 mpirun --map-by "slot:PE=${SLURM_CPUS_PER_TASK:-1}" --bind-to core \
-    imf train siren5 teapot-900 --out teapot-model --batch 8192 --set rate_rule=sqrt --mpi \
+    imf train siren5 teapot-900 --out teapot-model --batch 8192 --rate 5e-4 --mpi \
     --threads "${SLURM_CPUS_PER_TASK:-1}" "${resume[@]}" &
 mpirun=$!
 trap 'kill -TERM "$mpirun"' TERM

@@ -73,6 +73,14 @@ pub enum FieldFileError {
         /// Its version.
         found: u32,
     },
+    /// Parts of different fields.
+    #[error("the parts of a {name} do not belong together: {what}")]
+    Parts {
+        /// What it should be.
+        name: &'static str,
+        /// Which do not.
+        what: &'static str,
+    },
     /// The file cannot be written.
     #[cfg(feature = "fit")]
     #[error(transparent)]

@@ -9,7 +9,6 @@ use std::collections::BTreeMap;
 use anyhow::{Context as _, Result, bail, ensure};
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::tool::Clearance;
-use imf_fields::recipe::schedule::RateRule;
 use imf_fields::recipe::{Sampling, TrainingLength, TrainingPlan};
 use imf_fields::siren::SirenShape;
 use serde::{Deserialize, Serialize};
@@ -126,7 +125,7 @@ impl NetworkSettings {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct EvaluationSettings {
-    /// A section that training saw, θ,φ.
+    /// A section that the paper shows as one that training saw, θ,φ.
     pub(crate) in_sample: String,
     /// A section that training did not see, θ,φ.
     pub(crate) out_of_sample: String,
@@ -206,9 +205,6 @@ pub(crate) struct Stage {
     /// How long, in which batches, at which rate.
     #[serde(default)]
     pub(crate) training: TrainingPlan,
-    /// How the rate follows the batch.
-    #[serde(default)]
-    pub(crate) rate_rule: RateRule,
 }
 
 fn random_start() -> String {
@@ -223,13 +219,9 @@ fn one() -> f64 {
 const REPORT_EVERY: u64 = 20;
 
 impl Stage {
-    /// The training plan with the rate rule applied.
+    /// The training plan, which notices interruption soon.
     pub(crate) fn plan(&self) -> TrainingPlan {
-        TrainingPlan {
-            schedule: self.rate_rule.apply(self.training.schedule, self.training.batch),
-            report_every: self.training.report_every.min(REPORT_EVERY),
-            ..self.training
-        }
+        TrainingPlan { report_every: self.training.report_every.min(REPORT_EVERY), ..self.training }
     }
 
     fn check(&self, earlier: &[Self]) -> Result<()> {

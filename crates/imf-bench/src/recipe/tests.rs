@@ -1,6 +1,6 @@
 use imf_core::orientation::OrientationSet;
 use imf_core::tool::Clearance;
-use imf_fields::recipe::schedule::{RateRule, Schedule};
+use imf_fields::recipe::schedule::Schedule;
 use imf_fields::recipe::{AdamConfig, Loss, Precision, TrainingLength, TrainingPlan};
 use imf_fields::siren::SirenShape;
 
@@ -25,7 +25,6 @@ fn is_the_papers(stage: &Stage, epochs: u64, rate: f32) {
         report_every: 20,
     };
     assert_eq!(stage.plan(), expected, "{}", stage.name);
-    assert_eq!(stage.rate_rule, RateRule::Constant);
     assert_eq!(stage.sampling.positive_fraction, 0.75);
 }
 

@@ -1,7 +1,6 @@
 //! Settings of a training that have no option of their own: `--set KEY=VALUE`.
 
 use anyhow::Result;
-use imf_fields::recipe::schedule::RateRule;
 use imf_fields::recipe::{Loss, Optimiser, Precision, SoapConfig};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
@@ -40,7 +39,6 @@ pub(crate) struct Siren5Settings {
     pub(super) loss: Option<Loss>,
     pub(super) precision: Option<Precision>,
     pub(super) weight_decay: Option<f32>,
-    pub(super) rate_rule: Option<RateRule>,
     pub(super) held_out: Option<usize>,
     pub(crate) held_out_every: Option<u64>,
     pub(crate) checkpoint_every: Option<f64>,

@@ -86,8 +86,8 @@ pub(crate) struct FactoredArguments {
                   Writes field.safetensors, checkpoint.safetensors (for --resume), log.jsonl and loss.png. Ctrl-C writes a \
                   checkpoint and stops.\n\n--set also takes seed (0), schedule (cosine: down to a hundredth over all steps; exponential: the \
                   paper's, from 5e-4 and ×0.93 every epoch), loss (l1, l2 or l1-small), precision (f32; bf16, on CPUs with AVX-512 BF16; f16, on \
-                  GPUs), weight_decay (1e-6), rate_rule (how the rate follows the batch from 1024 on: constant, sqrt, linear), \
-                  held_out (16384 poses to watch the error at), held_out_every (steps) and checkpoint_every (60 seconds)."
+                  GPUs), weight_decay (1e-6), held_out (16384 poses to watch the error at), held_out_every (steps) and checkpoint_every (60 \
+                  seconds)."
 )]
 pub(crate) struct Siren5Arguments {
     #[command(flatten)]
@@ -251,7 +251,7 @@ impl<'a> Siren5Training<'a> {
                 .or(run.steps.map(TrainingLength::Steps))
                 .unwrap_or(usual.length),
             batch: samples.batch,
-            schedule: set.rate_rule.unwrap_or_default().apply(schedule, samples.batch),
+            schedule,
             adam: AdamConfig { weight_decay: set.weight_decay.unwrap_or(adam.weight_decay), ..adam },
             loss: set.loss.unwrap_or_default(),
             precision: set.precision.unwrap_or_default(),

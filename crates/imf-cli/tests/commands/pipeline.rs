@@ -1,5 +1,7 @@
 //! Dataset, training, evaluation and fine-tuning, one after the other, as a script would run them.
 
+use std::fs;
+
 use serde_json::{Value, json};
 
 use crate::binary::{DATASET, TRAIN, Workdir};
@@ -119,6 +121,13 @@ fn a_model_is_trained_evaluated_and_adapted() {
     let again = other.replace("still/field", "model/field");
     work.imf(&format!("{again} --steps 4 --out again --resume"))
         .refused(&["was not fine-tuned from this model"]);
+    // The network knows places by the fraction of the box alone.
+    for (grid, is_other) in [("--dims 10,30,18", false), ("--pitch 7 --margin 2", true)] {
+        work.imf(&DATASET.replace("--dims 7,21,12", grid).replace("--out data", "--out boxed")).done();
+        let run = work.imf(&format!("{} --steps 4 --out in-box", finetune.replace("raw", "boxed"))).done();
+        assert_eq!(run.stderr.contains("made for another box"), is_other, "{grid}: {}", run.stderr);
+        ["boxed", "in-box"].iter().for_each(|folder| fs::remove_dir_all(work.path(folder)).unwrap());
+    }
     let adapted = work.json(&format!("{finetune} --epochs 1 --out adapted"));
     assert_eq!(adapted["steps"], json!((16 * 617u64).div_ceil(256)));
     assert!(work.model("adapted/field.safetensors").state.parameters != model.state.parameters);

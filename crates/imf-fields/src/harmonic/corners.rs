@@ -2,7 +2,6 @@
 
 use std::hint::black_box;
 
-use half::f16;
 use imf_core::vectorised::vectorised;
 use pulp::Arch;
 
@@ -70,7 +69,7 @@ mod avx512 {
         _mm512_storeu_ps,
     };
 
-    use super::f16;
+    use half::f16;
 
     /// Lanes of a register.
     const LANES: usize = 16;

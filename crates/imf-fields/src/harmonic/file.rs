@@ -48,13 +48,42 @@ impl HarmonicFile {
         FORMAT.is_of(path)
     }
 
+    /// Refuses a field of another grid than the scene's.
+    pub(crate) fn check_grid(&self) -> Result<(), FieldFileError> {
+        let what = "the field's grid is not the scene's";
+        let is_own = self.field.grid == self.scene.record.grid;
+        if is_own { Ok(()) } else { Err(FieldFileError::Parts { name: FORMAT.name, what }) }
+    }
+
+    /// Refuses what could not be read again, or would be read as another field.
+    #[cfg(feature = "fit")]
+    fn check(&self) -> Result<(), FieldFileError> {
+        self.check_grid()?;
+        let Self { field, settings, .. } = self;
+        let sizes = settings.sizes(field.basis.domain());
+        let differ = [
+            (field.quantity != settings.quantity, "the field's quantity is not that of the settings"),
+            (
+                field.coefficients.precision() != settings.precision,
+                "its precision is not that of the settings",
+            ),
+            (
+                (field.basis.len(), field.component_count()) != (sizes.functions, sizes.components),
+                "it has not as many functions and components as the settings say",
+            ),
+        ];
+        let first = differ.into_iter().find_map(|(differs, what)| differs.then_some(what));
+        first.map_or(Ok(()), |what| Err(FieldFileError::Parts { name: FORMAT.name, what }))
+    }
+
     /// Writes the field whole or not at all. Equal fields give equal bytes.
     ///
     /// # Errors
-    /// A file that cannot be written.
+    /// A field of another scene or of other settings; a file that cannot be written.
     #[cfg(feature = "fit")]
     pub fn write(&self, path: &Path) -> Result<(), FieldFileError> {
         use crate::tensor_file::{Contents, little_endian, little_endian_halves, tensor};
+        self.check()?;
         let field = &self.field;
         let ([nx, ny, nz], functions, components) =
             (field.grid.dims, field.basis.len(), field.component_count());

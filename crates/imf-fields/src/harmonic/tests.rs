@@ -1,5 +1,6 @@
 //! The field against exact sections, against its definition, and against itself read back.
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::DVec3;
@@ -8,13 +9,16 @@ use super::basis::{Basis, Domain};
 use super::coefficients::StoragePrecision;
 use super::radial::direct_coefficients;
 use super::{FitSettings, HarmonicField, PointScratch, fit, section_count};
+use crate::field::Field;
+use crate::field::scenes::harmonic_file;
+use crate::file::FieldFile;
 use crate::metrics::{Errors, Validation};
 use imf_core::control::Control;
 use imf_core::mesh::Mesh;
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::parts::ReferencePart;
 use imf_core::scene::{Scene, SceneSpec};
-use imf_core::section::{Imf, SectionPlan, ToolPoints, sections};
+use imf_core::section::{Imf, Quantity, SectionPlan, ToolPoints, sections};
 use imf_core::tool::Tool;
 
 fn scene() -> Scene {
@@ -324,4 +328,24 @@ fn tools_that_are_not_of_revolution_have_fields_over_rotations() {
     assert!(over_rotations < 0.5 * without_roll, "{over_rotations} against {without_roll}");
     let refused = fit(&plan, Domain::Directions, &settings, Control::quiet()).unwrap_err().to_string();
     assert!(refused.contains("'paper' is not round") && refused.contains("rotations"), "{refused}");
+}
+
+/// What is written could not be read, and fractions became lengths.
+#[test]
+fn a_harmonic_field_of_another_scene_or_quantity_is_refused() {
+    let scene = crate::field::scenes::scene(&Tool::paper(), 0.0);
+    let whole = harmonic_file(&scene, 4);
+    let (mut moved, mut depth, mut halves) = (whole.clone(), whole.clone(), whole.clone());
+    moved.scene.record.grid.origin.x += 1.0;
+    depth.settings.quantity = Quantity::Depth;
+    halves.settings.precision = StoragePrecision::F16;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("field.safetensors");
+    for (file, what) in [(moved, "grid is not the scene's"), (depth, "quantity"), (halves, "precision")] {
+        let refused = file.write(&path).unwrap_err().to_string();
+        assert!(refused.contains(what) && !path.exists(), "{refused}");
+        let loaded = Field::new(FieldFile::Harmonic(Arc::new(file)));
+        assert_eq!(loaded.is_err(), what.contains("grid"));
+    }
+    assert!(Field::new(FieldFile::Harmonic(Arc::new(whole))).is_ok());
 }

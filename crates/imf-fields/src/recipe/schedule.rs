@@ -69,55 +69,6 @@ pub(super) fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
 }
 
-/// How the learning rate grows with the batch, from the paper's batch of [`RateRule::BATCH`].
-///
-/// A larger batch makes fewer steps of an epoch, so each has to go further; how much further is a matter of experiment.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum RateRule {
-    /// The same rate for every batch.
-    #[default]
-    Constant,
-    /// Rate × √(batch / 1024): keeps the variance of a step's noise (Krizhevsky 2014; Malladi et al. 2022 for Adam).
-    Sqrt,
-    /// Rate × batch / 1024: keeps the mean way of an epoch (Goyal et al. 2017).
-    Linear,
-}
-
-impl RateRule {
-    /// The batch whose rate a schedule names: the paper's.
-    pub const BATCH: usize = 1024;
-    /// Steps of the rise that a raised rate begins with, unless the schedule has a longer one.
-    pub const WARMUP: u64 = 100;
-
-    /// The factor of the rate for a batch.
-    #[must_use]
-    pub fn factor(self, batch: usize) -> f64 {
-        let ratio = batch as f64 / Self::BATCH as f64;
-        match self {
-            Self::Constant => 1.0,
-            Self::Sqrt => ratio.sqrt(),
-            Self::Linear => ratio,
-        }
-    }
-
-    /// The schedule for a batch. A rate that is raised begins with a rise of at least [`Self::WARMUP`] steps.
-    #[must_use]
-    pub fn apply(self, mut schedule: Schedule, batch: usize) -> Schedule {
-        let factor = self.factor(batch);
-        let scale = |rate: &mut f32| *rate = (f64::from(*rate) * factor) as f32;
-        if let Schedule::Cosine { last, .. } = &mut schedule {
-            scale(last);
-        }
-        let (Schedule::Exponential { initial, warmup, .. }
-        | Schedule::Cosine { initial, warmup, .. }
-        | Schedule::Length { initial, warmup, .. }) = &mut schedule;
-        scale(initial);
-        *warmup = (*warmup).max(if factor > 1.0 { Self::WARMUP } else { 0 });
-        schedule
-    }
-}
-
 impl Schedule {
     /// The learning rate of step `step` (from 0) of `total`, which lies in epoch `epoch` (from 0).
     #[must_use]
@@ -217,14 +168,6 @@ mod tests {
                 assert_eq!(schedule.rate(0, step, total), cosine.rate(0, step, total));
             }
         }
-        let doubled = Schedule::Length {
-            initial: 2e-3,
-            steps: 1000,
-            power: 0.5,
-            shorter: 1.0,
-            warmup: RateRule::WARMUP,
-        };
-        assert_eq!(RateRule::Sqrt.apply(schedule, 4096), doubled);
         for (power, shorter, named) in [(f32::NAN, 0.0, "power"), (0.5, -1.0, "shorter")] {
             let bent = Schedule::Length { initial: 1e-3, steps: 1000, power, shorter, warmup: 4 };
             assert!(bent.check().unwrap_err().contains(named));
@@ -239,21 +182,6 @@ mod tests {
         let rates: Vec<f32> = (0..4).map(|step| risen.rate(0, step, 100)).collect();
         assert_eq!(rates, [1.25e-4, 2.5e-4, 3.75e-4, 5e-4]);
         assert_eq!(risen.rate(3, 4, 100), plain.rate(3, 4, 100));
-    }
-
-    #[test]
-    fn rate_rules_leave_the_papers_batch_alone_and_scale_others() {
-        let schedule = Schedule::default();
-        for rule in [RateRule::Constant, RateRule::Sqrt, RateRule::Linear] {
-            assert_eq!(rule.apply(schedule, 1024), schedule);
-        }
-        assert_eq!(RateRule::Constant.apply(schedule, 16_384), schedule);
-        let rise = |initial| Schedule::Exponential { initial, factor: 0.93, warmup: RateRule::WARMUP };
-        assert_eq!(RateRule::Sqrt.apply(schedule, 16_384), rise(2e-3));
-        assert_eq!(RateRule::Linear.apply(schedule, 4096), rise(2e-3));
-        let cosine = Schedule::Cosine { initial: 1e-3, last: 1e-5, warmup: 200 };
-        let doubled = Schedule::Cosine { initial: 2e-3, last: 2e-5, warmup: 200 };
-        assert_eq!(RateRule::Sqrt.apply(cosine, 4096), doubled);
     }
 
     #[test]

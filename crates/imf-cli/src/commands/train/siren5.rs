@@ -5,8 +5,11 @@ use std::path::Path;
 use std::str::FromStr as _;
 
 use anyhow::{Result, bail};
+use glam::DVec3;
+use imf_core::grid::Grid;
 use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
+use imf_core::scene::SceneRecord;
 use imf_core::section::Quantity;
 use imf_fields::factored::file::FactoredFile;
 use imf_fields::harmonic::coefficients::StoragePrecision;
@@ -178,6 +181,12 @@ fn trained(
                     "the model was made for another tool than the dataset; it will be adapted all the same",
                 );
             }
+            if is_of_another_box(&start.scene.record, &data.scene.record) {
+                session.warn(
+                    "the model was made for another box than the dataset's (another margin, or another part): what it has learnt \
+                     stands at other places there, and may serve less than random weights",
+                );
+            }
             let weights = job::weights_crc32(&start.state.parameters);
             let state = TrainingState::from_parameters(start.state.parameters);
             let mut model = job::fresh_model(&data, shape, *plan, state, Some(start.scene.record.part));
@@ -188,6 +197,18 @@ fn trained(
     };
     let model = job::run(session, &device, &data, model, &folder.path, &settings)?;
     conclude(session, &folder.path, &model, !run.no_calibrate)
+}
+
+/// Whether positions in two grids' boxes, of which siren5 knows nothing but the fraction, are apart by more than their voxels explain.
+fn is_of_another_box(one: &SceneRecord, other: &SceneRecord) -> bool {
+    let scale = one.unit.in_mm() / other.unit.in_mm();
+    let ends = |grid: &Grid, scale: f64| -> [DVec3; 2] {
+        [grid.origin, grid.origin + grid.size()].map(|end| scale * end)
+    };
+    let mut apart =
+        ends(&one.grid, scale).into_iter().zip(ends(&other.grid, 1.0)).map(|(one, other)| one - other);
+    let voxel = (scale * one.grid.pitch).max(other.grid.pitch);
+    apart.any(|apart| apart.abs().max_element() > 1.5 * voxel)
 }
 
 /// The end of a training: error rates of the model's decisions, and its closing lines.
