@@ -29,6 +29,7 @@ pub(crate) struct Cells<'a> {
     common: Value,
     /// In words: times are of it.
     machine: String,
+    any_found: std::cell::Cell<bool>,
 }
 
 /// A finished piece of work.
@@ -58,7 +59,7 @@ impl<'a> Cells<'a> {
         if let Device::Gpu(gpu) = device {
             machine = format!("{}, {machine}", gpu.describe());
         }
-        Ok(Self { session, out: out.to_owned(), folder, common, machine })
+        Ok(Self { session, out: out.to_owned(), folder, common, machine, any_found: false.into() })
     }
 
     /// All that decides a cell, and its checksum.
@@ -70,6 +71,11 @@ impl<'a> Cells<'a> {
         }
         let mark = crc32fast::hash(&serde_json::to_vec(&made_by)?);
         Ok((made_by, format!("{mark:08x}")))
+    }
+
+    /// Whether any saved cell was found.
+    pub(crate) fn any_found(&self) -> bool {
+        self.any_found.get()
     }
 
     /// What distinguishes the files of this key from those of others.
@@ -84,11 +90,15 @@ impl<'a> Cells<'a> {
         key: &impl Serialize,
     ) -> Result<Option<Cell<T>>> {
         let (made_by, mark) = self.key(key)?;
-        let kept = std::fs::read_to_string(self.file(name, &mark)).ok();
-        let kept: Option<Cell<T>> = kept.and_then(|text| serde_json::from_str(&text).ok());
-        let kept = kept.filter(|cell| cell.made_by == made_by);
+        let file = self.file(name, &mark);
+        let Ok(text) = std::fs::read_to_string(&file) else { return Ok(None) };
+        let kept = serde_json::from_str(&text).ok().filter(|cell: &Cell<T>| cell.made_by == made_by);
         if kept.is_some() {
             self.session.note(&format!("{name}: kept"));
+            self.any_found.set(true);
+        } else {
+            let what = "is damaged or of another version, and counts as not made";
+            self.session.warn(&format!("{} {what}", file.display()));
         }
         Ok(kept)
     }

@@ -24,7 +24,7 @@ mod time;
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context as _, Result, ensure};
+use anyhow::{Context as _, Result, bail, ensure};
 use clap::{Args, ValueEnum};
 use imf_cli::arguments::DeviceArguments;
 use imf_cli::engine::Device;
@@ -222,15 +222,16 @@ fn divergence(error: &anyhow::Error) -> Option<String> {
 }
 
 pub(crate) fn run(session: &Session, arguments: &PaperArguments) -> Result<()> {
+    let all = [ReferencePart::Teapot, ReferencePart::Bracket, ReferencePart::ScrewGear];
+    if let Some(other) = arguments.part.iter().find(|part| !all.contains(part)) {
+        bail!("{other} is not one of the paper's parts: teapot, bracket, screw-gear");
+    }
+    let parts = all.into_iter().filter(|part| arguments.part.is_empty() || arguments.part.contains(part));
     let out = &arguments.out;
     ensure!(!arguments.finished || out.join("cells").is_dir(), "nothing is finished in {}", out.display());
     prepare_folder(out)?;
     let mut machine = Machine::new(session.threads());
     let device = Device::open(&arguments.device.device, session)?;
-    let mut parts = arguments.part.clone();
-    if parts.is_empty() {
-        parts = vec![ReferencePart::Teapot, ReferencePart::Bracket, ReferencePart::ScrewGear];
-    }
     let bench = Bench {
         session,
         device: &device,
@@ -243,7 +244,7 @@ pub(crate) fn run(session: &Session, arguments: &PaperArguments) -> Result<()> {
         },
         cells: Cells::new(session, &device, out)?,
         protocol: Protocol::new(arguments.scale, precision_on(&device))?,
-        parts,
+        parts: parts.collect(),
         out: out.clone(),
         finished: arguments.finished,
     };
@@ -268,6 +269,11 @@ pub(crate) fn run(session: &Session, arguments: &PaperArguments) -> Result<()> {
         }
     }
     machine.finish();
+    ensure!(
+        !arguments.finished || bench.cells.any_found(),
+        "no cell in {} is of this scale and of such a device: nothing was written",
+        out.join("cells").display()
+    );
     let report = Report {
         machine,
         device: device_name(&device),

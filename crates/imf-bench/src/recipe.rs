@@ -164,16 +164,25 @@ fn run_recipe(session: &Session, arguments: &RunArguments) -> Result<()> {
 /// The recipe with the changes that the command line asks for.
 fn changed(arguments: &RunArguments) -> Result<Source> {
     let mut source = Source::open(&arguments.recipe)?;
-    if let Some(part) = &arguments.part {
-        source.set("scene.part", part.as_str())?;
-    }
-    if let Some(tool) = &arguments.tool {
-        source.set("scene.tool", tool.as_str())?;
+    let mut changes = Vec::new();
+    for (path, value) in [("scene.part", &arguments.part), ("scene.tool", &arguments.tool)] {
+        if let Some(value) = value {
+            source.set(path, value.as_str())?;
+            changes.push(format!("{path}={value}"));
+        }
     }
     if let Some(scale) = arguments.scale {
         source.set("scene.scale", scale)?;
+        changes.push(format!("scene.scale={scale}"));
     }
     arguments.set.iter().try_for_each(|text| source.assign(text))?;
+    changes.extend(arguments.set.iter().cloned());
+    let says_itself = changes.iter().any(|change| change.starts_with("about="));
+    if !changes.is_empty() && !says_itself {
+        // What it is about was said of the recipe as it was.
+        let about = source.recipe()?.about;
+        source.set("about", format!("{about} (changed: {})", changes.join(" ")))?;
+    }
     ensure!(
         arguments.part.is_none() || source.recipe()?.stages.iter().any(|stage| stage.part.is_none()),
         "every stage names its own part: change it with --set stage.NAME.part=…"
@@ -259,8 +268,8 @@ impl Runner<'_> {
             summary.add(stage, coarse.record.grid.dims, &trained);
             models.insert(&stage.name, trained);
         }
-        let evaluation_sets = EvaluationSets::of(&recipe.evaluation)?;
         for stage in recipe.results() {
+            let evaluation_sets = EvaluationSets::of_result(recipe, stage)?;
             let model = &models[stage.name.as_str()];
             if summary.results.is_empty() {
                 model.write(&folder.join("model.safetensors"))?;
@@ -300,8 +309,10 @@ fn require_own(out: &Path, text: &str) -> Result<PathBuf> {
     }
     let found = std::fs::read_to_string(&file)
         .with_context(|| format!("cannot read {}; choose another --out", file.display()))?;
-    let mut lines = found.lines().zip(text.lines());
-    let (there, here) = lines.find(|(there, here)| there != here).unwrap_or_default();
+    // What it is about names every change beside its own: it is shown where nothing else differs.
+    let differing = || found.lines().zip(text.lines()).filter(|(there, here)| there != here);
+    let own = differing().find(|(there, _)| !there.starts_with("about = "));
+    let (there, here) = own.or_else(|| differing().next()).unwrap_or_default();
     ensure!(
         found == text,
         "{} is the folder of another recipe ({there} there, {here} here): choose another --out, or remove it",

@@ -34,7 +34,7 @@ type Section<'a> = &'a dyn Fn(&Orientation, &mut [f32]);
 
 /// Makes and evaluates all of them from the n × n sections of `grid:n`, or as many.
 pub(super) fn measure(bench: &Bench<'_>, recipe: &Recipe, n: usize) -> Result<Vec<Method>> {
-    let (session, evaluation_sets) = (bench.session, EvaluationSets::of(&recipe.evaluation)?);
+    let (session, evaluation_sets) = (bench.session, EvaluationSets::of(recipe)?);
     let (scene, distillation) = (bench.scene(&recipe.scene)?, bench.protocol.distillation());
     let voxels = scene.record.grid.len();
     let settings = harmonic_settings(n * n);

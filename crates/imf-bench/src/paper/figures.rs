@@ -183,14 +183,9 @@ pub(super) fn fields(
         let minimum = over_grid::minimum_at(engine.as_mut(), &points, &directions, control)?;
         learnt[2].push((*name, Array2::from_shape_vec(shown.raw_dim(), minimum.value)?));
     }
-    let section = |o: &Orientation, kind: &str| {
-        format!("section θ = {}°, φ = {}°, {kind}", short(o.theta), short(o.phi))
-    };
-    let titles = [
-        section(&pairs[0], "in-sample"),
-        section(&pairs[1], "out-of-sample"),
-        format!("inaccessibility measure over {}", set.len()),
-    ];
+    let section = |o: &Orientation| format!("section θ = {}°, φ = {}°", short(o.theta), short(o.phi));
+    let titles =
+        [section(&pairs[0]), section(&pairs[1]), format!("inaccessibility measure over {}", set.len())];
     let rows = titles.into_iter().zip(exact).zip(learnt);
     let rows: Vec<Slices<'_>> =
         rows.map(|((title, exact), learnt)| Slices::new(title, exact, learnt)).collect();

@@ -228,6 +228,9 @@ fn draw(bench: &Bench<'_>, sections: &Sections, methods: &[(&str, Imf)]) -> Resu
     Ok(())
 }
 
+/// The comparison that the paper has.
+const MINIMA: &str = "IMF over 145";
+
 pub(super) fn table(bench: &Bench<'_>) -> Result<Table> {
     let mut recipe = bench.protocol.plane()?.recipe()?;
     // A plane is small: its resolution is the paper's at every scale. All pixels of the few sections are learnt from: the
@@ -242,6 +245,11 @@ pub(super) fn table(bench: &Bench<'_>) -> Result<Table> {
     let mut table = Table::of_errors("2d", "One rotation in the plane", &["method", "compared"]);
     let Some(cell) = bench.cell("plane", &key, || measure(bench, &recipe, &here))? else {
         table.notes.push("Not measured yet.".into());
+        let missing = PAPER
+            .plane
+            .iter()
+            .map(|(method, paper)| Row::errors(vec![method.clone(), MINIMA.into()], Some(*paper), None));
+        table.rows.extend(missing);
         return Ok(table);
     };
     let measured = cell.value;
@@ -257,7 +265,7 @@ pub(super) fn table(bench: &Bench<'_>) -> Result<Table> {
         let labels = |what: &str| vec![method.name.clone(), what.to_owned()];
         table.rows.push(Row::errors(labels("CMF, 145 sections"), None, Some(&method.cmf)));
         let paper = PAPER.plane.get(&method.name).copied();
-        table.rows.push(Row::errors(labels("IMF over 145"), paper, Some(&method.imf)));
+        table.rows.push(Row::errors(labels(MINIMA), paper, Some(&method.imf)));
     }
     if let Some(network) = measured.methods.first() {
         table.notes.push(format!(

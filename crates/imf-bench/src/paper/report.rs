@@ -7,7 +7,7 @@ use imf_cli::output::write_text;
 use serde::Serialize;
 
 use super::PaperScale;
-use super::table::Table;
+use super::table::{Standing, Table};
 use crate::document::Document;
 use crate::measurement::Machine;
 
@@ -46,9 +46,10 @@ impl Report {
     /// In a line for each table how many of its cells are at or below the paper's.
     pub(super) fn summary(&self) -> String {
         let line = |table: &Table| match table.standing() {
-            (0, _) => format!("{}: {} rows\n", table.title, table.rows.len()),
-            (all, short) => {
-                format!("{}: {} of {all} cells at or below the paper's\n", table.title, all - short)
+            Standing { all: 0, .. } => format!("{}: {} rows\n", table.title, table.rows.len()),
+            Standing { all, met, missing, .. } => {
+                let rest = if missing > 0 { format!(", {missing} without a result") } else { String::new() };
+                format!("{}: {met} of {all} cells at or below the paper's{rest}\n", table.title)
             }
         };
         self.tables.iter().map(line).collect()
@@ -57,10 +58,11 @@ impl Report {
     /// The same as a table's rows, and their sum.
     fn standing(&self) -> Vec<Vec<String>> {
         let judged = self.tables.iter().map(|table| (table.title.as_str(), table.standing()));
-        let judged: Vec<_> = judged.filter(|(_, (all, _))| *all > 0).collect();
-        let sum = judged.iter().fold((0, 0), |sum, (_, own)| (sum.0 + own.0, sum.1 + own.1));
-        let row = |(title, (all, short)): &(&str, (usize, usize))| {
-            vec![(*title).to_owned(), (all - short).to_string(), all.to_string()]
+        let judged: Vec<_> = judged.filter(|(_, own)| own.all > 0).collect();
+        let sum = judged.iter().map(|(_, own)| *own).sum();
+        let row = |(title, own): &(&str, Standing)| {
+            let counts = [own.met, own.all, own.missing, own.met_at_drawn].map(|count| count.to_string());
+            [vec![(*title).to_owned()], counts.to_vec()].concat()
         };
         judged.iter().chain([&("all", sum)]).map(row).collect()
     }
@@ -73,8 +75,12 @@ impl Report {
         if self.scale != PaperScale::Full {
             document.paragraph(ANOTHER_SIZE);
         }
-        document.table(&["table", "cells met", "of"], self.standing());
-        if self.tables.iter().any(|table| table.standing().1 > 0) {
+        document.table(
+            &["table", "cells met", "of", "without a result", "of those met, MPEs at drawn voxels"],
+            self.standing(),
+        );
+        let short = |standing: Standing| standing.met < standing.all && standing.missing < standing.all;
+        if self.tables.iter().any(|table| short(table.standing())) {
             document.paragraph(format!("Where a cell falls short, this was tried: {}", self.tried));
         }
         let scale = format!("{:?}", self.scale).to_lowercase();

@@ -1,6 +1,6 @@
 //! Transfer, sparsity and architecture: the recipes that exist, beside the paper's numbers.
 
-use anyhow::Result;
+use anyhow::{Context as _, Result};
 use imf_core::parts::ReferencePart;
 
 use super::Bench;
@@ -12,7 +12,7 @@ use crate::recipe::{EvaluationSets, Recipe, Source};
 pub(super) fn transfer(bench: &Bench<'_>) -> Result<Table> {
     let mut table = Table::of_errors("transfer", "Transfer to a changed part", &["start", "compared"]);
     let source = bench.protocol.recipe("transfer", None)?;
-    let evaluation_sets = EvaluationSets::of(&source.recipe()?.evaluation)?;
+    let recipe = source.recipe()?;
     let training = bench.run("transfer", &source)?;
     table.notes.push(
         "Our bracket and its design domain, in the style of the paper's: fine-tuned from the network of the design domain, \
@@ -24,6 +24,8 @@ pub(super) fn transfer(bench: &Bench<'_>) -> Result<Table> {
         // Two sections stand before the IMF over 225.
         let paper = |index| PAPER.transfer.get(stage).filter(|_| index == 2).copied();
         let seconds = PAPER.transfer_seconds.get(stage).copied();
+        let own = recipe.results().find(|own| own.name == stage).context("transfer lacks a stage")?;
+        let evaluation_sets = EvaluationSets::of_result(&recipe, own)?;
         table.add_training(&[label], (&training, Some(stage)), &evaluation_sets, paper, seconds)?;
     }
     Ok(table)
@@ -86,7 +88,7 @@ fn sweep(
         let papers = PAPER.sweep.get(&variant);
         // Two sections stand before the two IMFs.
         let paper = |index: usize| papers.and_then(|papers| papers.get(index.checked_sub(2)?).copied());
-        let evaluation_sets = EvaluationSets::of(&recipe.evaluation)?;
+        let evaluation_sets = EvaluationSets::of(&recipe)?;
         table.add_training(&[&label(&variant, &recipe)], (&training, None), &evaluation_sets, paper, None)?;
     }
     Ok(table)

@@ -1,5 +1,7 @@
 //! The report's tables as data: what was measured beside what the paper has, and how both stand to each other.
 
+use std::iter::Sum;
+
 use anyhow::{Context as _, Result};
 use imf_cli::progress::show_seconds;
 use imf_cli::session::show_bytes;
@@ -8,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::published::Published;
 use super::{Run, Training};
-use crate::recipe::{EvaluationSets, Outcome};
+use crate::recipe::{Answer, EvaluationSets, Outcome};
 
 /// What a number is, for people.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -41,12 +43,15 @@ pub(super) struct PaperComparison {
     pub(super) ours: Option<f64>,
     /// Ours over the paper's.
     pub(super) ratio: Option<f64>,
+    /// Ours is the largest error at voxels that were drawn, and of all voxels it may be larger.
+    #[serde(default)]
+    pub(super) of_drawn: bool,
 }
 
 impl PaperComparison {
     pub(super) fn new(paper: Option<f64>, ours: Option<f64>) -> Self {
         let ratio = paper.zip(ours).filter(|(paper, _)| *paper > 0.0).map(|(paper, ours)| ours / paper);
-        Self { paper, ours, ratio }
+        Self { paper, ours, ratio, of_drawn: false }
     }
 
     /// More than the paper's, which is worse of an error, a time or a size; or nothing where the paper has something.
@@ -65,7 +70,14 @@ pub(super) struct Row {
 }
 
 impl Row {
-    /// MSE and MPE; of a training that diverged there are none.
+    /// MSE and MPE of a network, if it has been trained.
+    fn of_answer(labels: Vec<String>, paper: Option<Published>, ours: Option<&Answer>) -> Self {
+        let mut row = Self::errors(labels, paper, ours.map(|answer| &answer.errors));
+        row.values[1].of_drawn = ours.is_some_and(|answer| answer.standard_error.is_some());
+        row
+    }
+
+    /// MSE and MPE.
     pub(super) fn errors(labels: Vec<String>, paper: Option<Published>, ours: Option<&ErrorReport>) -> Self {
         let values = vec![
             PaperComparison::new(paper.map(|p| p.0), ours.map(|e| e.mse)),
@@ -85,9 +97,46 @@ impl Row {
         let short = self.values.iter().zip(values).filter(|(value, _)| value.falls_short());
         let short: Vec<&str> = short.map(|(_, (name, _))| name.as_str()).collect();
         match short.as_slice() {
+            [] if self.values.iter().any(|value| value.paper.is_some() && value.of_drawn) => {
+                "at or below, MPE at the voxels drawn".into()
+            }
             [] => "at or below".into(),
             names => format!("**falls short**: {}", names.join(", ")),
         }
+    }
+}
+
+/// Numbers of cells.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Standing {
+    pub(super) all: usize,
+    pub(super) met: usize,
+    /// Those of the met ones that are largest errors at voxels that were drawn.
+    pub(super) met_at_drawn: usize,
+    /// Those of all without a result: not made yet, or diverged.
+    pub(super) missing: usize,
+}
+
+impl Standing {
+    fn of(value: &PaperComparison) -> Self {
+        let met = !value.falls_short();
+        Self {
+            all: 1,
+            met: met.into(),
+            met_at_drawn: (met && value.of_drawn).into(),
+            missing: value.ours.is_none().into(),
+        }
+    }
+}
+
+impl Sum for Standing {
+    fn sum<I: Iterator<Item = Self>>(all: I) -> Self {
+        all.fold(Self::default(), |sum, own| Self {
+            all: sum.all + own.all,
+            met: sum.met + own.met,
+            met_at_drawn: sum.met_at_drawn + own.met_at_drawn,
+            missing: sum.missing + own.missing,
+        })
     }
 }
 
@@ -182,7 +231,8 @@ impl Table {
         match training {
             Training::Missing | Training::Diverged(_) => {
                 let rows = evaluation_sets.names().into_iter().enumerate();
-                self.rows.extend(rows.map(|(index, asked)| Row::errors(labels(&asked), paper(index), None)));
+                self.rows
+                    .extend(rows.map(|(index, asked)| Row::of_answer(labels(&asked), paper(index), None)));
                 self.notes.push(match training {
                     Training::Diverged(what) => format!("{name}: no result. {what}"),
                     _ => format!("{name}: not trained yet."),
@@ -194,9 +244,10 @@ impl Table {
                 let outcome =
                     results.iter().find(of_stage).with_context(|| format!("{name} has no result"))?;
                 // After the evaluations comes the nearest section, which the baselines have too.
-                for (index, answer) in outcome.answers.iter().take(evaluation_sets.names().len()).enumerate()
+                for (index, (asked, answer)) in
+                    evaluation_sets.names().iter().zip(&outcome.answers).enumerate()
                 {
-                    self.rows.push(Row::errors(labels(&answer.name), paper(index), Some(&answer.errors)));
+                    self.rows.push(Row::of_answer(labels(asked), paper(index), Some(answer)));
                 }
                 let made = FieldCost::trained(begin, run, outcome, stage);
                 self.made.push(FieldCost { paper_seconds, ..made });
@@ -205,13 +256,10 @@ impl Table {
         Ok(())
     }
 
-    /// Cells that have something of the paper's, and those of them that fall short.
-    pub(super) fn standing(&self) -> (usize, usize) {
-        if !self.judged {
-            return (0, 0);
-        }
+    /// How its cells stand that have something of the paper's; none where it is not judged.
+    pub(super) fn standing(&self) -> Standing {
         let compared = self.rows.iter().flat_map(|row| &row.values).filter(|value| value.paper.is_some());
-        compared.fold((0, 0), |(all, short), value| (all + 1, short + usize::from(value.falls_short())))
+        compared.filter(|_| self.judged).map(Standing::of).sum()
     }
 
     /// Head and cells of what its rows took to make; columns that say nothing are left out.
@@ -287,6 +335,8 @@ fn show_ratio(ratio: f64) -> String {
 
 #[cfg(test)]
 mod tests {
+    use imf_fields::metrics::Errors;
+
     use super::*;
 
     #[test]
@@ -297,7 +347,7 @@ mod tests {
             values: vec![PaperComparison::new(paper, Some(ours)), PaperComparison::new(None, Some(0.5))],
         };
         table.rows = vec![row(Some(1e-6), 2e-6), row(Some(1e-6), 1e-6), row(None, 7.0)];
-        assert_eq!(table.standing(), (2, 1));
+        assert_eq!(table.standing(), Standing { all: 2, met: 1, ..Standing::default() });
         let (head, cells) = table.cells();
         assert_eq!(head, ["part", "MSE paper", "MSE ours", "ours / paper", "MPE", "against the paper"]);
         assert_eq!(cells[0], ["teapot", "1.00e-6", "2.00e-6", "2.00", "0.5000", "**falls short**: MSE"]);
@@ -305,9 +355,21 @@ mod tests {
         assert_eq!(cells[2], ["teapot", "–", "7.0000", "–", "0.5000", ""]);
         let none = Row::errors(vec!["teapot".into()], Some((1e-6, 0.1)), None);
         assert_eq!(none.verdict(&table.values), "no result");
-        assert!(none.values.iter().all(PaperComparison::falls_short), "it counts as one that is not met");
+        table.rows.push(none);
+        let standing = Standing { all: 4, met: 1, missing: 2, ..Standing::default() };
+        assert_eq!(table.standing(), standing, "it counts as one that is not met");
+        let mut errors = ErrorReport { mse: 1e-7, ..Errors::default().report(0.0) };
+        let mut of_drawn = |mpe| {
+            errors.mpe = mpe;
+            let answer = Answer { name: "IMF".into(), errors, standard_error: Some(1e-9) };
+            Row::of_answer(vec!["teapot".into()], Some((1e-6, 0.1)), Some(&answer))
+        };
+        let row = of_drawn(0.05);
+        assert_eq!(row.verdict(&table.values), "at or below, MPE at the voxels drawn");
+        table.rows = vec![row, of_drawn(0.2)];
+        assert_eq!(table.standing(), Standing { all: 4, met: 3, met_at_drawn: 1, missing: 0 });
         table.judged = false;
-        assert_eq!((table.standing(), table.cells().0.len()), ((0, 0), 5));
+        assert_eq!((table.standing(), table.cells().0.len()), (Standing::default(), 7));
     }
 
     #[test]

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::published::PAPER;
 use super::table::{Kind, PaperComparison, Row, Table};
-use super::{Bench, Training, part_label};
+use super::{Bench, Run, Training, part_label};
 use crate::cells::Cell;
 use crate::measurement::seconds;
 use crate::recipe::Recipe;
@@ -98,53 +98,62 @@ pub(super) fn table(bench: &Bench<'_>) -> Result<Table> {
     table.judged = bench.protocol.full;
     for &part in &bench.parts {
         let run = match bench.trained(part, "single")? {
-            Training::Finished(run) => run,
+            Training::Finished(run) => Some(run),
             Training::Diverged(what) => {
                 table.notes.push(format!("{}: no network to time. {what}", part.name()));
-                continue;
+                None
             }
             Training::Missing => {
                 table.notes.push(format!("{}: not trained yet.", part_label(part)));
-                continue;
+                None
             }
         };
         let source = bench.protocol.recipe("single", Some(part.name()))?;
         let name = format!("time-{}", part.name());
-        let measured = bench.cell(&name, &(&source, SECTIONS), || measure(bench, &source.recipe()?))?;
-        let Some(Cell { made_on, value: measured, .. }) = measured else {
-            table.notes.push(format!("{}: not timed yet.", part_label(part)));
-            continue;
+        let measured = match &run {
+            Some(_) => bench.cell(&name, &(&source, SECTIONS), || measure(bench, &source.recipe()?))?,
+            None => None,
         };
-        let others = bench.baselines(part)?;
-        table.notes.push(format!(
-            "{}: trained on {}; its and the exact sections on {made_on}; the other fields {}.",
-            part_label(part),
-            run.made_on,
-            others.as_ref().map_or("not made yet".into(), |others| format!("on {}", others.made_on))
-        ));
+        let others = if measured.is_some() { bench.baselines(part)? } else { None };
+        if let Some(run) = &run {
+            let label = part_label(part);
+            table.notes.push(match &measured {
+                None => format!("{label}: not timed yet."),
+                Some(Cell { made_on, .. }) => format!(
+                    "{label}: trained on {}; its and the exact sections on {made_on}; the other fields {}.",
+                    run.made_on,
+                    others.as_ref().map_or("not made yet".into(), |others| format!("on {}", others.made_on))
+                ),
+            });
+        }
+        let measured = measured.map(|cell| cell.value);
         let paper = PAPER.seconds.get(part.name());
-        let mut row = |what: &str, papers: [Option<f64>; 2], seconds: f64, bytes: u64| {
+        // Seconds and bytes; nothing of what is not made, which the paper has all the same.
+        let mut row = |what: &str, papers: [Option<f64>; 2], ours: Option<(f64, u64)>| {
             table.rows.push(Row {
                 labels: vec![part_label(part), what.into()],
                 values: vec![
-                    PaperComparison::new(papers[0], Some(seconds)),
-                    PaperComparison::new(papers[1], Some(bytes as f64)),
+                    PaperComparison::new(papers[0], ours.map(|own| own.0)),
+                    PaperComparison::new(papers[1], ours.map(|own| own.1 as f64)),
                 ],
             });
         };
-        let samples: u64 = run.summary.stages.iter().map(|stage| stage.samples).sum();
-        row("train (single)", [paper.map(|p| p[0]), None], run.summary.seconds(), SAMPLE_BYTES * samples);
+        let samples = |run: &Run| run.summary.stages.iter().map(|stage| stage.samples).sum::<u64>();
+        let trained = run.as_ref().map(|run| (run.summary.seconds(), SAMPLE_BYTES * samples(run)));
+        row("train (single)", [paper.map(|p| p[0]), None], trained);
         let network = [paper.map(|p| p[1]), Some(PAPER.network_bytes)];
-        row("225 sections, network", network, measured.network, measured.network_bytes);
+        row("225 sections, network", network, measured.as_ref().map(|own| (own.network, own.network_bytes)));
         let exact = paper.map(|p| p[2]);
-        let on_cpu = if measured.exact_gpu.is_some() { None } else { exact };
-        row("225 sections, exact, CPU", [on_cpu, None], measured.exact_cpu, measured.sections_bytes);
-        if let Some(seconds) = measured.exact_gpu {
-            row("225 sections, exact, GPU", [exact, None], seconds, measured.sections_bytes);
+        let on_gpu = measured.as_ref().and_then(|own| Some((own.exact_gpu?, own.sections_bytes)));
+        let on_cpu = measured.as_ref().map(|own| (own.exact_cpu, own.sections_bytes));
+        row("225 sections, exact, CPU", [exact.filter(|_| on_gpu.is_none()), None], on_cpu);
+        if on_gpu.is_some() {
+            row("225 sections, exact, GPU", [exact, None], on_gpu);
         }
         for method in others.into_iter().flat_map(|cell| cell.value) {
-            row(&format!("make, {}", method.name), [None; 2], method.made, method.bytes);
-            row(&format!("225 sections, {}", method.name), [None; 2], method.sections, method.bytes);
+            row(&format!("make, {}", method.name), [None; 2], Some((method.made, method.bytes)));
+            let sections = Some((method.sections, method.bytes));
+            row(&format!("225 sections, {}", method.name), [None; 2], sections);
         }
     }
     Ok(table)

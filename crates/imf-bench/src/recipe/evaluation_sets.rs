@@ -2,7 +2,7 @@
 
 mod drawn;
 
-use anyhow::{Result, bail};
+use anyhow::{Context as _, Result, bail};
 use imf_cli::engine::{Device, DeviceField, Workload};
 use imf_cli::output::short;
 use imf_cli::report::{self, Subject};
@@ -18,7 +18,7 @@ use imf_fields::siren::over_grid;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-use super::definition::{EvaluationSettings, pair};
+use super::definition::{Recipe, Stage, pair};
 use drawn::VoxelSample;
 
 /// How the name of the last question ends.
@@ -28,6 +28,8 @@ pub(crate) const RANDOM: &str = "random sections";
 pub(crate) struct EvaluationSets {
     pub(crate) in_sample: Orientation,
     pub(crate) out_of_sample: Orientation,
+    /// Of these two, whether a result has learnt from them.
+    learnt: [String; 2],
     pub(crate) imf: Vec<OrientationSet>,
     random: OrientationSet,
     threshold: f64,
@@ -47,11 +49,41 @@ pub(crate) struct Answer {
     pub(crate) standard_error: Option<f64>,
 }
 
+/// In words whether a section was learnt from, in the result's own stage or in one that it starts from.
+fn learnt(recipe: &Recipe, result: &Stage, section: &Orientation) -> Result<String> {
+    let mut stage = Some(result);
+    while let Some(own) = stage {
+        let same = |o: &Orientation| o.direction().abs_diff_eq(section.direction(), 1e-9);
+        // Sections of another part are other sections.
+        let part = |stage: &Stage| stage.part.clone().unwrap_or_else(|| recipe.scene.part.clone());
+        if part(own) == part(result) && own.directions()?.orientations.iter().any(same) {
+            let is_result = own.name == result.name;
+            return Ok(if is_result {
+                "in-sample".into()
+            } else {
+                format!("in-sample of stage {}", own.name)
+            });
+        }
+        stage = recipe.stages.iter().find(|earlier| earlier.name == own.start);
+    }
+    Ok("out-of-sample".into())
+}
+
 impl EvaluationSets {
-    pub(crate) fn of(settings: &EvaluationSettings) -> Result<Self> {
+    /// Of a recipe's first result.
+    pub(crate) fn of(recipe: &Recipe) -> Result<Self> {
+        let first = recipe.results().next().context("a recipe has a result")?;
+        Self::of_result(recipe, first)
+    }
+
+    /// Of the result that a stage is.
+    pub(crate) fn of_result(recipe: &Recipe, result: &Stage) -> Result<Self> {
+        let settings = &recipe.evaluation;
+        let [in_sample, out_of_sample] = [pair(&settings.in_sample)?, pair(&settings.out_of_sample)?];
         Ok(Self {
-            in_sample: pair(&settings.in_sample)?,
-            out_of_sample: pair(&settings.out_of_sample)?,
+            learnt: [learnt(recipe, result, &in_sample)?, learnt(recipe, result, &out_of_sample)?],
+            in_sample,
+            out_of_sample,
             imf: settings.imf.iter().map(|spec| OrientationSet::parse(spec)).collect::<Result<_, _>>()?,
             random: OrientationSet::parse(&format!("random:{}:{}", settings.random, settings.seed))?,
             threshold: settings.threshold,
@@ -63,8 +95,8 @@ impl EvaluationSets {
     pub(crate) fn names(&self) -> Vec<String> {
         let pair = |o: &Orientation| format!("({}°, {}°)", short(o.theta), short(o.phi));
         let mut names = vec![
-            format!("section {}, in-sample", pair(&self.in_sample)),
-            format!("section {}, out-of-sample", pair(&self.out_of_sample)),
+            format!("section {}, {}", pair(&self.in_sample), self.learnt[0]),
+            format!("section {}, {}", pair(&self.out_of_sample), self.learnt[1]),
         ];
         names.extend(self.imf.iter().map(|set| format!("IMF over {}", set.len())));
         names.push(format!("{} {RANDOM}", self.random.len()));

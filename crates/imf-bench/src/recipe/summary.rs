@@ -10,7 +10,7 @@ use imf_fields::recipe::Precision;
 use serde::{Deserialize, Serialize};
 
 use super::definition::{RANDOM_START, Recipe, Stage};
-use super::evaluation_sets::Answer;
+use super::evaluation_sets::{Answer, RANDOM};
 use crate::document::Document;
 
 /// Summary of a recipe.
@@ -113,6 +113,10 @@ impl Summary {
         Ok(())
     }
 
+    fn answers(&self) -> impl Iterator<Item = &Answer> {
+        self.runs.iter().flat_map(|run| &run.results).flat_map(|outcome| &outcome.answers)
+    }
+
     pub(super) fn document(&self) -> Document {
         let mut document = Document::new(&self.recipe);
         document.paragraph(format!("{} · {}", self.about, self.program));
@@ -155,12 +159,13 @@ impl Summary {
         ];
         let mut rows = Vec::new();
         for (run, outcome) in self.runs.iter().flat_map(|run| run.results.iter().map(move |o| (run, o))) {
-            for Answer { name: asked, errors, .. } in &outcome.answers {
+            for Answer { name: asked, errors, standard_error } in &outcome.answers {
+                let error = standard_error.map_or_else(String::new, |error| format!(" ± {error:.1e}"));
                 rows.push(vec![
                     name(&run.variant, &outcome.stage),
                     outcome.parameters.to_string(),
                     asked.clone(),
-                    format!("{:.2e}", errors.mse),
+                    format!("{:.2e}{error}", errors.mse),
                     format!("{:.4}", errors.mpe),
                     format!("{:.2} %", 100.0 * errors.false_free),
                     format!("{:.2} %", 100.0 * errors.false_colliding),
@@ -170,7 +175,16 @@ impl Summary {
         }
         document.table(&head, rows);
         document.picture("loss.png", "Training loss");
-        document.paragraph("Pictures and decisions are in report.md in the folders of the results' stages.");
+        if self.answers().any(|answer| answer.standard_error.is_some()) {
+            document.paragraph(
+                "± is a standard error: minima and random sections were compared at a share of the voxels (`evaluation.voxels`), drawn \
+                 at random, of which MPE is the largest error; that of all voxels may be larger.",
+            );
+        }
+        if self.answers().any(|answer| answer.standard_error.is_none() && answer.name.ends_with(RANDOM)) {
+            document
+                .paragraph("Pictures and decisions are in report.md in the folders of the results' stages.");
+        }
         document
     }
 

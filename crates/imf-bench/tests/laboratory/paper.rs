@@ -125,6 +125,40 @@ fn the_tiny_tables_hold_in_direction_also_where_they_were_interrupted() {
     assert!(!less.stderr.contains("training"), "{}", less.stderr);
     assert!(table(&less.json(), "3d")["notes"].to_string().contains("teapot, multi: not trained yet"));
     assert_eq!(table(&less.json(), "transfer"), table(&report, "transfer"));
+    // A damaged cell is told, and nothing is written where no cell is found.
+    let path = work.path("out/cells").read_dir().unwrap().map(|entry| entry.unwrap().path());
+    let transfer = path.into_iter().find(|path| path.to_str().unwrap().contains("transfer")).unwrap();
+    fs::write(&transfer, "{}").unwrap();
+    let damaged = work.imf(&format!("{TINY} --finished")).done();
+    assert!(damaged.stderr.contains("is damaged or of another version"), "{}", damaged.stderr);
+    assert!(
+        damaged.stdout.contains("0 of 4 cells at or below the paper's, 4 without a result"),
+        "{}",
+        damaged.stdout
+    );
+    for id in ["2d", "time"] {
+        let before = work.path("out/cells").read_dir().unwrap().map(|entry| entry.unwrap().path());
+        let name = if id == "2d" { "plane" } else { "single" };
+        let own = before.filter(|path| path.file_name().unwrap().to_str().unwrap().starts_with(name));
+        own.for_each(|path| fs::remove_file(path).unwrap());
+    }
+    let left = work.imf(&format!("{TINY} --finished --only 2d,time,transfer,sparsity --json")).done().json();
+    for (id, cells) in [("2d", 8), ("time", 12)] {
+        let values = table(&left, id)["rows"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .flat_map(|row| row["values"].as_array().unwrap());
+        assert_eq!(
+            values.filter(|value| !value["paper"].is_null()).count(),
+            cells,
+            "{id}: they count as not met"
+        );
+    }
+    let before = work.text("out/report.md");
+    work.imf(&format!("{} --finished", TINY.replace("tiny", "reduced")))
+        .refused(&["no cell in out/cells is"]);
+    assert_eq!(work.text("out/report.md"), before);
 }
 
 /// What tiny asks in place of the paper's (12°, 6°).
