@@ -10,6 +10,7 @@ use anyhow::{Context, Result, bail, ensure};
 
 use crate::adapter;
 use crate::browser;
+use crate::programs;
 use crate::python;
 use crate::stages;
 use crate::web::{self, TARGET, Toolchain};
@@ -26,7 +27,7 @@ pub(crate) fn run() -> Result<()> {
         ("core and fields alone", alone),
         ("GPU driver", adapter::ensure_driver),
         ("browser", browser::ensure_browser),
-        ("tests", tests),
+        ("tests", programs::run),
         ("Python package", python::test),
         ("page for browsers", page),
     ])
@@ -100,10 +101,6 @@ fn count_crates(build: &[&str], most: usize) -> Result<()> {
     ensure!(crates <= most, "{found}, more than {most}");
     println!("{found}");
     Ok(())
-}
-
-fn tests() -> Result<()> {
-    cargo(&["test", "--workspace"], &[])
 }
 
 /// A minimal toolchain has neither rustfmt nor clippy: names the line that adds what is missing.

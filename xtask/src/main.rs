@@ -10,6 +10,7 @@ mod checks;
 mod debian;
 #[cfg(feature = "page")]
 mod page;
+mod programs;
 mod python;
 mod ranks;
 mod stages;

@@ -87,17 +87,15 @@ fn fields_with_symmetry_are_answered_as_on_the_cpu() {
         let across = (turned * out).normalize_or(out);
         pose.position = middle() + turned * (1.0 - out) + across * grid.pitch * (0.503 + 0.01 * index as f64);
     }
-    for symmetry in symmetries(middle()) {
-        for spec in specs() {
-            let file = Spec { symmetry, ..spec }.factored_file(true);
-            for gpu in every_device() {
-                let field = made(&gpu, file.clone());
-                println!("{symmetry}, degree {}:", spec.degree);
-                compare_at(&field, &WITHIN, &asked);
-                compare_on_device(&gpu, &field, &asked);
-                compare_minima(&field, &WITHIN);
-            }
-        }
+    // Poses are folded before functions and products: each symmetry has one pair of these, and each pair a symmetry.
+    let devices = every_device();
+    let pairs = specs().into_iter().flat_map(|spec| devices.iter().map(move |gpu| (spec, gpu)));
+    for (symmetry, (spec, gpu)) in symmetries(middle()).into_iter().zip(pairs.cycle()) {
+        let field = made(gpu, Spec { symmetry, ..spec }.factored_file(true));
+        println!("{symmetry}, degree {}:", spec.degree);
+        compare_at(&field, &WITHIN, &asked);
+        compare_on_device(gpu, &field, &asked);
+        compare_minima(&field, &WITHIN);
     }
 }
 
