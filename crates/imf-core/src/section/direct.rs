@@ -7,7 +7,7 @@ use super::{SectionError, cuttable_and_noncutting};
 use crate::obstacle::Obstacle;
 use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
-use crate::tool::{Assembly, Element, ElementKind, SLACK, Tool, ToolError, ToolVoxels, contains};
+use crate::tool::{Assembly, Element, ElementKind, Tool, ToolError, ToolVoxels, contains};
 
 /// Voxels that are solid both in the obstacle and in the rotated tool with its tip on `voxel`, which may lie outside
 /// the obstacle's grid (space there is empty).
@@ -102,7 +102,6 @@ pub(super) fn element_measures(
     let rest = layer.map(|(_, noncutting)| noncutting.elements()).unwrap_or_default();
     let whole = tool.elements();
     let kinds = kinds_of(whole.iter().chain(rest));
-    let slack = SLACK * grid.pitch * grid.pitch;
     let mut minimum = (f32::INFINITY, Vec::new());
     for sharp in tool.sharp_point_positions(grid.pitch) {
         let mut measures = vec![0.0; kinds.len()];
@@ -117,8 +116,8 @@ pub(super) fn element_measures(
                     (false, true) => rest,
                     (false, false) => continue,
                 };
-                let owner =
-                    elements.iter().find(|e| contains(&e.profile, orientation.direction(), point, slack));
+                let holds = |e: &&Element| contains(&e.profile, orientation.direction(), point, grid.pitch);
+                let owner = elements.iter().find(holds);
                 if let Some(place) = owner.and_then(|owner| kinds.iter().position(|&k| k == owner.kind)) {
                     measures[place] += weight / normaliser;
                 }

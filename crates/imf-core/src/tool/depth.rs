@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
-use super::tool_voxels::{SLACK, bounds, line_through_cylinder, locate_inside, turn};
+use super::tool_voxels::{bounds, line_through_cylinder, locate_inside, turn};
 use super::voxel_count::{mesh_voxels, snapped};
 use super::{Element, ElementKind, Segment, Tool, ToolVoxels};
 use crate::mesh::Mesh;
@@ -109,7 +109,7 @@ impl Element {
     /// the predicate that defines the tool.
     #[inline]
     pub(crate) fn holds(&self, offset: DVec3, axis: DVec3, pitch: f64) -> Option<(f64, f64)> {
-        let (height, squared) = locate_inside(&self.profile, axis, offset, SLACK * pitch * pitch)?;
+        let (height, squared) = locate_inside(&self.profile, axis, offset, pitch)?;
         Some((height, squared.max(0.0).sqrt()))
     }
 

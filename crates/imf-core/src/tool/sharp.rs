@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
 use super::profile::{self, Element, ElementKind, Segment};
-use super::{SLACK, Tool, ToolError, ToolShape, contains};
+use super::{Tool, ToolError, ToolShape, contains};
 use crate::mesh::distance::distance_to_mesh;
 use crate::voxelize::winding_number;
 
@@ -130,9 +130,8 @@ impl SharpPoints {
 /// Centres of the cutter's voxels that have a face neighbour outside all elements, from the tip upwards; the tip's own
 /// first. The tip alone where there is no cutter.
 fn boundary(elements: &[Element], pitch: f64) -> Vec<DVec3> {
-    let slack = SLACK * pitch * pitch;
     let at = |voxel: [i64; 3]| DVec3::from_array(voxel.map(|i| i as f64)) * pitch;
-    let in_tool = |voxel| elements.iter().any(|e| contains(&e.profile, DVec3::Z, at(voxel), slack));
+    let in_tool = |voxel| elements.iter().any(|e| contains(&e.profile, DVec3::Z, at(voxel), pitch));
     let cutter: Vec<&Element> = elements.iter().filter(|e| e.kind == ElementKind::Cutter).collect();
     let mut points = vec![DVec3::ZERO];
     for element in cutter {
@@ -148,7 +147,7 @@ fn boundary(elements: &[Element], pitch: f64) -> Vec<DVec3> {
                     next[side / 2] += if side.is_multiple_of(2) { -1 } else { 1 };
                     next
                 });
-                let inside = contains(&element.profile, DVec3::Z, at(voxel), slack);
+                let inside = contains(&element.profile, DVec3::Z, at(voxel), pitch);
                 if inside && voxel != [0; 3] && !neighbours.all(in_tool) {
                     points.push(at(voxel));
                 }

@@ -45,7 +45,7 @@ const MAX_VOXELS: u64 = 1 << 31;
 impl ToolVoxels {
     /// The tool turned by `orientation`, voxelised at `pitch` (in the tool's own unit).
     ///
-    /// A voxel is solid where its centre is inside in the tool frame: `0 ≤ z < length` and
+    /// A voxel is solid where its centre is inside in the tool frame: `0 ≤ z + 1e-9·pitch < length` and
     /// `r² ≤ ρ(z)² + 1e-9·pitch²`; a mesh tool by its winding number, with centres on its surface on one side in every orientation.
     ///
     /// # Errors
@@ -131,7 +131,7 @@ impl ToolVoxels {
     fn fill_revolved(&mut self, profile: &[Segment], direction: DVec3, pitch: f64) {
         let span = (profile.first().map_or(0.0, |s| s.range().0), top(profile));
         let widest = profile.iter().map(Segment::max_radius).fold(0.0, f64::max);
-        let slack = SLACK * pitch * pitch;
+        let (above, slack) = (SLACK * pitch, SLACK * pitch * pitch);
         let [nx, ny, nz] = self.dims;
         let zs: Vec<f64> = (0..nz).map(|iz| f64::from(self.lower[2] + iz as i32) * pitch).collect();
         let mut heights = vec![0.0; nz];
@@ -155,8 +155,8 @@ impl ToolVoxels {
             }
             let (mut lowest, mut highest) = (f64::INFINITY, f64::NEG_INFINITY);
             for &height in heights.iter() {
-                lowest = lowest.min(height);
-                highest = highest.max(height);
+                lowest = lowest.min(height + above);
+                highest = highest.max(height + above);
             }
             // The segments' ranges meet without overlap: at most one of them holds a height.
             for segment in profile {
@@ -166,7 +166,8 @@ impl ToolVoxels {
                 }
                 for ((solid, &height), &square) in line.iter_mut().zip(heights.iter()).zip(squares.iter()) {
                     let radius = segment.radius(height);
-                    let inside = (from <= height) & (height < to) & (square <= radius * radius + slack);
+                    let level = height + above;
+                    let inside = (from <= level) & (level < to) & (square <= radius * radius + slack);
                     *solid |= u8::from(inside);
                 }
             }
@@ -183,23 +184,25 @@ impl ToolVoxels {
     }
 }
 
-/// True where the point `p`, relative to the tip and turned with the world, lies in a body of revolution.
-pub(crate) fn contains(profile: &[Segment], direction: DVec3, p: DVec3, slack: f64) -> bool {
-    locate_inside(profile, direction, p, slack).is_some()
+/// True where the point `p`, relative to the tip and turned with the world, lies in a body of revolution among voxels of a pitch.
+pub(crate) fn contains(profile: &[Segment], direction: DVec3, p: DVec3, pitch: f64) -> bool {
+    locate_inside(profile, direction, p, pitch).is_some()
 }
 
-/// The predicate that defines the tool: height on the axis and squared distance from it of a point that a body of revolution holds.
+/// The predicate that defines the tool: height on the axis and squared distance from it of a point that a body of revolution holds. A
+/// centre on an end, as many are in directions such as 45°, must not depend on how its direction was rounded.
 #[inline]
 pub(super) fn locate_inside(
     profile: &[Segment],
     direction: DVec3,
     p: DVec3,
-    slack: f64,
+    pitch: f64,
 ) -> Option<(f64, f64)> {
     let height = p.dot(direction);
-    let segment = profile.iter().find(|s| s.range().0 <= height && height < s.range().1)?;
+    let level = height + SLACK * pitch;
+    let segment = profile.iter().find(|s| s.range().0 <= level && level < s.range().1)?;
     let (radius, squared) = (segment.radius(height), p.length_squared() - height * height);
-    (squared <= radius * radius + slack).then_some((height, squared))
+    (squared <= radius * radius + SLACK * pitch * pitch).then_some((height, squared))
 }
 
 /// Offsets (whole numbers of voxels) of a box that surely holds the rotated tool.
@@ -278,7 +281,7 @@ mod tests {
                     let height = p.dot(d);
                     let r2 = p.length_squared() - height * height;
                     let solid = tool.segments().any(|s| {
-                        (s.range().0..s.range().1).contains(&height)
+                        (s.range().0..s.range().1).contains(&(height + 1e-9 * pitch))
                             && r2 <= s.radius(height).powi(2) + 1e-9 * pitch * pitch
                     });
                     if solid {

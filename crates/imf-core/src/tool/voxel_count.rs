@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::tool_voxels::{SLACK, bounds, contains, turn};
+use super::tool_voxels::{bounds, contains, turn};
 use super::{ElementKind, Segment, Tool, ToolShape, ToolVoxels};
 use crate::grid::Grid;
 use crate::mesh::Mesh;
@@ -32,7 +32,7 @@ impl Tool {
             ToolShape::Revolved(_) => {
                 let profile: Vec<Segment> = self.segments().copied().collect();
                 let (direction, pitch) = (orientation.direction(), obstacle.grid.pitch);
-                let inside = |offset| contains(&profile, direction, offset, SLACK * pitch * pitch);
+                let inside = |offset| contains(&profile, direction, offset, pitch);
                 count_one_by_one(obstacle, tip, ranges(&obstacle.grid, tip, bounds), inside)
             }
             ToolShape::Mesh(mesh) => {

@@ -22,8 +22,7 @@ impl Solid {
     /// A centre in the tool at a pose in the obstacle's frame.
     fn held(&self, local: &Pose, centres: &[DVec3]) -> Option<DVec3> {
         let (axis, tip, pitch) = (local.axis()?, snapped(&self.grid, local.position), self.grid.pitch);
-        let inside =
-            |centre: DVec3| contains(&self.profile, axis, (centre - tip) * pitch, SLACK * pitch * pitch);
+        let inside = |centre: DVec3| contains(&self.profile, axis, (centre - tip) * pitch, pitch);
         centres.iter().copied().find(|&centre| inside(centre))
     }
 
@@ -160,10 +159,11 @@ impl Case {
             let local = self.local(solid, pose);
             let (axis, tip) = (local.axis().unwrap(), snapped(&solid.grid, local.position));
             let (pitch, reach) = (solid.grid.pitch, self.checker.tool.reach);
-            let slack = SLACK * pitch * pitch + 2e-15 * reach * reach;
+            // With so much slack across the axis.
+            let wide = pitch.hypot((2e-15 / SLACK).sqrt() * reach);
             solid.centres.iter().any(|&centre| {
                 let aside = [0.0, 4e-15 * reach, -4e-15 * reach].map(|by| (centre - tip) * pitch + axis * by);
-                aside.into_iter().any(|offset| contains(&solid.profile, axis, offset, slack))
+                aside.into_iter().any(|offset| contains(&solid.profile, axis, offset, wide))
             })
         })
     }

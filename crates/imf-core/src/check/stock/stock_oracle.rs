@@ -9,7 +9,7 @@ use crate::grid::Grid;
 use crate::orientation::OrientationSet;
 use crate::pose::Pose;
 use crate::section::test_shapes::{arc, line, revolved};
-use crate::tool::{Clearance, Element, ElementKind, SLACK, Segment, contains, snapped};
+use crate::tool::{Clearance, Element, ElementKind, Segment, contains, snapped};
 use crate::unit::LengthUnit;
 
 /// What the twin says of an element on a line: its poses, and the largest depth of all of them.
@@ -39,7 +39,7 @@ impl Twin<'_> {
             let offset = (DVec3::from_array(self.grid.voxel(v).map(|v| v as f64)) - tip) * pitch;
             let height = offset.dot(axis);
             let radius = (offset.length_squared() - height * height).max(0.0).sqrt();
-            contains(&element.profile, axis, offset, SLACK * pitch * pitch).then_some((v, height, radius))
+            contains(&element.profile, axis, offset, pitch).then_some((v, height, radius))
         })
         .collect()
     }

@@ -206,7 +206,7 @@ mod tests {
 
     use super::*;
     use crate::section::test_shapes::{arc, line, orientations};
-    use crate::tool::{ElementKind, SLACK, contains};
+    use crate::tool::{ElementKind, contains};
 
     #[test]
     fn lines_hold_the_centres_that_the_predicate_holds() {
@@ -234,8 +234,7 @@ mod tests {
                     for (voxel, &count) in found.iter().enumerate() {
                         let at = DVec3::from_array(grid.voxel(voxel).map(|v| v as f64));
                         let offset = (at - tip) * grid.pitch;
-                        let slack = SLACK * grid.pitch * grid.pitch;
-                        let expected = contains(&element.profile, pose.axis().unwrap(), offset, slack);
+                        let expected = contains(&element.profile, pose.axis().unwrap(), offset, grid.pitch);
                         assert_eq!(count, u8::from(expected), "{pose:?} {at}");
                     }
                 }

@@ -47,7 +47,7 @@ impl VoxelPose {
     #[inline]
     pub(super) fn contains(&self, profile: &[Segment], voxel: [f64; 3]) -> bool {
         let offset = (DVec3::from_array(voxel) - self.tip) * self.pitch;
-        contains(profile, self.direction, offset, SLACK * self.pitch * self.pitch)
+        contains(profile, self.direction, offset, self.pitch)
     }
 }
 
@@ -194,7 +194,9 @@ impl<'a> PlacedSegment<'a> {
             Some(Along::Torus) => TORUS_TANGENT,
             None => smallest_root * smallest_root + rounding,
         };
-        let (near, far) = if d.z > 0.0 { (from, to) } else { (to, from) };
+        // As the predicate has them, from which they are far apart where the axis is nearly level.
+        let (bottom, top) = (from - SLACK, to - SLACK);
+        let (near, far) = if d.z > 0.0 { (bottom, top) } else { (top, bottom) };
         Self {
             placed,
             world,
@@ -299,8 +301,7 @@ impl<'a> PlacedSegment<'a> {
         let mut last = (high + margin).floor().min(highest as f64) as i64;
         let inside = |z: i64| {
             let offset = (DVec3::new(x as f64, y as f64, z as f64) - tip) * self.placed.pitch;
-            let slack = SLACK * self.placed.pitch * self.placed.pitch;
-            contains(std::slice::from_ref(self.world), self.placed.direction, offset, slack)
+            contains(std::slice::from_ref(self.world), self.placed.direction, offset, self.placed.pitch)
         };
         // Ends away from centres need no trying.
         if unsure || is_close(low) {

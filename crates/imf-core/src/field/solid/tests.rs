@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::*;
 use crate::grid::Grid;
+use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
 use crate::parts::ReferencePart;
 use crate::scene::{Scene, SceneSpec};
@@ -248,4 +249,45 @@ fn colliding_is_a_count_above_zero_where_flat_ends_pass_by_voxel_centres() {
         }
     }
     assert!(colliding > 1000, "{colliding}");
+}
+
+#[test]
+fn centres_on_flat_ends_count_alike_however_a_direction_is_given() {
+    // Flat ends at whole heights, between which directions of whole numbers have centres right on them.
+    let (radii, ends) = ([2, 5], [0, 6, 11]);
+    let body = |kind, at: usize| {
+        let [from, to, radius] = [ends[at], ends[at + 1], radii[at]].map(f64::from);
+        (kind, vec![line(from, to, radius, radius)])
+    };
+    let tool = revolved([body(ElementKind::Cutter, 0), body(ElementKind::Holder(0), 1)]);
+    let reach = 13;
+    let grid = Grid { origin: DVec3::splat(-0.5), pitch: 1.0, dims: [2 * reach as usize + 1; 3] };
+    let full = Arc::new(Occupancy { grid, solid: vec![1; grid.len()] });
+    let field = SolidField::of_tool(full, &tool);
+    let tip = DVec3::splat(reach as f64);
+    let axes: [[i64; 3]; 8] =
+        [[1, 0, 1], [0, 1, 1], [1, 1, 0], [-1, 1, 0], [1, 1, 1], [1, 2, 2], [4, -3, 0], [0, 3, -4]];
+    for axis in axes {
+        // By whole numbers alone: how far along the axis and how far from it, times its length.
+        let dot = |a: [i64; 3], b: [i64; 3]| (0..3).map(|i| a[i] * b[i]).sum::<i64>();
+        let length = dot(axis, axis);
+        let is_inside = |point: &[i64; 3]| {
+            let along = dot(axis, *point);
+            let is_above = |height: i64| along >= 0 && along * along >= length * height * height;
+            let body = (0..2).find(|&body| is_above(ends[body].into()) && !is_above(ends[body + 1].into()));
+            body.is_some_and(|body| {
+                let radius = i64::from(radii[body]);
+                length * dot(*point, *point) - along * along <= length * radius * radius
+            })
+        };
+        let of_box = (0..grid.len()).map(|index| grid.voxel(index).map(|v| v as i64 - reach));
+        let expected = of_box.filter(is_inside).count() as u32;
+        let direction = DVec3::from_array(axis.map(|v| v as f64)).normalize();
+        let orientation = Orientation::from_direction(direction).unwrap();
+        assert_eq!(ToolVoxels::new(&tool, &orientation, 1.0).unwrap().count, expected, "{axis:?}");
+        let turned = Pose::new(tip, DQuat::from_rotation_arc(DVec3::Z, direction));
+        for pose in [Pose::along(tip, direction), Pose::oriented(tip, &orientation), turned] {
+            assert_eq!(field.count(&pose), Some(expected), "{axis:?} {pose:?}");
+        }
+    }
 }
