@@ -117,14 +117,15 @@ impl PointTree {
         while waiting > 0 {
             waiting -= 1;
             let node = &self.nodes[stack[waiting] as usize];
+            let inside = stays_in.map_or(u32::MAX, |space| node.inside(space));
+            if inside == 0 {
+                continue;
+            }
             let mut near = [0; WIDTH];
             for (at, body) in bodies.iter().enumerate() {
                 node.near(body, placed, deeper(at) as f32, &mut near);
             }
-            if let Some(space) = stays_in {
-                node.inside(space, &mut near);
-            }
-            let mut near = bits(&near);
+            let mut near = bits(&near) & inside;
             while near != 0 {
                 let below = node.below[near.trailing_zeros() as usize];
                 near &= near - 1;
@@ -168,16 +169,17 @@ fn bits(lanes: &[u32; WIDTH]) -> u32 {
 }
 
 impl Node {
-    /// Leaves 1 where boxes may hold a point of a half-space.
+    /// A bit for each box that may hold a point of a half-space.
     #[inline(always)]
-    fn inside(&self, space: &HalfSpace, near: &mut [u32; WIDTH]) {
+    fn inside(&self, space: &HalfSpace) -> u32 {
         let ([x, y, z], [wx, wy, wz]) = (&self.middle, &self.half);
         let (n, offset) = (space.normal.as_vec3(), space.offset as f32);
-        let size = n.abs();
+        let (size, mut inside) = (n.abs(), [0; WIDTH]);
         for i in 0..WIDTH {
             let farthest = wx[i] * size.x + wy[i] * size.y + wz[i] * size.z;
-            near[i] &= u32::from(x[i] * n.x + y[i] * n.y + z[i] * n.z + farthest >= offset);
+            inside[i] = u32::from(x[i] * n.x + y[i] * n.y + z[i] * n.z + farthest >= offset);
         }
+        bits(&inside)
     }
 
     /// Sets 1 where a body may reach into boxes with what lies deeper below its surface, or above it where that is negative: a box
