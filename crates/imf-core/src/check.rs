@@ -224,11 +224,9 @@ pub fn check_toolpath(
     lines.sort_by_key(|(index, ..)| *index);
     let mut report = report::gather(&lines, toolpath, settings, bodies.part.grid.pitch);
     let ball = report.sure_depth;
-    // A slender tip is wide enough only farther up; one that never is, is never certain to be seen.
+    // A slender tip or a thin cutter is wide enough only farther up; a tool that never is, is never certain to be seen.
     let of_tip = |&(_, tool): &(Option<u32>, &Tool)| match &tool.shape {
-        ToolShape::Revolved(_) => {
-            tool.tip_depth(0.5 * ball.min(tool.thinnest().1)).unwrap_or_else(|| tool.length())
-        }
+        ToolShape::Revolved(_) => tool.tip_depth(0.5 * ball).unwrap_or_else(|| tool.length()),
         ToolShape::Mesh(_) => ball,
     };
     report.sure_depth = tools.iter().map(of_tip).fold(ball, f64::max);

@@ -68,9 +68,14 @@ enum Stop {
 const WHOLE: f64 = (1u64 << 50) as f64;
 
 impl CoverProblem {
-    /// No set yet; weights are finite and not negative.
+    /// No set yet.
+    ///
+    /// # Panics
+    /// If a weight is negative or not finite.
     #[must_use]
     pub fn new(weights: Vec<f64>) -> Self {
+        let is_weight = |weight: &f64| weight.is_finite() && *weight >= 0.0;
+        assert!(weights.iter().all(is_weight), "weights must be finite and at least 0");
         Self { weights, sets: Vec::new() }
     }
 
@@ -246,7 +251,7 @@ impl CoverProblem {
         // What rounding takes from a fraction, a unit of each element, may stay; of all nothing may.
         let coverable: u64 = weigh(&by_any).iter().sum();
         let of = |coverable: u64| ((1.0 - fraction.max(0.0)) * coverable as f64) as u64 + by_any.len() as u64;
-        let slack = if fraction >= 1.0 { 0 } else { of(coverable) };
+        let slack = if fraction < 1.0 { of(coverable) } else { 0 };
         let slack = slack.checked_sub(coverable - weights.iter().sum::<u64>())?;
         let mut rows_of = Bits::new(first, held.len());
         for set in 0..first {

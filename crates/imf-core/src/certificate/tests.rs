@@ -162,3 +162,12 @@ fn tools_that_nothing_is_proven_of_are_refused() {
         Err(CertificateError::Grid)
     );
 }
+
+#[test]
+#[should_panic(expected = "the grid has no voxel")]
+fn a_voxel_that_the_grid_has_not_is_refused() {
+    let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [4; 3] };
+    let solid = Occupancy { grid, solid: vec![0; grid.len()] };
+    let assembly = mill().offset(&Clearance::default()).unwrap();
+    let _ = certify(&(&solid).into(), &assembly, &grid, &[grid.len()], Control::quiet());
+}

@@ -356,3 +356,15 @@ fn the_mesh_itself_is_safe_between_poses_only_with_half_the_step_more() {
     }
     assert!((20..190).contains(&free), "{free}");
 }
+
+#[test]
+fn a_cutter_thinner_than_what_voxels_show_is_certain_to_be_seen_by_what_is_thicker_alone() {
+    let part = block();
+    let thin = |radius: f64| {
+        let cutter = (ElementKind::Cutter, vec![Segment::cylinder(0.0, 30.0, radius)]);
+        let tool = revolved([cutter, (ElementKind::Holder(0), vec![Segment::cylinder(30.0, 60.0, 10.0)])]);
+        let settings = CheckSettings { contact: 0.0, ..CheckSettings::of_pitch(1.0, LengthUnit::Mm) };
+        check_text(CheckBodies::of_part(&part), &tool, "x,y,z\n0,0,90\n", &settings).unwrap().sure_depth
+    };
+    assert!(thin(0.25) > 30.0 && thin(5.0) < 5.0, "{} {}", thin(0.25), thin(5.0));
+}

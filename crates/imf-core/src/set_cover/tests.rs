@@ -213,3 +213,16 @@ fn two_universes_weigh_the_same_side_by_side() {
     assert_eq!((both.covered(&[0]), both.covered(&[2])), (0.75, 1.0));
     assert_eq!(fewest(&both).sets, [2]);
 }
+
+#[test]
+fn a_fraction_that_is_no_number_asks_for_all() {
+    let problem = problem(4, [&[0, 1], &[2], &[3]]);
+    let settings = CoverSettings { fraction: f64::NAN, ..CoverSettings::default() };
+    assert_eq!(problem.fewest(&settings, Control::quiet()), Some(fewest(&problem)));
+}
+
+#[test]
+#[should_panic(expected = "weights must be finite and at least 0")]
+fn a_weight_that_is_none_is_refused() {
+    let _ = CoverProblem::new(vec![1.0, f64::NAN]);
+}
