@@ -12,7 +12,7 @@
 //! | --- | --- |
 //! | query a field from a file of any family: poses, whole grids | [`field::Field`] |
 //! | plan: a model to steer by, a checker that decides | [`field::Planner`] |
-//! | make a field in seconds | [`harmonic::fit()`] |
+//! | make a field in seconds | [`harmonic::file::HarmonicFile::fit`] |
 //! | know how reliable a field's decisions are | [`calibration`] |
 //! | know its errors | [`evaluation`] |
 //!

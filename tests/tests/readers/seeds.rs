@@ -9,16 +9,14 @@ use imf_core::grid::Grid;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::OrientationSet;
 use imf_core::scene::{Scene, SceneRecord};
-use imf_core::section::{SectionPlan, ToolPoints};
 use imf_core::tool::{Clearance, Tool};
 use imf_core::unit::LengthUnit;
 use imf_fields::factored::file::FactoredFile;
 use imf_fields::factored::{DistillSettings, FactoredState};
 use imf_fields::file::FieldFile;
-use imf_fields::harmonic::basis::Domain;
+use imf_fields::harmonic::FitSettings;
 use imf_fields::harmonic::coefficients::{Coefficients, StoragePrecision};
 use imf_fields::harmonic::file::HarmonicFile;
-use imf_fields::harmonic::{FitSettings, fit};
 use imf_fields::model::{Model, TrainingRecord};
 use imf_fields::recipe::{Sampling, TrainingState};
 use imf_fields::siren::SirenShape;
@@ -84,9 +82,7 @@ fn fields(scene: &Scene) -> Vec<(&'static str, FieldFile)> {
         precision: StoragePrecision::F32,
         ..FitSettings::default()
     };
-    let plan = SectionPlan::of_scene(scene, ToolPoints::Tip).unwrap();
-    let field = fit(&plan, Domain::Directions, &settings, Control::quiet()).unwrap();
-    let harmonic = HarmonicFile { field, scene: scene.clone(), settings, calibration: None };
+    let harmonic = HarmonicFile::fit(scene, &settings, Control::quiet()).unwrap();
     let mut halves = harmonic.clone();
     if let Coefficients::F32(values) = halves.field.coefficients {
         halves.field.coefficients = Coefficients::new(values, StoragePrecision::F16);

@@ -3,11 +3,9 @@
 use imf_core::control::Control;
 use imf_core::parts::ReferencePart;
 use imf_core::scene::SceneSpec;
-use imf_core::section::{SectionPlan, ToolPoints};
 use imf_core::tool::Tool;
-use imf_fields::harmonic::basis::Domain;
+use imf_fields::harmonic::FitSettings;
 use imf_fields::harmonic::file::HarmonicFile;
-use imf_fields::harmonic::{FitSettings, fit};
 
 use crate::binary::Workdir;
 
@@ -16,9 +14,7 @@ fn field() -> HarmonicFile {
     let (part, tool) = (ReferencePart::Teapot, Tool::paper());
     let scene = SceneSpec::of_reference(part, &part.mesh(), [15, 19, 31], &tool).scene().unwrap();
     let settings = FitSettings { degree: 4, sections_per_function: 4.0, ..FitSettings::default() };
-    let plan = SectionPlan::of_scene(&scene, ToolPoints::Tip).unwrap();
-    let field = fit(&plan, Domain::Directions, &settings, Control::quiet()).unwrap();
-    HarmonicFile { field, scene, settings, calibration: None }
+    HarmonicFile::fit(&scene, &settings, Control::quiet()).unwrap()
 }
 
 #[test]

@@ -8,12 +8,11 @@ use imf_core::mesh::Mesh;
 use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
 use imf_core::scene::{Scene, SceneSpec};
-use imf_core::section::{Quantity, SectionPlan, ToolPoints};
+use imf_core::section::Quantity;
 use imf_core::tool::{Clearance, Tool};
-use imf_fields::harmonic::basis::Domain;
+use imf_fields::harmonic::FitSettings;
 use imf_fields::harmonic::coefficients::StoragePrecision;
 use imf_fields::harmonic::file::HarmonicFile;
-use imf_fields::harmonic::{FitSettings, fit};
 use imf_fields::model::{Model, TrainingRecord};
 use imf_fields::recipe::TrainingState;
 use imf_fields::siren::SirenShape;
@@ -55,10 +54,8 @@ pub(crate) fn harmonic_of(quantity: Quantity, scene: &Scene, folder: &Path) -> P
         precision: StoragePrecision::F32,
         ..FitSettings::default()
     };
-    let plan = SectionPlan::of_scene(scene, ToolPoints::Tip).unwrap();
-    let field = fit(&plan, Domain::Directions, &settings, Control::quiet()).unwrap();
     let path = folder.join(format!("harmonic-{quantity:?}.safetensors"));
-    HarmonicFile { field, scene: scene.clone(), settings, calibration: None }.write(&path).unwrap();
+    HarmonicFile::fit(scene, &settings, Control::quiet()).unwrap().write(&path).unwrap();
     path
 }
 

@@ -6,13 +6,11 @@ use std::sync::Arc;
 use imf_core::control::Control;
 use imf_core::parts::ReferencePart;
 use imf_core::scene::Scene;
-use imf_core::section::{SectionPlan, ToolPoints};
 use imf_core::tool::Clearance;
 use imf_fields::field::Field;
 use imf_fields::file::FieldFile;
-use imf_fields::harmonic::basis::Domain;
+use imf_fields::harmonic::FitSettings;
 use imf_fields::harmonic::file::HarmonicFile;
-use imf_fields::harmonic::{FitSettings, fit};
 
 /// The field of the paper's tool, its holder offset by `clearance`, with as many voxels around the part as `margin` says. A
 /// program would load it: `Field::load`.
@@ -20,9 +18,7 @@ pub(crate) fn field(clearance: f64, margin: usize, settings: FitSettings) -> Res
     let dims = [17, 49, 29].map(|n| n + 2 * margin);
     let part = Scene::builder().reference(ReferencePart::Bracket).dims(dims).margin(margin);
     let scene = part.build()?.scene.with_clearance(&Clearance::around_holder_and_shank(clearance))?;
-    let plan = SectionPlan::of_scene(&scene, ToolPoints::Tip)?;
-    let field = fit(&plan, Domain::Directions, &settings, Control::quiet())?;
-    let file = HarmonicFile { field, scene, settings, calibration: None };
+    let file = HarmonicFile::fit(&scene, &settings, Control::quiet())?;
     Ok(Field::new(FieldFile::Harmonic(Arc::new(file)))?)
 }
 

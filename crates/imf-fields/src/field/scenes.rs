@@ -12,10 +12,9 @@ use crate::factored::file::FactoredFile;
 use crate::factored::{DistillSettings, FactoredField, FactoredShape, FactoredState, Symmetry};
 use crate::field::Field;
 use crate::file::FieldFile;
-use crate::harmonic::basis::Domain;
 use crate::harmonic::coefficients::{Coefficients, StoragePrecision};
 use crate::harmonic::file::HarmonicFile;
-use crate::harmonic::{FitSettings, Gradient, fit};
+use crate::harmonic::{FitSettings, Gradient};
 use crate::model::{Model, TrainingRecord};
 use crate::recipe::TrainingState;
 use crate::siren::SirenShape;
@@ -24,7 +23,6 @@ use imf_core::orientation::OrientationSet;
 use imf_core::parts::ReferencePart;
 use imf_core::pose::Pose;
 use imf_core::scene::{Scene, SceneSpec};
-use imf_core::section::{SectionPlan, ToolPoints};
 use imf_core::tool::{Clearance, Tool};
 
 /// A coarse bracket and a tool, offset all around by a clearance in voxels.
@@ -47,11 +45,7 @@ pub(crate) fn harmonic_file(scene: &Scene, degree: usize) -> HarmonicFile {
         precision: StoragePrecision::F32,
         ..FitSettings::default()
     };
-    let domain = Domain::of_tool(&scene.record.tool);
-    let field =
-        fit(&SectionPlan::of_scene(scene, ToolPoints::Tip).unwrap(), domain, &settings, Control::quiet())
-            .unwrap();
-    HarmonicFile { field, scene: scene.clone(), settings, calibration: None }
+    HarmonicFile::fit(scene, &settings, Control::quiet()).unwrap()
 }
 
 /// The same with coefficients in f16.

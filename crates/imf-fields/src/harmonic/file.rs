@@ -13,12 +13,18 @@ use std::path::Path;
 use safetensors::tensor::Dtype;
 use serde::{Deserialize, Serialize};
 
+#[cfg(feature = "fit")]
+use super::HarmonicError;
 use super::basis::{Basis, Domain};
 use super::coefficients::{Coefficients, StoragePrecision};
 use super::{FitReport, FitSettings, HarmonicField};
 use crate::calibration::Calibration;
 use crate::tensor_file::{FieldFileError, Format, floats, halves};
+#[cfg(feature = "fit")]
+use imf_core::control::Control;
 use imf_core::scene::Scene;
+#[cfg(feature = "fit")]
+use imf_core::section::{SectionPlan, ToolPoints};
 
 pub(crate) const FORMAT: Format = Format { id: "imf-harmonic", name: "harmonic field" };
 
@@ -43,6 +49,17 @@ struct Description {
 }
 
 impl HarmonicFile {
+    /// Fits the field of a scene whose tool's tip stands on a point: of every direction where the tool is round, else of every rotation.
+    ///
+    /// # Errors
+    /// As [`fit()`](super::fit()).
+    #[cfg(feature = "fit")]
+    pub fn fit(scene: &Scene, settings: &FitSettings, control: Control<'_>) -> Result<Self, HarmonicError> {
+        let plan = SectionPlan::of_scene(scene, ToolPoints::Tip)?;
+        let field = super::fit(&plan, Domain::of_tool(scene.record.bare_tool()), settings, control)?;
+        Ok(Self { field, scene: scene.clone(), settings: *settings, calibration: None })
+    }
+
     /// True for a file whose header names this format, read or not.
     pub fn is_one(path: &Path) -> bool {
         FORMAT.is_of(path)

@@ -42,8 +42,7 @@ fn coarse(part: ReferencePart) -> [FieldFile; 2] {
         held_out: 4,
         ..FitSettings::default()
     };
-    let plan = SectionPlan::of_scene(&scene, ToolPoints::Tip).unwrap();
-    let field = fit(&plan, Domain::Directions, &fitting, Control::quiet()).unwrap();
+    let harmonic = HarmonicFile::fit(&scene, &fitting, Control::quiet()).unwrap();
     let settings = DistillSettings {
         width: 96,
         omega: 15.0,
@@ -55,9 +54,8 @@ fn coarse(part: ReferencePart) -> [FieldFile; 2] {
         optimiser: Optimiser::Soap(SoapConfig::default()),
         ..DistillSettings::default()
     };
-    let mut state = settings.start(field.component_count());
-    distil(&field, &settings, &mut state, Control::quiet(), &mut |_| {}).unwrap();
-    let harmonic = HarmonicFile { field, scene, settings: fitting, calibration: None };
+    let mut state = settings.start(harmonic.field.component_count());
+    distil(&harmonic.field, &settings, &mut state, Control::quiet(), &mut |_| {}).unwrap();
     let factored = FactoredFile::distilled(&harmonic, settings, state).unwrap();
     let factored = FactoredFile { state: None, ..factored };
     [FieldFile::Harmonic(Arc::new(harmonic)), FieldFile::Factored(Box::new(factored))]
