@@ -5,6 +5,7 @@
 //! out of it and still be hit. Most scenes are made by [`Scene::builder`].
 
 mod builder;
+mod differences;
 mod guarantee;
 mod lost_surface;
 mod pitch;

@@ -7,7 +7,7 @@ use imf_core::field::{Best, FieldError, Gradient, PoseField as _};
 use imf_core::orientation::{Orientation, OrientationSet};
 use imf_core::pose::Pose;
 use imf_core::section::Quantity;
-use imf_core::tool::Clearance;
+use imf_core::tool::{Clearance, ClearanceError, ToolShape};
 use imf_fields::field::{self, LoadError};
 use imf_fields::file::FieldFile;
 use numpy::ndarray::ArrayView1;
@@ -16,11 +16,13 @@ use pyo3::prelude::*;
 use rayon::prelude::*;
 
 use crate::arrays::rows_of;
-use crate::errors::value_error;
+use crate::errors::{Raise, value_error};
 use crate::poses::{Found, PoseRows, Poses};
+use crate::scene::Scene;
 use crate::sections::DirectionsInput;
 use crate::tool::Tool;
-use crate::work::{Progress, run};
+use crate::train::with_room;
+use crate::work::{Progress, detached, run};
 
 /// A field, and its file, which it can be saved to again.
 #[pyclass(frozen, module = "imf._imf")]
@@ -123,6 +125,41 @@ impl Field {
     fn clearance(&self) -> [f64; 3] {
         let Clearance { holder, shank, cutter } = self.field.scene().record.clearance;
         [holder, shank, cutter]
+    }
+
+    /// How deep the cutter may reach below the part's surface.
+    #[getter]
+    fn contact(&self) -> Option<f64> {
+        self.field.scene().record.contact
+    }
+
+    /// The fixtures' names.
+    #[getter]
+    fn fixtures(&self) -> Vec<String> {
+        self.field.scene().record.fixtures.clone()
+    }
+
+    /// Whether a training of this scene makes a field of the same values.
+    fn is_of(&self, py: Python<'_>, scene: &Bound<'_, Scene>) -> PyResult<bool> {
+        let (own, other) = (self.field.scene(), &scene.get().scene);
+        let same = detached(py, || {
+            // A training of depths gives room to a scene without clearance.
+            let quantity =
+                if own.record.clearance.is_zero() { Quantity::Overlap } else { self.field.quantity() };
+            Ok::<_, ClearanceError>(own.differences(&with_room(other, quantity)?).is_empty())
+        })?;
+        same.map_err(Raise::raise)
+    }
+
+    /// Whether the roll about its axis changes nothing: values are those of the tip.
+    #[getter]
+    fn is_round(&self) -> bool {
+        matches!(self.field.scene().record.bare_tool().shape, ToolShape::Revolved(_))
+    }
+
+    /// True where the tool's roll counts, and directions do not say it.
+    fn lacks_roll(&self, py: Python<'_>, directions: DirectionsInput<'_>) -> PyResult<bool> {
+        Ok(!self.is_round() && directions.lack_roll(py, OrientationSet::parse)?)
     }
 
     /// Root mean square error of the harmonic fit at orientations that were not fitted; none of siren5.

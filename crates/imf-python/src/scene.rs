@@ -303,6 +303,12 @@ impl Scene {
         [holder, shank, cutter]
     }
 
+    /// How deep the cutter may reach below the part's surface.
+    #[getter]
+    fn contact(&self) -> Option<f64> {
+        self.scene.record.contact
+    }
+
     /// What exact results guarantee, in a sentence.
     #[getter]
     fn guarantee(&self) -> String {
@@ -340,9 +346,7 @@ impl Scene {
 
     /// True where the tool's roll counts, and directions do not say it.
     fn lacks_roll(&self, py: Python<'_>, directions: DirectionsInput<'_>) -> PyResult<bool> {
-        if self.scene.record.bare_tool().is_axisymmetric() || directions.say_roll() {
-            return Ok(false);
-        }
-        Ok(directions.of(py, self)?.orientations.iter().all(|own| own.roll == 0.0))
+        let is_round = self.scene.record.bare_tool().is_axisymmetric();
+        Ok(!is_round && directions.lack_roll(py, |text| self.set(text))?)
     }
 }

@@ -33,9 +33,16 @@ impl DirectionsInput<'_> {
         given.unwrap_or_else(|| Self::Text(scene.usual_directions().into())).of(py, scene)
     }
 
-    /// Quaternions say how the tool is rolled about its axis.
-    pub(crate) fn say_roll(&self) -> bool {
-        matches!(self, Self::Rows(rows) if rows.shape()[1] == 4)
+    /// True where none says how the tool is rolled about its axis, as quaternions do.
+    pub(crate) fn lack_roll(
+        &self,
+        py: Python<'_>,
+        read: impl FnOnce(&str) -> Result<OrientationSet, OrientationSetError> + Send,
+    ) -> PyResult<bool> {
+        if matches!(self, Self::Rows(rows) if rows.shape()[1] == 4) {
+            return Ok(false);
+        }
+        Ok(self.by(py, read)?.orientations.iter().all(|own| own.roll == 0.0))
     }
 
     /// The orientations, for a scene's part.

@@ -65,11 +65,12 @@ pub(crate) fn access<'py>(
     let (voxels, directions) = (record.grid.len() as u64, set.len());
     // Voxels, counts and distances of every body; of every sample which directions are free, once in bits and once in bytes.
     let bodies = 2 + own.fixture_names().len() as u64;
-    let of_samples = surface_memory_estimate(samples.saturating_mul(8), directions)
-        .saturating_add(8_u64.saturating_mul(samples as u64).saturating_mul(directions as u64));
+    let most = SurfaceSamples::most(&mesh, samples);
+    let of_samples = surface_memory_estimate(most, directions)
+        .saturating_add((most as u64).saturating_mul(directions as u64));
     memory::require(of_samples.saturating_add((26 * bodies + 10) * voxels), || {
         format!(
-            "{samples} samples, {directions} directions, {voxels} voxels; ask for fewer, or use a larger pitch"
+            "{most} samples, {directions} directions, {voxels} voxels; ask for fewer, use a larger pitch, or a coarser mesh"
         )
     })?;
     let [tolerance, coarse_tolerance] = [1.0, 2.0]

@@ -105,7 +105,7 @@ pub(crate) fn train<'py>(
 }
 
 /// The scene; of depths with the clearance that makes them decide, where it has none.
-fn with_room(scene: &scene::Scene, quantity: Quantity) -> Result<scene::Scene, ClearanceError> {
+pub(crate) fn with_room(scene: &scene::Scene, quantity: Quantity) -> Result<scene::Scene, ClearanceError> {
     let record = &scene.record;
     let is_mesh = matches!(record.bare_tool().shape, ToolShape::Mesh(_));
     if quantity.is_overlap() || is_mesh || !record.clearance.is_zero() {

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from conftest import Floats, box, head
+from numpy.typing import NDArray
 
 import imf
 
@@ -93,6 +96,44 @@ def test_tools_that_are_not_round_have_the_degree_of_the_command(tmp_path: Path)
     path = tmp_path / "field.safetensors"
     imf.train(scene, "harmonic", quantity="overlap", calibrate=False).save(path)
     assert b'\\"degree\\":8,' in path.read_bytes()
+    # Directions without roll are said to be so, of poses once.
+    pose = [10, 10, 30, 0, 0, 1]
+    unrolled: list[Callable[[imf.Field], object]] = [
+        lambda field: (field(pose), field([pose])),
+        lambda field: field.gradient([pose]),
+        lambda field: field.classify([pose]),
+        lambda field: field.best(pose[:3], "axes"),
+        lambda field: field.to_xarray([0, 0, 1]),
+    ]
+    for ask in unrolled:
+        field = imf.load(path)
+        with pytest.warns(imf.SceneWarning, match="not round, .* quaternions") as said:
+            ask(field)
+        assert len(said) == 1 and said[0].filename == __file__
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        imf.load(path)([10, 10, 30, 0, 0, 0, 1])
+        imf.load(path).best(pose[:3], [0, 0, 0, 1])
+
+
+def test_a_field_knows_its_scene(mill: imf.Tool) -> None:
+    solid = np.ones((10, 10, 10), dtype=np.bool_)
+    pocket = solid.copy()
+    pocket[3:7, 3:7, 6:] = False
+
+    def scene(of: NDArray[np.bool_], tool: imf.Tool = mill, **options: Any) -> imf.Scene:
+        return imf.Scene(imf.voxel_mesh(of, pitch=2.0), tool, pitch=2.0, margin=2, **options)
+
+    block, slim = scene(solid), imf.Tool({"shape": "flat", "diameter": 6, "length": 30}, name="mill")
+    held = scene(solid, contact=2.0, fixtures=[box((0, 0, 20), (20, 20, 22))])
+    others = [scene(pocket), scene(solid, slim), scene(solid, clearance=1.0), held]
+    for quantity in ("overlap", "depth"):
+        field = imf.train(block, "harmonic", quantity=quantity, degree=3, calibrate=False)
+        assert field.is_of(block) and field.is_of(scene(solid, name="again"))
+        assert [field.grid == other.grid and field.is_of(other) for other in others] == [False] * 4
+    assert (field.contact, field.fixtures, block.contact) == (None, [], None)
+    field = imf.train(held, "harmonic", quantity="overlap", degree=3, calibrate=False)
+    assert (field.contact, field.fixtures, held.contact) == (2.0, ["fixture 1"], 2.0) and field.is_of(held)
 
 
 def test_a_distilled_network_learns(bracket: imf.Scene) -> None:
@@ -121,6 +162,11 @@ def test_depths_decide_and_say_what_that_is_worth(mill: imf.Tool) -> None:
     # Two voxels of room make depths decide; 7.5 are told apart.
     assert field.clearance == {"holder": 4.0, "shank": 4.0, "cutter": 0.0} and field.range == (-15.0, 15.0)
     assert field.tool.name == "mill" and field.fit_error is not None and 0 < field.fit_error < 2.0
+    # Another part with the same name, tool and grid is another scene.
+    notched = np.ones((20, 20, 20), bool)
+    notched[10:12, 10:12, 18:] = False
+    changed = imf.Scene(imf.voxel_mesh(notched), mill, pitch=2.0, margin=6, name="block")
+    assert field.is_of(scene) and not field.is_of(changed)
     # High above, and in the middle.
     assert field.classify(imf.poses([[10, 10, 29], [10, 10, 10]], [0, 0, 1])).tolist() == [0, 1]
     assert field([10, 10, 29, 0, 0, 1]) < 0 < field([10, 10, 10, 0, 0, 1])

@@ -77,7 +77,7 @@ def test_the_guides_chapter_prints_what_it_shows(
             shown = "".join(".*" if part == "…" else re.escape(part) for part in re.split("(…)", text))
             printed = capsys.readouterr().out
             assert re.fullmatch(shown, printed), f"shown:\n{text}printed:\n{printed}"
-    assert ran == 10
+    assert ran == 11
 
 
 def test_the_readme_runs(capsys: pytest.CaptureFixture[str]) -> None:

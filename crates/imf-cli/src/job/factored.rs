@@ -149,12 +149,14 @@ impl<'a> FactoredStart<'a> {
             checkpoint.display()
         );
         if found.scene.record != scene.record {
-            let other = differences(&found.scene.record, &scene.record)?;
-            let names: Vec<&str> = other.iter().filter_map(|text| text.split(':').next()).collect();
+            let mut what = found.scene.differences(scene);
+            if what.is_empty() {
+                what.push("the same voxels, made of another part, set-up, margin or fixtures");
+            }
             bail!(
                 "{} is of another scene ({}): give its part, tool and grid, or choose another --out",
                 checkpoint.display(),
-                names.join(", ")
+                what.join(", ")
             );
         }
         ensure!(

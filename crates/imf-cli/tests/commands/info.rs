@@ -90,8 +90,12 @@ fn models_are_described() {
     assert_eq!(info["parameters"], model.shape.parameter_count());
     assert_eq!(info["resumable"], true);
     assert_eq!(info["training"]["orientations"]["count"], 3);
-    model.without_moments().write(&folder.path("small.safetensors")).unwrap();
-    folder.imf("info small.safetensors").done().says(&["weights alone"]);
+    let small = model.without_moments();
+    small.write(&folder.path("small.safetensors")).unwrap();
+    let scene = &small.scene;
+    let solid = format!("{} voxels, checksum {:08x}", scene.obstacle.count(), scene.record.obstacle_crc32);
+    let tool = "largest diameters 10 mm (cutter), 29 mm (holder 1)";
+    folder.imf("info small.safetensors").done().says(&["weights alone", &solid, tool]);
 }
 
 #[test]

@@ -1,11 +1,8 @@
 //! `imf train` of a part: one command does what the commands of its family do one by one, and goes on where it stopped.
 
 use imf_core::control::Control;
-use imf_core::section::{SectionPlan, ToolPoints};
 use imf_fields::factored::file::FactoredFile;
-use imf_fields::harmonic::basis::Domain;
 use imf_fields::harmonic::file::HarmonicFile;
-use imf_fields::harmonic::fit;
 use serde_json::json;
 
 use crate::binary::Workdir;
@@ -28,9 +25,7 @@ fn a_part_becomes_the_field_that_fit_and_distillation_make_one_by_one() {
 
     // From the harmonic field that the library fits by the settings that the file says.
     let file = FactoredFile::read(&work.path("field/field.safetensors")).unwrap();
-    let plan = SectionPlan::of_scene(&file.scene, ToolPoints::Tip).unwrap();
-    let field = fit(&plan, Domain::Directions, &file.fit, Control::quiet()).unwrap();
-    let harmonic = HarmonicFile { field, scene: file.scene, settings: file.fit, calibration: None };
+    let harmonic = HarmonicFile::fit(&file.scene, &file.fit, Control::quiet()).unwrap();
     harmonic.write(&work.path("harmonic.safetensors")).unwrap();
     work.imf(&format!("train factored harmonic.safetensors {NETWORK} --steps 600 --out apart")).done();
     for file in ["field.safetensors", "checkpoint.safetensors"] {
@@ -152,7 +147,8 @@ fn an_interrupted_part_goes_on_to_the_bytes_of_one_in_one_go() {
     for (given, other, words) in [
         ("--degree 4", "--degree 5", "another harmonic field (degree: 4, not 5)"),
         ("--steps 400", "--steps 401", "other settings (steps: 400, not 401)"),
-        ("--dims 5,15,9", "--dims 6,15,9", "another scene"),
+        ("--dims 5,15,9", "--dims 6,15,9", "another scene (the grid differs)"),
+        ("--degree 4", "--degree 4 --clearance 1", "another scene (the clearance differs)"),
     ] {
         let refused =
             work.imf(&resume.replace(given, other)).refused(&[words, "bracket/checkpoint.safetensors"]);

@@ -77,6 +77,36 @@ fn fixtures_are_apart_and_part_of_the_obstacle() {
 }
 
 #[test]
+fn scenes_differ_in_what_a_field_depends_on() {
+    let (scene, bodies) = spec(&[]).scene_alone().unwrap();
+    let mut named = scene.clone();
+    named.record.part = "the same cube".into();
+    assert!(scene.differences(&named).is_empty());
+    let mut pocket = scene.clone();
+    pocket.obstacle.solid[0] = 0;
+    let mut with_tool = scene.clone();
+    with_tool.record.tool = cylinder(2.0, 9.0);
+    let coarser = SceneSpec { resolution: Resolution::Pitch(1.0), ..spec(&[]) };
+    let held = scene.clone().with_contact(&bodies, 0.5);
+    let mut clamped = held.clone();
+    clamped.layer = Some(Occupancy::empty(clamped.record.grid));
+    for (one, other, what) in [
+        (&scene, &pocket, "the part's voxels differ"),
+        (&scene, &with_tool, "the tool differs"),
+        (&scene, &coarser.scene_alone().unwrap().0, "the grid differs"),
+        (
+            &scene,
+            &scene.clone().with_clearance(&Clearance::around_holder_and_shank(1.0)).unwrap(),
+            "the clearance differs",
+        ),
+        (&scene, &held, "the contact differs"),
+        (&held, &clamped, "the contact differs"),
+    ] {
+        assert_eq!(one.differences(other), [what]);
+    }
+}
+
+#[test]
 fn a_fixture_on_the_grids_face_makes_the_same_scene_alone_and_among_bodies() {
     let fixtures = [clamp()];
     let spec = SceneSpec { around: GridExtent::All, conservative: true, ..spec(&fixtures) };

@@ -109,6 +109,12 @@ impl SurfaceSamples {
         all
     }
 
+    /// How many samples [`SurfaceSamples::new`] makes at the most: one of each triangle at least.
+    #[must_use]
+    pub fn most(mesh: &Mesh, count: usize) -> usize {
+        count.saturating_mul(8).max(mesh.triangles.len())
+    }
+
     /// Area of all samples.
     #[must_use]
     pub fn area(&self) -> f64 {
@@ -162,6 +168,8 @@ mod tests {
         for mesh in [cube, inverted] {
             let samples = SurfaceSamples::new(&mesh, &solid, 500);
             assert!((500..4000).contains(&samples.samples.len()));
+            let one_each = SurfaceSamples::new(&mesh, &solid, 1).samples.len();
+            assert_eq!(one_each, SurfaceSamples::most(&mesh, 1));
             assert!((samples.area() - 64.0).abs() < 1e-9 && samples.hidden_area == 0.0);
             let middle = DVec3::new(2.0, 2.0, 1.0);
             for (triangle, sample) in samples.samples.iter().enumerate() {

@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _imf
-from ._poses import rows_of
 from ._progress import Progress, listener
-from .scene import Clearance, Scene, clearance_input, native_scene, warn_of_roll
+from .scene import Clearance, PoseReader, Scene, clearance_input, native_scene
 
 
 class Motions(NamedTuple):
@@ -51,19 +50,11 @@ class Checker:
     def __init__(self, scene: Scene, clearance: Clearance | None = None) -> None:
         room = None if clearance is None else clearance_input(clearance)
         self._native = _imf.Checker(native_scene(scene), room)
-        self._warns = not self._native.is_round
-
-    def _rows(self, poses: ArrayLike) -> tuple[NDArray[np.float64], bool]:
-        """:func:`rows_of` for this tool."""
-        rows, alone = rows_of(poses)
-        if self._warns and rows.shape[1] == 6:
-            self._warns = False
-            warn_of_roll("these poses do not say its roll: give poses (n, 7), with quaternions")
-        return rows, alone
+        self._reader = PoseReader(self._native.is_round)
 
     def is_free(self, poses: ArrayLike, *, progress: Progress = None) -> bool | NDArray[np.bool_]:
         """True where the tool touches nothing: of one pose ``(6,)`` or ``(7,)`` a ``bool``, of many ``(n, 6)`` an array ``(n,)``."""
-        rows, alone = self._rows(poses)
+        rows, alone = self._reader.rows(poses)
         if alone:
             return self._native.is_free(rows)
         free: NDArray[np.bool_] = self._native.classify(rows, listener(progress)) == 0
@@ -71,11 +62,11 @@ class Checker:
 
     def classify(self, poses: ArrayLike, *, progress: Progress = None) -> NDArray[np.uint8]:
         """By pose a :class:`Decision` as a number, ``(n,)``: free or colliding."""
-        return self._native.classify(self._rows(poses)[0], listener(progress))
+        return self._native.classify(self._reader.rows(poses)[0], listener(progress))
 
     def overlap(self, poses: ArrayLike, *, progress: Progress = None) -> NDArray[np.float32]:
         """By pose the fraction of the tool inside the obstacle, ``(n,)`` in [0, 1]; NaN for an invalid pose."""
-        return self._native.values(self._rows(poses)[0], listener(progress))
+        return self._native.values(self._reader.rows(poses)[0], listener(progress))
 
     def clearance(self, poses: ArrayLike, *, progress: Progress = None) -> NDArray[np.float64]:
         """By pose the signed clearance as far as it is proven, ``(n,)``, in the scene's unit.
@@ -83,14 +74,14 @@ class Checker:
         Above 0 the tool is free, and no solid centre is nearer to it; below 0 no shorter translation parts it from their centres; 0 where neither is
         proven, which :meth:`is_free` decides. Sooner found than :meth:`distance`. Raises ``ValueError`` for a mesh tool.
         """
-        return self._native.clearance(self._rows(poses)[0], listener(progress))
+        return self._native.clearance(self._reader.rows(poses)[0], listener(progress))
 
     def distance(self, poses: ArrayLike, *, progress: Progress = None) -> Distances:
         """How far the tool is from the nearest solid voxel, or how deep it is in part or fixtures, by pose; exact where it is free.
 
         Infinite where nothing is solid, NaN for an invalid pose. Raises ``ValueError`` for a mesh tool.
         """
-        return Distances(*self._native.distance(self._rows(poses)[0], listener(progress)))
+        return Distances(*self._native.distance(self._reader.rows(poses)[0], listener(progress)))
 
     def check_motion(self, start: ArrayLike, end: ArrayLike, *, progress: Progress = None) -> Motions:
         """Whether the tool may move from each pose of ``start`` to that of ``end``, both ``(n, 6)`` or ``(n, 7)``: the tip along the
@@ -98,4 +89,4 @@ class Checker:
 
         Raises ``ValueError`` for ends that are invalid poses or have opposite axes, and for a mesh tool.
         """
-        return Motions(*self._native.check_motion(self._rows(start)[0], self._rows(end)[0], listener(progress)))
+        return Motions(*self._native.check_motion(self._reader.rows(start)[0], self._reader.rows(end)[0], listener(progress)))

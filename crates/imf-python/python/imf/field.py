@@ -10,15 +10,19 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _imf
 from ._numbers import whole, wholes
-from ._poses import numbers, rows_of
+from ._poses import numbers
 from ._progress import Progress, listener
 from .results import Grid
-from .scene import Directions, Scene, directions_input, native_scene
+from .scene import Directions, PoseReader, Scene, directions_input, native_scene, rolled
 from .tool import Tool
 
 
 class Gradient(NamedTuple):
-    """Values and how they change."""
+    """Values and how they change.
+
+    In a network that is reduced by a symmetry about an axis (:attr:`Field.symmetry`) the error of gradients grows towards that axis.
+    Within half a voxel of it they are clamped, and not to be trusted.
+    """
 
     value: NDArray[np.float32]
     """``(n,)``, not clipped."""
@@ -46,11 +50,13 @@ class Field:
 
     Of ``quantity`` "overlap" a value is the fraction of the tool inside the obstacle, of "depth" how far the tool must be moved to
     be free, in ``unit``, below 0 how far it may be moved; depths beyond 7.5 pitches, the ends of ``range``, are not told apart.
-    Outside ``bounds`` values are those of the nearest point inside.
+    Outside ``bounds`` values are those of the nearest point inside. Of a tool that is not round poses ``(n, 7)`` say the roll; those of
+    six numbers are without roll, which a :class:`SceneWarning` says once.
     """
 
     def __init__(self, native: _imf.Field) -> None:
         self._native = native
+        self._reader = PoseReader(native.is_round)
 
     @property
     def family(self) -> str:
@@ -100,6 +106,21 @@ class Field:
         return dict(zip(("holder", "shank", "cutter"), self._native.clearance))
 
     @property
+    def contact(self) -> float | None:
+        """How deep below the part's surface the cutter may reach; None without contact."""
+        return self._native.contact
+
+    @property
+    def fixtures(self) -> list[str]:
+        """The fixtures' names."""
+        return self._native.fixtures
+
+    def is_of(self, scene: Scene) -> bool:
+        """Whether it is of exactly this scene: its grid and solid voxels, its tool, clearance and contact. A scene without clearance also
+        has the fields of depth that :func:`train` makes of it."""
+        return self._native.is_of(native_scene(scene))
+
+    @property
     def fit_error(self) -> float | None:
         """Root mean square error of the harmonic fit at directions that were not fitted, in the values' unit; of a factored field that
         of the fit that it was distilled from. None for siren5."""
@@ -108,7 +129,8 @@ class Field:
     @property
     def symmetry(self) -> str | None:
         """The part's symmetry that a factored network is reduced by, such as "mirrored across y"; None where there is none. Across a
-        mirror plane values and gradients may jump, at the most by several times the mean error; near an axis nothing is decided."""
+        mirror plane values and gradients may jump, at the most by several times the mean error; near an axis nothing is decided,
+        and within half a voxel of it gradients are clamped, and not to be trusted."""
         return self._native.symmetry
 
     @property
@@ -122,38 +144,40 @@ class Field:
 
     def __call__(self, poses: ArrayLike, *, progress: Progress = None) -> NDArray[np.float32] | np.float32:
         """Values of poses ``(n, 6)`` or ``(n, 7)``: ``(n,)``; of one pose a number. NaN for an invalid pose."""
-        rows, alone = rows_of(poses)
+        rows, alone = self._reader.rows(poses)
         values = self._native.values(rows, listener(progress))
         return values[0] if alone else values
 
     def gradient(self, poses: ArrayLike, *, progress: Progress = None) -> Gradient:
         """Values of poses ``(n, 6)`` or ``(n, 7)`` with their derivatives."""
-        return Gradient(*self._native.gradients(rows_of(poses)[0], listener(progress)))
+        return Gradient(*self._native.gradients(self._reader.rows(poses)[0], listener(progress)))
 
     def classify(self, poses: ArrayLike, *, progress: Progress = None) -> NDArray[np.uint8]:
         """By pose a :class:`Decision` as a number, ``(n,)``, by the field's calibration."""
-        return self._native.classify(rows_of(poses)[0], listener(progress))
+        return self._native.classify(self._reader.rows(poses)[0], listener(progress))
 
     def best(self, points: ArrayLike, directions: Directions, *, progress: Progress = None) -> Best:
         """The minimum over directions (:data:`Directions`, of a text those that name no part) at points ``(n, 3)``."""
         tips = numbers(np.atleast_2d(points))
-        return Best(*self._native.best(tips, directions_input(directions), listener(progress)))
+        return Best(*self._native.best(tips, rolled(self._native, directions), listener(progress)))
 
     def to_xarray(self, direction: ArrayLike) -> Any:
         """The values of one direction at every voxel centre, as a ``xarray.DataArray``."""
-        values, axis = self._section(direction)
-        return self.grid.to_xarray(values, self.quantity, {"direction": axis, "unit": self.unit})
+        rows, _ = self._reader.rows(self._at_centres(direction))
+        return self.grid.to_xarray(self._section(rows), self.quantity, {"direction": numbers(direction), "unit": self.unit})
 
     def to_pyvista(self, direction: ArrayLike) -> Any:
         """The values of one direction at every voxel centre, as a ``pyvista.ImageData``."""
-        return self.grid.to_pyvista(**{self.quantity: self._section(direction)[0]})
+        rows, _ = self._reader.rows(self._at_centres(direction))
+        return self.grid.to_pyvista(**{self.quantity: self._section(rows)})
 
-    def _section(self, direction: ArrayLike) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+    def _at_centres(self, direction: ArrayLike) -> NDArray[np.float64]:
         from ._poses import poses
 
-        axis = numbers(direction)
-        values = self._native.values(poses(self.grid.centres(), axis), None)
-        return values.reshape(self.grid.dims), axis
+        return poses(self.grid.centres(), numbers(direction))
+
+    def _section(self, rows: NDArray[np.float64]) -> NDArray[np.float32]:
+        return self._native.values(rows, None).reshape(self.grid.dims)
 
     def __repr__(self) -> str:
         return f"<imf.Field of {self.part}: {self.family}, {self.quantity}>"

@@ -60,6 +60,29 @@ def warn_of_roll(remedy: str) -> None:
     warnings.warn(text, SceneWarning, stacklevel=4)
 
 
+class PoseReader:
+    """Reads poses for a tool. Of one that is not round it says once that some do not say its roll, to whoever called what calls it."""
+
+    def __init__(self, is_round: bool) -> None:
+        self._warns = not is_round
+
+    def rows(self, poses: ArrayLike) -> tuple[NDArray[np.float64], bool]:
+        """:func:`rows_of` for this tool."""
+        rows, alone = rows_of(poses)
+        if self._warns and rows.shape[1] == 6:
+            self._warns = False
+            warn_of_roll("these poses do not say its roll: give poses (n, 7), with quaternions")
+        return rows, alone
+
+
+def rolled(native: _imf.Scene | _imf.Field, directions: Directions) -> str | NDArray[np.float64]:
+    """As the native module reads them, with a warning where they do not say the roll of a tool that is not round."""
+    given = directions_input(directions)
+    if native.lacks_roll(given):
+        warn_of_roll("for its rolls give so3:N, or quaternions (n, 4)")
+    return given
+
+
 def native_scene(scene: Scene) -> _imf.Scene:
     """What the native module reads."""
     if not isinstance(scene, Scene):
@@ -196,6 +219,11 @@ class Scene:
         return self._native.guarantee
 
     @property
+    def contact(self) -> float | None:
+        """How deep below the part's surface the cutter may reach; None without contact."""
+        return self._native.contact
+
+    @property
     def solid(self) -> NDArray[np.bool_]:
         """Voxels of part and fixtures where they stand in the world, ``(nx, ny, nz)``: a copy."""
         return self._native.solid.view(np.bool_)
@@ -216,28 +244,21 @@ class Scene:
     def _usual(self, directions: Directions | None) -> str | NDArray[np.float64]:
         return self._native.usual_directions if directions is None else directions_input(directions)
 
-    def _rolled(self, directions: Directions) -> str | NDArray[np.float64]:
-        """As the native module reads them, with a warning where they do not say the roll of a tool that is not round."""
-        given = directions_input(directions)
-        if self._native.lacks_roll(given):
-            warn_of_roll("for its rolls give so3:N, or quaternions (n, 4)")
-        return given
-
     def _sections(self, directions: str | NDArray[np.float64], progress: Progress) -> Sections:
         values, found = _imf.sections(self._native, directions, listener(progress))
         return Sections(values, *found, self.grid, self.unit)
 
     def section(self, direction: ArrayLike, *, progress: Progress = None) -> Section:
         """The exact collision measure of one direction ``(3,)`` (or rotation ``(4,)``) at every voxel."""
-        return self._sections(self._rolled(one_direction(direction)), progress)[0]
+        return self._sections(rolled(self._native, one_direction(direction)), progress)[0]
 
     def sections(self, directions: Directions, *, progress: Progress = None) -> Sections:
         """The exact collision measure of several directions at every voxel: 4 bytes a voxel and direction."""
-        return self._sections(self._rolled(directions), progress)
+        return self._sections(rolled(self._native, directions), progress)
 
     def imf(self, directions: Directions | None = None, *, progress: Progress = None) -> Inaccessibility:
         """The inaccessibility measure: the minimum over directions at every voxel, which holds no section."""
-        asked = self._native.usual_directions if directions is None else self._rolled(directions)
+        asked = self._native.usual_directions if directions is None else rolled(self._native, directions)
         values, best, found = _imf.minimum(self._native, asked, listener(progress))
         return Inaccessibility(values, best, *found, self.grid, self.unit)
 
@@ -254,7 +275,7 @@ class Scene:
         samples: the surface is cut into at least about so many. tolerance: how deep the cutter may cut below the surface, and a shank
         stand in it, by default 0.05 mm, but no less than a tenth of the pitch and no more than a quarter of it.
         """
-        asked = None if directions is None else self._rolled(directions)
+        asked = None if directions is None else rolled(self._native, directions)
         count = whole("samples", samples, 1)
         return Access(_imf.access(self._native, asked, count, tolerance, listener(progress)), self.unit)
 

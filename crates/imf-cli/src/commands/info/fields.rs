@@ -6,6 +6,7 @@ use anyhow::{Context as _, Result, ensure};
 use glam::DMat4;
 use imf_core::scene::SceneRecord;
 use imf_core::section::Quantity;
+use imf_core::tool::{Element, Tool, ToolShape};
 use imf_core::unit::LengthUnit;
 use imf_fields::calibration::Calibration;
 use imf_fields::factored::file::FactoredFile;
@@ -93,6 +94,9 @@ pub(super) fn field(path: &Path, file: &FieldFile) -> Result<Description> {
         ),
         _ => (name, text),
     }));
+    // Tells fields of two states of a part apart, whose names and grids may be the same.
+    let (solid, checksum) = (file.scene().obstacle.count(), record.obstacle_crc32);
+    lines.push(("solid", format!("{solid} voxels, checksum {checksum:08x}")));
     lines.extend(made);
     lines.extend(calibration_lines(calibration, quantity, record.unit));
     let mut json = json!({
@@ -243,6 +247,13 @@ fn quantity_text(quantity: Quantity, scene: &SceneRecord) -> String {
     }
 }
 
+/// The largest diameter of every element; nothing of a mesh.
+fn diameters(tool: &Tool) -> String {
+    let ToolShape::Revolved(elements) = &tool.shape else { return String::new() };
+    let of = |own: &Element| format!("{} {} ({})", short(2.0 * own.max_radius()), tool.unit, own.kind);
+    format!(", largest diameters {}", elements.iter().map(of).collect::<Vec<_>>().join(", "))
+}
+
 /// What samples were made for, or a field.
 fn scene_lines(scene: &SceneRecord) -> Vec<Line> {
     let (grid, unit, tool) = (&scene.grid, scene.unit, scene.bare_tool());
@@ -255,10 +266,11 @@ fn scene_lines(scene: &SceneRecord) -> Vec<Line> {
         (
             "tool",
             format!(
-                "{}, length {} {unit}, reach {} {unit}",
+                "{}, length {} {unit}, reach {} {unit}{}",
                 tool.name,
                 short(tool.length()),
-                short(tool.reach())
+                short(tool.reach()),
+                diameters(tool)
             ),
         ),
     ];
