@@ -33,7 +33,7 @@ pub(crate) struct View<'a> {
 
 /// One value for each triangle, and its colours.
 pub(crate) struct Layer {
-    /// As in the files.
+    /// As in the files, whose tools are counted from 0.
     pub(crate) name: &'static str,
     /// For people, such as `by tool`.
     pub(crate) title: &'static str,

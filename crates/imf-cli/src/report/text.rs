@@ -8,7 +8,7 @@ use imf_fields::metrics::Validation;
 use super::{PAPER_THRESHOLD, Report, Row, ThresholdOf};
 use crate::arguments::clearance::clearance_text;
 use crate::commands::calibrate::threshold_text;
-use crate::output::table;
+use crate::output::{short, table};
 
 impl Report {
     /// The closing table.
@@ -87,7 +87,8 @@ impl Report {
     pub(super) fn markdown(&self, pictures: &[(&str, &str)]) -> String {
         let Self { part, tool, program, dims: [x, y, z], pitch, unit, .. } = self;
         let mut text = format!(
-            "# {part}, tool {tool}\n\n{program} · {x}×{y}×{z} voxels of {pitch:.4} {unit} · {}\n\n```text\n{}\n```\n\n",
+            "# {part}, tool {tool}\n\n{program} · {x}×{y}×{z} voxels of {} {unit} · {}\n\n```text\n{}\n```\n\n",
+            short(*pitch),
             self.made.describe(self.training_sections),
             self.table()
         );

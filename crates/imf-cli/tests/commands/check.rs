@@ -76,6 +76,20 @@ fn a_folder_has_a_table_a_picture_and_the_answer() {
     let summary = folder.read_json("out/summary.json");
     assert_eq!(summary["files"], serde_json::json!(["collisions.csv", "worst.png", "summary.json"]));
     assert!(image::open(folder.path("out/worst.png")).unwrap().width() > 500);
+    // In metres too.
+    folder.write("metres.csv", "x,y,z\n0,0,0.04\n0,0,0.012\n");
+    let metres = "check block.obj metres.csv --tool paper --scale 0.001 --unit m --pitch 0.001 --out metres";
+    folder.imf(metres).exits(3);
+    let fields = |table: &str| -> Vec<f64> {
+        let line = table.lines().nth(1).unwrap();
+        line.split(',').skip(5).map(|field| field.parse().unwrap_or(f64::NAN)).collect()
+    };
+    let columns: Vec<&str> = table.lines().next().unwrap().split(',').skip(5).collect();
+    let [mm, m] = [&table, &folder.text("metres/collisions.csv")].map(|table| fields(table));
+    for (column, power) in [("depth", 1), ("volume", 3)] {
+        let at = columns.iter().position(|name| *name == column).unwrap();
+        assert!((m[at] * 1e3_f64.powi(power) / mm[at] - 1.0).abs() < 1e-6, "{column}: {} {}", mm[at], m[at]);
+    }
     // Nothing of it is left for a path that is free.
     folder.write("free.csv", "x,y,z\n0,0,40\n");
     run("free.csv").done();
@@ -197,7 +211,7 @@ fn the_guarantee_follows_clearance_voxels_and_step() {
     ]);
     let all = "--conservative --contact 0 --clearance 0.87 --clearance-cutter 0.87";
     let run = check("pass.csv", path, all);
-    run.says(&["the whole tool keeps off the mesh itself", "nearer by 0.1250", "at least 0.9910"]);
+    run.says(&["the whole tool keeps off the mesh itself", "nearer by 0.125:", "at least 0.9911"]);
 }
 
 #[test]

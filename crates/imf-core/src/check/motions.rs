@@ -8,6 +8,7 @@ use crate::occupancy::Occupancy;
 use crate::pose::{Pose, StraightMotion};
 use crate::tool::{Element, Segment, Tool};
 use crate::toolpath::{CutterStatement, Location, MoveKind, Toolpath};
+use crate::unit::DisplayLength;
 
 /// More poses than this on one motion are a slip of units.
 const MAX_POSES: f64 = 1e8;
@@ -254,11 +255,14 @@ pub fn never_near(toolpath: &Toolpath, tools: &[(Option<u32>, &Tool)], part: &Oc
     let tips = || toolpath.locations.iter().map(|location| location.pose.position);
     let path = [tips().reduce(DVec3::min)?, tips().reduce(DVec3::max)?];
     // Between two locations tips stay in the box of all.
+    let unit = toolpath.unit;
     let apart = (part[0] - path[1]).max(path[0] - part[1]).max(DVec3::ZERO).length();
     (apart > reach).then(|| {
         format!(
-            "the tips of the whole path stay {apart:.1} away from the part, farther than any tool reaches ({reach:.1}): check the path's unit \
-             and the frame that it is in"
+            "the tips of the whole path stay {} {unit} away from the part, farther than any tool reaches ({} {unit}): check the path's \
+             unit and the frame that it is in",
+            DisplayLength(apart),
+            DisplayLength(reach)
         )
     })
 }

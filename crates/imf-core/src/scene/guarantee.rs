@@ -8,6 +8,7 @@ use std::fmt;
 use super::SceneRecord;
 use crate::grid::HALF_DIAGONAL;
 use crate::tool::{Clearance, ElementKind, Tool};
+use crate::unit::DisplayLength;
 
 /// Which guarantee holds.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -117,25 +118,32 @@ impl PathGuarantee {
 
 impl fmt::Display for PathGuarantee {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { at_poses, at_all_times, needed, between } = self;
+        let Self { at_poses, at_all_times, .. } = self;
+        let [needed, between] = [self.needed, self.between].map(enough);
         if at_poses.strength() < Guarantee::HolderAndShank.strength() {
             return write!(
                 f,
-                "{at_poses}; between the checked poses a guarantee takes a clearance of at least {needed:.4} in the part's unit"
+                "{at_poses}; between the checked poses a guarantee takes a clearance of at least {needed} in the part's unit"
             );
         }
         if at_all_times == at_poses {
             return write!(
                 f,
-                "{at_poses}; that holds at every time, not only at the checked poses, for the clearance is at least {needed:.4}"
+                "{at_poses}; that holds at every time, not only at the checked poses, for the clearance is at least {needed}"
             );
         }
         write!(
             f,
-            "{at_poses}; that holds at the checked poses, between which the tool may come nearer by {between:.4}: at every time \
-             it takes a clearance of at least {needed:.4}"
+            "{at_poses}; that holds at the checked poses, between which the tool may come nearer by {between}: at every time \
+             it takes a clearance of at least {needed}"
         )
     }
+}
+
+/// A length that is asked for: to four significant digits, never less.
+fn enough(length: f64) -> DisplayLength {
+    let digit = 10_f64.powf((length.log10() - 3.0).floor());
+    DisplayLength(((length / digit - 1e-9).ceil() * digit).max(0.0))
 }
 
 impl SceneRecord {
@@ -157,7 +165,8 @@ impl fmt::Display for Guarantee {
             Self::Voxels { needed } => write!(
                 f,
                 "exact for the tool at voxel centres against every voxel that the surface touches; a guarantee about the \
-                 mesh itself also needs a clearance of at least √3/2 pitch ({needed:.4})"
+                 mesh itself also needs a clearance of at least √3/2 pitch ({})",
+                enough(*needed)
             ),
             Self::HolderAndShank => f.write_str(
                 "where it is free, holder and shank keep off the mesh itself (every voxel that the surface touches is \
@@ -178,16 +187,17 @@ mod tests {
     #[test]
     fn a_path_takes_half_of_its_step_more() {
         let tool = Tool::paper();
-        let guarantee = |room: f64, step: f64| {
+        let at_pitch = |room: f64, step: f64, pitch: f64| {
             let clearance = Clearance { holder: room, shank: room, cutter: room };
-            PathGuarantee::new(true, &tool, &clearance, false, 1.0, step)
+            PathGuarantee::new(true, &tool, &clearance, false, pitch, step)
         };
+        let guarantee = |room: f64, step: f64| at_pitch(room, step, 1.0);
         let near = guarantee(0.87, 0.25);
         assert_eq!(near.at_poses, Guarantee::Mesh);
         assert!(matches!(near.at_all_times, Guarantee::Voxels { .. }));
         assert!((near.needed - 0.991_025).abs() < 1e-6);
         assert!(
-            near.to_string().contains("nearer by 0.1250") && near.to_string().contains("at least 0.9910")
+            near.to_string().contains("nearer by 0.125:") && near.to_string().contains("at least 0.9911")
         );
         let far = guarantee(1.0, 0.25);
         assert_eq!(far.at_all_times, Guarantee::Mesh);
@@ -195,7 +205,9 @@ mod tests {
             far.to_string().contains("at every time, not only at the checked poses, for the clearance"),
             "{far}"
         );
-        assert!(guarantee(1.0, 1.0).to_string().contains("at least 1.3660"));
+        assert!(guarantee(1.0, 1.0).to_string().contains("at least 1.367"));
+        // In metres.
+        assert!(at_pitch(7e-4, 1.875e-4, 7.5e-4).to_string().contains("at least 0.0007433"));
     }
 
     #[test]

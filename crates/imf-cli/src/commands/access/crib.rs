@@ -27,7 +27,7 @@ use super::surface::{ObstructedRow, SAMPLES, best_tools, rgb};
 use crate::arguments::access::CribArguments;
 use crate::arguments::orientations::{Directions, default_for};
 use crate::arguments::scene::{voxelise_with_progress, warn_of, warn_of_cavities};
-use crate::output::{OutputFolder, SUMMARY, print_result, write_json, write_text};
+use crate::output::{OutputFolder, SUMMARY, print_result, short, write_json, write_text};
 use crate::session::Session;
 
 use report::Report;
@@ -115,10 +115,10 @@ impl Crib {
         let reach = if machine.is_some() { f64::INFINITY } else { reach };
         let grid = spec.obstacle_grid(&query, reach)?;
         let needed = 30 * grid.len() as u64
-            + kept.len() as u64 * (200_000 + 8 * SAMPLES as u64)
+            + kept.len() as u64 * (200_000 + SurfaceSamples::most(&mesh, SAMPLES) as u64)
             + spec.placed().iter().map(|mesh| points_memory_estimate(mesh, grid.pitch)).sum::<u64>();
         session.require_memory(needed, || {
-            format!("{} voxels and {} tools; use a larger --pitch", grid.len(), kept.len())
+            format!("{} voxels and {} tools; use a larger --pitch or a coarser mesh", grid.len(), kept.len())
         })?;
         let bodies = voxelise_with_progress(session, &spec, &grid, |spec| spec.bodies(&grid))?;
         warn_of(session, &spec.warnings(&bodies)?);
@@ -147,8 +147,8 @@ impl Crib {
         }
         ensure!(
             !among.is_empty(),
-            "no tool of the crib can be decided at a pitch of {:.4} {unit}: {}",
-            grid.pitch,
+            "no tool of the crib can be decided at a pitch of {} {unit}: {}",
+            short(grid.pitch),
             first_of(&undecided)
         );
         let verdicts = session.staged("crib", "samples", samples.samples.len() as u64, |control| {

@@ -144,10 +144,11 @@ impl AccessRun {
         session.require_memory(needed, || {
             let [x, y, z] = query.dims;
             format!(
-                "{x}×{y}×{z} voxels, tools that reach {:.0} voxels, {} orientations, {} threads; use a larger \
-                 --pitch or fewer --threads",
+                "{x}×{y}×{z} voxels, tools that reach {:.0} voxels, {} orientations, {} triangles, {} threads; use a larger \
+                 --pitch, fewer --orientations, a coarser mesh or fewer --threads",
                 reach / query.pitch,
                 orientations.len(),
+                spec.mesh.triangles.len(),
                 session.threads()
             )
         })?;
@@ -348,7 +349,7 @@ fn needed(
     let points = 4 * of(1.0) + of(2.0);
     let surface = (13 * sets + 10) * obstacle.len() as u64
         + points
-        + SurfaceSettings::memory_estimate(orientations.len(), tools.len());
+        + SurfaceSettings::memory_estimate(spec.mesh, orientations.len(), tools.len());
     let bodies = spec.fixture_voxels(obstacle)? + 4 * obstacle.len() as u64;
     Ok(most.max(surface) + bodies + results + stock)
 }

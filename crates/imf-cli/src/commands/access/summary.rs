@@ -16,7 +16,7 @@ use super::surface::{SetupsRow, StickOutRow, Surface, SurfaceRow, UnreachedPatch
 use super::{Findings, Volume};
 use crate::arguments::clearance::{clearance_text, contact_text};
 use crate::arguments::orientations::suggested_lines;
-use crate::output::{shortened, show_measure};
+use crate::output::{short, shortened, show_measure};
 use crate::progress::show_seconds;
 
 /// Pieces of space that the summary lists; the label fields have them all.
@@ -242,8 +242,9 @@ impl Summary {
             self.tools.iter().filter(|_| self.tools.len() > 1).map(|t| accessible_to(t).chars().count());
         let wide = names.max().unwrap_or(0).max(NAMES);
         let mut text = format!(
-            "{part}: {x}×{y}×{z} voxels of {pitch:.4} {unit}, {orientation_count} orientations ({orientations}), τ = {tau}\n{}\n\
+            "{part}: {x}×{y}×{z} voxels of {} {unit}, {orientation_count} orientations ({orientations}), τ = {tau}\n{}\n\
              {}{:wide$}{:>12}{:>16}   pieces\n",
+            short(*pitch),
             suggested_lines(&self.suggested_by_the_part, &unit.to_string()),
             self.surface_lines(),
             "",

@@ -71,9 +71,11 @@ impl SurfaceSettings {
         })
     }
 
-    /// Bytes for `directions` directions and `tools` tools, beside the voxels.
-    pub(super) fn memory_estimate(directions: usize, tools: usize) -> u64 {
-        surface_memory_estimate(8 * SAMPLES, directions) * tools as u64
+    /// Bytes for a mesh, `directions` directions and `tools` tools, beside the voxels: of each sample its triangle and what is written of
+    /// it as well.
+    pub(super) fn memory_estimate(mesh: &Mesh, directions: usize, tools: usize) -> u64 {
+        let samples = SurfaceSamples::most(mesh, SAMPLES);
+        surface_memory_estimate(samples, directions) * tools as u64 + 300 * samples as u64
     }
 }
 
@@ -254,10 +256,14 @@ impl Surface {
     /// Writes `surface.ply`, `surface.vtp` and what each voxel is to blame for, and gives back the files' names.
     pub(super) fn write(&self, run: &AccessRun, folder: &Path) -> Result<Vec<&'static str>> {
         let each = |value: &dyn Fn(usize) -> f32| -> Vec<f32> { (0..self.best.len()).map(value).collect() };
+        let reached = |sample: usize| self.best[sample].0 == Verdict::Reached;
         let mut values = vec![
             ("verdict".to_owned(), each(&|sample| f32::from(self.best[sample].0 as u8))),
             ("directions".to_owned(), each(&|sample| self.reached_from(sample).unwrap_or(0.0))),
-            ("tool".to_owned(), each(&|sample| self.best[sample].1 as f32)),
+            (
+                "tool".to_owned(),
+                each(&|sample| if reached(sample) { self.best[sample].1 as f32 } else { -1.0 }),
+            ),
         ];
         let directions: Vec<Vec3> = (0..self.best.len())
             .map(|sample| match self.direction(sample) {
@@ -281,7 +287,7 @@ impl Surface {
             format!("imf {}: {} in {}", env!("CARGO_PKG_VERSION"), run.part, run.unit),
             "verdict: 0 reached, 1 obstructed by shank, holder or fixture, 2 the cutter does not fit, 3 no direction faces it"
                 .into(),
-            "directions: number from which that tool reaches it; best: the one that reaches most of the surface, from tip to holder".into(),
+            "tool: the first that reaches it as well as any, from 0, or −1; directions: number from which that tool reaches it; best: the one that reaches most of the surface, from tip to holder".into(),
             format!("the cutter may cut {} {} below the surface", self.tolerance, run.unit),
         ];
         let mesh: &Mesh = &self.samples.mesh;

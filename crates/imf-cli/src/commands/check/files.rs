@@ -30,6 +30,10 @@ pub(super) fn write(
     Ok(())
 }
 
+fn quoted(name: &str) -> String {
+    format!("\"{}\"", name.replace('"', "\"\""))
+}
+
 fn table(checked: &CheckRun<'_>) -> String {
     let mut text = format!("{COLUMNS}\n");
     for line in &checked.report.colliding {
@@ -39,23 +43,23 @@ fn table(checked: &CheckRun<'_>) -> String {
             let against = match &hit.against {
                 HitBody::Part => "part".to_owned(),
                 HitBody::Stock => "stock".to_owned(),
-                HitBody::Fixture(name) | HitBody::Machine(name) => {
-                    format!("\"{}\"", name.replace('"', "\"\""))
-                }
+                HitBody::Fixture(name) | HitBody::Machine(name) => quoted(name),
             };
             let places = [hit.contact, hit.position].concat();
-            let places = places.iter().map(|v| format!("{v:.6}"));
-            // In full: near a pole the roll is counted from where the last digits of the axis point.
+            // In full: units differ, and near a pole the roll is counted from where the last digits of the axis point.
+            let places = places.iter().map(f64::to_string);
             let numbers: Vec<String> = places.chain(hit.axis.map(|v| v.to_string())).collect();
             let roll = hit.roll.map_or_else(String::new, |roll| format!("{roll:.6}"));
             let Collision {
                 element, depth, depth_in_tool, clearance, fraction, voxels, volume, poses, ..
             } = hit;
+            // A solid of the machine has any name.
+            let element = if element.contains([',', '"']) { &quoted(element) } else { element };
             // Writing to a string does not fail.
             let _ = writeln!(
                 text,
-                "{},{tool},{kind},{element},{against},{depth:.6},{depth_in_tool:.6},{clearance},{},{roll},{fraction:.6},{voxels},\
-                 {volume:.6},{poses},{}",
+                "{},{tool},{kind},{element},{against},{depth},{depth_in_tool},{clearance},{},{roll},{fraction},{voxels},\
+                 {volume},{poses},{}",
                 line.line,
                 numbers.join(","),
                 line.poses

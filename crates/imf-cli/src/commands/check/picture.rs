@@ -150,7 +150,7 @@ impl<'a> MachineSolids<'a> {
 }
 
 /// What lies in the plane of the frame at right angles to `axis` through the contact point, or beside it by `shift` in the world: a grid
-/// of one layer, and its classes. Of overlaps with the stock those of the element that is named.
+/// of one layer, and its classes. Overlaps with the stock count where they are the collision, of the element that is named.
 fn cut(
     hit: &Collision,
     tool: &Tool,
@@ -210,8 +210,8 @@ fn cut(
             };
             match (in_tool, of_head) {
                 (false, false) => standing,
-                // What the cutter cuts.
-                (true, _) if standing == STOCK && !is_named => 3.0,
+                // What the cutter cuts, unless that is the collision.
+                (true, _) if standing == STOCK && !(is_named && hit.against == HitBody::Stock) => 3.0,
                 _ if standing != 0.0 => OVERLAP,
                 (true, _) => 3.0,
                 (false, true) => 6.0,

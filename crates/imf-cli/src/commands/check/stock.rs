@@ -320,7 +320,7 @@ impl StockResult {
             let tool = line.tool.map_or_else(String::new, |number| number.to_string());
             let kind = format!("{:?}", line.kind).to_lowercase();
             let (volume, of_part) = (self.volume(line.voxels), self.volume(line.of_part));
-            let _ = writeln!(text, "{},{tool},{kind},{volume:.6},{of_part:.6}", line.line);
+            let _ = writeln!(text, "{},{tool},{kind},{volume},{of_part}", line.line);
         }
         text
     }

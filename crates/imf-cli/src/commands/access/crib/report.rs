@@ -9,7 +9,7 @@ use serde::Serialize;
 use super::super::surface::{ObstructedRow, proof, resolved};
 use super::Crib;
 use super::tools::{CribTool, UndecidedTool};
-use crate::output::{SUMMARY, length, shortened, show_measure};
+use crate::output::{SUMMARY, length, short, shortened, show_measure};
 use crate::progress::show_seconds;
 
 /// Tools that the table lists beside the chosen ones; `crib.csv` has all.
@@ -151,9 +151,10 @@ impl Report {
         let Self { part, unit, pitch, orientation_count, .. } = self;
         let orientations = shortened(&self.orientations);
         let mut text = format!(
-            "{part}: {} tools, {orientation_count} directions ({orientations}), pitch {pitch:.4} {unit}\n\n\
+            "{part}: {} tools, {orientation_count} directions ({orientations}), pitch {} {unit}\n\n\
              surface, {} {unit}² (a cutter may cut {} {unit} below it)\n",
             self.tools.len(),
+            short(*pitch),
             show_measure(self.area),
             length::finer(self.tolerance, *unit, 2)
         );

@@ -159,8 +159,7 @@ pub(crate) struct StickOutRow {
 
 impl StickOutRow {
     pub(crate) fn lines(&self, unit: LengthUnit) -> String {
-        let [near, enough] =
-            [length::nearest, length::at_least].map(|text| move |value: f64| text(value, unit));
+        let enough = |value: f64| length::at_least(value, unit);
         let percent = |share: f64| format!("{:.1} %", 100.0 * share);
         let mut text = length::stick_out(&self.tool, [self.given, self.shortest], self.longest, unit) + "\n";
         if let Some(LongestStickOut { length, point, direction: [i, j, k] }) = self.largest {
@@ -186,7 +185,7 @@ impl StickOutRow {
                 None if (length - self.given).abs() < 1e-6 => "   as it is set".into(),
                 _ => String::new(),
             };
-            let _ = writeln!(text, "  {:>10}   {:>8}{note}", near(*length), percent(*share));
+            let _ = writeln!(text, "  {:>10}   {:>8}{note}", enough(*length), percent(*share));
         }
         text += &left(&[
             ("more than its overall length", self.beyond_the_tool),

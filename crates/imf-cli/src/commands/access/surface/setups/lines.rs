@@ -5,6 +5,7 @@ use std::fmt::{self, Write as _};
 use serde::Serialize;
 
 use super::super::row::{left, proof};
+use crate::output::show_measure;
 
 /// What a set-up needs of one of the machine's rotary axes, in degrees: the range of its angles when each point is
 /// machined with the smallest tilt.
@@ -151,7 +152,7 @@ impl SetupsRow {
         for (index, row) in self.setups.iter().enumerate() {
             let [i, j, k] = row.up;
             let rest = match (row.rests, row.lower_face > 0.0) {
-                (true, true) => format!("stands on flat faces of {:.1} {unit}²", row.lower_face),
+                (true, true) => format!("stands on flat faces of {} {unit}²", show_measure(row.lower_face)),
                 (true, false) => "stands by itself".into(),
                 (false, _) => "must be held: it does not stand so by itself".into(),
             };
