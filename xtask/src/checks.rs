@@ -1,48 +1,68 @@
 //! `cargo xtask test`: everything that must hold before a change is taken.
 //!
-//! Cheap checks stand first, the tests last, so that their result lines are what a reader sees above the summary: those of the Python
-//! package behind the others, whose build they use.
+//! Cheap checks stand first, the tests last, so that their result lines are what a reader sees above the summary. What has to be
+//! installed is, while the first checks compute.
 
 use std::collections::BTreeSet;
-use std::process::{Command, Stdio};
+use std::io::Write as _;
+use std::process::{Child, Command, Stdio};
 
 use anyhow::{Context, Result, bail, ensure};
 
 use crate::adapter;
 use crate::browser;
 use crate::programs;
-use crate::python;
 use crate::stages;
-use crate::web::{self, TARGET, Toolchain};
+use crate::web::{TARGET, Toolchain};
 
 /// Runs all checks.
 ///
 /// # Errors
 /// The first stage that fails.
 pub(crate) fn run() -> Result<()> {
-    stages::run(&[
-        ("formatting", formatting),
-        ("clippy", clippy),
-        ("rustdoc", rustdoc),
-        ("core and fields alone", alone),
-        ("GPU driver", adapter::ensure_driver),
-        ("browser", browser::ensure_browser),
-        ("tests", programs::run),
-        ("Python package", python::test),
-        ("page for browsers", page),
+    let mut needs = Command::new(std::env::current_exe().context("this program's place")?);
+    let needs = needs.arg("needs").stdout(Stdio::piped()).stderr(Stdio::piped()).spawn();
+    let needs = needs.context("cannot start what installs")?;
+    stages::run(vec![
+        ("formatting", Box::new(formatting)),
+        ("clippy", Box::new(clippy)),
+        ("rustdoc", Box::new(rustdoc)),
+        ("core and fields alone", Box::new(alone)),
+        ("GPU driver, browser", Box::new(|| provided(needs))),
+        ("tests", Box::new(tests)),
     ])
 }
 
-/// The page that computes in the browser, where the compiler's target for browsers is there or can be had.
-fn page() -> Result<()> {
-    match Toolchain::find() {
-        Ok(_) if browser::CHROMIUM.is_left_out() => Ok(()),
-        Ok(_) => web::test(),
-        Err(missing) => {
-            println!("not tested: {missing}");
-            Ok(())
-        }
+/// Sees to it that the tests find a GPU driver and a browser.
+///
+/// # Errors
+/// What is not there and cannot be installed.
+pub(crate) fn provide() -> Result<()> {
+    adapter::ensure_driver()?;
+    browser::ensure_browser()
+}
+
+/// Waits for what provides and shows what it printed.
+fn provided(needs: Child) -> Result<()> {
+    let output = needs.wait_with_output().context("what installs")?;
+    for printed in [&output.stdout, &output.stderr] {
+        std::io::stdout().write_all(printed)?;
     }
+    ensure!(output.status.success(), "not everything that tests need is there ({})", output.status);
+    Ok(())
+}
+
+/// Those of the workspace, of the Python package, and of the page that computes in the browser, where the compiler's target for browsers
+/// is there or can be had.
+fn tests() -> Result<()> {
+    let mut chores: Vec<&[&str]> = Vec::new();
+    match Toolchain::find() {
+        Ok(_) if browser::CHROMIUM.is_left_out() => (),
+        Ok(_) => chores.push(&["test", "--browser"]),
+        Err(missing) => println!("the page for browsers is not tested: {missing}"),
+    }
+    chores.push(&["python"]);
+    programs::run(&chores)
 }
 
 /// Rewrites the lists of the public surface in `docs/api`.

@@ -23,9 +23,10 @@ const USAGE: &str = "\
 usage: cargo xtask <chore>
 
 chores:
-  test     formatting, clippy and rustdoc with warnings denied, imf-core without its features (for browsers), a look for a
-           Vulkan driver and a browser, all tests, those of the Python package in an environment of their own
-  python   the tests of the Python package alone
+  test     formatting, clippy and rustdoc with warnings denied, imf-core without its features (for browsers), needs, all tests,
+           python and test --browser
+  needs    looks for the Vulkan driver and the browser that tests need, and installs them as root on Debian and Ubuntu
+  python   the tests of the Python package in an environment of its own
   wheel    builds the Python package's wheel, target/wheels, and tests it in an environment of its own
   api      writes the lists of what imf-core and imf-fields make public, docs/api, anew
   web      the page that computes in the browser, target/web/imf.html, and the npm package beside it
@@ -45,6 +46,7 @@ fn main() -> ExitCode {
     match arguments[..] {
         ["test"] => ended(checks::run()),
         ["test", "--browser"] => ended(web::test()),
+        ["needs"] => ended(checks::provide()),
         ["web"] => ended(web::build()),
         #[cfg(feature = "page")]
         ["page"] => ended(page::make()),
