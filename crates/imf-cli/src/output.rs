@@ -18,7 +18,7 @@ use tempfile::{Builder, NamedTempFile};
 
 pub(crate) use self::stale::SUMMARY;
 use self::stale::{remove_stale, stale_files};
-pub(crate) use self::text::{aligned, element_name, same_digits, shortened, show_measure};
+pub(crate) use self::text::{aligned, element_name, quoted, same_digits, shortened, show_measure};
 pub use self::text::{short, table};
 use crate::session::{Remarks, Session, remarks};
 

@@ -11,6 +11,11 @@ pub fn short(value: f64) -> String {
     if text == "-0" { "0".into() } else { text.into() }
 }
 
+/// A text as a field of a CSV file, whatever stands in it.
+pub(crate) fn quoted(text: &str) -> String {
+    format!("\"{}\"", text.replace('"', "\"\""))
+}
+
 /// The beginning of a text of any length, such as a set of directions that lists them all.
 pub(crate) fn shortened(text: &str) -> String {
     const MOST: usize = 100;

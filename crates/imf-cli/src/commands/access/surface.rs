@@ -175,6 +175,11 @@ impl Surface {
         Ok(self.samples.fraction(|sample| reached[sample]))
     }
 
+    /// Whether any tool reaches a sample.
+    fn is_reached(&self, sample: usize) -> bool {
+        self.best[sample].0 == Verdict::Reached
+    }
+
     /// Of the directions from which its best tool reaches a sample, the one that reaches most of the surface.
     fn direction(&self, sample: usize) -> Option<usize> {
         let (access, _) = &self.tools[self.best[sample].1];
@@ -224,7 +229,7 @@ impl Surface {
             hidden_area: self.samples.hidden_area,
             tolerance: self.tolerance,
             reached,
-            border: self.samples.border(|sample| self.best[sample].0 == Verdict::Reached),
+            border: self.samples.border(|sample| self.is_reached(sample)),
             reached_at_twice_the_pitch: self.coarse,
             difference: reached - self.coarse,
             obstructed: of(Verdict::Obstructed),
@@ -256,13 +261,12 @@ impl Surface {
     /// Writes `surface.ply`, `surface.vtp` and what each voxel is to blame for, and gives back the files' names.
     pub(super) fn write(&self, run: &AccessRun, folder: &Path) -> Result<Vec<&'static str>> {
         let each = |value: &dyn Fn(usize) -> f32| -> Vec<f32> { (0..self.best.len()).map(value).collect() };
-        let reached = |sample: usize| self.best[sample].0 == Verdict::Reached;
         let mut values = vec![
             ("verdict".to_owned(), each(&|sample| f32::from(self.best[sample].0 as u8))),
             ("directions".to_owned(), each(&|sample| self.reached_from(sample).unwrap_or(0.0))),
             (
                 "tool".to_owned(),
-                each(&|sample| if reached(sample) { self.best[sample].1 as f32 } else { -1.0 }),
+                each(&|sample| if self.is_reached(sample) { self.best[sample].1 as f32 } else { -1.0 }),
             ),
         ];
         let directions: Vec<Vec3> = (0..self.best.len())

@@ -7,7 +7,7 @@ use imf_core::check::{Collision, HitBody};
 use serde_json::{Value, json};
 
 use super::CheckRun;
-use crate::output::{OutputFolder, SUMMARY, write_json, write_text};
+use crate::output::{OutputFolder, SUMMARY, quoted, write_json, write_text};
 use crate::session::Session;
 
 const COLUMNS: &str = "line,tool,kind,element,against,depth,depth_in_tool,clearance,contact_x,contact_y,contact_z,x,y,z,i,j,k,roll,\
@@ -28,10 +28,6 @@ pub(super) fn write(
     write_json(&folder.file(SUMMARY), json).context(SUMMARY)?;
     session.note(&format!("wrote {} to {}", files.join(", "), folder.path.display()));
     Ok(())
-}
-
-fn quoted(name: &str) -> String {
-    format!("\"{}\"", name.replace('"', "\"\""))
 }
 
 fn table(checked: &CheckRun<'_>) -> String {

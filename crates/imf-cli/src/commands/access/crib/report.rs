@@ -9,7 +9,7 @@ use serde::Serialize;
 use super::super::surface::{ObstructedRow, proof, resolved};
 use super::Crib;
 use super::tools::{CribTool, UndecidedTool};
-use crate::output::{SUMMARY, length, short, shortened, show_measure};
+use crate::output::{SUMMARY, length, quoted, short, shortened, show_measure};
 use crate::progress::show_seconds;
 
 /// Tools that the table lists beside the chosen ones; `crib.csv` has all.
@@ -134,13 +134,13 @@ impl Report {
                 .to_owned();
         for ToolRow { tool, reached, most_rigid, obstructed, gouged, not_faced, chosen, .. } in &self.tools {
             let CribTool { name, diameter, stick_out, rigidity, file } = tool;
-            let [name, file] = [name, file].map(|text| text.replace('"', "\"\""));
+            let [name, file] = [name, file].map(|text| quoted(text));
             let [diameter, stick_out, rigidity] = [diameter, stick_out, rigidity]
                 .map(|value| value.map_or(String::new(), |value| value.to_string()));
             let chosen = chosen.map_or(String::new(), |place| place.to_string());
             let _ = writeln!(
                 text,
-                "\"{name}\",{diameter},{stick_out},{rigidity},{reached},{most_rigid},{obstructed},{gouged},{not_faced},{chosen},\"{file}\""
+                "{name},{diameter},{stick_out},{rigidity},{reached},{most_rigid},{obstructed},{gouged},{not_faced},{chosen},{file}"
             );
         }
         text

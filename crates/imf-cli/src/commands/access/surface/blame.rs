@@ -23,8 +23,7 @@ pub(super) struct Blame {
 impl Blame {
     pub(super) fn find(session: &Session, run: &AccessRun, surface: &Surface) -> Result<Self> {
         let samples = &surface.samples.samples;
-        let missed: Vec<usize> =
-            (0..samples.len()).filter(|&s| surface.best[s].0 != Verdict::Reached).collect();
+        let missed: Vec<usize> = (0..samples.len()).filter(|&s| !surface.is_reached(s)).collect();
         let every = missed.len().div_ceil(MOST).max(1);
         let looked_into: Vec<usize> = missed.into_iter().step_by(every).collect();
         let mut blame = Self { nearest: vec![None; samples.len()], voxels: None };

@@ -215,7 +215,6 @@ impl Surface {
     ) -> View<'a> {
         let classes = |names: &mut dyn Iterator<Item = (String, [u8; 3])>| Colours::Classes(names.collect());
         let each = |value: &dyn Fn(usize) -> f32| -> Vec<f32> { (0..self.best.len()).map(value).collect() };
-        let reached = |sample: usize| self.best[sample].0 == Verdict::Reached;
         let mut layers = vec![Layer {
             name: "verdict",
             title: "by reach",
@@ -230,7 +229,9 @@ impl Surface {
                 name: "tool",
                 title: "by tool",
                 colours: classes(&mut none("no tool").chain(names)),
-                values: each(&|sample| if reached(sample) { self.best[sample].1 as f32 + 1.0 } else { 0.0 }),
+                values: each(&|sample| {
+                    if self.is_reached(sample) { self.best[sample].1 as f32 + 1.0 } else { 0.0 }
+                }),
             });
         }
         if let Some(setups) = &self.setups {
