@@ -1,6 +1,7 @@
 //! All tests of the workspace, two programs of them at a time: most end with one long test, which leaves other cores idle. The first
 //! run while the last are compiled.
 
+use std::collections::BTreeSet;
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -51,22 +52,86 @@ pub(crate) fn run(chores: &[&'static [&'static str]]) -> Result<()> {
     Ok(())
 }
 
-/// Everything that `cargo test` runs but for the documentation's examples, as it is built.
+/// Everything that `cargo test` runs but for the documentation's examples, as it is built. Cargo builds the commands that tests start
+/// beside those tests, not before them: programs that may start one wait for all commands.
 fn build(queue: &Queue) -> Result<()> {
+    let mut commands = commands()?;
+    let starting: BTreeSet<PathBuf> = commands.iter().map(|(folder, _)| folder.clone()).collect();
+    let mut held = Vec::new();
     let arguments = ["test", "--workspace", "--no-run", "--message-format=json-render-diagnostics"];
     println!("$ cargo {}", arguments.join(" "));
     let mut command = cargo_command();
     let mut cargo = command.args(arguments).stdout(Stdio::piped()).spawn().context("cannot start cargo")?;
     let mut programs = 0;
     for message in BufReader::new(cargo.stdout.take().context("cargo's messages")?).lines() {
-        if let Some(program) = Program::of_message(&message?) {
-            queue.add(program);
-            programs += 1;
+        match Built::of_message(&message?) {
+            Some(Built::Tests(program)) => {
+                programs += 1;
+                let is_held = program.rank == Rank::Beside && starting.contains(&program.folder);
+                if is_held { held.push(program) } else { queue.add(program) }
+            }
+            Some(Built::Command(command)) => _ = commands.remove(&command),
+            None => (),
+        }
+        if commands.is_empty() {
+            held.drain(..).for_each(|program| queue.add(program));
         }
     }
     ensure!(cargo.wait()?.success(), "`cargo {}` failed", arguments.join(" "));
     ensure!(programs > 0, "cargo built no tests");
+    ensure!(held.is_empty(), "cargo did not build the commands {commands:?}");
     Ok(())
+}
+
+/// A command of the workspace: its package's folder, and its name.
+type Binary = (PathBuf, String);
+
+/// Those of packages with tests beside them, which cargo builds for these.
+fn commands() -> Result<BTreeSet<Binary>> {
+    let arguments = ["metadata", "--no-deps", "--format-version", "1"];
+    let listed = cargo_command().args(arguments).output().context("cannot start cargo")?;
+    let failed = || format!("cargo metadata: {}", String::from_utf8_lossy(&listed.stderr));
+    let listed: Value = serde_json::from_slice(&listed.stdout).with_context(failed)?;
+    commands_of(&listed).context("packages that cargo lists otherwise")
+}
+
+fn commands_of(listed: &Value) -> Option<BTreeSet<Binary>> {
+    let mut commands = BTreeSet::new();
+    for package in listed["packages"].as_array()? {
+        let folder = Path::new(package["manifest_path"].as_str()?).parent()?;
+        let targets = package["targets"].as_array()?;
+        let of_kind = |kind| targets.iter().filter(move |target| target["kind"][0] == kind);
+        if of_kind("test").next().is_some() {
+            let names = of_kind("bin").filter_map(|target| target["name"].as_str());
+            commands.extend(names.map(|name| (folder.to_owned(), name.to_owned())));
+        }
+    }
+    Some(commands)
+}
+
+/// What cargo has built.
+#[derive(Debug, PartialEq)]
+enum Built {
+    Tests(Program),
+    Command(Binary),
+}
+
+impl Built {
+    /// What a message of cargo's tells of, if it tells of one of them.
+    fn of_message(message: &str) -> Option<Self> {
+        let message: Value = serde_json::from_str(message).ok()?;
+        let executable = message["executable"].as_str()?.into();
+        let folder = Path::new(message["manifest_path"].as_str()?).parent()?;
+        let kind = message["target"]["kind"][0].as_str()?;
+        let name = message["target"]["name"].as_str()?;
+        if !message["profile"]["test"].as_bool()? {
+            return (kind == "bin").then(|| Self::Command((folder.to_owned(), name.to_owned())));
+        }
+        let package = folder.file_name()?.to_string_lossy();
+        let name = format!("{package} ({kind} {name})");
+        let rank = if kind == "test" { Rank::Beside } else { Rank::Own };
+        Some(Self::Tests(Program { name, executable, arguments: &[], folder: folder.into(), rank }))
+    }
 }
 
 /// Programs that wait for a worker.
@@ -133,19 +198,6 @@ impl Program {
         Self { name, executable, arguments, folder: root(), rank: Rank::Chore }
     }
 
-    /// The program that a message of cargo's tells of, if it does.
-    fn of_message(message: &str) -> Option<Self> {
-        let message: Value = serde_json::from_str(message).ok()?;
-        message["profile"]["test"].as_bool().filter(|&is_test| is_test)?;
-        let executable = message["executable"].as_str()?.into();
-        let folder = Path::new(message["manifest_path"].as_str()?).parent()?;
-        let kind = message["target"]["kind"][0].as_str()?;
-        let package = folder.file_name()?.to_string_lossy();
-        let name = format!("{package} ({kind} {})", message["target"]["name"].as_str()?);
-        let rank = if kind == "test" { Rank::Beside } else { Rank::Own };
-        Some(Self { name, executable, arguments: &[], folder: folder.into(), rank })
-    }
-
     /// Runs it and shows what it printed.
     fn passes(&self) -> Result<bool> {
         let start = Instant::now();
@@ -189,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn programs_are_known_from_what_cargo_says() {
+    fn programs_and_commands_are_known_from_what_cargo_says() {
         let message = r#"{"reason":"compiler-artifact","manifest_path":"/imf/crates/imf-gpu/Cargo.toml",
             "target":{"kind":["test"],"name":"gpu"},"profile":{"test":true},"executable":"/target/gpu-1"}"#;
         let program = Program {
@@ -199,9 +251,22 @@ mod tests {
             folder: "/imf/crates/imf-gpu".into(),
             rank: Rank::Beside,
         };
-        assert_eq!(Program::of_message(message), Some(program));
+        assert_eq!(Built::of_message(message), Some(Built::Tests(program)));
         for (from, to) in [("true", "false"), ("\"/target/gpu-1\"", "null"), ("{", "")] {
-            assert_eq!(Program::of_message(&message.replace(from, to)), None);
+            assert_eq!(Built::of_message(&message.replace(from, to)), None);
         }
+        let command = message.replace("true", "false").replace("[\"test\"]", "[\"bin\"]");
+        assert_eq!(
+            Built::of_message(&command),
+            Some(Built::Command(("/imf/crates/imf-gpu".into(), "gpu".into())))
+        );
+    }
+
+    #[test]
+    fn commands_that_tests_wait_for_are_those_that_cargo_builds_for_them() {
+        let listed = commands().unwrap();
+        let names: Vec<_> = listed.iter().map(|(_, name)| name.as_str()).collect();
+        assert_eq!(names, ["imf-bench", "imf"]);
+        assert!(listed.iter().all(|(folder, _)| folder.join("tests").is_dir()));
     }
 }

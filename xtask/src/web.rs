@@ -64,6 +64,8 @@ impl Toolchain {
         }
         command.arg("--target-dir").arg(folder().join("build"));
         command.env("CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_RUSTFLAGS", "-C target-feature=+simd128");
+        // In a quarter less processor time, and smaller, than as the command is optimised.
+        command.envs([("CARGO_PROFILE_RELEASE_LTO", "off"), ("CARGO_PROFILE_RELEASE_CODEGEN_UNITS", "1")]);
         run_shown(&mut command)
     }
 }
