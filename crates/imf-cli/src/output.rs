@@ -20,6 +20,7 @@ pub(crate) use self::stale::SUMMARY;
 use self::stale::{remove_stale, stale_files};
 pub(crate) use self::text::{aligned, element_name, quoted, same_digits, shortened, show_measure};
 pub use self::text::{short, table};
+use crate::interrupt;
 use crate::session::{Remarks, Session, remarks};
 
 /// A folder for results. It is made only when there is a result to put into it.
@@ -72,6 +73,9 @@ impl OutputFolder {
 
     /// As [`OutputFolder::create_locked`], and clears it of what an earlier run of this program left there, killed ones included.
     pub(crate) fn begin(&self, session: &Session) -> Result<()> {
+        let left =
+            format!("the results in {} are not complete; run the same command again", self.path.display());
+        interrupt::leave(left.into());
         self.create_locked()?;
         remove_all_leftovers(&self.path);
         let removed = remove_stale(&self.path)?;
@@ -79,6 +83,13 @@ impl OutputFolder {
             session
                 .note(&format!("{removed} files of an earlier run in {} are replaced", self.path.display()));
         }
+        Ok(())
+    }
+
+    /// Writes the summary, the last of a run's files.
+    pub(crate) fn write_summary(&self, summary: &impl Serialize) -> Result<()> {
+        write_json(&self.file(SUMMARY), summary).context(SUMMARY)?;
+        interrupt::leave(format!("the results in {} are complete", self.path.display()).into());
         Ok(())
     }
 

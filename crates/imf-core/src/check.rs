@@ -43,12 +43,12 @@ use crate::occupancy::Occupancy;
 use crate::parallel;
 use crate::scene::{PathGuarantee, SceneRecord};
 use crate::tool::{Clearance, Element, ElementKind, Tool, ToolShape};
-use crate::toolpath::Toolpath;
+use crate::toolpath::{Location, Toolpath};
 use crate::unit::LengthUnit;
 use elements::{Body, Elements};
 use machine::MachinePairs;
+use motions::{Motion, motions, rigid};
 pub use motions::{cutters_not_compared, never_near};
-use motions::{motions, rigid};
 
 /// Accepted contact, clearances, and how densely the path is sampled. Lengths in the unit of the part's grid.
 ///
@@ -222,7 +222,7 @@ pub fn check_toolpath(
         })?);
     }
     lines.sort_by_key(|(index, ..)| *index);
-    let mut report = report::gather(&lines, toolpath, settings, bodies.part.grid.pitch);
+    let mut report = report::gather(&mut lines, toolpath, settings, bodies.part.grid.pitch);
     let ball = report.sure_depth;
     // A slender tip or a thin cutter is wide enough only farther up; a tool that never is, is never certain to be seen.
     let of_tip = |&(_, tool): &(Option<u32>, &Tool)| match &tool.shape {
@@ -235,6 +235,15 @@ pub fn check_toolpath(
         [report.sure_gouge, report.sure_overlap] = sure_depths(&used, settings, &points_apart, by_centres)?;
     }
     Ok(report)
+}
+
+/// Bytes that a path of so many locations takes while it is checked, those of a collision left out: how many there are is known at the end
+/// alone. Lists that grow have room for twice as many.
+#[doc(hidden)]
+#[must_use]
+pub fn path_memory_estimate(locations: usize) -> u64 {
+    let each = size_of::<Location>() + size_of::<Motion<'_>>() + size_of::<report::MotionFindings>();
+    2 * (locations * each) as u64
 }
 
 /// Part and fixtures as tools meet them.

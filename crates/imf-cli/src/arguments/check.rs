@@ -60,8 +60,8 @@ pub(crate) struct CheckArguments {
     /// A page with part, fixtures and path in 3D, lines that collide in red: one file that a browser opens without network
     #[arg(long, value_name = "FILE")]
     pub(crate) html: Option<PathBuf>,
-    /// Folder for collisions.csv, worst.png and summary.json; with --stock also removed.csv, and what is left as stock.vti and
-    /// stock.stl, which --stock reads again
+    /// Folder for collisions.csv, worst.png and summary.json; with --machine also travel.csv; with --stock removed.csv, and what is left
+    /// as stock.vti and stock.stl, which --stock reads again
     #[arg(long, value_name = "FOLDER")]
     pub(crate) out: Option<PathBuf>,
 }

@@ -176,6 +176,20 @@ impl SceneArguments {
     }
 }
 
+/// Bytes of a triangle with its share of the vertices, as read and placed, and of its edges while they are sorted: measured.
+const TRIANGLE_BYTES: u64 = 180;
+
+/// Bytes that the meshes of part and fixtures take.
+pub(crate) fn mesh_memory_estimate(spec: &SceneSpec<'_>) -> u64 {
+    TRIANGLE_BYTES * triangles(spec) as u64
+}
+
+/// Of part and fixtures.
+pub(super) fn triangles(spec: &SceneSpec<'_>) -> usize {
+    let fixtures = spec.fixtures.iter().map(|fixture| fixture.mesh.triangles.len());
+    spec.mesh.triangles.len() + fixtures.sum::<usize>()
+}
+
 /// The pitch that follows from part and tools, within the memory.
 fn chosen(session: &Session, spec: &SceneSpec<'_>, inputs: &SceneInputs) -> ChosenPitch {
     let tools: Vec<Tool> = inputs.tools.iter().map(|tool| tool.in_unit(spec.unit)).collect();
@@ -185,7 +199,7 @@ fn chosen(session: &Session, spec: &SceneSpec<'_>, inputs: &SceneInputs) -> Chos
             let sections =
                 tools.iter().map(|tool| SectionPlan::memory_estimate(&grid, tool, session.threads()));
             // Contact takes twice that, elements and results no more.
-            4 * sections.max().unwrap_or_default() + 16 * grid.len() as u64
+            4 * sections.max().unwrap_or_default() + 16 * grid.len() as u64 + mesh_memory_estimate(spec)
         };
         grid.is_ok_and(|grid| needed(grid) <= session.memory_limit)
     };

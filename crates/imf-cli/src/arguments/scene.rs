@@ -14,7 +14,7 @@ use imf_core::unit::LengthUnit;
 
 use super::clearance::{ClearanceArguments, ContactArguments, clearance_text};
 use super::fixture::{FixtureArgument, parse_fixture};
-use super::inputs::SceneInputs;
+use super::inputs::{SceneInputs, mesh_memory_estimate, triangles};
 use super::numbers::{number, three};
 use super::transform::parse_transform;
 use crate::output::{short, show_measure};
@@ -142,7 +142,7 @@ impl SceneArguments {
         let wide = if among.is_some() { spec.wide_grid(&grid, reach)? } else { grid };
         let query = grid.padded([around; 3], [around; 3])?;
         let elements = among.is_some_and(|(elements, _)| elements);
-        require_memory_for_sections(session, &wide, &query, &tool, depth.is_some(), elements)?;
+        require_memory_for_sections(session, spec, (&wide, &query), &tool, depth.is_some(), elements)?;
         let make = |spec: &SceneSpec<'_>| match among {
             Some(_) => spec.scene_and_bodies(reach),
             None => spec.scene_alone(),
@@ -307,8 +307,8 @@ pub(crate) fn warn_of_fixtures_out_of_reach(
 /// too.
 fn require_memory_for_sections(
     session: &Session,
-    obstacle: &Grid,
-    query: &Grid,
+    spec: &SceneSpec<'_>,
+    (obstacle, query): (&Grid, &Grid),
     tool: &Tool,
     contact: bool,
     elements: bool,
@@ -322,12 +322,14 @@ fn require_memory_for_sections(
     if elements {
         needed += ElementPlans::memory_estimate(obstacle, query, tool, threads);
     }
+    needed += mesh_memory_estimate(spec);
     session.require_memory(needed, || {
         let [x, y, z] = query.dims;
         format!(
-            "sections of {x}×{y}×{z} voxels with a tool that reaches {:.0} voxels, on {threads} threads; use a larger \
-             --pitch or fewer --threads",
+            "sections of {x}×{y}×{z} voxels with a tool that reaches {:.0} voxels, on {threads} threads, of meshes of {} \
+             triangles; use a larger --pitch, fewer --threads or a coarser mesh",
             tool.reach() / query.pitch,
+            triangles(spec),
         )
     })?;
     session.detail(&format!("sections need about {}", show_bytes(needed)));
@@ -343,9 +345,14 @@ fn require_memory_for_voxels(
 ) -> Result<()> {
     // The voxels of the part, of all fixtures and of both, the voxeliser's, and a copy to write; those of each fixture.
     let fixtures = (1 + more) * spec.fixture_voxels(grid)?;
-    session.require_memory((6 + more) * grid.len() as u64 + fixtures + in_all, || {
+    let needed = (6 + more) * grid.len() as u64 + fixtures + in_all + mesh_memory_estimate(spec);
+    session.require_memory(needed, || {
         let [x, y, z] = grid.dims;
-        format!("{x}×{y}×{z} voxels around part and fixtures; check their units, or use a larger --pitch")
+        let triangles = triangles(spec);
+        format!(
+            "{x}×{y}×{z} voxels around part and fixtures, of {triangles} triangles; check their units, or use a larger --pitch or a coarser \
+             mesh"
+        )
     })
 }
 

@@ -13,7 +13,7 @@ mod surface;
 
 use std::time::Instant;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use imf_core::access::{
     AccessMap, CombinedAccess, Components, RemovableStock, ToolAccess, access_map, components, removable,
     tool_access,
@@ -22,7 +22,7 @@ use imf_core::section::{ElementMeasures, ElementPlans, elements_at_best};
 use serde::Serialize;
 
 use crate::arguments::access::AccessArguments;
-use crate::output::{OutputFile, OutputFolder, SUMMARY, print_result, write_json};
+use crate::output::{OutputFile, OutputFolder, SUMMARY, print_result};
 use crate::session::Session;
 
 use run::AccessRun;
@@ -93,7 +93,7 @@ pub(crate) fn run(session: &Session, arguments: &AccessArguments) -> Result<()> 
             session.note(&format!("wrote {}: open it in a browser", path.display()));
         }
     }
-    write_json(&arguments.reach.out.join(SUMMARY), &summary).context(SUMMARY)?;
+    folder.write_summary(&summary)?;
     session.note(&format!("wrote {} to {}", summary.files.join(", "), arguments.reach.out.display()));
     print_result(session, &summary, &summary.table())
 }

@@ -1,6 +1,7 @@
 //! `imf check`: a toolpath against the part, line by line and element by element.
 
 mod files;
+mod listed;
 mod picture;
 mod stick_out;
 mod stock;
@@ -14,7 +15,7 @@ use anyhow::Result;
 use glam::DMat4;
 use imf_core::check::{
     CheckBodies, CheckError, CheckReport, MachineBodies, PathStickOut, check_stock, check_toolpath,
-    cutters_not_compared, machine_remarks, never_near, shortest_stick_outs,
+    cutters_not_compared, machine_remarks, never_near, path_memory_estimate, shortest_stick_outs,
 };
 use imf_core::machine::Machine;
 use imf_core::mesh::Mesh;
@@ -80,6 +81,10 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
     let inputs = PathReading { unit: record.unit, machine: machine.as_ref(), lengths: &lengths };
     let toolpath = Toolpath::read(&arguments.toolpath, inputs);
     let toolpath = toolpath.map_err(with_remedy)?.placed(&set_up);
+    let lines = toolpath.locations.len() as u64;
+    session.require_memory(path_memory_estimate(toolpath.locations.len()), || {
+        format!("a path of {lines} lines and chords of arcs; divide it")
+    })?;
     toolpath.remarks.iter().for_each(|remark| session.choose(remark));
     if let ([(None, tool)], [Some(number)]) = (tools.as_slice(), toolpath.tools().as_slice()) {
         session.choose(&format!(
@@ -103,7 +108,6 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
     let machine = machine.map(moving).transpose()?;
     cutters_not_compared(&toolpath, &numbered).iter().for_each(|remark| session.choose(remark));
     never_near(&toolpath, &numbered, &bodies.part).iter().for_each(|remark| session.warn(remark));
-    let lines = toolpath.locations.len() as u64;
     let stage = session.stage("checking", "lines", lines);
     let advance = |n| stage.advance(n);
     let control = session.control(&advance);
@@ -225,11 +229,14 @@ impl CheckRun<'_> {
     fn json(&self) -> serde_json::Value {
         let tools: Vec<_> =
             self.tools.iter().map(|(number, tool)| json!({ "number": number, "name": tool.name })).collect();
+        let worst = self.report.worst().first().copied().map(listed::brief);
         json!({
             "toolpath": self.arguments.toolpath, "frame": self.frame, "part": self.record.part, "tools": tools,
             "unit": self.record.unit, "pitch": self.record.grid.pitch, "conservative": self.record.conservative,
             "passes": !self.fails(), "collides": !self.report.colliding.is_empty(), "machine": self.machine.map(|bodies| &bodies.machine().name),
-            "report": self.report, "guarantee": self.guarantee(), "stick_outs": self.stick_outs, "stick_outs_among": ["part", "fixtures"],
+            "lines_that_collide": self.report.colliding.len(), "collisions": listed::collisions(&self.report), "worst": worst,
+            "travel_faults": self.report.out_of_travel.len(),
+            "report": listed::listed(&self.report), "guarantee": self.guarantee(), "stick_outs": self.stick_outs, "stick_outs_among": ["part", "fixtures"],
             "remarks": self.toolpath.remarks, "unchecked_lines": self.toolpath.unchecked,
             "stock": self.stock.as_ref().map(|stock| stock.json(&self.report)),
         })

@@ -98,6 +98,39 @@ fn a_folder_has_a_table_a_picture_and_the_answer() {
 }
 
 #[test]
+fn of_many_collisions_the_first_and_the_worst_are_listed_and_a_table_has_all() {
+    let folder = Workdir::new();
+    folder.write("block.obj", BLOCK);
+    // The deepest is on line 202.
+    let place = |n: u32| format!("{},0,{}\n", 0.01 * f64::from(n), if n == 200 { 15 } else { 18 });
+    folder.write("low.csv", "x,y,z\n".to_owned() + &(0..300).map(place).collect::<String>());
+    let asked = "check block.obj low.csv --pitch 1 --margin 2 --tool paper";
+    let run = folder.imf(&format!("{asked} --out out")).exits(3);
+    let (summary, table) = (folder.read_json("out/summary.json"), folder.text("out/collisions.csv"));
+    let all = table.lines().count() - 1;
+    assert_eq!((&summary["collisions"], &summary["lines_that_collide"]), (&all.into(), &300.into()));
+    assert_eq!(summary["worst"]["line"], 202);
+    let lines = summary["report"]["colliding"].as_array().unwrap();
+    let listed: usize = lines.iter().map(|line| line["collisions"].as_array().unwrap().len()).sum();
+    assert_eq!((listed, &lines[0]["line"]), (100, &2.into()));
+    assert!(lines.iter().any(|line| line["line"] == 202), "{lines:?}");
+    assert_eq!(run.stdout.lines().filter(|line| line.starts_with("line ")).count(), 100);
+    let more = format!("… and {} more collisions: the first 50 and the 50 worst", all - 100);
+    run.says(&["line 202: ", &more, &format!("all {all} are in out/collisions.csv"), "300 lines collide"]);
+    folder.imf(asked).exits(3).says(&[&more, &format!("--out FOLDER writes all {all} to collisions.csv")]);
+}
+
+#[test]
+fn a_path_beyond_the_memory_is_refused() {
+    let folder = Workdir::new();
+    folder.write("block.obj", BLOCK);
+    folder.write("long.csv", "x,y,z\n".to_owned() + &"0,0,40\n".repeat(20_000));
+    let asked = "check block.obj long.csv --pitch 2 --margin 2 --tool paper";
+    folder.refuse(&format!("{asked} --memory 4MiB"), &["and 4 MiB may be used", "a path of 20000 lines"]);
+    folder.imf(asked).done();
+}
+
+#[test]
 fn what_is_not_understood_is_refused_with_its_line() {
     let refuse = |name: &str, path: &str, more: &str, expected: &[&str]| {
         check(name, path, more).bad_input(expected);

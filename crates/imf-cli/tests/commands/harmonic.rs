@@ -99,7 +99,8 @@ fn a_saved_field_is_of_the_tip_whatever_points_are_sharp() {
 
 #[test]
 fn a_fit_beyond_the_memory_names_what_takes_less() {
-    let fit = "train harmonic bracket --dims 5,15,9 --allow-coarse --memory 80KiB --out no.safetensors";
+    let fit =
+        "train harmonic bracket --dims 5,15,9 --allow-coarse --degree 30 --memory 8MiB --out no.safetensors";
     Workdir::new().refuse(fit, &["--degree", "--memory"]);
 }
 

@@ -182,6 +182,26 @@ fn travel_is_told_with_line_axis_value_and_range() {
     let run = check(("far.nc", program), "--machine trunnion.toml --json");
     let answer = run.json();
     assert_eq!((run.code, &answer["passes"], &answer["collides"]), (Some(3), &false.into(), &false.into()));
+    // Of many lines the first, and the farthest of the axis, line 124.
+    let place = |n: u32| format!("X{}. Z{}.\n", if n == 120 { 270 } else { 260 }, 150 - n % 2);
+    let folder = workshop();
+    let begins: String = program.split_inclusive('\n').take(3).collect();
+    folder.write("many.nc", begins + &(0..150).map(place).collect::<String>());
+    let asked = "check block.obj many.nc --pitch 1 --tool paper --machine trunnion.toml --out out";
+    let said = "… and 49 more ways out of the travel: the first 100 and the farthest of each axis";
+    folder.imf(asked).exits(3).says(&[
+        said,
+        "all 150 are in out/travel.csv",
+        "line 124: X would have to be at",
+    ]);
+    let (summary, table) = (folder.read_json("out/summary.json"), folder.text("out/travel.csv"));
+    assert_eq!(summary["travel_faults"], 150);
+    assert_eq!(summary["files"], serde_json::json!(["collisions.csv", "travel.csv", "summary.json"]));
+    assert!(table.starts_with("line,axis,value,farthest,low,high,fraction\n4,X,25"), "{table}");
+    assert_eq!(
+        (table.lines().count(), table.lines().filter(|line| line.contains(",X,")).count()),
+        (151, 150)
+    );
 }
 
 #[test]

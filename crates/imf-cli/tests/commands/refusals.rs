@@ -139,6 +139,11 @@ fn work_larger_than_memory_is_refused_with_the_estimate() {
         .refuse(&huge, &["GiB of memory, and 2.0 GiB may be used", "reaches 9000 voxels", "larger --pitch"]);
     let voxels = "voxelize bracket --pitch 0.2 --memory 1MiB --out out";
     folder.refuse(voxels, &["and 1 MiB may be used", "245×735×435 voxels"]);
+    let few_voxels = "bracket --dims 5,15,9 --memory 2MiB --out out";
+    for command in ["voxelize", "field --allow-coarse --orientations 0,0"] {
+        let fine_mesh = format!("{command} {few_voxels}");
+        folder.refuse(&fine_mesh, &["and 2 MiB may be used", "29536 triangles", "coarser mesh"]);
+    }
     let dense =
         "dataset bracket --dims 12,36,22 --orientations fibonacci:600 --density 1 --memory 60MiB --out out";
     folder.refuse(dense, &["and 60 MiB may be used", "a shard of samples", "--shard-samples"]);

@@ -128,12 +128,17 @@ impl TravelFault {
         let Some(known) = found.iter_mut().find(|known| known.axis == self.axis) else {
             return found.push(self);
         };
-        let [low, high] = self.range;
-        let (low, high) = (low.unwrap_or(f64::NEG_INFINITY), high.unwrap_or(f64::INFINITY));
-        let excess = |value: f64| (low - value).max(value - high);
-        if excess(self.farthest) > excess(known.farthest) {
+        if self.excess() > known.excess() {
             known.farthest = self.farthest;
         }
+    }
+
+    /// How far beyond its range the axis would have to be at the farthest.
+    #[must_use]
+    pub fn excess(&self) -> f64 {
+        let [low, high] = self.range;
+        let (low, high) = (low.unwrap_or(f64::NEG_INFINITY), high.unwrap_or(f64::INFINITY));
+        (low - self.farthest).max(self.farthest - high)
     }
 }
 
@@ -167,9 +172,10 @@ pub struct CheckReport {
 /// What was found on one motion: its place in the path, its collisions, and which axes leave the machine's travel.
 pub(super) type MotionFindings = (usize, LineCollisions, Vec<TravelFault>);
 
-/// One entry a line, also of lines of many motions (the chords of an arc).
+/// One entry a line, also of lines of many motions (the chords of an arc). The collisions are taken out of what was found: there may be
+/// as many as lines.
 pub(super) fn gather(
-    found: &[MotionFindings],
+    found: &mut [MotionFindings],
     toolpath: &Toolpath,
     settings: &CheckSettings,
     pitch: f64,
@@ -179,24 +185,24 @@ pub(super) fn gather(
     let is_next =
         |a: &MotionFindings, b: &MotionFindings| a.1.line == b.1.line && b.1.kind != MoveKind::Start;
     let (mut locations, mut colliding, mut out_of_travel) = (0, Vec::new(), Vec::new());
-    for of_line in found.chunk_by(is_next) {
+    for of_line in found.chunk_by_mut(is_next) {
         locations += 1;
         let count = of_line.len() as f64;
-        let mut whole = LineCollisions { collisions: Vec::new(), poses: 0, ..of_line[0].1.clone() };
+        let mut whole = LineCollisions { collisions: Vec::new(), poses: 0, ..of_line[0].1 };
         let mut beyond: Vec<TravelFault> = Vec::new();
-        for (place, (_, motion, travel)) in of_line.iter().enumerate() {
+        for (place, (_, motion, travel)) in of_line.iter_mut().enumerate() {
             let fraction = |own: f64| (place as f64 + own) / count;
             whole.poses += motion.poses;
-            for hit in &motion.collisions {
-                let hit = Collision { fraction: fraction(hit.fraction), ..hit.clone() };
-                whole.add(hit);
+            for hit in std::mem::take(&mut motion.collisions) {
+                whole.add(Collision { fraction: fraction(hit.fraction), ..hit });
             }
-            for fault in travel {
+            for fault in travel.iter() {
                 TravelFault { fraction: fraction(fault.fraction), ..*fault }.add_to(&mut beyond);
             }
         }
         out_of_travel.extend(beyond);
         if !whole.collisions.is_empty() {
+            whole.collisions.shrink_to_fit();
             colliding.push(whole);
         }
     }

@@ -319,10 +319,10 @@ impl PathFollower<'_> {
         Ok(())
     }
 
-    fn report(self, settings: &CheckSettings, voxels: u64, held: Vec<(String, u64)>) -> StockReport {
+    fn report(mut self, settings: &CheckSettings, voxels: u64, held: Vec<(String, u64)>) -> StockReport {
         let pitch = self.stock.fine().grid.pitch;
         StockReport {
-            colliding: report::gather(&self.found, self.toolpath, settings, pitch).colliding,
+            colliding: report::gather(&mut self.found, self.toolpath, settings, pitch).colliding,
             removed: self.removed,
             voxels,
             held,

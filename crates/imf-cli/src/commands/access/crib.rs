@@ -6,7 +6,7 @@ mod tools;
 
 use std::time::Instant;
 
-use anyhow::{Context as _, Result, ensure};
+use anyhow::{Result, ensure};
 use imf_core::control::Cancelled;
 use imf_core::field_files::write_ply;
 use imf_core::machine::{AxisLimits, Machine};
@@ -25,9 +25,10 @@ use super::on_machine::OnMachine;
 use super::run::warn_of_tools;
 use super::surface::{ObstructedRow, SAMPLES, best_tools, rgb};
 use crate::arguments::access::CribArguments;
+use crate::arguments::inputs::mesh_memory_estimate;
 use crate::arguments::orientations::{Directions, default_for};
 use crate::arguments::scene::{voxelise_with_progress, warn_of, warn_of_cavities};
-use crate::output::{OutputFolder, SUMMARY, print_result, short, write_json, write_text};
+use crate::output::{OutputFolder, SUMMARY, print_result, short, write_text};
 use crate::session::Session;
 
 use report::Report;
@@ -67,7 +68,7 @@ pub(crate) fn run(session: &Session, arguments: &CribArguments) -> Result<()> {
     let report = Report::new(&crib, begun.elapsed().as_secs_f64());
     write_text(&arguments.reach.out.join("crib.csv"), &report.csv())?;
     crib.write_surface(&arguments.reach.out.join("surface.ply"))?;
-    write_json(&arguments.reach.out.join(SUMMARY), &report).context(SUMMARY)?;
+    folder.write_summary(&report)?;
     session.note(&format!("wrote surface.ply, crib.csv, {SUMMARY} to {}", arguments.reach.out.display()));
     print_result(session, &report, &report.text())
 }
@@ -116,7 +117,8 @@ impl Crib {
         let grid = spec.obstacle_grid(&query, reach)?;
         let needed = 30 * grid.len() as u64
             + kept.len() as u64 * (200_000 + SurfaceSamples::most(&mesh, SAMPLES) as u64)
-            + spec.placed().iter().map(|mesh| points_memory_estimate(mesh, grid.pitch)).sum::<u64>();
+            + spec.placed().iter().map(|mesh| points_memory_estimate(mesh, grid.pitch)).sum::<u64>()
+            + mesh_memory_estimate(&spec);
         session.require_memory(needed, || {
             format!("{} voxels and {} tools; use a larger --pitch or a coarser mesh", grid.len(), kept.len())
         })?;

@@ -22,6 +22,7 @@ use super::stock::Stock;
 use super::surface::{SetupSettings, SurfaceSettings};
 use crate::arguments::access::AccessArguments;
 use crate::arguments::fixture::{self, StockArgument};
+use crate::arguments::inputs::mesh_memory_estimate;
 use crate::arguments::orientations::{Directions, default_for};
 use crate::arguments::scene::{
     voxelise_with_progress, warn_of, warn_of_cavities, warn_of_fixtures_out_of_reach,
@@ -140,7 +141,7 @@ impl AccessRun {
         let grids = (&obstacle_grid, &query, stock_grid.as_ref());
         let needed = needed(grids, &tools, &orientations, &spec, session)?;
         // A second section is added, of shank and holder, and the layer is held separately.
-        let needed = needed * if depth.is_some() { 2 } else { 1 };
+        let needed = needed * if depth.is_some() { 2 } else { 1 } + mesh_memory_estimate(&spec);
         session.require_memory(needed, || {
             let [x, y, z] = query.dims;
             format!(

@@ -1,19 +1,25 @@
-//! What a check leaves in a folder: a table of collisions, and the whole result.
+//! What a check leaves in a folder: tables of everything that was found, and the result that lists some of it.
 
-use std::fmt::Write;
+use std::io::{self, Write};
 
-use anyhow::{Context as _, Result};
-use imf_core::check::{Collision, HitBody};
+use anyhow::Result;
+use imf_core::atomic_file::write_atomically;
+use imf_core::check::{CheckReport, Collision, HitBody, TravelFault};
 use serde_json::{Value, json};
 
 use super::CheckRun;
-use crate::output::{OutputFolder, SUMMARY, quoted, write_json, write_text};
+use crate::output::{OutputFolder, SUMMARY, quoted};
 use crate::session::Session;
 
 const COLUMNS: &str = "line,tool,kind,element,against,depth,depth_in_tool,clearance,contact_x,contact_y,contact_z,x,y,z,i,j,k,roll,\
                        fraction,voxels,volume,poses,line_poses";
 
-/// Writes `collisions.csv` and, naming all files, `summary.json`; names them in the result as well.
+/// Every collision.
+pub(super) const COLLISIONS: &str = "collisions.csv";
+/// Every way out of a machine's travel.
+pub(super) const TRAVEL: &str = "travel.csv";
+
+/// Writes the tables and, naming all files, `summary.json`; names them in the result as well.
 pub(super) fn write(
     checked: &CheckRun<'_>,
     json: &mut Value,
@@ -21,18 +27,23 @@ pub(super) fn write(
     folder: &OutputFolder,
     session: &Session,
 ) -> Result<()> {
-    write_text(&folder.file("collisions.csv"), &table(checked))?;
-    let files: Vec<&str> = ["collisions.csv"].into_iter().chain(written).chain([SUMMARY]).collect();
+    write_atomically(folder.file(COLLISIONS), |out| write_collisions(&checked.report, out))?;
+    let mut files = vec![COLLISIONS];
+    if checked.machine.is_some() {
+        write_atomically(folder.file(TRAVEL), |out| write_travel(&checked.report, out))?;
+        files.push(TRAVEL);
+    }
+    files.extend(written.into_iter().chain([SUMMARY]));
     json["program"] = json!(concat!("imf ", env!("CARGO_PKG_VERSION")));
     json["files"] = json!(files);
-    write_json(&folder.file(SUMMARY), json).context(SUMMARY)?;
+    folder.write_summary(json)?;
     session.note(&format!("wrote {} to {}", files.join(", "), folder.path.display()));
     Ok(())
 }
 
-fn table(checked: &CheckRun<'_>) -> String {
-    let mut text = format!("{COLUMNS}\n");
-    for line in &checked.report.colliding {
+fn write_collisions(report: &CheckReport, out: &mut impl Write) -> io::Result<()> {
+    writeln!(out, "{COLUMNS}")?;
+    for line in &report.colliding {
         for hit in &line.collisions {
             let tool = line.tool.map_or_else(String::new, |number| number.to_string());
             let kind = format!("{:?}", line.kind).to_lowercase();
@@ -51,16 +62,25 @@ fn table(checked: &CheckRun<'_>) -> String {
             } = hit;
             // A solid of the machine has any name.
             let element = if element.contains([',', '"']) { &quoted(element) } else { element };
-            // Writing to a string does not fail.
-            let _ = writeln!(
-                text,
+            writeln!(
+                out,
                 "{},{tool},{kind},{element},{against},{depth},{depth_in_tool},{clearance},{},{roll},{fraction},{voxels},\
                  {volume},{poses},{}",
                 line.line,
                 numbers.join(","),
                 line.poses
-            );
+            )?;
         }
     }
-    text
+    Ok(())
+}
+
+/// An end without a limit is empty.
+fn write_travel(report: &CheckReport, out: &mut impl Write) -> io::Result<()> {
+    writeln!(out, "line,axis,value,farthest,low,high,fraction")?;
+    for TravelFault { line, axis, value, farthest, range, fraction } in &report.out_of_travel {
+        let [low, high] = range.map(|end| end.map_or_else(String::new, |end| end.to_string()));
+        writeln!(out, "{line},{axis},{value},{farthest},{low},{high},{fraction}")?;
+    }
+    Ok(())
 }

@@ -1,9 +1,11 @@
 //! The stock of a check: where it comes from, what the path leaves of it, and the report.
 
 use std::fmt::Write;
+use std::io;
 
 use anyhow::{Context as _, Result, bail, ensure};
 use glam::{DMat4, DVec3};
+use imf_core::atomic_file::write_atomically;
 use imf_core::check::{
     CheckReport, CheckSettings, Collision, HitBody, LineCollisions, LineRemoval, StockLeft, StockReport,
 };
@@ -16,8 +18,9 @@ use imf_core::toolpath::{MoveKind, Toolpath};
 use imf_core::unit::LengthUnit;
 use serde_json::{Value, json};
 
+use super::listed::brief;
 use crate::arguments::fixture::{BESIDE, BY_VOXELS, Stock, StockArgument};
-use crate::output::{OutputFolder, short, show_measure, write_text};
+use crate::output::{OutputFolder, short, show_measure};
 use crate::session::Session;
 
 /// What a voxel of `stock.vti` is.
@@ -158,11 +161,6 @@ impl StockResult {
         let [removed, of_part, cutting] = self.totals();
         let volume = |voxels| self.volume(voxels);
         let line = |line: &LineRemoval| json!({ "line": line.line, "tool": line.tool, "kind": line.kind, "volume": volume(line.voxels) });
-        let first = |found: Option<(&LineCollisions, &Collision)>| {
-            found.map(|(line, hit)| {
-                json!({ "line": line.line, "tool": line.tool, "element": hit.element, "depth": hit.depth })
-            })
-        };
         let own = |number: usize| self.report.removed.iter().find(|removal| removal.line == number);
         let rapid = first_cut(checked, MoveKind::Rapid).map(|cut| own(self.first_of_row(cut)).map(line));
         let begins = first_cut(checked, MoveKind::Start).map(|cut| own(cut).map(line));
@@ -173,7 +171,7 @@ impl StockResult {
         json!({
             "stock": self.name, "volume": volume(self.report.voxels), "in_fixtures": in_fixtures, "removed": volume(removed), "removed_of_part": volume(of_part),
             "lines_that_cut": cutting, "lines_that_cut_nothing": self.report.removed.len() as u64 - cutting,
-            "removed_not_at_feed": volume(self.not_at_feed().iter().sum()), "begins_in_stock": begins, "largest": self.largest().map(line), "first_touch": first(first_touch(checked)), "first_rapid_cut": rapid,
+            "removed_not_at_feed": volume(self.not_at_feed().iter().sum()), "begins_in_stock": begins, "largest": self.largest().map(line), "first_touch": first_touch(checked).map(brief), "first_rapid_cut": rapid,
             "first_cut_aside": aside,
             "left": {
                 "volume": volume(self.left.voxels), "farthest": self.left.farthest,
@@ -279,7 +277,7 @@ impl StockResult {
         back: &DMat4,
         folder: &OutputFolder,
     ) -> Result<[&'static str; 3]> {
-        write_text(&folder.file("removed.csv"), &self.table())?;
+        write_atomically(folder.file("removed.csv"), |out| self.write_table(out))?;
         let StockReport { remaining, removed_by, .. } = &self.report;
         let part = part.on(&remaining.grid).context("the grids of part and stock do not meet")?;
         let class = |v: usize| match (remaining.solid[v], part.solid[v], removed_by[v]) {
@@ -314,15 +312,15 @@ impl StockResult {
         self.report.remaining.faces().transformed(back)
     }
 
-    fn table(&self) -> String {
-        let mut text = String::from("line,tool,kind,volume,of_part\n");
+    fn write_table(&self, out: &mut impl io::Write) -> io::Result<()> {
+        writeln!(out, "line,tool,kind,volume,of_part")?;
         for line in &self.report.removed {
             let tool = line.tool.map_or_else(String::new, |number| number.to_string());
             let kind = format!("{:?}", line.kind).to_lowercase();
             let (volume, of_part) = (self.volume(line.voxels), self.volume(line.of_part));
-            let _ = writeln!(text, "{},{tool},{kind},{volume},{of_part}", line.line);
+            writeln!(out, "{},{tool},{kind},{volume},{of_part}", line.line)?;
         }
-        text
+        Ok(())
     }
 
     /// Whether stock was at a place in the world when a line began, or a little later.

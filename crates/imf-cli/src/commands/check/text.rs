@@ -1,4 +1,4 @@
-//! The report as text: one line a collision, then what was checked, what was accepted, and what voxels can show.
+//! The report as text: one line a collision, of many the first and the worst, then what was checked, what was accepted, and what voxels can show.
 
 use std::fmt::Write;
 
@@ -9,6 +9,8 @@ use imf_core::tool::ToolShape;
 use imf_core::toolpath::MoveKind;
 use imf_core::unit::LengthUnit;
 
+use super::files::{COLLISIONS, TRAVEL};
+use super::listed::{MOST, collisions, listed};
 use super::{CheckRun, stick_out};
 use crate::arguments::check::Frame;
 use crate::arguments::clearance::rooms_text;
@@ -39,14 +41,22 @@ pub(super) fn text(checked: &CheckRun<'_>) -> String {
     let (settings, unit) = (&report.settings, record.unit);
     let mut text = String::new();
     // Writing to a string does not fail.
-    for line in &report.colliding {
+    let shown = listed(report);
+    for line in &shown.colliding {
         for collision in &line.collisions {
             let _ = writeln!(text, "{}: {}", place(line), one(collision, line.poses, checked));
         }
     }
-    for beyond in &report.out_of_travel {
+    let (all, half) = (collisions(report), MOST / 2);
+    let chosen = format!("the first {half} and the {half} worst of the others are listed");
+    text += &unlisted(all - collisions(&shown), all, "collisions", &chosen, COLLISIONS, checked);
+    for beyond in &shown.out_of_travel {
         let _ = writeln!(text, "{}", travel(beyond, &unit.to_string()));
     }
+    let all = report.out_of_travel.len();
+    let chosen = format!("the first {MOST} and the farthest of each axis are listed");
+    let what = "ways out of the travel";
+    text += &unlisted(all - shown.out_of_travel.len(), all, what, &chosen, TRAVEL, checked);
     let _ = writeln!(
         text,
         "{}: {} lines, {} poses, no point of the tool moving more than {} {unit} between them",
@@ -145,6 +155,25 @@ pub(super) fn text(checked: &CheckRun<'_>) -> String {
         stock.write_text(report, &mut text);
     }
     text
+}
+
+/// How many of something are not listed, and the table that has all; nothing where none is left out.
+fn unlisted(
+    left_out: usize,
+    all: usize,
+    what: &str,
+    chosen: &str,
+    table: &str,
+    checked: &CheckRun<'_>,
+) -> String {
+    if left_out == 0 {
+        return String::new();
+    }
+    let place = match &checked.arguments.out {
+        Some(folder) => format!("all {all} are in {}", folder.join(table).display()),
+        None => format!("--out FOLDER writes all {all} to {table}"),
+    };
+    format!("… and {left_out} more {what}: {chosen}; {place}\n")
 }
 
 /// Which axis would have to be where.

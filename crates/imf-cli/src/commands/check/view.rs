@@ -1,5 +1,7 @@
 //! The path among part and fixtures for the page in 3D: lines that collide in red, the deepest places marked.
 
+use std::collections::HashSet;
+
 use glam::{DMat4, DVec3};
 use imf_core::check::{HitBody, MachineBodies};
 use imf_core::machine::{Joints, MachineSolid, Side};
@@ -93,7 +95,7 @@ pub(super) fn view<'a>(
     back: &DMat4,
 ) -> View<'a> {
     let unit = checked.record.unit;
-    let hit: Vec<usize> = checked.report.colliding.iter().map(|line| line.line).collect();
+    let hit: HashSet<usize> = checked.report.colliding.iter().map(|line| line.line).collect();
     let mut paths = [("feed", FEED), ("rapid", RAPID), ("lines that collide", COLLIDING)]
         .map(|(name, colour)| PathLines { name, colour, pieces: Vec::new() });
     for pair in path.locations.windows(2) {

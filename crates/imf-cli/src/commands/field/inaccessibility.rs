@@ -10,7 +10,7 @@ use serde_json::json;
 use super::elements::{self, ElementRow};
 use super::{ORIENTATIONS, SUMMARY, Values, Work};
 use crate::arguments::orientations::suggested_lines;
-use crate::output::{print_result, same_digits, shortened, write_json};
+use crate::output::{print_result, same_digits, shortened};
 use crate::slices::MidPlanes;
 
 pub(super) fn run(work: &Work<'_>) -> Result<()> {
@@ -50,7 +50,7 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
             "files": &files,
         }),
     );
-    write_json(&work.folder.file(SUMMARY), &summary)?;
+    work.folder.write_summary(&summary)?;
     let reached = match work.values {
         Values::Exact(_) => "some orientation reaches them freely",
         Values::Saved(_) => "the field's minimum is at most its threshold there, an estimate",

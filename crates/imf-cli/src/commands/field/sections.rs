@@ -109,7 +109,7 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
         "sections",
         json!({ "finished": true, "sections": list(work, &kept), "vti": vti, "files": files }),
     );
-    write_json(&work.folder.file(SUMMARY), &summary)?;
+    work.folder.write_summary(&summary)?;
     // Rows of orientations that differ in nothing else would look alike.
     let rolls = set.orientations.iter().any(|orientation| orientation.roll != 0.0);
     let accessible = match work.values {
