@@ -17,7 +17,7 @@ pub use removable::{
 };
 
 use crate::control::Control;
-use crate::orientation::Orientation;
+use crate::orientation::{Orientation, repeats};
 use crate::section::{Imf, SectionError, SectionPlan, stream_sections};
 
 /// What one tool reaches.
@@ -25,7 +25,7 @@ use crate::section::{Imf, SectionError, SectionPlan, stream_sections};
 pub struct ToolAccess {
     /// Inaccessibility measure and best orientation of every voxel.
     pub imf: Imf,
-    /// Number of free orientations of every voxel.
+    /// Number of free orientations of every voxel; those in which the tool stands alike are one ([`repeats`]).
     pub free: Vec<u32>,
 }
 
@@ -42,9 +42,13 @@ pub fn tool_access(
     control: Control<'_>,
 ) -> Result<ToolAccess, SectionError> {
     let grid = plan.grid();
+    let again = repeats(orientations, plan.tool().is_axisymmetric());
     let start = || ToolAccess { imf: Imf::new(grid.len()), free: vec![0; grid.len()] };
     let parts = stream_sections(plan, orientations, control, start, |access, index, cmf| {
         access.imf.lower_to(index, cmf);
+        if again[index] {
+            return;
+        }
         for (count, &value) in access.free.iter_mut().zip(cmf) {
             *count += u32::from(f64::from(value) <= tau);
         }
@@ -72,7 +76,7 @@ pub struct CombinedAccess {
     pub imf: Imf,
     /// The tool that has it; the first one at a tie.
     pub tool: Vec<u32>,
-    /// Number of free pairs of tool and orientation.
+    /// Number of free pairs of tool and orientation, the sum of [`ToolAccess::free`].
     pub free: Vec<u32>,
 }
 
@@ -130,13 +134,14 @@ pub(crate) mod tests {
         let obstacle = slotted();
         let query = obstacle.grid.padded([2, 1, 0], [-1, 3, 2]).unwrap();
         let plan = SectionPlan::with_query(&obstacle, small_tool(), ToolPoints::SharpPoints, &query).unwrap();
-        let orientations = orientations("fibonacci:23");
+        let orientations = [orientations("fibonacci:23"), orientations("0,0;90,0;0,0")].concat();
         let all = sections(&plan, &orientations, Control::quiet()).unwrap();
         for (tau, threads) in [(0.0, 1), (0.07, 3)] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let access = pool.install(|| tool_access(&plan, &orientations, tau, Control::quiet())).unwrap();
             for voxel in 0..query.len() {
-                let free = all.iter().filter(|cmf| f64::from(cmf[voxel]) <= tau).count();
+                // Of the last three the tool cannot tell one from another.
+                let free = all[..24].iter().filter(|cmf| f64::from(cmf[voxel]) <= tau).count();
                 assert_eq!(access.free[voxel] as usize, free);
             }
             assert!(access.free.contains(&0) && access.free.iter().any(|&n| n > 3));

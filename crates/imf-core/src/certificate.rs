@@ -80,8 +80,7 @@ pub fn certify(
     points: &[usize],
     control: Control<'_>,
 ) -> Result<Vec<Reachability>, CertificateError> {
-    let outside = points.iter().find(|&&point| point >= grid.len());
-    assert!(outside.is_none(), "the grid has no voxel {outside:?}");
+    points.iter().for_each(|&point| assert!(point < grid.len(), "the grid has no voxel {point}"));
     let offset = obstacle.grid().offset_of(grid).ok_or(CertificateError::Grid)?;
     let blocking = Blocking::all(obstacle, assembly)?;
     let search = || Search::new(&blocking);

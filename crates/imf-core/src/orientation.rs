@@ -13,6 +13,8 @@ pub(crate) use set::AXES;
 pub(crate) use set::joined;
 pub use set::{OrientationSet, OrientationSetError};
 
+use std::collections::HashSet;
+
 use glam::{DMat3, DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
@@ -101,6 +103,18 @@ impl Orientation {
     }
 }
 
+/// Of each orientation, whether a tool stands in it as in one before: a `round` tool wherever the direction is the same.
+#[must_use]
+pub fn repeats(orientations: &[Orientation], round: bool) -> Vec<bool> {
+    let mut known = HashSet::new();
+    let stands = |orientation: &Orientation| {
+        let rolled = if round { DVec3::ZERO } else { orientation.rotation().x_axis };
+        // Adding zero turns minus zero into zero.
+        [orientation.direction(), rolled].map(|axis| (axis + 0.0).to_array().map(f64::to_bits))
+    };
+    orientations.iter().map(|orientation| !known.insert(stands(orientation))).collect()
+}
+
 fn wrap_degrees(angle: f64) -> f64 {
     let wrapped = angle.rem_euclid(360.0);
     if wrapped >= 360.0 { 0.0 } else { wrapped }
@@ -118,6 +132,15 @@ mod tests {
         assert!((d - DVec3::new(p.sin() * t.cos(), p.sin() * t.sin(), p.cos())).length() < 1e-15);
         assert_eq!(Orientation::new(90.0, 90.0).direction(), DVec3::Y);
         assert_eq!(Orientation::new(0.0, 180.0).direction(), DVec3::NEG_Z);
+    }
+
+    #[test]
+    fn a_round_tool_cannot_tell_turns_about_its_axis_apart() {
+        let rolled = Orientation { roll: 90.0, ..Orientation::default() };
+        let set = [&orientations("0,0;90,0;0,0;30,60;390,60")[..], &[rolled]].concat();
+        assert_eq!(repeats(&set, true), [false, true, true, false, true, true]);
+        // To another one a turn about the pole is a roll.
+        assert_eq!(repeats(&set, false), [false, false, true, false, true, true]);
     }
 
     #[test]

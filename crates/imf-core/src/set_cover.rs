@@ -144,7 +144,8 @@ impl CoverProblem {
     /// The weight that these sets cover together.
     #[must_use]
     pub fn covered(&self, sets: &[usize]) -> f64 {
-        bits::ones(&self.union(sets.iter().copied())).map(|element| self.weights[element]).sum()
+        // A sum of nothing is −0.
+        bits::ones(&self.union(sets.iter().copied())).map(|element| self.weights[element]).sum::<f64>() + 0.0
     }
 
     /// The weight that all sets cover together.

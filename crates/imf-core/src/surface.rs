@@ -255,11 +255,12 @@ impl SurfaceTool {
         set.filter_map(|bit| Some((self.elements.get(bit / self.bodies)?.0.kind, bit % self.bodies)))
     }
 
-    /// The verdict on one sample; `free` is called with every direction from which it is reached.
+    /// The verdict on one sample; `free` is called with every direction from which it is reached. Those in which the tool stands as in one
+    /// before are marked in `again`.
     fn reach(
         &self,
         sample: &SurfaceSample,
-        turns: &[ToolDirection],
+        (turns, again): (&[ToolDirection], &[bool]),
         last: &mut [[Last; 2]],
         mut free: impl FnMut(usize),
     ) -> SampleReach {
@@ -270,7 +271,7 @@ impl SurfaceTool {
         for (index, (turn, last)) in turns.iter().zip(last).enumerate() {
             match self.at_best(&query, turn, last) {
                 Outcome::Good(_) => {
-                    reached += 1;
+                    reached += u32::from(reached == 0 || !again[index]);
                     free(index);
                 }
                 Outcome::Obstructed(tip) if reached == 0 => {

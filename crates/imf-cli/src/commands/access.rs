@@ -4,6 +4,7 @@ mod any_direction;
 mod collisions;
 pub(crate) mod crib;
 mod files;
+mod footprint;
 mod on_machine;
 mod pictures;
 mod run;

@@ -31,15 +31,16 @@ pub(crate) fn place(point: [f64; 3], unit: LengthUnit) -> String {
     point.map(|value| nearest(value, unit)).join(", ")
 }
 
-/// A tool's stick-out: what it is set to, the shortest, and the longest where that is known.
+/// A tool's stick-out: what it is set to, the shortest, and the longest where that is known. All are rounded up, as the length is that a
+/// path or a surface needs, so that they compare as the lengths do.
 pub(crate) fn stick_out(
     tool: &str,
     [given, shortest]: [f64; 2],
     longest: Option<f64>,
     unit: LengthUnit,
 ) -> String {
-    let [given, shortest] = [given, shortest].map(|value| nearest(value, unit));
-    let longest = longest.map(|longest| format!(", overall length {}", nearest(longest, unit)));
+    let [given, shortest] = [given, shortest].map(|value| at_least(value, unit));
+    let longest = longest.map(|longest| format!(", overall length {}", at_least(longest, unit)));
     let longest = longest.unwrap_or_default();
     format!("stick-out of {tool} (set to {given} {unit}, shortest {shortest}{longest})")
 }
@@ -77,6 +78,8 @@ mod tests {
             let value = 42.012_34;
             assert_eq!([nearest(value, unit), at_least(value, unit), at_most(value, unit)], expected);
         }
+        let shown = stick_out("mill", [0.551_18; 2], Some(3.937_01), LengthUnit::Inch);
+        assert!(shown.ends_with("(set to 0.552 inch, shortest 0.552, overall length 3.938)"), "{shown}");
         // What is a tenth but for rounding stays one.
         assert_eq!(at_least(0.1 + 0.2, LengthUnit::Mm), "0.3");
         assert_eq!(at_most(0.3 - 1e-12, LengthUnit::Mm), "0.3");

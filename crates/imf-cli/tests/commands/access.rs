@@ -161,6 +161,9 @@ fn by_default_it_looks_along_the_axes_and_what_the_part_suggests() {
     let turned = "--tool long.toml --transform rotate:0,1,0:30 --pitch 2";
     let summary = folder.json(&format!("access part.obj --out out {turned}"));
     assert_eq!(summary["orientations"], "axes+normals+fibonacci:225");
+    // The set-up column by column: x is turned down, z towards +x.
+    let turn = [2, 8].map(|at| summary["transform"][at].as_f64().unwrap());
+    assert!((turn[0] + 0.5).abs() < 1e-9 && (turn[1] - 0.5).abs() < 1e-9, "{turn:?}");
     let suggested = summary["suggested_by_the_part"].as_array().unwrap();
     let slot = suggested.iter().find(|row| {
         let component = |axis: usize| row["direction"][axis].as_f64().unwrap();
@@ -175,6 +178,17 @@ fn by_default_it_looks_along_the_axes_and_what_the_part_suggests() {
     assert_eq!(summary["orientations"]["suggested_by_the_part"].as_array().unwrap().len(), 6);
     let dataset = "dataset part.obj --orientations axes+normals --out data";
     folder.refuse_input(&format!("{dataset} {turned}"), &["'normals'", "no surface is known"]);
+}
+
+/// About the axis of a round tool, too.
+#[test]
+fn a_direction_that_is_named_again_counts_once() {
+    let folder = workshop();
+    let counts = |set: &str| {
+        folder.imf(&arguments(&format!("--tool long.toml --orientations {set}"))).done();
+        (folder.npy::<u32>("out/free_orientations.npy"), folder.bytes("out/surface.ply"))
+    };
+    assert!(counts("0,0;90,0;0,0;30,40") == counts("0,0;30,40"));
 }
 
 #[test]
@@ -217,6 +231,9 @@ fn bad_input_is_refused_with_a_remedy() {
     refuse("--setups --fixture clamp.obj", &["belongs to one set-up", "--limits"]);
     refuse("--tool absent.toml", &["absent.toml"]);
     refuse("--memory 1KiB", &["larger --pitch"]);
+    // First what most of it is for.
+    let many = arguments("--tool long.toml --orientations fibonacci:1000000 --memory 1KiB");
+    folder.refuse(&many, &["use fewer --orientations or"]);
 }
 
 #[test]

@@ -35,8 +35,13 @@ fn a_finishing_pass_is_free_and_says_what_was_accepted() {
     check("pass.csv", path, "--conservative").done().says(&["up to 0.05 mm deep"]);
     // What is hit is told with what its depths are.
     for (options, told) in [("--conservative", true), ("", false)] {
-        let said = check("deep.csv", "x,y,z\n0,0,10\n", options).exits(3).stdout;
-        assert_eq!(said.contains("are those in the conservative voxels"), told, "{said}");
+        let said = check("deep.csv", "x,y,z,i,j,k\n0,0,10,0,-0.00001,1\n", options).exits(3).stdout;
+        assert!(said.contains("the axis 0.0000,0.0000,1.0000"), "{said}");
+        assert_eq!(
+            said.contains("conservative voxels, whose centres lie up to 0.866 mm outside"),
+            told,
+            "{said}"
+        );
     }
 }
 
@@ -75,7 +80,11 @@ fn a_folder_has_a_table_a_picture_and_the_answer() {
     assert!(lines.next().unwrap().starts_with("3,,feed,cutter,part,7.9"), "{table}");
     let summary = folder.read_json("out/summary.json");
     assert_eq!(summary["files"], serde_json::json!(["collisions.csv", "worst.png", "summary.json"]));
-    assert!(image::open(folder.path("out/worst.png")).unwrap().width() > 500);
+    let picture = image::open(folder.path("out/worst.png")).unwrap().to_rgb8();
+    assert!(picture.width() > 500);
+    // Overlap has the colour that it has beside a machine or stock: Viridis at two thirds.
+    let overlap = [0x35_u8, 0xb7, 0x79];
+    assert!(picture.pixels().any(|pixel| (0..3).all(|c| pixel[c].abs_diff(overlap[c]) < 4)));
     // In metres too.
     folder.write("metres.csv", "x,y,z\n0,0,0.04\n0,0,0.012\n");
     let metres = "check block.obj metres.csv --tool paper --scale 0.001 --unit m --pitch 0.001 --out metres";
@@ -181,6 +190,8 @@ fn a_path_follows_the_part_or_stays_in_the_world() {
         answer["report"]["colliding"][0]["collisions"][0]["position"],
         serde_json::json!([0.0, 0.0, 12.0])
     );
+    // Column by column, and whose coordinates these are.
+    assert_eq!((&answer["frame"], &answer["transform"][12]), (&Value::from("part"), &Value::from(200.0)));
     let world = check("path.csv", path, &format!("{moved} --frame world")).done();
     world.says(&["coordinates are in the world's frame"]);
 }

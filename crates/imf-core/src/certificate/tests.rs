@@ -164,7 +164,7 @@ fn tools_that_nothing_is_proven_of_are_refused() {
 }
 
 #[test]
-#[should_panic(expected = "the grid has no voxel")]
+#[should_panic(expected = "the grid has no voxel 64")]
 fn a_voxel_that_the_grid_has_not_is_refused() {
     let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: [4; 3] };
     let solid = Occupancy { grid, solid: vec![0; grid.len()] };

@@ -35,6 +35,11 @@ fn by_trying_all(problem: &CoverProblem, fraction: f64) -> usize {
 }
 
 #[test]
+fn nothing_covers_zero_and_not_minus_zero() {
+    assert!(problem(2, [&[], &[0]]).covered(&[0]).is_sign_positive());
+}
+
+#[test]
 fn covers_are_the_smallest_that_trying_all_finds() {
     let mut numbers = Numbers(7);
     for round in 0..400 {

@@ -5,7 +5,7 @@ use glam::{DQuat, DVec3};
 use super::sample_query::{Outcome, SampleQuery};
 use super::{SampleReach, SurfaceError, SurfaceSample, SurfaceTool};
 use crate::control::Control;
-use crate::orientation::Orientation;
+use crate::orientation::{Orientation, repeats};
 use crate::parallel;
 use crate::pose::axis_of;
 
@@ -97,9 +97,10 @@ pub fn surface_access(
     let words = directions.len().div_ceil(64);
     let turns: Vec<ToolDirection> = directions.iter().map(ToolDirection::new).collect();
     let last = || vec![[None; 2]; turns.len()];
+    let again = repeats(directions, tool.revolved().is_some());
     let found = parallel::map_in_chunks(samples, CHUNK, control, last, |last, sample| {
         let mut free = vec![0u64; words];
-        let reach = tool.reach(sample, &turns, last, |turn| free[turn / 64] |= 1 << (turn % 64));
+        let reach = tool.reach(sample, (&turns, &again), last, |turn| free[turn / 64] |= 1 << (turn % 64));
         (reach, free)
     })?;
     let (reach, free): (Vec<SampleReach>, Vec<Vec<u64>>) = found.into_iter().unzip();

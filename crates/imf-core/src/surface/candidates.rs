@@ -24,7 +24,9 @@ pub fn ways_up(suggested: &[MachiningDirection]) -> Vec<DVec3> {
 #[must_use]
 pub fn with_ways_up(set: &str, suggested: &[MachiningDirection]) -> String {
     let own = |way: &DVec3| suggested.iter().any(|suggested| suggested.direction == *way);
-    let opposite = ways_up(suggested).into_iter().filter(|way| own(&-*way) && !own(way));
+    // The axes are in the set in any case.
+    let is_new = |way: &DVec3| own(&-*way) && !own(way) && !AXES.contains(way);
+    let opposite = ways_up(suggested).into_iter().filter(is_new);
     let opposite = opposite.filter_map(Orientation::from_direction);
     let opposite: Vec<String> = opposite.map(|o| format!("{},{}", o.theta, o.phi)).collect();
     let without = |own: &str| set.strip_prefix(own).filter(|rest| rest.is_empty() || rest.starts_with('+'));
@@ -109,6 +111,7 @@ mod tests {
         let (leaning, almost) = (DVec3::new(0.6, 0.0, 0.8), DVec3::new(1e-4, 0.0, -1.0).normalize());
         let ways = ways_up(&[own(leaning), own(almost), own(-leaning)]);
         assert_eq!(ways, [&AXES[..], &[leaning, -leaning]].concat());
+        assert_eq!(with_ways_up("0,0", &[own(DVec3::NEG_Z)]), "axes+normals+0,0");
     }
 
     #[test]

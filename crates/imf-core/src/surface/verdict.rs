@@ -5,7 +5,7 @@
 pub enum SampleReach {
     /// Reached from at least one direction.
     Reached {
-        /// Their number.
+        /// Their number; those in which the tool stands alike are one.
         directions: u32,
     },
     /// The cutter fits among the part, but something of the tool collides from every such direction.

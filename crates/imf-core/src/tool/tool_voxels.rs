@@ -126,7 +126,7 @@ impl ToolVoxels {
     }
 
     /// Tests voxel centres, line by line along z, within the cylinder around the widest radius. The arithmetic is
-    /// that of [`held`], operation by operation, so that both agree to the last bit; a whole line at a time.
+    /// that of [`locate_inside`], operation by operation, so that both agree to the last bit; a whole line at a time.
     #[inline(always)]
     fn fill_revolved(&mut self, profile: &[Segment], direction: DVec3, pitch: f64) {
         let span = (profile.first().map_or(0.0, |s| s.range().0), top(profile));

@@ -4,6 +4,8 @@ use std::path::Path;
 
 use anyhow::Result;
 use imf_core::occupancy::Occupancy;
+use imf_core::orientation::repeats;
+use imf_core::tool::Assembly;
 use ndarray::{Array2, ArrayView2};
 
 use super::Findings;
@@ -34,7 +36,11 @@ fn title(run: &AccessRun) -> String {
 }
 
 fn draw_slices(run: &AccessRun, findings: &Findings, path: &Path) -> Result<()> {
-    let poses = (run.orientations.len() * run.tools.len()) as f32;
+    let own = |tool: &Assembly| {
+        let again = repeats(&run.orientations.orientations, tool.tool().is_axisymmetric());
+        again.iter().filter(|&&again| !again).count()
+    };
+    let poses = run.tools.iter().map(own).sum::<usize>() as f32;
     let share: Vec<f32> = findings.together.free.iter().map(|&n| 100.0 * n as f32 / poses).collect();
     // What collides anyway is hidden, and must not set the scale.
     let outside = |value: &dyn Fn(usize) -> f32| -> Vec<f32> {

@@ -3,26 +3,25 @@
 use std::cell::OnceCell;
 
 use anyhow::{Context as _, Result, ensure};
-use glam::DVec3;
-use imf_core::access::{cavities, memory_estimate, position_grid, removable_memory_estimate};
+use glam::{DMat4, DVec3};
+use imf_core::access::{cavities, position_grid};
 use imf_core::grid::Grid;
 use imf_core::machine::{AxisLimits, Machine};
-use imf_core::mesh::{MachiningDirection, Mesh, points_memory_estimate};
+use imf_core::mesh::{MachiningDirection, Mesh};
 use imf_core::obstacle::Obstacle;
 use imf_core::occupancy::Occupancy;
 use imf_core::orientation::{Limits, OrientationSet};
 use imf_core::scene::{Guarantee, SceneSpec};
-use imf_core::section::{ElementPlans, SectionPlan};
 use imf_core::surface::{SurfaceError, contact_reach, ways_up, with_fixed_axes, with_ways_up};
 use imf_core::tool::{Assembly, Clearance, SharpPoints, Tool, ToolShape};
 use imf_core::unit::LengthUnit;
 
+use super::footprint::Footprint;
 use super::on_machine::OnMachine;
 use super::stock::Stock;
 use super::surface::{SetupSettings, SurfaceSettings};
 use crate::arguments::access::AccessArguments;
 use crate::arguments::fixture::{self, StockArgument};
-use crate::arguments::inputs::mesh_memory_estimate;
 use crate::arguments::orientations::{Directions, default_for};
 use crate::arguments::scene::{
     voxelise_with_progress, warn_of, warn_of_cavities, warn_of_fixtures_out_of_reach,
@@ -40,6 +39,8 @@ pub(super) struct AccessRun {
     pub(super) guarantee: Guarantee,
     /// Every voxel is solid that the surface touches.
     pub(super) conservative: bool,
+    /// Where the part's own coordinates stand in the world, in which everything is.
+    pub(super) transform: DMat4,
     /// The part's surface in the world.
     pub(super) mesh: Mesh,
     pub(super) fixtures: Vec<String>,
@@ -139,18 +140,18 @@ impl AccessRun {
         let obstacle_grid = spec.obstacle_grid(&positions, seen)?;
 
         let grids = (&obstacle_grid, &query, stock_grid.as_ref());
-        let needed = needed(grids, &tools, &orientations, &spec, session)?;
+        let footprint = Footprint::new(grids, &tools, orientations.len(), &spec, session.threads())?;
         // A second section is added, of shank and holder, and the layer is held separately.
-        let needed = needed * if depth.is_some() { 2 } else { 1 } + mesh_memory_estimate(&spec);
+        let needed = footprint.bytes(if depth.is_some() { 2 } else { 1 });
         session.require_memory(needed, || {
             let [x, y, z] = query.dims;
             format!(
-                "{x}×{y}×{z} voxels, tools that reach {:.0} voxels, {} orientations, {} triangles, {} threads; use a larger \
-                 --pitch, fewer --orientations, a coarser mesh or fewer --threads",
+                "{x}×{y}×{z} voxels, tools that reach {:.0} voxels, {} orientations, {} triangles, {} threads; use {}",
                 reach / query.pitch,
                 orientations.len(),
                 spec.mesh.triangles.len(),
-                session.threads()
+                session.threads(),
+                footprint.remedies()
             )
         })?;
         session.detail(&format!("this needs about {}", show_bytes(needed)));
@@ -227,6 +228,7 @@ impl AccessRun {
             contact: depth,
             guarantee,
             conservative,
+            transform: inputs.transform,
             mesh,
             fixtures: bodies.fixtures.iter().map(|(name, _)| name.clone()).collect(),
             solid,
@@ -310,49 +312,6 @@ fn number_names(tools: &mut [Tool]) {
             tool.name = format!("{} (tool {index})", tool.name);
         }
     }
-}
-
-/// Bytes for sections, surface and results; the grids are those of the obstacle, of the query and of the stock.
-fn needed(
-    (obstacle, query, stock): (&Grid, &Grid, Option<&Grid>),
-    tools: &[Assembly],
-    orientations: &OrientationSet,
-    spec: &SceneSpec<'_>,
-    session: &Session,
-) -> Result<u64> {
-    let threads = session.threads();
-    let mut most = 0;
-    for assembly in tools {
-        let (tool, bare) = (assembly.whole(), assembly.tool());
-        let plan = SectionPlan::memory_estimate_with_query(obstacle, query, tool, threads)
-            + ElementPlans::memory_estimate(obstacle, query, tool, threads);
-        let streaming = memory_estimate(query.dims, threads);
-        let sweep = match stock {
-            Some(stock) => removable_memory_estimate(obstacle, stock, tool, bare, threads)?,
-            None => 0,
-        };
-        most = most.max((plan + streaming).max(sweep));
-    }
-    // Obstacle, part and fixtures; results of each tool and of all; labels.
-    let stock = stock.map_or(0, |stock| stock.len() as u64 * (3 + tools.len() as u64));
-    // And up to half a dozen elements of each tool.
-    let results = query.len() as u64 * (40 + 32 * tools.len() as u64);
-    // The surface: voxels, counts, distances and nearest voxels of every body, twice of the part where shank and holder have their
-    // own, of all fixtures and of everything; and what distances are made from.
-    let fixtures = spec.fixtures.len() as u64;
-    let each = if spec.conservative { 2 } else { 1 };
-    let sets = each + fixtures + if fixtures > 0 { 2 } else { 0 };
-    // Their points, at twice the pitch too, and as a holder that slides sees them from some directions.
-    let placed = spec.placed();
-    let of = |times: f64| -> u64 {
-        placed.iter().map(|mesh| points_memory_estimate(mesh, times * obstacle.pitch)).sum()
-    };
-    let points = 4 * of(1.0) + of(2.0);
-    let surface = (13 * sets + 10) * obstacle.len() as u64
-        + points
-        + SurfaceSettings::memory_estimate(spec.mesh, orientations.len(), tools.len());
-    let bodies = spec.fixture_voxels(obstacle)? + 4 * obstacle.len() as u64;
-    Ok(most.max(surface) + bodies + results + stock)
 }
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use glam::DMat4;
 use imf_core::access::{Component, Components, RemovableStock};
 use imf_core::mesh::MachiningDirection;
 use imf_core::tool::{Clearance, ToolShape};
@@ -74,6 +75,8 @@ pub(super) struct Summary {
     program: String,
     part: String,
     fixtures: Vec<String>,
+    /// Set-up: where the part's own coordinates stand in the world, column-major. Every other place is in the world.
+    transform: DMat4,
     unit: LengthUnit,
     dims: [usize; 3],
     origin: [f64; 3],
@@ -170,6 +173,7 @@ impl Summary {
             program: format!("imf {}", env!("CARGO_PKG_VERSION")),
             part: run.part.clone(),
             fixtures: run.fixtures.clone(),
+            transform: run.transform,
             unit: run.unit,
             dims: run.query.dims,
             origin: run.query.origin.to_array(),

@@ -25,8 +25,12 @@ const PLACES: usize = 4;
 const SIDE: usize = 90;
 /// How far from the contact point a plane may lie, in voxels.
 const BESIDE: f64 = 0.5;
+const PART: f32 = 1.0;
+const FIXTURE: f32 = 2.0;
+const TOOL: f32 = 3.0;
 const OVERLAP: f32 = 4.0;
 const STOCK: f32 = 5.0;
+const MACHINE: f32 = 6.0;
 const CLASSES: [&str; 7] = ["empty", "part", "fixture", "tool", "overlap", "stock", "machine"];
 
 /// The frame that a picture is drawn in.
@@ -90,12 +94,8 @@ pub(super) fn draw(
             (title, planes)
         })
         .collect();
-    let classes = match (bodies.machine, stock) {
-        (Some(_), _) => 7,
-        (_, Some(_)) => 6,
-        _ => 5,
-    };
-    let scale = Scale::classes(&CLASSES[..classes]);
+    // All of them, so that each has one colour in every picture.
+    let scale = Scale::classes(&CLASSES);
     let rows = cuts.iter().map(|(title, planes)| PanelRow {
         title: title.clone(),
         panels: planes
@@ -135,9 +135,12 @@ impl<'a> MachineSolids<'a> {
         Self { solids: machine.solids.iter().map(placed).collect() }
     }
 
-    fn holds(&self, side: Side, point: DVec3) -> bool {
-        let own = self.solids.iter().filter(|(solid, _)| solid.side == side);
-        own.into_iter().any(|(solid, back)| solid.contains(back.transform_point3(point)))
+    /// Whether one of that side holds a point of the world; of that name, where one is given.
+    fn hold(&self, side: Side, name: Option<&str>, point: DVec3) -> bool {
+        let is_asked =
+            |solid: &MachineSolid| solid.side == side && name.is_none_or(|name| solid.name == name);
+        let mut own = self.solids.iter().filter(|(solid, _)| is_asked(solid));
+        own.any(|(solid, back)| solid.contains(back.transform_point3(point)))
     }
 
     /// Half the smallest extent of the head's solid that hits.
@@ -150,7 +153,7 @@ impl<'a> MachineSolids<'a> {
 }
 
 /// What lies in the plane of the frame at right angles to `axis` through the contact point, or beside it by `shift` in the world: a grid
-/// of one layer, and its classes. Overlaps with the stock count where they are the collision, of the element that is named.
+/// of one layer, and its classes. Overlap is what the body and the element that the collision names share.
 fn cut(
     hit: &Collision,
     tool: &Tool,
@@ -178,8 +181,13 @@ fn cut(
     let mut origin = contact - 0.5 * side;
     origin[axis] = contact[axis] - 0.5 * pitch;
     let grid = Grid { origin, pitch, dims };
-    // The part or a fixture, which is not an element of the tool.
-    let hits_table = hit.element == HitBody::Part.to_string() || hit.element.starts_with("fixture ");
+    // The part or a fixture where that hits the machine, and no element of the tool.
+    let fixtures = bodies.fixtures.iter().map(|(name, _)| HitBody::Fixture(name.clone()));
+    let on_table = std::iter::once(HitBody::Part).chain(fixtures).find(|own| own.to_string() == hit.element);
+    let in_fixture = |name: Option<&str>, point: DVec3| {
+        let mut own = bodies.fixtures.iter().filter(|(own, _)| name.is_none_or(|name| own == name));
+        own.any(|(_, fixture)| is_solid(fixture, point))
+    };
     let turned = match &tool.shape {
         ToolShape::Revolved(_) => None,
         ToolShape::Mesh(mesh) => {
@@ -191,30 +199,37 @@ fn cut(
         .map(|index| {
             let point = set_up.transform_point3(grid.centre(grid.voxel(index)));
             let (in_tool, is_named) = match &turned {
-                Some(voxels) => (voxels.solid[index] == 1, true),
+                Some(voxels) => {
+                    let in_tool = voxels.solid[index] == 1;
+                    (in_tool, in_tool && hit.element == "tool")
+                }
                 None => {
                     let element = tool.element_at(&pose, point);
                     (element.is_some(), element.is_some_and(|kind| kind.to_string() == hit.element))
                 }
             };
-            let in_fixture = || bodies.fixtures.iter().any(|(_, fixture)| is_solid(fixture, point));
-            let of_head = !in_tool && moving.holds(Side::Head, point);
-            let on_table = is_solid(bodies.part, point) || in_fixture();
             let standing = match () {
-                () if hits_table && on_table && moving.holds(Side::Table, point) => OVERLAP,
-                () if is_solid(bodies.part, point) => 1.0,
-                () if in_fixture() => 2.0,
+                () if is_solid(bodies.part, point) => PART,
+                () if in_fixture(None, point) => FIXTURE,
                 () if in_stock(point) => STOCK,
-                () if moving.holds(Side::Table, point) => 6.0,
+                () if moving.hold(Side::Table, None, point) => MACHINE,
                 () => 0.0,
             };
-            match (in_tool, of_head) {
-                (false, false) => standing,
-                // What the cutter cuts, unless that is the collision.
-                (true, _) if standing == STOCK && !(is_named && hit.against == HitBody::Stock) => 3.0,
-                _ if standing != 0.0 => OVERLAP,
-                (true, _) => 3.0,
-                (false, true) => 6.0,
+            let is_in = |body: &HitBody| match body {
+                HitBody::Part => standing == PART,
+                HitBody::Fixture(name) => in_fixture(Some(name), point),
+                HitBody::Machine(name) => moving.hold(Side::Table, Some(name), point),
+                HitBody::Stock => standing == STOCK,
+            };
+            let hits = match &on_table {
+                Some(body) => is_in(body),
+                None => is_named || moving.hold(Side::Head, Some(&hit.element), point),
+            };
+            match () {
+                () if hits && is_in(&hit.against) => OVERLAP,
+                () if in_tool => TOOL,
+                () if moving.hold(Side::Head, None, point) => MACHINE,
+                () => standing,
             }
         })
         .collect();
@@ -232,5 +247,60 @@ fn widest(tool: &Tool, element: &str) -> f64 {
             .reduce(f64::max)
             .unwrap_or_else(|| 0.5 * tool.reach()),
         ToolShape::Mesh(_) => 0.5 * tool.reach(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use imf_core::occupancy::Occupancy;
+
+    use super::*;
+
+    /// The paper's tool, its holder and cutter in a part below 40 and in stock up to 45.
+    #[test]
+    fn overlap_is_of_the_body_and_the_element_that_are_named() {
+        let grid = Grid { origin: DVec3::splat(-50.0), pitch: 1.0, dims: [100; 3] };
+        let mut part = Occupancy::empty(grid);
+        (0..grid.len()).filter(|&v| grid.centre(grid.voxel(v)).z < 40.0).for_each(|v| part.solid[v] = 1);
+        let tool = Tool::paper();
+        let drawn = |element: &str, against: HitBody| {
+            let hit = Collision {
+                element: element.into(),
+                against,
+                clearance: 0.0,
+                depth: 3.0,
+                depth_in_tool: 3.0,
+                contact: [0.5, 0.5, 37.5],
+                position: [0.0; 3],
+                axis: [0.0, 0.0, 1.0],
+                roll: None,
+                joints: None,
+                fraction: 1.0,
+                voxels: 1,
+                volume: 1.0,
+                poses: 1,
+            };
+            let in_stock = |point: DVec3| point.z < 45.0;
+            let moving = MachineSolids::new(&hit, None, &DMat4::IDENTITY);
+            let bodies = CheckBodies::of_part(&part);
+            let (grid, values) = cut(&hit, &tool, &moving, bodies, &in_stock, &DMat4::IDENTITY, (0, 0.0));
+            let count = |class: f32| values.iter().filter(|&&value| value == class).count();
+            let pose = Pose::oriented(DVec3::ZERO, &Orientation::default());
+            let shared = (0..grid.len()).map(|index| grid.centre(grid.voxel(index))).filter(|&point| {
+                let is_named = tool.element_at(&pose, point).is_some_and(|kind| kind.to_string() == element);
+                let in_body = match hit.against {
+                    HitBody::Part => is_solid(&part, point),
+                    _ => !is_solid(&part, point) && in_stock(point),
+                };
+                is_named && in_body
+            });
+            assert_eq!(count(OVERLAP), shared.count(), "{element} {}", hit.against);
+            [OVERLAP, TOOL, STOCK].map(count)
+        };
+        // Beside the holder the cutter is in the part as well, and the holder in the stock.
+        let in_part = drawn("holder 1", HitBody::Part);
+        assert!(in_part.iter().all(|&count| count > 0), "{in_part:?}");
+        assert!(drawn("cutter", HitBody::Part)[0] > 0 && drawn("holder 1", HitBody::Stock)[0] > 0);
+        assert_eq!(drawn("cutter", HitBody::Stock)[0], 0);
     }
 }

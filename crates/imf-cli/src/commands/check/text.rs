@@ -92,8 +92,9 @@ pub(super) fn text(checked: &CheckRun<'_>) -> String {
         let of_cutter = if settings.contact > 0.0 { ", but for a cutter's in the part," } else { "" };
         let _ = writeln!(
             text,
-            "depths{of_cutter} are those in the conservative voxels, whose centres lie up to {beyond:.4} {unit} outside \
-             the bodies: by so much the bodies themselves may be hit less deep, or not at all"
+            "depths{of_cutter} are those in the conservative voxels, whose centres lie up to {} {unit} outside \
+             the bodies: by so much the bodies themselves may be hit less deep, or not at all",
+            short(beyond)
         );
     }
     let clearance = &settings.clearance;
@@ -223,7 +224,8 @@ fn one(collision: &Collision, poses: u64, checked: &CheckRun<'_>) -> String {
     let what = what(collision, unit);
     let comma = if left_of_clearance(collision).is_some() { "," } else { "" };
     let point = |place: [f64; 3]| place.map(short).join(",");
-    let [i, j, k] = collision.axis;
+    // No minus sign before zero.
+    let [i, j, k] = collision.axis.map(|c| if c.abs() < 5e-5 { 0.0 } else { c });
     let roll = collision.roll.map_or_else(String::new, |roll| format!(", roll {roll:.1}°"));
     let size = match collision.voxels {
         0 => "a point of its surface, no voxel's centre".to_owned(),

@@ -125,8 +125,7 @@ impl SetupRow {
 
 impl SetupsRow {
     pub(crate) fn lines(&self, unit: &str) -> String {
-        // A sum of nothing is −0.
-        let percent = |share: f64| format!("{:.1} %", 100.0 * share + 0.0);
+        let percent = |share: f64| format!("{:.1} %", 100.0 * share);
         let count = self.setups.len();
         let proof = proof(self.proven, self.at_least);
         let machine = match self.machine.as_str() {
