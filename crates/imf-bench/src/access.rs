@@ -96,6 +96,8 @@ pub(crate) fn run(session: &Session, arguments: &AccessArguments) -> Result<()> 
     let mesh = arguments.part.mesh().transformed(&scene.record.transform);
     let mut random = ChaCha8Rng::seed_from_u64(0);
     let mut samples = SurfaceSamples::new(&mesh, &solid, arguments.points as usize).samples;
+    // Each place once: the rivals know of no other.
+    samples.dedup_by_key(|sample| sample.point);
     ensure!(samples.len() >= arguments.points as usize, "the surface has only {} samples", samples.len());
     // As many as are wanted, in the surface's order.
     let mut chosen: Vec<usize> = (0..samples.len()).collect();

@@ -19,6 +19,7 @@ mod level_ring;
 mod obstructed;
 mod part_setup;
 mod patches;
+mod places;
 mod sample_query;
 mod samples;
 mod setups;

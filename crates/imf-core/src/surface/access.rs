@@ -2,11 +2,11 @@
 
 use glam::{DQuat, DVec3};
 
+use super::places::map_alike;
 use super::sample_query::{Outcome, SampleQuery};
 use super::{SampleReach, SurfaceError, SurfaceSample, SurfaceTool};
 use crate::control::Control;
 use crate::orientation::{Orientation, repeats};
-use crate::parallel;
 use crate::pose::axis_of;
 
 /// A direction: the tool's axis, and its rotation.
@@ -80,7 +80,7 @@ impl SurfaceAccess {
     }
 }
 
-/// Samples that are one unit of progress.
+/// Places that share a working memory.
 const CHUNK: usize = 64;
 
 /// What a tool reaches of every sample from every direction, on all threads of the current pool; the result does not
@@ -98,7 +98,7 @@ pub fn surface_access(
     let turns: Vec<ToolDirection> = directions.iter().map(ToolDirection::new).collect();
     let last = || vec![[None; 2]; turns.len()];
     let again = repeats(directions, tool.revolved().is_some());
-    let found = parallel::map_in_chunks(samples, CHUNK, control, last, |last, sample| {
+    let found = map_alike(samples, SurfaceSample::is_tried_with, (CHUNK, control), last, |last, sample| {
         let mut free = vec![0u64; words];
         let reach = tool.reach(sample, (&turns, &again), last, |turn| free[turn / 64] |= 1 << (turn % 64));
         (reach, free)

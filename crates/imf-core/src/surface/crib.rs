@@ -7,12 +7,12 @@
 //! gouges it as well. The verdicts are those of [`surface_access`](super::surface_access), tool by tool.
 
 use super::level_ring::RingPlaces;
+use super::places::map_alike;
 use super::sample_query::{DirectionQuery, Last, SampleQuery};
 use super::{Revolved, SurfaceError, SurfaceSample, SurfaceTool, ToolDirection, Verdict};
 use crate::control::Control;
 use crate::field::solid::OutsidePlane;
 use crate::orientation::Orientation;
-use crate::parallel;
 use crate::tool::Tool;
 
 /// Samples that one thread takes at once.
@@ -36,7 +36,7 @@ pub fn crib_access(
     let groups: Vec<Group<'_>> =
         same_cutters(tools).into_iter().map(|group| Group::new(tools, group)).collect();
     let work = || Work::new(&groups, &turns);
-    let rows = parallel::map_in_chunks(samples, CHUNK, control, work, |work, sample| {
+    let rows = map_alike(samples, SurfaceSample::is_tried_with, (CHUNK, control), work, |work, sample| {
         work.verdicts(sample, tools.len())
     })?;
     Ok((0..tools.len()).map(|tool| rows.iter().map(|row| row[tool]).collect()).collect())

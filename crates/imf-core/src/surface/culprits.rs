@@ -12,6 +12,7 @@ use std::cell::Cell;
 use glam::DVec3;
 
 use super::contact::{ContactFrame, Touch};
+use super::places::map_alike;
 use super::sample_query::{Outcome, SampleQuery};
 use super::{Revolved, Shape, SurfaceError, SurfaceSample, SurfaceTool, ToolDirection, Verdict};
 use crate::control::Control;
@@ -225,7 +226,10 @@ pub fn minimum_overlaps(
     let least = |_: &mut (), &(sample, verdict): &(usize, Verdict)| {
         tool.minimum_overlap(&samples[sample], verdict, &turns)
     };
-    Ok(parallel::map_in_chunks(chosen, CHUNK, control, || (), least)?)
+    let alike = |&(one, of_one): &(usize, Verdict), &(other, of_other): &(usize, Verdict)| {
+        of_one == of_other && samples[one].is_tried_with(&samples[other])
+    };
+    Ok(map_alike(chosen, alike, (CHUNK, control), || (), least)?)
 }
 
 /// For each voxel of the surroundings' grid: the summed area of the samples whose pose it obstructs, counted once per

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 
-use super::SurfaceSamples;
+use super::{SurfaceSample, SurfaceSamples};
 use crate::mesh::groups::Groups;
 
 /// A corner, to compare by.
@@ -29,8 +29,8 @@ pub struct SurfacePatch {
 }
 
 impl SurfaceSamples {
-    /// Fraction of the area that lies in triangles of which a neighbour across an edge is of another class: what is decided in their middles
-    /// and ends somewhere in them.
+    /// Fraction of the area that lies in triangles of which a neighbour across an edge is of another class, and in all that are tried at
+    /// one place with one: what is decided at that place and ends somewhere around it.
     #[must_use]
     pub fn border<C: PartialEq>(&self, class: impl Fn(usize) -> C) -> f64 {
         let mut of_edge: HashMap<[[u64; 3]; 2], usize> = HashMap::new();
@@ -45,6 +45,13 @@ impl SurfaceSamples {
                     (at_border[other], at_border[sample]) = (true, true);
                 }
             }
+        }
+        let mut first = 0;
+        for place in self.samples.chunk_by(SurfaceSample::is_tried_with) {
+            let own = &mut at_border[first..first + place.len()];
+            let any = own.iter().any(|&at_border| at_border);
+            own.fill(any);
+            first += place.len();
         }
         self.fraction(|sample| at_border[sample])
     }

@@ -1,5 +1,7 @@
 //! Samples of a surface by area: a point, a normal and an area each.
 
+use std::f64::consts::PI;
+
 use glam::DVec3;
 
 use crate::mesh::crossings::CrossingIndex;
@@ -8,12 +10,14 @@ use crate::mesh::{Mesh, SMOOTH, area_vector};
 use crate::occupancy::Occupancy;
 use crate::parallel;
 
+use super::places::places;
+
 /// A small piece of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfaceSample {
-    /// Centroid of its triangle, in the mesh's unit.
+    /// Where a tool is tried: the centroid of its triangle, or of one nearby that faces alike, in the mesh's unit.
     pub point: DVec3,
-    /// Outward unit normal.
+    /// Outward unit normal there.
     pub normal: DVec3,
     /// Area of its triangle, in the mesh's unit squared; its part of that where flush faces of several bodies share it.
     pub area: f64,
@@ -22,12 +26,20 @@ pub struct SurfaceSample {
     pub bend: f64,
 }
 
-/// A surface cut into triangles of about the same size, with a sample in the middle of each.
+impl SurfaceSample {
+    /// Whether a tool is tried at the same place.
+    pub(super) fn is_tried_with(&self, other: &Self) -> bool {
+        (self.point, self.normal, self.bend) == (other.point, other.normal, other.bend)
+    }
+}
+
+/// A surface cut into triangles that are small enough, with a sample each. Where they are smaller than that, those nearby that face alike
+/// share the place at which a tool is tried.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SurfaceSamples {
     /// Three vertices of its own for each triangle, so that values may differ from one triangle to the next.
     pub mesh: Mesh,
-    /// In the order of the triangles.
+    /// In the order of the triangles, those of one place side by side.
     pub samples: Vec<SurfaceSample>,
     /// Area that is no surface or counts for another already, in the mesh's unit squared: inside the part or flush, where bodies of
     /// the mesh cross or touch each other.
@@ -40,7 +52,7 @@ const OUTSIDE: f64 = 0.75;
 const CLOSE: f64 = 1e-3;
 
 impl SurfaceSamples {
-    /// About `count` samples of a mesh, or more; `solid` holds its voxels. Triangles of one body must face alike
+    /// Samples of a mesh at about `count` places, or more; `solid` holds its voxels. Triangles of one body must face alike
     /// ([`Mesh::with_consistent_faces`]).
     ///
     /// Of bodies that cross or touch each other the surface is what has the part on one side alone, and it faces the other,
@@ -95,21 +107,34 @@ impl SurfaceSamples {
             sample.area = if before != 0 && is_solid { 0.0 } else { whole };
             Some((sample, whole - sample.area))
         });
+        // No place stands for more than a disc of its share of the area. Triangles that are halved are of about that size.
+        let radius = (area / count.max(1) as f64 / PI).sqrt();
+        let mut pieces = vec![0u32; welded.triangles.len()];
+        origins.iter().for_each(|&origin| pieces[origin as usize] += 1);
+        let mut whole = vec![None; welded.triangles.len()];
+        for (&origin, found) in origins.iter().zip(&found) {
+            let shown = found.filter(|(sample, _)| sample.area > 0.0 && pieces[origin as usize] == 1);
+            whole[origin as usize] = shown.map(|(sample, _)| sample);
+        }
+        let places = places(&edges, &whole, radius);
+        let mut order: Vec<usize> = (0..fine.triangles.len()).collect();
+        order.sort_by_key(|&triangle| places[origins[triangle] as usize]);
         let mut all = Self { mesh: Mesh::default(), samples: Vec::new(), hidden_area: 0.0 };
-        for (triangle, found) in found.into_iter().enumerate() {
-            let Some((sample, hidden)) = found else { continue };
+        for triangle in order {
+            let Some((sample, hidden)) = found[triangle] else { continue };
             all.hidden_area += hidden;
             if sample.area > 0.0 {
                 let first = all.mesh.vertices.len() as u32;
                 all.mesh.vertices.extend(fine.corners(triangle));
                 all.mesh.triangles.push([first, first + 1, first + 2]);
-                all.samples.push(sample);
+                let place = whole[places[origins[triangle] as usize] as usize].unwrap_or(sample);
+                all.samples.push(SurfaceSample { area: sample.area, ..place });
             }
         }
         all
     }
 
-    /// How many samples [`SurfaceSamples::new`] makes at the most: one of each triangle at least.
+    /// How many samples [`SurfaceSamples::new`] makes at the most.
     #[must_use]
     pub fn most(mesh: &Mesh, count: usize) -> usize {
         count.saturating_mul(8).max(mesh.triangles.len())
@@ -178,6 +203,28 @@ mod tests {
                 assert_eq!(sample.bend, 0.0);
             }
         }
+    }
+
+    #[test]
+    fn of_a_fine_mesh_as_many_places_are_tried_as_of_a_coarse_one() {
+        let coarse = unit_cube().transformed(&DMat4::from_scale(DVec3::new(4.0, 4.0, 2.0)));
+        let grid = Grid { origin: DVec3::splat(-1.0), pitch: 0.5, dims: [12, 12, 8] };
+        let solid = voxelize(&coarse, &grid, false);
+        let fine = coarse.welded().refined_with_origins(0.05, 1_000_000).0;
+        let [coarse, fine] = [coarse, fine].map(|mesh| SurfaceSamples::new(&mesh, &solid, 500));
+        let places = |of: &SurfaceSamples| of.samples.chunk_by(SurfaceSample::is_tried_with).count();
+        assert_eq!(places(&coarse), coarse.samples.len());
+        assert!(fine.samples.len() > 100_000 && (fine.area() - 64.0).abs() < 1e-9);
+        assert!((500..1500).contains(&places(&fine)), "{}", places(&fine));
+        let radius = (64.0 / 500.0 / PI).sqrt();
+        for (triangle, sample) in fine.samples.iter().enumerate() {
+            let [a, b, c] = fine.mesh.corners(triangle);
+            assert!(sample.point.distance((a + b + c) / 3.0) <= radius);
+            assert!((sample.normal - area_vector([a, b, c]).normalize()).length() < 1e-9);
+        }
+        // What ends somewhere on it is not known better.
+        let [of_coarse, of_fine] = [&coarse, &fine].map(|of| of.border(|at| of.samples[at].point.x < 1.9));
+        assert!(of_fine > 0.8 * of_coarse && of_fine < 2.5 * of_coarse, "{of_coarse} {of_fine}");
     }
 
     #[test]

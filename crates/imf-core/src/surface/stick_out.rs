@@ -12,6 +12,7 @@ use glam::DVec3;
 
 use super::environment::as_met;
 use super::level_ring::RingPlaces;
+use super::places::{by_place, for_each};
 use super::sample_query::{DirectionQuery, Last, Outcome, SampleQuery};
 use super::skyline::{Body, CellQueue, Skyline, boundary};
 use super::{CollisionEnvironment, Shape, SurfaceError, SurfaceSample, SurfaceTool, ToolDirection, Verdict};
@@ -24,7 +25,7 @@ use crate::tool::{Assembly, Clearance, Element, ElementKind, ToolShape};
 
 /// Directions that are seen at once: their skylines are held together.
 const DIRECTIONS: usize = 4;
-/// Samples that one thread takes at once.
+/// Places that one thread takes at once.
 const CHUNK: usize = 64;
 /// The shortest piece of bared shank that is checked, in pitches: stick-outs that bare less are rounded up to it.
 const PIECE: f64 = 0.125;
@@ -273,9 +274,10 @@ pub fn shortest_stick_outs(
     directions: &[Orientation],
     control: Control<'_>,
 ) -> Result<Vec<StickOut>, SurfaceError> {
-    let stances = parallel::map(samples.len(), |sample| SampleQuery::new(&tool.tool, &samples[sample], None));
+    let places = by_place(samples);
+    let stances = parallel::map(places.len(), |place| SampleQuery::new(&tool.tool, &places[place][0], None));
     let turns: Vec<ToolDirection> = directions.iter().map(ToolDirection::new).collect();
-    let mut found = vec![StickOut::NotFaced; samples.len()];
+    let mut found = vec![StickOut::NotFaced; places.len()];
     for (block, turns) in turns.chunks(DIRECTIONS).enumerate() {
         let skylines =
             parallel::map(turns.len(), |turn| Skyline::new(&tool.boundary, tool.pitch, turns[turn].axis));
@@ -325,7 +327,7 @@ pub fn shortest_stick_outs(
         })?;
         (control.progress)(turns.len() as u64);
     }
-    Ok(found)
+    Ok(for_each(&places, found))
 }
 
 #[cfg(test)]

@@ -164,7 +164,7 @@ fn the_best_direction_is_the_best_of_each_alone_and_of_trial() {
             // A ball touches in one pose alone.
             let SurfaceSample { point, normal, bend, .. } = part.samples[sample];
             let one_pose = bend == 0.0 && normal.dot(axis) > 0.05;
-            if one_pose && sample % 3 == 0 && matches!(found, StickOut::Reached { .. } | StickOut::Obstructed)
+            if one_pose && sample % 2 == 0 && matches!(found, StickOut::Reached { .. } | StickOut::Obstructed)
             {
                 let tip = point + 2.5 * (normal - axis);
                 let lengths = (0..160).map(|step| 8.0 + 0.25 * f64::from(step));
