@@ -40,7 +40,6 @@ pub fn code_of(joins_ranks: bool, work: impl FnOnce(Rank) -> anyhow::Result<()>)
     let rank = membership.rank;
     let code = match work(rank) {
         Ok(()) => 0,
-        Err(error) if is_broken_pipe(&error) => 0,
         Err(error) if error.is::<CollisionFound>() => COLLISION,
         Err(error) if error.is::<Interruption>() => {
             if rank.is_first() {
@@ -165,10 +164,3 @@ const REMADE: &str = "the same imf dataset command makes it again";
 const TOOL_FILE: &str = "--tool mill.toml; for a 6 mm ball end mill in a 24 mm holder that file reads: unit = \"mm\", stick_out = 30.0, \
      then [cutter] with shape = \"ball\", diameter = 6.0, length = 20.0, then [shank] with diameter = 6.0, then [[holder]] with \
      diameter = 24.0, length = 40.0, each on its own line; or --tool paper";
-
-/// `imf … | head` is not an error.
-fn is_broken_pipe(error: &anyhow::Error) -> bool {
-    error.chain().any(|cause| {
-        cause.downcast_ref::<std::io::Error>().is_some_and(|e| e.kind() == std::io::ErrorKind::BrokenPipe)
-    })
-}

@@ -1,6 +1,6 @@
 //! Where commands write: a folder that is found writable before the work starts, and standard output for results.
 //!
-//! Results go through `write`, not `println`: a reader that closes the pipe early then ends the command quietly.
+//! Results go through `write`, not `println`: a reader that closes the pipe early then changes neither the work nor the exit code.
 
 pub(crate) mod length;
 mod stale;
@@ -12,8 +12,11 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
 use anyhow::{Context as _, Result, bail, ensure};
-use imf_core::atomic_file::{keep_previous, remove_all_leftovers, remove_leftovers, write_atomically};
+use imf_core::atomic_file::{
+    AtomicFileError, keep_previous, remove_all_leftovers, remove_leftovers, write_atomically,
+};
 use serde::Serialize;
+use serde_json::{Value, json};
 use tempfile::{Builder, NamedTempFile};
 
 pub(crate) use self::stale::SUMMARY;
@@ -37,13 +40,17 @@ impl OutputFolder {
     /// # Errors
     /// A path through a file, or a place that may not be written.
     pub fn check(path: &Path) -> Result<Self> {
-        let fail = || format!("cannot write to the folder {}", path.display());
         let existing = path.ancestors().find(|ancestor| ancestor.as_os_str().is_empty() || exists(ancestor));
         let existing = match existing {
             Some(ancestor) if !ancestor.as_os_str().is_empty() => ancestor,
             _ => Path::new("."),
         };
-        ensure!(existing.is_dir(), "{}: {} is a file", fail(), existing.display());
+        ensure!(
+            existing.is_dir(),
+            "cannot write to the folder {}: {} is a file",
+            path.display(),
+            existing.display()
+        );
         if let Some(read) =
             stale_files(path).iter().find(|file| named_files().any(|named| is_same(&named, file)))
         {
@@ -53,8 +60,12 @@ impl OutputFolder {
             );
         }
         // A name of its own: other threads and processes may be asking about the same folder.
-        let probe = Builder::new().prefix(".imf-").suffix(".probe").tempfile_in(existing);
-        probe.and_then(NamedTempFile::close).with_context(fail)?;
+        let probe = Builder::new()
+            .prefix(".imf-")
+            .suffix(".probe")
+            .make_in(existing, |probe| File::create_new(probe));
+        let refused = |source| AtomicFileError { path: path.to_owned(), source };
+        probe.and_then(NamedTempFile::close).map_err(refused)?;
         Ok(Self { path: path.to_owned(), lock: OnceLock::new() })
     }
 
@@ -63,21 +74,22 @@ impl OutputFolder {
             .with_context(|| format!("cannot create the folder {}", self.path.display()))
     }
 
-    /// Makes the folder, this run's own until it is dropped: the files of two runs would be mixed.
+    /// Makes the folder, this run's own until it is dropped: the files of two runs would be mixed. What killed runs left unfinished
+    /// there goes.
     pub(crate) fn create_locked(&self) -> Result<()> {
-        self.create()?;
-        let lock = lock_folder(&self.path)?;
-        self.lock.get_or_init(|| lock);
-        Ok(())
-    }
-
-    /// As [`OutputFolder::create_locked`], and clears it of what an earlier run of this program left there, killed ones included.
-    pub(crate) fn begin(&self, session: &Session) -> Result<()> {
         let left =
             format!("the results in {} are not complete; run the same command again", self.path.display());
         interrupt::leave(left.into());
-        self.create_locked()?;
+        self.create()?;
+        let lock = lock_folder(&self.path)?;
+        self.lock.get_or_init(|| lock);
         remove_all_leftovers(&self.path);
+        Ok(())
+    }
+
+    /// As [`OutputFolder::create_locked`], and clears it of the results of an earlier run of this program.
+    pub(crate) fn begin(&self, session: &Session) -> Result<()> {
+        self.create_locked()?;
         let removed = remove_stale(&self.path)?;
         if removed > 0 {
             session
@@ -89,8 +101,20 @@ impl OutputFolder {
     /// Writes the summary, the last of a run's files.
     pub(crate) fn write_summary(&self, summary: &impl Serialize) -> Result<()> {
         write_json(&self.file(SUMMARY), summary).context(SUMMARY)?;
-        interrupt::leave(format!("the results in {} are complete", self.path.display()).into());
+        self.complete();
         Ok(())
+    }
+
+    /// As [`OutputFolder::write_summary`], of a result that names there which files the run has left.
+    pub(crate) fn write_summary_of(&self, result: &mut Value, files: &[&str]) -> Result<()> {
+        result["program"] = json!(concat!("imf ", env!("CARGO_PKG_VERSION")));
+        result["files"] = json!(files);
+        self.write_summary(result)
+    }
+
+    /// States for an interruption from here on that all of the run's files are written.
+    pub(crate) fn complete(&self) {
+        interrupt::leave(format!("the results in {} are complete", self.path.display()).into());
     }
 
     pub(crate) fn file(&self, name: &str) -> PathBuf {
@@ -216,17 +240,18 @@ impl OutputFile {
     }
 }
 
-/// Writes text to standard output.
+/// Writes text to standard output. A reader that has gone away is not an error: what the command found stays its exit code.
 pub fn print(text: &str) -> Result<()> {
     let mut out = stdout().lock();
     let end: &[u8] = if text.ends_with('\n') { b"" } else { b"\n" };
     let written = out.write_all(text.as_bytes()).and_then(|()| out.write_all(end));
-    written.and_then(|()| out.flush()).map_err(standard_output_failed)
+    written.and_then(|()| out.flush()).or_else(standard_output_failed)
 }
 
-/// What to say where standard output takes no more; a closed pipe stays recognisable.
-pub(crate) fn standard_output_failed(error: Error) -> anyhow::Error {
+/// What to say where standard output takes no more; nothing where its reader has gone away.
+pub(crate) fn standard_output_failed(error: Error) -> Result<()> {
     let text = match error.kind() {
+        ErrorKind::BrokenPipe => return Ok(()),
         ErrorKind::StorageFull | ErrorKind::QuotaExceeded => {
             format!(
                 "cannot write to standard output: the disk is full ({error}); free some space or choose another disk"
@@ -234,7 +259,7 @@ pub(crate) fn standard_output_failed(error: Error) -> anyhow::Error {
         }
         _ => format!("cannot write to standard output: {error}"),
     };
-    anyhow::Error::new(error).context(text)
+    Err(anyhow::Error::new(error).context(text))
 }
 
 /// Writes a line to standard error; a reader that has gone away is not an error.
@@ -245,6 +270,17 @@ pub(crate) fn eprint_line(line: std::fmt::Arguments<'_>) {
 /// Prints a result to standard output: as JSON with --json, else as text.
 pub(crate) fn print_result(session: &Session, json: &impl Serialize, words: &str) -> Result<()> {
     if session.json { print_json(json) } else { print(words) }
+}
+
+/// As [`print_result`], also where the result's files could not be written, which stays the error: what took long to find is not lost.
+pub(crate) fn print_written(
+    session: &Session,
+    json: &impl Serialize,
+    words: &str,
+    written: Result<()>,
+) -> Result<()> {
+    let printed = print_result(session, json, words);
+    written.and(printed)
 }
 
 #[derive(Serialize)]
@@ -304,6 +340,14 @@ mod tests {
         deep.create().unwrap();
         assert!(deep.path.is_dir());
         assert!(OutputFolder::check(Path::new("no-such-folder-here")).is_ok(), "below the current one");
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn a_folder_that_may_not_be_written_is_named_with_the_remedy() {
+        let message = crate::exit::message(&OutputFolder::check(Path::new("/sys/out")).unwrap_err());
+        assert!(message.starts_with("cannot write /sys/out: ") && !message.contains("probe"), "{message}");
+        assert!(message.ends_with("; choose another folder or change its permissions"), "{message}");
     }
 
     #[test]

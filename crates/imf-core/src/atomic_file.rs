@@ -128,14 +128,9 @@ fn replace(path: &Path, write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<
     prefix.push(name);
     prefix.push(".");
     let mut builder = tempfile::Builder::new();
-    builder.prefix(&prefix).suffix(PART);
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        // The umask applies; the crate's own default would be for the user's eyes only.
-        builder.permissions(fs::Permissions::from_mode(0o666));
-    }
-    let temporary = builder.tempfile_in(folder)?;
+    // Not as the crate would: its file is for the user's eyes only, and its errors quote the temporary name.
+    let temporary =
+        builder.prefix(&prefix).suffix(PART).make_in(folder, |temporary| File::create_new(temporary))?;
     // Where files cannot be locked, nobody else may write in the folder.
     let _ = temporary.as_file().try_lock();
     let mut writer = BufWriter::with_capacity(1 << 16, temporary.as_file());
@@ -270,6 +265,11 @@ mod tests {
         let error = write_atomically(&path, |_| Ok(())).unwrap_err();
         assert_eq!(error.source.kind(), io::ErrorKind::PermissionDenied, "{error}");
         assert_eq!(fs::read(&path).unwrap(), b"old");
+        #[cfg(target_os = "linux")]
+        {
+            let error = write_atomically("/sys/a.bin", |_| Ok(())).unwrap_err().to_string();
+            assert!(error.contains("choose another folder") && !error.contains(PART), "{error}");
+        }
     }
 
     #[cfg(unix)]

@@ -1,6 +1,7 @@
 //! What is wrong with a file: one error for meshes, tools and tool libraries that are read, one for all that is written.
 
-use std::io;
+use std::fs::File;
+use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
 
 use thiserror::Error;
@@ -45,7 +46,7 @@ pub enum FaultKind {
     Malformed,
     /// It ends too early.
     Truncated,
-    /// It holds more than can be indexed.
+    /// It holds more than can be indexed, or than such a file ever holds.
     TooLarge,
 }
 
@@ -85,4 +86,19 @@ impl Fault {
     pub(crate) fn at(self, path: &Path) -> FileError {
         FileError { path: path.to_owned(), fault: self }
     }
+}
+
+/// The longest text file of a tool or a machine; a library of ten thousand tools is shorter.
+const MOST: u64 = 64 << 20;
+
+/// The content of a small file; `noun` is its kind. What never ends, as some devices, is not read to its end.
+pub(crate) fn read_small(noun: &str, path: &Path) -> Result<Vec<u8>, Fault> {
+    let mut bytes = Vec::new();
+    let read = File::open(path).and_then(|file| file.take(MOST + 1).read_to_end(&mut bytes));
+    read.map_err(|error| Fault::of_system(noun, &error))?;
+    if bytes.len() as u64 > MOST {
+        let cause = format!("it is longer than {} MiB, as no {noun} is; check the name", MOST >> 20);
+        return Err(Fault::new(FaultKind::TooLarge, cause));
+    }
+    Ok(bytes)
 }

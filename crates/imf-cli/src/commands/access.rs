@@ -23,7 +23,7 @@ use imf_core::section::{ElementMeasures, ElementPlans, elements_at_best};
 use serde::Serialize;
 
 use crate::arguments::access::AccessArguments;
-use crate::output::{OutputFile, OutputFolder, SUMMARY, print_result};
+use crate::output::{OutputFile, OutputFolder, SUMMARY, print_written};
 use crate::session::Session;
 
 use run::AccessRun;
@@ -71,32 +71,39 @@ pub(crate) fn run(session: &Session, arguments: &AccessArguments) -> Result<()> 
     let findings = find(session, &run)?;
     let any_direction =
         arguments.certify.then(|| any_direction::find(session, &run, &findings)).transpose()?;
-    folder.begin(session)?;
-    let mut written = files::write(&run, &findings, &arguments.reach.out)?;
-    if let Some(any) = &any_direction {
-        written.extend(any.write(&run, &arguments.reach.out)?);
-    }
-    if let Some(surface) = &surface {
-        let files = surface.write(&run, &arguments.reach.out)?;
-        written.extend(files.into_iter().chain(["surface.png"]).map(String::from));
-    }
-    written.extend(pictures::draw(&run, &findings, &arguments.reach.out)?);
-    written.push(SUMMARY.into());
-    let any_direction = any_direction.map(|any| any.row(&run));
+    let row = any_direction.as_ref().map(|any| any.row(&run));
     let seconds = begun.elapsed().as_secs_f64();
-    let summary = Summary::new(&run, &findings, surface.as_ref(), any_direction, seconds, written);
-    if let Some(surface) = &surface {
-        let view = surface.view(&run, &summary.unreached, summary.table());
-        view.draw_sides(&arguments.reach.out.join("surface.png"))?;
-        if let Some(page) = &page {
-            let path = page.begin()?;
-            view.write_page(path)?;
-            session.note(&format!("wrote {}: open it in a browser", path.display()));
+    let mut summary = Summary::new(&run, &findings, surface.as_ref(), row, seconds);
+    let out = &folder.path;
+    let mut write = || -> Result<()> {
+        folder.begin(session)?;
+        // The largest files come last: a disk that they fill has the others.
+        let mut written = pictures::draw(&run, &findings, out)?;
+        if let Some(surface) = &surface {
+            let view = surface.view(&run, &summary.unreached, summary.table());
+            view.draw_sides(&out.join("surface.png"))?;
+            written.push("surface.png".into());
+            if let Some(page) = &page {
+                let path = page.begin()?;
+                view.write_page(path)?;
+                session.note(&format!("wrote {}: open it in a browser", path.display()));
+            }
         }
-    }
-    folder.write_summary(&summary)?;
-    session.note(&format!("wrote {} to {}", summary.files.join(", "), arguments.reach.out.display()));
-    print_result(session, &summary, &summary.table())
+        if let Some(any) = &any_direction {
+            written.extend(any.write(&run, out)?);
+        }
+        written.extend(files::write(&run, &findings, out)?);
+        if let Some(surface) = &surface {
+            written.extend(surface.write(&run, out)?.into_iter().map(String::from));
+        }
+        written.push(SUMMARY.into());
+        summary.files = written;
+        folder.write_summary(&summary)?;
+        session.note(&format!("wrote {} to {}", summary.files.join(", "), out.display()));
+        Ok(())
+    };
+    let written = write();
+    print_written(session, &summary, &summary.table(), written)
 }
 
 fn find(session: &Session, run: &AccessRun) -> Result<Findings> {

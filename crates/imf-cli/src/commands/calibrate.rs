@@ -15,7 +15,7 @@ use serde_json::{Value, json};
 
 use crate::arguments::saved::CalibrateArguments;
 use crate::interrupt::{self, Interruption};
-use crate::output::{OutputFile, print_result, short};
+use crate::output::{OutputFile, print_written, short};
 use crate::session::{Session, show_bytes};
 
 pub(crate) fn run(session: &Session, arguments: &CalibrateArguments) -> Result<()> {
@@ -57,21 +57,20 @@ pub(crate) fn run(session: &Session, arguments: &CalibrateArguments) -> Result<(
     stage.finish(if calibration.meets_its_goals() { "goals met" } else { "goals missed" });
     // Two of a field need not be in memory at once.
     drop(field);
-    if let Some(out) = out {
+    let write = |out: OutputFile| -> Result<()> {
         let out = out.begin()?;
         keep(&arguments.field, calibration, out)?;
         session.note(&format!("wrote {}", out.display()));
-    }
+        Ok(())
+    };
+    let written = out.map_or(Ok(()), write);
     let json = json!({
         "field": arguments.field, "quantity": quantity, "unit": unit, "verified": arguments.verify, "meets_its_goals": calibration.meets_its_goals(),
         "calibration": calibration, "verdict": calibration.verdict(),
     });
     let shown = |value: f64| threshold_text(value, quantity, unit);
-    print_result(
-        session,
-        &json,
-        &format!("{}Verdict: {}.", text(&calibration, quantity, &shown), calibration.verdict()),
-    )
+    let words = format!("{}Verdict: {}.", text(&calibration, quantity, &shown), calibration.verdict());
+    print_written(session, &json, &words, written)
 }
 
 /// Error rates of a field's decisions, or why they are not known.

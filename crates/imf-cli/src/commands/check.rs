@@ -29,7 +29,7 @@ use thiserror::Error;
 use crate::arguments::check::{CheckArguments, Frame};
 use crate::arguments::fixture::StockArgument;
 use crate::arguments::scene::SceneArguments;
-use crate::output::{OutputFile, OutputFolder, print_result};
+use crate::output::{OutputFile, OutputFolder, print_written};
 use crate::session::Session;
 use stock::{StockInput, StockResult};
 
@@ -145,21 +145,16 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
             Some(StockResult::new(stock, found, &mut report, &bare.part, settings, &toolpath, record))
         }
     };
-    let mut written = Vec::new();
-    if let Some(folder) = &out {
+    // In the toolpath's frame, as long as places are in it.
+    let pictured = out.as_ref().map_or(Ok(false), |folder| {
         folder.begin(session)?;
         let name = (record.transform != DMat4::IDENTITY).then_some(match frame {
             Frame::Part => "part's frame",
             Frame::World => "world",
         });
         let drawn = picture::PictureFrame { set_up, name, unit: record.unit };
-        if picture::draw(&report, &numbered, around, stock.as_ref(), &drawn, &folder.file("worst.png"))? {
-            written.push("worst.png");
-        }
-        if let Some(stock) = &stock {
-            written.extend(stock.write_files(&bare.part, &record.transform.inverse(), folder)?);
-        }
-    }
+        picture::draw(&report, &numbered, around, stock.as_ref(), &drawn, &folder.file(files::WORST))
+    });
     let back = set_up.inverse();
     report.place(&back);
     stock.iter_mut().for_each(|stock| stock.place(&back));
@@ -174,17 +169,19 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
         stock,
         stick_outs,
     };
-    if let Some(page) = &page {
-        let shown = view::CheckScene::new(&checked, &meshes, &bare.part, &back, &set_up);
-        let path = page.begin()?;
-        view::view(&checked, &shown, &toolpath, &back).write_page(path)?;
-        session.note(&format!("wrote {}: open it in a browser", path.display()));
-    }
     let mut json = checked.json();
-    if let Some(folder) = &out {
-        files::write(&checked, &mut json, written, folder, session)?;
-    }
-    print_result(session, &json, &text::text(&checked))?;
+    let write = |pictured: bool| -> Result<()> {
+        if let Some(page) = &page {
+            let shown = view::CheckScene::new(&checked, &meshes, &bare.part, &back, &set_up);
+            let path = page.begin()?;
+            view::view(&checked, &shown, &toolpath, &back).write_page(path)?;
+            session.note(&format!("wrote {}: open it in a browser", path.display()));
+        }
+        let Some(folder) = &out else { return Ok(()) };
+        files::write(&checked, &mut json, pictured, &bare.part, folder, session)
+    };
+    let written = pictured.and_then(write);
+    print_written(session, &json, &text::text(&checked), written)?;
     if checked.fails() { Err(CollisionFound.into()) } else { Ok(()) }
 }
 

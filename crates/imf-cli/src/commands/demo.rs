@@ -23,22 +23,25 @@ use crate::commands::train::factored::{beside, of_scene};
 use crate::engine::Device;
 use crate::interrupt;
 use crate::job::{self, Distillation, FIELD, FactoredStart};
-use crate::output::{lock_folder, prepare_folder, print_result};
+use crate::output::{OutputFolder, lock_folder, print_written};
 use crate::progress::show_seconds;
 use crate::report::{EvaluationSettings, PAPER_THRESHOLD, Report, forget};
 use crate::session::Session;
 
 pub(crate) fn run(session: &Session, arguments: &DemoArguments) -> Result<()> {
     let begun = Instant::now();
-    prepare_folder(&arguments.out)?;
-    let report = report(session, arguments, &teapot(session)?)?;
-    let words = format!(
-        "\n{}\n\n{} holds field.safetensors, report.md, report.json and pictures; {} in all.",
-        report.table(),
-        arguments.out.display(),
-        show_seconds(begun.elapsed().as_secs_f64())
-    );
-    print_result(session, &report, &words)
+    let folder = OutputFolder::check(&arguments.out)?;
+    folder.create()?;
+    let (report, written) = report(session, arguments, &folder, &teapot(session)?)?;
+    let mut words = format!("\n{}\n", report.table());
+    if written.is_ok() {
+        words += &format!(
+            "\n{} holds field.safetensors, report.md, report.json and pictures; {} in all.",
+            arguments.out.display(),
+            show_seconds(begun.elapsed().as_secs_f64())
+        );
+    }
+    print_written(session, &report, &words, written)
 }
 
 /// The paper's teapot and tool.
@@ -62,7 +65,12 @@ const CHECKPOINT_EVERY: f64 = 30.0;
 
 /// A harmonic field of the full teapot from a few hundred exact sections, then the network of a megabyte that is distilled from it: as
 /// `imf train` and `imf eval`.
-fn report(session: &Session, arguments: &DemoArguments, scene: &Scene) -> Result<Report> {
+fn report(
+    session: &Session,
+    arguments: &DemoArguments,
+    folder: &OutputFolder,
+    scene: &Scene,
+) -> Result<(Report, Result<()>)> {
     let device = Device::open(&arguments.device.device, session)?;
     let _lock = lock_folder(&arguments.out)?;
     let start = FactoredStart::at(&arguments.out, job::is_unfinished::<FactoredFile>(&arguments.out))?;
@@ -87,7 +95,7 @@ fn report(session: &Session, arguments: &DemoArguments, scene: &Scene) -> Result
 
     let imf = file.field.basis.even_set(IMF_ORIENTATIONS)?;
     drop(file);
-    make_report(session, &device, arguments, imf)
+    make_report(session, &device, arguments, folder, imf)
 }
 
 /// Calibrates the field that was just written and compares it with the exact one: at 64 random directions that were
@@ -96,8 +104,9 @@ fn make_report(
     session: &Session,
     device: &Device,
     arguments: &DemoArguments,
+    folder: &OutputFolder,
     imf: OrientationSet,
-) -> Result<Report> {
+) -> Result<(Report, Result<()>)> {
     let DemoArguments { out, seed, .. } = arguments;
     let settings = EvaluationSettings {
         in_sample: None,
@@ -113,5 +122,5 @@ fn make_report(
     interrupt::leave(
         format!("{} is written and calibrated; imf eval makes its report", path.display()).into(),
     );
-    eval::make_report(session, device, &FieldFile::read(&path)?, &settings, Some(out))
+    eval::make_report(session, device, &FieldFile::read(&path)?, &settings, Some(folder))
 }

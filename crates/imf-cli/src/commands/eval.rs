@@ -1,7 +1,5 @@
 //! `imf eval`: a field of any family against the exact one.
 
-use std::path::Path;
-
 use anyhow::{Result, ensure};
 use glam::DVec3;
 use imf_core::orientation::{Orientation, OrientationSet};
@@ -13,8 +11,8 @@ use imf_fields::harmonic::basis::Basis;
 use crate::arguments::saved::EvalArguments;
 use crate::commands::calibrate::{DecisionQuality, measure_decisions};
 use crate::engine::{Device, DeviceField, Workload, read_field};
-use crate::output::{prepare_folder, print_result, short};
-use crate::report::{EvaluationSettings, Report, Subject, evaluate};
+use crate::output::{OutputFolder, print_written, short};
+use crate::report::{EvaluationSettings, Report, Subject, evaluate, forget};
 use crate::session::Session;
 
 /// Orientations of the IMF by default, of a field that has no training set: as many as the paper's.
@@ -24,24 +22,22 @@ pub(super) const IMF_ORIENTATIONS: usize = 225;
 const SAME: f64 = 1e-9;
 
 pub(crate) fn run(session: &Session, arguments: &EvalArguments) -> Result<()> {
-    if let Some(folder) = &arguments.out {
-        prepare_folder(folder)?;
-    }
+    let out = arguments.out.as_deref().map(OutputFolder::check).transpose()?;
     let saved = read_field(session, &arguments.model)?;
     let device = Device::for_field(&arguments.device.device, session, &saved)?;
     let settings = eval_settings(arguments, &saved)?;
-    let report = make_report(session, &device, &saved, &settings, arguments.out.as_deref())?;
-    print_result(session, &report, &report.table())
+    let (report, written) = make_report(session, &device, &saved, &settings, out.as_ref())?;
+    print_written(session, &report, &report.table(), written)
 }
 
-/// Holds a field against the exact one; with a folder, writes the report and its pictures there.
+/// Holds a field against the exact one; with a folder, writes the report and its pictures there, and says whether that failed.
 pub(super) fn make_report(
     session: &Session,
     device: &Device,
     saved: &FieldFile,
     settings: &EvaluationSettings,
-    out: Option<&Path>,
-) -> Result<Report> {
+    out: Option<&OutputFolder>,
+) -> Result<(Report, Result<()>)> {
     let record = &saved.scene().record;
     let needed = SectionPlan::memory_estimate(&record.grid, &record.tool, session.threads())
         + 40 * record.grid.len() as u64 * session.threads() as u64
@@ -59,11 +55,16 @@ pub(super) fn make_report(
     let DeviceField { field, by, .. } = device.field(session, saved, Workload::Many)?;
     session.note(&format!("evaluating on {by}"));
     let evaluation = evaluate(session, &subject, &*field, by, settings, &quality)?;
-    if let Some(folder) = out {
-        evaluation.write(folder)?;
-        session.note(&format!("wrote {}", folder.join("report.md").display()));
-    }
-    Ok(evaluation.report)
+    let write = |folder: &OutputFolder| -> Result<()> {
+        folder.begin(session)?;
+        forget(&folder.path);
+        evaluation.write(&folder.path)?;
+        folder.complete();
+        session.note(&format!("wrote {}", folder.file("report.md").display()));
+        Ok(())
+    };
+    let written = out.map_or(Ok(()), write);
+    Ok((evaluation.report, written))
 }
 
 /// What is compared; of a field over rotations the random orientations roll too.

@@ -18,7 +18,7 @@ pub(crate) fn run(session: &Session, arguments: &PartsArguments) -> Result<()> {
         None => ReferencePart::ALL.to_vec(),
     };
     let folder = OutputFolder::check(&arguments.folder)?;
-    folder.create()?;
+    folder.create_locked()?;
     let (mut rows, mut answers) = (Vec::new(), Vec::new());
     for part in parts {
         let mesh = part.mesh();
@@ -44,6 +44,7 @@ pub(crate) fn run(session: &Session, arguments: &PartsArguments) -> Result<()> {
             "mesh": report,
         }));
     }
+    folder.complete();
     let table = table(&["file", "triangles", "surface", "extents", "grid", "whose"], &rows);
     print_result(session, &answers, &table)
 }

@@ -82,9 +82,10 @@ pub(crate) fn run(session: &Session, arguments: &QueryArguments) -> Result<()> {
     };
     let Some(out) = out else {
         let answered = work.answer(session, poses, count, &mut stdout().lock(), false);
-        return answered.map_err(|error| match error.downcast() {
+        // Who reads no further answers needs none.
+        return answered.or_else(|error| match error.downcast() {
             Ok(error) => standard_output_failed(error),
-            Err(error) => error,
+            Err(error) => Err(error),
         });
     };
     let mut failure = None;

@@ -7,7 +7,7 @@ use serde_json::json;
 
 use crate::arguments::VoxelizeArguments;
 use crate::exit::WrongArgument;
-use crate::output::{OutputFolder, aligned, print_result, short, show_measure};
+use crate::output::{OutputFolder, SUMMARY, aligned, print_written, short, show_measure};
 use crate::session::Session;
 use crate::slices::{MidPlaneSheet, MidPlanes};
 
@@ -22,26 +22,10 @@ pub(crate) fn run(session: &Session, arguments: &VoxelizeArguments) -> Result<()
     let grid = obstacle.grid;
     let solid = &obstacle.solid[..];
 
-    folder.create_locked()?;
-    let (npy, vti, png) = (folder.file("solid.npy"), folder.file("solid.vti"), folder.file("slices.png"));
-    write_npy(&npy, grid.dims, solid)?;
-    write_vti(&vti, &grid, &[NamedField::new("solid", solid)])?;
-    let values: Vec<f32> = obstacle.solid.iter().map(|&s| f32::from(s)).collect();
-    let sheet = MidPlaneSheet {
-        title: format!("{part}: solid voxels"),
-        label: "solid",
-        part: &obstacle,
-        style: None,
-        unit,
-        free: false,
-        notes: vec![],
-    };
-    sheet.save(&[MidPlanes::new(String::new(), &values, &grid)], &png)?;
-
     let volume = obstacle.volume();
     let guarantee =
         if arguments.scene.conservative { "every voxel that the surface touches" } else { "voxel centres" };
-    let json = json!({
+    let mut json = json!({
         "part": part,
         "unit": unit,
         "grid": grid,
@@ -51,8 +35,27 @@ pub(crate) fn run(session: &Session, arguments: &VoxelizeArguments) -> Result<()
         "part_voxels": bodies.part.count(),
         "mesh": mesh,
         "undecided_fraction": bodies.undecided,
-        "files": [npy, vti, png],
     });
+    let files = ["slices.png", "solid.npy", "solid.vti", SUMMARY];
+    let mut write = || -> Result<()> {
+        folder.begin(session)?;
+        let values: Vec<f32> = obstacle.solid.iter().map(|&s| f32::from(s)).collect();
+        let sheet = MidPlaneSheet {
+            title: format!("{part}: solid voxels"),
+            label: "solid",
+            part: &obstacle,
+            style: None,
+            unit,
+            free: false,
+            notes: vec![],
+        };
+        let [png, npy, vti] = ["slices.png", "solid.npy", "solid.vti"].map(|name| folder.file(name));
+        sheet.save(&[MidPlanes::new(String::new(), &values, &grid)], &png)?;
+        write_npy(&npy, grid.dims, solid)?;
+        write_vti(&vti, &grid, &[NamedField::new("solid", solid)])?;
+        folder.write_summary_of(&mut json, &files)
+    };
+    let written = write();
     let [x, y, z] = grid.dims;
     let surface = if mesh.closed {
         // Of enough voxels, which differ from the mesh by less.
@@ -82,7 +85,7 @@ pub(crate) fn run(session: &Session, arguments: &VoxelizeArguments) -> Result<()
     };
     let share = 100.0 * obstacle.count() as f64 / grid.len() as f64;
     let corner = |p: DVec3| p.to_array().map(short).join(", ");
-    let lines = [
+    let mut lines = vec![
         ("part", part.clone()),
         ("grid", format!("{x}×{y}×{z}, pitch {} {unit}", short(grid.pitch))),
         ("from", format!("{} {unit}", corner(grid.origin))),
@@ -97,7 +100,9 @@ pub(crate) fn run(session: &Session, arguments: &VoxelizeArguments) -> Result<()
         ),
         ("solid where", guarantee.into()),
         ("mesh", surface),
-        ("written", format!("{}, {}, {}", npy.display(), vti.display(), png.display())),
     ];
-    print_result(session, &json, &aligned(&lines))
+    if written.is_ok() {
+        lines.push(("written to", format!("{}: {}", folder.path.display(), files.join(", "))));
+    }
+    print_written(session, &json, &aligned(&lines), written)
 }

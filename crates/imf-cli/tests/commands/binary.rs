@@ -17,6 +17,9 @@ pub(crate) const DATASET: &str =
 pub(crate) const TRAIN: &str =
     "train siren5 data --device cpu --network 3x24:10 --rate 1e-3 --batch 256 --no-calibrate";
 
+/// Settings of `imf calibrate` that take little time.
+pub(crate) const FEW_POSES: &str = "--poses 4096 --boundary 1024 --false-free 0.1";
+
 /// A fresh folder; it goes when the value does.
 pub(crate) struct Workdir {
     folder: tempfile::TempDir,
@@ -130,6 +133,21 @@ impl Workdir {
         Finished::new(line, &child.wait_with_output().unwrap())
     }
 
+    /// Runs the command where no file may be longer than so many blocks of 512 bytes, as where a disk is full.
+    #[cfg(target_os = "linux")]
+    pub(crate) fn imf_in_blocks(&self, blocks: u32, line: &str) -> Finished {
+        let mut shell = Command::new("sh");
+        shell.args(["-c", &format!("ulimit -f {blocks}; exec \"$@\""), "sh", crate::PROGRAM]);
+        finish(line, shell.args(line.split_whitespace()).current_dir(self.path("")).stdin(Stdio::null()))
+    }
+
+    /// Runs the command where the reader of its results has gone away.
+    #[cfg(unix)]
+    pub(crate) fn imf_unread(&self, line: &str) -> Finished {
+        let (_, results) = std::io::pipe().unwrap();
+        finish(line, self.command(line).stdout(results))
+    }
+
     /// Runs what must succeed and answer in JSON.
     pub(crate) fn json(&self, line: &str) -> Value {
         self.imf(&format!("{line} --json")).done().json()
@@ -137,7 +155,7 @@ impl Workdir {
 
     /// Measures error rates of a field's decisions at few poses: `imf eval`, which needs some, measures at many where it has none.
     pub(crate) fn calibrate_quickly(&self, field: &str) {
-        self.imf(&format!("calibrate {field} --poses 4096 --boundary 1024 --false-free 0.1")).done();
+        self.imf(&format!("calibrate {field} {FEW_POSES}")).done();
     }
 
     /// Runs what must be refused with all these words in the last line, and leave nothing behind.

@@ -110,6 +110,11 @@ fn a_folder_used_again_holds_the_last_run_alone() {
     folder.imf("access bracket --dims 7,21,13 --orientations fibonacci:5 --out out").done();
     assert!(!names().contains(&"imf-cutter.npy".to_owned()), "{:?}", names());
     assert_eq!(names(), listed(&["notes.txt"]));
+    // What a killed run left unfinished goes too.
+    folder.write("out/.slices.png.abcdef.part", "");
+    folder.imf("voxelize bracket --dims 7,21,13 --out out").done();
+    assert_eq!(names(), ["notes.txt", "slices.png", "solid.npy", "solid.vti", "summary.json"]);
+    assert_eq!(names(), listed(&["notes.txt"]));
 }
 
 #[test]

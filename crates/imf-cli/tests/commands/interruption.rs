@@ -43,16 +43,21 @@ fn a_training_goes_on_from_its_checkpoint_to_the_bits_of_one_in_one_go() {
 }
 
 #[test]
-fn a_check_that_ends_while_it_writes_says_that_its_folder_is_not_complete() {
+fn a_run_that_ends_while_it_writes_says_that_its_folder_is_not_complete() {
     let work = Workdir::new();
     work.write("path.csv", "x,y,z\n24.5,73.5,95\n24.5,73.5,60\n");
-    let check = "check bracket path.csv --pitch 0.7 --stock box:5 --out out";
-    let left = ["the results in out are not complete", "same command"];
-    work.interrupted_once_there_is("out", check).interrupted(&left);
-    assert!(!work.path("out/summary.json").exists());
-    let whole = work.imf(check);
-    assert!(work.path("out/summary.json").exists(), "{}", whole.stderr);
-    assert!(work.names("out").iter().all(|name| !name.starts_with('.')), "{:?}", work.names("out"));
+    for (out, line) in [
+        ("path", "check bracket path.csv --pitch 0.7 --stock box:5 --out path"),
+        ("voxels", "voxelize bracket --pitch 0.4 --out voxels"),
+    ] {
+        let left = [&format!("the results in {out} are not complete"), "same command"];
+        work.interrupted_once_there_is(out, line).interrupted(&left);
+        let summary = work.path(out).join("summary.json");
+        assert!(!summary.exists());
+        let whole = work.imf(line);
+        assert!(summary.exists(), "{}", whole.stderr);
+        assert!(work.names(out).iter().all(|name| !name.starts_with('.')), "{:?}", work.names(out));
+    }
 }
 
 #[test]

@@ -204,7 +204,8 @@ fn a_folder_is_written_to_by_one_run_at_a_time() {
         "field bracket --pitch 6 --orientations 0,0 --out model",
     ];
     for command in all {
-        work.imf(command).refused(&["another run of imf is writing to model", "another --out"]);
+        let run = work.imf(command).exits(1);
+        run.warns(&["imf: error: another run of imf is writing to model", "another --out"]);
     }
     drop(other);
     for command in all {

@@ -34,6 +34,7 @@ mod stock;
 mod streaming;
 mod voxels;
 mod widths;
+mod writing;
 
 use ndarray::Array3;
 use ndarray_npy::{ReadNpyExt as _, ReadableElement};

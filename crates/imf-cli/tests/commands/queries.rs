@@ -1,8 +1,5 @@
 //! `imf query`.
 
-#[cfg(target_os = "linux")]
-use std::process::Command;
-
 use glam::DVec3;
 use imf_core::field::{ExactField, PoseField as _};
 use imf_core::orientation::Orientation;
@@ -188,10 +185,7 @@ fn a_full_disk_is_named_with_the_file_and_the_remedy() {
     let run = finish(ASK, folder.command(ASK).stdout(full));
     run.refused(&["cannot write to standard output: the disk is full", "free some space"]);
     // A limit on the size of files, met by the file of answers alone.
-    let mut shell = Command::new("sh");
-    shell.args(["-c", "ulimit -f 64; exec \"$@\"", "sh", crate::PROGRAM]);
-    shell.args(ASK.split(' ')).args(["--out", "a.csv"]).current_dir(folder.path(""));
-    finish(ASK, &mut shell).refused(&["cannot write a.csv: "]);
+    folder.imf_in_blocks(64, &format!("{ASK} --out a.csv")).refused(&["cannot write a.csv: "]);
     assert!(!folder.path("a.csv").exists());
 }
 

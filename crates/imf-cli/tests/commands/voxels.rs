@@ -9,7 +9,9 @@ use crate::shapes::{LAST_FACE, OPEN_CUBE};
 #[test]
 fn parts_are_written_as_obj_with_what_they_are() {
     let folder = Workdir::new();
+    folder.write("all/.teapot.obj.abcdef.part", "");
     let table = folder.imf("parts all").done().stdout;
+    assert_eq!(folder.names("all").len(), ReferencePart::ALL.len(), "{:?}", folder.names("all"));
     for part in ReferencePart::ALL {
         let name = format!("all/{part}.obj");
         let read = read_mesh_file(folder.path(&name)).unwrap().mesh;

@@ -1,9 +1,14 @@
 //! Kinematics against closed forms, plain matrices, and a search over a grid of angles.
 
+#[cfg(unix)]
+use std::path::Path;
+
 use glam::{DMat4, DVec3};
 
 use super::motion::Ball;
 use super::*;
+#[cfg(unix)]
+use crate::file_error::FaultKind;
 use crate::orientation::Orientation;
 use crate::section::test_shapes::orientations;
 
@@ -358,4 +363,6 @@ fn files_are_read_and_mistakes_named_with_their_line() {
         let error = read(text).unwrap_err().to_string();
         assert!(error.contains(said), "{text}: {error}");
     }
+    #[cfg(unix)]
+    assert_eq!(Machine::read(Path::new("/dev/zero")).unwrap_err().fault.kind, FaultKind::TooLarge);
 }

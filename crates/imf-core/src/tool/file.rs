@@ -42,7 +42,7 @@ use super::library;
 use super::profile::top;
 use super::stack::{Stack, line};
 use super::{SharpPoints, Tool, ToolError, ToolShape};
-use crate::file_error::{Fault, FaultKind, FileError};
+use crate::file_error::{Fault, FaultKind, FileError, read_small};
 use crate::mesh::read::read_mesh_file;
 use crate::unit::LengthUnit;
 use cutter::CutterText;
@@ -111,7 +111,7 @@ impl Tool {
     /// As [`Tool::read`] of the file; of a library each tool that is incomplete or has no place in a stack of bodies of revolution
     /// is an error of its own.
     pub fn read_all(path: &Path) -> Result<Vec<Result<Self, FileError>>, FileError> {
-        Self::all_from_bytes(&bytes_of(path).map_err(|fault| fault.at(path))?, path)
+        Self::all_from_bytes(&read_small("tool file", path).map_err(|fault| fault.at(path))?, path)
     }
 
     /// As [`Tool::read_all`], from the content of a file called `name`.
@@ -142,7 +142,7 @@ impl Tool {
 /// The tool of a file, or the one of a library that `wanted` names.
 fn read(path: &Path, wanted: Option<&str>) -> Result<Tool, FileError> {
     let whole = || -> Result<Tool, Fault> {
-        let bytes = bytes_of(path)?;
+        let bytes = read_small("tool file", path)?;
         let tool = if library::is_library(path) {
             library::tool(path, &bytes, wanted)?
         } else {
@@ -151,10 +151,6 @@ fn read(path: &Path, wanted: Option<&str>) -> Result<Tool, FileError> {
         checked(tool)
     };
     whole().map_err(|fault| fault.at(path))
-}
-
-fn bytes_of(path: &Path) -> Result<Vec<u8>, Fault> {
-    std::fs::read(path).map_err(|error| Fault::of_system("tool file", &error))
 }
 
 fn text_of(bytes: &[u8]) -> Result<&str, Fault> {

@@ -28,7 +28,7 @@ use crate::arguments::access::CribArguments;
 use crate::arguments::inputs::mesh_memory_estimate;
 use crate::arguments::orientations::{Directions, default_for};
 use crate::arguments::scene::{voxelise_with_progress, warn_of, warn_of_cavities};
-use crate::output::{OutputFolder, SUMMARY, print_result, short, write_text};
+use crate::output::{OutputFolder, SUMMARY, print_written, short, write_text};
 use crate::session::Session;
 
 use report::Report;
@@ -64,13 +64,16 @@ pub(crate) fn run(session: &Session, arguments: &CribArguments) -> Result<()> {
     let begun = Instant::now();
     let folder = OutputFolder::check(&arguments.reach.out)?;
     let crib = Crib::find(session, arguments)?;
-    folder.begin(session)?;
     let report = Report::new(&crib, begun.elapsed().as_secs_f64());
-    write_text(&arguments.reach.out.join("crib.csv"), &report.csv())?;
-    crib.write_surface(&arguments.reach.out.join("surface.ply"))?;
-    folder.write_summary(&report)?;
-    session.note(&format!("wrote surface.ply, crib.csv, {SUMMARY} to {}", arguments.reach.out.display()));
-    print_result(session, &report, &report.text())
+    let write = || -> Result<()> {
+        folder.begin(session)?;
+        write_text(&folder.file("crib.csv"), &report.csv())?;
+        crib.write_surface(&folder.file("surface.ply"))?;
+        folder.write_summary(&report)?;
+        session.note(&format!("wrote surface.ply, crib.csv, {SUMMARY} to {}", folder.path.display()));
+        Ok(())
+    };
+    print_written(session, &report, &report.text(), write())
 }
 
 /// The first tool that is not decided, and why.

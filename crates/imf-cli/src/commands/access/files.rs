@@ -55,21 +55,21 @@ pub(super) fn write(run: &AccessRun, findings: &Findings, folder: &Path) -> Resu
     for (name, values) in &by_element {
         fields.push(NamedField::new(name, &values[..]));
     }
-    write_vti(folder.join("imf.vti"), &run.query, &fields)?;
-    let mut written = vec!["imf.vti".to_owned()];
-    for field in &fields {
-        let file = format!("{}.npy", field.name);
-        write_npy(folder.join(&file), dims, field.values)?;
-        written.push(file);
-    }
     // A list that `--orientations` reads again; line n + 2 is orientation n.
     let lines = run.orientations.orientations.iter().map(|o| format!("{},{},{}\n", o.theta, o.phi, o.roll));
     let list: String = std::iter::once("theta,phi,roll\n".to_owned()).chain(lines).collect();
     write_text(&folder.join("orientations.csv"), &list)?;
-    written.push("orientations.csv".into());
+    let mut written = vec!["orientations.csv".to_owned()];
     if let Some(OnMachine { machine, .. }) = &run.machine {
         write_text(&folder.join("rotary_angles.csv"), &rotary_angles(run, machine))?;
         written.push("rotary_angles.csv".into());
+    }
+    write_vti(folder.join("imf.vti"), &run.query, &fields)?;
+    written.push("imf.vti".into());
+    for field in &fields {
+        let file = format!("{}.npy", field.name);
+        write_npy(folder.join(&file), dims, field.values)?;
+        written.push(file);
     }
     if let Some(stock) = &run.stock {
         written.extend(write_removable(run, stock, findings, folder)?);

@@ -119,6 +119,7 @@ pub(super) struct Summary {
     #[serde(skip_serializing_if = "Vec::is_empty")]
     stick_outs: Vec<StickOutRow>,
     seconds: f64,
+    /// Nothing before all of them are written.
     pub(super) files: Vec<String>,
 }
 
@@ -129,7 +130,6 @@ impl Summary {
         surface: Option<&Surface>,
         any_direction: Option<AnyDirectionRow>,
         seconds: f64,
-        files: Vec<String>,
     ) -> Self {
         let measure = |voxels: usize| Volume::new(voxels, run.query.voxel_volume());
         let region = |components: &Components| Region {
@@ -203,7 +203,7 @@ impl Summary {
             unreached: surface.map_or_else(Vec::new, |surface| surface.unreached(run)),
             stick_outs: surface.map_or_else(Vec::new, |surface| surface.stick_out_rows(run)),
             seconds,
-            files,
+            files: Vec::new(),
         }
     }
 

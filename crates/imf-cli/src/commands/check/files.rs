@@ -5,7 +5,8 @@ use std::io::{self, Write};
 use anyhow::Result;
 use imf_core::atomic_file::write_atomically;
 use imf_core::check::{CheckReport, Collision, HitBody, TravelFault};
-use serde_json::{Value, json};
+use imf_core::occupancy::Occupancy;
+use serde_json::Value;
 
 use super::CheckRun;
 use crate::output::{OutputFolder, SUMMARY, quoted};
@@ -19,11 +20,16 @@ pub(super) const COLLISIONS: &str = "collisions.csv";
 /// Every way out of a machine's travel.
 pub(super) const TRAVEL: &str = "travel.csv";
 
-/// Writes the tables and, naming all files, `summary.json`; names them in the result as well.
+/// The picture of the worst collision.
+pub(super) const WORST: &str = "worst.png";
+
+/// Writes the tables, what is left of the stock and, naming all files, `summary.json`; names them in the result as well. The largest
+/// files come late: a disk that they fill has the others.
 pub(super) fn write(
     checked: &CheckRun<'_>,
     json: &mut Value,
-    written: Vec<&str>,
+    pictured: bool,
+    part: &Occupancy,
     folder: &OutputFolder,
     session: &Session,
 ) -> Result<()> {
@@ -33,10 +39,12 @@ pub(super) fn write(
         write_atomically(folder.file(TRAVEL), |out| write_travel(&checked.report, out))?;
         files.push(TRAVEL);
     }
-    files.extend(written.into_iter().chain([SUMMARY]));
-    json["program"] = json!(concat!("imf ", env!("CARGO_PKG_VERSION")));
-    json["files"] = json!(files);
-    folder.write_summary(json)?;
+    files.extend(pictured.then_some(WORST));
+    if let Some(stock) = &checked.stock {
+        files.extend(stock.write_files(part, &checked.record.transform.inverse(), folder)?);
+    }
+    files.push(SUMMARY);
+    folder.write_summary_of(json, &files)?;
     session.note(&format!("wrote {} to {}", files.join(", "), folder.path.display()));
     Ok(())
 }

@@ -10,29 +10,33 @@ use serde_json::json;
 use super::elements::{self, ElementRow};
 use super::{ORIENTATIONS, SUMMARY, Values, Work};
 use crate::arguments::orientations::suggested_lines;
-use crate::output::{print_result, same_digits, shortened};
+use crate::output::{print_written, same_digits, shortened};
 use crate::slices::MidPlanes;
 
 pub(super) fn run(work: &Work<'_>) -> Result<()> {
     let whole = work.minimum()?;
-    work.folder.begin(work.session)?;
     let elements = elements::at_best(work, &whole)?;
     let borrowed: Vec<_> = elements.iter().map(|(kind, values)| (*kind, values.as_slice())).collect();
     let measure = work.measure();
-    let mut rows = elements::write(work, &measure.minimum, &borrowed, true)?;
-    write_fields(work, &whole, &elements, &rows)?;
     let note = format!(
         "minimum over {} orientations ({}); outlined: the part; {}",
         work.set.len(),
         shortened(&work.set.spec),
         work.exactness()
     );
-    let planes = [MidPlanes::new(String::new(), &whole.value, &work.scene.record.grid)];
-    work.draw(&measure.minimum_label, &planes, vec![note], &format!("{}.png", measure.minimum))?;
-
-    if !rows.is_empty() {
-        elements::draw(work, rows.iter_mut(), "measures at the best orientation, by element")?;
-    }
+    let mut rows = Vec::new();
+    let write = || -> Result<()> {
+        work.folder.begin(work.session)?;
+        rows = elements::write(work, &measure.minimum, &borrowed, true)?;
+        write_fields(work, &whole, &elements, &rows)?;
+        let planes = [MidPlanes::new(String::new(), &whole.value, &work.scene.record.grid)];
+        work.draw(&measure.minimum_label, &planes, vec![note], &format!("{}.png", measure.minimum))?;
+        if !rows.is_empty() {
+            elements::draw(work, rows.iter_mut(), "measures at the best orientation, by element")?;
+        }
+        Ok(())
+    };
+    let written = write();
     let outside = work.accessible_outside(&whole.value);
     let largest = whole.value.iter().copied().fold(f32::NEG_INFINITY, f32::max);
     let own = [".npy", ".vti", ".png"].map(|ending| format!("{}{ending}", measure.minimum));
@@ -40,6 +44,9 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
     files.extend(rows.iter().map(|row| format!("{}.npy", row.array)));
     files.extend((!rows.is_empty()).then(|| elements::PICTURE.to_owned()));
     files.extend([ORIENTATIONS, SUMMARY].map(str::to_owned));
+    if written.is_err() {
+        files.clear();
+    }
     let summary = work.summary(
         "imf",
         json!({
@@ -50,7 +57,7 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
             "files": &files,
         }),
     );
-    work.folder.write_summary(&summary)?;
+    let written = written.and_then(|()| work.folder.write_summary(&summary));
     let reached = match work.values {
         Values::Exact(_) => "some orientation reaches them freely",
         Values::Saved(_) => "the field's minimum is at most its threshold there, an estimate",
@@ -79,8 +86,10 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
         );
     }
     text += &work.checked().map(|line| format!("check         {line}\n")).unwrap_or_default();
-    text += &format!("written to    {}: {}\n", work.folder.path.display(), files.join(", "));
-    print_result(work.session, &summary, &text)
+    if written.is_ok() {
+        text += &format!("written to    {}: {}\n", work.folder.path.display(), files.join(", "));
+    }
+    print_written(work.session, &summary, &text, written)
 }
 
 /// One of an orientation's.

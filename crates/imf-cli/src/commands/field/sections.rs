@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 use super::elements::{self, ElementBuffers, ElementRow};
 use super::{Measure, ORIENTATIONS, Outside, SUMMARY, Values, Work, angles_text};
 use crate::interrupt;
-use crate::output::{print_result, same_digits, table, write_json};
+use crate::output::{print_written, same_digits, table, write_json};
 use crate::slices::MidPlanes;
 
 /// At most this many sections share one .vti file …
@@ -96,20 +96,24 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
     drop(keeping);
     let mut kept: Vec<WrittenSection> = parts.into_iter().flat_map(|own| own.kept).collect();
     kept.sort_by_key(|section| section.index);
-    if shared {
-        write_shared(work, &kept)?;
-    }
-    draw(work, &mut kept)?;
-    if let Some(first) = kept.first_mut().filter(|_| work.elements().is_some()) {
-        elements::draw(work, first.elements.iter_mut(), "section 0, by element")?;
-    }
+    let mut finish = || -> Result<()> {
+        if shared {
+            write_shared(work, &kept)?;
+        }
+        draw(work, &mut kept)?;
+        if let Some(first) = kept.first_mut().filter(|_| work.elements().is_some()) {
+            elements::draw(work, first.elements.iter_mut(), "section 0, by element")?;
+        }
+        Ok(())
+    };
+    let finished = finish();
 
     let vti = if shared { "sections.vti" } else { "one .vti for each section" };
     let summary = work.summary(
         "sections",
-        json!({ "finished": true, "sections": list(work, &kept), "vti": vti, "files": files }),
+        json!({ "finished": finished.is_ok(), "sections": list(work, &kept), "vti": vti, "files": files }),
     );
-    work.folder.write_summary(&summary)?;
+    let written = finished.and_then(|()| work.folder.write_summary(&summary));
     // Rows of orientations that differ in nothing else would look alike.
     let rolls = set.orientations.iter().any(|orientation| orientation.roll != 0.0);
     let accessible = match work.values {
@@ -131,12 +135,14 @@ pub(super) fn run(work: &Work<'_>) -> Result<()> {
     }
     // Those of the elements begin like their section's.
     let pictures = if work.elements().is_some() { "slices.png, elements.png" } else { "slices.png" };
-    text += &format!(
-        "written to {}: {}-*.npy, {vti}, {pictures}, {ORIENTATIONS}, {SUMMARY}\n",
-        work.folder.path.display(),
-        measure.section
-    );
-    print_result(work.session, &summary, &text)
+    if written.is_ok() {
+        text += &format!(
+            "written to {}: {}-*.npy, {vti}, {pictures}, {ORIENTATIONS}, {SUMMARY}\n",
+            work.folder.path.display(),
+            measure.section
+        );
+    }
+    print_written(work.session, &summary, &text, written)
 }
 
 fn name(measure: &Measure, index: usize) -> String {

@@ -162,4 +162,9 @@ fn mistakes_name_their_line_and_key() {
     }
     let missing = Tool::read(Path::new("no/such/tool.toml")).unwrap_err();
     assert_eq!(missing.fault.kind, FaultKind::Missing);
+    #[cfg(unix)]
+    {
+        let endless = Tool::read(Path::new("/dev/zero")).unwrap_err();
+        assert_eq!(endless.fault.kind, FaultKind::TooLarge, "{endless}");
+    }
 }
