@@ -8,7 +8,7 @@ pub use subject::Subject;
 
 use std::path::Path;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use glam::DVec3;
 use imf_core::field::GridField;
 use imf_core::orientation::{Orientation, OrientationSet};
@@ -251,8 +251,8 @@ pub(crate) fn forget(folder: &Path) {
 impl Evaluation<'_> {
     /// Writes `report.json`, `report.md` and the pictures.
     pub fn write(&self, folder: &Path) -> Result<()> {
-        self.draw_sections(folder).context("sections.png")?;
-        self.draw_imf(folder).context("imf.png")?;
+        self.draw_sections(folder)?;
+        self.draw_imf(folder)?;
         self.error_bars().save(&folder.join("errors.png"))?;
         let mut pictures = vec![
             (

@@ -25,7 +25,7 @@ use crate::section::{Imf, SectionError, SectionPlan, stream_sections};
 pub struct ToolAccess {
     /// Inaccessibility measure and best orientation of every voxel.
     pub imf: Imf,
-    /// Number of free orientations of every voxel; those in which the tool stands alike are one ([`repeats`]).
+    /// Number of free orientations of every voxel; those in which the tool stands alike are one.
     pub free: Vec<u32>,
 }
 

@@ -50,6 +50,16 @@ pub enum FaultKind {
     TooLarge,
 }
 
+/// What is wrong with a file whose last line has no end and cannot be told from one that was cut.
+pub(crate) const CUT: &str = "the file ends in the middle of a line, perhaps of a number";
+
+/// The last line of a text, with its number, where nothing ends it. Writers end the last line; a file that was cut may end in the
+/// middle of a number, which cannot be distinguished from a shorter number.
+pub(crate) fn unended_line(bytes: &[u8]) -> Option<(usize, &[u8])> {
+    let (number, line) = bytes.split(|&byte| byte == b'\n').enumerate().last()?;
+    (!line.trim_ascii().is_empty()).then_some((number + 1, line))
+}
+
 impl Fault {
     pub(crate) fn new(kind: FaultKind, cause: impl Into<String>) -> Self {
         Self { kind, line: None, cause: cause.into() }

@@ -104,6 +104,7 @@ impl Orientation {
 }
 
 /// Of each orientation, whether a tool stands in it as in one before: a `round` tool wherever the direction is the same.
+#[doc(hidden)]
 #[must_use]
 pub fn repeats(orientations: &[Orientation], round: bool) -> Vec<bool> {
     let mut known = HashSet::new();

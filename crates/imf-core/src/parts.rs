@@ -37,7 +37,7 @@ pub enum ReferencePart {
 
 /// A name that no reference part has.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
-#[error("there is no reference part {0:?}; the parts are teapot, bracket, bracket-raw and screw-gear")]
+#[error("there is no reference part '{0}'; the parts are teapot, bracket, bracket-raw and screw-gear")]
 pub struct UnknownPart(pub String);
 
 impl ReferencePart {

@@ -156,7 +156,11 @@ impl Format {
     /// Checks a file in memory, which errors call `path`, and opens it.
     pub(crate) fn open<'a>(self, bytes: &'a [u8], path: &'a Path) -> Result<Loaded<'a>, FieldFileError> {
         let damaged = |what: String| self.damaged(path, what);
-        let cut = |e| damaged(format!("{e}; it was cut short, or is not a safetensors file"));
+        // The header is JSON behind its length.
+        let cut = |e| match bytes.get(8) {
+            None | Some(b'{') => damaged(format!("{e}; it was cut short, or is not a safetensors file")),
+            Some(_) => damaged("it is a file of another kind, not a safetensors file".into()),
+        };
         let (_, metadata) = SafeTensors::read_metadata(bytes).map_err(cut)?;
         let tensors = SafeTensors::deserialize(bytes).map_err(cut)?;
         let json = metadata.metadata().as_ref().and_then(|m| m.get("imf"));

@@ -1,11 +1,12 @@
 //! Which options were given on the command line, whatever their values.
 
-use anyhow::{Result, bail};
+use anyhow::{Error, Result};
 use clap::parser::ValueSource;
 use clap::{ArgMatches, Args, Command, FromArgMatches};
 
 use super::clearance::ContactArguments;
 use super::scene::SceneArguments;
+use crate::exit::WrongArgument;
 
 /// The names of the options given. It must precede the other arguments of a command, which consume their values.
 pub(crate) struct ExplicitOptions(Vec<String>);
@@ -21,7 +22,7 @@ impl ExplicitOptions {
         let group = T::augment_args(Command::new("group"));
         let mut given = group.get_arguments().filter(|option| self.has(option.get_id().as_str()));
         match given.find_map(|option| option.get_long()) {
-            Some(option) => bail!("--{option} applies only to {whose}: leave it out"),
+            Some(option) => Err(applies_only(option, whose)),
             None => Ok(()),
         }
     }
@@ -29,7 +30,7 @@ impl ExplicitOptions {
     /// Refuses the first of the options of these names that was given.
     pub(crate) fn refuse_options(&self, names: &[&str], whose: &str) -> Result<()> {
         match names.iter().find(|name| self.has(name)) {
-            Some(name) => bail!("--{name} applies only to {whose}: leave it out"),
+            Some(name) => Err(applies_only(name, whose)),
             None => Ok(()),
         }
     }
@@ -41,6 +42,11 @@ impl ExplicitOptions {
         self.refuse_options(&["quantity"], whose)?;
         self.refuse_options(others, whose)
     }
+}
+
+/// Why an option cannot be given here.
+pub(crate) fn applies_only(option: &str, whose: &str) -> Error {
+    WrongArgument(format!("--{option} applies only to {whose}: leave it out")).into()
 }
 
 // By hand: it has no arguments of its own, and looks at those of the others.

@@ -5,7 +5,7 @@ use std::io::Read as _;
 use std::path::Path;
 use std::str::FromStr as _;
 
-use anyhow::{Context as _, Result, bail};
+use anyhow::{Context as _, Result};
 use glam::{DMat4, DVec3};
 use imf_core::control::Control;
 use imf_core::grid::Grid;
@@ -21,6 +21,7 @@ use imf_core::voxelize::VoxelizeResult;
 use super::numbers::parse_room;
 use super::scene::warn_of;
 use super::transform::parse_transform;
+use crate::exit::WrongArgument;
 use crate::output::{short, show_measure};
 use crate::session::Session;
 
@@ -58,7 +59,8 @@ impl Part {
         }
         let is_stl = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("stl"));
         if is_stl && given.or(assumed).is_none() && path.exists() {
-            bail!("{part}: an STL file does not say its unit; add --unit mm (or cm, m, inch)");
+            let why = format!("{part}: an STL file does not say its unit; add --unit mm (or cm, m, inch)");
+            return Err(WrongArgument(why).into());
         }
         let MeshFile { mesh, unit: stated } = read_mesh_file(path)?;
         let (mesh, repair) = mesh.with_consistent_faces();
@@ -96,7 +98,7 @@ impl FixtureArgument {
     /// What it is (`what` in messages) around a part in `unit`: scaled where its unit is known to be another.
     fn read(&self, what: &str, unit: LengthUnit) -> Result<Part> {
         let part = Part::read(&self.file, self.unit, Some(unit))
-            .with_context(|| format!("the {what} {} cannot be used", self.file))?;
+            .with_context(|| format!("the {what} cannot be used"))?;
         let factor = if part.unit_is_known { part.unit.in_mm() / unit.in_mm() } else { 1.0 };
         Ok(Part { unit, ..part.scaled(factor) })
     }

@@ -14,6 +14,7 @@ use imf_core::unit::{DisplayLength, ImplausibleProportion, unit_check};
 
 use super::fixture::{FixtureMesh, Part};
 use super::scene::{SceneArguments, warn_of};
+use crate::exit::WrongArgument;
 use crate::session::Session;
 
 /// What a part's longest side is to the thickness of its thinnest tool, and to a fixture's longest side, that are plausible.
@@ -63,11 +64,11 @@ impl SceneArguments {
     ) -> Result<SceneInputs> {
         let part = Part::read(&self.part, self.unit, None)?.scaled(self.scale);
         if part.reference.is_some() && self.unit.is_some_and(|unit| unit != part.unit) {
-            bail!(
+            let why = format!(
                 "the built-in part {} is in {}: leave --unit out (--scale makes it larger)",
-                part.name,
-                part.unit
+                part.name, part.unit
             );
+            return Err(WrongArgument(why).into());
         }
         if tools.is_empty() && part.reference.is_some() {
             tools.push(Tool::paper());
@@ -212,5 +213,5 @@ pub(crate) fn read_tool(text: &str) -> Result<Tool> {
     if text == "paper" && !Path::new(text).is_file() {
         return Ok(Tool::paper());
     }
-    Tool::find(text).with_context(|| format!("the tool {text} cannot be used"))
+    Tool::find(text).context("the tool cannot be used")
 }

@@ -73,7 +73,10 @@ pub(super) fn parse_setting(text: &str) -> Result<Setting, String> {
 
 /// The settings of a family, each checked by itself, so that a message names the one that is wrong.
 pub(super) fn read_settings<T: DeserializeOwned>(given: &[Setting]) -> Result<T> {
-    for (key, value) in given {
+    for (place, (key, value)) in given.iter().enumerate() {
+        if given[..place].iter().any(|(known, _)| known == key) {
+            return Err(WrongArgument(format!("--set {key} stands twice: give it once")).into());
+        }
         let one = Map::from_iter([(key.clone(), value.clone())]);
         let text = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
         serde_json::from_value::<T>(Value::Object(one))

@@ -14,6 +14,7 @@ use imf_fields::file::FieldFile;
 use serde_json::{Value, json};
 
 use crate::arguments::saved::CalibrateArguments;
+use crate::exit::WrongArgument;
 use crate::interrupt::{self, Interruption};
 use crate::output::{OutputFile, print_written, short};
 use crate::session::{Session, show_bytes};
@@ -38,7 +39,8 @@ pub(crate) fn run(session: &Session, arguments: &CalibrateArguments) -> Result<(
             bail!("{} was never calibrated: leave out --verify", arguments.field.display());
         };
         if known.seed == arguments.seed {
-            bail!("--seed {} drew the poses of the calibration: choose another one", known.seed);
+            let why = format!("--seed {} drew the poses of the calibration: choose another one", known.seed);
+            return Err(WrongArgument(why).into());
         }
         let units = settings.uniform.div_ceil(CHUNK) + settings.boundary.div_ceil(CHUNK);
         ("judging", units as u64, Some(known))

@@ -1,11 +1,12 @@
 //! `imf export`: a field for other programs.
 
-use anyhow::{Result, ensure};
+use anyhow::Result;
 use imf_fields::onnx::{onnx_bytes, write_onnx};
 use serde_json::json;
 
 use crate::arguments::saved::ExportArguments;
 use crate::engine::read_field;
+use crate::exit::WrongArgument;
 use crate::output::{OutputFile, print_json};
 use crate::session::{Session, show_bytes};
 
@@ -15,11 +16,10 @@ const COPIES: u64 = 3;
 pub(crate) fn run(session: &Session, arguments: &ExportArguments) -> Result<()> {
     let ExportArguments { field, out } = arguments;
     let named = out.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("onnx"));
-    ensure!(
-        named,
-        "{}: fields are exported as ONNX graphs; name the file so that it ends in .onnx",
-        out.display()
-    );
+    if !named {
+        let why = "fields are exported as ONNX graphs; name the file so that it ends in .onnx";
+        return Err(WrongArgument(format!("{}: {why}", out.display())).into());
+    }
     let file = OutputFile::check(out)?;
     let saved = read_field(session, field)?;
     let bytes = onnx_bytes(&saved);

@@ -15,6 +15,7 @@ use serde_json::Value;
 
 use super::field::is_field;
 use crate::arguments::InfoArguments;
+use crate::arguments::explicit::applies_only;
 use crate::engine::read_field;
 use crate::output::{aligned, print_result};
 use crate::session::Session;
@@ -28,8 +29,13 @@ struct Description {
 }
 
 pub(crate) fn run(session: &Session, arguments: &InfoArguments) -> Result<()> {
-    let Some(what) = &arguments.what else { return devices::run(session) };
-    let Description { lines, json } = describe(session, what, arguments.unit)?;
+    let described =
+        arguments.what.as_ref().map(|what| describe(session, what, arguments.unit)).transpose()?;
+    let is_mesh = described.as_ref().is_some_and(|description| description.json["kind"] == "mesh");
+    if arguments.unit.is_some() && !is_mesh {
+        return Err(applies_only("unit", "the files of meshes"));
+    }
+    let Some(Description { lines, json }) = described else { return devices::run(session) };
     print_result(session, &json, &aligned(&lines))
 }
 

@@ -9,12 +9,15 @@ use imf_core::parts::ReferencePart;
 use serde_json::json;
 
 use crate::arguments::PartsArguments;
+use crate::exit::WrongArgument;
 use crate::output::{OutputFolder, print_result, table};
 use crate::session::Session;
 
 pub(crate) fn run(session: &Session, arguments: &PartsArguments) -> Result<()> {
     let parts = match &arguments.only {
-        Some(name) => vec![ReferencePart::from_str(name)?],
+        Some(name) => {
+            vec![ReferencePart::from_str(name).map_err(|error| WrongArgument(error.to_string()))?]
+        }
         None => ReferencePart::ALL.to_vec(),
     };
     let folder = OutputFolder::check(&arguments.folder)?;

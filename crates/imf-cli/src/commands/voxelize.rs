@@ -12,9 +12,13 @@ use crate::session::Session;
 use crate::slices::{MidPlaneSheet, MidPlanes};
 
 pub(crate) fn run(session: &Session, arguments: &VoxelizeArguments) -> Result<()> {
-    if !arguments.scene.clearance.clearance().is_zero() {
-        let why = "--clearance is of a tool: voxels are those of part and fixtures alone";
-        return Err(WrongArgument(why.into()).into());
+    let of_tools = [
+        (!arguments.scene.clearance.clearance().is_zero(), "--clearance"),
+        (arguments.scene.allow_coarse, "--allow-coarse"),
+    ];
+    if let Some((_, option)) = of_tools.iter().find(|(is_given, _)| *is_given) {
+        let why = format!("{option} is of a tool: voxels are those of part and fixtures alone");
+        return Err(WrongArgument(why).into());
     }
     let folder = OutputFolder::check(&arguments.out)?;
     let (bodies, mesh, unit, part) = arguments.scene.voxels(session)?;

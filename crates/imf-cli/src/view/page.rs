@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use anyhow::{Context as _, Result};
+use anyhow::Result;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use glam::DVec3;
@@ -44,8 +44,7 @@ impl View<'_> {
             page.push_str(parts.iter().find(|(own, _)| *own == name).map_or("", |(_, text)| text));
             page.push_str(rest);
         }
-        write_atomically(path, |out| std::io::Write::write_all(out, page.as_bytes()))
-            .with_context(|| path.display().to_string())
+        Ok(write_atomically(path, |out| std::io::Write::write_all(out, page.as_bytes()))?)
     }
 
     fn data(&self) -> Value {
@@ -178,6 +177,9 @@ mod tests {
         let data: Value = serde_json::from_str(data).unwrap();
         assert_eq!(data["layers"][0]["classes"][0]["name"], name);
         assert_eq!(BASE64.decode(data["positions"].as_str().unwrap()).unwrap().len(), 36);
+        // The file is named once.
+        let error = view.write_page(folder.path()).unwrap_err().to_string();
+        assert!(error.starts_with("cannot write "), "{error}");
         // Nothing is fetched.
         assert!(!page.contains("src=") || !page.contains("<script src"));
     }

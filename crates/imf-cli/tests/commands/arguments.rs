@@ -73,6 +73,7 @@ fn settings_are_named_with_those_that_there_are() {
     let work = Workdir::with_dataset();
     for (line, set, words) in [
         ("siren5 data", "bach=3", ["--set bach=3", "held_out"]),
+        ("siren5 data", "seed=1 --set seed=2", ["--set seed stands twice", "once"]),
         ("siren5 data", "seed=-1", ["--set seed=-1", "integer"]),
         ("siren5 data", "weight_decay=nan", ["--set weight_decay=nan", "f32"]),
         ("siren5 data", "schedule=linear", ["--set schedule=linear", "cosine"]),

@@ -163,7 +163,11 @@ fn what_is_not_understood_is_refused_with_its_line() {
         &["line 4: tool 2, and the tools that are given have the numbers 1"],
     );
     refuse("path.csv", "x,y,z\n0,0,40\n", "--contact 5", &["twice the contact of 5", "--contact"]);
-    check("two.cl", change, "--tool 1=paper --tool 2=paper").done();
+    refuse("path.csv", "x,y,z\n0,0,40\n", "--step 1e9", &["a step of 1000000000", "10 thick"]);
+    // Cut out of 40.
+    refuse("cut.cl", "GOTO/0,0,4", "", &["cut.cl, line 1: the file ends in the middle of a line"]);
+    let open = check("two.cl", change, "--tool 1=paper --tool 2=paper --json").done().json();
+    assert!(open["remarks"].to_string().contains("line 4: the file stops here without FINI"), "{open}");
 }
 
 #[test]

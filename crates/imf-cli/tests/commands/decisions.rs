@@ -26,6 +26,7 @@ fn a_calibrated_field_tells_what_it_is_worth() {
     assert!(known["calibration"].is_object(), "{known}");
     let judged = folder.imf(&format!("calibrate field.safetensors {small} --verify --seed 1 --json")).json();
     assert!(judged["calibration"]["uniform"]["poses"].is_u64(), "{judged}");
+    folder.refuse_input("calibrate field.safetensors --verify --seed 0", &["--seed 0 drew the poses"]);
 }
 
 #[test]

@@ -17,7 +17,7 @@ fn a_field_is_written_as_a_graph_and_nothing_else_is() {
     for text in ["position", "direction", "overlap", "imf.box_lower"] {
         assert!(bytes.windows(text.len()).any(|window| window == text.as_bytes()), "{text}");
     }
-    folder.refuse("export field.safetensors --out field.pb", &["field.pb", "end", ".onnx"]);
+    folder.refuse_input("export field.safetensors --out field.pb", &["field.pb", "end", ".onnx"]);
     folder.refuse("export none.safetensors --out none.onnx", &["none.safetensors"]);
     assert!(!folder.path("none.onnx").exists());
 }

@@ -69,8 +69,8 @@ fn depths_of_a_part_are_the_librarys_and_named_with_their_unit() {
     assert_eq!(summary["quantity"], "depth");
     folder.json(&ask("--imf --out imf"));
     assert!(folder.npy::<f32>("imf/minimum-depth-mm.npy").iter().eq(&least));
-    folder.refuse(&ask("--elements --out no"), &["--elements", "overlaps"]);
-    folder.refuse(&ask("--check 3 --out no"), &["--check", "overlaps"]);
+    folder.refuse_input(&ask("--elements --out no"), &["--elements", "overlaps"]);
+    folder.refuse_input(&ask("--check 3 --out no"), &["--check", "overlaps"]);
 }
 
 #[test]

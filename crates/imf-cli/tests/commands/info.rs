@@ -27,6 +27,9 @@ fn meshes_and_parts_are_described() {
     folder.write("open.obj", OPEN_CUBE);
     let mesh = folder.json("info open.obj");
     assert_eq!((&mesh["mesh"]["closed"], &mesh["mesh"]["boundary_edges"]), (&false.into(), &3.into()));
+    for what in ["", "bracket", "paper"] {
+        folder.imf(&format!("info {what} --unit inch")).bad_input(&["--unit applies only to the files"]);
+    }
     let run = folder.imf("info open.obj --unit m").done();
     run.warns(&["imf: warning: ", "in mm it would be"]);
     run.says(&["100 × 100 × 100 m"]);

@@ -298,7 +298,12 @@ fn options_of_the_other_family_are_none_and_subjects_that_are_none_are_refused_b
         ("data", "--steps 1", ["data is a dataset", "imf train siren5 data"]),
         ("bracket", "--memory 1MiB", ["MiB of memory", "--pitch"]),
     ] {
-        work.imf(&format!("train {line} {option} --out model")).refused(&words);
+        let run = work.imf(&format!("train {line} {option} --out model"));
+        if words == of_part {
+            run.bad_input(&words)
+        } else {
+            run.refused(&words)
+        };
         assert!(!work.path("model").exists(), "{line} {option} left a folder behind");
     }
 }

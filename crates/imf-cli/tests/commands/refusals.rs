@@ -46,7 +46,7 @@ fn units_and_sizes() {
     let folder = Workdir::new();
     folder.write("cube.obj", format!("{OPEN_CUBE}{LAST_FACE}"));
     folder.write("cube.stl", "solid cube\nendsolid cube\n");
-    refuse(&folder, "cube.stl", &["cube.stl", "--unit mm"]);
+    refuse_argument(&folder, "cube.stl", &["cube.stl", "--unit mm"]);
     refuse(&folder, "cube.obj --unit m", &["cube.obj", "100 × 100 × 100 m", "0.1 mm to 20 m"]);
     let paper = |more: &str| format!("cube.obj --tool paper {more}");
     refuse(&folder, &paper("--pitch 1e-9"), &["too large", "larger pitch"]);
@@ -110,7 +110,7 @@ fn meshes_that_do_not_say_what_is_inside() {
     assert_eq!((&answer["solid_voxels"], &answer["undecided_fraction"]), (&1000.into(), &0.0.into()));
     assert!(answer["warnings"][0].as_str().unwrap().contains("28 corners lay within"), "{answer}");
     folder.write("soup.obj", soup(""));
-    let soup = "soup.obj --pitch 10 --tool paper --allow-coarse";
+    let soup = "soup.obj --pitch 7 --tool paper";
     refuse(&folder, soup, &["soup.obj", "cannot be told apart", "winding number"]);
     // On shared corners the same triangles say it by themselves.
     let turned: String = faces
@@ -189,7 +189,11 @@ fn orientation_sets_and_parts_that_are_none() {
     let dataset = |set| format!("dataset bracket --orientations {set} --out data");
     folder.refuse_input(&dataset("ring:5"), &["ring:5", "fibonacci:N"]);
     folder.refuse(&dataset("so3:8"), &["so3:8", "rolls"]);
-    folder.refuse("parts out --only kettle", &["kettle", "bracket-raw"]);
+    folder.refuse_input("parts out --only kettle", &["no reference part 'kettle'", "bracket-raw"]);
+    folder.refuse_input(
+        "field bracket --unit inch --orientations 0,0 --out out",
+        &["bracket is in mm: leave --unit out"],
+    );
 }
 
 #[test]

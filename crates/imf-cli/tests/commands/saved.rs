@@ -29,11 +29,11 @@ fn options_of_a_part_are_refused_beside_a_saved_field() {
     for option in ["--pitch 3", "--contact 1", "--elements", "--check 2"] {
         let name = option.split(' ').next().unwrap();
         let words = [name, "a saved field", "leave it out"];
-        work.imf(&format!("{sections} --out none {option}")).refused(&words);
+        work.imf(&format!("{sections} --out none {option}")).bad_input(&words);
     }
     for option in ["--pitch 3", "--contact 1", "--degree 4"] {
         work.imf(&format!("train field.safetensors --out none {option}"))
-            .refused(&["applies only to a part"]);
+            .bad_input(&["applies only to a part"]);
     }
     work.imf(&format!("{sections} --out none --memory 1KiB"))
         .refused(&["the field in field.safetensors", "--memory"]);

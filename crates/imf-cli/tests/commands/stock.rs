@@ -117,7 +117,7 @@ fn a_stock_that_cannot_be_meant_is_refused_or_told() {
     let refuse = |stock: &str, said: &str| {
         check(&folder, "free.csv", &format!("--stock {stock}")).exits(1).warns(&[said]);
     };
-    refuse("nowhere.stl", "the stock nowhere.stl cannot be used");
+    refuse("nowhere.stl", "the stock cannot be used: nowhere.stl: there is no mesh file");
     refuse("box:100000", "choose a larger pitch");
     folder.write("small.obj", BLOCK.replace("-15", "-1").replace("15", "1"));
     refuse("small.obj", "most of the part lies outside the stock");

@@ -37,7 +37,10 @@ fn voxels_are_written_whatever_the_tool() {
     let line = "voxelize bracket --dims 5,15,9 --tool huge.toml --memory 1GiB --out a/b";
     let run = folder.imf(line).done();
     // What is of a tool alone does nothing here.
-    folder.imf("voxelize bracket --dims 5,15,9 --clearance 2 --out c").bad_input(&["--clearance"]);
+    for option in ["--clearance 2", "--allow-coarse"] {
+        let name = option.split(' ').next().unwrap();
+        folder.imf(&format!("voxelize bracket --dims 5,15,9 {option} --out c")).bad_input(&[name]);
+    }
     run.says(&["5×15×9"]);
     let summary = folder.json(line);
     let solid = folder.npy::<u8>("a/b/solid.npy");

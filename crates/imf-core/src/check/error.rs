@@ -7,7 +7,7 @@ use crate::control::Cancelled;
 use crate::scene::SceneError;
 use crate::surface::SurfaceError;
 use crate::tool::{ClearanceError, ToolError};
-use crate::unit::LengthUnit;
+use crate::unit::{DisplayLength, LengthUnit};
 
 /// Why a toolpath cannot be checked.
 #[derive(Debug, Error)]
@@ -97,6 +97,22 @@ pub enum CheckError {
         tool: String,
         /// The contact.
         contact: f64,
+    },
+    /// The tool is thinner than what it moves from one pose to the next.
+    #[error(
+        "the {element} of '{tool}' is {} thick, and a step of {step} from one pose to the next is longer: it could pass through \
+         anything unseen; choose a smaller step",
+        DisplayLength(*.thickness)
+    )]
+    Step {
+        /// The tool's name.
+        tool: String,
+        /// Its thinnest element.
+        element: String,
+        /// The thickness of that.
+        thickness: f64,
+        /// The step.
+        step: f64,
     },
     /// A setting that is not a valid length.
     #[error("the {name} must be {wanted}, not {value}")]

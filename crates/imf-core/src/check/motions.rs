@@ -167,6 +167,12 @@ pub(super) fn motions<'a>(
             same_cutter(statement, tool).map_err(|fault| fault.on_line(statement.line))?;
         }
     }
+    for (_, (_, tool)) in tools.iter().enumerate().filter(|(index, _)| chosen.contains(index)) {
+        let ((element, thickness), step) = (tool.thinnest(), settings.step);
+        if step > thickness {
+            return Err(CheckError::Step { tool: tool.name.clone(), element, thickness, step });
+        }
+    }
     let clearance = &settings.clearance;
     let room = clearance.holder.max(clearance.shank).max(clearance.cutter);
     let sizes: Vec<(f64, f64)> =

@@ -273,6 +273,10 @@ fn what_cannot_be_checked_is_refused() {
     assert!(
         refuse("0,0,0\n", CheckSettings { contact: 4.4, ..settings }).contains("twice the contact of 4.4")
     );
+    // The paper's cutter is 10 thick.
+    let step = refuse("0,0,0\n", CheckSettings { step: 10.1, ..settings });
+    assert!(step.contains("cutter") && step.contains("is 10 thick, and a step of 10.1"), "{step}");
+    assert!(check_with(None, "0,0,50\n", &CheckSettings { step: 10.0, ..settings }).is_ok());
     let negative = Clearance { holder: f64::NAN, ..Clearance::default() };
     assert!(refuse("0,0,0\n", CheckSettings { clearance: negative, ..settings }).contains("holder"));
 }

@@ -11,7 +11,7 @@ use std::path::Path;
 use glam::{DMat4, DVec3};
 
 use super::Mesh;
-use crate::file_error::{Fault, FaultKind, FileError};
+use crate::file_error::{CUT, Fault, FaultKind, FileError, unended_line};
 use crate::unit::LengthUnit;
 
 mod obj;
@@ -128,6 +128,17 @@ fn parser_of(path: &Path) -> Result<Parser, Fault> {
     };
     let cause = format!("it is {found}; meshes are read from .obj, .stl, .ply and .3mf files: {remedy}");
     Err(Fault::new(FaultKind::Format, cause))
+}
+
+/// Refuses a text whose last line has no end where something `is_missing`, as only a mesh without a boundary shows that nothing is.
+fn refuse_cut(bytes: &[u8], is_missing: impl Fn(&[u8]) -> bool) -> Result<(), Fault> {
+    match unended_line(bytes) {
+        Some((line, tail)) if is_missing(tail) => {
+            let cause = format!("{CUT}, and what it holds is not closed; if it is whole, end its last line");
+            Err(Fault::new(FaultKind::Truncated, cause).on_line(line))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// A face that names a vertex which the file does not have; `index` as the file gives it: in OBJ from 1, or negative from the

@@ -144,8 +144,11 @@ impl MeshReport {
             write!(f, ", {} without area", self.degenerate_triangles)?;
         }
         if self.closed {
-            let volume = DisplayLength(self.signed_volume.abs());
-            write!(f, "\nsurface     closed, volume {volume} {unit}³")?;
+            write!(f, "\nsurface     closed, volume ")?;
+            match self.signed_volume.abs() {
+                volume if volume.is_finite() => write!(f, "{} {unit}³", DisplayLength(volume))?,
+                _ => write!(f, "too large to be computed")?,
+            }
             if self.components > 1 {
                 write!(f, " (of all components, added up)")?;
             }
@@ -167,6 +170,7 @@ pub(super) fn is_degenerate(&[a, b, c]: &[DVec3; 3]) -> bool {
 mod tests {
     use std::collections::BTreeMap;
 
+    use glam::DMat4;
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
@@ -241,6 +245,10 @@ mod tests {
         let report = MeshReport::new(&inverted);
         assert!(report.closed && report.signed_volume < 0.0);
         assert!(report.display(LengthUnit::Cm).to_string().contains("closed, volume 1 cm³"));
+
+        let huge = MeshReport::new(&cube.transformed(&DMat4::from_scale(DVec3::splat(1e300))));
+        let text = huge.display(LengthUnit::Mm).to_string();
+        assert!(text.contains("closed, volume too large to be computed"), "{text}");
 
         let mut open = cube.clone();
         open.triangles.truncate(10);

@@ -183,6 +183,10 @@ impl OrientationSet {
                     _ => Err(fail(&format!("'{pair}' is not a pair θ,φ"))),
                 })
                 .collect::<Result<_, _>>()?,
+            // A folder, say, or a link that leads nowhere.
+            _ if Path::new(spec).symlink_metadata().is_ok() => {
+                return Err(fail("orientations are read from files that end in .csv"));
+            }
             _ => return Err(OrientationSetError::Form(spec.to_owned())),
         })
     }
@@ -329,6 +333,8 @@ mod tests {
         assert_eq!(rolled[0], Orientation { theta: 30.0, phi: 40.0, roll: 50.0 });
         let error = read("theta,phi\n0,10\n0,190\n").unwrap_err().to_string();
         assert!(error.contains("line 3") && error.contains("190"), "{error}");
+        let other = OrientationSet::parse(folder.path().to_str().unwrap()).unwrap_err().to_string();
+        assert!(other.contains("files that end in .csv") && !other.contains("fibonacci"), "{other}");
     }
 
     #[test]

@@ -95,7 +95,9 @@ pub(super) fn tool(path: &Path, bytes: &[u8], wanted: Option<&str>) -> Result<To
         (count, None) => format!("it holds {count} tools; name one, as in FILE#NAME"),
         (_, Some("")) => "no tool is named behind the #".into(),
         (0, Some(wanted)) => format!("no tool of it is called '{wanted}'"),
-        (count, Some(wanted)) => format!("{count} tools of it are called '{wanted}'"),
+        (count, Some(wanted)) => format!(
+            "{count} tools of it are called '{wanted}': name one by its number, or give them names of their own"
+        ),
     };
     Err(Fault::malformed(format!("{what}; its tools are: {}", listed(&titles))))
 }

@@ -16,11 +16,14 @@ use super::error::Fault;
 use super::{CutterStatement, Direction, Location, MoveKind, Toolpath, gcode, pose};
 use crate::unit::LengthUnit;
 use frame::{TRANSFORMS, changes_nothing};
-use statement::{Statement, first_word, is_of, numbers, statements};
+use statement::{Statement, TEXT, first_word, is_of, numbers, statements};
 
 /// Words that neither move the tool nor change what its coordinates mean.
 const STILL: &str = "CLEARP COOLNT DELAY DISPLY DWELL END END-OF-PATH FEDRAT FINI INTOL LEADER MACHIN OPSTOP \
                      OUTTOL PAINT PARTNO PPRINT REMARK SELCTL SELECT SEQNO SPINDL STOP TOLER TPRINT";
+
+/// Words that end a file; NX writes the last one.
+const ENDS: &str = "FINI END END-OF-PATH";
 
 /// Words that move the tool along a path that is not in the file.
 const MOVING: &str = "CIRCLE CYCLE GOBACK GODOWN GOFWD GOHOME GOLFT GORGT GOUP RETRCT SPLINE THREAD";
@@ -59,12 +62,22 @@ struct State {
 
 pub(super) fn parse(text: &str, unit: LengthUnit) -> Result<Toolpath, Fault> {
     let mut state = State { axis: UP, factor: 1.0, unit_taken: Some(unit), ..State::default() };
+    let mut ends = false;
     for Statement { line, text, is_comment } in statements(text) {
         if is_comment {
             state.take_comment(line, text);
         } else {
+            ends = is_of(ENDS, &first_word(&text));
             state.take(line, &text, unit).map_err(|fault| fault.on_line(line))?;
         }
+    }
+    if !ends {
+        // The words of a text or a comment move nothing.
+        Fault::refuse_cut(text, |line| !line.contains("$$") && !is_of(TEXT, &first_word(line)))?;
+        let line = text.lines().count();
+        state
+            .remarks
+            .push(format!("line {line}: the file stops here without FINI: if it was cut short, what is missing is not checked"));
     }
     let State { locations, cutters, remarks, has_unit: states_unit, .. } = state;
     Ok(Toolpath { locations, cutters, remarks, states_unit, ..Toolpath::default() })

@@ -6,6 +6,7 @@
 
 use super::error::Fault;
 use super::{Direction, Location, MachinePoint, MoveKind, PathReading, Toolpath, pose};
+use crate::file_error::unended_line;
 use crate::machine::{Joints, Machine};
 
 /// What a column holds.
@@ -76,8 +77,17 @@ pub(super) fn parse(text: &str, reading: &PathReading<'_>) -> Result<Toolpath, F
             Some(header) => locations.push(header.location(index + 1, text, reading).map_err(wrong)?),
         }
     }
+    let mut remarks = Vec::new();
+    // Tables that are written by hand often lack the last line's end.
+    if let Some((line, _)) = unended_line(text.as_bytes())
+        && locations.last().is_some_and(|last: &Location| last.line == line)
+    {
+        remarks.push(format!(
+            "line {line}: the file ends without an end of this line, which is taken to be whole"
+        ));
+    }
     let states_rapids = header.is_some_and(|header| header.columns.contains(&Column::Rapid));
-    Ok(Toolpath { locations, states_rapids, ..Toolpath::default() })
+    Ok(Toolpath { locations, remarks, states_rapids, ..Toolpath::default() })
 }
 
 impl Header {
@@ -283,6 +293,16 @@ mod tests {
         let path = read("\"X\" \"Y\"  Z\n1 2 3\n");
         assert_eq!(path[0].pose, Pose::along(DVec3::new(1.0, 2.0, 3.0), DVec3::Z));
         assert_eq!(path[0].tool, None);
+    }
+
+    #[test]
+    fn a_last_line_without_an_end_is_remarked() {
+        let said = "line 2: the file ends without an end of this line, which is taken to be whole";
+        for (text, remarks) in
+            [("x,y,z\n0,0,6", vec![said]), ("x,y,z\n0,0,60\n", vec![]), ("x,y,z\n0,0,60\n#", vec![])]
+        {
+            assert_eq!(parse(text, &LengthUnit::Mm.into()).unwrap().remarks, remarks, "{text}");
+        }
     }
 
     #[test]

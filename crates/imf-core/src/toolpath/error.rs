@@ -2,6 +2,8 @@
 
 use thiserror::Error;
 
+use crate::file_error::{CUT, unended_line};
+
 /// Why a toolpath cannot be read.
 #[derive(Debug, Error)]
 #[non_exhaustive]
@@ -45,6 +47,16 @@ impl Fault {
     /// Of a line that only a machine gives a meaning, where none is given.
     pub(super) fn needs_machine(what: String) -> Self {
         Self { needs_machine: true, ..what.into() }
+    }
+
+    /// Refuses a text whose last line has no end and `may_be_cut`.
+    pub(super) fn refuse_cut(text: &str, may_be_cut: impl Fn(&str) -> bool) -> Result<(), Self> {
+        match unended_line(text.as_bytes()) {
+            Some((line, tail)) if may_be_cut(&String::from_utf8_lossy(tail)) => {
+                Err(Self::from(format!("{CUT}; if it is whole, end its last line")).on_line(line))
+            }
+            _ => Ok(()),
+        }
     }
 
     /// On this line, unless it is known to be on another one.

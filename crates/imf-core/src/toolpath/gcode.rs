@@ -3,7 +3,7 @@
 //! Read are G0 to G3 (arcs and helices by chords, G17 to G19, centres from the start or radii), G4, G20 and G21, G28
 //! and G53, G43 with G49, G43.4 and G234 (tool centre point control), G54 to G59, G90 and G91, T with M6, words that
 //! move nothing, and words that smooth corners, which get a remark. Every other word is refused with its line, and so
-//! is anything after the end of the program.
+//! are anything after the end of the program, and a last line that may have been cut. A program without an end gets a remark.
 //!
 //! Without a machine X, Y and Z are the tip's and the tool stands along +z; while no tool length is in force (after
 //! G49, M6 and D0, before the first G43 of a program) Z must not move, and where G28 and G53 lead is not known; a
@@ -32,6 +32,9 @@ use unchecked::Unchecked;
 
 /// Names of files that are programs, by their ends.
 const ENDS: [&str; 9] = ["nc", "gcode", "ngc", "tap", "mpf", "cnc", "eia", "ptp", "iso"];
+
+/// The remark on a program that may have been cut between two lines.
+const NO_END: &str = "the program stops here without M30, M2 or a closing '%': if it was cut short, what is missing is not checked";
 
 /// True where a file's name or first word says that it is a program.
 pub(super) fn is_program(text: &str, name: &str) -> bool {
@@ -137,6 +140,9 @@ pub(super) fn parse(text: &str, reading: &PathReading<'_>) -> Result<Toolpath, F
     for (index, text) in text.lines().enumerate() {
         program.take_line(index + 1, text).map_err(|fault| fault.on_line(index + 1))?;
     }
+    if program.end.is_none() {
+        Fault::refuse_cut(text, block::ends_in_word)?;
+    }
     if let (None, Some((line, number))) = (program.tool, program.called) {
         let what = format!("T{number} calls a tool, and no M6 changes to it");
         return Err(Fault::from(what).on_line(line));
@@ -146,6 +152,9 @@ pub(super) fn parse(text: &str, reading: &PathReading<'_>) -> Result<Toolpath, F
     program.remark_on_edges();
     program.give_up_waiting(false);
     program.remark_on_unchecked();
+    if program.end.is_none() {
+        program.remark(text.lines().count(), "end", NO_END);
+    }
     Ok(program.path)
 }
 

@@ -35,7 +35,7 @@ class Access:
     """
 
     points: NDArray[np.float64]
-    """``(n, 3)``: the samples."""
+    """``(n, 3)``: where the tool was tried for each face; small faces nearby that face alike share a place."""
     normals: NDArray[np.float64]
     """``(n, 3)``: outward unit normals."""
     areas: NDArray[np.float64]

@@ -7,8 +7,7 @@ use std::iter;
 
 use glam::DVec3;
 
-use super::{Fault, FaultKind, MeshFile, no_vertex, not_finite};
-use crate::mesh::Mesh;
+use super::{Fault, MeshFile, no_vertex, not_finite, refuse_cut};
 use crate::mesh::topology::boundary_chain;
 use crate::mesh::weld::Welder;
 
@@ -62,23 +61,9 @@ pub(super) fn parse(bytes: &[u8]) -> Result<MeshFile, Fault> {
         welder.push_polygon(&corners)?;
     }
     let mesh = welder.finish();
-    refuse_cut(bytes, &mesh)?;
+    let is_open = || !boundary_chain(&mesh).is_empty();
+    refuse_cut(bytes, |tail| tail.starts_with(b"v ") || tail.starts_with(b"f ") && is_open())?;
     Ok(MeshFile { mesh, unit: None })
-}
-
-/// Writers end the last line. Where it has no end, and is not a harmless one, the file may have been cut in the
-/// middle of a number, which cannot be distinguished from a shorter number: only a mesh without a boundary shows that
-/// nothing is missing.
-fn refuse_cut(bytes: &[u8], mesh: &Mesh) -> Result<(), Fault> {
-    let tail = bytes.rsplit(|&byte| byte == b'\n').next().unwrap_or_default();
-    let is_vertex = tail.starts_with(b"v ");
-    if !is_vertex && (!tail.starts_with(b"f ") || boundary_chain(mesh).is_empty()) {
-        return Ok(());
-    }
-    let line = bytes.iter().filter(|&&byte| byte == b'\n').count() + 1;
-    let cause = "the file ends in the middle of a line, perhaps of a number, and what it holds is not closed; if it is whole, end \
-                 its last line";
-    Err(Fault::new(FaultKind::Truncated, cause).on_line(line))
 }
 
 /// Four numbers are a point and its weight, which says something of rational curves alone; more are a point and its colour.
@@ -123,6 +108,7 @@ fn lines(bytes: &[u8]) -> impl Iterator<Item = (usize, String)> {
 mod tests {
     use super::super::tests::mesh_of;
     use super::*;
+    use crate::mesh::Mesh;
 
     fn parse_obj(text: impl AsRef<[u8]>) -> Result<Mesh, String> {
         mesh_of(text, parse)

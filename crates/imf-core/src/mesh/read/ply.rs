@@ -11,7 +11,8 @@ use ply_rs_bw::ply::{
     ElementDef, Encoding, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType,
 };
 
-use super::{Fault, MeshFile, no_vertex, not_finite};
+use super::{Fault, MeshFile, no_vertex, not_finite, refuse_cut};
+use crate::mesh::topology::boundary_chain;
 use crate::mesh::weld::Welder;
 
 /// A vertex or a face, whichever properties it has; unset coordinates are not numbers.
@@ -103,7 +104,11 @@ pub(super) fn parse(bytes: &[u8]) -> Result<MeshFile, Fault> {
     for face in &faces {
         welder.push_polygon(&face.corners.iter().map(corner).collect::<Result<Vec<_>, _>>()?)?;
     }
-    Ok(MeshFile { mesh: welder.finish(), unit: None })
+    let mesh = welder.finish();
+    if header.encoding == Encoding::Ascii {
+        refuse_cut(bytes, |_| !boundary_chain(&mesh).is_empty())?;
+    }
+    Ok(MeshFile { mesh, unit: None })
 }
 
 /// Refuses an element count that a file of `room` bytes cannot hold: the parser allocates for it, and would count
@@ -212,6 +217,10 @@ mod tests {
                     0 1\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n";
         let mesh = mesh_of(text).unwrap();
         assert_eq!(mesh.triangles, [[0, 1, 2], [0, 2, 3]]);
+        // Of the last number a digit may be lost, unless the mesh is closed.
+        let fault = mesh_of(text.trim_end()).unwrap_err();
+        assert!(fault.line == Some(18) && fault.cause.contains("in the middle of a line"), "{fault:?}");
+        assert!(mesh_of(ascii(&unit_cube()).trim_end()).is_ok());
     }
 
     #[test]

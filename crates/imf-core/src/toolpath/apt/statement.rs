@@ -1,7 +1,7 @@
 //! A file's text as statements: continuations joined, comments taken out except those in which Creo states coordinate systems.
 
 /// Words that only text follows, whatever stands in it.
-const TEXT: &str = "INSERT PARTNO PPRINT REMARK TPRINT";
+pub(super) const TEXT: &str = "INSERT PARTNO PPRINT REMARK TPRINT";
 
 /// Comments in which Creo writes what is not a word of APT.
 const STATING: &str = "$$->";

@@ -141,14 +141,14 @@ fn where_the_tool_is_said_to_be_is_no_cut() {
 #[test]
 fn texts_and_comments_swallow_no_motion() {
     for text in ["PPRINT COST IN US$", "$$ COST IN US$", "$$-> COST / US$"] {
-        let path = parse(&format!("UNITS/MM\n{text}\nGOTO/1,2,3\n"), LengthUnit::Mm).unwrap();
+        let path = parse(&format!("UNITS/MM\n{text}\nGOTO/1,2,3\nFINI\n"), LengthUnit::Mm).unwrap();
         assert_eq!(path.locations.iter().map(|l| l.line).collect::<Vec<_>>(), [3], "{text}");
         assert_eq!(path.remarks, Vec::<String>::new());
     }
     let creo = |x: &str| {
         let system =
             format!("$$-> CSYS / 1.0, 0.0, 0.0, {x},  $\n 0.0, 1.0, 0.0, 0.0,  $\n 0.0, 0.0, 1.0, 0.0\n");
-        parse(&format!("UNITS / MM\n{system}GOTO / 1, 2, 3\n{system}"), LengthUnit::Mm).unwrap()
+        parse(&format!("UNITS / MM\n{system}GOTO / 1, 2, 3\nFINI\n{system}"), LengthUnit::Mm).unwrap()
     };
     assert_eq!(creo("0.0000").remarks, Vec::<String>::new());
     let moved = creo("100.0000");
@@ -159,13 +159,13 @@ fn texts_and_comments_swallow_no_motion() {
 
 #[test]
 fn a_unit_that_is_not_said_is_remarked_once() {
-    let path = parse("LOADTL/1\nGOTO/1,2,3\nGOTO/1,2,4\n", LengthUnit::Inch).unwrap();
+    let path = parse("LOADTL/1\nGOTO/1,2,3\nGOTO/1,2,4\nFINI\n", LengthUnit::Inch).unwrap();
     assert_eq!(path.remarks, ["line 2: the file moves without UNITS/: its unit is taken to be inch"]);
 }
 
 #[test]
 fn locations_before_the_first_tool_call_are_its_tools() {
-    let catia = "UNITS/MM\nRAPID\nGOTO/0,0,100\nCUTTER/10,5,0,5,0,$\n 0,100\nLOADTL/1\nGOTO/0,0,40\nLOADTL/2\nGOTO/0,0,50\n";
+    let catia = "UNITS/MM\nRAPID\nGOTO/0,0,100\nCUTTER/10,5,0,5,0,$\n 0,100\nLOADTL/1\nGOTO/0,0,40\nLOADTL/2\nGOTO/0,0,50\nFINI\n";
     let path = parse(catia, LengthUnit::Mm).unwrap();
     assert_eq!(path.locations.iter().map(|l| l.tool).collect::<Vec<_>>(), [Some(1), Some(1), Some(2)]);
     assert_eq!(path.cutters.iter().map(|c| (c.line, c.tool)).collect::<Vec<_>>(), [(4, Some(1))]);
@@ -174,7 +174,27 @@ fn locations_before_the_first_tool_call_are_its_tools() {
     assert_eq!(path.remarks, [said]);
     // What was described as another tool stays another one.
     let other =
-        parse("UNITS/MM\nCUTTER/6\nGOTO/0,0,9\nCUTTER/10\nLOADTL/1\nGOTO/0,0,9\n", LengthUnit::Mm).unwrap();
+        parse("UNITS/MM\nCUTTER/6\nGOTO/0,0,9\nCUTTER/10\nLOADTL/1\nGOTO/0,0,9\nFINI\n", LengthUnit::Mm)
+            .unwrap();
     assert_eq!(other.locations.iter().map(|l| l.tool).collect::<Vec<_>>(), [None, Some(1)]);
     assert!(other.remarks.is_empty(), "{:?}", other.remarks);
+}
+
+#[test]
+fn a_file_that_was_cut_short_is_not_taken_for_a_whole_one() {
+    let start = "UNITS/MM\nGOTO/0,0,99\n";
+    for cut in ["GOTO/0,0,9", "SPINDL/OF"] {
+        assert_refused(
+            parse(&format!("{start}{cut}"), LengthUnit::Mm),
+            3,
+            "the file ends in the middle of a line",
+        );
+    }
+    for (whole, ends) in [("FINI", true), ("END-OF-PATH", true), ("$$ last", false), ("GOTO/0,0,9\n", false)]
+    {
+        let path = parse(&format!("{start}{whole}"), LengthUnit::Mm).unwrap();
+        let told =
+            path.remarks.iter().any(|remark| remark.starts_with("line 3: the file stops here without FINI"));
+        assert_eq!(told, !ends, "{whole}: {:?}", path.remarks);
+    }
 }

@@ -76,6 +76,11 @@ pub(super) fn words(line: &str) -> Result<Vec<Word<'_>>, String> {
     Ok(found)
 }
 
+/// True where a line ends in a word, which may be the beginning of a longer one.
+pub(super) fn ends_in_word(line: &str) -> bool {
+    words(line).is_ok_and(|words| words.last().is_some_and(|last| line.trim_end().ends_with(last.text)))
+}
+
 /// What a line says.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Block {

@@ -16,11 +16,18 @@ fn trunnion() -> Machine {
 }
 
 fn read(text: &str) -> Result<Toolpath, Fault> {
-    parse(text, &LengthUnit::Mm.into())
+    parse(text, &LengthUnit::Mm.into()).map(without_end)
 }
 
 fn on(machine: &Machine, text: &str) -> Result<Toolpath, Fault> {
     parse(text, &PathReading { unit: LengthUnit::Mm, machine: Some(machine), lengths: &[(None, 80.0)] })
+        .map(without_end)
+}
+
+/// Most texts here are pieces of a program.
+fn without_end(mut path: Toolpath) -> Toolpath {
+    path.remarks.retain(|remark| !remark.contains(NO_END));
+    path
 }
 
 fn positions(path: &Toolpath) -> Vec<[f64; 3]> {

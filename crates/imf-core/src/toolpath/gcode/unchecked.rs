@@ -201,7 +201,7 @@ mod tests {
             (false, "T1 M6\nG0 X1. Y2.\nG43 H1 Z50.\nG91 G28 Z0.\nG90 X0. Y0.\nM30\n"),
         ] {
             let path = read(is_for_machine, text).unwrap_or_else(|wrong| panic!("{text}: {}", wrong.what));
-            let told = path.remarks.iter().any(|remark| remark.contains("is not checked"));
+            let told = path.remarks.iter().any(|remark| remark.contains("here is not checked"));
             assert!(!told, "{text}: {:?}", path.remarks);
         }
     }

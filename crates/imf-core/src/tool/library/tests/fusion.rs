@@ -199,9 +199,11 @@ fn a_tool_of_several_is_named_and_archives_are_unpacked() {
             // The holder is in inches as well here.
             close(tool.length(), 2.5);
         }
-        for (name, expected) in
-            [("6", "called '6'"), ("same", "2 tools of it are called"), ("ER20", "'ER20'")]
-        {
+        for (name, expected) in [
+            ("6", "called '6'"),
+            ("same", "2 tools of it are called 'same': name one by its number"),
+            ("ER20", "'ER20'"),
+        ] {
             let error = find(name).unwrap_err().to_string();
             assert!(error.contains(expected) && error.contains("'1/4 in flat'"), "{error}");
         }

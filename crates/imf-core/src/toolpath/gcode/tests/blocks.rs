@@ -119,3 +119,31 @@ fn marks_of_byte_order_are_no_words() {
     let path = Toolpath::parse(text, LengthUnit::Mm, "joined").unwrap();
     assert_eq!(path.locations[0].pose.position.to_array(), [1.0, 2.0, 3.0]);
 }
+
+#[test]
+fn a_program_that_was_cut_short_is_not_taken_for_a_whole_one() {
+    let parse = |text: &str| parse(text, &LengthUnit::Mm.into());
+    let start = "%\nG21 G90 G0 X1. Y1. Z99.\n";
+    for cut in ["G1 Z6", "G1 Z6. ", "N5 M3", "G54"] {
+        let said =
+            "the file ends in the middle of a line, perhaps of a number; if it is whole, end its last line";
+        assert_refused(parse(&format!("{start}{cut}")), 3, said);
+    }
+    // What moves nothing may end without an end of its line; between two lines a cut cannot be told.
+    for (whole, ends) in [
+        ("M30", true),
+        ("N9 G0 Z99. M2", true),
+        ("%", true),
+        ("M30\n%\nby: someone", true),
+        ("(LAST)", false),
+        ("G1 Z9. (LAST)", false),
+        ("; last", false),
+        ("  ", false),
+        ("G1 Z9.\n", false),
+    ] {
+        let path =
+            parse(&format!("{start}{whole}")).unwrap_or_else(|wrong| panic!("{whole}: {}", wrong.what));
+        let told = path.remarks.iter().filter(|remark| **remark == format!("line 3: {NO_END}")).count();
+        assert_eq!(told, usize::from(!ends), "{whole}: {:?}", path.remarks);
+    }
+}
