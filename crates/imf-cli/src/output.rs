@@ -26,6 +26,9 @@ pub use self::text::{short, table};
 use crate::interrupt;
 use crate::session::{Remarks, Session, remarks};
 
+/// The program, as what it writes names it.
+pub(crate) const PROGRAM: &str = concat!("imf ", env!("CARGO_PKG_VERSION"));
+
 /// A folder for results. It is made only when there is a result to put into it.
 #[derive(Debug)]
 pub struct OutputFolder {
@@ -107,7 +110,7 @@ impl OutputFolder {
 
     /// As [`OutputFolder::write_summary`], of a result that names there which files the run has left.
     pub(crate) fn write_summary_of(&self, result: &mut Value, files: &[&str]) -> Result<()> {
-        result["program"] = json!(concat!("imf ", env!("CARGO_PKG_VERSION")));
+        result["program"] = json!(PROGRAM);
         result["files"] = json!(files);
         self.write_summary(result)
     }

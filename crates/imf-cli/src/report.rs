@@ -21,7 +21,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use crate::commands::calibrate::DecisionQuality;
-use crate::output::{short, write_json, write_text};
+use crate::output::{PROGRAM, short, write_json, write_text};
 use crate::session::Session;
 use subject::Provenance;
 
@@ -213,7 +213,7 @@ pub(crate) fn evaluate<'a>(
     let over = |base: f64| if base > 0.0 { learnt.mse / base } else { f64::INFINITY };
     let (mse_over_variance, mse_over_nearest) = (over(learnt.variance), over(nearest.mse));
     let report = Report {
-        program: format!("imf {}", env!("CARGO_PKG_VERSION")),
+        program: PROGRAM.into(),
         part: record.part.clone(),
         tool: record.tool.name.clone(),
         dims: record.grid.dims,

@@ -50,6 +50,8 @@ struct CheckRun<'a> {
     machine: Option<&'a MachineBodies>,
     /// In the frame of the toolpath.
     report: CheckReport,
+    /// What text and JSON list of it.
+    listed: CheckReport,
     stock: Option<StockResult>,
     /// By tool, where requested.
     stick_outs: Vec<PathStickOut>,
@@ -165,6 +167,7 @@ pub(crate) fn run(session: &Session, arguments: &CheckArguments) -> Result<()> {
         toolpath: &toolpath,
         tools,
         machine: machine.as_ref(),
+        listed: listed::listed(&report),
         report,
         stock,
         stick_outs,
@@ -233,7 +236,7 @@ impl CheckRun<'_> {
             "passes": !self.fails(), "collides": !self.report.colliding.is_empty(), "machine": self.machine.map(|bodies| &bodies.machine().name),
             "lines_that_collide": self.report.colliding.len(), "collisions": listed::collisions(&self.report), "worst": worst,
             "travel_faults": self.report.out_of_travel.len(),
-            "report": listed::listed(&self.report), "guarantee": self.guarantee(), "stick_outs": self.stick_outs, "stick_outs_among": ["part", "fixtures"],
+            "report": self.listed, "guarantee": self.guarantee(), "stick_outs": self.stick_outs, "stick_outs_among": ["part", "fixtures"],
             "remarks": self.toolpath.remarks, "unchecked_lines": self.toolpath.unchecked,
             "stock": self.stock.as_ref().map(|stock| stock.json(&self.report)),
         })

@@ -32,7 +32,7 @@ use crate::arguments::clearance::title;
 use crate::arguments::field::FieldArguments;
 use crate::arguments::orientations::Directions;
 use crate::engine::{Device, read_field};
-use crate::output::{OutputFolder, SUMMARY, same_digits, short};
+use crate::output::{OutputFolder, PROGRAM, SUMMARY, same_digits, short};
 use crate::picture::MaskStyle;
 use crate::session::Session;
 use crate::slices::{MidPlaneSheet, MidPlanes};
@@ -252,7 +252,7 @@ impl Work<'_> {
             Values::Exact(_) => None,
         };
         let mut summary = json!({
-            "program": concat!("imf ", env!("CARGO_PKG_VERSION")),
+            "program": PROGRAM,
             "kind": kind,
             "scene": self.scene.record,
             "solid_voxels": self.scene.obstacle.count(),

@@ -28,7 +28,7 @@ use crate::arguments::access::CribArguments;
 use crate::arguments::inputs::mesh_memory_estimate;
 use crate::arguments::orientations::{Directions, default_for};
 use crate::arguments::scene::{voxelise_with_progress, warn_of, warn_of_cavities};
-use crate::output::{OutputFolder, SUMMARY, print_written, short, write_text};
+use crate::output::{OutputFolder, PROGRAM, SUMMARY, print_written, short, write_text};
 use crate::session::Session;
 
 use report::Report;
@@ -260,7 +260,7 @@ impl Crib {
         let samples = 0..self.samples.samples.len();
         let colours: Vec<[u8; 3]> = samples.flat_map(|sample| [rgb(self.best(sample)); 3]).collect();
         let comments = [
-            format!("imf {}: {} in {}", env!("CARGO_PKG_VERSION"), self.part, self.unit),
+            format!("{PROGRAM}: {} in {}", self.part, self.unit),
             "verdict of the best tool: 0 reached, 1 obstructed by shank, holder or fixture, 2 no cutter fits, 3 no direction faces it"
                 .into(),
             "tools: number that reach it; most_rigid: of these, by its line in crib.csv, from 0, else -1; chosen: the first of the \

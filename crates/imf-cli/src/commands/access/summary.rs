@@ -17,7 +17,7 @@ use super::surface::{SetupsRow, StickOutRow, Surface, SurfaceRow, UnreachedPatch
 use super::{Findings, Volume};
 use crate::arguments::clearance::{clearance_text, contact_text};
 use crate::arguments::orientations::suggested_lines;
-use crate::output::{short, shortened, show_measure};
+use crate::output::{PROGRAM, short, shortened, show_measure};
 use crate::progress::show_seconds;
 
 /// Pieces of space that the summary lists; the label fields have them all.
@@ -170,7 +170,7 @@ impl Summary {
             }
         });
         Self {
-            program: format!("imf {}", env!("CARGO_PKG_VERSION")),
+            program: PROGRAM.into(),
             part: run.part.clone(),
             fixtures: run.fixtures.clone(),
             transform: run.transform,

@@ -30,6 +30,7 @@ use stick_out::ToolStickOut;
 
 use super::run::AccessRun;
 use crate::arguments::access::AccessArguments;
+use crate::output::PROGRAM;
 use crate::session::Session;
 
 /// Minimum number of samples; triangles that are halved until they are small enough make up to four times as many.
@@ -288,7 +289,7 @@ impl Surface {
         }
         let colours: Vec<[u8; 3]> = self.best.iter().flat_map(|(verdict, _)| [rgb(*verdict); 3]).collect();
         let comments = [
-            format!("imf {}: {} in {}", env!("CARGO_PKG_VERSION"), run.part, run.unit),
+            format!("{PROGRAM}: {} in {}", run.part, run.unit),
             "verdict: 0 reached, 1 obstructed by shank, holder or fixture, 2 the cutter does not fit, 3 no direction faces it"
                 .into(),
             "tool: the first that reaches it as well as any, from 0, or −1; directions: number from which that tool reaches it; best: the one that reaches most of the surface, from tip to holder".into(),

@@ -20,7 +20,7 @@ use serde_json::{Value, json};
 
 use super::listed::brief;
 use crate::arguments::fixture::{BESIDE, BY_VOXELS, Stock, StockArgument};
-use crate::output::{OutputFolder, short, show_measure};
+use crate::output::{OutputFolder, PROGRAM, short, show_measure};
 use crate::session::Session;
 
 /// What a voxel of `stock.vti` is.
@@ -291,10 +291,9 @@ impl StockResult {
         let fields =
             [NamedField::new("stock", &classes[..]), NamedField::new("removed_by_line", &removed_by[..])];
         write_vti(folder.file("stock.vti"), &remaining.grid, &fields)?;
-        let program = concat!("imf ", env!("CARGO_PKG_VERSION"));
         // In the part's frame, which a transform may have scaled.
         let pitch = short(remaining.grid.pitch * back.x_axis.truncate().length());
-        let comment = format!("{program}: stock that is left {BY_VOXELS}{pitch} {}", self.unit);
+        let comment = format!("{PROGRAM}: stock that is left {BY_VOXELS}{pitch} {}", self.unit);
         write_stl(&self.surface(back), folder.file("stock.stl"), &comment)?;
         Ok(["removed.csv", "stock.vti", "stock.stl"])
     }

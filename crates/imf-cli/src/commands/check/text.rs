@@ -10,7 +10,7 @@ use imf_core::toolpath::MoveKind;
 use imf_core::unit::LengthUnit;
 
 use super::files::{COLLISIONS, TRAVEL};
-use super::listed::{MOST, collisions, listed};
+use super::listed::{MOST, collisions};
 use super::{CheckRun, stick_out};
 use crate::arguments::check::Frame;
 use crate::arguments::clearance::rooms_text;
@@ -37,26 +37,25 @@ pub(super) fn verdict(checked: &CheckRun<'_>) -> String {
 }
 
 pub(super) fn text(checked: &CheckRun<'_>) -> String {
-    let CheckRun { report, record, .. } = checked;
+    let CheckRun { report, listed, record, .. } = checked;
     let (settings, unit) = (&report.settings, record.unit);
     let mut text = String::new();
     // Writing to a string does not fail.
-    let shown = listed(report);
-    for line in &shown.colliding {
+    for line in &listed.colliding {
         for collision in &line.collisions {
             let _ = writeln!(text, "{}: {}", place(line), one(collision, line.poses, checked));
         }
     }
     let (all, half) = (collisions(report), MOST / 2);
     let chosen = format!("the first {half} and the {half} worst of the others are listed");
-    text += &unlisted(all - collisions(&shown), all, "collisions", &chosen, COLLISIONS, checked);
-    for beyond in &shown.out_of_travel {
+    text += &unlisted(all - collisions(listed), all, "collisions", &chosen, COLLISIONS, checked);
+    for beyond in &listed.out_of_travel {
         let _ = writeln!(text, "{}", travel(beyond, &unit.to_string()));
     }
     let all = report.out_of_travel.len();
     let chosen = format!("the first {MOST} and the farthest of each axis are listed");
     let what = "ways out of the travel";
-    text += &unlisted(all - shown.out_of_travel.len(), all, what, &chosen, TRAVEL, checked);
+    text += &unlisted(all - listed.out_of_travel.len(), all, what, &chosen, TRAVEL, checked);
     let _ = writeln!(
         text,
         "{}: {} lines, {} poses, no point of the tool moving more than {} {unit} between them",

@@ -9,7 +9,7 @@ use serde::Serialize;
 use super::super::surface::{ObstructedRow, proof, resolved};
 use super::Crib;
 use super::tools::{CribTool, UndecidedTool};
-use crate::output::{SUMMARY, length, quoted, short, shortened, show_measure};
+use crate::output::{PROGRAM, SUMMARY, length, quoted, short, shortened, show_measure};
 use crate::progress::show_seconds;
 
 /// Tools that the table lists beside the chosen ones; `crib.csv` has all.
@@ -94,7 +94,7 @@ impl Report {
         let best: Vec<Verdict> = (0..samples.len()).map(|sample| crib.best(sample)).collect();
         let of = |verdict: Verdict| share(&|sample| best[sample] == verdict);
         Self {
-            program: format!("imf {}", env!("CARGO_PKG_VERSION")),
+            program: PROGRAM.into(),
             files: ["crib.csv", "surface.ply"].map(str::to_owned).to_vec(),
             part: crib.part.clone(),
             unit: crib.unit,
