@@ -13,6 +13,7 @@ mod face_orientation;
 mod features;
 pub(crate) mod groups;
 pub mod read;
+mod simplify;
 pub(crate) mod solid_angle;
 mod stability;
 mod surface_points;

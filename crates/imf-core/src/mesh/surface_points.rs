@@ -11,6 +11,8 @@ pub(crate) const SMOOTH: f64 = 0.866;
 
 /// How far points of a surface are apart, in pitches.
 const SPACING: f64 = 0.5;
+/// How far a face may differ from a plane to be taken for one, in the distance of points.
+const FLAT: f64 = 4e-4;
 /// Squares of the spacing that a surface is divided into, and steps along its edges, at most.
 const MOST_POINTS: f64 = 4e6;
 /// A point twice, and its share of the boxes.
@@ -48,7 +50,8 @@ pub(crate) fn area_vector([a, b, c]: [DVec3; 3]) -> DVec3 {
 /// curve between their vertices: on them points lie behind the facet, as far as the curve may, but no farther than half the
 /// spacing, and beside their edges there are none.
 fn surface_points(mesh: &Mesh, spacing: f64) -> Vec<DVec3> {
-    let mesh = &mesh.welded();
+    let mesh = mesh.welded();
+    let mesh = &mesh.simplified(&sorted_edges(&mesh), FLAT * spacing);
     let edges = sorted_edges(mesh);
     let facets = Facets::new(mesh, &edges, 0.5 * spacing);
     let mut used = vec![false; mesh.vertices.len()];

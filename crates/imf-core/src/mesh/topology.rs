@@ -47,6 +47,22 @@ pub(crate) fn neighbours(edges: &[EdgeUse]) -> impl Iterator<Item = (usize, usiz
     })
 }
 
+/// No triangle, nor anything else that is numbered.
+pub(crate) const NONE: u32 = u32::MAX;
+
+/// By triangle, of `count`, up to three [`neighbours`], then [`NONE`].
+pub(crate) fn beside(edges: &[EdgeUse], count: usize) -> Vec<[u32; 3]> {
+    let mut beside = vec![[NONE; 3]; count];
+    for (one, other, _) in neighbours(edges) {
+        for (triangle, other) in [(one, other), (other, one)] {
+            if let Some(free) = beside[triangle].iter_mut().find(|known| **known == NONE) {
+                *free = other as u32;
+            }
+        }
+    }
+    beside
+}
+
 /// The boundary of a mesh as a 1-chain, `∂ Σ triangles`.
 ///
 /// For each edge the net number of directed uses by triangles, a→b minus b→a, is counted. Edges where it is not zero

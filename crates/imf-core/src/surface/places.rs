@@ -1,27 +1,18 @@
 //! Places at which a tool is tried: one for many samples where a mesh is finer than samples have to be.
 
 use crate::control::{Cancelled, Control};
-use crate::mesh::topology::{EdgeUse, neighbours};
+use crate::mesh::topology::{EdgeUse, NONE, beside};
 use crate::parallel;
 
 use super::SurfaceSample;
 
 /// Cosine of the angle by which normals at one place may differ: five degrees.
 const NEARLY_ALIKE: f64 = 0.9962;
-/// No triangle.
-const NONE: u32 = u32::MAX;
 
 /// By triangle of a mesh the one in whose middle a tool is tried for it: of connected ones that face nearly alike, no farther than
 /// `radius` from the first, that one. A triangle without a sample stands for itself.
 pub(super) fn places(edges: &[EdgeUse], samples: &[Option<SurfaceSample>], radius: f64) -> Vec<u32> {
-    let mut beside = vec![[NONE; 3]; samples.len()];
-    for (one, other, _) in neighbours(edges) {
-        for (triangle, other) in [(one, other), (other, one)] {
-            if let Some(free) = beside[triangle].iter_mut().find(|known| **known == NONE) {
-                *free = other as u32;
-            }
-        }
-    }
+    let beside = beside(edges, samples.len());
     let mut places = vec![NONE; samples.len()];
     let mut waiting = Vec::new();
     for first in 0..samples.len() {
