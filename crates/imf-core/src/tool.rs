@@ -31,7 +31,7 @@ pub(crate) use voxel_count::snapped;
 pub use sharp::SharpPoints;
 #[doc(hidden)]
 pub use tool_voxels::ToolVoxels;
-pub(crate) use tool_voxels::{SLACK, contains};
+pub(crate) use tool_voxels::{ASIDE, SLACK, contains};
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};

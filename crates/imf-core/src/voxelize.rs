@@ -37,7 +37,7 @@ const UNDECIDED: (f64, f64) = (0.2, 0.8);
 /// By how many pitches the point that decides for a voxel is beside its centre, to the upper side of every axis: more than rounding
 /// within a million pitches of the origin, so that all centres on a face have one answer, and less along each axis, so that those on
 /// slanting faces have one too. Of an infinitesimal amount it is the rule by which [`crossings`](crate::mesh::crossings) count what meets an edge.
-const BESIDE: DVec3 = DVec3::new(1e-7, 1e-8, 1e-9);
+pub(crate) const BESIDE: DVec3 = DVec3::new(1e-7, 1e-8, 1e-9);
 
 /// The point that decides for a voxel.
 fn deciding_point(grid: &Grid, voxel: [usize; 3]) -> DVec3 {

@@ -6,13 +6,14 @@
 //! is counted, up to the first voxel found. Tools that are meshes are counted by the definition.
 
 mod batch;
+mod closed_mesh;
 mod decision;
+mod definition;
 mod held_points;
 mod inscribed;
 mod lateral_separation;
 mod lines;
 mod nearest;
-mod oriented;
 mod point_tree;
 mod runs;
 mod segment;
@@ -25,16 +26,15 @@ use std::sync::OnceLock;
 use glam::{DQuat, DVec3};
 use pulp::Arch;
 
-use crate::mesh::Mesh;
 use crate::parallel::make_once;
 use crate::pose::{Pose, axis_of};
 use crate::tool::{Element, Segment, Tool, ToolError, ToolShape, snapped};
 use crate::workspaces::Workspaces;
 use batch::{BatchSpheres, Scratch};
+use definition::Definition;
 use inscribed::InscribedSpheres;
 pub(crate) use lines::{BodyLines, LineVisitor};
 pub(crate) use nearest::Separation;
-use oriented::OrientedTools;
 pub(crate) use point_tree::{HalfSpace, PointTree};
 use runs::{Lines, Within, count};
 use segment::{PlacedSegment, VoxelPose};
@@ -53,8 +53,6 @@ pub(crate) struct SolidField {
     touching: Option<Vec<(Element, f64)>>,
     /// Largest distance of any of the tool's points from its tip.
     reach: f64,
-    /// Of a mesh tool's box.
-    box_voxels: f64,
     arch: Arch,
     /// Made at the first decision.
     spheres: OnceLock<SphereTree>,
@@ -68,7 +66,7 @@ pub(crate) struct SolidField {
 enum Shape {
     Bodies(Vec<Body>),
     /// Counted by the definition.
-    Definition(Box<Tool>, OrientedTools),
+    Definition(Box<Definition>),
 }
 
 /// An element as the fast paths read it.
@@ -93,11 +91,6 @@ pub(crate) struct Known<'a> {
     /// The tool lies in it.
     pub(crate) stays_in: Option<&'a HalfSpace>,
 }
-
-/// Voxels from the grid beyond which a tip is not counted by whole voxels.
-const FARTHEST: f64 = 1e12;
-/// Voxels of a mesh tool's box for each of the obstacle's, from which on it counts as larger than that.
-const MANY_TIMES: f64 = 8.0;
 
 /// Bodies with more segments than this are counted by the definition.
 const MAX_SEGMENTS: usize = 64;
@@ -132,11 +125,9 @@ impl SolidField {
             ToolShape::Revolved(elements) => bodies_of(elements, voxels.occupancy().grid.pitch),
             ToolShape::Mesh(_) => None,
         };
-        let definition = || Shape::Definition(Box::new(tool.clone()), OrientedTools::default());
+        let definition = || Shape::Definition(Box::new(Definition::new(tool)));
         let shape = bodies.map_or_else(definition, Shape::Bodies);
-        let size = tool.mesh().and_then(Mesh::bounds).map_or(DVec3::ZERO, |(lower, upper)| upper - lower);
-        let box_voxels = (size / voxels.occupancy().grid.pitch).element_product();
-        Self { box_voxels, ..Self::new(voxels, &tool.name, shape, tool.reach()) }
+        Self::new(voxels, &tool.name, shape, tool.reach())
     }
 
     /// Of bodies that may overlap, such as [`Tool::offset_elements`]: each is counted by itself, and
@@ -163,7 +154,6 @@ impl SolidField {
             shape,
             touching: None,
             reach,
-            box_voxels: 0.0,
             arch: Arch::new(),
             spheres: OnceLock::new(),
             inscribed: OnceLock::new(),
@@ -185,31 +175,8 @@ impl SolidField {
         let placed = self.placed(pose)?;
         Some(match &self.shape {
             Shape::Bodies(bodies) => bodies.iter().map(|body| self.body_count(body, placed, false)).sum(),
-            Shape::Definition(tool, oriented) => self.definition_count(tool, oriented, pose),
+            Shape::Definition(definition) => definition.count(self.voxels.occupancy(), pose),
         })
-    }
-
-    /// Of a mesh by the tool's voxels where the tip is on a voxel centre, and by the definition elsewhere.
-    fn definition_count(&self, tool: &Tool, oriented: &OrientedTools, pose: &Pose) -> u32 {
-        let obstacle = self.voxels.occupancy();
-        if let ToolShape::Revolved(elements) = &tool.shape {
-            // Along the pose's own axis: angles would turn it by a last bit.
-            let mut count = 0;
-            elements.iter().for_each(|element| element.visit_inside(obstacle, pose, |_, _, _| count += 1));
-            return count;
-        }
-        let grid = &obstacle.grid;
-        let (tip, orientation) = (snapped(grid, pose.position), pose.orientation());
-        // A tool larger than the obstacle is turned where it meets it alone.
-        let is_larger = self.box_voxels > MANY_TIMES * grid.len() as f64;
-        if tip == tip.round()
-            && tip.abs().max_element() < FARTHEST
-            && !is_larger
-            && let Ok(rotated) = oriented.of(tool, &orientation, grid.pitch)
-        {
-            return rotated.count_in(obstacle, tip.to_array().map(|v| v as i64));
-        }
-        tool.count_inside(obstacle, pose.position, &orientation)
     }
 
     /// Solid voxels, and points of the surface, in each element, in the order they were given; 0 at an invalid pose.
@@ -232,9 +199,9 @@ impl SolidField {
         let pitch = self.voxels.occupancy().grid.pitch;
         let too_small = || ToolError::TooSmall { name: self.name.clone(), pitch };
         let direction = axis_of(rotation).ok_or_else(too_small)?;
-        if let Shape::Definition(tool, oriented) = &self.shape {
+        if let Shape::Definition(definition) = &self.shape {
             let orientation = Pose::new(DVec3::ZERO, rotation).orientation();
-            return Ok(oriented.of(tool, &orientation, pitch)?.count);
+            return Ok(definition.of(&orientation, pitch)?.count);
         }
         let placed = VoxelPose { tip: DVec3::ZERO, direction, pitch };
         let all = |body: &Body| -> u32 {
@@ -255,7 +222,7 @@ impl SolidField {
         let Some(axis) = pose.axis() else { return true };
         match &self.shape {
             Shape::Bodies(_) => self.meets(pose.position, axis, Known::default(), None),
-            Shape::Definition(tool, oriented) => self.definition_count(tool, oriented, pose) > 0,
+            Shape::Definition(definition) => definition.collides(self.voxels.occupancy(), pose),
         }
     }
 
@@ -298,8 +265,8 @@ impl SolidField {
                 }
                 collides
             }
-            Shape::Definition(tool, oriented) => {
-                self.definition_count(tool, oriented, &Pose::along(tip, axis)) > 0
+            Shape::Definition(definition) => {
+                definition.collides(self.voxels.occupancy(), &Pose::along(tip, axis))
             }
         }
     }

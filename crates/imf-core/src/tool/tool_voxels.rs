@@ -31,7 +31,7 @@ pub(crate) const SLACK: f64 = 1e-9;
 
 /// Centres are sampled with this offset in the tool's own frame, in pitches: those on a mesh's surface then fall to
 /// the same side at every rotation despite rounding; on the face of the tip inside, as in a tool of revolution.
-const ASIDE: DVec3 = DVec3::new(3.1e-7, 4.7e-7, 1e-6);
+pub(crate) const ASIDE: DVec3 = DVec3::new(3.1e-7, 4.7e-7, 1e-6);
 
 /// A mesh tool in an orientation, [`ASIDE`].
 pub(super) fn turn(mesh: &Mesh, orientation: &Orientation, pitch: f64) -> Mesh {

@@ -208,8 +208,9 @@ mod tests {
     fn off_the_grid_a_mesh_holds_what_its_winding_number_says() {
         let (tool, obstacle) = (tool(), obstacle());
         let (grid, ToolShape::Mesh(mesh)) = (obstacle.grid, &tool.shape) else { panic!("a mesh") };
-        for (index, orientation) in orientations("so3:20").iter().enumerate() {
-            let part = |step: f64| (index as f64 * step).fract() * 1.4 - 0.2;
+        let field = SolidField::of_tool(std::sync::Arc::new(obstacle.clone()), &tool);
+        for (index, orientation) in orientations("so3:200").iter().enumerate() {
+            let part = |step: f64| (index as f64 * step).fract() * 2.4 - 0.7;
             let tip = grid.origin + DVec3::new(part(0.618), part(0.755), part(0.57)) * grid.size();
             let turned = mesh.transformed(&DMat4::from_mat3(orientation.rotation()));
             let inside = |voxel: usize| {
@@ -218,6 +219,7 @@ mod tests {
             };
             let expected = (0..grid.len()).filter(|&voxel| inside(voxel)).count();
             assert_eq!(tool.count_inside(&obstacle, tip, orientation) as usize, expected, "{index}");
+            assert_eq!(field.collides(&Pose::oriented(tip, orientation)), expected > 0, "{index}");
         }
     }
 }
