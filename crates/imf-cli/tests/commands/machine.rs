@@ -143,9 +143,7 @@ fn a_collision_with_the_machine_is_told_with_its_joints_drawn_and_shown() {
     // The platter's colour, and that of the holder in it, in the middle of the panels.
     let picture = image::open(folder.path("out/worst.png")).unwrap().to_rgb8();
     assert!(picture.width() > 500);
-    let page = folder.text("page.html");
-    let data = page.split("id=\"data\">").nth(1).unwrap().split("</script>").next().unwrap();
-    let data: Value = serde_json::from_str(data).unwrap();
+    let data = page_data(&folder);
     let bodies = data["layers"][0]["classes"].as_array().unwrap();
     let names: Vec<&str> = bodies.iter().map(|body| body["name"].as_str().unwrap()).collect();
     let hidden: Vec<&str> = data["layers"][0]["hidden"]
@@ -159,6 +157,26 @@ fn a_collision_with_the_machine_is_told_with_its_joints_drawn_and_shown() {
     // The part and the place are looked at: the machine's bed alone is 600 long.
     let radius = data["radius"].as_f64().unwrap();
     assert!(radius > 43.0 && radius < 80.0, "{radius}");
+}
+
+/// What a page shows.
+fn page_data(folder: &Workdir) -> Value {
+    let page = folder.text("page.html");
+    let data = page.split("id=\"data\">").nth(1).unwrap().split("</script>").next().unwrap();
+    serde_json::from_str(data).unwrap()
+}
+
+/// About the A axis the tip goes along a half circle over the block, not straight through it.
+#[test]
+fn a_tip_that_swings_is_drawn_as_it_swings() {
+    let folder = workshop();
+    folder.write("swing.nc", "G21 G90 T1 M6\nG0 A-90. C0.\nG43 H1 X0. Y0. Z40.\nG1 A20. F100.\n");
+    folder
+        .imf("check block.obj swing.nc --pitch 2 --tool paper --machine trunnion.toml --html page.html")
+        .exits(3);
+    let points = |data: &Value| data["paths"][0]["points"].as_str().unwrap().len();
+    // Two points of three numbers for each three degrees, four letters for three bytes.
+    assert!(points(&page_data(&folder)) >= 36 * 2 * 16, "{}", points(&page_data(&folder)));
 }
 
 #[test]

@@ -4,11 +4,11 @@ use std::collections::HashSet;
 
 use glam::{DMat4, DVec3};
 use imf_core::check::{HitBody, MachineBodies};
-use imf_core::machine::{Joints, MachineSolid, Side};
+use imf_core::machine::{Joints, Machine, MachineMotion, MachineSolid, Side};
 use imf_core::mesh::Mesh;
 use imf_core::occupancy::Occupancy;
 use imf_core::pose::Pose;
-use imf_core::toolpath::{MoveKind, Toolpath};
+use imf_core::toolpath::{Location, MoveKind, Toolpath};
 
 use super::{CheckRun, text};
 use crate::output::length;
@@ -87,6 +87,27 @@ impl CheckScene {
     }
 }
 
+/// Degrees that a rotary axis turns between two places of a way that is not straight.
+const SWING: f64 = 3.0;
+/// Places of such a way: ten turns.
+const MOST_SWINGS: f64 = 1200.0;
+
+/// Where the tip is on its way from one location to the next: a tip that does not go straight swings about the rotary axes.
+fn tips_along(path: &Toolpath, machine: Option<&Machine>, [from, to]: [&Location; 2]) -> Vec<DVec3> {
+    let mut tips = vec![from.pose.position];
+    if let (Some(machine), Some(before), Some(after)) = (machine, from.machine, to.machine)
+        && !after.tip_goes_straight
+    {
+        let way = MachineMotion::new(machine, before.joints, after.joints, after.length, false);
+        let turn = |axis: usize| (after.joints.rotary[axis] - before.joints.rotary[axis]).abs();
+        let steps = (turn(0).max(turn(1)) / SWING).ceil().min(MOST_SWINGS) as usize;
+        let tip = |step: usize| way.pose(step as f64 / steps as f64).position;
+        tips.extend((1..steps).map(|step| path.set_up.transform_point3(tip(step))));
+    }
+    tips.push(to.pose.position);
+    tips
+}
+
 /// What is shown; `path` is in the world.
 pub(super) fn view<'a>(
     checked: &CheckRun<'_>,
@@ -105,7 +126,11 @@ pub(super) fn view<'a>(
             MoveKind::Rapid => 1,
             MoveKind::Feed => 0,
         };
-        paths[kind].pieces.push([0, 1].map(|end| back.transform_point3(pair[end].pose.position)));
+        let machine = checked.machine.map(MachineBodies::machine);
+        let tips = tips_along(path, machine, [&pair[0], &pair[1]]);
+        paths[kind]
+            .pieces
+            .extend(tips.windows(2).map(|ends| [0, 1].map(|end| back.transform_point3(ends[end]))));
     }
     let worst: Vec<_> = checked.report.worst().into_iter().take(PLACES).collect();
     let places = worst
