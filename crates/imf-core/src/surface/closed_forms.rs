@@ -337,6 +337,20 @@ fn a_cylinder_is_reached_by_the_flank_and_its_end_by_the_bottom() {
     }
 }
 
+/// Between voxel centres there is room for it: points of the surface keep it out.
+#[test]
+fn a_mesh_tool_does_not_enter_a_slot_that_is_narrower_than_it_is() {
+    let tool = of_mesh(Mesh::revolved(&[[0.0, 3.0], [30.0, 3.0]], 64));
+    // At the slot's ends its round flank touches the walls' edges.
+    let inside = |s: &SurfaceSample| {
+        (s.point.x - 20.0).abs() < 3.6 && (6.1..19.9).contains(&s.point.z) && (4.0..16.0).contains(&s.point.y)
+    };
+    for (pitch, throat, expected) in [(2.0, 5.5, 0.0), (1.0, 5.5, 0.0), (2.0, 7.0, 1.0), (1.0, 7.0, 1.0)] {
+        let part = Part::new(&slotted(throat, [throat, throat]), pitch);
+        assert_eq!(part.found(&tool, DOWN).reached(inside), expected, "{pitch} {throat}");
+    }
+}
+
 #[test]
 fn a_mesh_tool_reaches_what_its_shape_fits() {
     // 5 × 5 × 30, its tip in the middle of its end.

@@ -161,7 +161,9 @@ impl<'a> SampleQuery<'a> {
                 for place in places {
                     let tip = outside - turn.rotation * place;
                     let pose = Pose::new(tip, turn.rotation);
-                    let collides = inner.hit(&pose, whole.voxels()) || whole.collides(&pose);
+                    let collides = inner.hit(&pose, whole.voxels())
+                        || whole.mesh_holds_a_point(&pose)
+                        || whole.collides(&pose);
                     let outcome = if collides { Outcome::Obstructed(tip) } else { Outcome::Good(tip) };
                     best = best.or(direction.with_rest(outcome));
                     if best.is_good() {

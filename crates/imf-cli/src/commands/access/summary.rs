@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use glam::DMat4;
 use imf_core::access::{Component, Components, RemovableStock};
 use imf_core::mesh::MachiningDirection;
-use imf_core::tool::{Clearance, ToolShape};
+use imf_core::tool::Clearance;
 use imf_core::unit::LengthUnit;
 use serde::Serialize;
 
@@ -185,10 +185,8 @@ impl Summary {
             clearance: run.clearance,
             contact: run.contact,
             guarantee: run.guarantee.to_string(),
-            resolved: surface.map(|surface| {
-                let meshes = run.tools.iter().any(|tool| matches!(tool.tool().shape, ToolShape::Mesh(_)));
-                resolved(run.query.pitch, surface.points_apart, run.conservative, run.unit, meshes)
-            }),
+            resolved: surface
+                .map(|surface| resolved(run.query.pitch, surface.points_apart, run.conservative, run.unit)),
             solid: measure(run.solid.count()),
             accessible: region(&findings.accessible),
             inaccessible: region(&findings.inaccessible),

@@ -56,10 +56,15 @@ impl Definition {
 
     /// Whether that is not 0.
     pub(super) fn collides(&self, obstacle: &Occupancy, pose: &Pose) -> bool {
-        let closed = || self.tool.mesh().and_then(ClosedMesh::new);
-        let Some(mesh) = self.closed.get_or_init(closed) else { return self.count(obstacle, pose) > 0 };
+        let Some(mesh) = self.closed(obstacle.grid.pitch) else { return self.count(obstacle, pose) > 0 };
         let count = self.count_on_grid(obstacle, pose);
         count.map_or_else(|| mesh.holds_any(obstacle, pose), |count| count > 0)
+    }
+
+    /// Of a closed mesh.
+    pub(super) fn closed(&self, pitch: f64) -> Option<&ClosedMesh> {
+        let closed = || self.tool.mesh().and_then(|mesh| ClosedMesh::new(mesh, pitch));
+        self.closed.get_or_init(closed).as_ref()
     }
 
     /// Of a mesh with its tip on a voxel centre; `None` elsewhere.

@@ -4,10 +4,10 @@ use std::cell::Cell;
 
 use glam::DVec3;
 
-use super::SolidField;
 use super::lateral_separation::height_and_radius;
 use super::point_tree::HalfSpace;
 use super::segment::VoxelPose;
+use super::{Shape, SolidField};
 use crate::pose::Pose;
 use crate::tool::Element;
 use crate::vectorised::vectorised;
@@ -71,6 +71,16 @@ impl SolidField {
         let too_deep = |point| depth(point).is_some_and(|depth| depth > enough);
         let found = self.first_point(placed, None, |_| enough / placed.pitch, too_deep);
         found.or_else(|| self.deepest_point(placed, depth))
+    }
+
+    /// Whether a tool that is a closed mesh holds a point of the obstacle's surface; false of others.
+    pub(crate) fn mesh_holds_a_point(&self, pose: &Pose) -> bool {
+        let pitch = self.voxels.occupancy().grid.pitch;
+        let (Shape::Definition(definition), Some(placed)) = (&self.shape, self.placed(pose)) else {
+            return false;
+        };
+        let Some(mesh) = definition.closed(pitch) else { return false };
+        self.voxels.surfaces().iter().any(|points| mesh.holds_point(points, placed, pose, self.arch))
     }
 
     /// The point of surfaces in the tool that is deepest, and deeper than it may.

@@ -103,10 +103,7 @@ impl Report {
             orientation_count: crib.orientations.len(),
             tolerance: crib.tolerance,
             guarantee: crib.guarantee.to_string(),
-            resolved: {
-                let meshes = crib.tools.iter().any(|tool| tool.diameter.is_none());
-                resolved(crib.pitch, crib.points_apart, crib.conservative, crib.unit, meshes)
-            },
+            resolved: resolved(crib.pitch, crib.points_apart, crib.conservative, crib.unit),
             area: total,
             samples: samples.len(),
             hidden_area: crib.samples.hidden_area,

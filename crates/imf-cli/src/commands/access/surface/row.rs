@@ -76,29 +76,17 @@ pub(crate) fn edge_between_points(points_apart: f64) -> f64 {
     CORNER * points_apart
 }
 
-/// States how well walls are known, by points of surfaces that are so far apart. `meshes`: whether some tools are meshes.
-pub(crate) fn resolved(
-    pitch: f64,
-    points_apart: f64,
-    conservative: bool,
-    unit: LengthUnit,
-    meshes: bool,
-) -> String {
+/// States how well walls are known, by points of surfaces that are so far apart.
+pub(crate) fn resolved(pitch: f64, points_apart: f64, conservative: bool, unit: LengthUnit) -> String {
     let (corner, pitch) = (short(edge_between_points(points_apart)), short(pitch));
-    let of_meshes = match meshes {
-        true => format!(
-            "; a tool that is a mesh is known to voxels alone and may cut up to {pitch} {unit} deeper"
-        ),
-        false => String::new(),
-    };
     match conservative {
         false => format!(
             "walls are known by points of the surfaces: an edge of cutter, shank or holder may stand up to {corner} {unit} deeper in them \
-             than said, a round less{of_meshes}"
+             than said, a round less"
         ),
         true => format!(
             "walls are known to shank and holder as voxels that they touch, and a gap up to {pitch} {unit} wider than these may be blocked; \
-             the edge of a cutter may cut up to {corner} {unit} deeper than said, a round less{of_meshes}"
+             the edge of a cutter may cut up to {corner} {unit} deeper than said, a round less"
         ),
     }
 }
