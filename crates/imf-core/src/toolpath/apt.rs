@@ -62,12 +62,18 @@ struct State {
 
 pub(super) fn parse(text: &str, unit: LengthUnit) -> Result<Toolpath, Fault> {
     let mut state = State { axis: UP, factor: 1.0, unit_taken: Some(unit), ..State::default() };
-    let mut ends = false;
+    let (mut ends, mut is_over) = (false, false);
     for Statement { line, text, is_comment } in statements(text) {
         if is_comment {
             state.take_comment(line, text);
         } else {
-            ends = is_of(ENDS, &first_word(&text));
+            let word = first_word(&text);
+            if is_over && !word.is_empty() && !is_of(TEXT, &word) && !is_of(ENDS, &word) {
+                let what = "the program has ended before, by FINI: give each program a file of its own";
+                return Err(Fault::from(what).on_line(line));
+            }
+            ends = is_of(ENDS, &word);
+            is_over |= word == "FINI";
             state.take(line, &text, unit).map_err(|fault| fault.on_line(line))?;
         }
     }

@@ -31,7 +31,9 @@ pub(super) use block::STILL_M;
 use unchecked::Unchecked;
 
 /// Names of files that are programs, by their ends.
-const ENDS: [&str; 9] = ["nc", "gcode", "ngc", "tap", "mpf", "cnc", "eia", "ptp", "iso"];
+const ENDS: [&str; 12] = ["nc", "gcode", "ngc", "tap", "mpf", "cnc", "eia", "ptp", "iso", "min", "spf", "h"];
+/// With which Heidenhain's own programs begin.
+const KLARTEXT: &str = "BEGIN PGM";
 
 /// The remark on a program that may have been cut between two lines.
 const NO_END: &str = "the program stops here without M30, M2 or a closing '%': if it was cut short, what is missing is not checked";
@@ -41,14 +43,18 @@ pub(super) fn is_program(text: &str, name: &str) -> bool {
     let end = name.rsplit_once('.').map(|(_, end)| end.to_ascii_lowercase());
     let mut lines = text.lines().map(str::trim);
     let first = lines.find(|line| !line.is_empty() && !line.starts_with([';', '#'])).unwrap_or_default();
-    end.is_some_and(|end| ENDS.contains(&end.as_str())) || first.starts_with(['%', '(']) || is_address(first)
+    end.is_some_and(|end| ENDS.contains(&end.as_str()))
+        || first.starts_with(['%', '('])
+        || is_address(first)
+        || first.contains(KLARTEXT)
 }
 
 /// A letter and a number, as machines read them.
 fn is_address(line: &str) -> bool {
     let mut letters = line.split_whitespace().next().unwrap_or_default().chars();
     let letter = letters.next().is_some_and(|c| c.is_ascii_alphabetic());
-    let number = letters.as_str().split(|c: char| c.is_ascii_alphabetic()).next().unwrap_or_default();
+    let is_next = |c: char| c.is_ascii_alphabetic() || matches!(c, '(' | '/');
+    let number = letters.as_str().split(is_next).next().unwrap_or_default();
     letter && number.parse::<f64>().is_ok()
 }
 
@@ -103,6 +109,12 @@ struct Program<'a> {
     tool: Option<u32>,
     /// The last T, with its line.
     called: Option<(usize, u32)>,
+    /// A T to which no M6 has changed yet, with its line, and whether the tool has moved since.
+    waiting: Option<(usize, u32, bool)>,
+    /// The first tool.
+    first_tool: Option<u32>,
+    /// The only tool of a program without M6.
+    only_tool: Option<u32>,
     /// The next location starts a new stretch: its approach is unknown.
     broken: bool,
     joints: Joints,
@@ -137,6 +149,7 @@ pub(super) fn parse(text: &str, reading: &PathReading<'_>) -> Result<Toolpath, F
         chords_left: arc::most_chords(text.len()),
         ..Program::default()
     };
+    program.only_tool = only_tool(text);
     for (index, text) in text.lines().enumerate() {
         program.take_line(index + 1, text).map_err(|fault| fault.on_line(index + 1))?;
     }
@@ -144,9 +157,10 @@ pub(super) fn parse(text: &str, reading: &PathReading<'_>) -> Result<Toolpath, F
         Fault::refuse_cut(text, block::ends_in_word)?;
     }
     if let (None, Some((line, number))) = (program.tool, program.called) {
-        let what = format!("T{number} calls a tool, and no M6 changes to it");
+        let what = format!("T{number} calls a tool, and no M6 changes to it: write M6 after each T");
         return Err(Fault::from(what).on_line(line));
     }
+    program.remark_on_call();
     program.check_said()?;
     program.remark_on_length();
     program.remark_on_edges();
@@ -158,8 +172,29 @@ pub(super) fn parse(text: &str, reading: &PathReading<'_>) -> Result<Toolpath, F
     Ok(program.path)
 }
 
+/// The tool of a program that calls one number alone, and has no M6.
+fn only_tool(text: &str) -> Option<u32> {
+    let mut called = None;
+    for line in text.lines() {
+        for word in block::words(line).unwrap_or_default() {
+            match word.letter {
+                'M' if word.value == 6.0 => return None,
+                'T' if called.is_some_and(|known| known != word.value) => return None,
+                'T' => called = Some(word.value),
+                _ => {}
+            }
+        }
+    }
+    called.map(|number| number as u32)
+}
+
 impl Program<'_> {
     fn take_line(&mut self, line: usize, text: &str) -> Result<(), Fault> {
+        if text.contains(KLARTEXT) && block::words(text).is_err() {
+            return Err("Heidenhain's Klartext is not read: let the CAM program write ISO G-code or APT"
+                .to_owned()
+                .into());
+        }
         if let Some(end) = self.end {
             // Comments and names may follow, but nothing that would seem to have been checked.
             if after_end::is_command(text) {
@@ -183,11 +218,25 @@ impl Program<'_> {
 
     fn take(&mut self, line: usize, block: &Block) -> Result<(), Fault> {
         if let Some(number) = block.tool {
+            if !block.changes_tool {
+                self.remark_on_call();
+                self.waiting =
+                    Some((line, number, false)).filter(|_| self.tool.is_some_and(|own| own != number));
+            }
             self.called = Some((line, number));
         }
         if block.changes_tool {
+            self.waiting = None;
+            self.change_tool()?;
+        } else if block.tool.is_some() && self.only_tool == block.tool && self.tool.is_none() {
+            self.remark(
+                line,
+                "call",
+                "no M6 changes to the only tool that is called: it is taken to be in the spindle from here",
+            );
             self.change_tool()?;
         }
+        self.first_tool = self.first_tool.or(self.tool);
         self.plane = block.plane.unwrap_or(self.plane);
         if let Some(mm) = block.unit_in_mm {
             self.factor = Some(mm / self.reading.unit.in_mm());
@@ -239,6 +288,9 @@ impl Program<'_> {
             self.remark(line, "offset", &text);
         }
         self.note_edge(line);
+        if let Some((.., has_moved)) = &mut self.waiting {
+            *has_moved = true;
+        }
         match (block.goes_home, block.in_machine_coordinates) {
             (true, _) => self.go_home(line, block),
             (_, true) => self.go_in_machine_coordinates(line, block),
@@ -246,6 +298,16 @@ impl Program<'_> {
         }?;
         self.take_axes(line, block);
         Ok(())
+    }
+
+    /// That the tool has moved since a T to which no M6 has changed. Programs call their first tool at their end, for the next run.
+    fn remark_on_call(&mut self) {
+        let waiting = self.waiting.take().filter(|&(_, number, _)| Some(number) != self.first_tool);
+        if let (Some((line, number, true)), Some(tool)) = (waiting, self.tool) {
+            self.path.remarks.push(format!(
+                "line {line}: T{number} is called, and no M6 changes to it: what follows is checked with tool {tool}"
+            ));
+        }
     }
 
     /// The path is followed as it is written.
@@ -313,5 +375,7 @@ impl Program<'_> {
     }
 }
 
+#[cfg(test)]
+mod call_tests;
 #[cfg(test)]
 mod tests;

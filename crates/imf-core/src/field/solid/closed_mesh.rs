@@ -51,7 +51,7 @@ impl ClosedMesh {
             self.crossings.winding_number(local) != 0
         };
         let around = self.around.as_slice();
-        vectorised!(arch, points.first_near(around, placed, None, |_| 0.0, &is_held)).is_some()
+        vectorised!(arch, points.first_near(around, placed, None, |_| 0.0, is_held)).is_some()
     }
 
     /// Whether the tool at a valid pose holds a solid voxel's centre; of those on its surface as [`crate::tool::Tool::count_inside`] says.

@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::super::Mesh;
 use super::super::crossings::CrossingIndex;
 use super::super::solid_angle::winding_number;
-use super::Patch;
+use super::{NEAR, Patch};
 
 /// Points of a shell that must lie in another for the whole to lie in it.
 const SAMPLES: usize = 8;
@@ -77,10 +77,15 @@ pub(super) fn shells_around(
                 }))
             });
             let own = &triangles[inner];
-            let is_inside = own.iter().step_by(own.len().div_ceil(SAMPLES)).all(|&triangle| {
+            // A hair behind the inner one's own face, which may be flush with the outer one's.
+            let behind = |triangle: usize| {
                 let [p, q, r] = mesh.corners(triangle);
-                index.winding_number((p + q + r) / 3.0) != 0
-            });
+                let normal = (q - p).cross(r - p) * if parity[triangle] { -1.0 } else { 1.0 };
+                let outward = normal.normalize_or_zero() * patches[inner].volume.signum();
+                (p + q + r) / 3.0 - NEAR * normal.length().sqrt() * outward
+            };
+            let mut samples = own.iter().step_by(own.len().div_ceil(SAMPLES));
+            let is_inside = samples.all(|&triangle| index.winding_number(behind(triangle)) != 0);
             if is_inside {
                 around[place].push(outer);
             }

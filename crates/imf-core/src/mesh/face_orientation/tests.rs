@@ -266,3 +266,15 @@ fn a_cavity_in_a_shell_with_a_gap_stays_one() {
     let (wrong, flipped) = shuffled(&right, first, 1.0, 0);
     assert!(wrong.with_consistent_faces() == (right, flips(flipped)));
 }
+
+#[test]
+fn a_cavity_that_is_flush_with_a_face_stays_one_at_each_face() {
+    for side in 0..6 {
+        let mut middle = DVec3::ZERO;
+        middle[side / 2] = if side % 2 == 0 { 2.5 } else { -2.5 };
+        let move_there = glam::DMat4::from_translation(middle);
+        let right = joined(&[cube(0.0, 10.0, false), cube(0.0, 5.0, true).transformed(&move_there)]);
+        let (same, repair) = right.clone().with_consistent_faces();
+        assert!((&same, repair) == (&right, FaceRepair::default()), "{side}");
+    }
+}

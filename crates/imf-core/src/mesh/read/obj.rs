@@ -90,7 +90,9 @@ fn lines(bytes: &[u8]) -> impl Iterator<Item = (usize, String)> {
         loop {
             let text = String::from_utf8_lossy(line);
             let text = text.split('#').next().unwrap_or_default().trim_end();
-            let (text, next) = match text.strip_suffix('\\') {
+            // A name may end in one, as folders do.
+            let goes_on = !joined.is_empty() || text.trim_start().starts_with(['v', 'f']);
+            let (text, next) = match text.strip_suffix('\\').filter(|_| goes_on) {
                 Some(part) => (part, rest.next()),
                 None => (text, None),
             };
@@ -135,8 +137,9 @@ mod tests {
 
     #[test]
     fn unusual_lines_are_understood() {
+        // A folder's name joins no lines.
         let mut bytes =
-            b"# na\xefve name\no caf\xe9\nv 0 0 0 # first\nv 2 \\\n 0 0\nv 0 2 0 1\nf 1//9 \\\n2//9 3/7\n"
+            b"# na\xefve name\nmtllib C:\\parts\\\nv 0 0 0 # first\nv 2 \\\n 0 0\nv 0 2 0 1\nf 1//9 \\\n2//9 3/7\n"
                 .to_vec();
         let mesh = parse_obj(&bytes).unwrap();
         assert_eq!(mesh.vertices, [DVec3::ZERO, DVec3::new(2.0, 0.0, 0.0), DVec3::new(0.0, 2.0, 0.0)]);

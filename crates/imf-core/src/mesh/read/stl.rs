@@ -64,7 +64,7 @@ fn is_ascii(bytes: &[u8]) -> bool {
     let start = bytes.trim_ascii_start();
     let start = start[..start.len().min(1024)].to_ascii_lowercase();
     let names = |word: &[u8]| start.windows(word.len()).any(|window| window == word);
-    !exact && start.starts_with(b"solid") && (names(b"facet") || names(b"endsolid") || !start.contains(&0))
+    !exact && start.starts_with(b"solid") && (names(b"endsolid") || !start.contains(&0))
 }
 
 fn parse_ascii(bytes: &[u8]) -> Result<MeshFile, Fault> {
@@ -172,7 +172,8 @@ mod tests {
         // Bytes after the last triangle.
         let mut bytes = binary(&cube);
         bytes.extend(b"appendix");
-        bytes[..5].fill(b' ');
+        assert_eq!(parse_stl(&bytes).unwrap(), cube);
+        bytes[..16].copy_from_slice(b"solid with facet");
         assert_eq!(parse_stl(&bytes).unwrap(), cube);
     }
 

@@ -30,10 +30,11 @@ pub(super) fn statements(text: &str) -> Vec<Statement> {
             None => line.split("$$").next().unwrap_or_default(),
         };
         let content = content.trim();
-        let (content, continues) = match content.strip_suffix('$') {
-            Some(start) if !is_text => (start, true),
-            _ => (content, false),
-        };
+        // What follows the sign is a comment.
+        let sign = content
+            .find('$')
+            .filter(|&at| !is_text && !content[at + 1..].starts_with(|c: char| !c.is_whitespace()));
+        let (content, continues) = sign.map_or((content, false), |at| (&content[..at], true));
         match found.last_mut().filter(|_| joins) {
             Some(last) => last.text.push_str(content),
             None if content.is_empty() && !continues => {}
@@ -81,7 +82,9 @@ mod tests {
     #[test]
     fn statements_go_on_and_texts_do_not() {
         let line = |number: usize, text: &str| (number, text.to_owned());
-        assert_eq!(of("GOTO/1,$\n2,$ $$ and\n3\nFINI\n"), [line(1, "GOTO/1,2,3"), line(4, "FINI")]);
+        for text in ["GOTO/1,$\n2,$ $$ and\n3\nFINI\n", "GOTO/1,$ x\n2,$ and y\n3\nFINI\n"] {
+            assert_eq!(of(text), [line(1, "GOTO/1,2,3"), line(4, "FINI")]);
+        }
         for word in ["PARTNO", "PPRINT", "REMARK", "TPRINT", "INSERT", "pprint"] {
             let text = format!("{word} COST IN US$\nGOTO/0,0,0\n");
             assert_eq!(of(&text), [line(1, &format!("{word} COST IN US$")), line(2, "GOTO/0,0,0")]);

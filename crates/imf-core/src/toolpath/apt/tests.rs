@@ -198,3 +198,14 @@ fn a_file_that_was_cut_short_is_not_taken_for_a_whole_one() {
         assert_eq!(told, !ends, "{whole}: {:?}", path.remarks);
     }
 }
+
+#[test]
+fn what_follows_the_end_of_a_program_is_refused_unless_it_is_text() {
+    let program = "UNITS/INCHES\nGOTO/-2,0,2\nFINI\n";
+    for more in ["PPRINT the end\n", "FINI\n", "END\n", "$$ text\n"] {
+        assert!(parse(&format!("{program}{more}"), LengthUnit::Mm).is_ok(), "{more}");
+    }
+    let fault = parse(&format!("{program}PARTNO B\nGOTO/-50,0,25\nFINI\n"), LengthUnit::Mm).unwrap_err();
+    assert!(fault.line == Some(5) && fault.what.contains("a file of its own"), "{fault:?}");
+    assert!(parse("UNITS/MM\nGOTO/0,0,9\nEND-OF-PATH\nGOTO/0,0,8\nFINI\n", LengthUnit::Mm).is_ok());
+}

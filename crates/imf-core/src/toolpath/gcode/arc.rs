@@ -20,6 +20,8 @@ pub(super) struct Arc {
 pub(super) const CHORD: f64 = 0.001;
 /// Farthest that the ends of an arc differ in their distance from its centre, in mm: programs round to three or four digits.
 const ROUND: f64 = 0.01;
+/// More of a large arc, as controls allow: a fraction of its radius, up to so many mm.
+const ROUND_OF_RADIUS: [f64; 2] = [1e-3, 0.5];
 /// An angle, in radians, and a length along the arc, in mm, within which its end is its start: a few times the rounding of double precision,
 /// and half of a program's last digit.
 const ONE_ANGLE: f64 = 1e-6;
@@ -31,6 +33,12 @@ const MOST: f64 = 25_000.0;
 /// radius of a third of a metre.
 pub(super) fn most_chords(bytes: usize) -> usize {
     bytes.saturating_mul(100).saturating_add(100_000)
+}
+
+/// By how much radii may differ by rounding.
+fn rounding(radius: f64, mm: f64) -> f64 {
+    let [share, most] = ROUND_OF_RADIUS;
+    (share * radius).min(most * mm).max(ROUND * mm)
 }
 
 impl Arc {
@@ -57,10 +65,10 @@ impl Arc {
         if first == 0.0 {
             return Err("the arc's centre is its start".into());
         }
-        if (first - last).abs() > ROUND * mm {
+        if (first - last).abs() > rounding(first.max(last), mm) {
             let [first, last] = [first, last].map(|length| (length / mm * 1e4).round() / 1e4 * mm);
             return Err(format!(
-                "the arc begins {first} from its centre and ends {last} from it: check I, J, K and the plane (G17, G18, G19)"
+                "the arc begins {first} from its centre and ends {last} from it: check I, J, K and the plane (G17, G18, G19), or write more digits"
             ));
         }
         let turned = start.perp_dot(end).atan2(start.dot(end));
@@ -98,7 +106,7 @@ impl Arc {
         if half.length() < 1e-9 * mm {
             return Err("an arc by its radius R must end elsewhere than it begins: give its centre".into());
         }
-        if half.length() > radius.abs() + ROUND * mm {
+        if half.length() > radius.abs() + rounding(radius.abs(), mm) {
             return Err(format!("the arc's ends are farther apart than twice its radius {radius}"));
         }
         let height = (radius * radius - half.length_squared()).max(0.0).sqrt();
@@ -163,6 +171,18 @@ mod tests {
             assert_eq!(of([1e-10, 5.0 + radial, 0.0]), points.len(), "{radial}");
         }
         assert_eq!(of([0.001, 5.0, 0.0]), 1);
+        // Three digits of an inch: the radii differ by 0.0128 mm, and the points go evenly from one to the other.
+        let [from, to] = [DVec3::ZERO, DVec3::new(-0.501, 0.866, 0.0) * 25.4];
+        let inch = Arc {
+            from,
+            to: from + to,
+            centre: Some(DVec3::new(-0.866, -0.5, 0.0) * 25.4),
+            ..arc([0.0; 3], [0, 1, 2], false)
+        };
+        let points = inch.chords(1.0, &mut 100_000).unwrap();
+        assert!(points.windows(2).all(|pair| pair[0].distance(pair[1]) < 0.5) && points.last() == Some(&to));
+        let rough = Arc { to: to * 1.01, ..inch };
+        assert!(rough.chords(1.0, &mut 100_000).unwrap_err().contains("more digits"));
     }
 
     #[test]

@@ -146,8 +146,7 @@ fn what_is_not_followed_is_refused_with_line_and_word() {
     let two = format!("{start}M30\n%\nO2\nG0 X1. Y1. Z-20.\n");
     assert_refused(read(&two), 5, "after the end of the program in line 2");
     assert!(read("X1. Y1. Z1.\n").unwrap_err().what.contains("none of G0, G1, G2 and G3"));
-    let wrong = read("T1\nG0 X1. Y1. Z1.\n").unwrap_err();
-    assert_eq!((wrong.line, wrong.what.as_str()), (Some(1), "T1 calls a tool, and no M6 changes to it"));
+    assert_refused(read("T1\nG0 X1. Y1. Z1.\nT2\nX2.\n"), 3, "write M6 after each T");
 }
 
 #[test]
