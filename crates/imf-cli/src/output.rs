@@ -6,6 +6,7 @@ pub(crate) mod length;
 mod stale;
 mod text;
 
+use std::ffi::OsString;
 use std::fs::{self, File, TryLockError};
 use std::io::{Error, ErrorKind, Write as _, stdout};
 use std::path::{Path, PathBuf};
@@ -54,9 +55,7 @@ impl OutputFolder {
             path.display(),
             existing.display()
         );
-        if let Some(read) =
-            stale_files(path).iter().find(|file| named_files().any(|named| is_same(&named, file)))
-        {
+        if let Some(read) = stale_files(path).iter().find(|file| times_named(file) > 0) {
             bail!(
                 "{} is read, and would be replaced with the results in its folder: choose another --out",
                 read.display()
@@ -195,9 +194,20 @@ pub(crate) fn keep_former(session: &Session, path: &Path) -> Result<()> {
     Ok(())
 }
 
-/// What the command line names, as `--option FILE`, `--option=FILE` or `--option NUMBER=FILE`.
-fn named_files() -> impl Iterator<Item = PathBuf> {
-    std::env::args().skip(1).map(|word| PathBuf::from(word.rsplit('=').next().unwrap_or_default()))
+/// How many words of the command line name a file that exists: `--option FILE`, `--option=FILE`, `--option NUMBER=FILE`, `FILE@STEPS`,
+/// `SET+FILE`, `FILE#NAME`; a name may hold any of these signs.
+fn times_named(path: &Path) -> usize {
+    let names = |word: &OsString| {
+        if is_same(Path::new(word), path) {
+            return true;
+        }
+        let word = word.to_string_lossy();
+        let starts = || std::iter::once(0).chain(word.match_indices(['=', '+']).map(|(at, _)| at + 1));
+        let ends = || word.match_indices(['@', '+', '#']).map(|(at, _)| at).chain([word.len()]);
+        starts()
+            .any(|from| ends().filter(|&to| from < to).any(|to| is_same(Path::new(&word[from..to]), path)))
+    };
+    std::env::args_os().skip(1).filter(names).count()
 }
 
 /// True where both name one file that exists.
@@ -226,7 +236,7 @@ impl OutputFile {
         if path.is_dir() {
             bail!("cannot write {}: it names a folder; give the name of a file", path.display());
         }
-        if named_files().filter(|named| is_same(named, path)).nth(1).is_some() {
+        if times_named(path) > 1 {
             bail!("{} is also read: choose another name for what is written", path.display());
         }
         let around = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));

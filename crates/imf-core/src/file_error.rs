@@ -1,5 +1,6 @@
 //! What is wrong with a file: one error for meshes, tools and tool libraries that are read, one for all that is written.
 
+use std::borrow::Cow;
 use std::fs::File;
 use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
@@ -111,4 +112,42 @@ pub(crate) fn read_small(noun: &str, path: &Path) -> Result<Vec<u8>, Fault> {
         return Err(Fault::new(FaultKind::TooLarge, cause));
     }
     Ok(bytes)
+}
+
+/// A file's content, in UTF-8 where it is UTF-16 with a byte order mark, as some editors and shells save text.
+pub(crate) fn as_utf8(bytes: &[u8]) -> Cow<'_, [u8]> {
+    let unit = match bytes {
+        [0xff, 0xfe, ..] => u16::from_le_bytes,
+        [0xfe, 0xff, ..] => u16::from_be_bytes,
+        _ => return Cow::Borrowed(bytes),
+    };
+    let units = bytes[2..].chunks_exact(2).map(|pair| unit([pair[0], pair[1]]));
+    let text = char::decode_utf16(units).map(|read| read.unwrap_or(char::REPLACEMENT_CHARACTER));
+    Cow::Owned(text.collect::<String>().into_bytes())
+}
+
+/// A file's content as text.
+#[cfg(feature = "formats")]
+pub(crate) fn text_of(bytes: &[u8]) -> Result<String, Fault> {
+    let text = String::from_utf8(as_utf8(bytes).into_owned());
+    text.map_err(|_| Fault::malformed("it is not text in UTF-8: save it as that"))
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    /// Text as UTF-16, in both orders of bytes.
+    pub(crate) fn as_utf16(text: &str) -> [Vec<u8>; 2] {
+        let units = || std::iter::once(0xfeff).chain(text.encode_utf16());
+        [units().flat_map(u16::to_le_bytes).collect(), units().flat_map(u16::to_be_bytes).collect()]
+    }
+
+    #[test]
+    fn text_in_utf_16_is_read_as_in_utf_8() {
+        let text = "v 0 0 0 # °\r\n";
+        assert!(as_utf16(text).iter().all(|bytes| *as_utf8(bytes) == *text.as_bytes()));
+        assert_eq!(*as_utf8(b"\xff\xfe\0\xd8v\0\0"), *"\u{fffd}v".as_bytes());
+        assert_eq!(*as_utf8(text.as_bytes()), *text.as_bytes());
+    }
 }

@@ -7,6 +7,7 @@
 mod limits;
 mod set;
 mod spread;
+mod table;
 
 pub use limits::{Limits, TiltingAxis};
 pub(crate) use set::AXES;

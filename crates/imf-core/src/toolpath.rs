@@ -160,7 +160,7 @@ impl Toolpath {
         let bytes =
             std::fs::read(path).map_err(|source| ToolpathError::Read { path: name.clone(), source })?;
         // Comments may be in any encoding; what counts is ASCII.
-        Self::parse(&String::from_utf8_lossy(&bytes), reading, &name)
+        Self::parse(&String::from_utf8_lossy(&crate::file_error::as_utf8(&bytes)), reading, &name)
     }
 
     /// As [`Toolpath::read`], from the text of a file called `name`.

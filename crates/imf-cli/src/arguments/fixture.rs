@@ -106,7 +106,14 @@ impl FixtureArgument {
 
 /// The steps are those of a set-up, and `unit:UNIT` of the file.
 pub(super) fn parse_fixture(text: &str) -> Result<FixtureArgument, String> {
-    let (file, steps) = text.split_once('@').unwrap_or((text, ""));
+    // A folder's name may hold the sign too.
+    let is_file = |name: &str| Path::new(name).is_file();
+    let by_file = || text.rmatch_indices('@').find(|&(at, _)| is_file(&text[..at]));
+    let (file, steps) = match by_file().filter(|_| !is_file(text)) {
+        Some((at, _)) => (&text[..at], &text[at + 1..]),
+        None if is_file(text) => (text, ""),
+        None => text.split_once('@').unwrap_or((text, "")),
+    };
     let (mut unit, mut others) = (None, Vec::new());
     for step in steps.split(';') {
         match step.trim().strip_prefix("unit:") {

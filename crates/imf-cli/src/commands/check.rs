@@ -231,7 +231,7 @@ impl CheckRun<'_> {
             self.tools.iter().map(|(number, tool)| json!({ "number": number, "name": tool.name })).collect();
         let worst = self.report.worst().first().copied().map(listed::brief);
         json!({
-            "toolpath": self.arguments.toolpath, "frame": self.frame, "transform": self.record.transform, "part": self.record.part, "tools": tools,
+            "toolpath": self.arguments.toolpath.display().to_string(), "frame": self.frame, "transform": self.record.transform, "part": self.record.part, "tools": tools,
             "unit": self.record.unit, "pitch": self.record.grid.pitch, "conservative": self.record.conservative,
             "passes": !self.fails(), "collides": !self.report.colliding.is_empty(), "machine": self.machine.map(|bodies| &bodies.machine().name),
             "lines_that_collide": self.report.colliding.len(), "collisions": listed::collisions(&self.report), "worst": worst,

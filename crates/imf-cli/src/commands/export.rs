@@ -28,7 +28,7 @@ pub(crate) fn run(session: &Session, arguments: &ExportArguments) -> Result<()> 
     let written = std::fs::metadata(out)?.len();
     let family = saved.family();
     if session.json {
-        return print_json(&json!({ "file": out, "family": family, "bytes": written }));
+        return print_json(&json!({ "file": out.display().to_string(), "family": family, "bytes": written }));
     }
     session.note(&format!("wrote {}: a {family} field in {}", out.display(), show_bytes(written)));
     Ok(())

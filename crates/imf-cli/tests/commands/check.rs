@@ -5,7 +5,7 @@ use serde_json::Value;
 use crate::binary::{Finished, Workdir};
 
 /// A block of 20 mm on the floor, its middle over the origin.
-const BLOCK: &str = "v -10 -10 0\nv 10 -10 0\nv 10 10 0\nv -10 10 0\nv -10 -10 20\nv 10 -10 20\nv 10 10 20\n\
+pub(crate) const BLOCK: &str = "v -10 -10 0\nv 10 -10 0\nv 10 10 0\nv -10 10 0\nv -10 -10 20\nv 10 -10 20\nv 10 10 20\n\
                      v -10 10 20\nf 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
 
 /// Checks a toolpath over the block.
@@ -270,24 +270,6 @@ fn a_path_that_never_comes_near_the_part_is_warned_of() {
     // Straight over the part from far away on either side.
     let over = check("over.csv", "x,y,z\n0,0,1016\n0,0,-1016\n", "").exits(3);
     assert!(!over.stderr.contains("the whole path stay"), "{}", over.stderr);
-}
-
-#[test]
-fn what_is_read_is_not_written_over() {
-    let folder = Workdir::new();
-    folder.write("block.obj", BLOCK);
-    folder.write("pass.csv", "x,y,z\n0,0,30\n0,0,25\n");
-    let asked = "check block.obj pass.csv --pitch 1 --tool paper";
-    for (page, read) in [("block.obj", BLOCK), ("./pass.csv", "x,y,z\n0,0,30\n0,0,25\n")] {
-        folder.refuse(&format!("{asked} --html {page}"), &[page, "also read"]);
-        assert_eq!(folder.text(page), read);
-    }
-    // The stock that an earlier run left in the folder.
-    let cut = |stock: &str| format!("{asked} --stock {stock} --out out");
-    folder.imf(&cut("box:5")).done();
-    let left = folder.text("out/summary.json");
-    folder.refuse(&cut("out/stock.stl"), &["stock.stl is read", "another --out"]);
-    assert_eq!(folder.text("out/summary.json"), left);
 }
 
 #[test]

@@ -2,7 +2,8 @@
 #![cfg(target_os = "linux")]
 
 use crate::access::{arguments, crib_arguments, workshop};
-use crate::binary::{FEW_POSES, Workdir};
+use crate::binary::{FEW_POSES, Workdir, finish};
+use crate::check::BLOCK;
 use crate::model::write_model;
 
 /// Down into the bracket.
@@ -58,4 +59,44 @@ fn what_was_found_is_printed_where_its_files_can_not_be_written() {
     run.says(&["line 3: ", "collide"]);
     run.warns(&["cannot write path/stock.vti"]);
     assert_eq!(work.names("path"), ["collisions.csv", "removed.csv", "worst.png"]);
+}
+
+#[test]
+fn what_is_read_is_not_written_over() {
+    let folder = Workdir::new();
+    folder.write("block.obj", BLOCK);
+    folder.write("pass.csv", "x,y,z\n0,0,30\n0,0,25\n");
+    let asked = "check block.obj pass.csv --pitch 1 --tool paper";
+    for (page, read) in [("block.obj", BLOCK), ("./pass.csv", "x,y,z\n0,0,30\n0,0,25\n")] {
+        folder.refuse(&format!("{asked} --html {page}"), &[page, "also read"]);
+        assert_eq!(folder.text(page), read);
+    }
+    // Also where steps or signs stand about its name.
+    std::fs::create_dir(folder.path("a=b@c")).unwrap();
+    folder.write("a=b@c/vise.obj", BLOCK);
+    for fixture in ["a=b@c/vise.obj", "a=b@c/vise.obj@translate:0,0,-50"] {
+        folder.refuse(&format!("{asked} --fixture {fixture} --html a=b@c/vise.obj"), &["also read"]);
+        folder.imf(&format!("{asked} --fixture {fixture}")).done();
+    }
+    // The stock that an earlier run left in the folder.
+    let cut = |stock: &str| format!("{asked} --stock {stock} --out out");
+    folder.imf(&cut("box:5")).done();
+    let left = folder.text("out/summary.json");
+    for stock in ["out/stock.stl", "out/stock.stl@translate:0,0,-1"] {
+        folder.refuse(&cut(stock), &["stock.stl is read", "another --out"]);
+    }
+    assert_eq!(folder.text("out/summary.json"), left);
+}
+
+#[test]
+fn a_name_that_is_not_utf_8_is_a_name() {
+    use std::os::unix::ffi::OsStringExt as _;
+    let folder = Workdir::new();
+    let name = |end: &str| std::ffi::OsString::from_vec([b"b\xff", end.as_bytes()].concat());
+    std::fs::write(folder.path("x").with_file_name(name(".obj")), BLOCK).unwrap();
+    std::fs::write(folder.path("x").with_file_name(name(".csv")), "x,y,z\n0,0,30\n0,0,25\n").unwrap();
+    folder.write("block.obj", BLOCK);
+    finish("info", folder.command("info --json --unit mm").arg(name(".obj"))).done().json();
+    let mut check = folder.command("check block.obj --pitch 1 --tool paper --json --html p.html --out");
+    finish("check", check.arg(name("")).arg(name(".csv"))).done().json();
 }

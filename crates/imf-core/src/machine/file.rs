@@ -33,7 +33,7 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::{Machine, MachineSolid, PreferredBranch, RotaryAxis, Side, SolidShape};
-use crate::file_error::{Fault, FaultKind, FileError, read_small};
+use crate::file_error::{Fault, FaultKind, FileError, read_small, text_of};
 use crate::mesh::read::read_mesh_file;
 use crate::unit::LengthUnit;
 use crate::voxelize::openings;
@@ -106,8 +106,8 @@ impl Machine {
     /// # Errors
     /// Names the file, the line where it is known, the cause and the remedy.
     pub fn read(path: &Path) -> Result<Self, FileError> {
-        let text = String::from_utf8(read_small("machine file", path).map_err(|fault| fault.at(path))?);
-        Self::parse(&text.map_err(|_| Fault::malformed("it is not text in UTF-8").at(path))?, path)
+        let bytes = read_small("machine file", path).map_err(|fault| fault.at(path))?;
+        Self::parse(&text_of(&bytes).map_err(|fault| fault.at(path))?, path)
     }
 
     /// As [`Machine::read`], from the text of a machine file called `name`; meshes that it names lie beside that.

@@ -11,7 +11,7 @@ use std::path::Path;
 use glam::{DMat4, DVec3};
 
 use super::Mesh;
-use crate::file_error::{CUT, Fault, FaultKind, FileError, unended_line};
+use crate::file_error::{CUT, Fault, FaultKind, FileError, as_utf8, unended_line};
 use crate::unit::LengthUnit;
 
 mod obj;
@@ -82,7 +82,7 @@ fn parse(bytes: &[u8], parser: Parser) -> Result<MeshFile, Fault> {
     if bytes.trim_ascii().is_empty() {
         return Err(Fault::new(FaultKind::Empty, "it is empty; export the mesh again"));
     }
-    let file = parser(bytes).map_err(|mut fault| {
+    let file = parser(&as_utf8(bytes)).map_err(|mut fault| {
         fault.cause += match fault.kind {
             FaultKind::Malformed => "; export the mesh again or correct the file",
             FaultKind::Truncated => "; copy or export it again",

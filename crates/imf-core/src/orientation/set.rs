@@ -10,6 +10,7 @@ use thiserror::Error;
 #[cfg(feature = "random")]
 use super::spread::random;
 use super::spread::{direction_orientation, fibonacci, grid, super_fibonacci};
+use super::table::read_csv;
 use super::{Limits, Orientation, wrap_degrees};
 use crate::mesh::SAME;
 
@@ -175,7 +176,7 @@ impl OrientationSet {
                 Limits::parse(&parts[..5].join(":"))?.directions(n_tilt, n_turn)
             }
             ["so3", n] => super_fibonacci(count(n)?),
-            _ if is_csv(spec) => Self::read_csv(Path::new(spec))?,
+            _ if is_csv(spec) => read_csv(Path::new(spec))?,
             [list] if list.contains(',') => list
                 .split(';')
                 .map(|pair| match numbers(pair).as_deref() {
@@ -211,44 +212,6 @@ impl OrientationSet {
             return Err(OrientationSetError::Value { spec: self.spec.clone(), what });
         }
         Ok(Self { spec, orientations })
-    }
-
-    fn read_csv(path: &Path) -> Result<Vec<Orientation>, OrientationSetError> {
-        let spec = path.display().to_string();
-        let text = std::fs::read_to_string(path)
-            .map_err(|source| OrientationSetError::Read { path: spec.clone(), source })?;
-        let fail = |what: String| OrientationSetError::Value { spec: spec.clone(), what };
-        // Some editors begin a file with a byte order mark.
-        let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
-        let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
-        let header = lines.next().map(|(_, line)| line.replace(' ', "").to_ascii_lowercase());
-        // As `imf field` lists its orientations.
-        let numbered = header.as_ref().is_some_and(|header| header.starts_with("index,"));
-        let named = header.as_deref().map(|header| header.strip_prefix("index,").unwrap_or(header));
-        let directions = match named {
-            Some("theta,phi" | "theta,phi,roll") => false,
-            Some("i,j,k") => true,
-            _ => return Err(fail("the first line must be theta,phi or theta,phi,roll or i,j,k".into())),
-        };
-        let columns = header.map_or(0, |h| h.split(',').count());
-        let mut orientations = Vec::new();
-        for (number, line) in lines {
-            let wrong = |what: &str| fail(format!("line {}: {what}", number + 1));
-            let values = numbers(line).filter(|v| v.len() == columns);
-            let values = values.ok_or_else(|| wrong(&format!("'{line}' is not {columns} numbers")))?;
-            let values = &values[usize::from(numbered)..];
-            orientations.push(if directions {
-                Orientation::from_direction(DVec3::from_slice(values))
-                    .ok_or_else(|| wrong("a direction must not be zero"))?
-            } else {
-                angle_pair(values[0], values[1], values.get(2).copied().unwrap_or(0.0))
-                    .map_err(|e| wrong(&e))?
-            });
-        }
-        if orientations.is_empty() {
-            return Err(fail("holds no orientation".into()));
-        }
-        Ok(orientations)
     }
 
     /// Number of orientations.
@@ -298,7 +261,7 @@ pub(crate) fn joined(sets: &[&[Orientation]]) -> Vec<Orientation> {
     orientations
 }
 
-fn angle_pair(theta: f64, phi: f64, roll: f64) -> Result<Orientation, String> {
+pub(super) fn angle_pair(theta: f64, phi: f64, roll: f64) -> Result<Orientation, String> {
     if (0.0..=180.0).contains(&phi) {
         Ok(Orientation { theta: wrap_degrees(theta), phi, roll: wrap_degrees(roll) })
     } else {

@@ -42,7 +42,7 @@ use super::library;
 use super::profile::top;
 use super::stack::{Stack, line};
 use super::{SharpPoints, Tool, ToolError, ToolShape};
-use crate::file_error::{Fault, FaultKind, FileError, read_small};
+use crate::file_error::{Fault, FaultKind, FileError, read_small, text_of};
 use crate::mesh::read::read_mesh_file;
 use crate::unit::LengthUnit;
 use cutter::CutterText;
@@ -120,7 +120,7 @@ impl Tool {
     /// As [`Tool::read_all`].
     pub fn all_from_bytes(bytes: &[u8], name: &Path) -> Result<Vec<Result<Self, FileError>>, FileError> {
         if !library::is_library(name) {
-            return Ok(vec![Ok(Self::parse(text_of(bytes).map_err(|fault| fault.at(name))?, name)?)]);
+            return Ok(vec![Ok(Self::parse(&text_of(bytes).map_err(|fault| fault.at(name))?, name)?)]);
         }
         let tools = library::tools(name, bytes).map_err(|fault| fault.at(name))?;
         let checked = |tool: Result<Self, Fault>| tool.and_then(checked).map_err(|fault| fault.at(name));
@@ -146,15 +146,11 @@ fn read(path: &Path, wanted: Option<&str>) -> Result<Tool, FileError> {
         let tool = if library::is_library(path) {
             library::tool(path, &bytes, wanted)?
         } else {
-            Reader { text: text_of(&bytes)? }.tool(path)?
+            Reader { text: &text_of(&bytes)? }.tool(path)?
         };
         checked(tool)
     };
     whole().map_err(|fault| fault.at(path))
-}
-
-fn text_of(bytes: &[u8]) -> Result<&str, Fault> {
-    std::str::from_utf8(bytes).map_err(|_| Fault::malformed("it is not text in UTF-8"))
 }
 
 fn checked(tool: Tool) -> Result<Tool, Fault> {

@@ -100,7 +100,7 @@ pub(super) fn field(path: &Path, file: &FieldFile) -> Result<Description> {
     lines.extend(made);
     lines.extend(calibration_lines(calibration, quantity, record.unit));
     let mut json = json!({
-        "file": path,
+        "file": path.display().to_string(),
         "bytes": bytes,
         "quantity": quantity,
         "bounds": quantity.bounds(record.grid.pitch),

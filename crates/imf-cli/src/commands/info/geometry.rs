@@ -61,7 +61,7 @@ pub(super) fn mesh_file(session: &Session, path: &Path, given: Option<LengthUnit
     }
     let json = json!({
         "kind": "mesh",
-        "file": path,
+        "file": path.display().to_string(),
         "unit": unit,
         "unit_is_assumed": said.is_none(),
         "mesh": report,

@@ -147,6 +147,9 @@ mod tests {
         assert_eq!(parse_obj(&bytes).unwrap(), mesh);
         let marked = "\u{feff}v 0 0 0\nv 2 0 0\nv 0 2 0\nf 1 2 3\n";
         assert_eq!(parse_obj(marked).unwrap(), mesh);
+        for bytes in crate::file_error::tests::as_utf16(&marked[3..]) {
+            assert_eq!(parse_obj(bytes).unwrap(), mesh);
+        }
     }
 
     #[test]

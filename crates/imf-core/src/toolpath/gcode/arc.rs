@@ -172,13 +172,8 @@ mod tests {
         }
         assert_eq!(of([0.001, 5.0, 0.0]), 1);
         // Three digits of an inch: the radii differ by 0.0128 mm, and the points go evenly from one to the other.
-        let [from, to] = [DVec3::ZERO, DVec3::new(-0.501, 0.866, 0.0) * 25.4];
-        let inch = Arc {
-            from,
-            to: from + to,
-            centre: Some(DVec3::new(-0.866, -0.5, 0.0) * 25.4),
-            ..arc([0.0; 3], [0, 1, 2], false)
-        };
+        let [from, to] = [[0.866, 0.5], [-0.501, 0.866]].map(|[x, y]| DVec3::new(x, y, 0.0) * 25.4);
+        let inch = Arc { from, to, centre: Some(-from), ..arc([0.0; 3], [0, 1, 2], false) };
         let points = inch.chords(1.0, &mut 100_000).unwrap();
         assert!(points.windows(2).all(|pair| pair[0].distance(pair[1]) < 0.5) && points.last() == Some(&to));
         let rough = Arc { to: to * 1.01, ..inch };
