@@ -108,12 +108,11 @@ impl FixtureArgument {
 pub(super) fn parse_fixture(text: &str) -> Result<FixtureArgument, String> {
     // A folder's name may hold the sign too.
     let is_file = |name: &str| Path::new(name).is_file();
-    let by_file = || text.rmatch_indices('@').find(|&(at, _)| is_file(&text[..at]));
-    let (file, steps) = match by_file().filter(|_| !is_file(text)) {
-        Some((at, _)) => (&text[..at], &text[at + 1..]),
-        None if is_file(text) => (text, ""),
-        None => text.split_once('@').unwrap_or((text, "")),
+    let by_file = || {
+        text.rmatch_indices('@').map(|(at, _)| (&text[..at], &text[at + 1..])).find(|(file, _)| is_file(file))
     };
+    let whole = is_file(text).then_some((text, ""));
+    let (file, steps) = whole.or_else(by_file).or_else(|| text.split_once('@')).unwrap_or((text, ""));
     let (mut unit, mut others) = (None, Vec::new());
     for step in steps.split(';') {
         match step.trim().strip_prefix("unit:") {

@@ -4,7 +4,7 @@ use std::cmp::Reverse;
 
 use glam::DVec3;
 
-use super::topology::{EdgeUse, NONE, beside};
+use super::topology::{NONE, beside, sorted_edges};
 use super::{Mesh, area_vector};
 use crate::parallel;
 
@@ -16,13 +16,13 @@ const NEW_FACES_ALIKE: f64 = 0.9994;
 const MOST_NEIGHBOURS: usize = 32;
 
 impl Mesh {
-    /// The same closed or open surface, no point of it moved by more than four times `tolerance`, with fewer triangles where it is
-    /// flat. Borders and edges of three or more triangles stay as they are. `edges` are those of the mesh, whose
-    /// triangles share vertices ([`Mesh::welded`]).
-    pub(crate) fn simplified(&self, edges: &[EdgeUse], tolerance: f64) -> Self {
-        let mut surface = Surface::new(self, edges, tolerance);
-        let mut waiting: Vec<u32> = (0..self.vertices.len() as u32).rev().collect();
-        let mut waits = vec![true; self.vertices.len()];
+    /// The same closed or open surface, welded, no point of it moved by more than four times `tolerance`, with fewer triangles where
+    /// it is flat. Borders and edges of three or more triangles stay as they are.
+    pub(crate) fn simplified(&self, tolerance: f64) -> Self {
+        let welded = self.welded();
+        let mut surface = Surface::new(&welded, tolerance);
+        let mut waiting: Vec<u32> = (0..welded.vertices.len() as u32).rev().collect();
+        let mut waits = vec![true; welded.vertices.len()];
         let (mut ring, mut others) = (Vec::new(), Vec::new());
         while let Some(vertex) = waiting.pop() {
             waits[vertex as usize] = false;
@@ -36,7 +36,7 @@ impl Mesh {
             }
         }
         let triangles = surface.triangles.into_iter().filter(|triangle| triangle[0] != NONE).collect();
-        Self { vertices: self.vertices.clone(), triangles }.welded()
+        Self { vertices: welded.vertices, triangles }.welded()
     }
 }
 
@@ -54,8 +54,8 @@ struct Surface<'a> {
 }
 
 impl<'a> Surface<'a> {
-    fn new(mesh: &'a Mesh, edges: &[EdgeUse], tolerance: f64) -> Self {
-        let (face, normals) = flat_faces(mesh, edges, tolerance);
+    fn new(mesh: &'a Mesh, tolerance: f64) -> Self {
+        let (face, normals) = flat_faces(mesh, tolerance);
         let mut first = vec![NONE; mesh.vertices.len()];
         let mut next = vec![NONE; 3 * mesh.triangles.len()];
         for (corner, &vertex) in mesh.triangles.iter().flatten().enumerate() {
@@ -155,9 +155,9 @@ impl<'a> Surface<'a> {
 
 /// By triangle the flat face that it is part of, and by face its unit normal: connected triangles whose corners lie within
 /// twice the tolerance of a plane.
-fn flat_faces(mesh: &Mesh, edges: &[EdgeUse], tolerance: f64) -> (Vec<u32>, Vec<DVec3>) {
+fn flat_faces(mesh: &Mesh, tolerance: f64) -> (Vec<u32>, Vec<DVec3>) {
     let vectors: Vec<DVec3> = mesh.all_corners().map(area_vector).collect();
-    let beside = beside(edges, vectors.len());
+    let beside = beside(&sorted_edges(mesh), vectors.len());
     // The largest triangles know best how their face lies.
     let mut order: Vec<_> =
         vectors.iter().map(|v| Reverse(v.length_squared().to_bits())).zip(0_u32..).collect();
@@ -234,15 +234,11 @@ mod tests {
     use super::*;
     use crate::mesh::distance::distance_to_mesh;
     use crate::mesh::tests::unit_cube;
-    use crate::mesh::topology::{boundary_chain, sorted_edges};
+    use crate::mesh::topology::boundary_chain;
     use crate::parts::shell::{Axis, Shell, circle, pocketed};
 
-    fn simplified(mesh: &Mesh, tolerance: f64) -> Mesh {
-        mesh.simplified(&sorted_edges(mesh), tolerance)
-    }
-
     fn cut(mesh: &Mesh, longest: f64) -> Mesh {
-        mesh.welded().refined_with_origins(longest, 1_000_000).0
+        mesh.refined_with_origins(longest, 1_000_000).0
     }
 
     /// As a file in single precision holds it.
@@ -256,12 +252,12 @@ mod tests {
         let block =
             pocketed(DVec3::new(40.0, 30.0, 20.0), &circle(DVec2::new(20.0, 15.0), 8.0, 24), 12.0).welded();
         for mesh in [unit_cube(), block] {
-            let same = simplified(&mesh, 1e-6);
+            let same = mesh.simplified(1e-6);
             assert_eq!(same.triangles.len(), mesh.triangles.len());
             let longest = mesh.bounds().map_or(0.0, |(lower, upper)| (upper - lower).max_element()) / 30.0;
             for fine in [cut(&mesh, longest), rounded(&cut(&mesh, longest))] {
                 assert!(fine.triangles.len() > 5_000);
-                let few = simplified(&fine, 1e-5);
+                let few = fine.simplified(1e-5);
                 assert!(few.triangles.len() <= mesh.triangles.len() * 21 / 20, "{}", few.triangles.len());
                 assert!(boundary_chain(&few).is_empty());
                 assert!((few.signed_volume() / mesh.signed_volume() - 1.0).abs() < 1e-5);
@@ -287,7 +283,7 @@ mod tests {
             let boundary = boundary_chain(&mesh).len();
             let mut least = usize::MAX;
             for tolerance in [1e-6, 1e-3, 0.01, 0.05] {
-                let few = simplified(&mesh, tolerance);
+                let few = mesh.simplified(tolerance);
                 least = least.min(few.triangles.len());
                 assert_eq!(boundary_chain(&few).len(), boundary);
                 let farthest =

@@ -50,8 +50,7 @@ pub(crate) fn area_vector([a, b, c]: [DVec3; 3]) -> DVec3 {
 /// curve between their vertices: on them points lie behind the facet, as far as the curve may, but no farther than half the
 /// spacing, and beside their edges there are none.
 fn surface_points(mesh: &Mesh, spacing: f64) -> Vec<DVec3> {
-    let mesh = mesh.welded();
-    let mesh = &mesh.simplified(&sorted_edges(&mesh), FLAT * spacing);
+    let mesh = &mesh.simplified(FLAT * spacing);
     let edges = sorted_edges(mesh);
     let facets = Facets::new(mesh, &edges, 0.5 * spacing);
     let mut used = vec![false; mesh.vertices.len()];

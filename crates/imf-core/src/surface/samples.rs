@@ -65,8 +65,7 @@ impl SurfaceSamples {
         let area: f64 = (0..mesh.triangles.len()).map(|t| area_vector(mesh.corners(t)).length()).sum();
         // The edge of an equilateral triangle of that area.
         let edge = (area / count.max(1) as f64 * 4.0 / 3.0_f64.sqrt()).sqrt();
-        let welded = mesh.welded();
-        let welded = welded.simplified(&sorted_edges(&welded), FLAT * solid.grid.pitch);
+        let welded = mesh.simplified(FLAT * solid.grid.pitch);
         let edges = sorted_edges(&welded);
         let bends = bends(&welded, &edges);
         let (fine, origins) = welded.refined_with_origins(edge, count.saturating_mul(8));

@@ -67,6 +67,11 @@ impl Fault {
     /// The error of the file called `name`.
     pub(super) fn in_file(self, name: &str) -> ToolpathError {
         let Self { line, what, needs_machine } = self;
+        // What a file holds is quoted, and must not reach a terminal as it is.
+        let what = what
+            .chars()
+            .map(|c| if c.is_control() { c.escape_default().to_string() } else { c.into() })
+            .collect();
         ToolpathError::Line { path: name.to_owned(), line: line.unwrap_or_default(), what, needs_machine }
     }
 }

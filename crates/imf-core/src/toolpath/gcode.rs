@@ -1,9 +1,9 @@
 //! Programs in G-code, for three axes without a machine and for any axes with one.
 //!
-//! Read are G0 to G3 (arcs and helices by chords, G17 to G19, centres from the start or radii), G4, G20 and G21, G28
-//! and G53, G43 with G49, G43.4 and G234 (tool centre point control), G54 to G59, G90 and G91, T with M6, words that
-//! move nothing, and words that smooth corners, which get a remark. Every other word is refused with its line, and so
-//! are anything after the end of the program, and a last line that may have been cut. A program without an end gets a remark.
+//! Read are G0 to G3 (arcs and helices by chords, G17 to G19, centres from the start or radii), G4, G20 and G21 (G70
+//! and G71), G28, G30 and G53, G43 with G49, G43.4 and G234 (tool centre point control), G54 to G59, G90 and G91, T with
+//! M6, words that move nothing, and words that smooth corners and M words of the machine's own, which get a remark.
+//! Every other word is refused with its line, and so are anything after the end of the program, and a last line that may have been cut. A program without an end gets a remark.
 //!
 //! Without a machine X, Y and Z are the tip's and the tool stands along +z; while no tool length is in force (after
 //! G49, M6 and D0, before the first G43 of a program) Z must not move, and where G28 and G53 lead is not known; a
@@ -19,6 +19,7 @@ mod block;
 mod coordinates;
 mod length;
 mod unchecked;
+mod words;
 
 use glam::DVec3;
 
@@ -29,34 +30,10 @@ use arc::Arc;
 use block::Block;
 pub(super) use block::STILL_M;
 use unchecked::Unchecked;
-
-/// Names of files that are programs, by their ends.
-const ENDS: [&str; 12] = ["nc", "gcode", "ngc", "tap", "mpf", "cnc", "eia", "ptp", "iso", "min", "spf", "h"];
-/// With which Heidenhain's own programs begin.
-const KLARTEXT: &str = "BEGIN PGM";
+pub(super) use words::is_program;
 
 /// The remark on a program that may have been cut between two lines.
 const NO_END: &str = "the program stops here without M30, M2 or a closing '%': if it was cut short, what is missing is not checked";
-
-/// True where a file's name or first word says that it is a program.
-pub(super) fn is_program(text: &str, name: &str) -> bool {
-    let end = name.rsplit_once('.').map(|(_, end)| end.to_ascii_lowercase());
-    let mut lines = text.lines().map(str::trim);
-    let first = lines.find(|line| !line.is_empty() && !line.starts_with([';', '#'])).unwrap_or_default();
-    end.is_some_and(|end| ENDS.contains(&end.as_str()))
-        || first.starts_with(['%', '('])
-        || is_address(first)
-        || first.contains(KLARTEXT)
-}
-
-/// A letter and a number, as machines read them.
-fn is_address(line: &str) -> bool {
-    let mut letters = line.split_whitespace().next().unwrap_or_default().chars();
-    let letter = letters.next().is_some_and(|c| c.is_ascii_alphabetic());
-    let is_next = |c: char| c.is_ascii_alphabetic() || matches!(c, '(' | '/');
-    let number = letters.as_str().split(is_next).next().unwrap_or_default();
-    letter && number.parse::<f64>().is_ok()
-}
 
 /// How a block's X, Y and Z move the tool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -124,6 +101,8 @@ struct Program<'a> {
     rounded: f64,
     /// What has been remarked, by a word for it.
     remarked: Vec<&'static str>,
+    /// M words that are not known, and have been remarked.
+    unknown_m: Vec<u32>,
     /// A `%` or a word has been read.
     has_begun: bool,
     /// G90 or G91 has been read.
@@ -154,7 +133,7 @@ pub(super) fn parse(text: &str, reading: &PathReading<'_>) -> Result<Toolpath, F
         program.take_line(index + 1, text).map_err(|fault| fault.on_line(index + 1))?;
     }
     if program.end.is_none() {
-        Fault::refuse_cut(text, block::ends_in_word)?;
+        Fault::refuse_cut(text, words::ends_in_word)?;
     }
     if let (None, Some((line, number))) = (program.tool, program.called) {
         let what = format!("T{number} calls a tool, and no M6 changes to it: write M6 after each T");
@@ -176,7 +155,7 @@ pub(super) fn parse(text: &str, reading: &PathReading<'_>) -> Result<Toolpath, F
 fn only_tool(text: &str) -> Option<u32> {
     let mut called = None;
     for line in text.lines() {
-        for word in block::words(line).unwrap_or_default() {
+        for word in words::words(line).unwrap_or_default() {
             match word.letter {
                 'M' if word.value == 6.0 => return None,
                 'T' if called.is_some_and(|known| known != word.value) => return None,
@@ -190,11 +169,6 @@ fn only_tool(text: &str) -> Option<u32> {
 
 impl Program<'_> {
     fn take_line(&mut self, line: usize, text: &str) -> Result<(), Fault> {
-        if text.contains(KLARTEXT) && block::words(text).is_err() {
-            return Err("Heidenhain's Klartext is not read: let the CAM program write ISO G-code or APT"
-                .to_owned()
-                .into());
-        }
         if let Some(end) = self.end {
             // Comments and names may follow, but nothing that would seem to have been checked.
             if after_end::is_command(text) {
@@ -205,9 +179,12 @@ impl Program<'_> {
             }
             return Ok(());
         }
-        let words = block::words(text)?;
+        let words = words::words(text).map_err(|wrong| match text.contains(words::KLARTEXT) {
+            true => "Heidenhain's Klartext is not read: let the CAM program write ISO G-code or APT".into(),
+            false => wrong,
+        })?;
         // The first sign begins the program, unless something stands before it.
-        let is_sign = block::is_sign(text);
+        let is_sign = words::is_sign(text);
         let ends = is_sign && self.has_begun;
         self.has_begun |= is_sign || !words.is_empty();
         let block = Block::new(&words, self.machine)?;
@@ -217,6 +194,7 @@ impl Program<'_> {
     }
 
     fn take(&mut self, line: usize, block: &Block) -> Result<(), Fault> {
+        self.remark_on_idle(line, block);
         if let Some(number) = block.tool {
             if !block.changes_tool {
                 self.remark_on_call();
@@ -291,13 +269,29 @@ impl Program<'_> {
         if let Some((.., has_moved)) = &mut self.waiting {
             *has_moved = true;
         }
-        match (block.goes_home, block.in_machine_coordinates) {
-            (true, _) => self.go_home(line, block),
-            (_, true) => self.go_in_machine_coordinates(line, block),
-            _ => self.go(line, block),
+        match block.home {
+            Some(word) => self.go_home(line, block, word),
+            None if block.in_machine_coordinates => self.go_in_machine_coordinates(line, block),
+            None => self.go(line, block),
         }?;
         self.take_axes(line, block);
         Ok(())
+    }
+
+    /// On words that are taken to move nothing.
+    fn remark_on_idle(&mut self, line: usize, block: &Block) {
+        for &number in &block.unknown_m {
+            if !self.unknown_m.contains(&number) {
+                self.unknown_m.push(number);
+                self.path.remarks.push(format!(
+                    "line {line}: what M{number} does differs from machine to machine: it is taken to move neither tool nor part"
+                ));
+            }
+        }
+        if let Some(letter) = block.idle_axis {
+            let text = format!("{letter}0 is taken to leave an axis that is not given where it stands");
+            self.remark(line, "idle axis", &text);
+        }
     }
 
     /// That the tool has moved since a T to which no M6 has changed. Programs call their first tool at their end, for the next run.

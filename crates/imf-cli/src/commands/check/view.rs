@@ -119,6 +119,7 @@ pub(super) fn view<'a>(
     let hit: HashSet<usize> = checked.report.colliding.iter().map(|line| line.line).collect();
     let mut paths = [("feed", FEED), ("rapid", RAPID), ("lines that collide", COLLIDING)]
         .map(|(name, colour)| PathLines { name, colour, pieces: Vec::new() });
+    let machine = checked.machine.map(MachineBodies::machine);
     for pair in path.locations.windows(2) {
         let kind = match pair[1].kind {
             MoveKind::Start => continue,
@@ -126,7 +127,6 @@ pub(super) fn view<'a>(
             MoveKind::Rapid => 1,
             MoveKind::Feed => 0,
         };
-        let machine = checked.machine.map(MachineBodies::machine);
         let tips = tips_along(path, machine, [&pair[0], &pair[1]]);
         paths[kind]
             .pieces

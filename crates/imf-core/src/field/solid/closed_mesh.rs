@@ -9,7 +9,6 @@ use pulp::Arch;
 use super::Body;
 use super::point_tree::PointTree;
 use super::segment::VoxelPose;
-
 use crate::mesh::Mesh;
 use crate::mesh::crossings::CrossingIndex;
 use crate::occupancy::Occupancy;
@@ -34,12 +33,11 @@ impl ClosedMesh {
     /// Among voxels of a pitch. `None` of an open mesh, whose winding numbers are no whole numbers.
     pub(super) fn new(mesh: &Mesh, pitch: f64) -> Option<Self> {
         let (lower, upper) = mesh.bounds()?;
-        let around = || Body::new(&Element { kind: ElementKind::Cutter, profile: cylinders(mesh) }, pitch);
         openings(mesh).is_none().then(|| Self {
             crossings: CrossingIndex::new(mesh.all_corners()),
             lower,
             upper,
-            around: around(),
+            around: Body::new(&Element { kind: ElementKind::Cutter, profile: cylinders(mesh) }, pitch),
         })
     }
 
@@ -100,7 +98,7 @@ impl ClosedMesh {
     }
 }
 
-/// Cylinders about the tool's axis, one above the other, that hold a mesh.
+/// Cylinders about the tool's axis, one above the other, that hold a closed mesh.
 fn cylinders(mesh: &Mesh) -> Vec<Segment> {
     let Some((lower, upper)) = mesh.bounds() else { return Vec::new() };
     let height = (upper.z - lower.z) / CYLINDERS as f64;
@@ -108,14 +106,15 @@ fn cylinders(mesh: &Mesh) -> Vec<Segment> {
     for [a, b, c] in mesh.all_corners() {
         for (low, high) in [(a, b), (b, c), (c, a)].map(|(p, q)| if p.z <= q.z { (p, q) } else { (q, p) }) {
             let place = |z: f64| (((z - lower.z) / height).max(0.0) as usize).min(CYLINDERS - 1);
+            // The ends of a level edge are those of others.
+            if low.z == high.z {
+                continue;
+            }
             // A hair beyond both ends, which may lie in the next one by rounding.
             for cylinder in place(low.z - 1e-9 * height)..=place(high.z + 1e-9 * height) {
-                // Of a level edge its ends.
-                let between = |level: f64| match high.z > low.z {
-                    true => low
-                        .lerp(high, ((lower.z + level * height - low.z) / (high.z - low.z)).clamp(0.0, 1.0)),
-                    false if level == cylinder as f64 => low,
-                    false => high,
+                let between = |level: f64| {
+                    let part = (lower.z + level * height - low.z) / (high.z - low.z);
+                    low.lerp(high, part.clamp(0.0, 1.0))
                 };
                 for end in [between(cylinder as f64), between(cylinder as f64 + 1.0)] {
                     radii[cylinder] = radii[cylinder].max(end.truncate().length());

@@ -1,85 +1,11 @@
-//! One line of a program: its words, a letter and a number each, and what each of them means. A word that could move the machine and is
-//! not known is refused.
-//!
-//! Available parsers (the crate `gcode`) hold numbers in 24 bits, which is a hundredth of a millimetre at a metre in
-//! tenths of inches, and skip what they do not know; here every character is read, or refused.
+//! What the words of one line mean. A word that could move the machine and is not known is refused.
 
 use glam::DVec3;
 
 use super::Motion;
+use super::words::Word;
 use crate::machine::Machine;
 use crate::toolpath::error::Fault;
-
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Word<'a> {
-    /// In upper case.
-    pub(super) letter: char,
-    pub(super) value: f64,
-    /// The number as written.
-    pub(super) text: &'a str,
-}
-
-/// Whether a line is the sign that stands before and behind a program.
-pub(super) fn is_sign(line: &str) -> bool {
-    line.trim_start().starts_with('%')
-}
-
-/// The words of one line; none of a line that only separates or comments.
-pub(super) fn words(line: &str) -> Result<Vec<Word<'_>>, String> {
-    let mut rest = line.trim();
-    let mut found = Vec::new();
-    if let Some(name) = rest.strip_prefix('%') {
-        // A name or a number may follow; words would not be run.
-        let runs = |word: &Word<'_>| "GMTXYZABC".contains(word.letter);
-        if words(name).is_ok_and(|words| words.iter().any(runs)) {
-            return Err(
-                "words stand behind '%', where a control skips them: give them a line of their own".into()
-            );
-        }
-        return Ok(found);
-    }
-    if rest.starts_with('/') {
-        return Err(
-            "the line is skipped or not by a switch of the machine ('/'): take it out, or the '/' alone"
-                .into(),
-        );
-    }
-    while let Some(first) = rest.chars().next() {
-        match first {
-            ';' => break,
-            '(' => {
-                let end = rest.find(')').ok_or("a comment has no end: ')' is missing")?;
-                rest = &rest[end + 1..];
-            }
-            letter if letter.is_ascii_alphabetic() => {
-                let number = rest[1..].trim_start();
-                let end = number.find(|c: char| !(c.is_ascii_digit() || matches!(c, '.' | '+' | '-')));
-                let text = &number[..end.unwrap_or(number.len())];
-                let value = text.parse::<f64>().map_err(|_| {
-                    let word: String = rest.chars().take_while(|c| !c.is_whitespace()).take(24).collect();
-                    format!(
-                        "'{word}' is not understood: words are a letter and a number (no variables, expressions or names); let the \
-                         CAM program write plain motions"
-                    )
-                })?;
-                found.push(Word { letter: letter.to_ascii_uppercase(), value, text });
-                rest = &number[text.len()..];
-            }
-            other => {
-                return Err(format!(
-                    "'{other}' is not understood and might move the machine: take it out if it does not"
-                ));
-            }
-        }
-        rest = rest.trim_start();
-    }
-    Ok(found)
-}
-
-/// True where a line ends in a word, which may be the beginning of a longer one.
-pub(super) fn ends_in_word(line: &str) -> bool {
-    words(line).is_ok_and(|words| words.last().is_some_and(|last| line.trim_end().ends_with(last.text)))
-}
 
 /// What a line says.
 #[derive(Clone, Debug, Default)]
@@ -95,11 +21,18 @@ pub(super) struct Block {
     /// D.
     pub(super) edge: Option<f64>,
     pub(super) in_machine_coordinates: bool,
-    pub(super) goes_home: bool,
+    /// G28, or G30.
+    pub(super) home: Option<&'static str>,
     pub(super) dwells: bool,
     pub(super) tool: Option<u32>,
     pub(super) changes_tool: bool,
     pub(super) ends: bool,
+    /// M words that are not known, and are taken to move nothing.
+    pub(super) unknown_m: Vec<u32>,
+    /// M19, whose R is an angle.
+    turns_spindle: bool,
+    /// A, B or C of an axis that is not given, at 0.
+    pub(super) idle_axis: Option<char>,
     /// X, Y and Z.
     pub(super) linear: [Option<f64>; 3],
     /// In the order of the machine's rotary axes.
@@ -109,37 +42,43 @@ pub(super) struct Block {
     pub(super) has_decimals_missing: bool,
     /// G64: corners are rounded, `lengths` away from the path at most.
     pub(super) rounds: bool,
-    /// G64 without a length, G5.1, G8, G187: how far the control leaves the path is not said.
+    /// G64 without a length, G5, G5.1, G8, G187, G641 to G645: how far the control leaves the path is not said.
     pub(super) smooths: bool,
-    /// Of G5.1, G8 and G187 the word, and the letter that it needs.
-    mode: Option<(&'static str, Option<char>)>,
+    /// A word that is understood without coordinates alone, the letter that it needs, and as what.
+    alone: Option<(String, Option<char>, &'static str)>,
     /// The G words of the block that exclude others, in tenths.
     excluding: Vec<u32>,
     /// P and Q.
     pub(super) lengths: [Option<f64>; 2],
 }
 
-/// G words that move nothing and change no coordinate, in tenths: exact stop, no cutter compensation, no scaling, end of a cycle, path
-/// modes, no rotation, kinds of feed, the cycles' level.
-const STILL_G: [u32; 15] = [90, 131, 150, 400, 610, 611, 670, 690, 800, 930, 940, 950, 970, 980, 990];
+/// G words that move nothing and change no coordinate, in tenths: exact stop, no cutter compensation and its corners, no scaling, end of
+/// a cycle, path modes, no rotation, no turning of the tool, kinds of feed, the cycles' level.
+const STILL_G: [u32; 21] = [
+    90, 131, 150, 400, 401, 610, 611, 670, 690, 800, 930, 940, 950, 970, 980, 990, 4500, 4510, 6010, 6020,
+    6030,
+];
 /// G words of which one alone is in force, in tenths: plane, unit, absolute or steps, tool length, work offset, path mode.
 const EXCLUDING_G: [&[u32]; 6] = [
     &[170, 180, 190],
-    &[200, 210],
+    &[200, 210, 700, 710],
     &[900, 910],
     &[430, 434, 2340, 490],
     &[540, 550, 560, 570, 580, 590],
-    &[610, 611, 640],
+    &[610, 611, 640, 6410, 6420, 6430, 6440, 6450],
 ];
 /// M words that move neither tool nor part: stops, ends, spindle, coolant, clamps, overrides.
 pub(in crate::toolpath) const STILL_M: [u32; 15] = [0, 1, 2, 3, 4, 5, 7, 8, 9, 10, 11, 19, 30, 48, 49];
+/// M words that call programs, mirror, change pallets or tools, or change what other words mean. Above 89 controls have too many of them;
+/// of the rest those that are not known are relays: chip conveyors, coolants, doors, gears.
+const MOVING_M: [u32; 12] = [17, 21, 22, 23, 47, 60, 61, 66, 70, 71, 72, 73];
 
 impl Block {
     pub(super) fn new(words: &[Word<'_>], machine: Option<&Machine>) -> Result<Self, Fault> {
         let mut block = Self::default();
         let mut seen = Vec::new();
         for word in words {
-            if !matches!(word.letter, 'G' | 'M' | 'N') {
+            if !matches!(word.letter, 'G' | 'M' | 'N' | ':') {
                 if seen.contains(&word.letter) {
                     return Err(format!("{} stands twice in one line", word.letter).into());
                 }
@@ -147,18 +86,35 @@ impl Block {
             }
             block.take(word, machine)?;
         }
-        block.smooths |= block.mode.is_some();
         if block.rounds && !seen.iter().any(|letter| "PQ".contains(*letter)) {
             (block.rounds, block.smooths) = (false, true);
         }
         block.check(&seen)?;
+        if !block.linear.iter().chain(&block.rotary).any(Option::is_some) {
+            block.check_named(machine)?;
+        }
+        if block.turns_spindle && block.motion.is_none() && block.linear == [None; 3] {
+            block.radius = None;
+        }
         Ok(block)
+    }
+
+    /// Of a block that names no axis that moves.
+    fn check_named(&mut self, machine: Option<&Machine>) -> Result<(), String> {
+        if self.idle_axis.is_some() {
+            (self.home, self.in_machine_coordinates) = (None, false);
+        }
+        // Without a machine it is not known where all of them go.
+        if self.in_machine_coordinates || self.home.is_some() && machine.is_some() {
+            return Err("it does not say which axes move: name them, such as Z0.".into());
+        }
+        Ok(())
     }
 
     /// True where it names an axis, or an arc that ends where it begins.
     pub(super) fn moves(&self) -> bool {
         let axes = self.linear.iter().chain(&self.rotary).any(Option::is_some);
-        axes || self.centre.is_some() || self.radius.is_some() || self.goes_home
+        axes || self.centre.is_some() || self.radius.is_some() || self.home.is_some()
     }
 
     fn take(&mut self, word: &Word<'_>, machine: Option<&Machine>) -> Result<(), Fault> {
@@ -176,7 +132,11 @@ impl Block {
             'G' => self.take_g(value, text)?,
             'M' => match whole()? {
                 6 => self.changes_tool = true,
-                known if STILL_M.contains(&known) => self.ends |= matches!(known, 2 | 30),
+                known if STILL_M.contains(&known) => {
+                    self.ends |= matches!(known, 2 | 30);
+                    self.turns_spindle |= known == 19;
+                }
+                unknown if unknown < 90 && !MOVING_M.contains(&unknown) => self.unknown_m.push(unknown),
                 _ => {
                     return Err(format!(
                         "M{text} is not understood and might move the machine: take it out of the program if it does not"
@@ -185,7 +145,7 @@ impl Block {
                 }
             },
             // Numbers of blocks and programs, feed, spindle speed.
-            'N' | 'O' | 'F' | 'S' => {}
+            ':' | 'N' | 'O' | 'F' | 'S' => {}
             // The place of a radius in the control, or a tool's edge.
             'D' => self.edge = Some(value),
             'T' => self.tool = Some(whole()?),
@@ -203,6 +163,10 @@ impl Block {
             'R' => self.radius = Some(value),
             'A' | 'B' | 'C' => {
                 let place = machine.and_then(|machine| machine.rotary_by_letter(letter));
+                if place.is_none() && value == 0.0 {
+                    self.idle_axis = Some(letter);
+                    return Ok(());
+                }
                 let place = place.ok_or_else(|| match machine {
                     Some(machine) => {
                         format!("{letter}{text} turns an axis that the machine '{}' has not", machine.name)
@@ -241,9 +205,10 @@ impl Block {
             170 => self.plane = Some([0, 1, 2]),
             180 => self.plane = Some([2, 0, 1]),
             190 => self.plane = Some([1, 2, 0]),
-            200 => self.unit_in_mm = Some(25.4),
-            210 => self.unit_in_mm = Some(1.0),
-            280 => self.goes_home = true,
+            200 | 700 => self.unit_in_mm = Some(25.4),
+            210 | 710 => self.unit_in_mm = Some(1.0),
+            280 => self.home = Some("G28"),
+            300 => self.home = Some("G30"),
             430 => self.length = Some(Some(false)),
             434 | 2340 => self.length = Some(Some(true)),
             490 => self.length = Some(None),
@@ -255,9 +220,17 @@ impl Block {
             911 => {}
             still if STILL_G.contains(&still) => {}
             640 => self.rounds = true,
-            51 => self.mode = Some(("G5.1", Some('Q'))),
-            80 => self.mode = Some(("G8", Some('P'))),
-            1870 => self.mode = Some(("G187", None)),
+            smooths @ (50 | 51 | 80 | 1870 | 6410..=6450) => {
+                let needed = match smooths {
+                    50 | 80 => Some('P'),
+                    51 => Some('Q'),
+                    _ => None,
+                };
+                self.smooths = true;
+                self.alone = Some((format!("G{text}"), needed, "smoothing of corners"));
+            }
+            500 | 501 => self.alone = Some((format!("G{text}"), None, "the end of scaling and mirroring")),
+            921 | 922 => self.alone = Some((format!("G{text}"), None, "the end of a shift")),
             410 | 420 => {
                 return Err(format!(
                     "G{text} moves the tool beside the path by a radius in the control: let the CAM program write the tip's own path (G40)"
@@ -292,7 +265,7 @@ impl Block {
         let has = |letters: &str| seen.iter().copied().find(|&letter| letters.contains(letter));
         if self.dwells {
             // The time is P, or X or U where they can be nothing else.
-            let moves = self.motion.is_some() || self.goes_home || self.in_machine_coordinates;
+            let moves = self.motion.is_some() || self.home.is_some() || self.in_machine_coordinates;
             let is_lost =
                 |&letter: &char| moves || seen.iter().any(|&other| other != letter && "PXUF".contains(other));
             return match has("YZIJKRABCHQL").or(has("X").or(has("U")).filter(is_lost)) {
@@ -302,15 +275,19 @@ impl Block {
                 None => Ok(()),
             };
         }
-        if let Some((word, needed)) = self.mode {
+        if let Some((word, needed, meaning)) = &self.alone {
             if let Some(letter) = has("XYZABCIJKR") {
-                return Err(format!(
-                    "{letter} stands beside {word}, which is understood as smoothing of corners alone"
-                ));
+                return Err(format!("{letter} stands beside {word}, which is understood as {meaning} alone"));
             }
             if let Some(letter) = needed.filter(|letter| !seen.contains(letter)) {
-                return Err(format!("{word} is understood with {letter} alone, as smoothing of corners"));
+                return Err(format!("{word} is understood with {letter} alone, as {meaning}"));
             }
+        }
+        if let (Some(offset @ (58 | 59)), None, Some(letter)) = (self.offset, self.motion, has("XYZABC")) {
+            return Err(format!(
+                "{letter} stands beside G{offset} without a motion, which shifts the zero on some controls and moves on others: write G0 or \
+                 G1, or G{offset} in a line of its own"
+            ));
         }
         if self.rounds && self.lengths[0].is_none_or(|p| p < 0.0) {
             return Err(
@@ -327,44 +304,11 @@ impl Block {
         if self.length_number == Some(0) {
             return Err("H0 is not a tool's length: write G49 to end one".into());
         }
-        if self.goes_home || self.in_machine_coordinates {
-            if !self.linear.iter().chain(&self.rotary).any(Option::is_some) {
-                return Err("it does not say which axes move: name them, such as Z0.".into());
-            }
+        if self.home.is_some() || self.in_machine_coordinates {
             if self.centre.is_some() || self.radius.is_some() {
                 return Err("an arc does not go by the machine's coordinates".into());
             }
         }
         Ok(())
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn words_are_read_and_comments_are_not() {
-        let read = |line: &str| -> Vec<(char, f64)> {
-            words(line).unwrap().into_iter().map(|word| (word.letter, word.value)).collect()
-        };
-        assert_eq!(
-            read("N10 g1X1.5Y-.25 (to, X9) Z+3. ; X7"),
-            [('N', 10.0), ('G', 1.0), ('X', 1.5), ('Y', -0.25), ('Z', 3.0)]
-        );
-        assert_eq!(read("G43.4 H 1"), [('G', 43.4), ('H', 1.0)]);
-        assert_eq!((read("%"), read("(X1)"), read("  ")), (vec![], vec![], vec![]));
-        for (line, said) in [
-            ("G1 X#101", "'X#101'"),
-            ("G1 X[1+2]", "'X[1+2]'"),
-            ("MSG(\"X\")", "'MSG"),
-            ("#1=3", "'#'"),
-            ("/G1 X1", "'/'"),
-            ("G1 (X1", "')' is missing"),
-            ("G1 X1.2.3", "'X1.2.3'"),
-        ] {
-            let error = words(line).unwrap_err();
-            assert!(error.contains(said), "{line}: {error}");
-        }
     }
 }

@@ -135,14 +135,16 @@ impl Program<'_> {
         self.go_by_machine(line, linear, block.rotary, motion)
     }
 
-    /// G28: by the place that is given to the reference point, each axis that is named.
-    pub(super) fn go_home(&mut self, line: usize, block: &Block) -> Result<(), String> {
+    /// G28 or G30: by the place that is given to the reference point, each axis that is named.
+    pub(super) fn go_home(&mut self, line: usize, block: &Block, word: &'static str) -> Result<(), String> {
         if self.centre_point {
-            return Err("G28 while the tool's centre point is kept: end that with G49 before".into());
+            return Err(format!("{word} while the tool's centre point is kept: end that with G49 before"));
         }
-        let steps =
-            !self.absolute && block.linear.iter().chain(&block.rotary).flatten().all(|&step| step == 0.0);
-        if !steps {
+        if word == "G30" && self.machine.is_some() {
+            return Err("G30 goes to a place that the machine's description does not give: write G53".into());
+        }
+        let named = || block.linear.iter().chain(&block.rotary).flatten();
+        if self.absolute && named().count() > 0 || named().any(|&step| step != 0.0) {
             if self.machine.is_none() {
                 self.check_length(line, block)?;
             }
@@ -150,7 +152,7 @@ impl Program<'_> {
             self.z_by_spindle &= block.linear[2].is_none();
             self.reach(line, to, rotary, Motion::Rapid)?;
         }
-        let Some(machine) = self.machine else { return self.leave(line, block, "G28") };
+        let Some(machine) = self.machine else { return self.leave(line, block, word) };
         let linear = [0, 1, 2].map(|axis| block.linear[axis].map(|_| machine.home[axis]));
         self.go_by_machine(line, linear, block.rotary.map(|given| given.map(|_| 0.0)), Motion::Rapid)
     }
@@ -176,10 +178,11 @@ impl Program<'_> {
         Ok(())
     }
 
-    /// Without a machine: to a place that is not known, and the path begins anew behind it.
+    /// Without a machine: the axes that are named, or all, to a place that is not known, and the path begins anew behind it.
     fn leave(&mut self, line: usize, block: &Block, word: &str) -> Result<(), String> {
         self.give_up_waiting(true);
-        for axis in (0..3).filter(|&axis| block.linear[axis].is_some()) {
+        let all = block.linear == [None; 3];
+        for axis in (0..3).filter(|&axis| all || block.linear[axis].is_some()) {
             self.joints.linear[axis] = f64::NAN;
         }
         self.broken = true;

@@ -396,3 +396,4 @@ fn any_number_without_a_decimal_point_is_remarked() {
 }
 
 mod blocks;
+mod dialects;
