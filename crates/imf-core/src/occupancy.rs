@@ -48,6 +48,7 @@ impl Occupancy {
     }
 
     /// The centres of the solid voxels.
+    #[cfg(test)]
     pub(crate) fn centres(&self) -> impl Iterator<Item = DVec3> {
         self.solids().map(|index| self.grid.centre(self.grid.voxel(index)))
     }

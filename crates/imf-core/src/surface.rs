@@ -14,7 +14,6 @@ mod contact;
 mod crib;
 mod culprits;
 mod environment;
-mod inside;
 mod level_ring;
 mod obstructed;
 mod part_setup;
@@ -50,7 +49,6 @@ use thiserror::Error;
 
 use access::ToolDirection;
 use contact::{Outline, touching};
-use inside::InnerBalls;
 use level_ring::RingPlaces;
 use sample_query::{DirectionQuery, Last, Outcome, SampleQuery, TOUCH};
 
@@ -121,7 +119,6 @@ enum Shape {
     /// The points that may touch, in the tool's frame.
     Mesh {
         touching: Vec<DVec3>,
-        inner: InnerBalls,
         whole: Box<SolidField>,
     },
 }
@@ -178,8 +175,7 @@ impl SurfaceTool {
         if let ToolShape::Mesh(mesh) = &tool.shape {
             let whole = Box::new(SolidField::of_tool(environment.keep_out.clone(), tool));
             let touching = touching(tool, mesh).to_vec();
-            let inner = InnerBalls::new(mesh, environment.part.occupancy().grid.pitch);
-            let shape = Arc::new(Shape::Mesh { touching, inner, whole });
+            let shape = Arc::new(Shape::Mesh { touching, whole });
             return Ok(Self { name, shape, tolerance, elements: Arc::default(), bodies: 1, limit: None });
         }
         let outline = Outline::of(tool).ok_or_else(|| SurfaceError::NoCutter(name.clone()))?;

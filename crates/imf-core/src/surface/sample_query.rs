@@ -146,7 +146,7 @@ impl<'a> SampleQuery<'a> {
         let mut best = Outcome::NoContact;
         let tool = match &*self.tool.shape {
             Shape::Revolved(tool) => tool,
-            Shape::Mesh { touching, inner, whole } => {
+            Shape::Mesh { touching, whole } => {
                 // The points that lie farthest towards the surface, a tolerance outside it; between them the tool is flat.
                 let support = |v: &DVec3| -sample.normal.dot(turn.rotation * *v);
                 let farthest = touching.iter().map(support).fold(f64::NEG_INFINITY, f64::max);
@@ -161,9 +161,7 @@ impl<'a> SampleQuery<'a> {
                 for place in places {
                     let tip = outside - turn.rotation * place;
                     let pose = Pose::new(tip, turn.rotation);
-                    let collides = inner.hit(&pose, whole.voxels())
-                        || whole.mesh_holds_a_point(&pose)
-                        || whole.collides(&pose);
+                    let collides = whole.mesh_holds_a_point(&pose) || whole.collides(&pose);
                     let outcome = if collides { Outcome::Obstructed(tip) } else { Outcome::Good(tip) };
                     best = best.or(direction.with_rest(outcome));
                     if best.is_good() {
