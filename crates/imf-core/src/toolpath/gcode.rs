@@ -1,6 +1,6 @@
 //! Programs in G-code, for three axes without a machine and for any axes with one.
 //!
-//! Read are G0 to G3 (arcs and helices by chords, G17 to G19, centres from the start or radii), G4, G20 and G21 (G70
+//! Read are G0 to G3 (arcs and helices by chords, G17 to G19, centres from the start or radii), drilling cycles, G4, G20 and G21 (G70
 //! and G71), G28, G30 and G53, G43 with G49, G43.4 and G234 (tool centre point control), G54 to G59, G90 and G91, T with
 //! M6, words that move nothing, and words that smooth corners and M words of the machine's own, which get a remark.
 //! Every other word is refused with its line, and so are anything after the end of the program, and a last line that may have been cut. A program without an end gets a remark.
@@ -17,7 +17,9 @@ mod after_end;
 mod arc;
 mod block;
 mod coordinates;
+mod cycle;
 mod length;
+mod remarks;
 mod unchecked;
 mod words;
 
@@ -29,6 +31,7 @@ use crate::machine::{Joints, Machine};
 use arc::Arc;
 use block::Block;
 pub(super) use block::STILL_M;
+use cycle::Cycle;
 use unchecked::Unchecked;
 pub(super) use words::is_program;
 
@@ -51,6 +54,10 @@ struct Program<'a> {
     machine: Option<&'a Machine>,
     path: Toolpath,
     motion: Option<Motion>,
+    /// In force in place of a motion.
+    cycle: Option<Cycle>,
+    /// A cycle ends where it began (G98), or at its R (G99), if it is said.
+    returns: Option<bool>,
     /// Places of the plane's axes and of its normal.
     plane: [usize; 3],
     absolute: bool,
@@ -187,7 +194,7 @@ impl Program<'_> {
         let is_sign = words::is_sign(text);
         let ends = is_sign && self.has_begun;
         self.has_begun |= is_sign || !words.is_empty();
-        let block = Block::new(&words, self.machine)?;
+        let block = Block::new(&words, self.machine, self.cycle.is_some())?;
         self.take(line, &block)?;
         self.end = (ends || block.ends).then_some(line);
         Ok(())
@@ -226,7 +233,7 @@ impl Program<'_> {
         self.absolute = block.absolute.unwrap_or(self.absolute);
         self.positioning_is_said |= block.absolute.is_some();
         self.take_length(line, block)?;
-        self.motion = block.motion.or(self.motion);
+        self.take_motion(block);
         if block.rounds {
             self.round_corners(line, block);
         }
@@ -272,60 +279,16 @@ impl Program<'_> {
         match block.home {
             Some(word) => self.go_home(line, block, word),
             None if block.in_machine_coordinates => self.go_in_machine_coordinates(line, block),
+            None if block.drills => self.drill(line, block),
             None => self.go(line, block),
         }?;
         self.take_axes(line, block);
         Ok(())
     }
 
-    /// On words that are taken to move nothing.
-    fn remark_on_idle(&mut self, line: usize, block: &Block) {
-        for &number in &block.unknown_m {
-            if !self.unknown_m.contains(&number) {
-                self.unknown_m.push(number);
-                self.path.remarks.push(format!(
-                    "line {line}: what M{number} does differs from machine to machine: it is taken to move neither tool nor part"
-                ));
-            }
-        }
-        if let Some(letter) = block.idle_axis {
-            let text = format!("{letter}0 is taken to leave an axis that is not given where it stands");
-            self.remark(line, "idle axis", &text);
-        }
-    }
-
-    /// That the tool has moved since a T to which no M6 has changed. Programs call their first tool at their end, for the next run.
-    fn remark_on_call(&mut self) {
-        let waiting = self.waiting.take().filter(|&(_, number, _)| Some(number) != self.first_tool);
-        if let (Some((line, number, true)), Some(tool)) = (waiting, self.tool) {
-            self.path.remarks.push(format!(
-                "line {line}: T{number} is called, and no M6 changes to it: what follows is checked with tool {tool}"
-            ));
-        }
-    }
-
-    /// The path is followed as it is written.
-    fn round_corners(&mut self, line: usize, block: &Block) {
-        let [p, q] = block.lengths.map(Option::unwrap_or_default);
-        if p + q > self.rounded {
-            self.rounded = p + q;
-            self.path.remarks.push(format!(
-                "line {line}: with G64 the control leaves the path by up to {}: it is followed as written, so ask for as much more clearance",
-                self.rounded
-            ));
-        }
-    }
-
-    fn remark(&mut self, line: usize, about: &'static str, text: &str) {
-        if !self.remarked.contains(&about) {
-            self.remarked.push(about);
-            self.path.remarks.push(format!("line {line}: {text}"));
-        }
-    }
-
     fn go(&mut self, line: usize, block: &Block) -> Result<(), String> {
         let motion = self.motion.ok_or("axes move, and none of G0, G1, G2 and G3 says how")?;
-        self.check_length(line, block)?;
+        self.check_length(line, block.linear[2].is_some())?;
         self.z_by_spindle &= block.linear[2].is_none();
         let is_arc = matches!(motion, Motion::Clockwise | Motion::CounterClockwise);
         if !is_arc && (block.centre.is_some() || block.radius.is_some()) {
@@ -334,15 +297,8 @@ impl Program<'_> {
         let (to, rotary) = self.target(block)?;
         match motion {
             Motion::Rapid | Motion::Feed => {
-                if motion == Motion::Rapid
-                    && !self.broken
-                    && block.linear.iter().flatten().count() + block.rotary.iter().flatten().count() > 1
-                {
-                    self.remark(
-                        line,
-                        "rapids",
-                        "G0 is followed straight: a machine that moves each axis at its own full speed takes another way",
-                    );
+                if motion == Motion::Rapid {
+                    self.remark_on_rapid(line, block);
                 }
                 self.reach(line, to, rotary, motion)
             }

@@ -29,6 +29,14 @@ pub(super) struct Block {
     pub(super) ends: bool,
     /// M words that are not known, and are taken to move nothing.
     pub(super) unknown_m: Vec<u32>,
+    /// A drilling cycle begins, by its G word; or ends.
+    pub(super) cycle: Option<u32>,
+    pub(super) ends_cycle: bool,
+    /// G98, or not G98 but G99.
+    pub(super) returns: Option<bool>,
+    /// It is a hole of the cycle in force; how often it is made, by L or K.
+    pub(super) drills: bool,
+    pub(super) repeats: Option<(char, f64)>,
     /// M19, whose R is an angle.
     turns_spindle: bool,
     /// A, B or C of an axis that is not given, at 0.
@@ -52,17 +60,17 @@ pub(super) struct Block {
     pub(super) lengths: [Option<f64>; 2],
 }
 
-/// G words that move nothing and change no coordinate, in tenths: exact stop, no cutter compensation and its corners, no scaling, end of
-/// a cycle, path modes, no rotation, no turning of the tool, kinds of feed, the cycles' level.
-const STILL_G: [u32; 21] = [
-    90, 131, 150, 400, 401, 610, 611, 670, 690, 800, 930, 940, 950, 970, 980, 990, 4500, 4510, 6010, 6020,
-    6030,
-];
-/// G words of which one alone is in force, in tenths: plane, unit, absolute or steps, tool length, work offset, path mode.
-const EXCLUDING_G: [&[u32]; 6] = [
+/// G words that move nothing and change no coordinate, in tenths: exact stop, no cutter compensation and its corners, no scaling, path
+/// modes, no rotation, no turning of the tool, kinds of feed.
+const STILL_G: [u32; 18] =
+    [90, 131, 150, 400, 401, 610, 611, 670, 690, 930, 940, 950, 970, 4500, 4510, 6010, 6020, 6030];
+/// G words of which one alone is in force, in tenths: plane, unit, absolute or steps, level and kind of cycles, tool length, work offset, path mode.
+const EXCLUDING_G: [&[u32]; 8] = [
     &[170, 180, 190],
     &[200, 210, 700, 710],
     &[900, 910],
+    &[980, 990],
+    &[730, 740, 800, 810, 820, 830, 840, 850, 860, 890],
     &[430, 434, 2340, 490],
     &[540, 550, 560, 570, 580, 590],
     &[610, 611, 640, 6410, 6420, 6430, 6440, 6450],
@@ -74,7 +82,8 @@ pub(in crate::toolpath) const STILL_M: [u32; 15] = [0, 1, 2, 3, 4, 5, 7, 8, 9, 1
 const MOVING_M: [u32; 12] = [17, 21, 22, 23, 47, 60, 61, 66, 70, 71, 72, 73];
 
 impl Block {
-    pub(super) fn new(words: &[Word<'_>], machine: Option<&Machine>) -> Result<Self, Fault> {
+    /// `in_cycle`: a drilling cycle is in force.
+    pub(super) fn new(words: &[Word<'_>], machine: Option<&Machine>, in_cycle: bool) -> Result<Self, Fault> {
         let mut block = Self::default();
         let mut seen = Vec::new();
         for word in words {
@@ -86,6 +95,7 @@ impl Block {
             }
             block.take(word, machine)?;
         }
+        block.take_cycle(&seen, in_cycle)?;
         if block.rounds && !seen.iter().any(|letter| "PQ".contains(*letter)) {
             (block.rounds, block.smooths) = (false, true);
         }
@@ -97,6 +107,21 @@ impl Block {
             block.radius = None;
         }
         Ok(block)
+    }
+
+    /// Whether it is a hole: K is no centre there.
+    fn take_cycle(&mut self, seen: &[char], in_cycle: bool) -> Result<(), String> {
+        let goes_otherwise =
+            self.motion.is_some() || self.home.is_some() || self.in_machine_coordinates || self.dwells;
+        if let (Some(word), true) = (self.cycle, goes_otherwise) {
+            return Err(format!("G{word} is a second kind of motion in one line"));
+        }
+        self.drills = self.cycle.is_some() || in_cycle && !self.ends_cycle && !goes_otherwise;
+        if self.drills {
+            let by_k = self.centre.take().filter(|_| seen.contains(&'K')).map(|centre| ('K', centre.z));
+            self.repeats = self.repeats.or(by_k);
+        }
+        Ok(())
     }
 
     /// Of a block that names no axis that moves.
@@ -152,7 +177,8 @@ impl Block {
             'H' => self.length_number = Some(whole()?),
             'P' => self.lengths[0] = Some(value),
             'Q' => self.lengths[1] = Some(value),
-            'L' | 'U' => {}
+            'L' => self.repeats = Some((letter, value)),
+            'U' => {}
             'X' | 'Y' | 'Z' => {
                 self.linear["XYZ".find(letter).unwrap_or_default()] = Some(value);
             }
@@ -236,7 +262,10 @@ impl Block {
                     "G{text} moves the tool beside the path by a radius in the control: let the CAM program write the tip's own path (G40)"
                 ));
             }
-            730 | 740 | 760 | 810..=890 => {
+            730 | 740 | 810 | 820 | 830 | 840 | 850 | 860 | 890 => self.cycle = Some(tenths as u32 / 10),
+            800 => self.ends_cycle = true,
+            980 | 990 => self.returns = Some(tenths == 980.0),
+            760 | 810..=890 => {
                 return Err(format!(
                     "G{text} is a cycle, which is not followed: let the CAM program write its motions as G0 and G1"
                 ));
@@ -283,7 +312,9 @@ impl Block {
                 return Err(format!("{word} is understood with {letter} alone, as {meaning}"));
             }
         }
-        if let (Some(offset @ (58 | 59)), None, Some(letter)) = (self.offset, self.motion, has("XYZABC")) {
+        if let (Some(offset @ (58 | 59)), None, Some(letter)) =
+            (self.offset, self.motion, has("XYZABC").filter(|_| self.cycle.is_none()))
+        {
             return Err(format!(
                 "{letter} stands beside G{offset} without a motion, which shifts the zero on some controls and moves on others: write G0 or \
                  G1, or G{offset} in a line of its own"
@@ -295,7 +326,12 @@ impl Block {
                     .into(),
             );
         }
-        if let Some(letter) = has(if self.rounds || self.smooths { "LU" } else { "PQLU" }) {
+        let unknown = match (self.drills, self.rounds || self.smooths) {
+            (true, _) => "U",
+            (false, true) => "LU",
+            (false, false) => "PQLU",
+        };
+        if let Some(letter) = has(unknown) {
             return Err(format!("{letter} is not understood here and might move the machine"));
         }
         if self.length_number.is_some() && self.length.is_none_or(|length| length.is_none()) {
@@ -304,10 +340,9 @@ impl Block {
         if self.length_number == Some(0) {
             return Err("H0 is not a tool's length: write G49 to end one".into());
         }
-        if self.home.is_some() || self.in_machine_coordinates {
-            if self.centre.is_some() || self.radius.is_some() {
-                return Err("an arc does not go by the machine's coordinates".into());
-            }
+        let by_machine = self.home.is_some() || self.in_machine_coordinates;
+        if by_machine && (self.centre.is_some() || self.radius.is_some()) {
+            return Err("an arc does not go by the machine's coordinates".into());
         }
         Ok(())
     }

@@ -146,7 +146,7 @@ impl Program<'_> {
         let named = || block.linear.iter().chain(&block.rotary).flatten();
         if self.absolute && named().count() > 0 || named().any(|&step| step != 0.0) {
             if self.machine.is_none() {
-                self.check_length(line, block)?;
+                self.check_length(line, block.linear[2].is_some())?;
             }
             let (to, rotary) = self.target(block)?;
             self.z_by_spindle &= block.linear[2].is_none();

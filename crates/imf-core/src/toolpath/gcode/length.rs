@@ -120,8 +120,8 @@ impl Program<'_> {
     }
 
     /// What Z means must be known: the place of the tip.
-    pub(super) fn check_length(&mut self, line: usize, block: &Block) -> Result<(), String> {
-        if block.linear[2].is_none() {
+    pub(super) fn check_length(&mut self, line: usize, moves_z: bool) -> Result<(), String> {
+        if !moves_z {
             return Ok(());
         }
         if !self.length {

@@ -103,7 +103,7 @@ fn arcs_end_where_they_say_in_each_plane() {
 fn what_is_not_followed_is_refused_with_line_and_word() {
     let start = "G21 G90 G0 X0. Y0. Z9.\n";
     let cases = [
-        ("G81 Z-3. R1.", "G81 is a cycle"),
+        ("G87 Z-3. R1.", "G87 is a cycle"),
         ("G41 D1 X3.", "G41 moves the tool beside the path"),
         ("G68 R90.", "G68 is not understood"),
         ("G10 L2 P1 X3.", "G10 is not understood"),
@@ -396,4 +396,5 @@ fn any_number_without_a_decimal_point_is_remarked() {
 }
 
 mod blocks;
+mod cycles;
 mod dialects;
