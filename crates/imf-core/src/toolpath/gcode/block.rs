@@ -62,8 +62,8 @@ pub(super) struct Block {
 
 /// G words that move nothing and change no coordinate, in tenths: exact stop, no cutter compensation and its corners, no scaling, path
 /// modes, no rotation, no turning of the tool, kinds of feed.
-const STILL_G: [u32; 18] =
-    [90, 131, 150, 400, 401, 610, 611, 670, 690, 930, 940, 950, 970, 4500, 4510, 6010, 6020, 6030];
+const STILL_G: [u32; 19] =
+    [90, 131, 150, 400, 401, 610, 611, 670, 690, 930, 940, 950, 960, 970, 4500, 4510, 6010, 6020, 6030];
 /// G words of which one alone is in force, in tenths: plane, unit, absolute or steps, level and kind of cycles, tool length, work offset, path mode.
 const EXCLUDING_G: [&[u32]; 8] = [
     &[170, 180, 190],
@@ -103,7 +103,7 @@ impl Block {
         if !block.linear.iter().chain(&block.rotary).any(Option::is_some) {
             block.check_named(machine)?;
         }
-        if block.turns_spindle && block.motion.is_none() && block.linear == [None; 3] {
+        if block.is_arguments() {
             block.radius = None;
         }
         Ok(block)
@@ -122,6 +122,12 @@ impl Block {
             self.repeats = self.repeats.or(by_k);
         }
         Ok(())
+    }
+
+    /// What is neither an axis nor a motion in it belongs to an M word: the angle of M19, and what the machine's own need.
+    fn is_arguments(&self) -> bool {
+        let is_still = self.motion.is_none() && self.linear == [None; 3];
+        is_still && (self.turns_spindle || !self.unknown_m.is_empty())
     }
 
     /// Of a block that names no axis that moves.
@@ -326,7 +332,7 @@ impl Block {
                     .into(),
             );
         }
-        let unknown = match (self.drills, self.rounds || self.smooths) {
+        let unknown = match (self.drills || self.is_arguments(), self.rounds || self.smooths) {
             (true, _) => "U",
             (false, true) => "LU",
             (false, false) => "PQLU",

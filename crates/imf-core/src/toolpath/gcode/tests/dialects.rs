@@ -20,6 +20,7 @@ fn words_of_other_controls_that_move_nothing_are_read() {
         "G601",
         ":20 G1 X2. F9",
         "M19 R90.",
+        "G96 S200",
         "<TOP>",
         "G1 X2. M9 N7 F3.",
     ] {
@@ -60,7 +61,7 @@ fn the_same_words_are_refused_where_they_mean_more() {
 
 #[test]
 fn the_machines_own_words_and_axes_at_zero_are_remarked_once() {
-    let path = path_of("M88\nG1 A0. X2. F9\nM88 M31\nC0.");
+    let path = path_of("M88 P1 R2.\nG1 A0. X2. F9\nM88 M31\nC0.");
     assert_eq!(positions(&path), [[1.0, 2.0, 9.0], [2.0, 2.0, 9.0]]);
     let said = ["line 3: what M88 does", "line 4: A0 is taken to leave an axis", "line 5: what M31 does"];
     assert_eq!(path.remarks.len(), said.len(), "{:?}", path.remarks);
