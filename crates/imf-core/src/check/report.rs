@@ -97,7 +97,7 @@ pub struct LineCollisions {
     pub line: usize,
     /// Number of the tool, where the file names one.
     pub tool: Option<u32>,
-    /// How the tool comes there.
+    /// How the tool moves where the deepest of them is.
     pub kind: MoveKind,
     /// Poses checked on the way to it, its own included.
     pub poses: u64,
@@ -187,6 +187,7 @@ pub(super) fn gather(
     let (mut locations, mut colliding, mut out_of_travel) = (0, Vec::new(), Vec::new());
     for of_line in found.chunk_by_mut(is_next) {
         locations += 1;
+        let mut deepest = f64::NEG_INFINITY;
         let count = of_line.len() as f64;
         let mut whole = LineCollisions { collisions: Vec::new(), poses: 0, ..of_line[0].1 };
         let mut beyond: Vec<TravelFault> = Vec::new();
@@ -194,6 +195,10 @@ pub(super) fn gather(
             let fraction = |own: f64| (place as f64 + own) / count;
             whole.poses += motion.poses;
             for hit in std::mem::take(&mut motion.collisions) {
+                // A drilling cycle has rapids and feeds in one line.
+                if hit.depth > deepest {
+                    (deepest, whole.kind) = (hit.depth, motion.kind);
+                }
                 whole.add(Collision { fraction: fraction(hit.fraction), ..hit });
             }
             for fault in travel.iter() {

@@ -307,6 +307,9 @@ impl PathFollower<'_> {
             Some(last) if last.line == line && kind != MoveKind::Start => {
                 last.voxels += removal.voxels;
                 last.of_part += removal.of_part;
+                if removal.voxels > 0 {
+                    last.kind = kind;
+                }
             }
             _ => self.removed.push(removal),
         }

@@ -363,3 +363,23 @@ fn a_cutter_that_does_not_cut_with_its_back_collides_where_it_is_fed_back_into_s
     assert_eq!(of_cutter(&disc), [4]);
     assert!(of_cutter(&Tool { back_cutting: true, ..disc }).is_empty());
 }
+
+#[test]
+fn a_hole_of_a_cycle_is_a_feed_and_its_way_down_to_r_a_rapid() {
+    let tool = end_mill(3.0, 3.0);
+    let drilled = |level: f64| {
+        let program = format!("G21 G90 G17 G0 X10. Y0. Z5.\nG98 G81 X0. Y0. Z-9. R{level:.1} F9\nG80\nM30\n");
+        cut_with(&tool, &program, &block(0.5), &usual(0.5))
+    };
+    let report = drilled(2.0);
+    assert!(report.colliding.is_empty(), "{:?}", hits(&report));
+    let [.., hole] = report.removed.as_slice() else { panic!("{:?}", report.removed) };
+    let volume = hole.voxels as f64 / 8.0;
+    assert_eq!((hole.line, hole.kind), (2, MoveKind::Feed));
+    assert!((volume / (std::f64::consts::PI * 81.0) - 1.0).abs() < 0.05, "{volume}");
+    let report = drilled(-4.0);
+    assert_eq!(
+        report.colliding.iter().map(|line| (line.line, line.kind)).collect::<Vec<_>>(),
+        [(2, MoveKind::Rapid)]
+    );
+}

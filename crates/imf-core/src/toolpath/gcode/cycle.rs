@@ -8,9 +8,6 @@ use super::{Motion, Program};
 
 /// Cycles that peck: beside them K may be a length.
 const PECKING: [u32; 2] = [73, 83];
-/// Cycles that leave the hole by the feed: tapping and reaming.
-const FEEDING_OUT: [u32; 4] = [74, 84, 85, 89];
-
 /// Heights closer than this, in the path's unit, are one: sums of offsets round.
 const SAME: f64 = 1e-6;
 
@@ -78,13 +75,13 @@ impl Program<'_> {
                 self.remark_on_rapid(line, &above);
             }
             let (to, rotary) = self.target(&above)?;
-            let feeds_out = FEEDING_OUT.contains(&word);
+            // Out of the hole whichever way: what the feed has passed, a rapid passes too.
             let ways = [
                 (to.z, Motion::Rapid, moves_above),
                 (level, Motion::Rapid, level < top - SAME),
                 (depth, Motion::Feed, true),
-                (level, Motion::Feed, feeds_out),
-                (end, Motion::Rapid, !feeds_out || end > level),
+                (level, Motion::Feed, true),
+                (end, Motion::Rapid, end > level + SAME),
             ];
             for (z, motion, _) in ways.into_iter().filter(|&(.., is_made)| is_made) {
                 self.reach(line, to.with_z(z), rotary, motion)?;

@@ -19,34 +19,34 @@ fn holes_are_their_motions() {
     let first = "G0 X5. Y6.\nZ2.\nG1 Z-9. F50\n";
     assert_same(
         "G98 G81 X5. Y6. Z-9. R2. F50\nX7.\nG80\nG0 Z60.\n",
-        &format!("{first}G0 Z50.\nX7.\nZ2.\nG1 Z-9.\nG0 Z50.\nZ60.\n"),
+        &format!("{first}Z2.\nG0 Z50.\nX7.\nZ2.\nG1 Z-9.\nZ2.\nG0 Z50.\nZ60.\n"),
     );
     // To R between the holes; another depth; and a cycle that pecks after one that does not.
     assert_same(
         "G99 G73 X5. Y6. Z-9. R2. Q1. F50\nX7. Z-4.\nG98 Y8.\nG83 Y9. Z-5. R3. Q2. P100\nG0 X0.\n",
         &format!(
-            "{first}G0 Z2.\nX7.\nG1 Z-4.\nG0 Z2.\nY8.\nG1 Z-4.\nG0 Z50.\nY9.\nZ3.\nG1 Z-5.\nG0 Z50.\nX0.\n"
+            "{first}Z2.\nG0 X7.\nG1 Z-4.\nZ2.\nG0 Y8.\nG1 Z-4.\nZ2.\nG0 Z50.\nY9.\nZ3.\nG1 Z-5.\nZ3.\nG0 Z50.\nX0.\n"
         ),
     );
-    // Where the tool stands; by the feed out again; and none.
+    // Where the tool stands, and none.
     for word in ["G84", "G85", "G89 P1."] {
         assert_same(&format!("G98 {word} Z-9. R2.\n"), "G0 Z2.\nG1 Z-9.\nZ2.\nG0 Z50.\n");
         assert_same(&format!("G99 {word} Z-9. R2.\n"), "G0 Z2.\nG1 Z-9.\nZ2.\n");
     }
-    assert_same("G98 G81 Z-9. R2. L0\nX5. Y6.\nG80\n", &format!("{first}G0 Z50.\n"));
+    assert_same("G98 G81 Z-9. R2. L0\nX5. Y6.\nG80\n", &format!("{first}Z2.\nG0 Z50.\n"));
     // By steps, as often as it says.
     assert_same("G91 G98 G82 X5. Y1. R-48. Z-11. L2\n", &{
-        let hole = |x: f64, y: f64| format!("G0 X{x:.1} Y{y:.1}\nZ2.\nG1 Z-9.\nG0 Z50.\n");
+        let hole = |x: f64, y: f64| format!("G0 X{x:.1} Y{y:.1}\nZ2.\nG1 Z-9.\nZ2.\nG0 Z50.\n");
         hole(5.0, 1.0) + &hole(10.0, 2.0)
     });
-    assert_same("G98 G81 X5. Y6. Z-9. R2. L3\n", &format!("{first}G0 Z50.\n"));
+    assert_same("G98 G81 X5. Y6. Z-9. R2. L3\n", &format!("{first}Z2.\nG0 Z50.\n"));
 }
 
 #[test]
 fn on_a_machine_holes_go_along_z_of_the_program() {
     let machine = trunnion();
     let start = "G21 G90 G0 A0. C0.\nG43 H1 X0. Y0. Z50.\n";
-    let [cycle, motions] = ["G98 G81 X5. A-90. Z20. R30.\n", "X5. A-90.\nZ30.\nG1 Z20. F9\nG0 Z50.\n"]
+    let [cycle, motions] = ["G98 G81 X5. A-90. Z20. R30.\n", "X5. A-90.\nZ30.\nG1 Z20. F9\nZ30.\nG0 Z50.\n"]
         .map(|text| positions(&on(&machine, &format!("{start}{text}")).unwrap()));
     assert_eq!(cycle, motions);
     let kept = "G21 G90 G0 A0. C0.\nG43.4 H1 X0. Y0. Z50.\nG98 G81 X5. Z20. R30.\n";
