@@ -3,14 +3,15 @@
 //! Results go through `write`, not `println`: a reader that closes the pipe early then changes neither the work nor the exit code.
 
 pub(crate) mod length;
+mod lock;
 mod stale;
 mod text;
 
 use std::ffi::OsString;
-use std::fs::{self, File, TryLockError};
+use std::fs::{self, File};
 use std::io::{Error, ErrorKind, Write as _, stdout};
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::OnceLock;
 
 use anyhow::{Context as _, Result, bail, ensure};
 use imf_core::atomic_file::{
@@ -20,6 +21,7 @@ use serde::Serialize;
 use serde_json::{Value, json};
 use tempfile::{Builder, NamedTempFile};
 
+pub use self::lock::{FolderLock, lock_folder};
 pub(crate) use self::stale::SUMMARY;
 use self::stale::{remove_stale, stale_files};
 pub(crate) use self::text::{aligned, element_name, quoted, same_digits, shortened, show_measure};
@@ -42,8 +44,19 @@ impl OutputFolder {
     /// Finds out whether files can be made in the folder, or the folder itself, without leaving a trace.
     ///
     /// # Errors
-    /// A path through a file, or a place that may not be written.
+    /// A path through a file, a place that may not be written, or earlier results in it that this run reads.
     pub fn check(path: &Path) -> Result<Self> {
+        if let Some(read) = stale_files(path).iter().find(|file| times_named(file) > 0) {
+            bail!(
+                "{} is read, and would be replaced with the results in its folder: choose another --out",
+                read.display()
+            );
+        }
+        Self::of_one_file(path)
+    }
+
+    /// As [`OutputFolder::check`], where what else the folder holds stays.
+    fn of_one_file(path: &Path) -> Result<Self> {
         let existing = path.ancestors().find(|ancestor| ancestor.as_os_str().is_empty() || exists(ancestor));
         let existing = match existing {
             Some(ancestor) if !ancestor.as_os_str().is_empty() => ancestor,
@@ -55,12 +68,6 @@ impl OutputFolder {
             path.display(),
             existing.display()
         );
-        if let Some(read) = stale_files(path).iter().find(|file| times_named(file) > 0) {
-            bail!(
-                "{} is read, and would be replaced with the results in its folder: choose another --out",
-                read.display()
-            );
-        }
         // A name of its own: other threads and processes may be asking about the same folder.
         let probe = Builder::new()
             .prefix(".imf-")
@@ -121,52 +128,6 @@ impl OutputFolder {
 
     pub(crate) fn file(&self, name: &str) -> PathBuf {
         self.path.join(name)
-    }
-}
-
-/// A lock on a folder: this run alone writes to it until the lock is dropped.
-#[must_use = "another run may write to the folder as soon as this is dropped"]
-#[derive(Debug)]
-pub struct FolderLock {
-    /// Nothing where this run locked the folder before, and where folders cannot be locked: on Windows, and on some network drives.
-    locked: Option<(PathBuf, File)>,
-}
-
-static LOCKED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
-
-fn locked_folders() -> MutexGuard<'static, Vec<PathBuf>> {
-    LOCKED.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-impl Drop for FolderLock {
-    fn drop(&mut self) {
-        if let Some((path, _)) = &self.locked {
-            locked_folders().retain(|locked| locked != path);
-        }
-    }
-}
-
-/// Makes a folder this run's own, if it exists.
-///
-/// # Errors
-/// Another run that writes to it now.
-pub fn lock_folder(folder: &Path) -> Result<FolderLock> {
-    let nothing = Ok(FolderLock { locked: None });
-    let (Ok(path), Ok(opened)) = (folder.canonicalize(), File::open(folder)) else { return nothing };
-    let mut all = locked_folders();
-    if all.contains(&path) {
-        return nothing;
-    }
-    match opened.try_lock() {
-        Ok(()) => {
-            all.push(path.clone());
-            Ok(FolderLock { locked: Some((path, opened)) })
-        }
-        Err(TryLockError::WouldBlock) => bail!(
-            "another run of imf is writing to {}: wait for its end, or choose another --out",
-            folder.display()
-        ),
-        Err(TryLockError::Error(_)) => nothing,
     }
 }
 
@@ -241,7 +202,7 @@ impl OutputFile {
         }
         let around = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let folder =
-            OutputFolder::check(around).with_context(|| format!("cannot write {}", path.display()))?;
+            OutputFolder::of_one_file(around).with_context(|| format!("cannot write {}", path.display()))?;
         Ok(Self { path: path.to_owned(), folder })
     }
 

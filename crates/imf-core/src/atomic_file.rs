@@ -6,7 +6,7 @@
 //! temporary file: [`remove_leftovers`] does so later. While a process writes one it holds a lock on it, so that other processes
 //! leave it alone.
 
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 use std::fs::{self, File, TryLockError};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -15,6 +15,8 @@ use thiserror::Error;
 
 /// How the names of temporary files end.
 const PART: &str = ".part";
+/// Bytes of a name that a temporary one repeats, which is longer than it and no longer than file systems allow.
+const MOST_OF_NAME: usize = 200;
 
 /// A file could not be written. Its old content, if there was any, is untouched.
 #[derive(Debug, Error)]
@@ -57,8 +59,7 @@ pub fn write_atomically(
 pub fn keep_previous(path: impl AsRef<Path>, previous: impl AsRef<Path>) -> io::Result<()> {
     let (path, previous) = (path.as_ref(), previous.as_ref());
     let folder = folder_of(path);
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let prefix = format!(".{name}.");
+    let prefix = prefix(path.file_name().unwrap_or_default());
     let mut builder = tempfile::Builder::new();
     match builder.prefix(&prefix).suffix(PART).make_in(folder, |link| fs::hard_link(path, link)) {
         Ok(link) => link.into_temp_path().persist(previous).map_err(|error| error.error)?,
@@ -72,7 +73,7 @@ pub fn keep_previous(path: impl AsRef<Path>, previous: impl AsRef<Path>) -> io::
 pub fn remove_leftovers(path: impl AsRef<Path>) -> usize {
     let target = fs::canonicalize(&path).unwrap_or_else(|_| path.as_ref().to_path_buf());
     remove_temporary(folder_of(&target), |name| {
-        target.file_name().is_some_and(|own| own.to_str() == Some(name))
+        target.file_name().is_some_and(|own| prefix(own).to_str() == Some(&format!(".{name}.")))
     })
 }
 
@@ -97,6 +98,17 @@ fn remove_temporary(folder: &Path, wanted: impl Fn(&str) -> bool) -> usize {
     };
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     entries.filter(is_leftover).filter(removed).count()
+}
+
+/// How the names of the temporary files of a name begin.
+fn prefix(name: &OsStr) -> OsString {
+    let mut prefix = OsString::from(".");
+    match name.to_str() {
+        Some(name) => prefix.push(&name[..name.floor_char_boundary(MOST_OF_NAME)]),
+        None => prefix.push(name),
+    }
+    prefix.push(".");
+    prefix
 }
 
 /// The folder that a file is in.
@@ -124,9 +136,7 @@ fn replace(path: &Path, write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<
         return refuse(io::ErrorKind::NotFound, &what);
     }
 
-    let mut prefix = OsString::from(".");
-    prefix.push(name);
-    prefix.push(".");
+    let prefix = prefix(name);
     let mut builder = tempfile::Builder::new();
     // Not as the crate would: its file is for the user's eyes only, and its errors quote the temporary name.
     let temporary =
@@ -221,6 +231,17 @@ mod tests {
         assert_eq!(remove_all_leftovers(folder.path()), 1, "that of b.bin");
         assert_eq!(entries(folder.path()).len(), 6);
         assert_eq!(remove_all_leftovers(folder.path().join("a.bin")), 0);
+    }
+
+    #[test]
+    fn names_may_be_as_long_as_the_file_system_allows() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("ö".repeat(127));
+        write_atomically(&path, |file| file.write_all(b"new")).unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"new");
+        let leftover = folder.path().join(format!(".{}.abcdef{PART}", "ö".repeat(100)));
+        fs::write(&leftover, b"").unwrap();
+        assert_eq!((remove_leftovers(&path), leftover.exists()), (1, false));
     }
 
     #[test]

@@ -85,6 +85,8 @@ fn what_is_read_is_not_written_over() {
     for stock in ["out/stock.stl", "out/stock.stl@translate:0,0,-1"] {
         folder.refuse(&cut(stock), &["stock.stl is read", "another --out"]);
     }
+    // A page replaces nothing beside it.
+    folder.imf(&format!("{asked} --stock out/stock.stl --html out/page.html")).done();
     assert_eq!(folder.text("out/summary.json"), left);
 }
 

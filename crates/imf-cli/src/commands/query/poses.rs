@@ -1,9 +1,9 @@
-//! Poses as CSV: columns by name, in any order, with others among them. A line with an invalid pose is reported, and
+//! Poses as tables: columns by name, in any order, with others among them, separated by commas, semicolons or tabs. A line with an invalid pose is reported, and
 //! the others are read; a line with other columns than the first refuses the file. Messages name the line and the
 //! column.
 
 use std::fs::File;
-use std::io::{Error as IoError, ErrorKind as IoErrorKind, Read, Seek as _, stdin};
+use std::io::{BufRead as _, BufReader, Error as IoError, ErrorKind as IoErrorKind, Read, Seek as _, stdin};
 use std::path::Path;
 
 use anyhow::{Context as _, Result, bail, ensure};
@@ -58,7 +58,7 @@ pub(super) fn open(path: &Path) -> Result<(Poses, Option<u64>)> {
 }
 
 pub(super) struct PoseReader<R> {
-    reader: Reader<R>,
+    reader: Reader<BufReader<R>>,
     name: String,
     pub(super) header: StringRecord,
     position: [usize; 3],
@@ -84,17 +84,20 @@ impl<R: Read> PoseReader<R> {
     /// # Errors
     /// No header, or one that lacks columns or has both kinds of direction.
     pub(super) fn new(input: R, name: String) -> Result<Self> {
-        let mut reader = ReaderBuilder::new().trim(Trim::All).from_reader(input);
+        let mut input = BufReader::new(input);
+        let beginning = input.fill_buf().with_context(|| format!("cannot read {name}"))?;
+        ensure!(
+            !beginning.starts_with(b"\xff\xfe") && !beginning.starts_with(b"\xfe\xff"),
+            "{name} is text in UTF-16: save it as UTF-8"
+        );
+        let first = beginning.split(|&byte| byte == b'\n').next().unwrap_or_default();
+        let separator = [b';', b'\t'].into_iter().find(|separator| first.contains(separator)).unwrap_or(b',');
+        let mut reader = ReaderBuilder::new().delimiter(separator).trim(Trim::All).from_reader(input);
         let header = reader.headers().map_err(|error| explain(&name, &error))?.clone();
         ensure!(
             !header.is_empty(),
             "{name} is empty; its first line must be x,y,z,i,j,k or x,y,z,theta,phi, or x,y,z alone"
         );
-        if let [whole] = &header.iter().collect::<Vec<_>>()[..]
-            && whole.contains([';', '\t'])
-        {
-            bail!("{name}, line 1: '{whole}' is one column; commas separate columns");
-        }
         let find = |column: &str| -> Result<Option<usize>> {
             let mut found = header.iter().enumerate().filter(|(_, title)| title.eq_ignore_ascii_case(column));
             let first = found.next().map(|(index, _)| index);
@@ -276,8 +279,10 @@ mod tests {
         let orientation = Orientation { theta: 90.0, phi: 90.0, roll: 30.0 };
         assert_eq!(rolled[0].rotation, orientation.quaternion());
         assert_eq!(read("x,y,z\n1,2,3\n").unwrap()[0].axis(), Some(DVec3::Z));
-        let poses = read("\u{feff}x,y,z,i,j,k\r\n1,2,3,0,0,-2\r\n").unwrap();
-        assert_eq!(poses[0].axis(), Some(DVec3::NEG_Z));
+        for separator in [",", ";", "\t"] {
+            let text = "\u{feff}x,y,z,i,j,k\r\n1,2,3,0,0,-2\r\n".replace(',', separator);
+            assert_eq!(read(&text).unwrap()[0].axis(), Some(DVec3::NEG_Z));
+        }
     }
 
     #[test]
@@ -299,7 +304,8 @@ mod tests {
             ("x,y,z,i,j,k,roll,ROLL\n", "more than one column roll"),
             ("x,y,z,i,j,k,roll,psi\n", "roll and psi are one angle"),
             ("x,y,z,A,C\n", "'a' is an angle of a rotary axis"),
-            ("x;y;z;i;j;k\n", "commas separate columns"),
+            ("x y z\n", "no column x in 'x y z'"),
+            ("\u{feff}x;y;z\n1,5;2;3\n", "line 2, column x: '1,5' is not a finite number"),
             ("x,y,z,i,j,k\n1,2,3,0,0,0\n", "line 2, columns i,j,k: the direction must not be zero"),
         ] {
             let message = format!("{:#}", read(text).unwrap_err());
@@ -313,6 +319,8 @@ mod tests {
         assert_eq!(poses.iter().map(Option::is_some).collect::<Vec<_>>(), [false, true, false, true]);
         assert!(reader.invalid.count == 2 && reader.invalid.first.contains("line 2"));
         assert!(reader.invalid.check(4).is_ok() && reader.invalid.check(2).is_err());
+        let wide = PoseReader::new(&b"\xff\xfex\0,\0"[..], "poses".into()).err().unwrap().to_string();
+        assert!(wide.contains("UTF-16"), "{wide}");
         let binary: &[u8] = b"x,y,z,i,j,k\n1,2,3,0,0,\xff\n";
         let mut reader = PoseReader::new(binary, "poses".into()).unwrap();
         let message = reader.read(9, &mut vec![], &mut vec![]).unwrap_err().to_string();

@@ -376,7 +376,7 @@ fn a_hole_of_a_cycle_is_a_feed_and_its_way_down_to_r_a_rapid() {
     let [.., hole] = report.removed.as_slice() else { panic!("{:?}", report.removed) };
     let volume = hole.voxels as f64 / 8.0;
     assert_eq!((hole.line, hole.kind), (2, MoveKind::Feed));
-    assert!((volume / (std::f64::consts::PI * 81.0) - 1.0).abs() < 0.05, "{volume}");
+    assert!((volume / (PI * 81.0) - 1.0).abs() < 0.05, "{volume}");
     let report = drilled(-4.0);
     assert_eq!(
         report.colliding.iter().map(|line| (line.line, line.kind)).collect::<Vec<_>>(),

@@ -3,6 +3,7 @@
 //! What is read is the element `vertex` with its `x`, `y`, `z` and the element `face` with its list of vertices; polygons
 //! become triangle fans, and everything else that a file may hold (normals, colours, qualities, edges) is skipped.
 
+use std::borrow::Cow;
 use std::io::{Cursor, ErrorKind};
 
 use glam::DVec3;
@@ -69,6 +70,7 @@ fn indices(property: Property) -> Option<Vec<i64>> {
 }
 
 pub(super) fn parse(bytes: &[u8]) -> Result<MeshFile, Fault> {
+    let bytes = &*tidied(bytes);
     let parser = Parser::<Item>::new();
     let mut reader = Reader::new(Cursor::new(bytes));
     let header = parser.read_header(&mut reader).map_err(|error| explain(&error))?;
@@ -109,6 +111,46 @@ pub(super) fn parse(bytes: &[u8]) -> Result<MeshFile, Fault> {
         refuse_cut(bytes, |_| !boundary_chain(&mesh).is_empty())?;
     }
     Ok(MeshFile { mesh, unit: None })
+}
+
+/// What the crate's grammar does not know, as it does: comments that are not UTF-8, and in text numbers such as `40.`, `.5` and `nan`,
+/// which programs write beside the coordinates.
+fn tidied(bytes: &[u8]) -> Cow<'_, [u8]> {
+    const END: &[u8] = b"end_header";
+    let Some(end) = bytes.windows(END.len()).position(|window| window == END) else { return bytes.into() };
+    let (header, body) = bytes.split_at(end + END.len());
+    let is_text = header.windows(12).any(|window| window == b"format ascii");
+    let is_word = |byte: &u8| !byte.is_ascii_whitespace();
+    let mut words = body.chunk_by(|a, b| is_word(a) == is_word(b));
+    let is_tidy = !is_text || words.all(|word| !is_word(&word[0]) || is_plain_number(word));
+    if is_tidy && std::str::from_utf8(header).is_ok() {
+        return bytes.into();
+    }
+    let mut tidied = String::from_utf8_lossy(header).into_owned().into_bytes();
+    if is_tidy {
+        tidied.extend(body);
+        return tidied.into();
+    }
+    for word in body.chunk_by(|a, b| is_word(a) == is_word(b)) {
+        let number = std::str::from_utf8(word).ok().filter(|_| !is_plain_number(word));
+        match number.and_then(|word| word.parse::<f64>().ok()) {
+            Some(number) if number.is_finite() => tidied.extend(number.to_string().bytes()),
+            // Infinite, as its grammar has it.
+            Some(_) => tidied.extend(b"1e999"),
+            None => tidied.extend(word),
+        }
+    }
+    tidied.into()
+}
+
+/// Digits, with others behind a point and an exponent if it has them.
+fn is_plain_number(word: &[u8]) -> bool {
+    let unsigned = |text: &[u8]| text.strip_prefix(b"-").or(text.strip_prefix(b"+")).unwrap_or(text).to_vec();
+    let are_digits = |text: &[u8]| !text.is_empty() && text.iter().all(u8::is_ascii_digit);
+    let mut halves = word.splitn(2, |byte| b"eE".contains(byte));
+    let mantissa = unsigned(halves.next().unwrap_or_default());
+    mantissa.splitn(2, |&byte| byte == b'.').all(are_digits)
+        && halves.next().is_none_or(|power| are_digits(&unsigned(power)))
 }
 
 /// Refuses an element count that a file of `room` bytes cannot hold: the parser allocates for it, and would count
@@ -210,6 +252,23 @@ mod tests {
     }
 
     #[test]
+    fn numbers_and_comments_are_read_as_other_programs_write_them() {
+        let cube = unit_cube().welded();
+        let text = ascii(&cube);
+        for number in ["0.", ".5", "nan", "-inf", "5.E-1"] {
+            let written = text.replace(" 0.5\n", &format!(" {number}\n"));
+            assert_ne!(written, text);
+            assert_eq!(mesh_of(written).unwrap(), cube, "{number}");
+        }
+        assert_eq!(mesh_of(text.replace("0 0 0 200", "-0. .0 +0.e0 200")).unwrap(), cube);
+        for mut bytes in [text.into_bytes(), binary(&cube, true)] {
+            let at = bytes.iter().position(|&byte| byte == b'\n').unwrap();
+            bytes.splice(at..at, *b"\ncomment K\xf6rper");
+            assert_eq!(mesh_of(bytes).unwrap(), cube);
+        }
+    }
+
+    #[test]
     fn polygons_become_fans_and_elements_beside_are_passed_over() {
         let text = "ply\nformat ascii 1.0\nelement edge 1\nproperty int vertex1\nproperty int vertex2\n\
                     element vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
@@ -248,8 +307,11 @@ mod tests {
             let message = failure(&text.replace("3 0 ", &format!("3 {index} "))).cause;
             assert!(message.contains(&format!("vertex {index}, but")), "{message}");
         }
-        // In text the word is refused, in binary the number is found.
-        assert!(mesh_of(text.replace("0 0 0 200", "nan 0 0 200")).is_err());
+        for number in ["nan", "inf"] {
+            let message = failure(&text.replacen("0 0 0 200", &format!("{number} 0 0 200"), 1)).cause;
+            assert!(message.contains("vertex 0 (counted from 0) has a coordinate that is"), "{message}");
+        }
+        assert!(mesh_of(text.replace("0 0 0 200", "one 0 0 200")).is_err());
         let mut broken = cube.clone();
         broken.vertices[0].x = f64::NAN;
         let message = mesh_of(binary(&broken, true)).unwrap_err().cause;

@@ -127,7 +127,13 @@ fn root_name(archive: &mut Archive<'_>, budget: &mut u64) -> Result<String, Faul
 
 /// A part of the archive.
 fn unpack(archive: &mut Archive<'_>, name: &str, budget: &mut u64) -> Result<String, Fault> {
-    let Some(index) = archive.index_for_name(name) else {
+    // Either may be written with `%20` for a space, and so on.
+    let is_same = |&index: &usize| {
+        let own = archive.name_for_index(index).and_then(Result::ok);
+        own.is_some_and(|own| decoded(&own) == decoded(name))
+    };
+    let index = archive.index_for_name(name).or_else(|| (0..archive.len()).find(is_same));
+    let Some(index) = index else {
         return Err(Fault::malformed(format!("the archive has no {name}")));
     };
     let file = archive.by_index(index).map_err(|error| no_archive(&error))?;
@@ -141,6 +147,20 @@ fn unpack(archive: &mut Archive<'_>, name: &str, budget: &mut u64) -> Result<Str
     }
     *budget -= length;
     String::from_utf8(text).map_err(|_| Fault::malformed(format!("{name} is not text in UTF-8")))
+}
+
+/// Without percent-encoding.
+fn decoded(name: &str) -> Vec<u8> {
+    let mut rest = name.as_bytes();
+    let mut found = Vec::new();
+    while let Some((&first, behind)) = rest.split_first() {
+        let hex = behind.get(..2).and_then(|hex| u8::from_str_radix(std::str::from_utf8(hex).ok()?, 16).ok());
+        match hex.filter(|_| first == b'%') {
+            Some(byte) => (found.push(byte), rest = &behind[2..]),
+            None => (found.push(first), rest = behind),
+        };
+    }
+    found
 }
 
 struct Assembler<'a> {

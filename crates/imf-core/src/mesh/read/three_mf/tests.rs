@@ -19,11 +19,15 @@ fn archive(model: &str) -> Vec<u8> {
 
 /// An archive whose first model is the root.
 fn archive_of(models: &[(&str, &str)]) -> Vec<u8> {
+    archive_with(models[0].0, models)
+}
+
+/// An archive whose root has this name in the relationships.
+fn archive_with(root: &str, models: &[(&str, &str)]) -> Vec<u8> {
     let relationships = format!(
         r#"<?xml version="1.0"?><Relationships xmlns="http://schemas.openxmlformats.org/package/2006/relationships">
         <Relationship Id="r1" Type="http://schemas.openxmlformats.org/package/2006/relationships/metadata/thumbnail" Target="/t.png"/>
-        <Relationship Id="r2" Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel" Target="/{}"/></Relationships>"#,
-        models[0].0
+        <Relationship Id="r2" Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel" Target="/{root}"/></Relationships>"#
     );
     let mut writer = zip::ZipWriter::new(Cursor::new(Vec::new()));
     let options =
@@ -68,6 +72,15 @@ fn bounds(bytes: &[u8]) -> (DVec3, DVec3, LengthUnit) {
 
 fn refusal(bytes: &[u8]) -> String {
     mesh_of(bytes, parse).unwrap_err()
+}
+
+#[test]
+fn names_may_be_percent_encoded() {
+    let expected = bounds(&archive(&cube(&unit_cube())));
+    for [target, entry] in [["my%20t%C3%B6p.model", "my töp.model"], ["my töp.model", "my%20t%C3%B6p.model"]]
+    {
+        assert_eq!(bounds(&archive_with(target, &[(entry, &cube(&unit_cube()))])), expected, "{target}");
+    }
 }
 
 #[test]
