@@ -12,6 +12,7 @@ pub(crate) mod distance;
 mod face_orientation;
 mod features;
 pub(crate) mod groups;
+mod junctions;
 pub mod read;
 mod simplify;
 pub(crate) mod solid_angle;

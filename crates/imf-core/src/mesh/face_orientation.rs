@@ -40,6 +40,8 @@ pub struct FaceRepair {
     pub doubled: usize,
     /// Triangles without area that were left out, since that leaves fewer edges open.
     pub flat: usize,
+    /// Triangles that were cut where a corner of another lies on their edge, within the same distance.
+    pub cut: usize,
     /// Triangles that were flipped.
     pub flipped: usize,
     /// Triangles of patches that have one side alone, as a Möbius strip has; they stay as they were.
@@ -77,7 +79,7 @@ impl Patch {
 }
 
 impl Mesh {
-    /// The same triangles in the same order, flipped where need be so that they face consistently and shells face outwards, and what
+    /// The same triangles in the same order, cut where corners of others lie on their edges, and flipped where need be so that they face consistently and shells face outwards, and what
     /// was done. Of triangles that are there twice one is left out, whichever way they face where all are, else where they face alike; both,
     /// or one of two that face opposite ways, where that leaves fewer edges open. Where triangles have edges of their own, vertices closer
     /// together than 10⁻⁵ of the mesh's diagonal are joined, and triangles without area left out where that leaves fewer edges open.
@@ -115,7 +117,8 @@ impl Mesh {
         let mut single = single_edges(&edges);
         if single > 0 {
             let (lower, upper) = self.bounds().unwrap_or_default();
-            let joined = self.joined(ONE_CORNER * (upper - lower).length());
+            let distance = ONE_CORNER * (upper - lower).length();
+            let joined = self.joined(distance);
             let joined_edges = sorted_edges(&joined);
             if single_edges(&joined_edges) < single {
                 repair.joined = self.used_vertices() - joined.vertices.len();
@@ -130,6 +133,15 @@ impl Mesh {
                 if single_edges(&full_edges) < single {
                     repair.flat = flat;
                     (self, edges) = (full, full_edges);
+                    single = single_edges(&edges);
+                }
+            }
+            let (cut, count) = self.cut_at_corners(&edges, distance);
+            if count > 0 {
+                let cut_edges = sorted_edges(&cut);
+                if single_edges(&cut_edges) < single {
+                    repair.cut = count;
+                    (self, edges) = (cut, cut_edges);
                 }
             }
         }

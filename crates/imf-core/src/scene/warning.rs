@@ -41,6 +41,14 @@ pub enum SceneWarning {
         /// How many.
         triangles: usize,
     },
+    /// Triangles that were cut where corners of others lie on their edges.
+    #[error("{part}: {} cut where corners of others lie on their edges", triangles_were(*.triangles))]
+    Cut {
+        /// The part or fixture.
+        part: String,
+        /// How many.
+        triangles: usize,
+    },
     /// Closed bodies of a mesh that lie within another one and face as it does.
     #[error(
         "{part}: {}, and was taken as solid within solid; if a cavity is meant, its triangles must face inwards",
@@ -258,12 +266,13 @@ impl SceneWarning {
     /// Warnings about the repairs of a mesh of `triangles` triangles.
     #[must_use]
     pub fn of_repair(part: &str, repair: &FaceRepair, triangles: usize) -> Vec<Self> {
-        let FaceRepair { joined, doubled, flat, flipped, one_sided, nested } = *repair;
+        let FaceRepair { joined, doubled, flat, cut, flipped, one_sided, nested } = *repair;
         let name = || part.to_owned();
         let all = [
             (joined > 0).then(|| Self::Joined { part: name(), corners: joined }),
             (doubled > 0).then(|| Self::Doubled { part: name(), triangles: doubled }),
             (flat > 0).then(|| Self::Flat { part: name(), triangles: flat }),
+            (cut > 0).then(|| Self::Cut { part: name(), triangles: cut }),
             (flipped > 0).then(|| Self::Flipped { part: name(), flipped, triangles }),
             (one_sided > 0).then(|| Self::OneSided { part: name(), triangles: one_sided }),
             (nested > 0).then(|| Self::Nested { part: name(), bodies: nested }),
