@@ -240,9 +240,12 @@ impl SectionPlan {
     pub fn memory_estimate_with_query(grid: &Grid, query_grid: &Grid, tool: &Tool, threads: usize) -> u64 {
         let query = query_box(grid, query_grid, &tool.sharp_point_positions(grid.pitch)).unwrap_or_default();
         let threads = threads as u64;
-        let rotated = (2.0 * tool.reach() / grid.pitch + 3.0).powi(3).min(1e18) as u64;
+        let whole = (2.0 * tool.reach() / grid.pitch + 3.0).powi(3).min(1e18) as u64;
         // A tool of absurd size is left to the plan, which refuses it.
-        let counting = if rotated < 1 << 30 { overlap::memory(grid, &query, tool, threads) } else { 0 };
+        let counting = if whole < 1 << 34 { overlap::memory(grid, &query, tool, threads) } else { 0 };
+        // Of a mesh all is voxelised before the rest is left out.
+        let rotated =
+            if tool.mesh().is_some() { whole } else { overlap::kept_voxels(grid, query, tool).min(whole) };
         2 * grid.len() as u64 + threads * (2 * rotated + 24 * query.len() as u64) + counting
     }
 
@@ -375,9 +378,9 @@ impl SectionPlan {
         Ok(rotated.count)
     }
 
-    /// The whole tool in an orientation.
+    /// What of the whole tool can matter in an orientation, with the count of all.
     fn rotated(&self, orientation: &Orientation) -> Result<ToolVoxels, ToolError> {
-        ToolVoxels::new(self.tool(), orientation, self.obstacle.grid().pitch)
+        self.whole.voxels(orientation)
     }
 }
 

@@ -8,6 +8,7 @@ mod check;
 mod circle_depth;
 mod depth;
 mod erode;
+mod extent;
 #[cfg(feature = "formats")]
 mod file;
 #[cfg(feature = "formats")]

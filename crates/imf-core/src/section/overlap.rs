@@ -121,8 +121,15 @@ impl Estimate {
 const SLANT: Orientation = Orientation { theta: 25.0, phi: 55.0, roll: 0.0 };
 
 /// The tool in an orientation in general position, or upright where it holds no voxel centre there.
-fn slanted(tool: &Tool, pitch: f64) -> Option<ToolVoxels> {
-    [SLANT, Orientation::default()].iter().find_map(|o| ToolVoxels::new(tool, o, pitch).ok())
+fn slanted(tool: &Tool, pitch: f64, size: &CircularSize) -> Option<ToolVoxels> {
+    let voxels = |o| ToolVoxels::within(tool, o, pitch, size.first, size.last).ok();
+    [SLANT, Orientation::default()].iter().find_map(voxels)
+}
+
+/// Voxels of the box of those of a tool that can matter, at the most.
+pub(super) fn kept_voxels(grid: &Grid, query: QueryBox, tool: &Tool) -> u64 {
+    let CircularSize { first, last, .. } = CircularSize::of(grid, query, tool);
+    (0..3).map(|axis| (last[axis] - first[axis] + 1).max(0) as u64).fold(1, u64::saturating_mul)
 }
 
 impl OverlapCounter {
@@ -141,7 +148,16 @@ impl OverlapCounter {
 
     /// The tool in an orientation; `None` where it is too thin to hold a voxel centre.
     pub(super) fn rotated(&self, orientation: &Orientation) -> Result<Option<ToolVoxels>, ToolError> {
-        rotated_if_thick(&self.tool, orientation, self.obstacle.grid.pitch)
+        match self.voxels(orientation) {
+            Err(ToolError::TooSmall { .. }) => Ok(None),
+            rotated => rotated.map(Some),
+        }
+    }
+
+    /// What of the tool can matter in an orientation, with the count of all.
+    pub(super) fn voxels(&self, orientation: &Orientation) -> Result<ToolVoxels, ToolError> {
+        let (pitch, CircularSize { first, last, .. }) = (self.obstacle.grid.pitch, self.size);
+        ToolVoxels::within(&self.tool, orientation, pitch, first, last)
     }
 
     fn sweep(&self, tool: &VoxelBox<'_>, query: &QueryBox, order: Order) -> Sweep {
@@ -154,7 +170,7 @@ impl OverlapCounter {
 
     /// For the tool at a slant, as most orientations have it.
     pub(super) fn usual_estimate(&self, query: &QueryBox) -> Option<Estimate> {
-        let tool = slanted(&self.tool, self.obstacle.grid.pitch)?;
+        let tool = slanted(&self.tool, self.obstacle.grid.pitch, &self.size)?;
         let clipped = VoxelBox::of_tool(&tool, &self.size);
         Some(self.estimate(query, &clipped, &self.sweep(&clipped, query, Order::Any)))
     }
@@ -250,7 +266,7 @@ impl OverlapCounter {
 
     /// Bytes of what [`OverlapCounter::begin`] gives, by estimate.
     pub(super) fn cursor_bytes(&self, query: &QueryBox) -> u64 {
-        slanted(&self.tool, self.obstacle.grid.pitch)
+        slanted(&self.tool, self.obstacle.grid.pitch, &self.size)
             .map_or(0, |tool| Cursor::memory(&VoxelBox::of_tool(&tool, &self.size), query))
     }
 
@@ -285,22 +301,10 @@ pub(crate) fn cuttable_and_noncutting<'a>(
     obstacle.cuttable.as_ref().zip(assembly.noncutting())
 }
 
-/// A tool in an orientation; `None` where it is too thin to hold a voxel centre.
-fn rotated_if_thick(
-    tool: &Tool,
-    orientation: &Orientation,
-    pitch: f64,
-) -> Result<Option<ToolVoxels>, ToolError> {
-    match ToolVoxels::new(tool, orientation, pitch) {
-        Err(ToolError::TooSmall { .. }) => Ok(None),
-        rotated => rotated.map(Some),
-    }
-}
-
 /// Bytes that counting takes beside the counts: shared by all threads, and per thread.
 pub(super) fn memory(grid: &Grid, query: &QueryBox, tool: &Tool, threads: u64) -> u64 {
-    let Some(rotated) = slanted(tool, grid.pitch) else { return 0 };
     let size = CircularSize::of(grid, *query, tool);
+    let Some(rotated) = slanted(tool, grid.pitch, &size) else { return 0 };
     let clipped = VoxelBox::of_tool(&rotated, &size);
     let sweep = Sweep::choose(&clipped, grid.dims, size.line_bits(), query, Order::Any);
     if Estimate::new(Arch::new(), grid.dims, query, &size, &clipped, &sweep).prefers_run_length() {

@@ -2,7 +2,8 @@
 
 use glam::{DVec2, DVec3};
 
-use super::tool_voxels::{bounds, line_through_cylinder, locate_inside, turn};
+use super::extent::{bounds, line_through_cylinder};
+use super::tool_voxels::{locate_inside, turn};
 use super::voxel_count::{mesh_voxels, snapped};
 use super::{Element, ElementKind, Segment, Tool, ToolVoxels};
 use crate::mesh::Mesh;

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use glam::{DMat4, DVec3};
 
+use super::extent::{Span, bounds, line_through_cylinder};
 use super::profile::top;
 use super::{Segment, Tool, ToolError, ToolShape};
 use crate::grid::Grid;
@@ -51,6 +52,18 @@ impl ToolVoxels {
     /// # Errors
     /// A tool that holds no voxel centre, or whose box is larger than can be indexed.
     pub fn new(tool: &Tool, orientation: &Orientation, pitch: f64) -> Result<Self, ToolError> {
+        Self::within(tool, orientation, pitch, [i64::MIN; 3], [i64::MAX; 3])
+    }
+
+    /// The same without the voxels before the offset `first` and behind `last` along some axis, which are counted all the same. The box
+    /// is empty where none is left.
+    pub(crate) fn within(
+        tool: &Tool,
+        orientation: &Orientation,
+        pitch: f64,
+        first: [i64; 3],
+        last: [i64; 3],
+    ) -> Result<Self, ToolError> {
         let (lower, upper) = bounds(tool, orientation, pitch);
         let spans = (upper - lower + 1.0).to_array();
         let dims64 = spans.map(|s| s as u64);
@@ -58,25 +71,29 @@ impl ToolVoxels {
         if voxels.is_none_or(|n| n > MAX_VOXELS) || lower.abs().max_element() > 1e9 {
             return Err(ToolError::TooLarge { name: tool.name.clone(), dims: dims64, pitch });
         }
-        let mut rotated = Self {
-            lower: lower.to_array().map(|v| v as i32),
-            dims: dims64.map(|d| d as usize),
-            solid: vec![0; dims64.iter().product::<u64>() as usize],
-            count: 0,
-        };
+        let whole = Span { lower: lower.to_array().map(|v| v as i32), dims: dims64.map(|d| d as usize) };
+        let kept = whole.within(first, last);
+        let mut rotated = Self { lower: kept.lower, dims: kept.dims, solid: Vec::new(), count: 0 };
         match &tool.shape {
             ToolShape::Revolved(_) => {
                 let profile: Vec<Segment> = tool.segments().copied().collect();
                 let direction = orientation.direction();
-                vectorised!(pulp::Arch::new(), rotated.fill_revolved(&profile, direction, pitch));
+                rotated.solid = vec![0; kept.dims.iter().product()];
+                vectorised!(pulp::Arch::new(), rotated.fill_revolved(whole, &profile, direction, pitch));
             }
             ToolShape::Mesh(mesh) => {
                 let turned = turn(mesh, orientation, pitch);
-                let grid = Grid { origin: (lower - 0.5) * pitch, pitch, dims: rotated.dims };
-                rotated.solid = voxelize(&turned, &grid, false).solid;
+                let grid = Grid { origin: (lower - 0.5) * pitch, pitch, dims: whole.dims };
+                let all = voxelize(&turned, &grid, false);
+                rotated.count = all.count() as u32;
+                let start = [0, 1, 2].map(|axis| (kept.lower[axis] - whole.lower[axis]) as usize);
+                rotated.solid = (0..kept.dims[0])
+                    .flat_map(|x| (0..kept.dims[1]).map(move |y| [x + start[0], y + start[1], start[2]]))
+                    .flat_map(|first| &all.solid[grid.index(first)..][..kept.dims[2]])
+                    .copied()
+                    .collect();
             }
         }
-        rotated.count = rotated.solid.iter().map(|&s| u32::from(s)).sum();
         if rotated.count == 0 {
             return Err(ToolError::TooSmall { name: tool.name.clone(), pitch });
         }
@@ -125,27 +142,32 @@ impl ToolVoxels {
         [0, 1, 2].map(|axis| self.lower[axis] + self.dims[axis] as i32 - 1)
     }
 
-    /// Tests voxel centres, line by line along z, within the cylinder around the widest radius. The arithmetic is
-    /// that of [`locate_inside`], operation by operation, so that both agree to the last bit; a whole line at a time.
+    /// Tests voxel centres, line by line along z, within the cylinder around the widest radius, and keeps those of its own box. The
+    /// arithmetic is that of [`locate_inside`], operation by operation, so that both agree to the last bit; a whole line at a time.
     #[inline(always)]
-    fn fill_revolved(&mut self, profile: &[Segment], direction: DVec3, pitch: f64) {
+    fn fill_revolved(&mut self, whole: Span, profile: &[Segment], direction: DVec3, pitch: f64) {
         let span = (profile.first().map_or(0.0, |s| s.range().0), top(profile));
         let widest = profile.iter().map(Segment::max_radius).fold(0.0, f64::max);
         let (above, slack) = (SLACK * pitch, SLACK * pitch * pitch);
-        let [nx, ny, nz] = self.dims;
-        let zs: Vec<f64> = (0..nz).map(|iz| f64::from(self.lower[2] + iz as i32) * pitch).collect();
+        let [nx, ny, nz] = whole.dims;
+        let zs: Vec<f64> = (0..nz).map(|iz| f64::from(whole.lower[2] + iz as i32) * pitch).collect();
         let mut heights = vec![0.0; nz];
         let mut squares = vec![0.0; nz];
+        let mut inside = vec![0; nz];
+        // The box's own voxels along z, and places of the whole in it.
+        let start = [0, 1, 2].map(|axis| self.lower[axis].wrapping_sub(whole.lower[axis]) as usize);
+        let kept = start[2]..start[2] + self.dims[2];
         for (ix, iy) in (0..nx).flat_map(|ix| (0..ny).map(move |iy| (ix, iy))) {
-            let x = f64::from(self.lower[0] + ix as i32) * pitch;
-            let y = f64::from(self.lower[1] + iy as i32) * pitch;
+            let x = f64::from(whole.lower[0] + ix as i32) * pitch;
+            let y = f64::from(whole.lower[1] + iy as i32) * pitch;
             let candidates = line_through_cylinder(x, y, direction, widest, span, pitch);
-            let first = (candidates.0 - f64::from(self.lower[2])).clamp(0.0, nz as f64) as usize;
-            let last = (candidates.1 - f64::from(self.lower[2]) + 1.0).clamp(0.0, nz as f64) as usize;
+            let first = (candidates.0 - f64::from(whole.lower[2])).clamp(0.0, nz as f64) as usize;
+            let last = (candidates.1 - f64::from(whole.lower[2]) + 1.0).clamp(0.0, nz as f64) as usize;
             if first >= last {
                 continue;
             }
-            let line = &mut self.solid[(ix * ny + iy) * nz..][first..last];
+            let line = &mut inside[first..last];
+            line.fill(0);
             let heights = &mut heights[..line.len()];
             let squares = &mut squares[..line.len()];
             let (flat, flat_square) = (x * direction.x + y * direction.y, x * x + y * y);
@@ -171,11 +193,22 @@ impl ToolVoxels {
                     *solid |= u8::from(inside);
                 }
             }
+            self.count += line.iter().map(|&solid| u32::from(solid)).sum::<u32>();
+            let (own_x, own_y) = (ix.wrapping_sub(start[0]), iy.wrapping_sub(start[1]));
+            let (from, to) = (first.max(kept.start), last.min(kept.end));
+            if own_x < self.dims[0] && own_y < self.dims[1] && from < to {
+                let row = (own_x * self.dims[1] + own_y) * self.dims[2];
+                self.solid[row + from - kept.start..][..to - from].copy_from_slice(&inside[from..to]);
+            }
         }
     }
 
     /// Shrinks the box to its solid voxels, so that convolutions are no larger than they need be.
     fn crop(&mut self) {
+        if !self.solid.contains(&1) {
+            (self.dims, self.solid) = ([0; 3], Vec::new());
+            return;
+        }
         let grid = Grid { origin: DVec3::ZERO, pitch: 1.0, dims: self.dims };
         let whole = Occupancy { grid, solid: std::mem::take(&mut self.solid) };
         let Occupancy { grid, solid } = whole.cropped();
@@ -203,64 +236,6 @@ pub(super) fn locate_inside(
     let segment = profile.iter().find(|s| s.range().0 <= level && level < s.range().1)?;
     let (radius, squared) = (segment.radius(height), p.length_squared() - height * height);
     (squared <= radius * radius + SLACK * pitch * pitch).then_some((height, squared))
-}
-
-/// Offsets (whole numbers of voxels) of a box that surely holds the rotated tool.
-pub(super) fn bounds(tool: &Tool, orientation: &Orientation, pitch: f64) -> (DVec3, DVec3) {
-    let (lower, upper) = match &tool.shape {
-        ToolShape::Revolved(_) => {
-            let d = orientation.direction();
-            let (mut lower, mut upper) = (DVec3::splat(f64::INFINITY), DVec3::splat(f64::NEG_INFINITY));
-            for segment in tool.segments() {
-                // A disc of radius ρ around the axis spans ρ·√(1 − dᵢ²) along axis i.
-                let spread = (1.0 - d * d).max(DVec3::ZERO).map(f64::sqrt) * segment.max_radius();
-                for height in [segment.range().0, segment.range().1] {
-                    lower = lower.min(d * height - spread);
-                    upper = upper.max(d * height + spread);
-                }
-            }
-            (lower, upper)
-        }
-        ToolShape::Mesh(mesh) => {
-            mesh.transformed(&DMat4::from_mat3(orientation.rotation())).bounds().unwrap_or_default()
-        }
-    };
-    ((lower / pitch).floor() - 1.0, (upper / pitch).ceil() + 1.0)
-}
-
-/// Range of voxel offsets along z within which the line over (x, y) can meet the cylinder of radius `widest` between
-/// two heights along `direction`; one voxel generous at either end.
-pub(super) fn line_through_cylinder(
-    x: f64,
-    y: f64,
-    direction: DVec3,
-    widest: f64,
-    (bottom, top): (f64, f64),
-    pitch: f64,
-) -> (f64, f64) {
-    let flat = x * direction.x + y * direction.y;
-    let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
-    // bottom ≤ flat + z·d_z < top
-    if direction.z.abs() > 1e-9 {
-        let (a, b) = ((bottom - flat) / direction.z, (top - flat) / direction.z);
-        (low, high) = (a.min(b), a.max(b));
-    } else if flat < bottom - pitch || flat > top + pitch {
-        return (0.0, -2.0);
-    }
-    // |p|² − (p·d)² ≤ widest²: a quadratic in z.
-    let a = 1.0 - direction.z * direction.z;
-    if a > 1e-9 {
-        let half_b = -flat * direction.z;
-        let c = x * x + y * y - flat * flat - widest * widest - pitch * pitch;
-        let discriminant = half_b * half_b - a * c;
-        if discriminant < 0.0 {
-            return (0.0, -2.0);
-        }
-        let root = discriminant.sqrt();
-        low = low.max((-half_b - root) / a);
-        high = high.min((-half_b + root) / a);
-    }
-    ((low / pitch).floor() - 1.0, (high / pitch).ceil() + 1.0)
 }
 
 #[cfg(test)]
@@ -311,6 +286,27 @@ mod tests {
                 let expected = definition(tool, orientation, pitch);
                 assert_eq!(rotated.offsets().collect::<Vec<_>>(), expected, "{orientation:?}");
                 assert_eq!(rotated.count as usize, expected.len());
+            }
+        }
+    }
+
+    #[test]
+    fn what_lies_beyond_a_box_is_counted_and_not_kept() {
+        let leaning = Tool {
+            shape: ToolShape::Mesh(Mesh::cuboid(DVec3::ZERO, DVec3::new(9.0, 5.0, 30.0))),
+            ..Tool::paper()
+        };
+        let boxes = [([-4, -9, -20], [8, 3, 11]), ([-2, -2, 3], [90, 90, 90]), ([200; 3], [300; 3])];
+        for (tool, pitch) in [(&Tool::paper(), 3.1), (&leaning, 1.0)] {
+            for orientation in orientations("random:6:5") {
+                let whole = ToolVoxels::new(tool, &orientation, pitch).unwrap();
+                for (first, last) in boxes {
+                    let part = ToolVoxels::within(tool, &orientation, pitch, first, last).unwrap();
+                    let is_within = |v: &[i64; 3]| (0..3).all(|a| (first[a]..=last[a]).contains(&v[a]));
+                    let expected: Vec<_> = whole.offsets().filter(is_within).collect();
+                    assert_eq!((part.offsets().collect::<Vec<_>>(), part.count), (expected, whole.count));
+                    assert!(part.solid.len() <= whole.solid.len());
+                }
             }
         }
     }

@@ -4,7 +4,8 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::tool_voxels::{bounds, contains, turn};
+use super::extent::bounds;
+use super::tool_voxels::{contains, turn};
 use super::{ElementKind, Segment, Tool, ToolShape, ToolVoxels};
 use crate::grid::Grid;
 use crate::mesh::Mesh;
