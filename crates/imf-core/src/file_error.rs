@@ -1,8 +1,7 @@
 //! What is wrong with a file: one error for meshes, tools and tool libraries that are read, one for all that is written.
 
 use std::borrow::Cow;
-use std::fs::File;
-use std::io::{self, Read as _};
+use std::io;
 use std::path::{Path, PathBuf};
 
 use thiserror::Error;
@@ -100,12 +99,15 @@ impl Fault {
 }
 
 /// The longest text file of a tool or a machine; a library of ten thousand tools is shorter.
+#[cfg(feature = "formats")]
 const MOST: u64 = 64 << 20;
 
 /// The content of a small file; `noun` is its kind. What never ends, as some devices, is not read to its end.
+#[cfg(feature = "formats")]
 pub(crate) fn read_small(noun: &str, path: &Path) -> Result<Vec<u8>, Fault> {
+    use io::Read as _;
     let mut bytes = Vec::new();
-    let read = File::open(path).and_then(|file| file.take(MOST + 1).read_to_end(&mut bytes));
+    let read = std::fs::File::open(path).and_then(|file| file.take(MOST + 1).read_to_end(&mut bytes));
     read.map_err(|error| Fault::of_system(noun, &error))?;
     if bytes.len() as u64 > MOST {
         let cause = format!("it is longer than {} MiB, as no {noun} is; check the name", MOST >> 20);

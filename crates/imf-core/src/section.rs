@@ -195,8 +195,9 @@ impl SectionPlan {
         let own = *obstacle.grid();
         let sharp_points = tool.sharp_point_positions(own.pitch);
         let query = query_box(&own, query_grid, &sharp_points)?;
+        let whole = OverlapCounter::new(obstacle.forbidden.clone(), tool, query);
         // A tool too large or too small is refused now rather than at the first section.
-        ToolVoxels::new(&tool, &Orientation::default(), own.pitch)?;
+        whole.voxels(&Orientation::default())?;
         let noncutting = cuttable_and_noncutting(&obstacle, &assembly)
             .map(|(voxels, tool)| OverlapCounter::new(voxels.clone(), tool.clone(), query));
         Ok(Self {
@@ -204,7 +205,7 @@ impl SectionPlan {
             sharp_points,
             grid: *query_grid,
             query,
-            whole: OverlapCounter::new(obstacle.forbidden.clone(), tool, query),
+            whole,
             noncutting,
             obstacle,
             assembly,
@@ -241,8 +242,7 @@ impl SectionPlan {
         let query = query_box(grid, query_grid, &tool.sharp_point_positions(grid.pitch)).unwrap_or_default();
         let threads = threads as u64;
         let whole = (2.0 * tool.reach() / grid.pitch + 3.0).powi(3).min(1e18) as u64;
-        // A tool of absurd size is left to the plan, which refuses it.
-        let counting = if whole < 1 << 34 { overlap::memory(grid, &query, tool, threads) } else { 0 };
+        let counting = overlap::memory(grid, &query, tool, threads);
         // Of a mesh all is voxelised before the rest is left out.
         let rotated =
             if tool.mesh().is_some() { whole } else { overlap::kept_voxels(grid, query, tool).min(whole) };

@@ -134,9 +134,11 @@ fn work_larger_than_memory_is_refused_with_the_estimate() {
     let field = |more: &str| format!("field bracket --orientations fibonacci:3 --out out {more}");
     folder.refuse(&field("--memory 1MiB"), &["MiB of memory, and 1 MiB may be used", "--memory"]);
     folder.write("long.toml", "[cutter]\nshape = \"flat\"\ndiameter = 5.0\nlength = 9000.0\n");
-    let huge = field("--tool long.toml --memory 2GiB");
+    // What reaches beyond the part takes none.
+    folder.imf(&field("--tool long.toml --memory 1GiB")).done();
+    let huge = field("--tool long.toml --pitch 0.15 --memory 2GiB");
     folder
-        .refuse(&huge, &["GiB of memory, and 2.0 GiB may be used", "reaches 9000 voxels", "larger --pitch"]);
+        .refuse(&huge, &["GiB of memory, and 2.0 GiB may be used", "reaches 60000 voxels", "larger --pitch"]);
     let voxels = "voxelize bracket --pitch 0.2 --memory 1MiB --out out";
     folder.refuse(voxels, &["and 1 MiB may be used", "245×735×435 voxels"]);
     let few_voxels = "bracket --dims 5,15,9 --memory 2MiB --out out";

@@ -62,7 +62,7 @@ pub struct LineRemoval {
     pub line: usize,
     /// Number of the tool, where the file names one.
     pub tool: Option<u32>,
-    /// How the tool comes there.
+    /// How the tool moves where it last takes some.
     pub kind: MoveKind,
     /// Voxels that go.
     pub voxels: u64,

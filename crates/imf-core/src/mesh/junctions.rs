@@ -13,6 +13,9 @@ impl Mesh {
     /// many are. No point moves farther. `edges` are those of the mesh.
     pub(super) fn cut_at_corners(&self, edges: &[EdgeUse], distance: f64) -> (Self, usize) {
         let cuts = self.corners_on_edges(edges, distance);
+        if cuts.is_empty() {
+            return (self.clone(), 0);
+        }
         let mut mesh = Self { vertices: self.vertices.clone(), triangles: Vec::new() };
         let mut count = 0;
         for &triangle in &self.triangles {

@@ -127,19 +127,26 @@ impl ElementPlans {
         let (plan, voxels) = (&self.whole, self.whole.grid.len());
         let fits = measures.len() == self.elements.len() && measures.iter().all(|m| m.len() == voxels);
         assert!(fits, "one array of the grid's length for each element");
-        let normaliser = plan.rotated(orientation)?.count;
         let ElementScratch { section, counts, total, minimum, at } = scratch;
         counts.resize_with(self.elements.len(), Vec::new);
         total.clear();
         total.resize(plan.query.len(), 0);
+        let mut normaliser = 0;
         for (element, counts) in self.elements.iter().zip(&mut *counts) {
             counts.clear();
             counts.resize(plan.query.len(), 0);
-            for counter in &element.counters {
+            // With clearances a piece of shank or holder may be nothing of the whole tool.
+            let is_of_whole = plan.tool().elements().iter().any(|own| own.kind == element.kind);
+            for (place, counter) in element.counters.iter().enumerate() {
                 let SectionScratch { counter: scratch, more, .. } = &mut *section;
-                counter.add(orientation, &plan.query, scratch, (counts, more))?;
+                let own = counter.add(orientation, &plan.query, scratch, (counts, more))?;
+                normaliser += if is_of_whole && place == 0 { own } else { 0 };
             }
             total.iter_mut().zip(counts).for_each(|(total, count)| *total += *count);
+        }
+        if normaliser == 0 {
+            // Of a mesh, or too thin a tool, which is an error.
+            normaliser = plan.rotated(orientation)?.count;
         }
         minimum.clear();
         minimum.extend((0..voxels).map(|voxel| if wanted(voxel) { f32::INFINITY } else { 0.0 }));

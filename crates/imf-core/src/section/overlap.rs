@@ -221,19 +221,19 @@ impl OverlapCounter {
         make_once(&self.convolver, || Convolver::new(self.arch, &self.obstacle, self.size))
     }
 
-    /// Adds the overlaps in an orientation to the counts over a box; none where the tool is too thin.
+    /// Adds the overlaps in an orientation to the counts over a box, and returns the tool's own count; none where it is too thin.
     pub(super) fn add(
         &self,
         orientation: &Orientation,
         query: &QueryBox,
         scratch: &mut Scratch,
         (counts, more): (&mut [u32], &mut Vec<u32>),
-    ) -> Result<(), SectionError> {
-        let Some(rotated) = self.rotated(orientation)? else { return Ok(()) };
+    ) -> Result<u32, SectionError> {
+        let Some(rotated) = self.rotated(orientation)? else { return Ok(0) };
         more.resize(counts.len(), 0);
         self.count(&rotated, query, scratch, more)?;
         counts.iter_mut().zip(more).for_each(|(count, more)| *count += *more);
-        Ok(())
+        Ok(rotated.count)
     }
 
     fn run_length(&self) -> &RunLengthCounter {

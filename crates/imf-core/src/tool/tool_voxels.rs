@@ -40,8 +40,10 @@ pub(super) fn turn(mesh: &Mesh, orientation: &Orientation, pitch: f64) -> Mesh {
     mesh.transformed(&(DMat4::from_mat3(orientation.rotation()) * aside))
 }
 
-/// A rotated tool of more voxels than this is refused: it is a slip of units.
+/// A rotated tool that holds more voxels than this, or whose box does where all of it is needed, is refused: it is a slip of units.
 const MAX_VOXELS: u64 = 1 << 31;
+/// So is one whose box has more lines along z.
+const MAX_LINES: u64 = 1 << 26;
 
 impl ToolVoxels {
     /// The tool turned by `orientation`, voxelised at `pitch` (in the tool's own unit).
@@ -67,12 +69,20 @@ impl ToolVoxels {
         let (lower, upper) = bounds(tool, orientation, pitch);
         let spans = (upper - lower + 1.0).to_array();
         let dims64 = spans.map(|s| s as u64);
-        let voxels = dims64.iter().try_fold(1u64, |product, &d| product.checked_mul(d));
-        if voxels.is_none_or(|n| n > MAX_VOXELS) || lower.abs().max_element() > 1e9 {
-            return Err(ToolError::TooLarge { name: tool.name.clone(), dims: dims64, pitch });
+        let too_large = || ToolError::TooLarge { name: tool.name.clone(), dims: dims64, pitch };
+        if lower.abs().max(upper.abs()).max_element() > 1e9 {
+            return Err(too_large());
         }
         let whole = Span { lower: lower.to_array().map(|v| v as i32), dims: dims64.map(|d| d as usize) };
         let kept = whole.within(first, last);
+        let voxels = |span: Span| span.dims.iter().fold(1u64, |product, &d| product.saturating_mul(d as u64));
+        let is_round = tool.mesh().is_none();
+        if voxels(if is_round { kept } else { whole }) > MAX_VOXELS
+            || is_round && dims64[0] * dims64[1] > MAX_LINES
+            || tool.volume() / pitch.powi(3) > MAX_VOXELS as f64
+        {
+            return Err(too_large());
+        }
         let mut rotated = Self { lower: kept.lower, dims: kept.dims, solid: Vec::new(), count: 0 };
         match &tool.shape {
             ToolShape::Revolved(_) => {

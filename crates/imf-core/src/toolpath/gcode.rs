@@ -1,9 +1,10 @@
 //! Programs in G-code, for three axes without a machine and for any axes with one.
 //!
-//! Read are G0 to G3 (arcs and helices by chords, G17 to G19, centres from the start or radii), drilling cycles, G4, G20 and G21 (G70
-//! and G71), G28, G30 and G53, G43 with G49, G43.4 and G234 (tool centre point control), G54 to G59, G90 and G91, T with
-//! M6, words that move nothing, and words that smooth corners and M words of the machine's own, which get a remark.
-//! Every other word is refused with its line, and so are anything after the end of the program, and a last line that may have been cut. A program without an end gets a remark.
+//! Read are G0 to G3 (arcs and helices by chords, G17 to G19, centres from the start or radii), drilling cycles, G4, G20
+//! and G21 (G70 and G71), G28, G30 and G53, G43 with G49, G43.4 and G234 (tool centre point control), G54 to G59, G90 and
+//! G91, T with M6, words that move nothing, and words that smooth corners and M words of the machine's own, which get a
+//! remark. Every other word is refused with its line, and so are anything after the end of the program, and a last line
+//! that may have been cut. A program without an end gets a remark.
 //!
 //! Without a machine X, Y and Z are the tip's and the tool stands along +z; while no tool length is in force (after
 //! G49, M6 and D0, before the first G43 of a program) Z must not move, and where G28 and G53 lead is not known; a
@@ -267,8 +268,8 @@ impl Program<'_> {
         }
         if self.machine.is_none() && self.offset != 54 {
             let text = format!(
-                "the zero of G{} is taken to be the part's: no machine says where it lies",
-                self.offset
+                "the zero of {} is taken to be the part's: no machine says where it lies",
+                block::offset_word(self.offset)
             );
             self.remark(line, "offset", &text);
         }

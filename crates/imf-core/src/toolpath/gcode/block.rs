@@ -14,7 +14,10 @@ pub(super) struct Block {
     pub(super) plane: Option<[usize; 3]>,
     pub(super) unit_in_mm: Option<f64>,
     pub(super) absolute: Option<bool>,
+    /// G54 to G59 by their numbers, G54.1 P1 to P99 from 101 on ([`offset_word`]).
     pub(super) offset: Option<u8>,
+    /// G54.1 or G154, whose P is a number of an offset.
+    numbers_offset: bool,
     /// `Some(None)` ends a tool length, `Some(Some(true))` keeps the tool's centre point as well.
     pub(super) length: Option<Option<bool>>,
     pub(super) length_number: Option<u32>,
@@ -72,7 +75,7 @@ const EXCLUDING_G: [&[u32]; 8] = [
     &[980, 990],
     &[730, 740, 800, 810, 820, 830, 840, 850, 860, 890],
     &[430, 434, 2340, 490],
-    &[540, 550, 560, 570, 580, 590],
+    &[540, 541, 550, 560, 570, 580, 590, 1540],
     &[610, 611, 640, 6410, 6420, 6430, 6440, 6450],
 ];
 /// M words that move neither tool nor part: stops, ends, spindle, coolant, clamps, overrides.
@@ -80,6 +83,14 @@ pub(in crate::toolpath) const STILL_M: [u32; 15] = [0, 1, 2, 3, 4, 5, 7, 8, 9, 1
 /// M words that call programs, mirror, change pallets or tools, or change what other words mean. Above 89 controls have too many of them;
 /// of the rest those that are not known are relays: chip conveyors, coolants, doors, gears.
 const MOVING_M: [u32; 12] = [17, 21, 22, 23, 47, 60, 61, 66, 70, 71, 72, 73];
+
+/// The word of a work offset.
+pub(super) fn offset_word(offset: u8) -> String {
+    match offset.checked_sub(100) {
+        Some(number) => format!("G54.1 P{number}"),
+        None => format!("G{offset}"),
+    }
+}
 
 impl Block {
     /// `in_cycle`: a drilling cycle is in force.
@@ -96,6 +107,7 @@ impl Block {
             block.take(word, machine)?;
         }
         block.take_cycle(&seen, in_cycle)?;
+        block.take_offset()?;
         if block.rounds && !seen.iter().any(|letter| "PQ".contains(*letter)) {
             (block.rounds, block.smooths) = (false, true);
         }
@@ -120,6 +132,15 @@ impl Block {
         if self.drills {
             let by_k = self.centre.take().filter(|_| seen.contains(&'K')).map(|centre| ('K', centre.z));
             self.repeats = self.repeats.or(by_k);
+        }
+        Ok(())
+    }
+
+    fn take_offset(&mut self) -> Result<(), String> {
+        if self.numbers_offset {
+            let number = self.lengths[0].take().filter(|p| (1.0..100.0).contains(p) && p.fract() == 0.0);
+            let number = number.ok_or("the work offset needs its number, P1 to P99")?;
+            self.offset = Some(100 + number as u8);
         }
         Ok(())
     }
@@ -246,6 +267,7 @@ impl Block {
             490 => self.length = Some(None),
             530 => self.in_machine_coordinates = true,
             offset @ (540 | 550 | 560 | 570 | 580 | 590) => self.offset = Some((offset / 10) as u8),
+            541 | 1540 => self.numbers_offset = true,
             900 => self.absolute = Some(true),
             910 => self.absolute = Some(false),
             // Centres from the start, as they are read.
@@ -335,6 +357,7 @@ impl Block {
         let unknown = match (self.drills || self.is_arguments(), self.rounds || self.smooths) {
             (true, _) => "U",
             (false, true) => "LU",
+            (false, false) if self.numbers_offset => "QLU",
             (false, false) => "PQLU",
         };
         if let Some(letter) = has(unknown) {

@@ -2,7 +2,7 @@
 
 use glam::{DQuat, DVec3};
 
-use super::block::Block;
+use super::block::{Block, offset_word};
 use super::{Motion, Program};
 use crate::machine::{Joints, OutOfTravel};
 use crate::pose::Pose;
@@ -28,7 +28,8 @@ impl Program<'_> {
         };
         if !known {
             return Err(format!(
-                "G{offset} is another work offset than that of the part, and where it lies is not known: a machine says so ([offsets])"
+                "{} is another work offset than that of the part, and where it lies is not known: a machine says so ([offsets])",
+                offset_word(offset)
             ));
         }
         let before = self.origin();

@@ -78,7 +78,7 @@ impl Program<'_> {
             // Out of the hole whichever way: what the feed has passed, a rapid passes too.
             let ways = [
                 (to.z, Motion::Rapid, moves_above),
-                (level, Motion::Rapid, level < top - SAME),
+                (level, Motion::Rapid, level < to.z - SAME),
                 (depth, Motion::Feed, true),
                 (level, Motion::Feed, true),
                 (end, Motion::Rapid, end > level + SAME),

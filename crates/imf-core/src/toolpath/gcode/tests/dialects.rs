@@ -55,6 +55,15 @@ fn the_same_words_are_refused_where_they_mean_more() {
     ] {
         assert_refused(read(&format!("{START}{text}\n")), 3, said);
     }
+    for (word, told) in [("G154 P3", "G54.1 P3"), ("G54.1 P3", "G54.1 P3")] {
+        let path = read(&format!("G21 G90 {word} T1 M6\nG43 H1 G0 X1. Y2. Z9.\n")).unwrap();
+        assert_eq!(
+            path.remarks,
+            [format!("line 2: the zero of {told} is taken to be the part's: no machine says where it lies")]
+        );
+    }
+    assert_refused(read(&format!("{START}G54.1 X3.\n")), 3, "needs its number, P1 to P99");
+    assert_refused(read(&format!("{START}G54.1 P2\n")), 3, "G54.1 P2 is another work offset");
     // With the motion in its line it is an offset.
     assert_eq!(positions(&read("G21 G90 G58 G0 X1. Y2. Z9.\n").unwrap()), [[1.0, 2.0, 9.0]]);
 }
