@@ -150,6 +150,19 @@ impl<'a> Surface<'a> {
             corner = following;
         }
         self.first[vertex as usize] = NONE;
+        // Corners of triangles that are gone leave its list, which is walked for every candidate beside it.
+        let (mut last, mut corner) = (NONE, self.first[onto as usize]);
+        while corner != NONE {
+            let following = self.next[corner as usize];
+            if self.triangles[corner as usize / 3][0] != NONE {
+                last = corner;
+            } else if last == NONE {
+                self.first[onto as usize] = following;
+            } else {
+                self.next[last as usize] = following;
+            }
+            corner = following;
+        }
     }
 }
 
