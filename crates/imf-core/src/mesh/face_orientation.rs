@@ -114,35 +114,23 @@ impl Mesh {
                 }
             }
         }
-        let mut single = single_edges(&edges);
-        if single > 0 {
+        if single_edges(&edges) > 0 {
             let (lower, upper) = self.bounds().unwrap_or_default();
             let distance = ONE_CORNER * (upper - lower).length();
             let joined = self.joined(distance);
-            let joined_edges = sorted_edges(&joined);
-            if single_edges(&joined_edges) < single {
-                repair.joined = self.used_vertices() - joined.vertices.len();
-                (self, edges) = (joined, joined_edges);
-                single = single_edges(&edges);
+            let count = self.used_vertices() - joined.vertices.len();
+            if self.take_if_less_open(&mut edges, joined) {
+                repair.joined = count;
             }
             let mut full = self.clone();
             full.triangles.retain(|corners| !is_degenerate(&corners.map(|v| self.vertices[v as usize])));
             let flat = self.triangles.len() - full.triangles.len();
-            if flat > 0 {
-                let full_edges = sorted_edges(&full);
-                if single_edges(&full_edges) < single {
-                    repair.flat = flat;
-                    (self, edges) = (full, full_edges);
-                    single = single_edges(&edges);
-                }
+            if flat > 0 && self.take_if_less_open(&mut edges, full) {
+                repair.flat = flat;
             }
             let (cut, count) = self.cut_at_corners(&edges, distance);
-            if count > 0 {
-                let cut_edges = sorted_edges(&cut);
-                if single_edges(&cut_edges) < single {
-                    repair.cut = count;
-                    (self, edges) = (cut, cut_edges);
-                }
+            if count > 0 && self.take_if_less_open(&mut edges, cut) {
+                repair.cut = count;
             }
         }
         let (of, parity, mut patches) = patches(&self, &edges);
@@ -176,6 +164,16 @@ impl Mesh {
             }
         }
         (self, repair)
+    }
+
+    /// Becomes another mesh, with its edges, where fewer of them have one triangle alone.
+    fn take_if_less_open(&mut self, edges: &mut Vec<EdgeUse>, mended: Self) -> bool {
+        let its_edges = sorted_edges(&mended);
+        let is_less = single_edges(&its_edges) < single_edges(edges);
+        if is_less {
+            (*self, *edges) = (mended, its_edges);
+        }
+        is_less
     }
 
     /// True where no patch, as it is, has less than nothing before it: bodies that face inwards have. Where the mesh is open it is told as

@@ -3,7 +3,7 @@
 //! An element's measure is its fraction of the collision measure: its voxels over the *whole* tool's count, at the sharp
 //! point that makes the whole minimal. Elements do not overlap, so their measures sum to the collision measure.
 
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use super::direct::kinds_of;
 use super::overlap::OverlapCounter;
@@ -15,6 +15,7 @@ use super::{
 use crate::control::Control;
 use crate::grid::Grid;
 use crate::obstacle::Obstacle;
+use crate::occupancy::Occupancy;
 use crate::orientation::Orientation;
 use crate::tool::{Assembly, Element, ElementKind, SharpPoints, Tool, ToolShape};
 
@@ -29,8 +30,10 @@ pub struct ElementPlans {
 
 struct PlannedElement {
     kind: ElementKind,
-    /// The element against what is forbidden, then its part of shank and holder against what the cutter may enter.
-    counters: Vec<OverlapCounter>,
+    /// The element against what is forbidden; none where clearances leave nothing of it.
+    whole: Option<OverlapCounter>,
+    /// Its part of shank and holder against what the cutter may enter.
+    noncutting: Option<OverlapCounter>,
 }
 
 /// Working memory of one thread.
@@ -58,14 +61,17 @@ impl ElementPlans {
         let (obstacle, assembly) = (obstacle.into(), assembly.into());
         let whole = SectionPlan::with_query(&obstacle, &assembly, ToolPoints::SharpPoints, query_grid)?;
         let cuttable = cuttable_and_noncutting(&obstacle, &assembly);
-        let pairs: Vec<_> = [(&obstacle.forbidden, assembly.whole())].into_iter().chain(cuttable).collect();
-        let counters = |kind: ElementKind| {
-            let pairs = pairs.iter().filter_map(|&(voxels, tool)| Some((voxels.clone(), alone(tool, kind)?)));
-            let counter = |(voxels, alone)| OverlapCounter::new(voxels, alone, whole.query);
-            pairs.map(counter).collect()
+        let forbidden = (&obstacle.forbidden, assembly.whole());
+        let counter = |(voxels, tool): (&Arc<Occupancy>, &Tool), kind: ElementKind| {
+            Some(OverlapCounter::new(voxels.clone(), alone(tool, kind)?, whole.query))
         };
-        let kinds = kinds_of(pairs.iter().flat_map(|(_, tool)| tool.elements()));
-        let element = |kind| PlannedElement { kind, counters: counters(kind) };
+        let tools = [forbidden].into_iter().chain(cuttable).map(|(_, tool)| tool);
+        let kinds = kinds_of(tools.flat_map(Tool::elements));
+        let element = |kind| PlannedElement {
+            kind,
+            whole: counter(forbidden, kind),
+            noncutting: cuttable.and_then(|pair| counter(pair, kind)),
+        };
         let elements = kinds.into_iter().map(element).collect();
         Ok(Self { whole, elements })
     }
@@ -135,13 +141,12 @@ impl ElementPlans {
         for (element, counts) in self.elements.iter().zip(&mut *counts) {
             counts.clear();
             counts.resize(plan.query.len(), 0);
-            // With clearances a piece of shank or holder may be nothing of the whole tool.
-            let is_of_whole = plan.tool().elements().iter().any(|own| own.kind == element.kind);
-            for (place, counter) in element.counters.iter().enumerate() {
+            let mut add = |counter: &OverlapCounter| {
                 let SectionScratch { counter: scratch, more, .. } = &mut *section;
-                let own = counter.add(orientation, &plan.query, scratch, (counts, more))?;
-                normaliser += if is_of_whole && place == 0 { own } else { 0 };
-            }
+                counter.add(orientation, &plan.query, scratch, (counts, more))
+            };
+            normaliser += element.whole.as_ref().map_or(Ok(0), &mut add)?;
+            element.noncutting.as_ref().map_or(Ok(0), &mut add)?;
             total.iter_mut().zip(counts).for_each(|(total, count)| *total += *count);
         }
         if normaliser == 0 {

@@ -96,12 +96,9 @@ impl ToolVoxels {
                 let grid = Grid { origin: (lower - 0.5) * pitch, pitch, dims: whole.dims };
                 let all = voxelize(&turned, &grid, false);
                 rotated.count = all.count() as u32;
-                let start = [0, 1, 2].map(|axis| (kept.lower[axis] - whole.lower[axis]) as usize);
-                rotated.solid = (0..kept.dims[0])
-                    .flat_map(|x| (0..kept.dims[1]).map(move |y| [x + start[0], y + start[1], start[2]]))
-                    .flat_map(|first| &all.solid[grid.index(first)..][..kept.dims[2]])
-                    .copied()
-                    .collect();
+                let origin = (DVec3::from_array(kept.lower.map(f64::from)) - 0.5) * pitch;
+                // The grids' voxels coincide.
+                rotated.solid = all.on(&Grid { origin, dims: kept.dims, ..grid }).unwrap_or(all).solid;
             }
         }
         if rotated.count == 0 {

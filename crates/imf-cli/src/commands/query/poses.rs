@@ -1,6 +1,6 @@
-//! Poses as tables: columns by name, in any order, with others among them, separated by commas, semicolons or tabs. A line with an invalid pose is reported, and
-//! the others are read; a line with other columns than the first refuses the file. Messages name the line and the
-//! column.
+//! Poses as tables: columns by name, in any order, with others among them, separated by commas, semicolons or tabs. A
+//! line with an invalid pose is reported, and the others are read; a line with other columns than the first refuses the
+//! file. Messages name the line and the column.
 
 use std::fs::File;
 use std::io::{BufRead as _, BufReader, Error as IoError, ErrorKind as IoErrorKind, Read, Seek as _, stdin};

@@ -121,8 +121,8 @@ fn tidied(bytes: &[u8]) -> Cow<'_, [u8]> {
     let (header, body) = bytes.split_at(end + END.len());
     let is_text = header.windows(12).any(|window| window == b"format ascii");
     let is_word = |byte: &u8| !byte.is_ascii_whitespace();
-    let mut words = body.chunk_by(|a, b| is_word(a) == is_word(b));
-    let is_tidy = !is_text || words.all(|word| !is_word(&word[0]) || is_plain_number(word));
+    let words = || body.chunk_by(|a, b| is_word(a) == is_word(b));
+    let is_tidy = !is_text || words().all(|word| !is_word(&word[0]) || is_plain_number(word));
     if is_tidy && std::str::from_utf8(header).is_ok() {
         return bytes.into();
     }
@@ -131,7 +131,7 @@ fn tidied(bytes: &[u8]) -> Cow<'_, [u8]> {
         tidied.extend(body);
         return tidied.into();
     }
-    for word in body.chunk_by(|a, b| is_word(a) == is_word(b)) {
+    for word in words() {
         let number = std::str::from_utf8(word).ok().filter(|_| !is_plain_number(word));
         match number.and_then(|word| word.parse::<f64>().ok()) {
             Some(number) if number.is_finite() => tidied.extend(number.to_string().bytes()),
@@ -145,12 +145,14 @@ fn tidied(bytes: &[u8]) -> Cow<'_, [u8]> {
 
 /// Digits, with others behind a point and an exponent if it has them.
 fn is_plain_number(word: &[u8]) -> bool {
-    let unsigned = |text: &[u8]| text.strip_prefix(b"-").or(text.strip_prefix(b"+")).unwrap_or(text).to_vec();
     let are_digits = |text: &[u8]| !text.is_empty() && text.iter().all(u8::is_ascii_digit);
-    let mut halves = word.splitn(2, |byte| b"eE".contains(byte));
-    let mantissa = unsigned(halves.next().unwrap_or_default());
-    mantissa.splitn(2, |&byte| byte == b'.').all(are_digits)
-        && halves.next().is_none_or(|power| are_digits(&unsigned(power)))
+    let mut halves = word.splitn(2, |byte| b"eE".contains(byte)).map(unsigned);
+    let mut mantissa = halves.next().unwrap_or_default().splitn(2, |&byte| byte == b'.');
+    mantissa.all(are_digits) && halves.next().is_none_or(are_digits)
+}
+
+fn unsigned(number: &[u8]) -> &[u8] {
+    number.strip_prefix(b"-").or(number.strip_prefix(b"+")).unwrap_or(number)
 }
 
 /// Refuses an element count that a file of `room` bytes cannot hold: the parser allocates for it, and would count

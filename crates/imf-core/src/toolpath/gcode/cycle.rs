@@ -120,11 +120,11 @@ impl Program<'_> {
     fn holes(&mut self, word: u32, block: &Block, moves_above: bool) -> Result<usize, String> {
         let Some((letter, count)) = block.repeats else { return Ok(1) };
         let may_be_a_length = letter == 'K' && PECKING.contains(&word);
+        if may_be_a_length && self.absolute && count != 0.0 {
+            return Ok(1);
+        }
         let is_count = count >= 0.0 && count.fract() == 0.0 && count <= self.chords_left as f64;
-        if !is_count && !may_be_a_length
-            || may_be_a_length && (count == 0.0 || !self.absolute)
-            || count == 0.0 && moves_above
-        {
+        if may_be_a_length || !is_count || count == 0.0 && moves_above {
             return Err(format!(
                 "how many holes {letter}{count} makes differs from control to control: write each hole"
             ));
